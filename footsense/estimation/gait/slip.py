@@ -43,10 +43,12 @@ class Friction:
 
     Attributes:
         coefficient: Coefficient of kinetic friction [1]; NaN as long as it is not known.
+        exceeding: Least ratio that exceeds a kink [1]; infinite without one.
     """
 
     def __init__(self) -> None:
         self.coefficient = math.nan
+        self.exceeding = math.inf
         self._kinks: deque[float] = deque(maxlen=_REMEMBERED)
 
     def kink(self, ratio: float, tolerance: float) -> None:
@@ -63,6 +65,7 @@ class Friction:
 
     def _learn(self, tolerance: float) -> None:
         ordered = sorted(self._kinks, reverse=True)
+        self.exceeding = _STATIC_REL * min(ordered, default=math.inf)
         self.coefficient = math.nan
         for first in range(len(ordered) - _ENOUGH + 1):
             cluster = [kink for kink in ordered[first:] if kink > ordered[first] - 2.0 * tolerance]
@@ -120,7 +123,8 @@ class SlipDetector:
             tolerance <= _TEACHING
             and not self._kinked
             and len(ratios) == _PLATEAU + _RISE
-            and abs(use - ratios[_RISE]) <= tolerance
+            # Where there can be neither a ratio that exceeds a kink nor a kink, there is nothing to learn.
+            and (use > self._friction.exceeding or use - min(ratios) > tolerance)
         ):
             self._learn(tolerance)
         cone = self._friction.coefficient
