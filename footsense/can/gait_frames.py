@@ -67,7 +67,7 @@ class GaitFrames:
 
     def slow_frames(self, room: int) -> list[bytes]:
         """Return `Gait` and `Ground` of the legs that wait, `room` frames at most."""
-        frames = []
+        frames: list[bytes] = []
         for _ in range(min(len(self.waiting), room // 2)):
             frames += self._of_leg(self.waiting.popleft())
         return frames
