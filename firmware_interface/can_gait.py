@@ -9,6 +9,7 @@ Units:
 
 import math
 import struct
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from firmware_interface.can_codes import GaitEventKind, Slip
@@ -102,6 +103,15 @@ _FRICTIONS = 250
 _NAN = math.nan
 # Rounds up, except for the rounding error of a whole number of bits.
 _ROUND_UP = 1 - 1e-6
+# Arguments of `_codes`.
+_EVENT_FIELDS = ((_EVENT_SIGMA_PER_S, 0xFF, _ROUND_UP),)
+_GAIT_FIELDS = ((_SHARES, 0xFF, 0.5), (_SHARES, 0xFF, 0.5))
+_GROUND_FIELDS = (
+    (_NORMAL_SIGMAS_PER_RAD, 0x7F, _ROUND_UP),
+    (_FRICTIONS, 0x1FF, 0.5),
+    (_FRICTIONS, 0x3F, _ROUND_UP),
+    (_FRICTIONS, 0x1FF, 0.5),
+)
 
 
 def encode_gait_event(
@@ -124,7 +134,7 @@ def encode_gait_event(
     age = _NO_AGE if age_ns is None else round(age_ns / _AGE_NS)
     if not 0 <= age < _NO_AGE:
         age = _NO_AGE
-    sigma = _code(sigma_s, _EVENT_SIGMA_PER_S, 0xFF, _ROUND_UP)
+    (sigma,) = _codes(_EVENT_FIELDS, [sigma_s])
     return protect(GAIT_EVENT_ID + node, _EVENT.pack(kind << 4 | counter, age, sigma, all_in_air))
 
 
@@ -172,7 +182,7 @@ def encode_gait(
         '1a 30 01 c8 32'
     """
     head = counter | contact << 4 | contact_raw << 5 | all_in_air << 6
-    shares = _code(probability, _SHARES, 0xFF, 0.5), _code(load_share, _SHARES, 0xFF, 0.5)
+    shares = _codes(_GAIT_FIELDS, [probability, load_share])
     return protect(GAIT_ID + node, _GAIT.pack(head, slip, *shares))
 
 
@@ -218,15 +228,12 @@ def encode_ground(
         >>> encode_ground(1, 0, (0.1, 0.0, 0.995), 0.03, 0.25, 0.02, math.nan).hex(" ")
         '88 20 03 00 8c 1f c5 7f'
     """
-    known = all(map(math.isfinite, normal))
-    normal_x, normal_y = (
-        round(part * _NORMALS) if known and abs(part) <= 1.0 else _NO_NORMAL for part in normal[:2]
+    normal_x, normal_y, _ = [round(part * _NORMALS) if -1.0 <= part <= 1.0 else _NO_NORMAL for part in normal]
+    normal_sigma, use, use_sigma, coefficient = _codes(
+        _GROUND_FIELDS, [normal_sigma_rad, friction_use, friction_use_sigma, friction]
     )
     bits = counter | (normal_x & 0x3FF) << 4 | (normal_y & 0x3FF) << 14
-    bits |= _code(normal_sigma_rad, _NORMAL_SIGMAS_PER_RAD, 0x7F, _ROUND_UP) << 24
-    bits |= _code(friction_use, _FRICTIONS, 0x1FF, 0.5) << 31
-    bits |= _code(friction_use_sigma, _FRICTIONS, 0x3F, _ROUND_UP) << 40
-    bits |= _code(friction, _FRICTIONS, 0x1FF, 0.5) << 46
+    bits |= normal_sigma << 24 | use << 31 | use_sigma << 40 | coefficient << 46
     return protect(GROUND_ID + node, bits.to_bytes(7, "little"))
 
 
@@ -252,11 +259,18 @@ def decode_ground(can_id: int, data: bytes) -> Ground:
     )
 
 
-def _code(value: float, per_unit: int, none: int, rounding: float) -> int:
-    """Return the code of a value that is not negative: `none` for NaN and below 0, the code before it for too much."""
-    if not value >= 0.0:
-        return none
-    return min(int(min(value * per_unit, none) + rounding), none - 1)
+def _codes(fields: Sequence[tuple[int, int, float]], values: Sequence[float]) -> list[int]:
+    """Return the codes of values that are not negative.
+
+    Args:
+        fields: Codes per unit, the code of no value (NaN, and below 0), whose predecessor is that of too much, and what
+            is added before the fraction is cut off.
+        values: A value for each field.
+    """
+    return [
+        min(int(min(value * per_unit, none) + rounding), none - 1) if value >= 0.0 else none
+        for (per_unit, none, rounding), value in zip(fields, values, strict=True)
+    ]
 
 
 def _value(code: int, per_unit: int, none: int) -> float:
