@@ -32,11 +32,11 @@ def monitor_table(legs: list[LegSnapshot], title: str) -> Group:
     """
     head = Text.assemble(("footsense monitor  ", "bold"), title)
     if any(snapshot.force.flags & Flag.SIMULATED for snapshot in legs):
-        head.append("   simulated", "dim")
+        head.append("  simulated", "dim")
     if any(snapshot.report.degraded_timing for snapshot in legs):
-        head.append("   timing degraded", "bold red")
+        head.append("  timing degraded", "bold red")
     if any(snapshot.report.gait and snapshot.report.gait.all_in_air for snapshot in legs):
-        head.append("   all in air", "cyan")
+        head.append("  in air", "cyan")
     by_name = {snapshot.leg: snapshot for snapshot in legs}
     return Group(head, *(leg_table(by_name, columns) for columns in (_FORCES, _GAIT, _REPORTS)))
 

@@ -80,7 +80,7 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
     text = screen.read()
     assert len(text.splitlines()) <= 22
     assert all(len(line) <= 80 for line in text.splitlines())
-    assert "timing degraded   all in air" in text
+    assert "timing degraded  in air" in text
     for word in (
         "converter fault",
         "element shorted",
