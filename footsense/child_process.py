@@ -16,6 +16,8 @@ from footsense.errors import RecordingError
 #: waking. At 370 cycles a second the pipe has room for five times as many.
 _GATHER_MS = 200
 _READ_BYTES = 1 << 18
+#: Processors of this process before the loop takes one of them: those that the unit allows.
+_CPUS = os.sched_getaffinity(0)
 #: So many bytes at once come only from a loop in virtual time, which waits for room [bytes].
 _BUSY_BYTES = 1 << 17
 
@@ -58,7 +60,9 @@ def start_writer(
     # A blocked signal stays blocked in the child: a Ctrl-C or a stop of the service ends the loop, and then
     # the end of the pipe ends the writer.
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    of_loop = os.sched_getaffinity(0)
     try:
+        os.sched_setaffinity(0, _CPUS)  # the child keeps them
         writer = subprocess.Popen(  # noqa: S603 - our own module
             [sys.executable, "-P", "-m", module, *arguments],
             stdin=read_end,
@@ -66,6 +70,7 @@ def start_writer(
             stderr=subprocess.PIPE,
         )
     finally:
+        os.sched_setaffinity(0, of_loop)
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         os.close(read_end)
         os.close(file)
@@ -98,7 +103,6 @@ def read_batches(pipe: int) -> Iterator[bytes]:
 
 
 def drop_realtime() -> None:
-    """Return to ordinary scheduling on all processors, as far as that is allowed."""
+    """Return to ordinary scheduling."""
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        os.sched_setaffinity(0, range(os.cpu_count() or 1))

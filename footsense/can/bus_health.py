@@ -1,6 +1,7 @@
-"""Error frames of a CAN controller as counts and as few lines in the journal.
+"""Error frames of a CAN controller and full queues as counts and as few lines in the journal.
 
-A broken bus is bus-off ten times a second; one line tells its begin and one its end.
+A broken bus is bus-off ten times a second, and a slow one fills its queue with every force; one line tells the begin
+and one the end.
 """
 
 import logging
@@ -10,7 +11,7 @@ from footsense.frames import CanStatistics
 
 _log = logging.getLogger(__name__)
 
-#: Without an error frame for so long, a bus counts as healthy again [ns].
+#: Without an error frame, or a full queue, for so long, a bus counts as healthy again [ns].
 _RECOVERED_AFTER_NS = 2_000_000_000
 
 
@@ -23,6 +24,7 @@ class BusHealth:
 
     Attributes:
         last_error_ns: Time of the last error frame of a disturbance that was logged [ns]; None: healthy.
+        last_full_ns: Time of the last frame for which there was no room [ns]; None: there was room.
     """
 
     def __init__(self, channel: str, stats: CanStatistics) -> None:
@@ -30,14 +32,27 @@ class BusHealth:
         self._stats = stats
         self._bus_off_logged = False
         self._first_bus_off = 0
+        self._first_dropped = 0
         self.last_error_ns: int | None = None
+        self.last_full_ns: int | None = None
+
+    def note_full(self, t_ns: int) -> None:
+        """Log once that frames find no room at a time [ns]; call it before they are counted."""
+        if self.last_full_ns is None:
+            self._first_dropped = self._stats.dropped
+            _log.warning(
+                "CAN %s: its queue is full, frames are dropped: nobody acknowledges, other nodes load the bus, or "
+                "there are more forces than it carries (publish_every)",
+                self._channel,
+            )
+        self.last_full_ns = t_ns
 
     def note(self, can_id: int, data: bytes, t_ns: int) -> None:
         """Count one error frame that arrived at a time [ns]."""
         stats = self._stats
         stats.bus_errors += 1
         bus_off = bool(can_id & ErrorClass.BUS_OFF)
-        passive = bool(can_id & ErrorClass.CONTROLLER) and bool(data[1] & CONTROLLER_PASSIVE)
+        passive = bool(can_id & ErrorClass.CONTROLLER) and bool(data[1:2] and data[1] & CONTROLLER_PASSIVE)
         stats.bus_off += bus_off
         stats.error_passive += passive
         if self.last_error_ns is None:
@@ -58,8 +73,14 @@ class BusHealth:
             )
 
     def check_recovery(self, t_ns: int) -> None:
-        """Log the end of a disturbance after two seconds without an error frame; `t_ns` is the present time [ns]."""
+        """Log the end of each disturbance after two seconds without it; `t_ns` is the present time [ns]."""
         if self.last_error_ns is not None and t_ns - self.last_error_ns >= _RECOVERED_AFTER_NS:
             self.last_error_ns = None
             n_bus_off = self._stats.bus_off - self._first_bus_off
             _log.warning("CAN %s: no more errors; bus-off %d times until then", self._channel, n_bus_off)
+        if self.last_full_ns is not None and t_ns - self.last_full_ns >= _RECOVERED_AFTER_NS:
+            self.last_full_ns = None
+            n_dropped = self._stats.dropped - self._first_dropped
+            _log.warning(
+                "CAN %s: takes all frames again; %d were dropped until then", self._channel, n_dropped
+            )

@@ -1,14 +1,18 @@
 """One CAN channel, and the log of the frames sent on it.
 
 A frame that the channel does not accept at once is dropped and counted, never sent later: by then there is a newer one.
-An interface that goes down or disappears is opened again, at growing intervals, without end. Nothing here waits, and
-once the channel is open nothing here raises.
+An interface that goes down is tried again with its socket, and one that disappears is opened again, at growing
+intervals, without end. Opening and closing wait for the kernel's lock of all network interfaces (RTNL), for seconds if
+another program configures one: a thread does both beside the loop. Nothing else here waits, and once the channel is
+open nothing here raises.
 
 How long a frame may stay between the kernel's queue and the wire depends on the interface's settings
 (`deploy/80-can0.network`).
 """
 
+import errno
 import logging
+import threading
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -37,17 +41,53 @@ class ChannelSettings:
         interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
         channel: Its name, such as `can0`.
         bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
+        commands: Whether commands are executed.
         log_file: File for every frame sent, its format by suffix: candump `.log`, `.asc` or `.blf`; None for none.
         log_waits: Whether the log may make the loop wait, as in virtual time.
-        connect: Opens another interface than the named one, such as a simulated one; None for python-can's way.
+        connect: Opens another interface than the named one, such as a simulated one, and does not wait; None for
+            python-can's way.
     """
 
     interface: str
     channel: str
     bitrate: int = 500_000
+    commands: bool = True
     log_file: Path | None = None
     log_waits: bool = False
     connect: Callable[[], CanWire] | None = None
+
+
+class _Opening(threading.Thread):
+    """One attempt to open an interface after its last socket was closed.
+
+    Args:
+        old: The last socket; None if it is closed.
+        connect: Opens the interface.
+        beside: Whether that may wait, and is therefore done in this thread; otherwise it is done here.
+
+    Attributes:
+        wire: The open interface; None as long as it is not open.
+        error: Why it is not.
+    """
+
+    def __init__(self, old: CanWire | None, connect: Callable[[], CanWire], *, beside: bool) -> None:
+        super().__init__(name="can", daemon=True)
+        self._old, self._connect = old, connect
+        self.wire: CanWire | None = None
+        self.error = ""
+        if beside:
+            self.start()
+        else:
+            self.run()
+
+    def run(self) -> None:
+        """Close and open."""
+        if self._old is not None:
+            self._old.close()
+        try:
+            self.wire = self._connect()
+        except CanError as error:
+            self.error = str(error)
 
 
 class CanChannel:
@@ -85,7 +125,10 @@ class CanChannel:
         self._back_off_ns = 0  # 0: the interface is open
         self._due_ns = 0
         self._lost_ns = 0
+        self._gone: CanWire | None = None  # lost, and not closed yet
         self._log: CanFrameLog | None = None
+        self._is_real = settings.connect is None
+        self._opening: _Opening | None = None
         self._wire: CanWire | None = self._connect()
         try:
             # Sent before the log is open, and before the first force defines the time.
@@ -109,7 +152,7 @@ class CanChannel:
         self._t_ns = t_ns
         n = len(frames) // FRAME_BYTES
         taken = 0
-        wire = self._wire or self._reopen()
+        wire = None if self._back_off_ns and t_ns < self._due_ns else self._wire or self._reopened()
         if wire is not None:
             try:
                 taken = wire.send(frames, t_ns)
@@ -118,6 +161,8 @@ class CanChannel:
             else:
                 if self._back_off_ns:
                     self._log_return()
+                if taken < n:
+                    self._health.note_full(t_ns)
         self.stats.sent += taken
         self.stats.dropped += n - taken
         if self._log is not None and taken:
@@ -144,7 +189,7 @@ class CanChannel:
             elif is_data(can_id) and can_id in self._accept:
                 arrived.append((can_id, data))
         self.stats.received += len(arrived)
-        if self._health.last_error_ns is not None:
+        if self._health.last_error_ns is not None or self._health.last_full_ns is not None:
             self._health.check_recovery(self._t_ns)
         return arrived
 
@@ -175,22 +220,26 @@ class CanChannel:
         return frames[: taken * FRAME_BYTES]
 
     def _lose(self, error: OSError) -> None:
-        """Release a lost interface, and double the time before the next attempt."""
-        self._release()
+        """Double the time before the next attempt; only an interface that is merely down keeps its socket."""
+        if error.errno != errno.ENETDOWN and self._wire is not None:
+            self._gone, self._wire = self._wire, None
         if not self._back_off_ns:
             self._lost_ns = self._t_ns
             _log.warning("%s; no frame goes out until it is back", self._explained(error))
         self._back_off_ns = min(max(2 * self._back_off_ns, _SHORTEST_BACK_OFF_NS), _LONGEST_BACK_OFF_NS)
         self._due_ns = self._t_ns + self._back_off_ns
 
-    def _reopen(self) -> CanWire | None:
-        """Open the interface again if an attempt is due; an open interface may still be down."""
-        if self._t_ns < self._due_ns:
+    def _reopened(self) -> CanWire | None:
+        """Begin an attempt to open the interface again, or return the result of the last one; it may still be down."""
+        if self._opening is None:
+            self._opening = _Opening(self._gone, self._connect, beside=self._is_real)
+            self._gone = None
+        if self._opening.is_alive():
             return None
-        try:
-            self._wire = self._connect()
-        except CanError as error:
-            self._lose(OSError(None, str(error)))
+        opening, self._opening = self._opening, None
+        self._wire = opening.wire
+        if self._wire is None:
+            self._lose(OSError(None, opening.error))
         return self._wire
 
     def _log_return(self) -> None:

@@ -14,6 +14,9 @@ from footsense.ports import Clock
 
 #: The same command with the same counter within this time is a repetition; later, it comes from a restarted consumer.
 _REPEAT_NS = 1_000_000_000
+#: Most commands to a leg within a second; further ones are counted and not answered.
+_MOST_A_SECOND = 10
+_SECOND_NS = 1_000_000_000
 
 
 @dataclass(slots=True)
@@ -25,8 +28,17 @@ class _LegCommands:
     answer_counter: int = 0
     last: tuple[CommandKind, int] | None = None  # kind and counter
     last_ns: int = 0
+    second: int = -1  # in which `n_commands` arrived
+    n_commands: int = 0
     #: Counters of the commands without an answer of each kind, oldest first.
     pending: defaultdict[CommandKind, list[int]] = field(default_factory=lambda: defaultdict(list))
+
+    def takes_command(self, t_ns: int) -> bool:
+        """Count a command that arrives at a time [ns], and return whether it is not one too many."""
+        second = t_ns // _SECOND_NS
+        self.n_commands = self.n_commands + 1 if second == self.second else 1
+        self.second = second
+        return self.n_commands <= _MOST_A_SECOND
 
     def answer_frame(self, result: int, kind: int, command_counter: int) -> bytes:
         """Return the CAN frame of the next answer."""
@@ -57,8 +69,8 @@ class CanCommands:
     def decode(self, frames: Sequence[tuple[int, bytes]]) -> list[Command]:
         """Return the valid commands among frames; the others are counted as rejected.
 
-        An unknown command is answered at once. A wrong crc or a repeated counter is not: the sender, or whether it
-        sent at all, is uncertain.
+        An unknown command is answered at once. A wrong crc, a repeated counter, or more commands than ten a second are
+        not: the sender, or whether it sent at all, is uncertain.
 
         Args:
             frames: CAN id and data of each frame, oldest first.
@@ -66,15 +78,18 @@ class CanCommands:
         commands = []
         for can_id, data in frames:
             leg = self._of_id[can_id]
+            now_ns = self._clock.now_ns()
             try:
                 _, counter, kind = can_commands.decode_command(can_id, data)
             except can_commands.UnknownCommandError as error:
-                self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
+                if leg.takes_command(now_ns):
+                    self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
                 continue
             except FrameError:
                 continue
-            now_ns = self._clock.now_ns()
             if (kind, counter) == leg.last and now_ns - leg.last_ns < _REPEAT_NS:
+                continue
+            if not leg.takes_command(now_ns):
                 continue
             leg.last, leg.last_ns = (kind, counter), now_ns
             if counter not in leg.pending[kind]:  # so the list cannot outgrow the counter's range

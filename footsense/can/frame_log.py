@@ -122,11 +122,9 @@ def _start_writer(path: Path, channel: str) -> "tuple[subprocess.Popen[bytes], i
     Raises:
         RecordingError: The file cannot be opened.
     """
-    # Without O_NONBLOCK, opening a named pipe that nobody reads would wait for a reader.
-    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK
+    # Exclusive: no file, link or pipe that appeared since the check is written through.
     try:
-        file = os.open(path, flags, 0o644)
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
     except OSError as error:
         raise RecordingError(f"CAN log {path}: {error.strerror}") from error
-    os.set_blocking(file, True)
     return start_writer("footsense.can.log_writer", [path.suffix, channel], file, PIPE_BYTES)

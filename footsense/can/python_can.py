@@ -7,6 +7,8 @@ gets checked settings and no files.
 
 import errno
 import logging
+import os
+import socket
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
@@ -43,9 +45,19 @@ def open_wire(interface: str, channel: str, bitrate: int, accept: Collection[int
         bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **_options(interface, accept))
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
         raise CanError(error_text(interface, channel, bitrate, error)) from error
+    if interface == "udp_multicast":
+        _keep_local(bus.fileno(), channel)
     if interface == "socketcan":
         return SocketWire(bus.socket, bus.shutdown)  # type: ignore[attr-defined]
     return _BusWire(bus)
+
+
+def _keep_local(descriptor: int, group: str) -> None:
+    """Restrict a multicast socket to the loopback interface: python-can receives from any network."""
+    with socket.socket(fileno=os.dup(descriptor)) as local:
+        local.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo")
+        membership = socket.inet_aton(group) + socket.inet_aton("127.0.0.1")
+        local.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
 
 
 class _BusWire:
@@ -95,7 +107,7 @@ class _BusWire:
             except self._failures as error:
                 if errno_of(error) in NO_CHANNEL:
                     raise OSError(errno_of(error), str(error)) from error
-                break
+                continue  # one message that is none
             if message is None:
                 break
             arrived.append(pack_frame(_flagged_id(message), bytes(message.data)))
@@ -159,5 +171,6 @@ def error_text(interface: str, channel: str, bitrate: int, error: BaseException)
             return f"{name} cannot be opened: {error}"
 
 
-# python-can logs what it also raises; without a handler, Python would print that beside our line.
+# python-can logs what it also raises, at every attempt; ours is one line at the begin and one at the end.
+logging.getLogger("can").propagate = False
 logging.getLogger("can").addHandler(logging.NullHandler())

@@ -76,6 +76,7 @@ class CanSink:
             greeting={can_events.HEARTBEAT_ID + node: boot for node in nodes},
             stats=self.stats,
         )
+        self._obeys = settings.commands
         self._clock = clock
         self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
         self._encoder = ForceQualityEncoder(nodes)
@@ -161,6 +162,9 @@ class CanSink:
     def commands(self) -> list[Command]:
         """Return the valid commands among the received frames; the others are counted."""
         frames = self._channel.receive()
+        if not self._obeys:
+            self.stats.rejected += len(frames)
+            return []
         return self._commands.decode(frames) if frames else []
 
     def answer(self, outcome: CommandResult) -> None:

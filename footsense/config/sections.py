@@ -176,6 +176,8 @@ class Can(Section, frozen=True, kw_only=True):
         interface: `socketcan` on the robot; `virtual` stays within the process, `udp_multicast` on this computer.
         channel: Name of the network interface; with `udp_multicast` an address such as 239.74.163.2.
         bitrate: Bit rate [bit/s], to compute the bus load; the kernel sets it (deploy/README.md).
+        commands: Whether commands are executed. None: those of a CAN bus, but not those of `udp_multicast`, which every
+            program on this computer can send.
     """
 
     interface: Literal["virtual", "socketcan", "udp_multicast"]
@@ -185,6 +187,12 @@ class Can(Section, frozen=True, kw_only=True):
     bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000, description="classic CAN ends at 1 Mbit/s")] = (
         500_000
     )
+    commands: bool | None = None
+
+    @property
+    def obeys(self) -> bool:
+        """Return whether commands are executed."""
+        return self.interface != "udp_multicast" if self.commands is None else self.commands
 
 
 class Metrics(Section, frozen=True, kw_only=True):

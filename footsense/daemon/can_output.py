@@ -37,6 +37,7 @@ def can_sink(
         interface=config.can.interface,
         channel=config.can.channel,
         bitrate=config.can.bitrate,
+        commands=config.can.obeys,
         log_file=log_file,
         log_waits=not real_time,
         connect=connect,

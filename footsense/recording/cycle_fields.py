@@ -75,6 +75,6 @@ def forces_of(sequence: int, t_sent_ns: int, arrays: Mapping[str, NDArray[Any]])
     return ContactFrame(sequence, t_sent_ns, **_below("forces", arrays), baseline=baseline)
 
 
-def _below(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+def _below(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     split = (path.rpartition(".") for path in FIELDS)
     return {name: arrays[f"{parent}.{name}"] for parent, _, name in split if parent == place}

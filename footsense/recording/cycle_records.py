@@ -100,7 +100,7 @@ def pack_cycle(counter: int, cycle: Cycle) -> bytes:
     record = _encode(
         (
             *("cycle", counter, scan.sequence, forces.sequence, forces.t_sent_ns),
-            b"".join([array.tobytes() for array in _arrays_of(cycle)]),
+            b"".join(map(np.ndarray.tobytes, _arrays_of(cycle))),
             *(commands, outcomes),
             None if reference is None else tuple(column.tobytes() for column in reference),
             None if temperature_c is None else temperature_c.tobytes(),

@@ -9,7 +9,13 @@ from typing import cast
 import pytest
 import smbus2
 
-from footsense.acquisition.linux.linux_i2c import LinuxI2cBus, adapters, kernel_drivers, shorten_timeout
+from footsense.acquisition.linux.linux_i2c import (
+    LinuxI2cBus,
+    adapters,
+    kernel_drivers,
+    shorten_timeout,
+    with_parents,
+)
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
@@ -22,8 +28,10 @@ MUX = 0x71
 class KernelAdapter:
     """What `smbus2.SMBus` does to messages, with one TCA9548A on the wire."""
 
-    def __init__(self) -> None:
+    def __init__(self, fd: int = 0) -> None:
+        self.fd = fd
         self.control = 0
+        self.closed = False
         self.fails_with: int | None = None
         self.calls: list[list[tuple[int, int, int]]] = []
 
@@ -40,7 +48,8 @@ class KernelAdapter:
                 self.control = bytes(message)[-1]
 
     def close(self) -> None:
-        pass
+        self.closed = True
+        os.close(self.fd)
 
 
 def on_linux(adapter: KernelAdapter) -> LinuxI2cBus:
@@ -101,7 +110,7 @@ def test_silence_is_a_nack(make: Callable[[], I2cBus]) -> None:
         (errno.EREMOTEIO, NackError),
         (errno.ENXIO, NackError),
         (errno.ETIMEDOUT, BusTimeoutError),
-        (errno.EAGAIN, BusError),
+        (errno.EAGAIN, BusTimeoutError),
         (errno.EIO, BusError),
     ],
 )
@@ -124,10 +133,72 @@ def test_only_portable_transactions_reach_the_kernel() -> None:
 
 def test_an_adapter_whose_timeout_cannot_be_shortened_is_named(caplog: pytest.LogCaptureFixture) -> None:
     """It is used all the same; the line says what to expect."""
-    with Path(os.devnull).open("rb") as device:
-        shorten_timeout(device.fileno(), "/dev/i2c-7")
-    assert "/dev/i2c-7: its timeout cannot be shortened" in caplog.text
+    shorten_timeout("/dev/null")
+    assert "/dev/null: its timeout cannot be shortened" in caplog.text
     assert "stop all legs for 1 s" in caplog.text
+
+
+def test_behind_a_mux_of_the_kernel_the_outer_adapters_are_found(tmp_path: Path) -> None:
+    """Their timeouts count: the child's adapter only hands its messages on."""
+    inner = tmp_path / "sys" / "i2c-1" / "i2c-11" / "i2c-12"
+    inner.mkdir(parents=True)
+    (tmp_path / "i2c-12").symlink_to(inner)
+    assert with_parents("/dev/i2c-12", tmp_path) == ["/dev/i2c-1", "/dev/i2c-11", "/dev/i2c-12"]
+    assert with_parents("/dev/i2c-7", tmp_path) == ["/dev/i2c-7"]
+
+
+class Node:
+    """A device file of an adapter that can be unplugged, and the adapters opened on it."""
+
+    def __init__(self, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.path = path
+        self.opened: list[KernelAdapter] = []
+        path.touch()
+        monkeypatch.setattr("smbus2.SMBus", self._open)
+
+    def _open(self, device: str) -> KernelAdapter:
+        self.opened.append(KernelAdapter(os.open(device, os.O_RDWR)))
+        return self.opened[-1]
+
+    def unplug(self) -> None:
+        self.path.unlink()
+        self.opened[-1].fails_with = errno.EIO
+
+
+def test_an_unplugged_adapter_is_closed_and_opened_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Whatever its driver says; until it is back nobody acknowledges, and the journal has one line for each."""
+    node = Node(tmp_path / "i2c-1", monkeypatch)
+    bus = LinuxI2cBus.open(str(node.path))
+    bus.transfer(Transaction(MUX, b"\x05"))
+    caplog.clear()
+    node.unplug()
+    for _ in range(3):
+        with pytest.raises(NackError, match="i2c-1"):
+            bus.transfer(Transaction(MUX, b"\x05"))
+    assert node.opened[0].closed
+    node.path.touch()
+    bus.transfer(Transaction(MUX, b"\x06"))
+    assert node.opened[-1].control == 6
+    lines = [record.getMessage() for record in caplog.records if "timeout" not in record.getMessage()]
+    assert lines == [f"{node.path}: gone; it is opened again when it comes back", f"{node.path}: back"]
+    bus.close()
+
+
+def test_an_adapter_is_locked_against_a_second_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two scanners on one bus would publish each other's legs; the second one names the remedy."""
+    node = Node(tmp_path / "i2c-1", monkeypatch)
+    first = LinuxI2cBus.open(str(node.path))
+    with pytest.raises(
+        HardwareError, match="another process has locked it, most often the service: systemctl stop"
+    ):
+        LinuxI2cBus.open(str(node.path))
+    assert node.opened[1].closed
+    first.close()
+    LinuxI2cBus.open(str(node.path)).close()
 
 
 def test_an_adapter_that_is_not_there_is_one_clear_line() -> None:

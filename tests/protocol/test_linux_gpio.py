@@ -52,15 +52,30 @@ def test_a_pulse_is_active_then_inactive() -> None:
     assert line.released
 
 
-def test_a_line_that_has_gone_is_one_clear_line() -> None:
-    """The message names the line."""
-    gone = LinuxResetLine(
-        cast("gpiod.LineRequest", Line(OSError(errno.ENODEV, os.strerror(errno.ENODEV)))),
-        "/dev/gpiochip0",
-        17,
-    )
-    with pytest.raises(HardwareError, match=r"^/dev/gpiochip0 line 17: No such device$"):
-        gone.pulse()
+def test_a_line_that_has_gone_is_one_line_and_is_requested_again(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The loop goes on without it; the journal has one line however often the bus is stuck; a new line is pulsed."""
+    lost = Line(OSError(errno.ENODEV, os.strerror(errno.ENODEV)))
+    reset = reset_line(lost)
+    back = Line()
+    answers: list[Line | OSError] = [OSError(errno.ENOENT, "No such file or directory"), back]
+
+    def request(*_: object, **__: object) -> Line:
+        answer = answers.pop(0)
+        if isinstance(answer, OSError):
+            raise answer
+        return answer
+
+    monkeypatch.setattr("gpiod.request_lines", request)
+    reset.pulse()
+    assert lost.released
+    reset.pulse()
+    assert [record.getMessage() for record in caplog.records] == [
+        "/dev/gpiochip0 line 17: No such device; a leg that holds its bus low stops the others until it is back"
+    ]
+    reset.pulse()
+    assert back.values == [(17, Value.ACTIVE), (17, Value.INACTIVE)]
 
 
 def test_a_chip_that_is_not_there_is_one_clear_line() -> None:

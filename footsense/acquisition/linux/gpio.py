@@ -4,10 +4,14 @@ The line is requested as an open-drain, active-low output: inactive it is releas
 the pin high, whatever the mux's supply is.
 """
 
+import logging
+
 import gpiod
 from gpiod.line import Direction, Drive, Value
 
 from footsense.errors import HardwareError
+
+_log = logging.getLogger(__name__)
 
 SETTINGS = gpiod.LineSettings(
     direction=Direction.OUTPUT, drive=Drive.OPEN_DRAIN, active_low=True, output_value=Value.INACTIVE
@@ -15,16 +19,16 @@ SETTINGS = gpiod.LineSettings(
 
 
 class LinuxResetLine:
-    """The RESET pin of a mux on a GPIO line.
+    """The RESET pin of a mux on a GPIO line; a line that has gone is requested again at each pulse.
 
     Args:
         request: The line, requested and inactive.
-        device: The GPIO chip, for messages.
+        device: The GPIO chip.
         line: Number of the line on it.
     """
 
     def __init__(self, request: gpiod.LineRequest, device: str, line: int) -> None:
-        self._request = request
+        self._request: gpiod.LineRequest | None = request
         self._device = device
         self._line = line
 
@@ -40,27 +44,39 @@ class LinuxResetLine:
             HardwareError: There is no such chip or line, it is in use, or this user may not use it.
         """
         try:
-            request = gpiod.request_lines(device, config={line: SETTINGS}, consumer="footsense")
+            return cls(_requested(device, line), device, line)
         except OSError as error:
             raise HardwareError(
                 f"{device} line {line}: {error.strerror}; see `gpioinfo`, and the service's user belongs in group gpio"
             ) from error
-        return cls(request, device, line)
 
     def pulse(self) -> None:
-        """Pull the pin low and release it.
+        """Pull the pin low and release it; a line that is gone is told in the journal once.
 
         A system call takes a thousand times the 6 ns that a TCA9548A needs (data sheet SCPS207, t_W(L)).
-
-        Raises:
-            HardwareError: The line is gone.
         """
+        was_there = self._request is not None
         try:
+            if self._request is None:
+                self._request = _requested(self._device, self._line)
             for value in (Value.ACTIVE, Value.INACTIVE):
                 self._request.set_value(self._line, value)
         except OSError as error:
-            raise HardwareError(f"{self._device} line {self._line}: {error.strerror}") from error
+            self.close()
+            if was_there:
+                _log.warning(
+                    "%s line %d: %s; a leg that holds its bus low stops the others until it is back",
+                    self._device,
+                    self._line,
+                    error.strerror,
+                )
 
     def close(self) -> None:
         """Give the line back to the kernel."""
-        self._request.release()
+        if self._request is not None:
+            self._request.release()
+            self._request = None
+
+
+def _requested(device: str, line: int) -> gpiod.LineRequest:
+    return gpiod.request_lines(device, config={line: SETTINGS}, consumer="footsense")

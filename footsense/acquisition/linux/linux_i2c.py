@@ -7,6 +7,8 @@ read of the same address. Their kernel messages are built once per transaction a
 import errno
 import fcntl
 import logging
+import os
+import re
 from pathlib import Path
 
 import smbus2
@@ -17,8 +19,8 @@ from footsense.ports import Transaction
 _I2C_RETRIES, _I2C_TIMEOUT = 0x0701, 0x0702  # linux/i2c-dev.h
 #: Adapter timeout in units of 10 ms. The kernel's default of 1 s would let one stuck leg stop all others for as long.
 _TIMEOUT_10MS = 2
-#: How often the kernel begins a transaction again that lost arbitration to another master.
-_RETRIES = 1
+#: How often the kernel begins a transaction again that lost arbitration, within the timeout.
+_RETRIES = 3
 
 _log = logging.getLogger(__name__)
 
@@ -35,59 +37,101 @@ _FAILED: dict[int | None, tuple[type[BusError], str]] = {
     errno.EREMOTEIO: (NackError, "no acknowledge"),
     errno.ENXIO: (NackError, "no acknowledge"),
     errno.ETIMEDOUT: (BusTimeoutError, "timeout, SDA or SCL is held low"),
-    errno.EAGAIN: (BusError, "arbitration lost, another master is on this bus"),
+    # A held SDA looks like another master to an adapter that compares the line with what it sends. A real one does not
+    # win four times in a row; if it did, no leg would be found to hold the line.
+    errno.EAGAIN: (
+        BusTimeoutError,
+        "arbitration lost four times, SDA is held low or another master is on this bus",
+    ),
+    errno.ENODEV: (NackError, "the adapter is gone"),
 }
+_ADAPTERS = Path("/sys/bus/i2c/devices")
 
 
 class LinuxI2cBus:
-    """I2C adapter of Linux (i2c-dev), one ioctl per transaction.
+    """I2C adapter of Linux (i2c-dev), one ioctl per transaction, locked against other processes that lock it too.
+
+    An adapter that was unplugged acknowledges nothing; each transaction tries to open it again. Its old file is closed
+    at once: as long as it is open, the kernel keeps the number, and the driver in its disconnect.
 
     Args:
         adapter: The open adapter.
-        device: Its device file, for messages.
+        device: Its device file.
     """
 
     def __init__(self, adapter: smbus2.SMBus, device: str) -> None:
-        self._adapter = adapter
+        self._adapter: smbus2.SMBus | None = adapter
         self._device = device
         self._messages: dict[Transaction, list[smbus2.i2c_msg]] = {}
 
     @classmethod
     def open(cls, device: str) -> "LinuxI2cBus":
-        """Open a device file such as /dev/i2c-1 and shorten the adapter's timeout.
+        """Open a device file such as /dev/i2c-1, lock it, and shorten the adapter's timeout.
 
         Raises:
-            HardwareError: There is no such adapter, or this user may not use it.
+            HardwareError: There is no such adapter, this user may not use it, or another process holds the lock.
         """
-        try:
-            adapter = smbus2.SMBus(device)
-        except OSError as error:
-            why = _CANNOT_OPEN.get(error.errno or 0, error.strerror)
-            raise HardwareError(f"{device}: {why}") from error
-        shorten_timeout(adapter.fd, device)
-        return cls(adapter, device)
+        return cls(_open(device), device)
 
     def transfer(self, transaction: Transaction) -> bytes:
         """Do one transaction and return the bytes read.
 
         Raises:
-            NackError: No chip acknowledged.
+            NackError: No chip acknowledged, or the adapter is gone.
             BusTimeoutError: A line is stuck.
             BusError: The transaction failed otherwise.
         """
         messages = self._messages.get(transaction)
         if messages is None:
             messages = self._messages[transaction] = _messages(transaction)
+        adapter = self._adapter or self._reopen()
         try:
-            self._adapter.i2c_rdwr(*messages)
+            adapter.i2c_rdwr(*messages)
         except OSError as error:
-            kind, why = _FAILED.get(error.errno, (BusError, error.strerror or str(error)))
+            number = errno.ENODEV if os.fstat(adapter.fd).st_nlink == 0 else error.errno
+            if number == errno.ENODEV:
+                self.close()
+                _log.warning("%s: gone; it is opened again when it comes back", self._device)
+            kind, why = _FAILED.get(number, (BusError, error.strerror or str(error)))
             raise kind(f"{self._device}, address {transaction.address:#04x}: {why}") from error
         return bytes(messages[-1]) if transaction.n_read else b""
 
+    def _reopen(self) -> smbus2.SMBus:
+        try:
+            self._adapter = _open(self._device)
+        except HardwareError as error:
+            raise NackError(str(error)) from error
+        _log.warning("%s: back", self._device)
+        return self._adapter
+
     def close(self) -> None:
         """Close the adapter's device file."""
-        self._adapter.close()
+        if self._adapter is not None:
+            self._adapter.close()
+            self._adapter = None
+
+
+def _open(device: str) -> smbus2.SMBus:
+    """Open an adapter, lock it, and shorten its timeout.
+
+    Raises:
+        HardwareError: It is missing, this user may not use it, or another process holds the lock.
+    """
+    try:
+        adapter = smbus2.SMBus(device)
+    except OSError as error:
+        why = _CANNOT_OPEN.get(error.errno or 0, error.strerror)
+        raise HardwareError(f"{device}: {why}") from error
+    try:
+        fcntl.flock(adapter.fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        adapter.close()
+        raise HardwareError(
+            f"{device}: another process has locked it, most often the service: systemctl stop footsense"
+        ) from None
+    for each in with_parents(device):
+        shorten_timeout(each)
+    return adapter
 
 
 def adapters(folder: Path = Path("/dev")) -> list[str]:
@@ -96,7 +140,16 @@ def adapters(folder: Path = Path("/dev")) -> list[str]:
     return [str(folder / f"i2c-{number}") for number in sorted(map(int, filter(str.isdecimal, numbers)))]
 
 
-def kernel_drivers(device: str, folder: Path = Path("/sys/bus/i2c/devices")) -> dict[int, str]:
+def with_parents(device: str, folder: Path = _ADAPTERS) -> list[str]:
+    """Return the device files of an adapter and of those whose multiplexers it is behind, the outermost first.
+
+    A transfer through a multiplexer of the kernel waits as long as the adapter does that moves the lines.
+    """
+    path = (folder / Path(device).resolve().name).resolve()
+    return [f"/dev/{part}" for part in path.parts if re.fullmatch(r"i2c-\d+", part)] or [device]
+
+
+def kernel_drivers(device: str, folder: Path = _ADAPTERS) -> dict[int, str]:
     """Return the kernel drivers bound to an adapter's chips: I2C address to driver name."""
     number = device.removeprefix("/dev/i2c-")
     held = {}
@@ -107,11 +160,12 @@ def kernel_drivers(device: str, folder: Path = Path("/sys/bus/i2c/devices")) -> 
     return held
 
 
-def shorten_timeout(descriptor: int, device: str) -> None:
+def shorten_timeout(device: str) -> None:
     """Shorten an adapter's timeout to 20 ms; one that refuses still works, and is named in the journal."""
     try:
-        fcntl.ioctl(descriptor, _I2C_TIMEOUT, _TIMEOUT_10MS)
-        fcntl.ioctl(descriptor, _I2C_RETRIES, _RETRIES)
+        with Path(device).open("rb", buffering=0) as file:
+            fcntl.ioctl(file, _I2C_TIMEOUT, _TIMEOUT_10MS)
+            fcntl.ioctl(file, _I2C_RETRIES, _RETRIES)
     except OSError as error:
         _log.warning(
             "%s: its timeout cannot be shortened (%s); a line that is held low may stop all legs for 1 s each time",

@@ -1,25 +1,33 @@
 """A channel that cannot be opened, is dead, or whose log cannot be written."""
 
 import errno
+import logging
 import os
+import socket
 import sys
+import threading
+from collections.abc import Callable
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+from unittest import mock
 
 import can
 import numpy as np
 import pytest
 
-from firmware_interface.can_codes import NmtState
+from firmware_interface.can_codes import CommandKind, NmtState
+from firmware_interface.can_commands import encode_command
 from firmware_interface.can_events import decode_heartbeat
 from firmware_interface.socketcan import pack_frame
-from footsense.can.channel import ChannelSettings
+from footsense.can.channel import CanChannel, ChannelSettings
 from footsense.can.frame_log import CanFrameLog, check_log_target
+from footsense.can.python_can import _keep_local
 from footsense.can.sink import CanSink
 from footsense.errors import CanError, ConfigError, RecordingError
 from footsense.frames import BaselineDrift, CanStatistics, ContactFrame
-from tests.support.can_robot import MS, FakeClock, Robot
+from tests.support.can_robot import MS, FakeClock, NarrowWire, Robot
 
 
 def open_sink(interface: str, channel: str, log_file: Path | None = None) -> CanSink:
@@ -136,16 +144,27 @@ def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing(
     assert sink.commands() == []
     sink.close()
     assert (sink.stats.sent, sink.stats.dropped) == (0, 7)
-    assert caplog.records == []
+    assert [record.getMessage().partition(":")[0] for record in caplog.records] == ["CAN can0"]
+    assert "its queue is full, frames are dropped" in caplog.text
+
+
+def _opens_instead(monkeypatch: pytest.MonkeyPatch, path: Path, instead: Path) -> None:
+    """Let the opening of a new file open another one."""
+    really = os.open
+
+    def opened(file: str | Path, flags: int, mode: int = 0o777) -> int:
+        return really(instead, os.O_WRONLY) if file == path else really(file, flags, mode)
+
+    monkeypatch.setattr("os.open", opened)
 
 
 @pytest.mark.parametrize("name", ["walk.log", "walk.asc", "walk.blf"])
 def test_a_full_disk_ends_the_log_and_not_the_forces(
-    request: pytest.FixtureRequest, tmp_path: Path, name: str
+    request: pytest.FixtureRequest, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The forces go on to the last heartbeat; why the log ended is told at the end, and once."""
     log_file = tmp_path / name
-    log_file.symlink_to("/dev/full")
+    _opens_instead(monkeypatch, log_file, Path("/dev/full"))
     robot = Robot(request.node.nodeid, log_file=log_file)
     for scan in range(200):
         robot.publish(scan * 20 * MS)
@@ -156,11 +175,14 @@ def test_a_full_disk_ends_the_log_and_not_the_forces(
     robot.close()
 
 
-def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(tmp_path: Path) -> None:
-    """A named pipe that nobody empties: what finds no room on the way there is counted, and told at the end."""
+def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file that takes nothing: what finds no room on the way there is counted, and told at the end."""
     path = tmp_path / "walk.log"
-    os.mkfifo(path)
-    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    os.mkfifo(tmp_path / "full")
+    reader = os.open(tmp_path / "full", os.O_RDONLY | os.O_NONBLOCK)
+    _opens_instead(monkeypatch, path, tmp_path / "full")
     stats = CanStatistics()
     log = CanFrameLog(path, "can0", stats, waits=False)
     scan = pack_frame(0x181, bytes(8)) * 12
@@ -188,11 +210,123 @@ def test_a_log_with_a_gap_is_said_to_have_one(tmp_path: Path) -> None:
     assert (tmp_path / "walk.log").stat().st_mode & 0o600 == 0o600
 
 
-def test_a_log_that_nobody_could_read_is_refused(tmp_path: Path) -> None:
-    """To open a named pipe without a reader would wait for one."""
-    os.mkfifo(tmp_path / "walk.log")
-    with pytest.raises(RecordingError, match=r"walk\.log: No such device or address"):
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: Path(path).symlink_to("/dev/null"), Path.touch])
+def test_a_log_is_written_through_nothing_that_appeared_after_the_check(
+    tmp_path: Path, make: Callable[[Path], None]
+) -> None:
+    """A pipe, a link or a file that another program made there meanwhile."""
+    make(tmp_path / "walk.log")
+    with pytest.raises(RecordingError, match=r"walk\.log: File exists"):
         open_sink("virtual", "log", tmp_path / "walk.log")
+
+
+def test_the_writer_keeps_the_processors_of_the_unit(tmp_path: Path) -> None:
+    """Those that this process may use, not the loop's one, and no others."""
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(allowed)})
+    try:
+        log = CanFrameLog(tmp_path / "walk.log", "can0", CanStatistics(), waits=True)
+        assert os.sched_getaffinity(log._writer.pid) == allowed
+        assert os.sched_getaffinity(0) == {min(allowed)}
+    finally:
+        os.sched_setaffinity(0, allowed)
+    log.close()
+
+
+class SlowWire(NarrowWire):
+    """An interface whose opening and closing wait for a lock of the kernel."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lock = threading.Event()
+        self.opened = threading.Event()
+
+    def open_and_wait(self) -> "SlowWire":
+        if self.opened_ns:
+            self.lock.wait(10)
+            self.opened.set()
+        self.open(0)
+        return self
+
+    def close(self) -> None:
+        self.lock.wait(10)
+
+
+def channel_on(wire: SlowWire, monkeypatch: pytest.MonkeyPatch, stats: CanStatistics) -> CanChannel:
+    """Open a channel as on a robot, but on this interface."""
+    monkeypatch.setattr("footsense.can.channel.open_wire", lambda *_: wire.open_and_wait())
+    return CanChannel(ChannelSettings(interface="socketcan", channel="can0"), (), {}, stats)
+
+
+def test_an_interface_that_is_gone_is_opened_again_beside_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the kernel's lock is held for seconds, sending goes on and drops; then the interface is back."""
+    wire, stats = SlowWire(), CanStatistics()
+    channel = channel_on(wire, monkeypatch, stats)
+    frame = pack_frame(0x181, bytes(8))
+    wire.gone = True
+    for n in range(100):
+        assert channel.send(frame, n * 10 * MS) == 0
+    assert len(wire.opened_ns) == 1
+    wire.gone = False
+    wire.lock.set()
+    assert wire.opened.wait(10)
+    n = 100
+    while not channel.send(frame, n * 10 * MS):
+        n += 1
+        assert n < 10_000
+    assert (stats.reopened, stats.dropped) == (1, n)
+    channel.close()
+
+
+def test_an_interface_that_is_down_keeps_its_socket(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is opened or closed for it, so that nothing waits; it is tried again until it is up."""
+    wire, stats = SlowWire(), CanStatistics()
+    channel = channel_on(wire, monkeypatch, stats)
+    frame = pack_frame(0x181, bytes(8))
+    down = OSError(errno.ENETDOWN, os.strerror(errno.ENETDOWN))
+    with monkeypatch.context() as patch:
+        patch.setattr(wire, "send", mock.Mock(side_effect=down))
+        for n in range(100):
+            assert channel.send(frame, n * 10 * MS) == 0
+    taken = [channel.send(frame, (100 + n) * 10 * MS) for n in range(30)]
+    assert sum(taken) >= 5
+    assert (len(wire.opened_ns), stats.reopened) == (1, 1)
+    wire.lock.set()
+    channel.close()
+
+
+def test_python_can_s_own_log_is_not_ours() -> None:
+    """It logs what it raises, at every attempt: four lines a second while an interface is away."""
+    heard = BufferingHandler(10)
+    logging.getLogger().addHandler(heard)
+    logging.getLogger("can.socketcan").error("could not bind")
+    logging.getLogger().removeHandler(heard)
+    assert heard.buffer == []
+
+
+def test_a_local_socket_commands_nothing_and_kills_nothing() -> None:
+    """Packets that are no frame, an error frame without data and a command, as any program on this computer sends."""
+    group, port = "239.74.163.77", 43113
+    settings = ChannelSettings(interface="udp_multicast", channel=group, commands=False)
+    sink = CanSink(settings, ("lf",), FakeClock())
+    with can.Bus(interface="udp_multicast", channel=group, hop_limit=0, fd=False) as other:
+        _keep_local(other.fileno(), group)
+        raw = socket.socket(fileno=os.dup(other.fileno()))
+        raw.sendto(b"no frame at all", (group, port))
+        raw.close()
+        other.send(can.Message(is_error_frame=True, arbitration_id=0x4, is_extended_id=True))
+        other.send(
+            can.Message(
+                arbitration_id=0x201, data=encode_command(1, 0, CommandKind.TARE), is_extended_id=False
+            )
+        )
+        for _ in range(100):
+            assert sink.commands() == []
+            if sink.stats.rejected:
+                break
+            threading.Event().wait(0.01)
+    assert (sink.stats.rejected, sink.stats.bus_errors) == (1, 1)
+    sink.close()
 
 
 def test_a_killed_writer_ends_the_log_and_not_the_forces(

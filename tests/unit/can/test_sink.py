@@ -274,6 +274,16 @@ def test_bad_and_repeated_commands_are_counted_and_ignored(robot: Robot) -> None
     assert robot.heard(0x580) == []
 
 
+def test_a_flood_of_commands_is_cut_to_ten_a_second(robot: Robot) -> None:
+    """Valid ones and unknown ones: the rest is counted, and no answer of it loads the bus."""
+    for second in range(2):
+        robot.clock.t_ns = second * 1_000_000_000
+        for n in range(50):
+            robot.ask(encode_command(1, n % 15, CommandKind.TARE if n % 2 else CommandKind.STOP))
+        assert len(robot.sink.commands()) == 10
+    assert robot.sink.stats.rejected == 80
+
+
 def test_a_counter_names_a_command_of_its_kind(robot: Robot) -> None:
     """Another kind with the same counter is another command, not a repetition."""
     for kind in (CommandKind.STOP, CommandKind.START):
