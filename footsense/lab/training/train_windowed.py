@@ -34,7 +34,7 @@ from footsense.lab.training.windowed_network import (
 )
 
 #: Share of the windows with something missing, and of those of feet at rest.
-_MASKED_SHARE, _REST_SHARE = 0.15, 0.3
+_MASKED_SHARE, _REST_SHARE = 0.25, 0.45
 #: Share of the windows at rest that are read at any pace and in any order, and of those with friction: few of the loads
 #: at rest have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
 _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
@@ -63,7 +63,7 @@ class WindowProtocol:
     """
 
     channels: int = 40
-    steps: int = 120_000
+    steps: int = 200_000
     batch: int = 1024
     rate: float = 5e-3
     min_force_n: float = 0.3
