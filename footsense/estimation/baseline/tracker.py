@@ -5,6 +5,7 @@ the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
 """
 
 from collections.abc import Sequence
+from operator import attrgetter
 
 import numpy as np
 
@@ -42,6 +43,8 @@ _TURNS = 3
 
 #: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
 _SIGMA_PERIOD_NS = 100_000_000
+
+_status_of = attrgetter("status")
 
 # Plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _CONTACT, _TARE_REFUSED = int(Flag.CONTACT), int(Flag.TARE_REFUSED)
@@ -224,7 +227,7 @@ class BaselineTracker:
                 moved |= baseline.follow(np.where(ignored, np.nan, capacitance_pf[leg]), t_ns[leg])
         if moved:
             self._gather()
-        elif [baseline.status for baseline in self._baselines] != self._statuses:
+        elif list(map(_status_of, self._baselines)) != self._statuses:
             self._publish()
 
     def _update_sigma(self, now_ns: int) -> None:
@@ -253,7 +256,7 @@ class BaselineTracker:
 
     def _publish(self) -> None:
         """Replace the published status; the drift is as gathered."""
-        self._statuses = [baseline.status for baseline in self._baselines]
+        self._statuses = list(map(_status_of, self._baselines))
         self.drift = BaselineDrift(np.array(self._statuses, np.uint8), *self._offsets)
 
     def _discard_silent(self, reading: Codes, now_ns: int) -> None:
