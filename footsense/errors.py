@@ -14,8 +14,8 @@
     └── CalibrationError      exit 65  a foot's recordings are inconsistent or not sufficient
 
 The message of an error is one line for a person: what is wrong, where, and what would be right.
-Only `footsense.cli` turns an error into an exit code. They are those of sysexits.h, which systemd shows by name: its own
-begin at 2, where `5` would read as NOTINSTALLED. A wrong command line ends with click's 2.
+Only `footsense.cli` turns an error into an exit code: those of sysexits.h, which systemd shows by name. The labels of
+systemd itself begin at 2, where `5` is NOTINSTALLED. A wrong command line ends with click's 2.
 """
 
 

@@ -15,14 +15,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from footsense.errors import BusError, BusTimeoutError
+from footsense.errors import BusTimeoutError
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, OnWires, StuckSda, StuckUpstreamBus
 from footsense.sim.faults.schedule import Schedule
 
 #: Retries that `footsense/acquisition/linux/linux_i2c.py` sets.
-KERNEL_RETRIES = 1
+KERNEL_RETRIES = 3
 #: Time in a transaction until arbitration is lost: that of the address, at 400 kHz [ns].
 _LOST_AFTER_NS = 25_000
 
@@ -59,8 +59,7 @@ class WireFaults:
             host_cost_ns: Cost of a transaction on the host [ns].
 
         Raises:
-            BusTimeoutError: SDA is held low.
-            BusError: Arbitration was lost more often than the kernel retries.
+            BusTimeoutError: SDA is held low, or arbitration was lost more often than the kernel retries.
         """
         t_ns = clock.now_ns()
         while self._resets_ns and self._resets_ns[0] <= t_ns:
@@ -77,7 +76,7 @@ class WireFaults:
             if not any(self._rng.random() < rate_rel for rate_rel in lost):
                 return
             clock.advance_ns(host_cost_ns + _LOST_AFTER_NS)
-        raise BusError("arbitration lost: another master is on this bus")
+        raise BusTimeoutError("arbitration lost four times")
 
     def _holds(self, fault: OnWires, selection: int) -> bool:
         """Return whether an acting fault holds a line of the bus."""

@@ -7,7 +7,6 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.cli import main
-
 from tests.system.command import footsense, one_line_error, robot
 
 
