@@ -7,7 +7,8 @@ the others do, so that a bus without legs keeps the pace of one with all.
 A line that is held low blocks the bus: the leg that holds it is left out at once, and all conversions restart.
 
 Where a conversion leaves no time for the checks of lines and settings, and always behind the kernel's mux, they are
-made of one group in one step a scan, in turn. Temperature sensors are read every ten seconds, between two scans.
+made of one group in one step a scan, in turn. Every ten seconds, between two scans, temperature sensors are read, and
+the converter of one leg is timed again, in turn: its clock may drift.
 """
 
 import numpy as np
@@ -23,8 +24,10 @@ from footsense.ports import Clock
 
 #: Attempts of a conversion on a bus with stuck lines.
 _TRIES = 2
-#: Period of the temperature readings [ns]: each costs its legs two conversions.
-_TEMPERATURE_PERIOD_NS = 10_000_000_000
+#: Elements that differ in row and column.
+_DIAGONAL = (0, 4, 8)
+#: Period of the temperature readings, and of the timing of a converter [ns]: each costs its legs two conversions.
+_TEMPERATURE_PERIOD_NS = _TIMING_PERIOD_NS = 10_000_000_000
 
 
 class BusScanner:
@@ -59,6 +62,9 @@ class BusScanner:
         self._check_all = transport.broadcasts
         self._late_ns = 2 * plan.wait_ns
         self._temperature_due_ns = 0
+        self._timing_due_ns = 0
+        self._timed: LegConnection | None = None  # last
+        self._last_row = -1  # of the last one that was timed in its turn
         self.timing: Timing | None = None
         self.missed_deadlines = 0
 
@@ -77,6 +83,9 @@ class BusScanner:
         for leg in self.legs:
             leg.retry_at_ns = 0
             probe(self._transport, leg, self.legs, self._plan, self._clock)
+            if leg.in_scan:
+                self._group_of(leg).time_converter(leg)
+        self._timing_due_ns = self._clock.now_ns() + _TIMING_PERIOD_NS
 
     def read(self) -> BusReadings:
         """Read the next element of every leg, and return a copy of the latest readings of all elements.
@@ -88,6 +97,7 @@ class BusScanner:
             try:
                 if position == 0:
                     self._take_temperatures()
+                    self._time_converter()
                 self._start_missing()
                 self._step()
             except BusStuckError:
@@ -122,13 +132,24 @@ class BusScanner:
         steps, n = self._plan.steps, self._position
         self._position = (n + 1) % len(steps)
         turn, due = divmod(self._n_scans, len(self._groups))
+        alone = self._asked_alone(steps[n].element)
         in_turn = not self._check_all
         for number, group in enumerate(self._groups):
             checked = self._check_all or (number == due and n == turn % len(steps))
-            group.convert(steps[n], steps[self._position], checked=checked, in_turn=in_turn)
+            together = alone if len(group.legs) > 1 else None
+            group.convert(steps[n], steps[self._position], checked=checked, in_turn=in_turn, alone=together)
         if self._position == 0:
             self._n_scans += 1
             self._end_scan()
+
+    def _asked_alone(self, element: int) -> LegConnection | None:
+        """Return the leg that is asked for its lines by itself in the step of an element; None for none.
+
+        One leg a scan, in one of three elements with all rows and columns; one in four scans where that takes time.
+        """
+        turn, skipped = divmod(self._n_scans, 1 if self._check_all else 4)
+        visit, row = divmod(turn, len(self.legs))
+        return self.legs[row] if not skipped and element == _DIAGONAL[visit % len(_DIAGONAL)] else None
 
     def _end_scan(self) -> None:
         """Count the scan of every leg, and look for legs that were left out."""
@@ -158,6 +179,28 @@ class BusScanner:
         self._temperature_due_ns = self._clock.now_ns() + _TEMPERATURE_PERIOD_NS
         started = [(group, group.start_temperatures(thermometer)) for group in self._groups]
         if any(legs for _, legs in started):
-            self._clock.sleep_until_ns(self._clock.now_ns() + thermometer.wait_ns)
+            slowness = max(leg.timing.slowness for _, legs in started for leg in legs)
+            self._clock.sleep_until_ns(self._clock.now_ns() + round(slowness * thermometer.wait_ns))
         for group, legs in started:
             group.read_temperatures(thermometer, legs)
+
+    def _time_converter(self) -> None:
+        """Time a converter if that is due, in turn; conversions that run are discarded.
+
+        One that is not timed, or that does not finish since it was, is preferred, but not twice in a row.
+        """
+        if self._clock.now_ns() < self._timing_due_ns:
+            return
+        self._timing_due_ns = self._clock.now_ns() + _TIMING_PERIOD_NS
+        present = [leg for leg in self.legs if leg.outcome in {Reading.OK, Reading.NOT_READY}]
+        untimed = [leg for leg in present if not leg.is_timed and leg is not self._timed]
+        others = [leg for leg in present if leg.row > self._last_row] or present
+        if not present:
+            return
+        self._timed = untimed[0] if untimed else others[0]
+        if not untimed:
+            self._last_row = self._timed.row
+        self._group_of(self._timed).time_converter(self._timed)
+
+    def _group_of(self, leg: LegConnection) -> LegGroup:
+        return next(group for group in self._groups if leg in group.legs)

@@ -119,7 +119,11 @@ class SimulatedRobot:
                 host_cost_ns=0 if wiring.kernel_mux else leg_cost_ns,
                 mux=SimulatedMux(wiring.mux_address),
                 legs={channel: self.legs[leg].chips for leg, channel in wiring.channels.items()},
-                faults=WireFaults(broken, wiring.channels, timeout_ns, rng) if broken else None,
+                faults=WireFaults(
+                    broken, wiring.channels, timeout_ns, rng, compares=scene.effects.adapter_compares
+                )
+                if broken
+                else None,
             )
             self.buses.append(bus)
             self.adapters.append(
