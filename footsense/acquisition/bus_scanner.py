@@ -40,23 +40,25 @@ class BusScanner:
         plan: The conversions of one scan.
 
     Attributes:
+        clock: As given.
         legs: The connections to the legs, in the order of the rows.
+        latest: Their latest readings, written over element by element.
         timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
         missed_deadlines: Number of times that the loop was delayed for so long that conversions were discarded.
     """
 
     def __init__(self, transport: Transport, clock: Clock, channels: dict[str, int], plan: ScanPlan) -> None:
         self._transport = transport
-        self._clock = clock
+        self.clock = clock
         self._plan = plan
         self.legs = tuple(
             LegConnection(name, channel, row) for row, (name, channel) in enumerate(channels.items())
         )
         shape = len(self.legs), ELEMENTS
-        self._latest = BusReadings(np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape, np.uint8))
-        self._latest.discard((slice(None), slice(None)), Reading.NO_ANSWER)
+        self.latest = BusReadings(np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape, np.uint8))
+        self.latest.discard((slice(None), slice(None)), Reading.NO_ANSWER)
         groups = (self.legs,) if transport.broadcasts else tuple((leg,) for leg in self.legs)
-        self._groups = tuple(LegGroup(legs, transport, clock, plan, self._latest) for legs in groups)
+        self._groups = tuple(LegGroup(legs, transport, clock, plan, self.latest) for legs in groups)
         self._position = 0
         self._n_scans = 0
         self._check_all = transport.broadcasts
@@ -68,13 +70,18 @@ class BusScanner:
         self.timing: Timing | None = None
         self.missed_deadlines = 0
 
+    @property
+    def wait_ns(self) -> int:
+        """Time of one conversion [ns]."""
+        return self._plan.wait_ns
+
     def start(self) -> None:
         """Measure the bus, find every leg's chips and set them up; legs that are missing are tried again later.
 
         Raises:
             HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
         """
-        costs = self._transport.measure(self._clock)
+        costs = self._transport.measure(self.clock)
         if costs is not None:
             broadcasts = self._transport.broadcasts
             self.timing = timing(costs, self._plan, len(self.legs), kernel_mux=not broadcasts)
@@ -82,10 +89,11 @@ class BusScanner:
             self._check_all = broadcasts and has_time_for_checks(costs, self._plan, len(self.legs))
         for leg in self.legs:
             leg.retry_at_ns = 0
-            probe(self._transport, leg, self.legs, self._plan, self._clock)
+            probe(self._transport, leg, self.legs, self._plan, self.clock)
             if leg.in_scan:
                 self._group_of(leg).time_converter(leg)
-        self._timing_due_ns = self._clock.now_ns() + _TIMING_PERIOD_NS
+        # Half a period beside the temperatures.
+        self._timing_due_ns = self.clock.now_ns() + _TIMING_PERIOD_NS * 3 // 2
 
     def read(self) -> BusReadings:
         """Read the next element of every leg, and return a copy of the latest readings of all elements.
@@ -109,8 +117,8 @@ class BusScanner:
         else:
             for leg in self.legs:
                 reason = Reading.DELAYED if leg.in_scan else leg.outcome
-                self._latest.discard((leg.row, self._plan.steps[position].element), reason)
-        t_ns, capacitance_pf, reading = self._latest
+                self.latest.discard((leg.row, self._plan.steps[position].element), reason)
+        t_ns, capacitance_pf, reading = self.latest
         return BusReadings(t_ns.copy(), capacitance_pf.copy(), reading.copy())
 
     def stop(self) -> None:
@@ -119,7 +127,7 @@ class BusScanner:
 
     def _start_missing(self) -> None:
         """Restart groups without a conversion; all groups if one is so old that the loop must have been delayed."""
-        now_ns, late = self._clock.now_ns(), False
+        now_ns, late = self.clock.now_ns(), False
         for group in self._groups:
             late |= group.running is not None and now_ns > group.running.t_start_ns + self._late_ns
         self.missed_deadlines += late
@@ -153,14 +161,14 @@ class BusScanner:
 
     def _end_scan(self) -> None:
         """Count the scan of every leg, and look for legs that were left out."""
-        now_ns, missing = self._clock.now_ns(), False
-        any_bad: list[bool] = np.any(self._latest.reading, axis=1).tolist()
+        now_ns, missing = self.clock.now_ns(), False
+        any_bad: list[bool] = np.any(self.latest.reading, axis=1).tolist()
         for leg, bad in zip(self.legs, any_bad, strict=True):
             if leg.in_scan and (bad or leg.is_suspect):
-                leg.count_misses(self._latest.reading[leg.row], now_ns)
+                leg.count_misses(self.latest.reading[leg.row], now_ns)
             missing |= not leg.in_scan
         if missing:
-            probe_due(self._transport, self.legs, self._plan, self._clock)
+            probe_due(self._transport, self.legs, self._plan, self.clock)
         for group in self._groups:
             if group.running is not None and not group.running.legs:
                 # A leg that was found meanwhile begins with a whole conversion, not with the rest of a wait.
@@ -172,15 +180,15 @@ class BusScanner:
         The converters lose their settings by it, and get them again when conversions restart.
         """
         thermometer = self._plan.board.thermometer
-        if thermometer is None or self._clock.now_ns() < self._temperature_due_ns:
+        if thermometer is None or self.clock.now_ns() < self._temperature_due_ns:
             return
         if not any(group.active()[0] for group in self._groups):
             return
-        self._temperature_due_ns = self._clock.now_ns() + _TEMPERATURE_PERIOD_NS
+        self._temperature_due_ns = self.clock.now_ns() + _TEMPERATURE_PERIOD_NS
         started = [(group, group.start_temperatures(thermometer)) for group in self._groups]
         if any(legs for _, legs in started):
             slowness = max(leg.timing.slowness for _, legs in started for leg in legs)
-            self._clock.sleep_until_ns(self._clock.now_ns() + round(slowness * thermometer.wait_ns))
+            self.clock.sleep_until_ns(self.clock.now_ns() + round(slowness * thermometer.wait_ns))
         for group, legs in started:
             group.read_temperatures(thermometer, legs)
 
@@ -189,9 +197,9 @@ class BusScanner:
 
         One that is not timed, or that does not finish since it was, is preferred, but not twice in a row.
         """
-        if self._clock.now_ns() < self._timing_due_ns:
+        if self.clock.now_ns() < self._timing_due_ns:
             return
-        self._timing_due_ns = self._clock.now_ns() + _TIMING_PERIOD_NS
+        self._timing_due_ns = self.clock.now_ns() + _TIMING_PERIOD_NS
         present = [leg for leg in self.legs if leg.outcome in {Reading.OK, Reading.NOT_READY}]
         untimed = [leg for leg in present if not leg.is_timed and leg is not self._timed]
         others = [leg for leg in present if leg.row > self._last_row] or present

@@ -176,7 +176,7 @@ class Robot:
                 )
             )
         self.board = board
-        self.clock = JoinedClock(clocks)
+        self.clock = JoinedClock(clocks, scanners[0].wait_ns)
         self.buses = scanners
         self.scanner = RobotScanner(scanners)
         self.scanner.start()

@@ -108,14 +108,14 @@ def test_the_timing_of_a_converter_costs_two_conversions_and_no_reading(board: B
     robot = Robot(distinct, board)
     period_ns = robot.period_ns()
     slow_ns = []
-    until_ns = robot.clock.now_ns() + 21_000_000_000
+    until_ns = robot.clock.now_ns() + 26_000_000_000
     while robot.clock.now_ns() < until_ns:
         before_ns = robot.clock.now_ns()
         frame = robot.read()
         assert (frame.reading == Reading.OK).all()
         if (lasted_ns := robot.clock.now_ns() - before_ns) > 1.05 * period_ns:
             slow_ns.append(lasted_ns - period_ns)
-    assert len(slow_ns) in {2, 3, 4}
+    assert len(slow_ns) in {2, 3, 4, 5}
     assert max(slow_ns) < 6 * board.conversion_ns
     assert robot.buses[0].missed_deadlines == 0
 
