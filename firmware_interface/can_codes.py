@@ -108,6 +108,23 @@ class BaselineStatus(IntEnum):
     DRIFT_TOO_FAST = 5  #: tracking refused: the readings move faster than temperature can move them
 
 
+class Slip(IntEnum):
+    """Whether a foot in contact slides."""
+
+    UNKNOWN = 0  #: no contact, or too little is known to tell
+    NONE = 1  #: the foot sticks
+    SLIPPING = 2  #: the foot slides, or sticks at the cone of friction
+
+
+class GaitEventKind(IntEnum):
+    """Kind of a gait event. A slip ends with `SLIP_END`, or when the force is no longer known."""
+
+    TOUCHDOWN = 1
+    LIFT_OFF = 2
+    SLIP = 3  #: the foot begins to slide
+    SLIP_END = 4  #: the foot slides no longer, or carries too little to tell
+
+
 class CommandKind(IntEnum):
     """Commands that a consumer can send to one leg."""
 

@@ -65,3 +65,22 @@ def frame_bits(n_data: int) -> int:
 
 #: Bits of a frame with eight bytes of data.
 LONGEST_FRAME_BITS = frame_bits(8)
+
+#: Frames of a leg beside Force and Quality in a second, by their bytes of data: heartbeats (1), `Gait` (5), gait events
+#: of two steps with a slip each (6), `Ground` and `Baseline` (8).
+_OTHER_FRAMES_HZ = {1: 5, 5: 10, 6: 8, 8: 11}
+
+
+def can_bits_per_s(n_legs: int, forces_hz: float) -> float:
+    """Return the load of a bus by all frames of a robot [bit/s].
+
+    Args:
+        n_legs: Legs of the robot.
+        forces_hz: Forces of each leg in a second [Hz].
+
+    Example:
+        >>> round(can_bits_per_s(6, 92.0))
+        171720
+    """
+    others = sum(per_s * frame_bits(n_data) for n_data, per_s in _OTHER_FRAMES_HZ.items())
+    return n_legs * (forces_hz * FRAMES_PER_LEG * LONGEST_FRAME_BITS + others)

@@ -19,7 +19,9 @@ from firmware_interface.can_codes import BaselineStatus as BaselineStatus
 from firmware_interface.can_codes import Cause as Cause
 from firmware_interface.can_codes import CommandKind as CommandKind
 from firmware_interface.can_codes import Flag as Flag
+from firmware_interface.can_codes import GaitEventKind as GaitEventKind
 from firmware_interface.can_codes import Result as Result
+from firmware_interface.can_codes import Slip as Slip
 from firmware_interface.can_codes import State as State
 
 #: Arrays by their entries: numbers, truth values, times [ns], and codes of an enumeration.
@@ -106,6 +108,67 @@ class BaselineDrift(NamedTuple):
         return cls(np.full(n_legs, BaselineStatus.NONE, np.uint8), nan, nan, np.zeros(n_legs, np.int64))
 
 
+class GaitEvent(NamedTuple):
+    """Something that happened to one leg; each is reported once.
+
+    Attributes:
+        kind: Kind of event.
+        leg: Row of the leg in the frames.
+        t_ns: Time at which it happened [ns], back-dated.
+        sigma_s: Standard deviation of that time [s].
+    """
+
+    kind: GaitEventKind
+    leg: int
+    t_ns: int
+    sigma_s: float
+
+
+class GaitFrame(NamedTuple):
+    """Gait semantics of all legs, as of one time.
+
+    Foot frame here is that of `ContactFrame.force_n`: x forward, y left, z along the leg.
+
+    Attributes:
+        t_ns: The time [ns].
+        contact: Debounced contact, shape (legs,).
+        contact_raw: Whether the newest load alone is one of contact, shape (legs,).
+        probability: Probability of contact now [1], shape (legs,), NaN where the force is not known.
+        touchdown_ns: Time of the last touchdown, back-dated [ns], shape (legs,); 0 if it is not known.
+        touchdown_sigma_s: Standard deviation of it [s], shape (legs,), NaN if it is not known.
+        lift_off_ns: Time of the last lift-off, back-dated [ns], shape (legs,); 0 if it is not known.
+        lift_off_sigma_s: Standard deviation of it [s], shape (legs,), NaN if it is not known.
+        load_share: Share of the load that all legs in contact carry along their legs [1], shape (legs,); 0 for a foot
+            in the air, NaN for a leg without a force and where no leg carries anything.
+        normal: Unit normal of the ground into the foot, foot frame, shape (legs, 3), NaN where no load tells it.
+        normal_sigma_rad: Standard deviation of its direction, root of the sum of both squares [rad], shape (legs,).
+        friction_use: Tangential over normal force [1], shape (legs,), NaN where no load tells it.
+        friction_use_sigma: Standard deviation of it [1], shape (legs,).
+        slip: Whether the foot slides, shape (legs,), uint8 of `Slip`.
+        friction: Coefficient of the ground's friction, learnt from the slips of all legs [1]; NaN until enough slipped.
+        all_in_air: Whether every leg is known to be without contact.
+        events: What was noticed since the last frame.
+    """
+
+    t_ns: int
+    contact: Mask
+    contact_raw: Mask
+    probability: Vector
+    touchdown_ns: Stamps
+    touchdown_sigma_s: Vector
+    lift_off_ns: Stamps
+    lift_off_sigma_s: Vector
+    load_share: Vector
+    normal: Vector
+    normal_sigma_rad: Vector
+    friction_use: Vector
+    friction_use_sigma: Vector
+    slip: Codes
+    friction: float
+    all_in_air: bool
+    events: tuple[GaitEvent, ...]
+
+
 class ContactFrame(NamedTuple):
     """The contact of every leg.
 
@@ -120,6 +183,7 @@ class ContactFrame(NamedTuple):
         flags: Notes on a usable force, shape (legs,), uint8 of `Flag`.
         cause: Cause of the state, shape (legs,), uint8 of `Cause`.
         baseline: Status and drift of the baselines.
+        gait: Gait semantics, ten times a second and with every event; None between, and in recordings from before them.
     """
 
     sequence: int
@@ -132,6 +196,7 @@ class ContactFrame(NamedTuple):
     flags: Codes
     cause: Codes
     baseline: BaselineDrift
+    gait: GaitFrame | None = None
 
     @property
     def age_ns(self) -> Stamps:

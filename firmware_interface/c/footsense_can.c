@@ -4,6 +4,8 @@
 
 enum { LAST_STATE = FOOTSENSE_STARTING, LAST_CAUSE = 16, LAST_BASELINE_STATUS = 5, LAST_RESULT = 5 };
 
+enum { NO_NORMAL_CODE = -512 };
+
 /* The word that a command spells out beside its kind, so that no stray frame is one. */
 static const uint8_t words[4][4] = {
     {0, 0, 0, 0}, {'z', 'e', 'r', 'o'}, {'s', 't', 'r', 't'}, {'s', 't', 'o', 'p'}};
@@ -49,6 +51,16 @@ static int16_t i16(const uint8_t *bytes)
     return (int16_t)(value >= 0x8000 ? value - 0x10000 : value);
 }
 
+/* The bits behind the crc of a frame of 8 bytes. */
+static uint64_t bits_of(const uint8_t *data)
+{
+    uint64_t bits = 0;
+    for (int i = 7; i >= 1; i--) {
+        bits = bits << 8 | data[i];
+    }
+    return bits;
+}
+
 bool footsense_decode_force(uint16_t id, const uint8_t *data, uint8_t len, footsense_force *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_FORCE_ID, 8) || data[1] >> 4 > LAST_STATE) {
@@ -68,10 +80,7 @@ bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, foo
     if (!is_whole(id, data, len, FOOTSENSE_QUALITY_ID, 8)) {
         return false;
     }
-    uint64_t bits = 0;
-    for (int i = 7; i >= 1; i--) {
-        bits = bits << 8 | data[i];
-    }
+    uint64_t bits = bits_of(data);
     uint32_t age = (uint32_t)(bits >> 8) & 0xFFFu;
     out->node = node_of(id, FOOTSENSE_QUALITY_ID);
     out->counter = data[1] & 0x0Fu;
@@ -130,6 +139,72 @@ bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, foot
     out->counter = data[1] & 0x0Fu;
     out->kind = data[2];
     out->command_counter = data[3] & 0x0Fu;
+    return true;
+}
+
+bool footsense_decode_gait_event(uint16_t id, const uint8_t *data, uint8_t len, footsense_gait_event *out)
+{
+    if (!is_whole(id, data, len, FOOTSENSE_GAIT_EVENT_ID, 6) || data[1] >> 4 < FOOTSENSE_TOUCHDOWN
+        || data[1] >> 4 > FOOTSENSE_SLIP_END) {
+        return false;
+    }
+    uint16_t age = u16(data + 2);
+    out->node = node_of(id, FOOTSENSE_GAIT_EVENT_ID);
+    out->counter = data[1] & 0x0Fu;
+    out->kind = data[1] >> 4;
+    out->all_in_air = (data[5] & 1u) != 0;
+    out->sigma_us = data[4] == 0xFFu ? FOOTSENSE_NO_SIGMA : (uint16_t)(data[4] * 200u);
+    out->age_us = age == 0xFFFFu ? FOOTSENSE_NO_AGE : age * 100u;
+    return true;
+}
+
+bool footsense_decode_gait(uint16_t id, const uint8_t *data, uint8_t len, footsense_gait *out)
+{
+    if (!is_whole(id, data, len, FOOTSENSE_GAIT_ID, 5) || (data[2] & 3u) > FOOTSENSE_SLIP_SLIPPING) {
+        return false;
+    }
+    out->node = node_of(id, FOOTSENSE_GAIT_ID);
+    out->counter = data[1] & 0x0Fu;
+    out->contact = (data[1] & 0x10u) != 0;
+    out->contact_raw = (data[1] & 0x20u) != 0;
+    out->all_in_air = (data[1] & 0x40u) != 0;
+    out->slip = data[2] & 3u;
+    out->probability_permille = data[3] == 0xFFu ? FOOTSENSE_NO_RATIO : (uint16_t)(data[3] * 5u);
+    out->load_share_permille = data[4] == 0xFFu ? FOOTSENSE_NO_RATIO : (uint16_t)(data[4] * 5u);
+    return true;
+}
+
+static int16_t normal_code(uint64_t bits, int shift)
+{
+    int32_t code = (int32_t)(bits >> shift & 0x3FFu);
+    return (int16_t)(code >= 0x200 ? code - 0x400 : code);
+}
+
+/* A ratio in steps of 0.004; all bits set is no value. */
+static uint16_t ratio(uint64_t bits, int shift, uint32_t mask)
+{
+    uint32_t code = (uint32_t)(bits >> shift) & mask;
+    return code == mask ? FOOTSENSE_NO_RATIO : (uint16_t)(code * 4u);
+}
+
+bool footsense_decode_ground(uint16_t id, const uint8_t *data, uint8_t len, footsense_ground *out)
+{
+    if (!is_whole(id, data, len, FOOTSENSE_GROUND_ID, 8)) {
+        return false;
+    }
+    uint64_t bits = bits_of(data);
+    int16_t x = normal_code(bits, 4);
+    int16_t y = normal_code(bits, 14);
+    bool known = x != NO_NORMAL_CODE && y != NO_NORMAL_CODE;
+    uint32_t sigma = (uint32_t)(bits >> 24) & 0x7Fu;
+    out->node = node_of(id, FOOTSENSE_GROUND_ID);
+    out->counter = data[1] & 0x0Fu;
+    out->normal_permille[0] = known ? (int16_t)(x * 2) : FOOTSENSE_NO_NORMAL;
+    out->normal_permille[1] = known ? (int16_t)(y * 2) : FOOTSENSE_NO_NORMAL;
+    out->normal_sigma_urad = sigma == 0x7Fu ? UINT32_MAX : sigma * 2500u;
+    out->friction_use_permille = ratio(bits, 31, 0x1FFu);
+    out->friction_use_sigma_permille = ratio(bits, 40, 0x3Fu);
+    out->friction_permille = ratio(bits, 46, 0x1FFu);
     return true;
 }
 

@@ -1,7 +1,7 @@
 /* The CAN frames of footsense as bytes and numbers, for the gait controller. C99, no allocation, no floats.
  *
- * The same frames as ../can_frames.py, ../can_baseline.py, ../can_events.py and ../footsense.dbc; ../vectors tests all of
- * them. footsense_link.h decides whether a stream of frames may be used.
+ * The same frames as ../can_frames.py, ../can_baseline.py, ../can_events.py, ../can_gait.py and ../footsense.dbc; ../vectors
+ * tests all of them. footsense_link.h decides whether a stream of frames may be used.
  *
  * Every decoder returns false and leaves *out unchanged unless id, length, crc, counter and codes are valid; an unknown
  * code is invalid.
@@ -21,7 +21,10 @@ extern "C" {
 #define FOOTSENSE_FORCE_ID 0x180u
 #define FOOTSENSE_COMMAND_ID 0x200u
 #define FOOTSENSE_QUALITY_ID 0x280u
+#define FOOTSENSE_GAIT_EVENT_ID 0x300u
 #define FOOTSENSE_BASELINE_ID 0x380u
+#define FOOTSENSE_GAIT_ID 0x400u
+#define FOOTSENSE_GROUND_ID 0x480u
 #define FOOTSENSE_ANSWER_ID 0x580u
 #define FOOTSENSE_HEARTBEAT_ID 0x700u
 
@@ -33,6 +36,8 @@ extern "C" {
 #define FOOTSENSE_NO_SIGMA UINT16_MAX
 #define FOOTSENSE_NO_OFFSET INT32_MIN
 #define FOOTSENSE_NO_AGE UINT32_MAX
+#define FOOTSENSE_NO_RATIO UINT16_MAX
+#define FOOTSENSE_NO_NORMAL INT16_MIN
 
 /* Command counter of an answer without a command, such as of the tare at start. */
 #define FOOTSENSE_UNSOLICITED 15u
@@ -60,6 +65,19 @@ enum footsense_flag {
 };
 
 enum footsense_command { FOOTSENSE_TARE = 1, FOOTSENSE_START = 2, FOOTSENSE_STOP = 3 };
+
+enum footsense_event_kind {
+    FOOTSENSE_TOUCHDOWN = 1,
+    FOOTSENSE_LIFT_OFF = 2,
+    FOOTSENSE_SLIP = 3,    /* the foot begins to slide */
+    FOOTSENSE_SLIP_END = 4 /* the foot slides no longer, or carries too little to tell */
+};
+
+enum footsense_slip {
+    FOOTSENSE_SLIP_UNKNOWN = 0, /* no contact, or too little is known to tell */
+    FOOTSENSE_SLIP_NONE = 1,
+    FOOTSENSE_SLIP_SLIPPING = 2
+};
 
 /* Result of a command; 0 is done, the others are reasons of a refusal (../can_codes.py, Result). */
 enum footsense_result { FOOTSENSE_DONE = 0 };
@@ -112,6 +130,37 @@ typedef struct {
     bool degraded_timing; /* the service runs without the scheduling that it asked for */
 } footsense_heartbeat;
 
+typedef struct {
+    uint8_t node;
+    uint8_t counter;  /* of the leg's events */
+    uint8_t kind;     /* enum footsense_event_kind */
+    bool all_in_air;  /* every leg of the robot is known to be without contact now */
+    uint16_t sigma_us; /* standard deviation of the event's time; 50800: or more; FOOTSENSE_NO_SIGMA */
+    uint32_t age_us;  /* from the event to the send; FOOTSENSE_NO_AGE: unknown, or above 6553.4 ms */
+} footsense_gait_event;
+
+typedef struct {
+    uint8_t node;
+    uint8_t counter;
+    bool contact;             /* debounced */
+    bool contact_raw;         /* the newest load alone is one of contact */
+    bool all_in_air;          /* every leg of the robot is known to be without contact */
+    uint8_t slip;             /* enum footsense_slip */
+    uint16_t probability_permille; /* of contact; FOOTSENSE_NO_RATIO */
+    uint16_t load_share_permille;  /* of the load that all legs carry; FOOTSENSE_NO_RATIO */
+} footsense_gait;
+
+typedef struct {
+    uint8_t node;
+    uint8_t counter;
+    int16_t normal_permille[2]; /* unit normal into the foot, x forward, y left; z follows from its length of 1 and is
+                                   positive; FOOTSENSE_NO_NORMAL */
+    uint32_t normal_sigma_urad; /* standard deviation of its direction; 315000: or more; UINT32_MAX: no value */
+    uint16_t friction_use_permille;       /* tangential over normal force; 2040: or more; FOOTSENSE_NO_RATIO */
+    uint16_t friction_use_sigma_permille; /* standard deviation of it; 248: or more; FOOTSENSE_NO_RATIO */
+    uint16_t friction_permille;           /* coefficient that the slips of all legs taught; FOOTSENSE_NO_RATIO */
+} footsense_ground;
+
 /* CRC-8 of AUTOSAR E2E profile 11 variant A: polynomial 0x1D, start 0, over the CAN id and all bytes behind the
  * first of `data`. */
 uint8_t footsense_crc8(uint16_t id, const uint8_t *data, uint8_t len);
@@ -121,6 +170,9 @@ bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, foo
 bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, footsense_fault *out);
 bool footsense_decode_baseline(uint16_t id, const uint8_t *data, uint8_t len, footsense_baseline *out);
 bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, footsense_answer *out);
+bool footsense_decode_gait_event(uint16_t id, const uint8_t *data, uint8_t len, footsense_gait_event *out);
+bool footsense_decode_gait(uint16_t id, const uint8_t *data, uint8_t len, footsense_gait *out);
+bool footsense_decode_ground(uint16_t id, const uint8_t *data, uint8_t len, footsense_ground *out);
 bool footsense_decode_heartbeat(uint16_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out);
 
 /* Writes the 8 bytes of a command and returns its CAN id, or 0 if node, counter or kind does not exist. Each

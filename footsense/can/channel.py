@@ -189,7 +189,8 @@ class CanChannel:
             elif is_data(can_id) and can_id in self._accept:
                 arrived.append((can_id, data))
         self.stats.received += len(arrived)
-        self._health.check_recovery(self._t_ns)
+        if self._health.last_error_ns is not None or self._health.last_full_ns is not None:
+            self._health.check_recovery(self._t_ns)
         return arrived
 
     def close(self) -> None:

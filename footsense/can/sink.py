@@ -1,15 +1,15 @@
 """Forces to CAN: which frame is sent when.
 
 Every n-th cycle sends `Force` and `Quality` of every leg, and so does a cycle in which a leg's state, cause, element
-mask or flags change; heartbeats go out at 5 Hz, `Baseline` at 1 Hz, and a fault report when the state, the mask or the
-cause changes. All frames of a cycle go out with one call. The counters advance over frames that the channel did not
-take, so the consumer sees the gap.
+mask or flags change; heartbeats go out at 5 Hz, `Baseline` at 1 Hz, `Gait` and `Ground` at 10 Hz, a gait event at once,
+and a fault report when the state, the mask or the cause changes. All frames of a cycle go out with one call. The
+counters advance over frames that the channel did not take, so the consumer sees the gap.
 
 Changes in two cycles in a row share the frames of the second: six legs take 500 kbit/s for longer than a conversion.
 
 Where the channel takes only a part, the rest of the cycle is dropped; each time another leg is first, so that a full
 queue costs all legs the same. A leg's Force and Quality are neighbours. A fault report that was not taken is sent again
-with the next cycle, with the fault's values of then.
+with the next cycle, with the fault's values of then; a gait event likewise, with its age of then.
 
 The loop drives all of this, the heartbeats too. It turns even if no leg answers; if it hangs, its heartbeats stop,
 which is their purpose.
@@ -24,6 +24,7 @@ from firmware_interface.crc8 import COUNTER_PERIOD
 from firmware_interface.socketcan import FRAME_BYTES
 from footsense.can.channel import CanChannel, ChannelSettings
 from footsense.can.commands import CanCommands
+from footsense.can.gait_frames import GaitFrames
 from footsense.can.leg_frames import CanLeg, heartbeat_frame, heartbeat_of_state
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import Clock
@@ -60,8 +61,8 @@ class CanSink:
         CanError: The channel is missing or down.
 
     Timing:
-        Never waits. Six legs: 12 frames for each force, 30 heartbeats and 6 baselines a second; one system call for all
-        frames of a cycle.
+        Never waits. Six legs: 12 frames for each force, 30 heartbeats, 6 baselines and 120 frames of the gait a second;
+        one system call for all frames of a cycle.
     """
 
     def __init__(
@@ -80,6 +81,7 @@ class CanSink:
         self._clock = clock
         self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
         self._encoder = ForceQualityEncoder(nodes)
+        self._gait = GaitFrames(nodes)
         self._commands = CanCommands(self._channel, nodes, clock)
         self._every = every
         self._n_cycles = every - 1  # since the last forces
@@ -101,28 +103,37 @@ class CanSink:
         self._closed = False
 
     def publish(self, frame: ContactFrame) -> None:
-        """Send the forces, fault reports, heartbeats and baselines that are due."""
+        """Send the gait events, forces, fault reports, heartbeats, baselines and gaits that are due."""
         t_ns = frame.t_sent_ns
         present = [frame.state.tolist(), frame.fault_mask.tolist(), frame.cause.tolist()]
         self._flags = frame.flags.tolist()
-        frames: list[bytes] = []
-        n_forces = 0
-        if self._are_forces_due([*present, self._flags]):
-            frames, n_forces = self._force_frames(frame, *present[:2]), 2 * len(self._legs)
+        gait = self._gait
+        if frame.gait is not None:
+            gait.take(frame.gait)
         unreported = [] if present == self._reported else self._unreported(present)
         reports = unreported[:_MOST_EVENTS]
+        frames = gait.event_frames(t_ns, _MOST_EVENTS - len(reports)) if gait.events else []
+        n_events = n_before = len(frames)
+        if self._are_forces_due([*present, self._flags]):
+            frames += self._force_frames(frame, *present[:2])
+            n_before += 2 * len(self._legs)
         for leg, report in reports:
             frames.append(leg.fault_frame(*report))
-        room = _MOST_EVENTS - len(reports)
+        room = _MOST_EVENTS - len(reports) - n_events
         if t_ns >= self._due[0][0]:
             room = self._add_periodic(frames, frame, present[0], room)
         if self._commands.unsolicited:
-            frames += self._commands.unsolicited_frames(room)
+            unsolicited = self._commands.unsolicited_frames(room)
+            room -= len(unsolicited)
+            frames += unsolicited
+        if gait.waiting:
+            frames += gait.slow_frames(room)
         if not frames:
             return
         taken = self._channel.send(b"".join(frames), t_ns)
 
-        n_reported = min(len(reports), max(0, taken - n_forces))
+        gait.set_sent(min(n_events, taken))
+        n_reported = min(len(reports), max(0, taken - n_before))
         for leg, report in reports[:n_reported]:
             leg.set_reported(report)
         if n_reported == len(unreported):

@@ -1,20 +1,25 @@
 """The consumer's end of CAN: frames in, forces that may be used out.
 
-link       frames -> status, state, force, sigma, age of every leg     pure; the same in C: firmware_interface/c
-reports    frames -> cause, baseline and heartbeat of every leg           pure
-commands   tare, start, stop, and their results                        pure
+link         frames -> status, state, force, sigma, age of every leg              the same in C: firmware_interface/c
+gait_events  frames -> touchdowns, lift-offs and slips, each once                 the same in C
+reports      frames -> cause, baseline, heartbeat, contact, ground of every leg
+commands     tare, start, stop, and their results
 
-Nothing here opens a channel or reads a clock, and nothing but `firmware_interface` is imported.
+All is pure: nothing here opens a channel or reads a clock, and nothing but `firmware_interface` is imported.
 """
 
 from footsense.client.commands import CommandResult, PendingCommands
+from footsense.client.gait_events import GAIT_EVENT_IDS, GaitEvents, LegEvent
 from footsense.client.link import LINK_IDS, LegForce, Link, LinkLimits, LinkStatus
 from footsense.client.reports import REPORT_IDS, LegReport, Reports
 
 __all__ = [
+    "GAIT_EVENT_IDS",
     "LINK_IDS",
     "REPORT_IDS",
     "CommandResult",
+    "GaitEvents",
+    "LegEvent",
     "LegForce",
     "LegReport",
     "Link",

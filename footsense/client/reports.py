@@ -1,4 +1,4 @@
-"""The legs' slower frames: cause of the state, baseline, heartbeat."""
+"""The legs' slower frames: cause of the state, baseline, heartbeat, contact and ground."""
 
 import math
 from collections.abc import Callable
@@ -14,16 +14,26 @@ from firmware_interface.can_events import (
     decode_fault,
     decode_heartbeat,
 )
+from firmware_interface.can_gait import GAIT_ID, GROUND_ID, Gait, Ground, decode_gait, decode_ground
 from firmware_interface.crc8 import FrameError
 
-#: Age from which the content of a frame is unknown [ns]: three periods of baseline (1 s) and heartbeat (200 ms).
-_LIMITS_NS = {Fault: math.inf, Baseline: 3_000_000_000, Heartbeat: 600_000_000}
+#: Age from which the content of a frame is unknown [ns]: three periods of baseline (1 s), heartbeat (200 ms), and
+#: contact and ground (100 ms).
+_LIMITS_NS = {
+    Fault: math.inf,
+    Baseline: 3_000_000_000,
+    Heartbeat: 600_000_000,
+    Gait: 300_000_000,
+    Ground: 300_000_000,
+}
 
-Report = TypeVar("Report", Fault, Baseline, Heartbeat)
+Report = TypeVar("Report", Fault, Baseline, Heartbeat, Gait, Ground)
 
-_DECODERS: dict[int, Callable[[int, bytes], Fault | Baseline | Heartbeat]] = {
+_DECODERS: dict[int, Callable[[int, bytes], Fault | Baseline | Heartbeat | Gait | Ground]] = {
     FAULT_ID: decode_fault,
     BASELINE_ID: decode_baseline,
+    GAIT_ID: decode_gait,
+    GROUND_ID: decode_ground,
     HEARTBEAT_ID: decode_heartbeat,
 }
 
@@ -43,6 +53,8 @@ class LegReport(NamedTuple):
         moved_ago_ns: Time since the baseline last moved [ns].
         node_state: NMT state of the heartbeat; None also without heartbeats.
         degraded_timing: Whether the service runs without the scheduling that it asked for.
+        gait: Its contact.
+        ground: The ground below its foot.
     """
 
     cause: Cause | None
@@ -53,6 +65,8 @@ class LegReport(NamedTuple):
     moved_ago_ns: int | None
     node_state: NmtState | None
     degraded_timing: bool | None
+    gait: Gait | None = None
+    ground: Ground | None = None
 
 
 class Reports:
@@ -63,7 +77,7 @@ class Reports:
     """
 
     def __init__(self) -> None:
-        self._last: dict[tuple[int, type], tuple[Fault | Baseline | Heartbeat, int]] = {}
+        self._last: dict[tuple[int, type], tuple[Fault | Baseline | Heartbeat | Gait | Ground, int]] = {}
         self.n_wrong = 0
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
@@ -95,6 +109,8 @@ class Reports:
         fault, _ = self._recent(node, Fault, now_ns)
         baseline, since_ns = self._recent(node, Baseline, now_ns)
         beat, _ = self._recent(node, Heartbeat, now_ns)
+        gait, _ = self._recent(node, Gait, now_ns)
+        ground, _ = self._recent(node, Ground, now_ns)
         moved_ago_ns = None
         if baseline is not None and baseline.age_ns is not None:
             moved_ago_ns = baseline.age_ns + since_ns
@@ -107,6 +123,8 @@ class Reports:
             moved_ago_ns=moved_ago_ns,
             node_state=beat.state if beat else None,
             degraded_timing=beat.degraded_timing if beat else None,
+            gait=gait,
+            ground=ground,
         )
 
     def _recent(self, node: int, kind: type[Report], now_ns: int) -> tuple[Report | None, int]:

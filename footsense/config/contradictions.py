@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
-from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
+from firmware_interface.wire_timing import can_bits_per_s
 from footsense.config.boards import BOARDS
 from footsense.config.schema import PUBLISH_EVERY, Config
 from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
@@ -141,10 +141,12 @@ def _can(config: Config) -> Iterator[Problem]:
             f"{can.channel} is no IPv4 multicast address, as udp_multicast needs one; use 239.74.163.2",
         )
     per_s = config.forces_hz
-    bits_per_s = len(config.legs) * FRAMES_PER_LEG * LONGEST_FRAME_BITS * per_s
+    bits_per_s = can_bits_per_s(len(config.legs), per_s)
     share = bits_per_s / (_CAN_SHARE * can.bitrate)
     if can.interface == "socketcan" and share > 1.0:
-        fewer = f"publish_every: {math.ceil(share * config.publish_every)}"
+        others_per_s = can_bits_per_s(len(config.legs), 0.0)
+        forces_share = (bits_per_s - others_per_s) / (_CAN_SHARE * can.bitrate - others_per_s)
+        fewer = f"publish_every: {math.ceil(forces_share * config.publish_every)}"
         yield Problem(
             "can.bitrate",
             f"{len(config.legs)} legs at {per_s:.0f} forces/s take {bits_per_s * 1e-3:.0f} kbit/s, more than "

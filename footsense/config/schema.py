@@ -11,7 +11,7 @@ from footsense.config.boards import BOARDS
 from footsense.foot.files.calibration_format import FootId
 from footsense.frames import ELEMENTS
 
-#: Default of `publish_every`: 92 forces a second, 30 % of 500 kbit/s for six legs.
+#: Default of `publish_every`: 92 forces a second, with all other frames 34 % of 500 kbit/s for six legs.
 PUBLISH_EVERY = 4
 
 

@@ -5,7 +5,19 @@ from typing import NamedTuple
 from firmware_interface.can_codes import NODE_IDS
 from firmware_interface.socketcan import split_frames
 from footsense.can.python_can import open_wire
-from footsense.client import LINK_IDS, REPORT_IDS, LegForce, LegReport, Link, LinkLimits, LinkStatus, Reports
+from footsense.client import (
+    GAIT_EVENT_IDS,
+    LINK_IDS,
+    REPORT_IDS,
+    GaitEvents,
+    LegEvent,
+    LegForce,
+    LegReport,
+    Link,
+    LinkLimits,
+    LinkStatus,
+    Reports,
+)
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 
@@ -21,12 +33,16 @@ class LegSnapshot(NamedTuple):
         force: Its force and whether it may be used.
         report: Its last reports.
         n_force_frames: `Force` frames received so far.
+        event: Its last gait event; None before the first.
+        event_ago_ns: Time since it happened [ns]; None if that is not known.
     """
 
     leg: str
     force: LegForce
     report: LegReport
     n_force_frames: int
+    event: LegEvent | None = None
+    event_ago_ns: int | None = None
 
     @property
     def is_current(self) -> bool:
@@ -53,6 +69,8 @@ class Listener:
         self._clock = clock
         self._link = Link(limits)
         self._reports = Reports()
+        self._events = GaitEvents()
+        self._last_events: dict[int, LegEvent] = {}
         self._last_poll_ns = clock.now_ns()
         self._n_force_frames = dict.fromkeys(NODE_IDS.values(), 0)
 
@@ -73,6 +91,8 @@ class Listener:
                 if self._link.feed(can_id, data, self._last_poll_ns):
                     if can_id & ~0xF == LINK_IDS[0] & ~0xF:
                         self._n_force_frames[can_id & 0xF] += 1
+                elif event := self._events.feed(can_id, data, self._last_poll_ns):
+                    self._last_events[event.node] = event
                 else:
                     self._reports.feed(can_id, data, self._last_poll_ns)
             self._last_poll_ns = now_ns
@@ -81,12 +101,20 @@ class Listener:
     def snapshot(self) -> list[LegSnapshot]:
         """Return every leg at the present time."""
         now_ns = self._clock.now_ns()
-        return [
-            LegSnapshot(
-                leg, self._link.leg(node, now_ns), self._reports.leg(node, now_ns), self._n_force_frames[node]
+        snapshots = []
+        for leg, node in NODE_IDS.items():
+            event = self._last_events.get(node)
+            snapshots.append(
+                LegSnapshot(
+                    leg,
+                    self._link.leg(node, now_ns),
+                    self._reports.leg(node, now_ns),
+                    self._n_force_frames[node],
+                    event,
+                    None if event is None or event.t_ns is None else now_ns - event.t_ns,
+                )
             )
-            for leg, node in NODE_IDS.items()
-        ]
+        return snapshots
 
 
 def open_listener(interface: str, channel: str, clock: Clock, limits: LinkLimits) -> Listener:
@@ -95,4 +123,6 @@ def open_listener(interface: str, channel: str, clock: Clock, limits: LinkLimits
     Raises:
         CanError: The channel is missing or down.
     """
-    return Listener(open_wire(interface, channel, 500_000, [*LINK_IDS, *REPORT_IDS]), clock, limits)
+    return Listener(
+        open_wire(interface, channel, 500_000, [*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS]), clock, limits
+    )

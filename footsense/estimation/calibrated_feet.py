@@ -37,6 +37,10 @@ class CalibratedFeet:
             [np.zeros((3, N_CORRECTION_TERMS)) if foot is None else foot.correction for foot in feet],
             (repeats, 1, 1),
         )
+        self._rotation = np.tile(
+            [np.eye(3) if foot is None else foot.mount.T for foot in feet], (repeats, 1, 1)
+        )
+        self._turned = bool((self._rotation != np.eye(3)).any())
         self._corrected = bool(self._calibrated_correction.any())
         self._calibrated_error_rel = np.tile(
             [0.0 if foot is None else foot.error_rel for foot in feet], repeats
@@ -63,12 +67,40 @@ class CalibratedFeet:
     def estimate(self, window: Window) -> Load:
         """Return the load of every row.
 
-        The network's sigma is rotated and scaled with the force; the calibration's residual error is added.
+        The network's sigma is rotated and scaled with the force; the calibration's residual error is added. The contact
+        is turned by the mount as the force is.
         """
         design_n, design_sigma_n, contact, contact_sigma = self._network.estimate(window)
+        if self._turned:
+            contact, contact_sigma = _turned(self._rotation, contact, contact_sigma)
         force_n = np.einsum("rij,rj->ri", self._matrix, design_n)
         if self._corrected:
             force_n += np.einsum("rij,rj->ri", self._correction, correction_terms(design_n))
         variance_n2 = np.einsum("rij,rj->ri", self._matrix**2, design_sigma_n**2)
         residual_n = self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True)
         return Load(force_n, np.sqrt(variance_n2 + residual_n**2), contact, contact_sigma)
+
+
+def _turned(rotation: Vector, contact: Vector, sigma: Vector) -> tuple[Vector, Vector]:
+    """Return the contact of a load, and its sigma, from the foot's frame to the leg's.
+
+    Args:
+        rotation: Rotation of vectors from the foot's frame to the leg's, shape (rows, 3, 3).
+        contact: As in `Load`, shape (rows, 4).
+        sigma: Standard deviation of each, shape (rows, 4).
+    """
+    point, ratio = contact[:, :2], contact[:, 2:]
+    scale = 2.0 / (1.0 + np.einsum("ri,ri->r", point, point))
+    normal = np.column_stack((scale[:, None] * point, scale - 1.0))
+    # The tangential force is perpendicular to the normal.
+    tangent = np.column_stack((ratio, -np.einsum("ri,ri->r", normal[:, :2], ratio) / normal[:, 2]))
+    turned_normal = np.einsum("rij,rj->ri", rotation, normal)
+    turned_tangent = np.einsum("rij,rj->ri", rotation, tangent)
+    turned_scale = 1.0 + turned_normal[:, 2]
+    # Both directions of an error change places; the angle between two normals stays.
+    mixed = np.einsum("rij,rkj->rki", rotation[:, :2, :2] ** 2, sigma.reshape(-1, 2, 2) ** 2)
+    kept = (sigma**2).reshape(-1, 2, 2).sum(axis=2, keepdims=True) / mixed.sum(axis=2, keepdims=True)
+    turned_sigma = np.sqrt(mixed * kept)
+    turned_sigma[:, 0] *= (scale / turned_scale)[:, None]
+    turned = np.column_stack((turned_normal[:, :2] / turned_scale[:, None], turned_tangent[:, :2]))
+    return turned, turned_sigma.reshape(-1, 4)

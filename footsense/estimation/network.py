@@ -5,6 +5,7 @@ a second thread costs more than this network's microseconds.
 """
 
 from collections.abc import Sequence
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,7 @@ class Network:
         for array, values in zip(self._in, window, strict=True):
             array[...] = values.reshape(array.shape)
         self._session.run_with_iobinding(self._binding)
-        return Load(*(array.astype(np.float64) for array in self._out))
+        return Load(*map(methodcaller("astype", np.float64), self._out))
 
     def _test(self, path: Path) -> None:
         """Estimate once unloaded, which also plans the memory, and through the trained range.

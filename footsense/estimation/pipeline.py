@@ -25,6 +25,7 @@ from footsense.estimation.faults.status import (
     LegClassifier,
     LegStatus,
 )
+from footsense.estimation.gait.tracker import GaitTracker
 from footsense.estimation.reading_window import Readings, ReadingWindow
 from footsense.estimation.rest import REST_AGE_S
 from footsense.estimation.sensitivity import Sensitivity
@@ -43,7 +44,7 @@ from footsense.frames import (
     State,
     Vector,
 )
-from footsense.ports import Estimator, Window
+from footsense.ports import Estimator, Load, Window
 
 _VALID = np.uint8(State.VALID)
 
@@ -123,6 +124,7 @@ class Pipeline:
         gap_um = np.full_like(stray_pf, design.gap_um) if gap_um is None else gap_um
         self._legs = LegClassifier(n_legs, trained, gap_um, max_age_ns)
         self._monitor = CalibrationMonitor(n_legs, body_weight_n)
+        self._gait = GaitTracker(n_legs)
         self._no_leg = np.zeros(n_legs, bool)
         self._set_temperature = set_temperature
 
@@ -151,7 +153,7 @@ class Pipeline:
     def process(self, scan: CapFrame, now_ns: int) -> tuple[ContactFrame, tuple[CommandResult, ...]]:
         """Return the forces of a scan as of `now_ns`, and the results of the tares that end with it.
 
-        The stages: element status, tare, last readings, consistency test, leg status, force, contact and drift,
+        The stages: element status, tare, last readings, consistency test, leg status, load, contact and drift, gait,
         calibration monitor.
         """
         scan = _without_future(scan, now_ns)
@@ -182,20 +184,23 @@ class Pipeline:
             now_ns,
         )
         age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
-        force_n, sigma_n, state = self._forces(closure_rel, age_s, consistency, legs)
+        load, state = self._loads(closure_rel, age_s, consistency, legs)
+        force_n = load.force_n
         baselines.observe(measured_rel, force_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns)
+        gait = self._gait.observe(load, baselines.contacts, now_ns)
         cause = self._calibration_causes(force_n, state, legs, measured_rel, now_ns)
         return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
             t_ns=legs.t_ns,
             force_n=force_n,
-            sigma_n=sigma_n,
+            sigma_n=load.sigma_n,
             state=state,
             fault_mask=legs.fault_mask,
             flags=baselines.flags | self._flags,
             cause=cause,
             baseline=baselines.drift,
+            gait=gait,
         ), results
 
     def _missing(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
@@ -222,10 +227,10 @@ class Pipeline:
         missing[lost] = consistency.missing[lost]
         return consistency._replace(missing=missing, ok=False), lost
 
-    def _forces(
+    def _loads(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
-    ) -> tuple[Vector, Vector, Codes]:
-        """Return force and sigma [N], shape (legs, 3) each, NaN where not usable, and the state of each leg.
+    ) -> tuple[Load, Codes]:
+        """Return the loads, with force and sigma NaN where not usable, and the state of each leg.
 
         Args:
             closure_rel: Closures over the gap [1], newest first, shape (legs, 3, 9).
@@ -248,11 +253,11 @@ class Pipeline:
             inconsistent_n = consistency.inconsistency_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
         if legs.healthy and math.isfinite(np.vdot(force_n, sigma_n)):
-            return force_n, sigma_n, legs.state
+            return load._replace(sigma_n=sigma_n), legs.state
         finite = legs.usable & np.isfinite(force_n + sigma_n).all(axis=1)
         force_n[~finite] = sigma_n[~finite] = np.nan
         state = np.where(legs.usable & ~finite, np.uint8(State.OUT_OF_RANGE), legs.state)
-        return force_n, sigma_n, state
+        return load._replace(sigma_n=sigma_n), state
 
     def _calibration_causes(
         self, force_n: Vector, state: Codes, legs: LegStatus, measured_rel: Vector, now_ns: int

@@ -5,14 +5,17 @@ from operator import attrgetter
 
 import numpy as np
 
-from footsense.frames import ContactFrame, Mask, Vector
-from footsense.recording.cycle_fields import FIELDS, NOT_RECORDED
+from footsense.frames import ContactFrame, GaitFrame, Mask, Vector
+from footsense.recording.cycle_fields import FIELDS, GAIT_FIELDS, NOT_RECORDED
 
 #: Largest difference of a force computed on another processor or with other library versions [N].
 TOLERANCE_N = 1e-3
 
 #: Largest difference of a baseline offset then [pF]: half a code of the converter.
 TOLERANCE_PF = 1e-6
+
+#: Largest difference of a ratio, a component of a normal or a sigma of the gait then, and of a time [ns].
+TOLERANCE_REL, TOLERANCE_NS = 1e-2, 1_000_000
 
 #: Compared fields of the forces in their order; the later ones are not in recordings from before causes.
 _FIRST_FIELDS = ("state", "t_ns", "fault_mask", "flags", "force_n", "sigma_n")
@@ -47,6 +50,34 @@ def compare(
         if difference:
             t_s = recorded.t_sent_ns * 1e-9
             return f"cycle {recorded.sequence}, sent at {t_s:.3f} s, leg {leg}: {difference}"
+    if recorded.gait is None:  # as in most cycles, and in recordings from before it
+        return None
+    difference = _gait_difference(recorded.gait, recomputed.gait, legs, exact=exact)
+    return None if difference is None else f"cycle {recorded.sequence}: {difference}"
+
+
+def _gait_difference(
+    then: GaitFrame, now: GaitFrame | None, legs: Sequence[str], *, exact: bool
+) -> str | None:
+    """Return the first difference of two gaits."""
+    if now is None:
+        return "a gait was told, and is not now"
+    for path, field in GAIT_FIELDS.items():
+        name = path.partition(".")[2]
+        before, after = (np.atleast_1d(getattr(gait, name)) for gait in (then, now))
+        if field.kind == "<f8":
+            same = _equal(before, after, None if exact else TOLERANCE_REL)
+        else:
+            same = (
+                np.abs(after - before) <= TOLERANCE_NS
+                if not exact and field.kind == "<i8"
+                else before == after
+            )
+        for place in np.argwhere(~same).tolist():
+            values = before[tuple(place)], after[tuple(place)]
+            return f"leg {legs[place[0]]}: {name} was {values[0]}, is now {values[1]}"
+    if [event[:2] for event in then.events] != [event[:2] for event in now.events]:
+        return f"the gait events were {then.events}, are now {now.events}"
     return None
 
 

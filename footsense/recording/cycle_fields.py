@@ -5,6 +5,7 @@ from enum import IntEnum
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
+import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import (
@@ -14,7 +15,10 @@ from footsense.frames import (
     CapFrame,
     Cause,
     ContactFrame,
+    GaitEvent,
+    GaitFrame,
     Reading,
+    Slip,
     State,
 )
 
@@ -63,6 +67,23 @@ FIELDS = {
     "forces.baseline.moved_ns": CycleField("<i8", (), ("baseline_moved_ns",)),
 }
 
+#: The arrays of a gait, which few cycles have.
+GAIT_FIELDS = {
+    "gait.contact": CycleField("u1", (), ("contact",), 1),
+    "gait.contact_raw": CycleField("u1", (), ("contact_raw",), 1),
+    "gait.probability": CycleField("<f8", (), ("probability",)),
+    "gait.touchdown_ns": CycleField("<i8", (), ("touchdown_ns",)),
+    "gait.touchdown_sigma_s": CycleField("<f8", (), ("touchdown_sigma_s",)),
+    "gait.lift_off_ns": CycleField("<i8", (), ("lift_off_ns",)),
+    "gait.lift_off_sigma_s": CycleField("<f8", (), ("lift_off_sigma_s",)),
+    "gait.load_share": CycleField("<f8", (), ("load_share",)),
+    "gait.normal": CycleField("<f8", (3,), ("normal_x", "normal_y", "normal_z")),
+    "gait.normal_sigma_rad": CycleField("<f8", (), ("normal_sigma_rad",)),
+    "gait.friction_use": CycleField("<f8", (), ("friction_use",)),
+    "gait.friction_use_sigma": CycleField("<f8", (), ("friction_use_sigma",)),
+    "gait.slip": CycleField("u1", (), ("slip",), max(Slip), Slip),
+}
+
 
 def scan_of(sequence: int, arrays: Mapping[str, NDArray[Any]]) -> CapFrame:
     """Return the scan with these arrays, by their places in `FIELDS`."""
@@ -75,6 +96,20 @@ def forces_of(sequence: int, t_sent_ns: int, arrays: Mapping[str, NDArray[Any]])
     return ContactFrame(sequence, t_sent_ns, **_below("forces", arrays), baseline=baseline)
 
 
-def _below(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+def gait_of(
+    t_ns: int,
+    friction: float,
+    all_in_air: bool,  # noqa: FBT001 - a value of the frame
+    events: tuple[GaitEvent, ...],
+    arrays: Mapping[str, NDArray[Any]],
+) -> GaitFrame:
+    """Return the gait with these arrays, by their places in `GAIT_FIELDS`."""
+    values = {path.partition(".")[2]: arrays[path] for path in GAIT_FIELDS}
+    for name in ("contact", "contact_raw"):
+        values[name] = values[name].astype(np.bool_)
+    return GaitFrame(t_ns=t_ns, friction=friction, all_in_air=all_in_air, events=events, **values)
+
+
+def _below(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     split = (path.rpartition(".") for path in FIELDS)
     return {name: arrays[f"{parent}.{name}"] for parent, _, name in split if parent == place}

@@ -7,14 +7,23 @@ that packing is copying. The reader checks every field: a damaged record ends th
 
 from collections.abc import Iterator, Mapping
 from operator import attrgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from footsense.errors import RecordingError
-from footsense.frames import Command, CommandResult, Cycle, Reference
-from footsense.recording.cycle_fields import FIELDS, Count, forces_of, scan_of
+from footsense.frames import Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
+from footsense.recording.cycle_fields import (
+    FIELDS,
+    GAIT_FIELDS,
+    Count,
+    CycleField,
+    forces_of,
+    gait_of,
+    scan_of,
+)
 
 _LENGTH_BYTES = 4
 #: Longest record [bytes], far above any cycle.
@@ -53,6 +62,14 @@ class _Header(msgspec.Struct, array_like=True, tag="header"):
     entries: dict[str, str]
 
 
+class _Gait(msgspec.Struct, array_like=True):
+    t_ns: Count
+    friction: float
+    all_in_air: bool
+    events: tuple[GaitEvent, ...]
+    arrays: bytes
+
+
 class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
     counter: Count
     scan_sequence: Count
@@ -63,6 +80,7 @@ class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
     outcomes: tuple[CommandResult, ...]
     reference: tuple[bytes, bytes, bytes] | None
     temperature_c: bytes | None
+    gait: _Gait | None
 
 
 #: Integers of numpy become Python's.
@@ -72,6 +90,8 @@ _decode = msgspec.msgpack.Decoder(_Header | _Cycle | LostCycles).decode
 #: The fields of a record in their order, wide entries first so that all are aligned.
 _ARRAYS = sorted(FIELDS, key=lambda path: np.dtype(FIELDS[path].kind).itemsize, reverse=True)
 _arrays_of = attrgetter(*_ARRAYS)
+_GAIT_ARRAYS = sorted(GAIT_FIELDS, key=lambda path: np.dtype(GAIT_FIELDS[path].kind).itemsize, reverse=True)
+_gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in _GAIT_ARRAYS))
 
 
 def pack_header(header: Mapping[str, str]) -> bytes:
@@ -100,13 +120,19 @@ def pack_cycle(counter: int, cycle: Cycle) -> bytes:
     record = _encode(
         (
             *("cycle", counter, scan.sequence, forces.sequence, forces.t_sent_ns),
-            b"".join([array.tobytes() for array in _arrays_of(cycle)]),
+            b"".join(map(np.ndarray.tobytes, _arrays_of(cycle))),
             *(commands, outcomes),
             None if reference is None else tuple(column.tobytes() for column in reference),
             None if temperature_c is None else temperature_c.tobytes(),
+            None if forces.gait is None else _packed_gait(forces.gait),
         )
     )
     return _framed(record)
+
+
+def _packed_gait(gait: GaitFrame) -> tuple[object, ...]:
+    arrays = b"".join(map(np.ndarray.tobytes, _gait_arrays_of(gait)))
+    return (gait.t_ns, gait.friction, gait.all_in_air, gait.events, arrays)
 
 
 def _framed(record: bytes) -> bytes:
@@ -162,22 +188,46 @@ def require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the s
 
 
 def _numbered(record: _Cycle, n_legs: int) -> NumberedCycle:
-    layout = np.dtype([(path, FIELDS[path].kind, (n_legs, *FIELDS[path].shape)) for path in _ARRAYS])
-    require(len(record.arrays) == layout.itemsize, f"arrays of {len(record.arrays)} bytes")
-    entry = np.frombuffer(record.arrays, dtype=layout)[0]
-    for path, field in FIELDS.items():
-        if field.most is not None:
-            found = entry[path].max()
-            require(found <= field.most, f"{path} {found}, at most {field.most} has a meaning")
+    entry = _arrays(record.arrays, FIELDS, _ARRAYS, n_legs)
     commands = (*record.commands, *(outcome.command for outcome in record.outcomes))
     require(all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs")
     scan = scan_of(record.scan_sequence, entry)
     forces = forces_of(record.force_sequence, record.t_sent_ns, entry)
+    if record.gait is not None:
+        forces = forces._replace(gait=_gait(record.gait, n_legs))
     reference = None if record.reference is None else _reference(*record.reference)
     temperature_c = None if record.temperature_c is None else np.frombuffer(record.temperature_c, "<f8")
     require(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
     cycle = Cycle(scan, record.commands, forces, record.outcomes, reference, temperature_c)
     return NumberedCycle(record.counter, cycle)
+
+
+def _arrays(
+    data: bytes, fields: Mapping[str, CycleField], order: list[str], n_legs: int
+) -> Mapping[str, NDArray[Any]]:
+    """Return the arrays in a binary field by their places, checked.
+
+    Args:
+        data: The binary field.
+        fields: The arrays by their places.
+        order: Their places in the order of the field.
+        n_legs: Rows of each array.
+    """
+    layout = np.dtype([(path, fields[path].kind, (n_legs, *fields[path].shape)) for path in order])
+    require(len(data) == layout.itemsize, f"arrays of {len(data)} bytes")
+    entry: Mapping[str, NDArray[Any]] = np.frombuffer(data, dtype=layout)[0]
+    for path, field in fields.items():
+        if field.most is not None:
+            found = entry[path].max()
+            require(found <= field.most, f"{path} {found}, at most {field.most} has a meaning")
+    return entry
+
+
+def _gait(record: _Gait, n_legs: int) -> GaitFrame:
+    """Return the gait of a record."""
+    require(all(0 <= event.leg < n_legs for event in record.events), f"an event of none of {n_legs} legs")
+    arrays = _arrays(record.arrays, GAIT_FIELDS, _GAIT_ARRAYS, n_legs)
+    return gait_of(record.t_ns, record.friction, record.all_in_air, record.events, arrays)
 
 
 def _reference(times: bytes, forces: bytes, saturations: bytes) -> Reference:

@@ -4,7 +4,16 @@ from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Literal
 
-from firmware_interface.can_codes import FAULT_FREE, BaselineStatus, Cause, Phase, Result, State
+from firmware_interface.can_codes import (
+    FAULT_FREE,
+    BaselineStatus,
+    Cause,
+    GaitEventKind,
+    Phase,
+    Result,
+    Slip,
+    State,
+)
 from footsense.telemetry.shared_counters import MetricFamily
 
 #: Close together around one conversion of 2.5, 5, 10 and 11 ms.
@@ -47,7 +56,24 @@ STATE_SETS: dict[str, tuple[str, type[IntEnum], str]] = {
         BaselineStatus,
         "1 for the status of the leg's baseline tracking.",
     ),
+    "footsense_leg_slip": ("slip", Slip, "1 for whether the foot slides, sticks, or that is not known."),
 }
+
+#: Gauges of each leg's gait, by field of `GaitFrame`.
+GAIT_GAUGES = {
+    "probability": ("footsense_leg_contact_probability", "Probability of contact; NaN without a force."),
+    "load_share": (
+        "footsense_leg_load_share",
+        "Share of the load that all legs carry; NaN without a force.",
+    ),
+    "friction_use": ("footsense_leg_friction_use", "Tangential over normal force; NaN if no load tells it."),
+    "normal_sigma_rad": (
+        "footsense_ground_normal_sigma_radians",
+        "Standard deviation of the ground's normal; NaN if no load tells it.",
+    ),
+}
+#: Axes of a vector in the frame of the force.
+AXES = ["x", "y", "z"]
 
 #: Counters of the CAN channel, by field of `CanStatistics`.
 CAN_COUNTERS = {
@@ -98,6 +124,20 @@ def service_metrics(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | No
             for name, (label, codes, meaning) in STATE_SETS.items()
         ),
         _family("footsense_leg_contact", "1 while the foot is in contact with the ground.", leg),
+        *(_family(name, meaning, leg) for name, meaning in GAIT_GAUGES.values()),
+        _family(
+            "footsense_ground_normal",
+            "Unit normal of the ground into the foot; NaN if no load tells it.",
+            {**leg, "axis": AXES},
+        ),
+        _family(
+            "footsense_ground_friction_coefficient",
+            "Coefficient of friction that slips have taught; NaN until then.",
+        ),
+        _family("footsense_all_in_air", "1 while every leg is known to be without contact."),
+        _family(
+            "footsense_gait_events_total", "Gait events by kind.", {**leg, "kind": _names(GaitEventKind)}
+        ),
         _family("footsense_leg_cycles_total", "Estimates by the leg's state.", states),
         _family(
             "footsense_faults_total", "Transitions of a leg into a fault.", {**leg, "kind": _names(FAULTS)}

@@ -12,12 +12,23 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from firmware_interface.can_codes import phase_of
-from footsense.frames import CanStatistics, CommandKind, ContactFrame, Cycle, Flag, Result, State
+from footsense.frames import (
+    CanStatistics,
+    CommandKind,
+    ContactFrame,
+    Cycle,
+    Flag,
+    GaitEventKind,
+    GaitFrame,
+    Result,
+    State,
+)
 from footsense.ports import Observer, WakeupLatency
 from footsense.telemetry.metric_families import (
     AGE_BOUNDS_S,
     CAN_COUNTERS,
     FAULTS,
+    GAIT_GAUGES,
     PERIOD_BOUNDS_S,
     STATE_SETS,
     service_metrics,
@@ -102,6 +113,8 @@ class MetricsObserver(Observer):
             self._update_states(forces)
         for cell in self._cycle_cells:
             cells[cell] += 1
+        if forces.gait is not None:
+            self._update_gait(forces.gait)
         if self._copy_due_ns is None or sent_ns >= self._copy_due_ns:
             self._copy_due_ns = sent_ns + _COPY_PERIOD_NS
             self._copy_external_counts(forces)
@@ -131,6 +144,18 @@ class MetricsObserver(Observer):
                 cell = self._first["footsense_faults_total"] + row * len(FAULTS) + column
                 self._counters.cells[cell] += 1
         self._states = states
+
+    def _update_gait(self, gait: GaitFrame) -> None:
+        """Update the gauges of the gait, and count its events."""
+        for field, (name, _) in GAIT_GAUGES.items():
+            self._set(name, getattr(gait, field).tolist())
+        self._set("footsense_ground_normal", gait.normal.ravel().tolist())
+        self._set("footsense_ground_friction_coefficient", [gait.friction])
+        self._set("footsense_all_in_air", [gait.all_in_air])
+        self._set_states("footsense_leg_slip", gait.slip.tolist())
+        first = self._first["footsense_gait_events_total"]
+        for event in gait.events:
+            self._counters.cells[first + event.leg * len(GaitEventKind) + event.kind - 1] += 1
 
     def _copy_external_counts(self, forces: ContactFrame) -> None:
         """Copy the counts of others, and the baselines."""

@@ -69,7 +69,7 @@ def library() -> ctypes.CDLL:
     """Return the decoder as a shared library, built once in a process."""
     folder = Path(mkdtemp(prefix="footsense-c-"))
     try:
-        files = [SOURCES / "footsense_can.c", SOURCES / "footsense_link.c"]
+        files = [SOURCES / f"footsense_{name}.c" for name in ("can", "link", "gait")]
         compile_c(folder, "-shared", "-fPIC", *files, "-o", folder / "footsense.so")
         built = ctypes.CDLL(str(folder / "footsense.so"))
     finally:

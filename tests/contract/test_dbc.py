@@ -17,8 +17,10 @@ from firmware_interface.can_codes import (
     Cause,
     CommandKind,
     Flag,
+    GaitEventKind,
     NmtState,
     Result,
+    Slip,
     State,
 )
 from firmware_interface.can_commands import (
@@ -38,6 +40,17 @@ from firmware_interface.can_frames import (
     decode_force,
     decode_quality,
 )
+from firmware_interface.can_gait import (
+    GAIT_EVENT_ID,
+    GAIT_ID,
+    GROUND_ID,
+    decode_gait,
+    decode_gait_event,
+    decode_ground,
+    encode_gait,
+    encode_gait_event,
+    encode_ground,
+)
 from firmware_interface.crc8 import protect
 from tests.support.can_frames import encode_force, encode_quality
 
@@ -47,6 +60,9 @@ SENDERS = {
     "Quality": (QUALITY_ID, 8, "Footsense"),
     "Baseline": (BASELINE_ID, 8, "Footsense"),
     "Fault": (FAULT_ID, 6, "Footsense"),
+    "GaitEvent": (GAIT_EVENT_ID, 6, "Footsense"),
+    "Gait": (GAIT_ID, 5, "Footsense"),
+    "Ground": (GROUND_ID, 8, "Footsense"),
     "Command": (COMMAND_ID, 8, "GaitController"),
     "Answer": (ANSWER_ID, 4, "Footsense"),
     "Heartbeat": (HEARTBEAT_ID, 1, "Footsense"),
@@ -123,6 +139,8 @@ def test_the_legs_differ_in_nothing_but_name_and_id(name: str) -> None:
         ("FaultLf", "PreviousState", State),
         ("FaultLf", "Cause", Cause),
         ("BaselineLf", "Status", BaselineStatus),
+        ("GaitEventLf", "Kind", GaitEventKind),
+        ("GaitLf", "Slip", Slip),
         ("CommandLf", "Kind", CommandKind),
         ("AnswerLf", "Kind", CommandKind),
         ("AnswerLf", "Result", Result),
@@ -148,10 +166,17 @@ def test_flags_are_single_bits_and_the_words_are_the_commands() -> None:
 
 
 def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
-    """Heartbeats come at 5 Hz, baselines at 1 Hz, forces with every fourth conversion of the default board."""
+    """Heartbeats come at 5 Hz, baselines at 1 Hz, gaits at 10 Hz, forces with every fourth conversion."""
     assert {m.name: m.cycle_time for m in DBC.messages if m.cycle_time} == {
         name + leg: period
-        for name, period in (("Force", 11), ("Quality", 11), ("Baseline", 1000), ("Heartbeat", 200))
+        for name, period in (
+            ("Force", 11),
+            ("Quality", 11),
+            ("Baseline", 1000),
+            ("Gait", 100),
+            ("Ground", 100),
+            ("Heartbeat", 200),
+        )
         for leg in LEGS
     }
 
@@ -254,6 +279,128 @@ def test_baseline(
     theirs = encode(name, signals)
     assert decode_baseline(BASELINE_ID + node, theirs)[:3] == (node, counter, status)
     assert theirs == data
+
+
+def number(code: int | None, per_unit: int) -> float:
+    """Return the value of a code; NaN for none."""
+    return math.nan if code is None else code / per_unit
+
+
+@given(
+    legs,
+    counters,
+    st.sampled_from(GaitEventKind),
+    st.one_of(st.none(), st.integers(0, 65534)),
+    st.one_of(st.none(), st.integers(0, 254)),
+    st.booleans(),
+)
+def test_gait_event(
+    leg: str,
+    counter: int,
+    kind: GaitEventKind,
+    age: int | None,
+    sigma: int | None,
+    air: bool,  # noqa: FBT001 - a parameter of the test
+) -> None:
+    """Each reads what the other writes."""
+    name, node = f"GaitEvent{leg.capitalize()}", NODE_IDS[leg]
+    age_ns = None if age is None else age * 100_000
+    data = encode_gait_event(node, counter, kind, age_ns, number(sigma, 5000), all_in_air=air)
+    signals = decode(name, data)
+    assert signals == pytest.approx(
+        {
+            "CHECKSUM": data[0],
+            "COUNTER": counter,
+            "Kind": kind,
+            "Age": 6553.5 if age is None else age / 10,
+            "Sigma": 51.0 if sigma is None else sigma / 5,
+            "AllInAir": int(air),
+        }
+    )
+    theirs = encode(name, signals)
+    assert theirs == data
+    ours = decode_gait_event(GAIT_EVENT_ID + node, theirs)
+    assert ours == pytest.approx((node, counter, kind, age_ns, number(sigma, 5000), air), nan_ok=True)
+
+
+shares = st.one_of(st.none(), st.integers(0, 200))
+
+
+@given(legs, counters, st.sampled_from(Slip), st.tuples(*[st.booleans()] * 3), shares, shares)
+def test_gait(
+    leg: str,
+    counter: int,
+    slip: Slip,
+    states: tuple[bool, bool, bool],
+    probability: int | None,
+    share: int | None,
+) -> None:
+    """Each reads what the other writes."""
+    name, node = f"Gait{leg.capitalize()}", NODE_IDS[leg]
+    contact, raw, air = states
+    values = number(probability, 200), number(share, 200)
+    data = encode_gait(node, counter, slip, *values, contact=contact, contact_raw=raw, all_in_air=air)
+    signals = decode(name, data)
+    assert signals == pytest.approx(
+        {
+            "CHECKSUM": data[0],
+            "COUNTER": counter,
+            "Contact": int(contact),
+            "ContactRaw": int(raw),
+            "AllInAir": int(air),
+            "Slip": slip,
+            "Probability": 1.275 if probability is None else probability / 200,
+            "LoadShare": 1.275 if share is None else share / 200,
+        }
+    )
+    theirs = encode(name, signals)
+    assert theirs == data
+    ours = decode_gait(GAIT_ID + node, theirs)
+    assert ours == pytest.approx((node, counter, contact, raw, air, slip, *values), nan_ok=True)
+
+
+@given(
+    legs,
+    counters,
+    st.one_of(st.none(), st.tuples(st.integers(-350, 350), st.integers(-350, 350))),
+    st.one_of(st.none(), st.integers(0, 126)),
+    st.one_of(st.none(), st.integers(0, 510)),
+    st.one_of(st.none(), st.integers(0, 62)),
+    st.one_of(st.none(), st.integers(0, 510)),
+)
+def test_ground(
+    leg: str,
+    counter: int,
+    normal: tuple[int, int] | None,
+    sigma: int | None,
+    use: int | None,
+    use_sigma: int | None,
+    friction: int | None,
+) -> None:
+    """Each reads what the other writes."""
+    name, node = f"Ground{leg.capitalize()}", NODE_IDS[leg]
+    x, y = (math.nan, math.nan) if normal is None else (normal[0] / 500, normal[1] / 500)
+    unit = x, y, math.sqrt(1.0 - x * x - y * y)
+    values = number(sigma, 400), number(use, 250), number(use_sigma, 250), number(friction, 250)
+    data = encode_ground(node, counter, unit, *values)
+    signals = decode(name, data)
+    assert signals == pytest.approx(
+        {
+            "CHECKSUM": data[0],
+            "COUNTER": counter,
+            "NormalX": -1.024 if normal is None else x,
+            "NormalY": -1.024 if normal is None else y,
+            "NormalSigma": 0.3175 if sigma is None else sigma / 400,
+            "FrictionUse": 2.044 if use is None else use / 250,
+            "FrictionUseSigma": 0.252 if use_sigma is None else use_sigma / 250,
+            "Friction": 2.044 if friction is None else friction / 250,
+        }
+    )
+    theirs = encode(name, signals)
+    assert theirs == data
+    ours = decode_ground(GROUND_ID + node, theirs)
+    assert ours.normal == pytest.approx(unit, nan_ok=True)
+    assert ours[3:] == pytest.approx(values, nan_ok=True)
 
 
 @given(legs, counters, st.sampled_from(CommandKind))

@@ -2,6 +2,7 @@
 
 import ctypes
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_interface.can_baseline import BASELINE_ID, decode_baseline
-from firmware_interface.can_codes import BaselineStatus, Cause, CommandKind, Flag, Result, State
+from firmware_interface.can_codes import (
+    BaselineStatus,
+    Cause,
+    CommandKind,
+    Flag,
+    GaitEventKind,
+    Result,
+    Slip,
+    State,
+)
 from firmware_interface.can_commands import (
     ANSWER_ID,
     COMMAND_ID,
@@ -21,8 +31,17 @@ from firmware_interface.can_commands import (
 )
 from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, decode_fault, decode_heartbeat
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
+from firmware_interface.can_gait import (
+    GAIT_EVENT_ID,
+    GAIT_ID,
+    GROUND_ID,
+    decode_gait,
+    decode_gait_event,
+    decode_ground,
+    encode_gait_event,
+)
 from firmware_interface.crc8 import FrameError, protect
-from footsense.client import CommandResult, Link, LinkLimits, PendingCommands
+from footsense.client import CommandResult, GaitEvents, Link, LinkLimits, PendingCommands
 from tests.contract import link_vectors
 from tests.contract.c_decoder import SOURCES, CLink, compile_c, in_c_units, library
 from tests.support.can_frames import encode_force, encode_quality
@@ -108,11 +127,15 @@ def c_decodes(name: str, can_id: int, data: bytes) -> tuple[int, ...] | None:
         "fault": "node counter state previous cause fault_mask:H",
         "baseline": "node counter status mean_af:i worst_af:i age_ms:I",
         "answer": "node result counter kind command_counter",
+        "gait_event": "node counter kind all_in_air:? sigma_us:H age_us:I",
+        "gait": "node counter contact:? contact_raw:? all_in_air:? slip probability:H load_share:H",
+        "ground": "node counter normal_x:h normal_y:h sigma:I use:H use_sigma:H friction:H",
         "heartbeat": "node state degraded_timing:?",
     }[name]
     kinds = {
         "B": ctypes.c_uint8,
         "H": ctypes.c_uint16,
+        "h": ctypes.c_int16,
         "i": ctypes.c_int32,
         "I": ctypes.c_uint32,
         "?": ctypes.c_bool,
@@ -137,6 +160,8 @@ def ours_decodes(name: str, can_id: int, data: bytes) -> tuple[int, ...] | None:
             return node, result, counter, kind, asked
         if name == "heartbeat":
             return tuple(decode_heartbeat(can_id, data))
+        if name in {"gait_event", "gait", "ground"}:
+            return gait_in_c_units(name, can_id, data)
         baseline = decode_baseline(can_id, data)
     except FrameError:
         return None
@@ -145,11 +170,35 @@ def ours_decodes(name: str, can_id: int, data: bytes) -> tuple[int, ...] | None:
     return (baseline.node, baseline.counter, baseline.status, *offsets, age_ms)
 
 
+def whole(value: float, per_unit: float, none: int) -> int:
+    """Return a number as C says it."""
+    return none if math.isnan(value) else round(value * per_unit)
+
+
+def gait_in_c_units(name: str, can_id: int, data: bytes) -> tuple[int, ...]:
+    """Return a frame of the gait as C says it."""
+    if name == "gait_event":
+        event = decode_gait_event(can_id, data)
+        age_us = 0xFFFFFFFF if event.age_ns is None else event.age_ns // 1000
+        sigma_us = whole(event.sigma_s, 1e6, 0xFFFF)
+        return event.node, event.counter, event.kind, event.all_in_air, sigma_us, age_us
+    if name == "gait":
+        gait = decode_gait(can_id, data)
+        return (*gait[:6], whole(gait.probability, 1000, 0xFFFF), whole(gait.load_share, 1000, 0xFFFF))
+    ground = decode_ground(can_id, data)
+    normal = (whole(part, 1000, -32768) for part in ground.normal[:2])
+    ratios = (whole(part, 1000, 0xFFFF) for part in ground[4:])
+    return (*ground[:2], *normal, whole(ground.normal_sigma_rad, 1e6, 0xFFFFFFFF), *ratios)
+
+
 EVENTS = {
     "fault": (FAULT_ID, 6),
     "baseline": (BASELINE_ID, 8),
     "answer": (ANSWER_ID, 4),
     "heartbeat": (HEARTBEAT_ID, 1),
+    "gait_event": (GAIT_EVENT_ID, 6),
+    "gait": (GAIT_ID, 5),
+    "ground": (GROUND_ID, 8),
 }
 
 
@@ -167,7 +216,7 @@ def test_both_read_and_refuse_the_same_events(name: str, node: int, payload: byt
     assert c_decodes(name, base + node, data) == ours_decodes(name, base + node, data)
 
 
-@pytest.mark.parametrize("name", ["fault", "baseline", "answer"])
+@pytest.mark.parametrize("name", ["fault", "baseline", "answer", "gait_event", "gait", "ground"])
 def test_both_read_the_vectors_of_events(name: str) -> None:
     """Every vector is read, and by both alike."""
     for vector in FRAMES[name]:
@@ -183,10 +232,18 @@ def test_both_refuse_codes_that_do_not_exist(vector: dict[str, Any]) -> None:
     assert ours_decodes(*frame) is None
 
 
-@pytest.mark.parametrize(("name", "place"), [("fault", 5), ("baseline", 2), ("answer", 2)])
+@pytest.mark.parametrize(
+    ("name", "place"), [("fault", 5), ("baseline", 2), ("answer", 2), ("gait_event", 2), ("gait", 5)]
+)
 def test_the_vectors_of_events_have_the_highest_code(name: str, place: int) -> None:
     """A decoder that refuses the newest code is found by the vectors alone."""
-    highest = {"fault": max(Cause), "baseline": max(BaselineStatus), "answer": max(Result)}[name]
+    highest = {
+        "fault": max(Cause),
+        "baseline": max(BaselineStatus),
+        "answer": max(Result),
+        "gait_event": max(GaitEventKind),
+        "gait": max(Slip),
+    }[name]
     assert max(vector["fields"][place] for vector in FRAMES[name]) == highest
 
 
@@ -201,6 +258,48 @@ def test_c_writes_the_commands_of_python_and_none_other(node: int, counter: int,
         assert can_id == 0
 
 
+class _CEvent(ctypes.Structure):
+    _fields_ = (
+        ("node", ctypes.c_uint8),
+        ("kind", ctypes.c_uint8),
+        ("all_in_air", ctypes.c_bool),
+        ("has_time", ctypes.c_bool),
+        ("sigma_us", ctypes.c_uint16),
+        ("t_us", ctypes.c_uint64),
+    )
+
+
+gait_frames = st.builds(
+    lambda node, counter, kind, age_us, harm: (
+        GAIT_EVENT_ID + node + (harm == 0),
+        encode_gait_event(node, counter, kind, 1000 * age_us, 0.002, all_in_air=harm == 1)[: 6 - (harm == 2)],
+    ),
+    st.integers(1, 2),
+    st.integers(0, 2),
+    st.sampled_from(GaitEventKind),
+    st.sampled_from([0, 11_200, 7_000_000]),
+    st.integers(0, 8),
+)
+
+
+@given(st.lists(st.tuples(gait_frames, st.sampled_from([0, 100, 500_000, 999_999, 1_000_000])), max_size=20))
+def test_both_take_the_same_events_and_none_twice(traffic: list[tuple[tuple[int, bytes], int]]) -> None:
+    """Repeated frames, wrong ones, and those of a service that was started anew."""
+    take = library().footsense_take_event
+    take.restype = ctypes.c_bool
+    state, ours, t_us = ctypes.create_string_buffer(256), GaitEvents(), 10_000_000
+    for (can_id, data), step_us in traffic:
+        t_us += step_us
+        event, out = ours.feed(can_id, data, 1000 * t_us), _CEvent()
+        frame = ctypes.c_uint16(can_id), data, ctypes.c_uint8(len(data))
+        taken = take(state, *frame, ctypes.c_uint64(t_us), ctypes.byref(out))
+        assert taken == (event is not None)
+        if event is not None:
+            t_ns = 1000 * out.t_us if out.has_time else None
+            assert (event.node, event.kind, event.t_ns) == (out.node, out.kind, t_ns)
+            assert (event.all_in_air, round(event.sigma_s * 1e6)) == (out.all_in_air, out.sigma_us)
+
+
 def test_the_codes_of_the_header_are_those_of_python() -> None:
     """C has the names that it acts on, and how far the others go."""
     header = (SOURCES / "footsense_can.h").read_text()
@@ -208,7 +307,9 @@ def test_the_codes_of_the_header_are_those_of_python() -> None:
     states = {"TOO_OLD" if state is State.STALE else state.name: state.value for state in State}
     flags = {flag.name: flag.value for flag in Flag}
     commands = {kind.name: kind.value for kind in CommandKind}
-    assert named == states | flags | commands | {"DONE": Result.DONE.value}
+    events = {kind.name: kind.value for kind in GaitEventKind}
+    slips = {f"SLIP_{slip.name}": slip.value for slip in Slip}
+    assert named == states | flags | commands | events | slips | {"DONE": Result.DONE.value}
     limits = re.search(
         r"LAST_CAUSE = (\d+), LAST_BASELINE_STATUS = (\d+), LAST_RESULT = (\d+)",
         (SOURCES / "footsense_can.c").read_text(),

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface import can_baseline, can_commands, can_events, can_frames
+from firmware_interface import can_baseline, can_commands, can_events, can_frames, can_gait
 from firmware_interface.crc8 import FrameError, protect
+from footsense.client.gait_events import GaitEvents
 from footsense.client.link import Link
 from footsense.client.reports import Reports
 from tests.fuzz.outcome import TRIED, refusal
@@ -20,6 +21,9 @@ DECODERS: list[tuple[int, int, Callable[[int, bytes], object]]] = [
     (can_commands.ANSWER_ID, 4, can_commands.decode_answer),
     (can_events.HEARTBEAT_ID, 1, can_events.decode_heartbeat),
     (can_baseline.BASELINE_ID, 8, can_baseline.decode_baseline),
+    (can_gait.GAIT_EVENT_ID, 6, can_gait.decode_gait_event),
+    (can_gait.GAIT_ID, 5, can_gait.decode_gait),
+    (can_gait.GROUND_ID, 8, can_gait.decode_ground),
 ]
 
 
@@ -50,12 +54,13 @@ frames = st.tuples(st.integers(0, 0x7FF), st.binary(max_size=9), st.booleans(), 
 @TRIED
 def test_any_traffic(traffic: list[tuple[int, bytes, bool, int]]) -> None:
     """The client takes whatever comes at whatever time, and shows every leg all the while."""
-    link, reports, now_ns = Link(), Reports(), 0
+    link, reports, events, now_ns = Link(), Reports(), GaitEvents(), 0
     for can_id, payload, sealed, step_ns in traffic:
         now_ns += step_ns
         data = protect(can_id, payload[:7]) if sealed else payload
         link.feed(can_id, data, now_ns)
         reports.feed(can_id, data, now_ns)
+        events.feed(can_id, data, now_ns)
         for node in range(1, 7):
             link.leg(node, now_ns)
             reports.leg(node, now_ns)

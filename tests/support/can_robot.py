@@ -12,7 +12,7 @@ from firmware_interface.socketcan import split_frames
 from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.errors import CanError
-from footsense.frames import BaselineDrift, ContactFrame
+from footsense.frames import BaselineDrift, ContactFrame, GaitFrame
 
 MS = 1_000_000
 
@@ -95,6 +95,7 @@ class Robot:
         cause: Cause = Cause.NONE,
         flags: int = 0,
         baseline: BaselineDrift | None = None,
+        gait: GaitFrame | None = None,
     ) -> None:
         """Publish one frame at a time at which its measurement is `age_ns` old."""
         self.clock.t_ns = t_ns
@@ -112,6 +113,7 @@ class Robot:
                 flags=np.full(n, flags, np.uint8),
                 cause=np.full(n, cause, np.uint8),
                 baseline=baseline or BaselineDrift.none(n),
+                gait=gait,
             )
         )
 

@@ -1,5 +1,6 @@
 """Cycles of random bits, and recordings of them."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,12 @@ from footsense.frames import (
     ContactFrame,
     Cycle,
     Flag,
+    GaitEvent,
+    GaitEventKind,
+    GaitFrame,
     Reading,
     Reference,
+    Slip,
     State,
 )
 from footsense.recording.compare import compare
@@ -70,6 +75,7 @@ def cycle(
             floats(n_legs),
             rng.integers(0, 2**63, n_legs),
         ),
+        _gait(rng, floats, number, n_legs) if number % 10 == 1 else None,
     )
     commands = (TARE,) if number % 7 == 3 else ()
     reference = (
@@ -85,6 +91,36 @@ def cycle(
     return Cycle(scan, commands, forces, outcomes, reference, temperature_c)
 
 
+def _gait(
+    rng: np.random.Generator, floats: Callable[..., NDArray[np.float64]], number: int, n_legs: int
+) -> GaitFrame:
+    """Return a gait of random bits, with up to two events."""
+
+    def flags() -> NDArray[np.bool_]:
+        return rng.random(n_legs) < 0.5
+
+    kinds = rng.choice([int(kind) for kind in GaitEventKind], number % 3)
+    return GaitFrame(
+        t_ns=1_000 + number * PERIOD_NS,
+        contact=flags(),
+        contact_raw=flags(),
+        probability=floats(n_legs),
+        touchdown_ns=rng.integers(0, 2**63, n_legs),
+        touchdown_sigma_s=floats(n_legs),
+        lift_off_ns=rng.integers(0, 2**63, n_legs),
+        lift_off_sigma_s=floats(n_legs),
+        load_share=floats(n_legs),
+        normal=floats(n_legs, 3),
+        normal_sigma_rad=floats(n_legs),
+        friction_use=floats(n_legs),
+        friction_use_sigma=floats(n_legs),
+        slip=rng.choice([int(slip) for slip in Slip], n_legs).astype(np.uint8),
+        friction=float(rng.choice([np.nan, 0.1, 1 / 3])),
+        all_in_air=bool(number % 2),
+        events=tuple(GaitEvent(GaitEventKind(kind), 0, -number, 1 / 3) for kind in kinds.tolist()),
+    )
+
+
 def same(a: Cycle, b: Cycle) -> bool:
     """Return whether two cycles are equal bit for bit, NaN equal to NaN."""
     arrays = ("t_ns", "capacitance_pf", "reading")
@@ -96,6 +132,7 @@ def same(a: Cycle, b: Cycle) -> bool:
         and (zeros or bool(np.isnan(a.scan.capacitance_pf).any()))
         and a.scan.sequence == b.scan.sequence
         and compare(a.forces, b.forces, exact=True, legs=legs) is None
+        and _same_gait(a.forces.gait, b.forces.gait)
         and (a.commands, a.outcomes) == (b.commands, b.outcomes)
         and _same_reference(a.reference, b.reference)
         and _same_temperature(a.temperature_c, b.temperature_c)
@@ -108,13 +145,20 @@ def _same_temperature(a: NDArray[np.float64] | None, b: NDArray[np.float64] | No
     return np.array_equal(a, b, equal_nan=True)
 
 
+def _same_gait(a: GaitFrame | None, b: GaitFrame | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    whole = (a.t_ns, a.all_in_air, a.events) == (b.t_ns, b.all_in_air, b.events)
+    return whole and np.array_equal(a.friction, b.friction, equal_nan=True)
+
+
 def _same_reference(a: Reference | None, b: Reference | None) -> bool:
     if a is None or b is None:
         return a is b
     return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in zip(a, b, strict=True))
 
 
-def write(path: Path, cycles: list[Cycle], every: int = 20) -> Path:
+def write(path: Path, cycles: list[Cycle], every: int = 10) -> Path:
     """Write a finished recording in this process, a chunk for every so many cycles."""
     with path.open("wb") as file:
         recording = McapFile(file.fileno(), {"legs": ",".join(LEGS), "scene": "test"})

@@ -1,5 +1,6 @@
 """A leg on CAN as plain values for JSON."""
 
+import math
 from typing import Any
 
 from firmware_interface.can_codes import Flag, phase_of
@@ -9,7 +10,7 @@ from footsense.daemon.can_listener import LegSnapshot
 
 def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
     """Return a leg as plain values; None and NaN stand for unknown values."""
-    leg, force, report, n_force_frames = snapshot
+    leg, force, report, n_force_frames, *_ = snapshot
     known = snapshot.is_current
     return {
         "leg": leg,
@@ -31,6 +32,40 @@ def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
             "worst_ff": round(report.worst_pf * 1e3, 1),
             "moved_s_ago": None if report.moved_ago_ns is None else round(report.moved_ago_ns * 1e-9, 1),
         },
+        **_gait(snapshot),
         "heartbeat": None if report.node_state is None else report.node_state.name.lower(),
         "degraded_timing": report.degraded_timing,
+    }
+
+
+def _gait(snapshot: LegSnapshot) -> dict[str, Any]:
+    """Return a leg's contact, ground and last event; None for each that is not known."""
+    gait, ground, event = snapshot.report.gait, snapshot.report.ground, snapshot.event
+    return {
+        "gait": None
+        if gait is None
+        else {
+            "contact": gait.contact,
+            "contact_raw": gait.contact_raw,
+            "probability": gait.probability,
+            "load_share": gait.load_share,
+            "slip": gait.slip.name.lower(),
+            "all_in_air": gait.all_in_air,
+        },
+        "ground": None
+        if ground is None
+        else {
+            "normal": [round(part, 3) for part in ground.normal],
+            "normal_sigma_deg": round(math.degrees(ground.normal_sigma_rad), 2),
+            "friction_use": ground.friction_use,
+            "friction_use_sigma": ground.friction_use_sigma,
+            "friction": ground.friction,
+        },
+        "last_event": None
+        if event is None
+        else {
+            "kind": event.kind.name.lower(),
+            "ago_ms": None if snapshot.event_ago_ns is None else round(snapshot.event_ago_ns * 1e-6, 1),
+            "sigma_ms": round(event.sigma_s * 1e3, 1),
+        },
     }

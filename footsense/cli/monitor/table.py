@@ -1,9 +1,13 @@
-"""The monitor's picture: above the forces that a consumer may use, below the legs' reports."""
+"""The monitor's picture: the forces that a consumer may use, contact and ground below the feet, the legs' reports."""
+
+import math
+from collections.abc import Callable
 
 from rich.console import Group
 from rich.text import Text
 
-from firmware_interface.can_codes import Cause, Flag, NmtState
+from firmware_interface.can_codes import Cause, Flag, NmtState, Slip
+from firmware_interface.can_gait import Gait, Ground
 from footsense.cli.leg_table import EMPTY, LegColumns, force_columns, leg_table, number, state_text, words
 from footsense.client import LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
@@ -20,7 +24,7 @@ _NODE_STATES = {
 
 
 def monitor_table(legs: list[LegSnapshot], title: str) -> Group:
-    """Return the picture of all legs; it fits 80 columns and 20 lines.
+    """Return the picture of all legs; it fits 80 columns and 22 lines.
 
     Args:
         legs: The legs as their frames show them.
@@ -28,11 +32,13 @@ def monitor_table(legs: list[LegSnapshot], title: str) -> Group:
     """
     head = Text.assemble(("footsense monitor  ", "bold"), title)
     if any(snapshot.force.flags & Flag.SIMULATED for snapshot in legs):
-        head.append("   simulated", "dim")
+        head.append("  simulated", "dim")
     if any(snapshot.report.degraded_timing for snapshot in legs):
-        head.append("   timing degraded", "bold red")
+        head.append("  timing degraded", "bold red")
+    if any(snapshot.report.gait and snapshot.report.gait.all_in_air for snapshot in legs):
+        head.append("  in air", "cyan")
     by_name = {snapshot.leg: snapshot for snapshot in legs}
-    return Group(head, Text(), leg_table(by_name, _FORCES), Text(), leg_table(by_name, _REPORTS))
+    return Group(head, *(leg_table(by_name, columns) for columns in (_FORCES, _GAIT, _REPORTS)))
 
 
 def cause_text(snapshot: LegSnapshot) -> str | None:
@@ -56,6 +62,23 @@ def _contact(leg: LegSnapshot) -> str | Text:
     if not leg.force.usable:
         return EMPTY
     return Text("down", "cyan") if leg.force.flags & Flag.CONTACT else "up"
+
+
+def _slip(leg: LegSnapshot) -> str | Text:
+    gait = leg.report.gait
+    if gait is None or gait.slip is Slip.UNKNOWN:
+        return EMPTY
+    return Text("slips", "bold yellow") if gait.slip is Slip.SLIPPING else "sticks"
+
+
+def _of_gait(value: Callable[[Gait], float], form: str) -> Callable[[LegSnapshot], str | Text]:
+    """Return the cell of a number of the contact."""
+    return lambda leg: EMPTY if leg.report.gait is None else number(value(leg.report.gait), form)
+
+
+def _of_ground(value: Callable[[Ground], float], form: str) -> Callable[[LegSnapshot], str | Text]:
+    """Return the cell of a number of the ground."""
+    return lambda leg: EMPTY if leg.report.ground is None else number(value(leg.report.ground), form)
 
 
 def _cause(leg: LegSnapshot) -> Text:
@@ -94,6 +117,17 @@ _FORCES: LegColumns[LegSnapshot] = {
     "sigma": (">5", lambda leg: number(max(leg.force.sigma_n), ".3f")),
     "age [ms]": (">8", lambda leg: number(leg.force.age_ns, ".1f", 1e-6)),
     "foot": ("<4", _contact),
+}
+_GAIT: LegColumns[LegSnapshot] = {
+    "contact": (">7", _of_gait(lambda gait: gait.probability, ".1%")),
+    "share": (">5", _of_gait(lambda gait: gait.load_share, ".0%")),
+    "slip": ("<6", _slip),
+    "friction": (">8", _of_ground(lambda ground: ground.friction_use, ".2f")),
+    "+-": (">4", _of_ground(lambda ground: ground.friction_use_sigma, ".2f")),
+    "cone": (">4", _of_ground(lambda ground: ground.friction, ".2f")),
+    "normal x": (">8", _of_ground(lambda ground: ground.normal[0], "+.2f")),
+    "y": (">5", _of_ground(lambda ground: ground.normal[1], "+.2f")),
+    "+- [deg]": (">8", _of_ground(lambda ground: math.degrees(ground.normal_sigma_rad), ".1f")),
 }
 _REPORTS: LegColumns[LegSnapshot] = {
     "cause": ("<15", _cause),

@@ -97,6 +97,7 @@ class ContactDetector:
         in_swing: Whether swing is confirmed: lifted for `confirmed_s`, and the load not about to touch.
         load_n: Load along the leg above its baseline [N], NaN where it is not known.
         drift_n: Largest load that drift and creep alone could produce now [N].
+        explained_by_drift: Whether drift and creep could explain the whole load; False where the load is not known.
         floor_n: Load of the foot in swing [N].
         noise: Threshold of the load.
         predicted_noise: Threshold of the predicted load.
@@ -117,6 +118,7 @@ class ContactDetector:
         self.in_contact = self.raw = False
         self.in_swing = False
         self.load_n = math.nan
+        self.explained_by_drift = False
         self.floor_n = 0.0
         self._recent_n = 0.0
         self._touched_ns = t_ns
@@ -144,13 +146,14 @@ class ContactDetector:
         """
         self.load_n = load_n
         if not math.isfinite(load_n):
-            self.in_swing = False
+            self.in_swing = self.explained_by_drift = False
             if now_ns - self._t_ns > _KEPT_NS:
                 self.reset(now_ns)
             return
         elapsed_s = (t_ns - self._t_ns) * 1e-9 if t_ns > self._t_ns else 0.0
         self._t_ns = t_ns
         self.drift_n = baseline_n + _CREEP_REL * self._creep_load_n
+        self.explained_by_drift = abs(load_n) <= self._explained_n + self.drift_n
         floor_n = self.floor_n
         above_n = load_n - floor_n
         predicted_above_n = predicted_n - floor_n
@@ -208,11 +211,6 @@ class ContactDetector:
         # touchdown.
         self.floor_n = max(load_n, -baseline_n)
         self._highest_before_n = self._highest_n = self.floor_n
-
-    @property
-    def explained_by_drift(self) -> bool:
-        """Whether drift and creep could explain the whole load; False where the load is not known."""
-        return abs(self.load_n) <= self._explained_n + self.drift_n
 
     def refusal(self, kind: CommandKind) -> str | None:
         """Return the reason to refuse a command now, or None if the command may be executed.

@@ -5,6 +5,7 @@ the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
 """
 
 from collections.abc import Sequence
+from operator import attrgetter
 
 import numpy as np
 
@@ -43,6 +44,8 @@ _TURNS = 3
 #: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
 _SIGMA_PERIOD_NS = 100_000_000
 
+_status_of = attrgetter("status")
+
 # Plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _CONTACT, _TARE_REFUSED = int(Flag.CONTACT), int(Flag.TARE_REFUSED)
 _HELD, _DRIFT_TOO_FAST = BaselineStatus.HELD, BaselineStatus.DRIFT_TOO_FAST
@@ -64,6 +67,7 @@ class BaselineTracker:
         feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
 
     Attributes:
+        contacts: Contact of each leg.
         unloaded: The baselines, and what follows from them; replaced, never written to.
         sigma_n: Standard deviation of each leg's force by its baseline [N], shape (legs, 3), NaN without one.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
@@ -90,7 +94,7 @@ class BaselineTracker:
         self._sensitivity = sensitivity
         self._track = track
         self._baselines = [LegBaseline(leg_pf, tare) for leg_pf in unloaded_pf]
-        self._contacts = [ContactDetector(contact) for _ in unloaded_pf]
+        self.contacts = [ContactDetector(contact) for _ in unloaded_pf]
         # Near the unloaded distance, where the error of a baseline matters.
         self._closure_per_pf = float(design.plate_distance_um(unloaded_pf).mean()) / (
             design.gap_um * float(unloaded_pf.mean())
@@ -119,7 +123,7 @@ class BaselineTracker:
 
     def refusal(self, kind: CommandKind, leg: int) -> str | None:
         """Return the reason to refuse a command now, or None if the command may be executed."""
-        return self._contacts[leg].refusal(kind)
+        return self.contacts[leg].refusal(kind)
 
     @property
     def untared_legs(self) -> dict[int, State]:
@@ -146,7 +150,7 @@ class BaselineTracker:
             if tared.baseline_pf is not None:
                 tared_ns = int(t_ns[leg].max())
                 self._baselines[leg].set_tared(tared.baseline_pf, tared_ns)
-                self._contacts[leg].reset(tared_ns)
+                self.contacts[leg].reset(tared_ns)
                 self._gather()
             if is_news:
                 results.append(CommandResult(Command(CommandKind.TARE, leg), tared.result, tared.reason))
@@ -183,7 +187,7 @@ class BaselineTracker:
         refused, untared = self._tares.refused, self._tares.untared
         legs = zip(
             self._baselines,
-            self._contacts,
+            self.contacts,
             means_rel,
             self._max_errors_n,
             newest_ns,
@@ -223,7 +227,7 @@ class BaselineTracker:
                 moved |= baseline.follow(np.where(ignored, np.nan, capacitance_pf[leg]), t_ns[leg])
         if moved:
             self._gather()
-        elif [baseline.status for baseline in self._baselines] != self._statuses:
+        elif list(map(_status_of, self._baselines)) != self._statuses:
             self._publish()
 
     def _update_sigma(self, now_ns: int) -> None:
@@ -252,7 +256,7 @@ class BaselineTracker:
 
     def _publish(self) -> None:
         """Replace the published status; the drift is as gathered."""
-        self._statuses = [baseline.status for baseline in self._baselines]
+        self._statuses = list(map(_status_of, self._baselines))
         self.drift = BaselineDrift(np.array(self._statuses, np.uint8), *self._offsets)
 
     def _discard_silent(self, reading: Codes, now_ns: int) -> None:
@@ -267,5 +271,5 @@ class BaselineTracker:
             if leg not in self._tares.untared:
                 self._tares.restart(leg)
                 self._baselines[leg].discard()
-                self._contacts[leg] = ContactDetector(self._contacts[leg].limits)
+                self.contacts[leg] = ContactDetector(self.contacts[leg].limits)
                 self._gather()

@@ -12,11 +12,14 @@ What the ratio cannot tell is a foot that sticks at the cone from one that slide
 import math
 from collections import deque
 
-from footsense.estimation.gait.frame import Slip
+from footsense.estimation.gait.back_dating import BackDated
 from footsense.estimation.gait.ground import Ground
+from footsense.frames import Slip
 
-#: Conversions of a plateau, and of the rise before it.
-_PLATEAU, _RISE = 7, 8
+#: Every second conversion is looked at: the next one sees mostly the same readings.
+TURNS = 2
+#: Looks of a plateau, and of the rise before it.
+_PLATEAU, _RISE = 4, 4
 #: Tolerance of a ratio in standard deviations, its least [1], and those up to which it tells of a slip, and teaches.
 _SIGMAS, _LEAST, _TELLING, _TEACHING = 1.5, 0.02, 0.06, 0.045
 #: Rise of a kink in tolerances.
@@ -25,10 +28,14 @@ _RISE_TOLERANCES = 2.0
 _REMEMBERED, _ENOUGH = 30, 5
 #: Static over kinetic friction at most [1].
 _STATIC_REL = 1.2
-#: Conversions at the cone until a slip is said, and away from it until it is over.
-_SAID, _OVER = 3, 5
+#: Looks at the cone until a slip is said, and away from it until it is over.
+_SAID, _OVER = 2, 3
 #: Normal force from which friction is learnt [N].
 _FIRM_N = 0.15
+#: From the beginning or end of a slip to the first estimate that shows it [ns].
+_LAG_NS = 9_600_000
+#: Standard deviation of the time of a slip [s].
+_SIGMA_S = 0.01
 
 
 class Friction:
@@ -36,10 +43,12 @@ class Friction:
 
     Attributes:
         coefficient: Coefficient of kinetic friction [1]; NaN as long as it is not known.
+        exceeding: Least ratio that exceeds a kink [1]; infinite without one.
     """
 
     def __init__(self) -> None:
         self.coefficient = math.nan
+        self.exceeding = math.inf
         self._kinks: deque[float] = deque(maxlen=_REMEMBERED)
 
     def kink(self, ratio: float, tolerance: float) -> None:
@@ -50,12 +59,13 @@ class Friction:
     def exceed(self, ratio: float, tolerance: float) -> None:
         """Drop the kinks that a foot has exceeded without sliding: it sustains this ratio."""
         held = (ratio - tolerance) / _STATIC_REL
-        if any(kink < held for kink in self._kinks):
+        if min(self._kinks, default=math.inf) < held:
             self._kinks = deque((kink for kink in self._kinks if kink >= held), _REMEMBERED)
             self._learn(tolerance)
 
     def _learn(self, tolerance: float) -> None:
         ordered = sorted(self._kinks, reverse=True)
+        self.exceeding = _STATIC_REL * min(ordered, default=math.inf)
         self.coefficient = math.nan
         for first in range(len(ordered) - _ENOUGH + 1):
             cluster = [kink for kink in ordered[first:] if kink > ordered[first] - 2.0 * tolerance]
@@ -82,50 +92,59 @@ class SlipDetector:
         """Forget the stance: the foot is in the air."""
         self.state = Slip.UNKNOWN
         self._ratios: deque[float] = deque(maxlen=_PLATEAU + _RISE)
-        self._at_cone = self._off_cone = 0
+        # Looks at the cone or away from it, and the time of the first of them [ns].
+        self._at_cone, self._run, self._since_ns = False, 0, 0
         self._kinked = False
 
-    def observe(self, ground: Ground) -> bool:
-        """Follow the friction by one conversion, and return whether a slip begins."""
+    def observe(self, ground: Ground, now_ns: int) -> BackDated | None:
+        """Look at the friction, and return when the slip began or ended that begins or ends with this look.
+
+        Args:
+            ground: The ground below the foot.
+            now_ns: Current time [ns].
+        """
         use = ground.friction_use
         if not ground.pressing_n > _FIRM_N or math.isnan(use):
+            was_slipping = self.state is Slip.SLIPPING
             if self._ratios:
                 self.lift()
-            return False
+            return BackDated(now_ns - _LAG_NS, _SIGMA_S) if was_slipping else None
         tolerance = max(_SIGMAS * ground.friction_use_sigma, _LEAST)
         if tolerance > _TELLING:
             # As in the first scan of a stance; a slide that was said goes on.
             self._ratios.clear()
-            self._at_cone = 0
+            self._run = 0
             if self.state is Slip.NONE:
                 self.state = Slip.UNKNOWN
-            return False
+            return None
         self._ratios.append(use)
-        if tolerance <= _TEACHING and len(self._ratios) == _PLATEAU + _RISE:
-            self._look(tolerance)
+        ratios = self._ratios
+        if (
+            tolerance <= _TEACHING
+            and not self._kinked
+            and len(ratios) == _PLATEAU + _RISE
+            # Where there can be neither a ratio that exceeds a kink nor a kink, there is nothing to learn.
+            and (use > self._friction.exceeding or use - min(ratios) > tolerance)
+        ):
+            self._learn(tolerance)
         cone = self._friction.coefficient
-        if use > cone - tolerance:
-            self._at_cone += 1
-            self._off_cone = 0
-        else:
-            self._off_cone += 1
-            self._at_cone = 0
-        if self.state is Slip.SLIPPING:
-            if self._off_cone >= _OVER:
-                self.state = Slip.NONE
-            return False
-        self.state = Slip.UNKNOWN if math.isnan(cone) else Slip.NONE
-        if self._at_cone < _SAID:
-            return False
-        self.state = Slip.SLIPPING
-        return True
+        at_cone = use > cone - tolerance
+        if at_cone is not self._at_cone or not self._run:
+            self._at_cone, self._run, self._since_ns = at_cone, 0, now_ns
+        self._run += 1
+        if self.state is not Slip.SLIPPING:
+            self.state = Slip.UNKNOWN if math.isnan(cone) else Slip.NONE
+        if at_cone is (self.state is Slip.SLIPPING) or self._run < (_SAID if at_cone else _OVER):
+            return None
+        self.state = Slip.SLIPPING if at_cone else Slip.NONE
+        return BackDated(self._since_ns - _LAG_NS, _SIGMA_S)
 
-    def _look(self, tolerance: float) -> None:
+    def _learn(self, tolerance: float) -> None:
         """Look for a kink, and for a ratio above the cone."""
         ratios = list(self._ratios)
         plateau = ratios[_RISE:]
         least, most = min(plateau), max(plateau)
-        if self._kinked or most - least > tolerance:
+        if most - least > tolerance:
             return
         level = sum(plateau) / _PLATEAU
         self._friction.exceed(level, tolerance)

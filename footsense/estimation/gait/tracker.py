@@ -1,19 +1,31 @@
 """Gait semantics of all legs, conversion by conversion.
 
-Contact and its thresholds are those of `baseline/contact.py`. In Python numbers: for six legs, numpy's calls take
-longer.
+Contact and its thresholds are those of `baseline/contact.py`. Each conversion is compared with the one before; slip is
+looked for on half of the legs in turn, and what changes slowly is computed for the published frames alone.
 """
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
 
 from footsense.estimation.baseline.contact import ContactDetector
-from footsense.estimation.gait.frame import EventKind, GaitEvent, GaitFrame
-from footsense.estimation.gait.leg import LegGait
-from footsense.estimation.gait.slip import Friction
+from footsense.estimation.gait.back_dating import KEPT, BackDated, Loads, lift_off, touchdown
+from footsense.estimation.gait.ground import NO_GROUND, ground_of
+from footsense.estimation.gait.slip import TURNS, Friction, SlipDetector
+from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import Load
+
+#: Period of the frames without an event [ns].
+PERIOD_NS = 100_000_000
+#: Largest exponent of the probability: 1 - 1e-6.
+_SURE = 13.8
+#: Slope of a logistic function over that of a normal distribution [1].
+_LOGISTIC = 1.7
+_NEVER = BackDated(0, math.nan)
+#: State of a leg whose force is known and whose foot is in contact.
+_STANDS = (True, True)
 
 
 class GaitTracker:
@@ -21,76 +33,133 @@ class GaitTracker:
 
     Args:
         n_legs: Legs of a frame.
+        period_ns: Period of the frames without an event [ns]; 0 for a frame of each conversion.
     """
 
-    def __init__(self, n_legs: int) -> None:
-        self._friction = Friction()
-        self._legs = [LegGait(self._friction) for _ in range(n_legs)]
-        self._changed = True
+    def __init__(self, n_legs: int, period_ns: int = PERIOD_NS) -> None:
+        friction = Friction()
+        self._friction = friction
+        self._slips = [SlipDetector(friction) for _ in range(n_legs)]
+        self._loads: deque[Loads] = deque(maxlen=KEPT)
+        self._turn = 0
+        self._period_ns, self._due_ns = period_ns, 0
+        # Whether the force is known, and whether the foot is in contact, of each leg.
+        self._states = [(False, False)] * n_legs
+        self._touchdowns, self._lift_offs = [_NEVER] * n_legs, [_NEVER] * n_legs
 
-    def observe(self, load: Load, contacts: Sequence[ContactDetector], now_ns: int) -> GaitFrame:
-        """Return the gait as of `now_ns`.
+    def observe(self, load: Load, contacts: Sequence[ContactDetector], now_ns: int) -> GaitFrame | None:
+        """Follow the legs by one conversion, and return the gait as of `now_ns` if an event happened, or it is due.
 
         Args:
             load: Loads of all legs as of `now_ns`; NaN forces where they may not be used.
             contacts: Contact of each leg, as of the same readings.
             now_ns: Current time [ns].
         """
+        above_n, mean_n, states = [], [], []
+        for force_n, contact in zip(load.force_n[:, 2].tolist(), contacts, strict=True):
+            floor_n = contact.floor_n
+            above_n.append(force_n - floor_n)
+            mean_n.append(contact.load_n - floor_n)
+            states.append((math.isfinite(force_n + contact.load_n), contact.in_contact))
+        self._loads.append(Loads(now_ns, above_n, mean_n))
         events: list[GaitEvent] = []
-        shares_n, rows = [], []
-        legs = self._legs
-        parts = zip(
-            legs,
-            contacts,
-            load.force_n.tolist(),
-            load.sigma_n.tolist(),
-            load.contact.tolist(),
-            load.contact_sigma.tolist(),
-            strict=True,
-        )
-        for row, (leg, contact, force_n, sigma_n, point, point_sigma) in enumerate(parts):
-            for kind, dated in leg.observe(contact, force_n, sigma_n, point, point_sigma, now_ns):
-                events.append(GaitEvent(EventKind(kind), row, dated.t_ns, dated.sigma_s))
-            known = math.isfinite(force_n[2])
-            shares_n.append((max(force_n[2], 0.0) if leg.contact else 0.0) if known else math.nan)
-            ground = leg.ground
-            rows.append(
-                (
-                    leg.probability,
-                    ground.normal_sigma_rad,
-                    ground.friction_use,
-                    ground.friction_use_sigma,
-                    *ground.normal,
-                )
-            )
-        total_n = sum(share_n for share_n in shares_n if math.isfinite(share_n))
-        values = np.array(rows)
-        states = np.array([(leg.contact, leg.raw, leg.slip) for leg in legs], np.uint8)
-        if events or self._changed:
-            self._changed = False
-            self._times = (
-                np.array([leg.touchdown.t_ns for leg in legs], np.int64),
-                np.array([leg.touchdown.sigma_s for leg in legs]),
-                np.array([leg.lift_off.t_ns for leg in legs], np.int64),
-                np.array([leg.lift_off.sigma_s for leg in legs]),
-            )
-        touchdown_ns, touchdown_sigma_s, lift_off_ns, lift_off_sigma_s = self._times
+        if states != self._states:
+            for row, (before, now) in enumerate(zip(self._states, states, strict=True)):
+                if now != before:
+                    events += self._change(row, before, now)
+            self._states = states
+        self._turn = (self._turn + 1) % TURNS
+        for row in range(self._turn, len(states), TURNS):
+            if states[row] == _STANDS:
+                slipped = self._slips[row].observe(ground_of(load, row), now_ns)
+                if slipped is not None:
+                    starts = self._slips[row].state is Slip.SLIPPING
+                    kind = GaitEventKind.SLIP if starts else GaitEventKind.SLIP_END
+                    events.append(GaitEvent(kind, row, *slipped))
+        if not events and now_ns < self._due_ns:
+            return None
+        if now_ns >= self._due_ns and self._period_ns:
+            self._due_ns = (now_ns // self._period_ns + 1) * self._period_ns
+        return self._frame(load, contacts, above_n, now_ns, tuple(events))
+
+    def _change(self, row: int, before: tuple[bool, bool], now: tuple[bool, bool]) -> list[GaitEvent]:
+        """Return the events of a leg whose state has changed.
+
+        A contact that began or ended while the force was not known has no event, and no time.
+        """
+        is_known, in_contact = now
+        slip = self._slips[row]
+        was_slipping = slip.state is Slip.SLIPPING
+        if not (is_known and in_contact):
+            slip.lift()
+        if before == (True, in_contact):
+            return []
+        if not (is_known and before[0]):
+            if before[1] != in_contact:
+                self._touchdowns[row] = self._lift_offs[row] = _NEVER
+            return []
+        if in_contact:
+            dated = touchdown(self._loads, row)
+            # A foot cannot touch before it was lifted, nor be lifted before it touched.
+            touched = BackDated(max(dated.t_ns, self._lift_offs[row].t_ns + 1), dated.sigma_s)
+            self._touchdowns[row] = touched
+            return [GaitEvent(GaitEventKind.TOUCHDOWN, row, *touched)]
+        dated = lift_off(self._loads, row)
+        lifted = BackDated(max(dated.t_ns, self._touchdowns[row].t_ns + 1), dated.sigma_s)
+        self._lift_offs[row] = lifted
+        ended = [GaitEvent(GaitEventKind.SLIP_END, row, *lifted)] if was_slipping else []
+        return [*ended, GaitEvent(GaitEventKind.LIFT_OFF, row, *lifted)]
+
+    def _frame(
+        self,
+        load: Load,
+        contacts: Sequence[ContactDetector],
+        above_n: list[float],
+        now_ns: int,
+        events: tuple[GaitEvent, ...],
+    ) -> GaitFrame:
+        """Return the gait as of a conversion; arguments as of `observe`, and the loads above the floors [N]."""
+        known, contact = np.array(self._states, np.bool_).T
+        pressing_n = np.where(contact, np.maximum(load.force_n[:, 2], 0.0), 0.0)
+        total_n = float(pressing_n[known].sum())
+        grounds = [
+            ground_of(load, row) if state == _STANDS else NO_GROUND for row, state in enumerate(self._states)
+        ]
+        _, normal, normal_sigma_rad, use, use_sigma = map(np.array, zip(*grounds, strict=True))
+        touchdown_ns, touchdown_sigma_s = zip(*self._touchdowns, strict=True)
+        lift_off_ns, lift_off_sigma_s = zip(*self._lift_offs, strict=True)
         return GaitFrame(
             t_ns=now_ns,
-            contact=states[:, 0].astype(np.bool_),
-            contact_raw=states[:, 1].astype(np.bool_),
-            probability=values[:, 0],
-            touchdown_ns=touchdown_ns,
-            touchdown_sigma_s=touchdown_sigma_s,
-            lift_off_ns=lift_off_ns,
-            lift_off_sigma_s=lift_off_sigma_s,
-            load_share=np.array(shares_n) / (total_n or math.nan),
-            normal=values[:, 4:],
-            normal_sigma_rad=values[:, 1],
-            friction_use=values[:, 2],
-            friction_use_sigma=values[:, 3],
-            slip=states[:, 2],
+            contact=contact,
+            contact_raw=np.array([leg.raw for leg in contacts]),
+            probability=np.array([_probability(*leg) for leg in zip(contacts, above_n, strict=True)]),
+            touchdown_ns=np.array(touchdown_ns, np.int64),
+            touchdown_sigma_s=np.array(touchdown_sigma_s),
+            lift_off_ns=np.array(lift_off_ns, np.int64),
+            lift_off_sigma_s=np.array(lift_off_sigma_s),
+            load_share=np.where(known, pressing_n, np.nan) / (total_n or math.nan),
+            normal=normal,
+            normal_sigma_rad=normal_sigma_rad,
+            friction_use=use,
+            friction_use_sigma=use_sigma,
+            slip=np.array([slip.state for slip in self._slips], np.uint8),
             friction=self._friction.coefficient,
-            all_in_air=all(not leg.contact and leg.known for leg in legs),
-            events=tuple(events),
+            all_in_air=bool((known & ~contact).all()),
+            events=events,
         )
+
+
+def _probability(contact: ContactDetector, above_n: float) -> float:
+    """Return the probability of contact by a load's distance from the threshold; NaN where it is not known.
+
+    Args:
+        contact: Contact of the leg.
+        above_n: Estimated load above the floor [N].
+    """
+    noise, predicted = contact.noise, contact.predicted_noise
+    measured = (contact.load_n - contact.floor_n - noise.threshold_n) / noise.sigma_n
+    estimated = (above_n - predicted.threshold_n) / predicted.sigma_n
+    if not math.isfinite(measured + estimated):
+        return math.nan
+    sigmas = max(measured, estimated)
+    return 1.0 / (1.0 + math.exp(-min(max(_LOGISTIC * sigmas, -_SURE), _SURE)))

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
-from footsense.estimation.gait.frame import GaitEvent
 from footsense.estimation.gait.tracker import GaitTracker
 from footsense.foot.response_table import FootResponse
-from footsense.frames import LEGS, Stamps, Vector
+from footsense.frames import LEGS, GaitEvent, Stamps, Vector
 from footsense.lab.training.gait_readings import STEP_S, GaitReadings, Timing, joined, read_gait
 from footsense.lab.training.gait_windows import whole_windows, windows_of
 from footsense.ports import Estimator, Load, Window
@@ -109,7 +108,7 @@ def _run(readings: GaitReadings, estimator: Estimator, n_per_rel: float, t_ns: S
     loads, means_n = _loads(readings, estimator)
     means_n *= n_per_rel
     contacts = [ContactDetector(ContactLimits(threshold_n=_THRESHOLD_N)) for _ in range(n_legs)]
-    tracker = GaitTracker(n_legs)
+    tracker = GaitTracker(n_legs, period_ns=0)
     found = _Found([], [], [], [], [])
     for k in range(n):
         load = Load(*(part[k] for part in loads))
@@ -119,6 +118,7 @@ def _run(readings: GaitReadings, estimator: Estimator, n_per_rel: float, t_ns: S
         ):
             contact.observe(mean_n, _BASELINE_N, now_ns, now_ns, predicted_n)
         frame = tracker.observe(load, contacts, now_ns)
+        assert frame is not None
         found.said += [(k, event) for event in frame.events]
         found.contact.append(frame.contact.tolist())
         found.normal.append(frame.normal)

@@ -1,6 +1,7 @@
 """Cycles out of the messages of a recording."""
 
 import json
+from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,6 +10,7 @@ from mcap.records import Channel, Message
 
 from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Vector
 from footsense.recording.container import event_messages, messages
+from footsense.recording.container.gait_messages import decode_gait
 from footsense.recording.container.reference_messages import decode_reference
 from footsense.recording.cycle_fields import Count
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
@@ -21,8 +23,9 @@ class _Parts:
     scan: CapFrame | None = None
     commands: list[Command] = field(default_factory=list)
     outcomes: list[CommandResult] = field(default_factory=list)
-    samples: list[bytes] = field(default_factory=list)
     temperature_c: Vector | None = None
+    #: Other messages by topic, which their decoders read together.
+    others: defaultdict[str, list[bytes]] = field(default_factory=lambda: defaultdict(list))
 
 
 class CycleAssembly:
@@ -66,8 +69,8 @@ class CycleAssembly:
                 parts.outcomes.append(event_messages.decode_outcome(event, self._legs))
             case messages.EVENT, "temperature":
                 parts.temperature_c = event_messages.decode_temperature(event, self._legs)
-            case messages.REFERENCE, None:
-                parts.samples.append(message.data)
+            case ((messages.REFERENCE | messages.GAIT | messages.GAIT_EVENT), None):
+                parts.others[topic].append(message.data)
             case messages.SCAN, None:
                 require(parts.scan is None, "forces are missing")
                 parts.scan = messages.decode_scan(message.data, self._legs)
@@ -84,9 +87,12 @@ class CycleAssembly:
         parts, self._parts = self._parts, _Parts()
         if parts.scan is None:
             raise ValueError("a scan is missing")
+        for gait in parts.others[messages.GAIT]:
+            events = parts.others[messages.GAIT_EVENT]
+            forces = forces._replace(gait=decode_gait(gait, events, self._legs))
         # Every cycle of a test stand's recording has a reference, possibly without samples.
         has_reference = messages.REFERENCE in self._topics.values()
-        reference = decode_reference(parts.samples) if has_reference else None
+        reference = decode_reference(parts.others[messages.REFERENCE]) if has_reference else None
         cycle = Cycle(
             parts.scan, tuple(parts.commands), forces, tuple(parts.outcomes), reference, parts.temperature_c
         )

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from mcap.writer import CompressionType, Writer
 
 from footsense.recording.container import event_messages, messages
+from footsense.recording.container.gait_messages import encode_gait, encode_gait_events
 from footsense.recording.container.mcap_header import HEADER_CRC, METADATA, PROFILE, header_crc
 from footsense.recording.container.reference_messages import encode_reference, reference_schema
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
@@ -93,6 +94,10 @@ class McapFile:
                 self._register(messages.REFERENCE, reference_schema())
             for sample_ns, sample in encode_reference(reference):
                 self._add(messages.REFERENCE, counter, sample_ns, sample)
+        if forces.gait is not None:
+            self._add(messages.GAIT, counter, t_ns, encode_gait(forces.gait, self._legs))
+            for event in encode_gait_events(forces.gait, self._legs):
+                self._add(messages.GAIT_EVENT, counter, t_ns, event)
         self._add(messages.SCAN, counter, t_ns, messages.encode_scan(scan, self._legs))
         self._add(messages.FORCE, counter, t_ns, messages.encode_force(forces, self._legs))
 

@@ -26,10 +26,20 @@ from footsense.frames import (
     BaselineStatus,
     CapFrame,
     ContactFrame,
+    GaitFrame,
 )
-from footsense.recording.cycle_fields import FIELDS, NOT_RECORDED, Count, CycleField, forces_of, scan_of
+from footsense.recording.cycle_fields import (
+    FIELDS,
+    GAIT_FIELDS,
+    NOT_RECORDED,
+    Count,
+    CycleField,
+    forces_of,
+    scan_of,
+)
 
 SCAN, FORCE, EVENT, REFERENCE = "/scan", "/force", "/event", "/reference"
+GAIT, GAIT_EVENT = "/gait", "/gait_event"
 
 #: Names of causes in recordings whose baseline is still called zero.
 _OLD_CAUSES = {"LINE_HELD": "BUS_STUCK", "GARBLED": "CORRUPT", "HELD_UP": "DELAYED", "GAP_SHUT": "GAP_CLOSED"}
@@ -46,7 +56,7 @@ _NOT_YET_RECORDED = {
 #: Name of each code, and code of each name, by enumeration.
 _NAMES = {
     field.names: {**{code: code.name for code in field.names}, NOT_RECORDED: None}
-    for field in FIELDS.values()
+    for field in (*FIELDS.values(), *GAIT_FIELDS.values())
     if field.names is not None
 }
 _CODES = {names: {name: code for code, name in of_code.items()} for names, of_code in _NAMES.items()}
@@ -65,23 +75,23 @@ _FIRST_FORCE_FIELDS = {
 
 def encode_scan(scan: CapFrame, legs: Sequence[str]) -> bytes:
     """Return a scan as a JSON object with one entry per leg."""
-    return dump({"sequence": scan.sequence, **_leg_objects(scan, legs, _SCAN_FIELDS)})
+    return dump({"sequence": scan.sequence, **leg_objects(scan, legs, _SCAN_FIELDS)})
 
 
 def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
     """Return forces as a JSON object with one entry per leg."""
     is_old = (forces.cause == NOT_RECORDED).all()
-    rows = _leg_objects(forces, legs, _FIRST_FORCE_FIELDS if is_old else _FORCE_FIELDS)
+    rows = leg_objects(forces, legs, _FIRST_FORCE_FIELDS if is_old else _FORCE_FIELDS)
     return dump({"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
 
 
-def _leg_objects(
-    frame: CapFrame | ContactFrame, legs: Sequence[str], fields: Mapping[str, CycleField]
+def leg_objects(
+    frame: CapFrame | ContactFrame | GaitFrame, legs: Sequence[str], fields: Mapping[str, CycleField]
 ) -> dict[str, dict[str, Any]]:
     """Return the fields of each leg by their keys."""
     objects: dict[str, dict[str, Any]] = {leg: {} for leg in legs}
     for path, field in fields.items():
-        column = attrgetter(path.partition(".")[2])(frame).tolist()
+        column = attrgetter(path.partition(".")[2])(frame).astype(field.kind, copy=False).tolist()
         for entries, value in zip(objects.values(), column, strict=True):
             if len(field.keys) > 1:
                 entries.update(zip(field.keys, value, strict=True))
@@ -94,7 +104,7 @@ def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
     """Return the scan that `encode_scan` wrote."""
     message = json.loads(data)
     rows = [message[leg] for leg in legs]
-    arrays = {path: _array(field, rows) for path, field in _SCAN_FIELDS.items()}
+    arrays = {path: field_array(field, rows) for path, field in _SCAN_FIELDS.items()}
     return scan_of(msgspec.convert(message["sequence"], Count), arrays)
 
 
@@ -102,12 +112,12 @@ def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
     """Return the forces that `encode_force` wrote."""
     message = json.loads(data)
     rows = [{**_NOT_YET_RECORDED, **_renamed(message[leg])} for leg in legs]
-    arrays = {path: _array(field, rows) for path, field in _FORCE_FIELDS.items()}
+    arrays = {path: field_array(field, rows) for path, field in _FORCE_FIELDS.items()}
     sequence, t_sent_ns = (msgspec.convert(message[key], Count) for key in ("sequence", "t_sent_ns"))
     return forces_of(sequence, t_sent_ns, arrays)
 
 
-def _array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
+def field_array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
     """Return a field of all legs as an array, null as NaN.
 
     Raises:
@@ -174,6 +184,13 @@ def schemas(legs: Sequence[str]) -> dict[str, bytes]:
     topics = {
         SCAN: record(sequence=whole, **dict.fromkeys(legs, leg(_SCAN_FIELDS))),
         FORCE: record(sequence=whole, t_sent_ns=whole, **dict.fromkeys(legs, leg(_FORCE_FIELDS))),
+        GAIT: record(
+            t_ns=whole,
+            friction=number,
+            all_in_air={"type": "boolean"},
+            **dict.fromkeys(legs, leg(GAIT_FIELDS)),
+        ),
+        GAIT_EVENT: record(kind=text, leg=text, t_ns=whole, sigma_s=number),
         EVENT: record(
             **dict.fromkeys(("event", "command", "leg", "result", "reason"), text),
             n_cycles=whole,

@@ -10,8 +10,18 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from firmware_interface.can_baseline import BASELINE_ID, encode_baseline
-from firmware_interface.can_codes import NODE_IDS, BaselineStatus, Cause, Flag, NmtState, State
+from firmware_interface.can_codes import (
+    NODE_IDS,
+    BaselineStatus,
+    Cause,
+    Flag,
+    GaitEventKind,
+    NmtState,
+    Slip,
+    State,
+)
 from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
+from firmware_interface.can_gait import Gait, Ground
 from footsense.can.python_can import open_wire
 from footsense.cli.monitor.command import monitor
 from footsense.cli.monitor.json_values import snapshot_json
@@ -19,7 +29,9 @@ from footsense.cli.monitor.table import monitor_table
 from footsense.client import LegForce, LegReport, LinkLimits, LinkStatus, Reports
 from footsense.daemon.can_listener import LegSnapshot, Listener
 from footsense.errors import CanError
+from footsense.frames import GaitEvent
 from tests.support.can_robot import MS, FakeClock, Robot
+from tests.support.gaits import gait_frame
 
 
 def snapshot(leg: str = "lf") -> LegSnapshot:
@@ -43,6 +55,17 @@ def snapshot(leg: str = "lf") -> LegSnapshot:
         moved_ago_ns=6_553_400_000_000,
         node_state=NmtState.STOPPED,
         degraded_timing=True,
+        gait=Gait(
+            1,
+            0,
+            contact=True,
+            contact_raw=True,
+            all_in_air=True,
+            slip=Slip.SLIPPING,
+            probability=1.0,
+            load_share=1.0,
+        ),
+        ground=Ground(1, 0, (-0.7, -0.7, 0.14), 0.315, 2.04, 0.248, 2.04),
     )
     return LegSnapshot(leg, force, report, 7)
 
@@ -55,10 +78,19 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
     console.print(monitor_table([snapshot(leg) for leg in NODE_IDS], "239.74.163.2   12345.6 s"))
     screen.seek(0)
     text = screen.read()
-    assert len(text.splitlines()) <= 20
+    assert len(text.splitlines()) <= 22
     assert all(len(line) <= 80 for line in text.splitlines())
-    assert "timing degraded" in text
-    for word in ("converter fault", "element shorted", "xx. ... ..x", "not quiet", "6553.4", "-12.346"):
+    assert "timing degraded  in air" in text
+    for word in (
+        "converter fault",
+        "element shorted",
+        "xx. ... ..x",
+        "not quiet",
+        "6553.4",
+        "-12.346",
+        "slips",
+        "18.0",
+    ):
         assert text.count(word) == 6
     assert "…" not in text
 
@@ -96,6 +128,35 @@ def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytes
     assert (left["link"], left["usable"], left["heartbeat"]) == ("stale", False, None)
     assert (left["force_n"], left["age_ms"], left["contact"]) == ([None] * 3, None, None)
     assert (left["state"], left["cause"], left["elements_out"]) == (None, None, None)
+    robot.close()
+
+
+def test_contact_ground_and_the_last_event_are_shown(request: pytest.FixtureRequest) -> None:
+    """As numbers of JSON, as long as they come; an event stays the last one."""
+    robot = Robot(request.node.nodeid)
+    clock = FakeClock()
+    listener = Listener(open_wire("virtual", request.node.nodeid, 500_000, ()), clock, LinkLimits())
+    robot.publish(0)
+    robot.publish(0, gait=gait_frame(0, events=(GaitEvent(GaitEventKind.SLIP, 0, -10 * MS, 0.01),)))
+    robot.publish(0)
+    listener.listen(clock.t_ns + 50 * MS)
+    left, *_, right = plain(listener)
+    assert left["gait"] == {
+        "contact": True,
+        "contact_raw": True,
+        "probability": 0.995,
+        "load_share": 1.0,
+        "slip": "none",
+        "all_in_air": False,
+    }
+    assert left["ground"]["normal"] == pytest.approx([0.28, 0.0, 0.96])
+    assert (left["ground"]["friction_use"], left["ground"]["friction"]) == (0.2, 0.6)
+    assert left["last_event"] == {"kind": "slip", "ago_ms": 60.0, "sigma_ms": 10.0}
+    assert (right["gait"], right["ground"], right["last_event"]) == (None, None, None)
+    listener.listen(clock.t_ns + 400 * MS)
+    left = plain(listener)[0]
+    assert (left["gait"], left["ground"]) == (None, None)
+    assert left["last_event"]["ago_ms"] == 460.0
     robot.close()
 
 

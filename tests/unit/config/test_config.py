@@ -161,7 +161,7 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
         ),
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish_every: 1",
-            "400 forces/s take 432 kbit/s, more than 70% of 500 kbit/s; use 1000000, or publish_every: 2",
+            "400 forces/s take 447 kbit/s, more than 70% of 500 kbit/s; use 1000000, or publish_every: 2",
         ),
         (ONE_BUS + "zero: {track: false}", ":5: zero: Object contains unknown field; now called baseline"),
         (ONE_BUS + "packs: feet", ":5: packs: Object contains unknown field; now called calibrations"),

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from firmware_interface.wire_timing import can_bits_per_s
 from footsense.config import DEFAULT
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
 from footsense.config.sections import Can, Scan
@@ -39,6 +40,11 @@ def test_a_point_that_can_does_not_carry_is_refused() -> None:
     ):
         at_operating_point(robot, "low-latency")
     assert at_operating_point(robot, "default").publish_every == 4
+
+
+def test_the_default_loads_a_bus_of_500_kbit_by_less_than_40_percent() -> None:
+    """All frames of six legs, events of two steps a second included."""
+    assert can_bits_per_s(len(DEFAULT.legs), DEFAULT.forces_hz) < 0.4 * 500_000
 
 
 def test_run_obeys_the_name_and_refuses_another() -> None:

@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.estimation.gait.ground import ground_of
 from footsense.estimation.rest import at_rest
 from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
@@ -24,6 +26,15 @@ class _Linear:
         newest = window.closure_rel[:, 0]
         sigma_n = np.tile([0.01, 0.02, 0.03], (len(newest), 1))
         return Load(newest[:, [5, 7, 4]], sigma_n, newest[:, :4], newest[:, :4] + 0.1)
+
+
+class _Sharp(_Linear):
+    """The same, surer of the contact."""
+
+    def estimate(self, window: Window) -> Load:
+        """Return the load with other deviations of the contact."""
+        load = super().estimate(window)
+        return load._replace(contact_sigma=np.tile([0.01, 0.02, 0.03, 0.04], (len(load.contact), 1)))
 
 
 def _foot(**own: object) -> FootParameters:
@@ -63,6 +74,25 @@ def test_each_row_gets_its_own_foot() -> None:
     np.testing.assert_array_equal(force_n[2:], force_n[:2])
     np.testing.assert_allclose(sigma_n[0], 1.5 * np.array([0.02, 0.01, 0.03]))
     np.testing.assert_allclose(sigma_n[1], np.hypot([0.01, 0.02, 0.03], 0.1 * np.linalg.norm(force_n[1])))
+
+
+@pytest.mark.parametrize("turn_rad", [(0.0, 0.0, np.pi / 2), (0.3, 0.0, 0.0), (0.1, -0.2, 1.0)])
+def test_the_contact_is_turned_by_the_mount_as_the_force_is(turn_rad: tuple[float, float, float]) -> None:
+    """Normal and friction read off the leg's frame are those of the foot's, rotated; angles keep their sigma."""
+    mount = Rotation.from_rotvec(turn_rad).as_matrix()
+    closures = np.zeros((2, 9))
+    closures[:, [5, 7, 4]] = [0.1, 0.2, 1.0]
+    closures[:, :4] = [0.1, -0.05, 0.2, 0.1]
+    resting = at_rest(closures)
+    plain, turned = (
+        [ground_of(feet.estimate(resting), row) for row in range(2)]
+        for feet in (_Sharp(), CalibratedFeet(_Sharp(), [_foot(mount=mount), None], 2))
+    )
+    for row, rotation in enumerate((mount.T, np.eye(3))):
+        before, after = plain[row], turned[row]
+        assert after.normal == pytest.approx((rotation @ before.normal).tolist())
+        assert after[2:] == pytest.approx(before[2:])
+        assert after.pressing_n == pytest.approx(before.pressing_n)
 
 
 def test_a_temperature_scales_what_it_is_known_for() -> None:

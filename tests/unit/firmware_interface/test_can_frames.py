@@ -46,6 +46,17 @@ from firmware_interface.can_frames import (
     decode_force,
     decode_quality,
 )
+from firmware_interface.can_gait import (
+    GAIT_EVENT_ID,
+    GAIT_ID,
+    GROUND_ID,
+    decode_gait,
+    decode_gait_event,
+    decode_ground,
+    encode_gait,
+    encode_gait_event,
+    encode_ground,
+)
 from firmware_interface.crc8 import FrameError, protect
 from firmware_interface.socketcan import pack_frame
 from tests.support.can_frames import encode_force, encode_quality
@@ -59,6 +70,9 @@ DECODERS: list[Callable[[int, bytes], object]] = [
     decode_answer,
     decode_heartbeat,
     decode_baseline,
+    decode_gait_event,
+    decode_gait,
+    decode_ground,
 ]
 
 nodes = st.integers(1, 6)
@@ -288,6 +302,55 @@ def test_event_vectors() -> None:
     for vector in VECTORS["answer"]:
         node, counter, result, kind, asked = vector["fields"]
         assert encode_answer(node, counter, result, kind, asked).hex() == vector["data"]
+
+
+def test_gait_vectors() -> None:
+    """The vectors that the C code shares hold in both directions."""
+    for vector in VECTORS["gait_event"]:
+        node, counter, kind, age_ns, sigma, air = vector["fields"]
+        (sigma_s,) = numbers_of([sigma])
+        assert encode_gait_event(node, counter, kind, age_ns, sigma_s, all_in_air=air).hex() == vector["data"]
+        event = decode_gait_event(GAIT_EVENT_ID + node, bytes.fromhex(vector["data"]))
+        assert event == pytest.approx((node, counter, kind, age_ns, sigma_s, air), nan_ok=True)
+    for vector in VECTORS["gait"]:
+        node, counter, contact, raw, air, slip, *shares = vector["fields"]
+        states = {"contact": contact, "contact_raw": raw, "all_in_air": air}
+        assert encode_gait(node, counter, slip, *numbers_of(shares), **states).hex() == vector["data"]
+        gait = decode_gait(GAIT_ID + node, bytes.fromhex(vector["data"]))
+        expected = (node, counter, contact, raw, air, slip, *numbers_of(shares))
+        assert gait == pytest.approx(expected, nan_ok=True)
+    for vector in VECTORS["ground"]:
+        node, counter, *values = vector["fields"]
+        x, y, *others = numbers_of(values)
+        normal = x, y, math.sqrt(1.0 - x * x - y * y)
+        assert encode_ground(node, counter, normal, *others).hex() == vector["data"]
+        ground = decode_ground(GROUND_ID + node, bytes.fromhex(vector["data"]))
+        assert ground.normal == pytest.approx(normal, nan_ok=True)
+        assert ground[3:] == pytest.approx(tuple(others), nan_ok=True)
+
+
+@given(st.floats(), st.floats(), st.one_of(st.none(), st.integers()))
+def test_gait_numbers_are_limited_and_never_surer_than_they_were(
+    value: float, sigma: float, age_ns: int | None
+) -> None:
+    """Any number leaves as one of its range, or as none; a sigma is rounded up."""
+    event = decode_gait_event(0x301, encode_gait_event(1, 0, 1, age_ns, sigma, all_in_air=False))
+    if age_ns is None or not 0 <= age_ns <= 6_553_400_000:
+        assert event.age_ns is None or abs(event.age_ns - (age_ns or 0)) <= 50_000
+    ground = decode_ground(0x481, encode_ground(1, 0, (value, 0.0, value), sigma, value, sigma, value))
+    for said, true, step, most in (
+        (event.sigma_s, sigma, 0.0002, 0.0508),
+        (ground.normal_sigma_rad, sigma, 0.0025, 0.315),
+        (ground.friction_use_sigma, sigma, 0.004, 0.248),
+    ):
+        if not true >= 0.0:
+            assert math.isnan(said)
+        else:
+            assert min(true, most) - 1e-8 <= said < min(true, most) + step
+    if value >= 0.0:
+        assert ground.friction_use == pytest.approx(min(value, 2.04), abs=0.0021)
+    else:
+        assert math.isnan(ground.friction_use)
 
 
 @given(st.data())

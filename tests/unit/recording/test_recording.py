@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
-from footsense.frames import BaselineStatus, Cause, CommandResult, Cycle, Result
+from footsense.frames import BaselineStatus, Cause, CommandResult, Cycle, GaitEvent, GaitEventKind, Result
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.container import messages
 from footsense.recording.container.mcap_writer import McapFile
@@ -28,11 +28,12 @@ from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
 from footsense.recording.replay_source import ReplayClock, ReplaySource
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
+from tests.support.gaits import gait_frame
 
 
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, list[Cycle]]:
-    """Return the bytes of a recording of 60 cycles in three chunks, and the cycles."""
+    """Return the bytes of a recording of 60 cycles in six chunks, and the cycles."""
     cycles = [cycle(number) for number in range(60)]
     return write(tmp_path_factory.mktemp("walk") / "walk.mcap", cycles).read_bytes(), cycles
 
@@ -120,9 +121,9 @@ def test_a_truncated_file_says_what_is_lost(scratch: Path, walk: tuple[bytes, li
     whole, _ = walk
     scratch.write_bytes(whole[: len(whole) // 2])
     read, damage = read_until_damage(scratch)
-    assert len(read) == 20
+    assert len(read) == 30
     assert f"of {len(whole) // 2} (" in str(damage)
-    assert "20 cycles are whole, up to 0.475 s after the first; what follows is lost" in str(damage)
+    assert "30 cycles are whole, up to 0.725 s after the first; what follows is lost" in str(damage)
 
 
 @pytest.mark.parametrize("content", [b"", b"not a recording", b"\x89MCAP0\r\n"])
@@ -216,6 +217,23 @@ def test_compare_looks_behind_the_state_and_at_the_zero() -> None:
     then.baseline.worst_pf[4], now.baseline.worst_pf[4] = 0.5, 0.5 + 1e-9
     assert compare(then, now, exact=False, legs=LEGS) is None
     assert "leg rm: baseline_worst_pf was 0.5, is now" in str(compare(then, now, exact=True, legs=LEGS))
+
+
+def test_compare_looks_at_the_gait_where_one_was_recorded() -> None:
+    """A recording from before there was one is equal; another load share, or an event less, is not."""
+    t_ns = 100_000_000
+    event = GaitEvent(GaitEventKind.TOUCHDOWN, 0, t_ns, 0.002)
+    plain = cycle(0).forces
+    then = plain._replace(gait=gait_frame(t_ns, 6, events=(event,)))
+    assert compare(plain, then, exact=True, legs=LEGS) is None
+    assert compare(then, then, exact=True, legs=LEGS) is None
+    assert compare(then, plain, exact=True, legs=LEGS) == "cycle 0: a gait was told, and is not now"
+    now = then._replace(gait=gait_frame(t_ns, 6))
+    assert "cycle 0: the gait events were" in str(compare(then, now, exact=False, legs=LEGS))
+    share = np.array([0.5, 0.1, 0.1, 0.1, 0.1, 0.1])
+    now = then._replace(gait=gait_frame(t_ns, 6, events=(event,), load_share=share))
+    found = compare(then, now, exact=False, legs=LEGS)
+    assert str(found).startswith("cycle 0: leg lf: load_share was 0.1666")
 
 
 def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:

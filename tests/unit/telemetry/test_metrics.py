@@ -26,7 +26,10 @@ from footsense.frames import (
     ContactFrame,
     Cycle,
     Flag,
+    GaitEvent,
+    GaitEventKind,
     Result,
+    Slip,
     State,
 )
 from footsense.ports import WakeupLatency
@@ -34,6 +37,7 @@ from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metric_families import STATE_SETS
 from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.shared_counters import MetricFamily, SharedCounters, read_counters
+from tests.support.gaits import gait_frame
 
 MS = 1_000_000
 LEGS = ("lf", "rr")
@@ -234,6 +238,38 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_baseline(
     assert get("footsense_leg_contact", lf) == 0
     assert codes_set(scraped, "footsense_leg_cause", "rr", Cause) == [Cause.NONE]
     assert get("footsense_degraded_timing") == 0
+
+
+def test_the_gait_is_shown_and_its_events_are_counted(
+    metrics: MetricsObserver, scraped: CollectorRegistry
+) -> None:
+    """Each leg's by itself; between two gaits nothing changes."""
+    events = (
+        GaitEvent(GaitEventKind.LIFT_OFF, 1, 0, 0.01),
+        GaitEvent(GaitEventKind.SLIP_END, 0, 0, 0.01),
+        GaitEvent(GaitEventKind.SLIP_END, 0, 0, 0.01),
+    )
+    plain = cycle(2000, (State.VALID, State.VALID))
+    gait = gait_frame(2000 * MS, 2, slip=np.array([Slip.SLIPPING, Slip.UNKNOWN], np.uint8), events=events)
+    metrics.observe(plain._replace(forces=plain.forces._replace(gait=gait)))
+    metrics.observe(plain)
+    get = scraped.get_sample_value
+    lf, rr = {"leg": "lf"}, {"leg": "rr"}
+    assert get("footsense_leg_contact_probability", lf) == 0.995
+    assert get("footsense_leg_load_share", rr) == 0.5
+    assert get("footsense_leg_friction_use", rr) == 0.2
+    assert get("footsense_ground_normal", {**rr, "axis": "z"}) == 0.96
+    assert get("footsense_ground_normal_sigma_radians", lf) == 0.05
+    assert get("footsense_ground_friction_coefficient") == 0.6
+    assert get("footsense_all_in_air") == 0
+    assert codes_set(scraped, "footsense_leg_slip", "lf", Slip) == [Slip.SLIPPING]
+    counts = {
+        (leg, kind): get("footsense_gait_events_total", {"leg": leg, "kind": kind.name.lower()})
+        for leg in LEGS
+        for kind in GaitEventKind
+    }
+    told = {key: n for key, n in counts.items() if n}
+    assert told == {("lf", GaitEventKind.SLIP_END): 2, ("rr", GaitEventKind.LIFT_OFF): 1}
 
 
 def test_the_file_describes_itself_and_is_gone_at_the_end(tmp_path: Path) -> None:

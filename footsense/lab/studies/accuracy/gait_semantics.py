@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.gait.frame import EventKind
 from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.directions import angles_between_deg
-from footsense.frames import Mask, Vector
+from footsense.frames import GaitEventKind, Mask, Vector
 from footsense.lab.evaluation.rough_walks import RoughWalk, walk
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
@@ -120,7 +119,7 @@ def _flanks(one: RoughWalk, leg: int) -> _Flanks:
     words = [(one.t_s[row], event) for row, event in one.said if event.leg == leg]
     down, up = (
         np.array([(t_s, 1e-9 * e.t_ns, e.sigma_s) for t_s, e in words if e.kind is kind]).reshape(-1, 3)
-        for kind in (EventKind.TOUCHDOWN, EventKind.LIFT_OFF)
+        for kind in (GaitEventKind.TOUCHDOWN, GaitEventKind.LIFT_OFF)
     )
     starts_s, ends_s = one.stances_s[leg].T
     in_stance = ((down[:, :1] >= starts_s) & (down[:, :1] < ends_s + _AFTER_S)).any(axis=1)
@@ -145,7 +144,7 @@ def _slips(one: RoughWalk, leg: int) -> _Slips:
     use, pressing_n = _use(one.force_n[:, leg], one.normal[:, leg])
     slides = one.slides[leg]
     room = use - slides.friction
-    said = np.array([row for row, e in one.said if e.leg == leg and e.kind is EventKind.SLIP], int)
+    said = np.array([row for row, e in one.said if e.leg == leg and e.kind is GaitEventKind.SLIP], int)
     ways_mm, false, at_cone = [], 0, 0
     for number, _, _, rows in _stances(one, leg):
         own = said[slides.stance[said] == number]

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from footsense.estimation.gait.frame import Slip
 from footsense.estimation.gait.ground import NO_GROUND
 from footsense.estimation.gait.slip import Friction, SlipDetector
+from footsense.frames import Slip
 
-RISE = np.linspace(0.05, 1.0, 8)
+STEP_NS = 5_433_400
+RISE = np.linspace(0.25, 1.0, 4)
 
 
 class Foot:
@@ -18,12 +19,24 @@ class Foot:
     def __init__(self) -> None:
         self.friction = Friction()
         self.detector = SlipDetector(self.friction)
+        self.now_ns = 0
+        self.slips: list[tuple[Slip, int]] = []
 
     def stand(self, uses: list[float]) -> int:
         """Return the number of slips that are said in a stance of these friction uses."""
         self.detector.lift()
-        ground = NO_GROUND._replace(pressing_n=1.0, friction_use_sigma=0.015)
-        return sum(self.detector.observe(ground._replace(friction_use=use)) for use in uses)
+        self.slips.clear()
+        for use in uses:
+            self.look(1.0, use)
+        return sum(state is Slip.SLIPPING for state, _ in self.slips)
+
+    def look(self, pressing_n: float, use: float) -> None:
+        """Look once, and keep the slip that begins or ends."""
+        ground = NO_GROUND._replace(pressing_n=pressing_n, friction_use=use, friction_use_sigma=0.015)
+        slip = self.detector.observe(ground, self.now_ns)
+        if slip is not None:
+            self.slips.append((self.detector.state, slip.t_ns))
+        self.now_ns += STEP_NS
 
     def kink(self, level: float) -> int:
         """Return the number of slips that are said while the ratio rises to a level and stays."""
@@ -69,10 +82,28 @@ def test_a_slope_is_no_slip() -> None:
     assert math.isnan(foot.friction.coefficient)
 
 
-def test_nothing_is_said_of_a_light_foot() -> None:
-    """Below the load that tells friction, and without a ratio."""
+def test_a_slip_that_ends_is_said_with_the_times_of_both() -> None:
+    """The first conversion at the cone and the first away from it, less the lag of the readings."""
     foot = Foot()
-    assert not foot.detector.observe(NO_GROUND)
-    assert foot.detector.state is Slip.UNKNOWN
-    assert not foot.detector.observe(NO_GROUND._replace(pressing_n=1.0))
+    for _ in range(5):
+        foot.kink(0.4)
+    start_ns = foot.now_ns
+    foot.stand([0.2] * 10 + [0.4] * 20 + [0.2] * 20)
+    (begins, begun_ns), (ends, ended_ns) = foot.slips
+    assert (begins, ends) == (Slip.SLIPPING, Slip.NONE)
+    assert begun_ns == pytest.approx(start_ns + 10 * STEP_NS, abs=10_000_000)
+    assert ended_ns - begun_ns == 20 * STEP_NS
+    assert foot.detector.state is Slip.NONE
+
+
+@pytest.mark.parametrize(("pressing_n", "use"), [(math.nan, math.nan), (1.0, math.nan), (0.1, 0.4)])
+def test_nothing_is_said_of_a_light_foot(pressing_n: float, use: float) -> None:
+    """Below the load that tells friction, and without a ratio; a slip until then has ended."""
+    foot = Foot()
+    for _ in range(5):
+        foot.kink(0.4)
+    foot.stand([0.2] * 10 + [0.4] * 20)
+    foot.look(pressing_n, use)
+    foot.look(pressing_n, use)
+    assert [state for state, _ in foot.slips] == [Slip.SLIPPING, Slip.UNKNOWN]
     assert foot.detector.state is Slip.UNKNOWN

@@ -1,0 +1,65 @@
+"""Gait events of the legs: each once, with its time; in C: `firmware_interface/c/footsense_gait.h`."""
+
+from typing import NamedTuple
+
+from firmware_interface.can_codes import NODE_IDS, GaitEventKind
+from firmware_interface.can_gait import GAIT_EVENT_ID, decode_gait_event
+from firmware_interface.crc8 import FrameError
+
+#: CAN ids of the accepted frames.
+GAIT_EVENT_IDS = tuple(GAIT_EVENT_ID + node for node in NODE_IDS.values())
+
+#: The same event with the same counter within this time is a repetition; later, it comes from a restarted service [ns].
+_REPEAT_NS = 1_000_000_000
+
+
+class LegEvent(NamedTuple):
+    """Something that happened to one leg.
+
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        kind: What happened.
+        t_ns: Time at which it happened, in the time of `feed` [ns]; None: not known.
+        sigma_s: Standard deviation of that time [s], NaN if not known.
+        all_in_air: Whether every leg was known to be without contact then.
+    """
+
+    node: int
+    kind: GaitEventKind
+    t_ns: int | None
+    sigma_s: float
+    all_in_air: bool
+
+
+class GaitEvents:
+    """The gait events of a robot's legs; times are the caller's.
+
+    Attributes:
+        n_wrong: Events that failed their check.
+    """
+
+    def __init__(self) -> None:
+        self._last: dict[int, tuple[int, GaitEventKind, int]] = {}
+        self.n_wrong = 0
+
+    def feed(self, can_id: int, data: bytes, now_ns: int) -> LegEvent | None:
+        """Process a CAN frame of any id, and return the event; None for other frames, wrong ones and repetitions.
+
+        Args:
+            can_id: Its 11-bit id.
+            data: Its bytes.
+            now_ns: Time of arrival [ns].
+        """
+        if can_id not in GAIT_EVENT_IDS:
+            return None
+        try:
+            event = decode_gait_event(can_id, data)
+        except FrameError:
+            self.n_wrong += 1
+            return None
+        counter, kind, last_ns = self._last.get(event.node, (None, None, 0))
+        self._last[event.node] = event.counter, event.kind, now_ns
+        if (event.counter, event.kind) == (counter, kind) and 0 <= now_ns - last_ns < _REPEAT_NS:
+            return None
+        t_ns = None if event.age_ns is None else now_ns - event.age_ns
+        return LegEvent(event.node, event.kind, t_ns, event.sigma_s, event.all_in_air)
