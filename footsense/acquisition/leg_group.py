@@ -138,9 +138,7 @@ class LegGroup:
             self._exchange(
                 selection, ()
             )  # connect them while they convert; if that fails, `_begin` tries again
-        slowness = max((leg.timing.slowness for leg in finished.legs), default=1.0)
-        self._clock.sleep_until_ns(finished.t_start_ns + round(self._plan.wait_ns * slowness))
-        asks_first = step.done is not None and not all(leg.timing.keeps_done for leg in legs)
+        asks_first = self._wait(finished)
         if asks_first:
             self._leave_unfinished(step, legs, selection)
             failed |= {leg: leg.outcome for leg in legs if leg.outcome is not _OK}
@@ -156,6 +154,16 @@ class LegGroup:
             all_done = asks_first or (self._all_done(step, selection) if running.legs else step.done is None)
             self._read_out(step, read, finished.t_start_ns, all_done=all_done)
         self.running = running
+
+    def _wait(self, conversion: Conversion) -> bool:
+        """Wait until all legs have finished; return whether one of them forgets that with the next trigger."""
+        slowness, forgets = 1.0, False
+        for leg in conversion.legs:
+            if leg.timing.slowness > slowness:
+                slowness = leg.timing.slowness
+            forgets |= not leg.timing.keeps_done
+        self._clock.sleep_until_ns(conversion.t_start_ns + round(self._plan.wait_ns * slowness))
+        return forgets and conversion.step.done is not None
 
     def start_temperatures(self, thermometer: Thermometer) -> Legs:
         """Start a temperature conversion on all active legs, and return these legs; none if the bus failed."""

@@ -75,7 +75,10 @@ class RobotScanner:
         The first frame is a whole scan.
         """
         for _ in range(1 if self._sequence else ELEMENTS):
-            self._read_buses()
+            if len(self._buses) == 1:
+                self._latest[0] = self._buses[0].read()
+            else:
+                self._read_buses()
         t_ns, capacitance_pf, reading = map(np.concatenate, zip(*self._latest, strict=True))
         frame = CapFrame(self._sequence, t_ns, capacitance_pf, reading)
         self._sequence += 1
@@ -83,9 +86,6 @@ class RobotScanner:
 
     def _read_buses(self) -> None:
         """Read all buses that are not late, and take over what is complete."""
-        if len(self._buses) == 1:
-            self._latest[0] = self._buses[0].read()
-            return
         fresh = []
         for n, bus in enumerate(self._buses):
             if self._pending[n] is None:
