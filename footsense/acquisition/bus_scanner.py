@@ -63,6 +63,8 @@ class BusScanner:
         self._n_scans = 0
         self._check_all = transport.broadcasts
         self._late_ns = 2 * plan.wait_ns
+        self._asked_alone: LegConnection | None = None
+        self._asked_element = 0
         self._temperature_due_ns = 0
         self._timing_due_ns = 0
         self._timed: LegConnection | None = None  # last
@@ -140,7 +142,7 @@ class BusScanner:
         steps, n = self._plan.steps, self._position
         self._position = (n + 1) % len(steps)
         turn, due = divmod(self._n_scans, len(self._groups))
-        alone = self._asked_alone(steps[n].element)
+        alone = self._asked_alone if steps[n].element == self._asked_element else None
         in_turn = not self._check_all
         for number, group in enumerate(self._groups):
             checked = self._check_all or (number == due and n == turn % len(steps))
@@ -148,16 +150,18 @@ class BusScanner:
             group.convert(steps[n], steps[self._position], checked=checked, in_turn=in_turn, alone=together)
         if self._position == 0:
             self._n_scans += 1
+            self._ask_next_alone()
             self._end_scan()
 
-    def _asked_alone(self, element: int) -> LegConnection | None:
-        """Return the leg that is asked for its lines by itself in the step of an element; None for none.
+    def _ask_next_alone(self) -> None:
+        """Choose the leg that is asked for its lines by itself in the next scan, and the element.
 
         One leg a scan, in one of three elements with all rows and columns; one in four scans where that takes time.
         """
         turn, skipped = divmod(self._n_scans, 1 if self._check_all else 4)
         visit, row = divmod(turn, len(self.legs))
-        return self.legs[row] if not skipped and element == _DIAGONAL[visit % len(_DIAGONAL)] else None
+        self._asked_alone = None if skipped else self.legs[row]
+        self._asked_element = _DIAGONAL[visit % len(_DIAGONAL)]
 
     def _end_scan(self) -> None:
         """Count the scan of every leg, and look for legs that were left out."""

@@ -159,8 +159,7 @@ class LegGroup:
         """Wait until all legs have finished; return whether one of them forgets that with the next trigger."""
         slowness, forgets = 1.0, False
         for leg in conversion.legs:
-            if leg.timing.slowness > slowness:
-                slowness = leg.timing.slowness
+            slowness = max(slowness, leg.timing.slowness)
             forgets |= not leg.timing.keeps_done
         self._clock.sleep_until_ns(conversion.t_start_ns + round(self._plan.wait_ns * slowness))
         return forgets and conversion.step.done is not None
