@@ -150,21 +150,18 @@ class BusScanner:
             group.convert(steps[n], steps[self._position], checked=checked, in_turn=in_turn, alone=together)
         if self._position == 0:
             self._n_scans += 1
-            self._ask_next_alone()
             self._end_scan()
 
-    def _ask_next_alone(self) -> None:
-        """Choose the leg that is asked for its lines by itself in the next scan, and the element.
+    def _end_scan(self) -> None:
+        """Count the scan of every leg, and look for legs that were left out.
 
-        One leg a scan, in one of three elements with all rows and columns; one in four scans where that takes time.
+        Choose the leg that is asked for its lines by itself in the next scan: one a scan, in one of three elements with
+        all rows and columns; one in four scans where that takes time.
         """
         turn, skipped = divmod(self._n_scans, 1 if self._check_all else 4)
         visit, row = divmod(turn, len(self.legs))
         self._asked_alone = None if skipped else self.legs[row]
         self._asked_element = _DIAGONAL[visit % len(_DIAGONAL)]
-
-    def _end_scan(self) -> None:
-        """Count the scan of every leg, and look for legs that were left out."""
         now_ns, missing = self.clock.now_ns(), False
         any_bad: list[bool] = np.any(self.latest.reading, axis=1).tolist()
         for leg, bad in zip(self.legs, any_bad, strict=True):
