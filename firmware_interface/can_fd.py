@@ -94,7 +94,7 @@ def encode_forces(
         x_n, y_n, z_n = leg_sigma_n
         across, along = (_sigma_code(part_n) for part_n in (max(x_n, y_n) if x_n == x_n else x_n, z_n))  # noqa: PLR0124 - NaN
         bits = shown | bool(flag & Flag.CONTACT) << 4 | bool(flag & Flag.TARE_REFUSED) << 5
-        legs[node - 1] = (bits | (mask & 0x1FF) << 6 | across << 15 | along << 23, *forces)  # type: ignore[assignment]
+        legs[node - 1] = (bits | (mask & 0x1FF) << 6 | across << 15 | along << 23, *forces)
         if known:
             ages_ns.append(t_sent_ns - leg_ns if leg_ns else -1)
     age = -(-max(ages_ns) // _AGE_NS) if min(ages_ns) >= 0 and len(ages_ns) > 1 else _NO_AGE
