@@ -92,7 +92,8 @@ def encode_forces(
         shown = State.ELEMENT_FAULT if code in USABLE and not known else code
         forces = [_force_code(part_n) if known else _NO_FORCE for part_n in leg_n]
         x_n, y_n, z_n = leg_sigma_n
-        across, along = (_sigma_code(part_n) for part_n in (max(x_n, y_n) if x_n == x_n else x_n, z_n))  # noqa: PLR0124 - NaN
+        widest_n = max(x_n, y_n) if math.isfinite(x_n + y_n) else math.nan
+        across, along = _sigma_code(widest_n), _sigma_code(z_n)
         bits = shown | bool(flag & Flag.CONTACT) << 4 | bool(flag & Flag.TARE_REFUSED) << 5
         legs[node - 1] = (bits | (mask & 0x1FF) << 6 | across << 15 | along << 23, *forces)
         if known:

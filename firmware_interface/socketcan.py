@@ -85,13 +85,15 @@ def frame_ends(frames: bytes) -> list[int]:
 
 
 def split_frames(frames: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield CAN id, with its flag bits, and data of each frame of consecutive ones; only CAN FD has over 8 bytes."""
+    """Return CAN id, with its flag bits, and data of each frame of consecutive ones; only CAN FD has over 8 bytes."""
+    found = []
     at = 0
     while at < len(frames):
         end = at + (FD_FRAME_BYTES if frames[at + _FLAGS_AT] & FD_FRAME else FRAME_BYTES)
         can_id, length, _, data = _FD_FRAME.unpack(frames[at:end].ljust(FD_FRAME_BYTES, b"\0"))
-        yield can_id, data[:length]
+        found.append((can_id, data[:length]))
         at = end
+    return iter(found)
 
 
 def is_data(can_id: int) -> bool:
