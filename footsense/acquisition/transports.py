@@ -17,6 +17,28 @@ from footsense.ports import Clock, I2cBus, ResetLine, Transaction
 
 _log = logging.getLogger(__name__)
 
+#: Nine clocks with SDA released: address 0x7F and the bit to read are eight ones, and no chip may acknowledge them.
+#: Source: UM10204, section 3.1.16 (bus clear) and table 4 (reserved addresses).
+NINE_CLOCKS = Transaction(0x7F, b"", 1)
+
+
+def release_sda(bus: I2cBus) -> None:
+    """Let a chip that was interrupted within a byte finish it; it holds SDA low until then.
+
+    An adapter that compares SDA with what it sends times out instead; its driver clears the bus, or nothing does. One
+    that does not, as that of a Raspberry Pi 0 to 4, reads a line that stays low as an acknowledge of any address.
+
+    Raises:
+        BusTimeoutError: SDA stays low.
+        BusError: The transaction failed otherwise.
+    """
+    for _ in range(2):
+        try:
+            bus.transfer(NINE_CLOCKS)
+        except NackError:
+            return
+    raise BusTimeoutError("SDA is held low: an address that no chip has is acknowledged")
+
 
 class UpstreamBus:
     """An adapter with a TCA9548A on its bus; the last selection is not written twice.
@@ -78,12 +100,14 @@ class UpstreamBus:
         """Disconnect every leg from a bus whose lines may be stuck, and return whether the mux answers again.
 
         A leg that holds SDA low blocks the write that would disconnect it, so that only the RESET pin helps. Without
-        one, that write is tried all the same: the line may have been released.
+        one, nine clocks and that write are tried all the same: the line may be released.
         """
         self._selection = None
-        if self._reset_line is not None:
-            self._reset_line.pulse()
         with contextlib.suppress(BusError):
+            if self._reset_line is not None:
+                self._reset_line.pulse()
+            else:
+                release_sda(self.bus)
             self.connect(0)
         return self._selection is not None
 

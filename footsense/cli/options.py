@@ -13,8 +13,9 @@ import msgspec
 
 from footsense.errors import ConfigError
 
-FILE = click.Path(path_type=Path)
-FOLDER = click.Path(file_okay=False, path_type=Path)
+#: Not checked by click: a file that cannot be read is an error of what it holds, in one line, and no wrong usage.
+FILE = click.Path(path_type=Path, readable=False)
+FOLDER = click.Path(file_okay=False, path_type=Path, readable=False)
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 

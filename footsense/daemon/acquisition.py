@@ -193,7 +193,7 @@ def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack
     for bus, clock, transport in buses:
         channels = bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)}
         scanners.append(BusScanner(transport, clock, channels, plan))
-    source = RobotScanner(scanners)
+    source = RobotScanner(scanners, threads=robot is None)
     stack.callback(source.close)
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):

@@ -69,6 +69,8 @@ class Effects(ScenePart, frozen=True):
         rubber: Whether the feet creep and show hysteresis (`sim/foot/viscoelastic.py`).
         warming: Change of temperature; None for none.
         softening: Ageing of one foot; None for none.
+        adapter_compares: Whether an I2C adapter compares SDA with what it sends, and times out where it is held; that
+            of a Raspberry Pi 0 to 4 does not.
         adapter_timeout_ms: Timeout of an I2C adapter for a held line; 1000 where it cannot be set [ms].
     """
 
@@ -79,4 +81,5 @@ class Effects(ScenePart, frozen=True):
     rubber: bool = False
     warming: Warming | None = None
     softening: Softening | None = None
+    adapter_compares: bool = True
     adapter_timeout_ms: Annotated[float, Meta(ge=10.0, le=10_000.0)] = 20.0

@@ -47,8 +47,8 @@ class Board(NamedTuple):
     probe_ns: int
 
 
-FDC1004 = Board("fdc1004", (400, 200, 100), 2_500_000, 0.0, 0)
-AD7746 = Board("ad7746", (91, 84, 50, 26, 16, 13, 11, 9), 11_000_000, 2e-6, 12_000_000)
+FDC1004 = Board("fdc1004", (400, 200, 100), 2_500_000, 0.0, 7_000_000)
+AD7746 = Board("ad7746", (91, 84, 50, 26, 16, 13, 11, 9), 11_000_000, 2e-6, 15_000_000)
 
 
 def distinct(element: int, t_ns: int) -> float:
@@ -176,7 +176,7 @@ class Robot:
                 )
             )
         self.board = board
-        self.clock = JoinedClock(clocks)
+        self.clock = JoinedClock(clocks, scanners[0].wait_ns)
         self.buses = scanners
         self.scanner = RobotScanner(scanners)
         self.scanner.start()

@@ -10,8 +10,9 @@ closures move from one reading to the next: the limit is wider by that. A larger
 came off and no longer moves, one that drifts, a flipped bit, or a line that broke during the scan. So an element, row
 or column without which the rest is consistent is left out at once; one that stays suspected is excluded, until it has
 been consistent for a while both under load and unloaded: unloaded, an element stuck at its baseline reads right, and
-under load, where the limit is wider, a drifting one may. If no such set explains the residuals, the force is given with
-a wider sigma.
+under load, where the limit is wider, a drifting one may. A foot that stands or hangs for long shows only one of both:
+after ten seconds an element that is consistent there is believed as any other is. If no such set explains the
+residuals, the force is given with a wider sigma.
 """
 
 import math
@@ -33,6 +34,8 @@ INCONSISTENCY_REL = 0.5
 MOVED_REL = 0.08
 #: Time for which an excluded element has to be consistent, loaded and unloaded each, until it is readmitted [ns].
 READMITTED_AFTER_NS = 300_000_000
+#: The same where the load does not change, or is too small to tell [ns].
+READMITTED_ALONE_AFTER_NS = 10_000_000_000
 #: Rate at which it loses that time while it is inconsistent [1].
 LOSS_RATE = 4
 #: Time for which residuals have to have the same cause before it is acted on, over the time of a step [1].
@@ -92,7 +95,7 @@ class ConsistencyTest:
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
         self._excluded = np.zeros(shape, bool)
         self._stuck = np.zeros(shape, bool)
-        self._consistent_ns = np.zeros((n_legs, 2), np.int64)  # unloaded, loaded
+        self._consistent_ns = np.zeros((n_legs, 3), np.int64)  # unloaded, loaded, in all
         self._t_ns = 0
         # Of each element's measured and predicted closures: the smallest and the largest.
         self._extremes = np.zeros((2, 2, *shape))
@@ -213,10 +216,11 @@ class ConsistencyTest:
             self._consistent_ns[leg] = np.maximum(self._consistent_ns[leg] - LOSS_RATE * elapsed_ns, 0)
         elif self._excess(closure_rel, missing & ~excluded) <= 1.0:
             largest = np.abs(self._predict(closure_rel, missing)[excluded]).max()
-            self._consistent_ns[leg] += np.where(
-                [largest < RESIDUAL_LIMIT, largest > MOVED_REL], elapsed_ns, 0
-            )
-        if (self._consistent_ns[leg] >= READMITTED_AFTER_NS).all():
+            unloaded = largest < RESIDUAL_LIMIT
+            tells = not (unloaded and self._stuck[leg].any())
+            self._consistent_ns[leg] += np.where([unloaded, largest > MOVED_REL, tells], elapsed_ns, 0)
+        *both_ns, all_ns = self._consistent_ns[leg].tolist()
+        if min(both_ns) >= READMITTED_AFTER_NS or all_ns >= READMITTED_ALONE_AFTER_NS:
             missing &= ~excluded
             self._excluded[leg] = self._stuck[leg] = False
 

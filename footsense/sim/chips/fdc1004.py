@@ -3,7 +3,8 @@
 It shares only register addresses with the driver. Simulated (sections of the data sheet, SNOSCY5):
 - one conversion at a time: a trigger with several measurements and no REPEAT starts none (8.5.3.1), and a trigger
   during a conversion aborts it;
-- DONE_n is set when measurement n ends and cleared when its result is read (8.5.3.4);
+- DONE_n is set when measurement n ends and cleared when its result is read (8.5.3.4); whether another trigger clears it
+  too is not said: both kinds of chip are simulated;
 - a result that was never converted, or is being converted, reads as 0x7FFFFF;
 - the CAPDAC subtracts its steps from the capacitance of a pin;
 - the result clips at the ends of the 24-bit range; white noise by rate.
@@ -76,6 +77,8 @@ class SimulatedFdc1004(LegChip):
 
     Attributes:
         stuck_ns: Spans in which its conversions do not finish [ns].
+        clock_factor: Its conversion times over the nominal ones [1].
+        trigger_clears_done: Whether the trigger of a measurement clears the DONE bits of the others.
     """
 
     def __init__(
@@ -86,9 +89,10 @@ class SimulatedFdc1004(LegChip):
     ) -> None:
         super().__init__(chip.ADDRESS)
         self.stuck_ns: list[Span] = []
+        self.trigger_clears_done = False
         self._cin_capacitance_pf = cin_capacitance_pf
         self._noise = repeat(0.0) if noise is None else _white(noise)
-        self._clock_factor = 1.0 + clock_error_rel
+        self.clock_factor = 1.0 + clock_error_rel
         self._pointer = 0
         self.power_up(0)
 
@@ -128,9 +132,11 @@ class SimulatedFdc1004(LegChip):
         self._running = conversion = _conversion(word)
         if conversion is None:
             return
+        if self.trigger_clears_done:
+            self._done = 0
         self._results[conversion.slot] = chip.CODE_MAX
         self._started_ns = t_ns
-        self._ends_ns = t_ns + round(conversion.lasts_ns * self._clock_factor)
+        self._ends_ns = t_ns + round(conversion.lasts_ns * self.clock_factor)
 
     def _finish_by(self, t_ns: int) -> None:
         """Set the result of a conversion that is over by `t_ns` [ns]."""

@@ -31,11 +31,13 @@ class SimulatedLineSwitch(LegChip):
 
     Attributes:
         ignores_writes_ns: Spans in which it acknowledges its settings and ignores them [ns].
+        stuck_closed: Bits that are set whatever is written.
     """
 
     def __init__(self, address: int = adg715.ADDRESS) -> None:
         super().__init__(address)
         self.ignores_writes_ns: list[Span] = []
+        self.stuck_closed = 0
         self._switches = 0
         # A conversion looks back one conversion time at most; lines change no faster than that.
         self._history: deque[LineStates] = deque([LineStates(0, 0, 0)], maxlen=8)
@@ -47,7 +49,7 @@ class SimulatedLineSwitch(LegChip):
     def write(self, data: bytes, t_ns: int) -> None:
         """Set the switches to the last byte."""
         if not during(self.ignores_writes_ns, t_ns):
-            self._set(data[-1], t_ns)
+            self._set(data[-1] | self.stuck_closed, t_ns)
 
     def _set(self, switches: int, t_ns: int) -> None:
         self._switches = switches
