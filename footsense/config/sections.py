@@ -55,6 +55,18 @@ class Mux(Section, frozen=True, kw_only=True):
     reset: ResetLine | None = None
 
 
+class PullUps(Section, frozen=True, kw_only=True):
+    """Resistors that pull one line of an I2C bus up, all on it in parallel.
+
+    Attributes:
+        upstream: Between host and multiplexer [Ohm]; a Raspberry Pi has 1800 of its own.
+        leg: On each leg [Ohm].
+    """
+
+    upstream: Annotated[float, Meta(ge=100.0, le=1e6)]
+    leg: Annotated[float, Meta(ge=100.0, le=1e6)]
+
+
 class OtherDevice(Section, frozen=True, kw_only=True):
     """Another device on an upstream bus, named so that an address clash is found in time.
 
@@ -77,6 +89,7 @@ class Bus(Section, frozen=True, kw_only=True):
         legs: Channel of the multiplexer for each leg; or, where the kernel drives it (i2c-mux-pca954x), the adapter
             that the kernel made of the leg's channel.
         other_devices: Other devices on the upstream bus.
+        pull_ups: Its pull-up resistors, to check them; None if they are not known.
     """
 
     device: Device
@@ -86,6 +99,7 @@ class Bus(Section, frozen=True, kw_only=True):
     ] = 400_000
     mux: Mux = Mux()
     other_devices: tuple[OtherDevice, ...] = ()
+    pull_ups: PullUps | None = None
 
     @property
     def channels(self) -> dict[str, int]:
