@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from firmware_interface.socketcan import FRAME_BYTES, is_data, is_error, pack_frame, split_frames
+from firmware_interface.socketcan import frame_ends, is_data, is_error, pack_frame, split_frames
 from footsense.can.bus_health import BusHealth
 from footsense.can.frame_log import CanFrameLog, check_log_suffix
 from footsense.can.python_can import error_text, open_wire
@@ -42,6 +42,7 @@ class ChannelSettings:
         channel: Its name, such as `can0`.
         bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
         commands: Whether commands are executed.
+        fd: Whether frames of CAN FD are sent.
         log_file: File for every frame sent, its format by suffix: candump `.log`, `.asc` or `.blf`; None for none.
         log_waits: Whether the log may make the loop wait, as in virtual time.
         connect: Opens another interface than the named one, such as a simulated one, and does not wait; None for
@@ -52,6 +53,7 @@ class ChannelSettings:
     channel: str
     bitrate: int = 500_000
     commands: bool = True
+    fd: bool = False
     log_file: Path | None = None
     log_waits: bool = False
     connect: Callable[[], CanWire] | None = None
@@ -118,7 +120,9 @@ class CanChannel:
         self.stats = stats
         self._accept = frozenset(accept)
         self._explained = partial(error_text, *place)
-        self._connect: Callable[[], CanWire] = settings.connect or partial(open_wire, *place, self._accept)
+        self._connect: Callable[[], CanWire] = settings.connect or partial(
+            open_wire, *place, self._accept, fd=settings.fd
+        )
         self._name = f"CAN channel {settings.channel} ({settings.interface})"
         self._health = BusHealth(settings.channel, stats)
         self._t_ns = 0
@@ -150,8 +154,8 @@ class CanChannel:
             How many were accepted.
         """
         self._t_ns = t_ns
-        n = len(frames) // FRAME_BYTES
-        taken = 0
+        ends = frame_ends(frames)
+        n, taken = len(ends), 0
         wire = None if self._back_off_ns and t_ns < self._due_ns else self._wire or self._reopened()
         if wire is not None:
             try:
@@ -169,7 +173,7 @@ class CanChannel:
             if self._unlogged:
                 self._log.add(t_ns, self._unlogged)
                 self._unlogged = b""
-            self._log.add(t_ns, frames[: taken * FRAME_BYTES])
+            self._log.add(t_ns, frames[: ends[taken - 1]])
         return taken
 
     def receive(self) -> list[tuple[int, bytes]]:
@@ -216,8 +220,9 @@ class CanChannel:
         except OSError as error:
             raise CanError(self._explained(error)) from error
         self.stats.sent += taken
-        self.stats.dropped += len(frames) // FRAME_BYTES - taken
-        return frames[: taken * FRAME_BYTES]
+        ends = frame_ends(frames)
+        self.stats.dropped += len(ends) - taken
+        return frames[: ends[taken - 1]] if taken else b""
 
     def _lose(self, error: OSError) -> None:
         """Double the time before the next attempt; only an interface that is merely down keeps its socket."""

@@ -165,10 +165,10 @@ def _can(config: Config) -> Iterator[Problem]:
             f"{can.channel} is no IPv4 multicast address, as udp_multicast needs one; use 239.74.163.2",
         )
     per_s = config.forces_hz
-    bits_per_s = can_bits_per_s(len(config.legs), per_s)
+    bits_per_s = can_bits_per_s(len(config.legs), per_s, fd=can.fd)
     share = bits_per_s / (_CAN_SHARE * can.bitrate)
     if can.interface == "socketcan" and share > 1.0:
-        others_per_s = can_bits_per_s(len(config.legs), 0.0)
+        others_per_s = can_bits_per_s(len(config.legs), 0.0, fd=can.fd)
         forces_share = (bits_per_s - others_per_s) / (_CAN_SHARE * can.bitrate - others_per_s)
         fewer = f"publish_every: {math.ceil(forces_share * config.publish_every)}"
         yield Problem(

@@ -195,6 +195,7 @@ class Can(Section, frozen=True, kw_only=True):
         bitrate: Bit rate [bit/s], to compute the bus load; the kernel sets it (deploy/README.md).
         commands: Whether commands are executed. None: those of a CAN bus, but not those of `udp_multicast`, which every
             program on this computer can send.
+        fd: Whether the forces of all legs go out in one CAN FD frame; the interface has to be one of CAN FD.
     """
 
     interface: Literal["virtual", "socketcan", "udp_multicast"]
@@ -205,6 +206,7 @@ class Can(Section, frozen=True, kw_only=True):
         500_000
     )
     commands: bool | None = None
+    fd: bool = False
 
     @property
     def obeys(self) -> bool:

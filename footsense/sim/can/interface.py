@@ -21,8 +21,9 @@ import math
 import os
 from collections import deque
 from collections.abc import Sequence
+from itertools import pairwise
 
-from firmware_interface.socketcan import FRAME_BYTES, pack_frame
+from firmware_interface.socketcan import frame_ends, pack_frame
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.controller import CanController, CanSettings
@@ -172,10 +173,11 @@ class _Socket:
         if self.gone or not self._can.up:
             code = errno.ENXIO if self.gone else errno.ENETDOWN
             raise OSError(code, os.strerror(code))
-        for start in range(0, len(frames), FRAME_BYTES):
-            if not self._can.take(frames[start : start + FRAME_BYTES]):
-                return start // FRAME_BYTES
-        return len(frames) // FRAME_BYTES
+        ends = frame_ends(frames)
+        for n, (start, end) in enumerate(pairwise([0, *ends])):
+            if not self._can.take(frames[start:end]):
+                return n
+        return len(ends)
 
     def receive(self) -> list[bytes]:
         """Return the frames that have arrived.

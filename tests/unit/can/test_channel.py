@@ -245,7 +245,7 @@ class SlowWire(NarrowWire):
 
 def channel_on(wire: SlowWire, monkeypatch: pytest.MonkeyPatch, stats: CanStatistics) -> CanChannel:
     """Open a channel as on a robot, but on this interface."""
-    monkeypatch.setattr("footsense.can.channel.open_wire", lambda *_: wire.open_and_wait())
+    monkeypatch.setattr("footsense.can.channel.open_wire", lambda *_, **__: wire.open_and_wait())
     return CanChannel(ChannelSettings(interface="socketcan", channel="can0"), (), {}, stats)
 
 
