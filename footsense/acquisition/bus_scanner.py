@@ -11,6 +11,8 @@ made of one group in one step a scan, in turn. Every ten seconds, between two sc
 the converter of one leg is timed again, in turn: its clock may drift.
 """
 
+import contextlib
+
 import numpy as np
 
 from footsense.acquisition.bus_timing import Timing, time_for_checks, timing
@@ -98,7 +100,8 @@ class BusScanner:
             leg.retry_at_ns = 0
             probe(self._transport, leg, self.legs, self._plan, self.clock)
             if leg.in_scan:
-                self._group_of(leg).time_converter(leg)
+                with contextlib.suppress(BusStuckError):  # the leg is left out
+                    self._group_of(leg).time_converter(leg)
         # Half a period beside the temperatures.
         self._timing_due_ns = self.clock.now_ns() + _TIMING_PERIOD_NS * 3 // 2
 
