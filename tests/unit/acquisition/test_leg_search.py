@@ -34,7 +34,7 @@ def column_pf(switch: SimulatedLineSwitch, cin: int, t_start_ns: int, t_end_ns: 
     """Return what a pin sees of its column."""
     return sum(
         share * pin_capacitance_pf(DISTINCT_PF[cin::3].tolist(), states)
-        for share, states in switch.between(t_start_ns, t_end_ns)
+        for share, states in switch.states_between(t_start_ns, t_end_ns)
     )
 
 
