@@ -23,6 +23,7 @@ from footsense.lab.template import render
 _LAB_STUDIES = {
     "released": "accuracy.released",
     "gaits": "accuracy.gaits",
+    "tracker": "accuracy.tracker",
     "gait-semantics": "accuracy.gait_semantics",
     "sensors": "accuracy.sensors",
     "paper-procedure": "networks.paper_procedure",

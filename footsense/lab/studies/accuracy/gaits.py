@@ -15,6 +15,7 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import LEGS, Mask, Vector
+from footsense.lab.evaluation.contact_model import normals
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_SEED
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.training.gait_readings import GaitReadings, Timing, joined, random_gaits, read_gait
@@ -110,7 +111,7 @@ _NOTHING = np.zeros(9, bool)
 _NO_CHANGE = _Change(_NOTHING)
 
 
-def _loads_of(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
+def loads_of(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
     """Return a leg's loads at some times [s], of a source for single times [ns]."""
 
     def loads(t_s: Vector) -> Loads:
@@ -120,6 +121,18 @@ def _loads_of(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
     return loads
 
 
+def walks() -> tuple[ContactSource, ContactSource]:
+    """Return the measured walk and the tripod scene."""
+    tripod = Walk(
+        dict.fromkeys(LEGS, smooth_stance(0.6, 1.0, 0.15)),
+        period_ns=1_200_000_000,
+        duty_rel=0.6,
+        pitch_deg=10.0,
+        from_ns=_START_NS,
+    )
+    return measured_walk(1.0, 10.0, _START_NS), tripod
+
+
 def _walked(
     context: StudyContext, source: ContactSource, legs: tuple[str, ...], timing: Timing
 ) -> GaitReadings:
@@ -127,13 +140,13 @@ def _walked(
     n = 400 if context.quick else _WALK_CONVERSIONS
     return joined(
         [
-            read_gait(context.response, _loads_of(source, leg), timing, np.random.default_rng((SEED, k)), n)
+            read_gait(context.response, loads_of(source, leg), timing, np.random.default_rng((SEED, k)), n)
             for k, leg in enumerate(legs)
         ]
     )
 
 
-def _estimated(context: StudyContext, window: Window) -> Load:
+def estimated(context: StudyContext, window: Window) -> Load:
     """Return the network's loads, in calls of bounded size."""
     some = [slice(first, first + _AT_ONCE) for first in range(0, len(window.missing), _AT_ONCE)]
     parts = [
@@ -156,14 +169,14 @@ def _errors(
     imputation = Imputation(context.trained_inputs.moments)
     missing = np.tile(change.missing, (len(closure_rel), 1))
     closure_rel = closure_rel @ imputation.matrix(change.missing).T
-    load = _estimated(context, Window(closure_rel, windows.age_s, missing))
+    load = estimated(context, Window(closure_rel, windows.age_s, missing))
     loaded = np.linalg.norm(force_n, axis=1) > LEAST_N
     error_n = (load.force_n - force_n)[loaded]
     off = np.abs(error_n / load.sigma_n[loaded])
     direction_deg = angles_between_deg(load.force_n[loaded], force_n[loaded])
     true_contact, pressing_n = contact_of(force_n, normal)
     firm, firmer = pressing_n > FRICTION_N, pressing_n > NORMAL_N
-    found = _normals(load.contact[:, :2])
+    found = normals(load.contact[:, :2])
     friction = _friction(load.contact[:, 2:], found) - _friction(true_contact[:, 2:], normal)
     return GaitErrors(
         name=name,
@@ -175,13 +188,6 @@ def _errors(
         friction=float(np.abs(friction[firm]).mean()),
         normal_deg=float(angles_between_deg(found[firmer], normal[firmer]).mean()),
     )
-
-
-def _normals(point: Vector) -> Vector:
-    """Return the normals of stereographic contact points, shapes (n, 2) and (n, 3)."""
-    square = (point**2).sum(axis=1, keepdims=True)
-    normal: Vector = np.hstack([2.0 * point, 1.0 - square]) / (1.0 + square)
-    return normal
 
 
 def _friction(ratio: Vector, normal: Vector) -> Vector:
@@ -204,7 +210,7 @@ def _at_rest(context: StudyContext) -> list[RestErrors]:
         timing = windows_of(_walked(context, Ramp((0.0, 0.0, 0.5), 0), ("rf",), Timing()))
         age_s = timing.age_s[np.arange(len(force_n)) % len(timing.age_s)]
         window = Window(np.stack(readings, axis=1), age_s, np.zeros((len(force_n), 9), bool))
-        found_n = _estimated(context, window).force_n
+        found_n = estimated(context, window).force_n
         direction_deg = angles_between_deg(found_n, force_n)
         off_n = np.abs(np.linalg.norm(found_n, axis=1) - np.linalg.norm(force_n, axis=1))
         rows.append(
@@ -223,14 +229,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     n_gaits = N_QUICK if context.quick else N_GAITS
     random = random_gaits(context.response, SEED, n_gaits, CONVERSIONS, context.foot_design.loads.max_n)
     context.say("gaits: random gaits read")
-    walk = measured_walk(1.0, 10.0, _START_NS)
-    tripod = Walk(
-        dict.fromkeys(LEGS, smooth_stance(0.6, 1.0, 0.15)),
-        period_ns=1_200_000_000,
-        duty_rel=0.6,
-        pitch_deg=10.0,
-        from_ns=_START_NS,
-    )
+    walk, tripod = walks()
     sides = ("rf", "lf")
     walked = _walked(context, walk, sides, Timing())
     middle, row = np.arange(9) == 4, np.arange(9) < 3
