@@ -11,9 +11,11 @@ made of one group in one step a scan, in turn. Every ten seconds, between two sc
 the converter of one leg is timed again, in turn: its clock may drift.
 """
 
+import contextlib
+
 import numpy as np
 
-from footsense.acquisition.bus_timing import Timing, has_time_for_checks, timing
+from footsense.acquisition.bus_timing import Timing, time_for_checks, timing
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.leg_group import BusReadings, BusStuckError, LegGroup
 from footsense.acquisition.leg_search import probe, probe_due
@@ -88,12 +90,18 @@ class BusScanner:
             broadcasts = self._transport.broadcasts
             self.timing = timing(costs, self._plan, len(self.legs), kernel_mux=not broadcasts)
             self._late_ns = self.timing.late_ns + (0 if broadcasts else self._plan.wait_ns)
-            self._check_all = broadcasts and has_time_for_checks(costs, self._plan, len(self.legs))
+            checks, read_back = time_for_checks(costs, self._plan, len(self.legs))
+            self._check_all = broadcasts and checks
+            if self._transport.reads_back is not None:
+                read_back = self._transport.reads_back
+            for group in self._groups:
+                group.mux_read_back = self._transport.read_back if read_back else None
         for leg in self.legs:
             leg.retry_at_ns = 0
             probe(self._transport, leg, self.legs, self._plan, self.clock)
             if leg.in_scan:
-                self._group_of(leg).time_converter(leg)
+                with contextlib.suppress(BusStuckError):  # the leg is left out
+                    self._group_of(leg).time_converter(leg)
         # Half a period beside the temperatures.
         self._timing_due_ns = self.clock.now_ns() + _TIMING_PERIOD_NS * 3 // 2
 

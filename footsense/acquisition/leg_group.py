@@ -78,6 +78,8 @@ class LegGroup:
         latest: Readings of the whole bus, written over element by element.
 
     Attributes:
+        mux_read_back: Read of the mux's selection, done after a broadcast question and after every leg: another program
+            may have switched it. None where that takes time from the scan, or the kernel switches it.
         running: The conversion that runs; without legs if none of the group's is active, None after a restart.
     """
 
@@ -86,6 +88,7 @@ class LegGroup:
     ) -> None:
         self.legs = legs
         self.running: Conversion | None = None
+        self.mux_read_back: Transaction | None = None
         self._rows = slice(legs[0].row, legs[-1].row + 1)
         self._transport = transport
         self._clock = clock
@@ -252,8 +255,12 @@ class LegGroup:
         """Return whether all connected legs have finished, by one common question or by their results themselves."""
         if step.done is None:
             return True
-        answers = self._exchange(selection, (step.done.read,))
-        return answers is not None and step.done.decode(answers[0]) is _OK
+        asks = (step.done.read,) if self.mux_read_back is None else (step.done.read, self.mux_read_back)
+        answers = self._exchange(selection, asks)
+        if answers is None or (len(asks) > 1 and answers[1][0] != selection):
+            self._transport.invalidate()
+            return False
+        return step.done.decode(answers[0]) is _OK
 
     def _read_leg(self, leg: LegConnection, step: Step, *, all_done: bool) -> tuple[Reading, float]:
         reading = Reading.NO_ANSWER
@@ -267,6 +274,10 @@ class LegGroup:
                     if reading is Reading.NOT_READY:
                         break
                 reading, capacitance_pf = self._plan.board.decode_result(list(map(bus.transfer, step.read)))
+                if self.mux_read_back and bus.transfer(self.mux_read_back)[0] != leg.selection:
+                    self._transport.invalidate()
+                    reading = Reading.DELAYED
+                    continue
                 return reading, capacitance_pf + leg.offset_pf
             except BusError as error:
                 self._raise_if_stuck(error)

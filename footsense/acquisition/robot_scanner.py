@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from footsense.acquisition.bus_scanner import BusScanner
+from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.leg_group import BusReadings
 from footsense.frames import ELEMENTS, CapFrame, Vector
 
@@ -45,6 +46,11 @@ class RobotScanner:
         self._grace_ns = 0 if len(self._buses) == 1 else max(bus.wait_ns for bus in self._buses)
 
     @property
+    def legs(self) -> list[LegConnection]:
+        """All legs, in the order of the rows."""
+        return [leg for bus in self._buses for leg in bus.legs]
+
+    @property
     def missed_deadlines(self) -> int:
         """Number of times that conversions were discarded because the loop was delayed."""
         return sum(bus.missed_deadlines for bus in self._buses)
@@ -54,7 +60,7 @@ class RobotScanner:
 
         NaN for a board without a sensor, and for a leg that is out of the scan.
         """
-        return np.array([leg.temperature_c for bus in self._buses for leg in bus.legs])
+        return np.array([leg.temperature_c for leg in self.legs])
 
     def start(self) -> None:
         """Find and set up the chips of every bus.

@@ -48,18 +48,30 @@ class UpstreamBus:
         mux_address: Address of the mux.
         reset_line: The mux's RESET pin; None if nothing drives it. Without it, a leg that holds a line low stops all
             legs of its bus for as long as it does.
+        reads_back: Whether the selection is read back after every leg; None: where that takes no time from the scan.
 
     Attributes:
         broadcasts: Whether one write reaches all legs; else each leg is addressed alone.
+        reads_back: As given.
+        read_back: Read of the present selection; None if the kernel keeps it.
     """
 
     broadcasts = True
 
-    def __init__(self, bus: I2cBus, mux_address: int, reset_line: ResetLine | None = None) -> None:
+    def __init__(
+        self,
+        bus: I2cBus,
+        mux_address: int,
+        reset_line: ResetLine | None = None,
+        *,
+        reads_back: bool | None = None,
+    ) -> None:
         self.bus = bus
+        self.reads_back = reads_back
         self.mux_address = mux_address
         self._reset_line = reset_line
         self._selection: int | None = None
+        self.read_back: Transaction | None = Transaction(mux_address, b"", n_read=1)
         self._writes = tuple(Transaction(mux_address, bytes((selection,))) for selection in range(256))
 
     def measure(self, clock: Clock) -> BusCosts:
@@ -152,9 +164,11 @@ class KernelMux:
     """
 
     broadcasts = False
+    reads_back = False
 
     def __init__(self, adapters: Sequence[I2cBus]) -> None:
         self.adapters = adapters
+        self.read_back: Transaction | None = None
         self._adapter_of = {1 << channel: adapter for channel, adapter in enumerate(adapters)}
 
     def measure(self, clock: Clock) -> BusCosts | None:

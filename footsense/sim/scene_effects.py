@@ -64,6 +64,7 @@ class Effects(ScenePart, frozen=True):
     Attributes:
         converter_noise: Whether conversions have white noise, by rate.
         converter_clock_rel: Largest deviation of a converter's clock; each chip draws its own [1].
+        trigger_clears_done: Whether a FDC1004 forgets that a conversion was done when the next one is started.
         stray_pf: Capacitance to ground in parallel with every element [pF].
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/foot/viscoelastic.py`).
@@ -76,6 +77,7 @@ class Effects(ScenePart, frozen=True):
 
     converter_noise: bool = False
     converter_clock_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
+    trigger_clears_done: bool = False
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     gap_contact: bool = False
     rubber: bool = False

@@ -58,6 +58,13 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
                 f"nine conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
             )
         )
+    if known := [leg.timing.keeps_done for leg in result.legs if leg.timing]:
+        order = (
+            "while the next conversion runs"
+            if all(known)
+            else "before the next conversion, which makes one forget"
+        )
+        parts.append(Text(f"Converters are asked whether they are done {order}."))
     parts.append(Text())
     if not result.diagnoses:
         parts.append(Text("No faults.", "green"))

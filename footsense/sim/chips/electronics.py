@@ -39,7 +39,9 @@ def electronics(
     rows = SimulatedLineSwitch(adg715.ADDRESS)
     if board == "fdc1004":
         pins = _column_pins(foot, rows, effects.stray_pf)
-        return SimulatedFdc1004(pins, noise, clock_error_rel), (rows,)
+        chip = SimulatedFdc1004(pins, noise, clock_error_rel)
+        chip.trigger_clears_done = effects.trigger_clears_done
+        return chip, (rows,)
     columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
     error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * TEMPERATURE_ERROR_K
     warming = effects.warming

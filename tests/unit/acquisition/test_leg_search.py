@@ -123,6 +123,15 @@ def test_a_leg_that_holds_the_bus_at_start_is_left_out() -> None:
     assert (robot.scan_until(2.0)[-1].reading == Reading.OK).all()
 
 
+def test_a_leg_that_holds_the_bus_while_its_converter_is_timed_is_left_out() -> None:
+    """At the first start too; the others begin without it."""
+    fault = scene_faults.StuckSda(at_s=0.0117, until_s=0.5, leg="lf")
+    robot = Robot([scene_faults.StuckConverter(at_s=0.0, until_s=0.25, leg="lf"), fault])
+    robot.scan_until(0.4)
+    assert (robot.scan().reading[:, 0] == [Reading.BUS_STUCK, Reading.OK, Reading.OK]).all()
+    assert (robot.scan_until(9.0)[-1].reading == Reading.OK).all()
+
+
 def test_without_a_reset_pin_all_are_silent_until_it_lets_go() -> None:
     """And all come back with the first try that gets through."""
     robot = Robot([scene_faults.StuckSda(at_s=0.5, until_s=1.0, leg="lm")], reset=False)

@@ -187,7 +187,7 @@ def test_a_leg_that_failed_is_connected_no_more_in_that_scan() -> None:
     selections: list[int] = []
 
     def note(transaction: Transaction, n: int) -> None:
-        if transaction.address == 0x71:
+        if transaction.address == 0x71 and transaction.write:
             selections.append(transaction.write[0])
 
     robot.saboteurs[0].arm(note)
