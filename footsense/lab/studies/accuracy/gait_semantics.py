@@ -192,9 +192,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         contacts.append(one.contact[later] > 0.0)
     stand = np.concatenate(stands)
     hours = float(stand.size * np.diff(walks[0].t_s).mean()) / 3600.0
-    last = [
-        one.coefficient[-1] - np.nanmean([slides.friction for slides in one.slides]) for one in walks
-    ]
+    last = [one.coefficient[-1] - np.nanmean([slides.friction for slides in one.slides]) for one in walks]
     reported_mm = ways_mm[np.isfinite(ways_mm)]
     return Results(
         leg_hours=hours,
