@@ -52,7 +52,7 @@ def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
     rate_sps = max(board.conversion_ns)
     step, following = (board.step(each.element, rate_sps) for each in plan.steps[:2])
 
-    def finishes(slowness: float, *, next_started: bool) -> bool:
+    def finishes_in_time(slowness: float, *, next_started: bool) -> bool:
         for transaction in board.restart:
             bus.transfer(transaction)
         before_ns = clock.now_ns()
@@ -65,15 +65,15 @@ def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
             return step.done.decode(bus.transfer(step.done.read)) is Reading.OK
         return board.decode_result(list(map(bus.transfer, step.read)))[0] is not Reading.NOT_READY
 
-    if finishes(1.0, next_started=True):
+    if finishes_in_time(1.0, next_started=True):
         return ChipTiming()
-    if not finishes(SLOWEST, next_started=False):
+    if not finishes_in_time(SLOWEST, next_started=False):
         return None
-    keeps_done = finishes(SLOWEST, next_started=True)
-    if not keeps_done and finishes(1.0, next_started=False):
+    keeps_done = finishes_in_time(SLOWEST, next_started=True)
+    if not keeps_done and finishes_in_time(1.0, next_started=False):
         return ChipTiming(keeps_done=False)
     low, high = 1.0, SLOWEST
     for _ in range(_N_HALVINGS):
         middle = (low + high) / 2
-        low, high = (low, middle) if finishes(middle, next_started=keeps_done) else (middle, high)
+        low, high = (low, middle) if finishes_in_time(middle, next_started=keeps_done) else (middle, high)
     return ChipTiming(high * (1 + _DRIFT_REL), keeps_done)

@@ -34,7 +34,7 @@ Legs = tuple[LegConnection, ...]
 
 
 class BusStuckError(Exception):
-    """A line was held low; the leg that holds it is left out, and the others have to restart."""
+    """A transaction timed out on a line held low; the stuck leg is left out, and the other legs restart their scan."""
 
 
 class BusReadings(NamedTuple):

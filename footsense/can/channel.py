@@ -136,7 +136,9 @@ class CanChannel:
         self._wire: CanWire | None = self._connect()
         try:
             # Sent before the log is open, and before the first force defines the time.
-            self._unlogged = self._greet(b"".join(pack_frame(*frame) for frame in greeting.items()))
+            self._unlogged = self._send_first_frames(
+                b"".join(pack_frame(*frame) for frame in greeting.items())
+            )
             if log_file is not None:
                 self._log = CanFrameLog(log_file, settings.channel, stats, waits=settings.log_waits)
         except BaseException:
@@ -161,7 +163,7 @@ class CanChannel:
             try:
                 taken = wire.send(frames, t_ns)
             except OSError as error:
-                self._lose(error)
+                self._back_off(error)
             else:
                 if self._back_off_ns:
                     self._log_return()
@@ -183,7 +185,7 @@ class CanChannel:
         try:
             frames = self._wire.receive()
         except OSError as error:
-            self._lose(error)
+            self._back_off(error)
             return []
         arrived = []
         for frame in frames:
@@ -208,7 +210,7 @@ class CanChannel:
             log, self._log = self._log, None
             log.close()
 
-    def _greet(self, frames: bytes) -> bytes:
+    def _send_first_frames(self, frames: bytes) -> bytes:
         """Send the first frames and return the accepted ones.
 
         Raises:
@@ -224,7 +226,7 @@ class CanChannel:
         self.stats.dropped += len(ends) - taken
         return frames[: ends[taken - 1]] if taken else b""
 
-    def _lose(self, error: OSError) -> None:
+    def _back_off(self, error: OSError) -> None:
         """Double the time before the next attempt; only an interface that is merely down keeps its socket."""
         if error.errno != errno.ENETDOWN and self._wire is not None:
             self._gone, self._wire = self._wire, None
@@ -244,7 +246,7 @@ class CanChannel:
         opening, self._opening = self._opening, None
         self._wire = opening.wire
         if self._wire is None:
-            self._lose(OSError(None, opening.error))
+            self._back_off(OSError(None, opening.error))
         return self._wire
 
     def _log_return(self) -> None:

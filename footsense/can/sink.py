@@ -116,7 +116,7 @@ class CanSink:
         gait = self._gait
         if frame.gait is not None:
             gait.take(frame.gait)
-        unreported = [] if present == self._reported else self._unreported(present)
+        unreported = [] if present == self._reported else self._unreported_faults(present)
         reports = unreported[:_MOST_EVENTS]
         frames = gait.event_frames(t_ns, _MOST_EVENTS - len(reports)) if gait.events else []
         n_events = n_before = len(frames)
@@ -205,7 +205,7 @@ class CanSink:
         self._channel.send(last, self._clock.now_ns())
         self._channel.close()
 
-    def _unreported(self, present: list[list[int]]) -> list[tuple[CanLeg, tuple[int, int, int]]]:
+    def _unreported_faults(self, present: list[list[int]]) -> list[tuple[CanLeg, tuple[int, int, int]]]:
         """Return the legs with an outstanding fault report, with state, mask and cause."""
         of_legs = zip(self._legs, zip(*present, strict=True), strict=True)
         return [

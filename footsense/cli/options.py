@@ -51,12 +51,12 @@ def duration_option(text: str) -> Decorator:
         "duration_s",
         type=click.FloatRange(min=0, min_open=True),
         metavar="SECONDS",
-        callback=_finite,
+        callback=_duration_s,
         help=text,
     )
 
 
-def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float:
+def _duration_s(ctx: click.Context, param: click.Parameter, value: float | None) -> float:
     """Return a finite duration, infinity for None.
 
     Raises:

@@ -23,7 +23,7 @@ class _Gradual(ScenePart, frozen=True):
     from_s: Annotated[float, Meta(ge=0.0)]
     over_s: Annotated[float, Meta(gt=0.0)]
 
-    def share(self, t_ns: int) -> float:
+    def elapsed_share(self, t_ns: int) -> float:
         """Return the share of the change that has happened by a time [1]."""
         return min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
 
@@ -39,7 +39,7 @@ class Warming(_Gradual, frozen=True, kw_only=True):
 
     def kelvin_at(self, t_ns: int) -> float:
         """Return the change by a time [K]."""
-        return self.kelvin * self.share(t_ns)
+        return self.kelvin * self.elapsed_share(t_ns)
 
 
 class Softening(_Gradual, frozen=True, kw_only=True):
@@ -55,7 +55,7 @@ class Softening(_Gradual, frozen=True, kw_only=True):
 
     def softness(self, t_ns: int) -> float:
         """Return closures at a time over those at the begin, under the same load [1]."""
-        return 1.0 + self.softer_rel * self.share(t_ns)
+        return 1.0 + self.softer_rel * self.elapsed_share(t_ns)
 
 
 class Effects(ScenePart, frozen=True):

@@ -62,7 +62,7 @@ def column_through(switch: SimulatedLineSwitch, capacitance_pf: Capacitance) -> 
     def seen_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
         return sum(
             share * capacitance_pf(3 * row + cin, (t_start_ns + t_end_ns) // 2)
-            for share, rows in switch.between(t_start_ns, t_end_ns)
+            for share, rows in switch.states_between(t_start_ns, t_end_ns)
             for row in range(3)
             if rows.selected >> row & 1
         )
@@ -77,9 +77,9 @@ def crossing_through(
 
     def seen(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:
         t_middle_ns, total_pf, until_ns = (t_start_ns + t_end_ns) // 2, 0.0, t_end_ns
-        for row_share, row_states in rows.between(t_start_ns, t_end_ns):
+        for row_share, row_states in rows.states_between(t_start_ns, t_end_ns):
             since_ns = max(row_states.since_ns, t_start_ns)
-            for share, column_states in columns.between(since_ns, until_ns):
+            for share, column_states in columns.states_between(since_ns, until_ns):
                 for row, column in ((r, c) for r in range(3) for c in range(3)):
                     if row_states.selected >> row & column_states.selected >> column & 1:
                         total_pf += row_share * share * capacitance_pf(3 * row + column, t_middle_ns)

@@ -248,7 +248,7 @@ def test_one_failed_transaction_never_makes_a_wrong_number(board: Board, order: 
         assert (frame.reading == Reading.OK).all()
 
 
-@pytest.mark.parametrize("selection", [0b000001, 0b100000, 0b010100, 0])
+@pytest.mark.parametrize("selection", [0b000001, 0b010100])
 @pytest.mark.parametrize(("host_cost_us", "reads_back"), [(20, None), (100, True)])
 @both
 def test_another_program_that_switches_the_mux_makes_no_wrong_number(
@@ -256,7 +256,7 @@ def test_another_program_that_switches_the_mux_makes_no_wrong_number(
 ) -> None:
     """Whenever in a scan: where the host leaves the time, or if it is to, the mux is read back after every leg."""
     foreign = Transaction(0x71, bytes((selection,)))
-    for n_switched in range(0, 400, 7):
+    for n_switched in range(0, 400, 19):
         robot = Robot(distinct, board, host_cost_ns=host_cost_us * 1000, reads_back=reads_back)
         robot.make_legs_distinct()
         robot.read(2)

@@ -175,10 +175,10 @@ class ConsistencyTest:
         if self._excluded[leg].any():
             self._readmit(leg, closure_rel, motion_rel, missing, now_ns)
             self._widen_ranges(leg, closure_rel, missing)
-        excess = self._excess(closure_rel, missing, motion_rel)
+        excess = self._residual_over_limit(closure_rel, missing, motion_rel)
         if excess <= 1.0:
             # What motion could explain neither clears a suspicion nor feeds it.
-            if self._excess(closure_rel, missing) <= 1.0:
+            if self._residual_over_limit(closure_rel, missing) <= 1.0:
                 self._suspected[leg] = self._inconsistent[leg] = False
             return 0.0
         isolated = self._isolate(closure_rel, missing, motion_rel)
@@ -189,7 +189,7 @@ class ConsistencyTest:
             self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
         inconsistency_rel = float(
-            INCONSISTENCY_REL * excess * _limit(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
+            INCONSISTENCY_REL * excess * _residual_limit_rel(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
         )
         if now_ns - self._suspected_since_ns[leg] < self._hold_ns:
             return inconsistency_rel
@@ -211,10 +211,10 @@ class ConsistencyTest:
         if not np.isfinite(closure_rel[excluded]).all():
             return
         elapsed_ns = min(now_ns - self._t_ns, self._settled_ns)
-        if self._excess(closure_rel, missing & ~excluded, motion_rel) > 1.0:
+        if self._residual_over_limit(closure_rel, missing & ~excluded, motion_rel) > 1.0:
             # Not all at once: a load in motion is not over at once.
             self._consistent_ns[leg] = np.maximum(self._consistent_ns[leg] - LOSS_RATE * elapsed_ns, 0)
-        elif self._excess(closure_rel, missing & ~excluded) <= 1.0:
+        elif self._residual_over_limit(closure_rel, missing & ~excluded) <= 1.0:
             largest = np.abs(self._predict(closure_rel, missing)[excluded]).max()
             unloaded = largest < RESIDUAL_LIMIT
             tells = not (unloaded and self._stuck[leg].any())
@@ -243,19 +243,21 @@ class ConsistencyTest:
         stuck: Mask = (predicted > MOVED_REL) & (measured < STUCK_REL * predicted)
         return stuck
 
-    def _excess(self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0) -> float:
+    def _residual_over_limit(self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0) -> float:
         """Return the largest residual of the present elements, divided by the residual limit [1]."""
         kept = closure_rel[~missing]
         if kept.size < 2:
             return 0.0
         residual = self._residual_matrix(missing) @ np.where(missing, 0.0, closure_rel)
-        return float(np.abs(residual).max() / _limit(np.sqrt(np.square(kept).mean()), motion_rel))
+        return float(
+            np.abs(residual).max() / _residual_limit_rel(np.sqrt(np.square(kept).mean()), motion_rel)
+        )
 
     def _isolate(self, closure_rel: Vector, missing: Mask, motion_rel: float) -> Mask:
         """Return the smallest known set around `missing` without which the rest is consistent; else `missing`."""
         known = np.where(MISSING_SETS, 0.0, closure_rel)
         residual = np.abs(np.einsum("sij,sj->si", self._residual_matrices, known)).max(axis=1)
-        excess = residual / _limit(np.sqrt(np.square(known).sum(axis=1) / _N_KEPT), motion_rel)
+        excess = residual / _residual_limit_rel(np.sqrt(np.square(known).sum(axis=1) / _N_KEPT), motion_rel)
         excess[(missing & ~MISSING_SETS).any(axis=1)] = np.inf
         for sets in (_SINGLE, _LINES):
             if excess[sets].min() <= 1.0:
@@ -275,7 +277,7 @@ class ConsistencyTest:
         return self._matrices[key]
 
 
-def _limit(rms_rel: Vector | float, motion_rel: float) -> Vector:
+def _residual_limit_rel(rms_rel: Vector | float, motion_rel: float) -> Vector:
     """Return the largest residual of an element whose foot has closures of this root mean square and motion [1]."""
     limit: Vector = RESIDUAL_LIMIT + motion_rel + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
     return limit

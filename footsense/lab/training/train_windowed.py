@@ -194,7 +194,7 @@ def _batch(data: _Data, n_times: int, n: int, key: jax.Array) -> Batch:
     return Batch(features(closure_rel, age_s, data.masks[which]), force_n, contact, loaded)
 
 
-def _start(key: jax.Array, c: int) -> Weights:
+def _random_weights(key: jax.Array, c: int) -> Weights:
     """Return random weights; the linear path is a correction to its start and begins at zero."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
     return Weights(
@@ -263,12 +263,12 @@ def train_windowed(
     whiten, mean = _whitening(np.asarray(first.seen.seen, np.float64)[carries])
     linear = _linear_start(first.seen, np.asarray(first.force_n, np.float64), protocol.min_force_n)
 
-    def folded(free: Weights) -> Weights:
+    def fold_whitening(free: Weights) -> Weights:
         w1 = free.w1 @ whiten
         return free._replace(linear=linear + free.linear, w1=w1, b1=free.b1 - w1 @ mean)
 
     def loss(free: Weights, batch: Batch) -> jax.Array:
-        load = run(expand(folded(free)), batch.seen)
+        load = run(expand(fold_whitening(free)), batch.seen)
         square = (load.force_n - batch.force_n) ** 2
         scale = jnp.sqrt(jnp.sum(batch.force_n**2, axis=-1, keepdims=True) + protocol.min_force_n**2)
         sigma = load.sigma_n
@@ -282,7 +282,7 @@ def train_windowed(
     schedule = optax.cosine_onecycle_schedule(protocol.steps, protocol.rate, pct_start=0.1)
     optimiser = optax.contrib.muon(schedule)
 
-    def many(
+    def train_chunk(
         carry: tuple[Weights, Any], key: jax.Array, data: _Data
     ) -> tuple[tuple[Weights, Any], jax.Array]:
         def step(carry: tuple[Weights, Any], key: jax.Array) -> tuple[tuple[Weights, Any], jax.Array]:
@@ -297,11 +297,11 @@ def train_windowed(
         return after
 
     start, *rounds = jax.random.split(jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_AT_ONCE)
-    free = _start(start, protocol.channels)
+    free = _random_weights(start, protocol.channels)
     carry = (free, optimiser.init(free))
-    compiled = jax.jit(many)
+    compiled = jax.jit(train_chunk)
     for number, key in enumerate(rounds, 1):
         carry, losses = compiled(carry, key, data)
         if number % 10 == 0 or number == len(rounds):
             report(f"step {number * _STEPS_AT_ONCE}: loss {float(losses.mean()):.4f}")
-    return folded(carry[0])
+    return fold_whitening(carry[0])

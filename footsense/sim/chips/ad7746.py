@@ -23,7 +23,7 @@ import numpy as np
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips.ad7746 import Register
 from footsense.sim.chips.leg_chip import LegChip
-from footsense.sim.faults.schedule import Span, during
+from footsense.sim.faults.schedule import Span, in_any_span
 
 #: Smallest and largest step of a chip's CAPDAC over the nominal one [1]: 17 pF of full scale are guaranteed, 21 pF
 #: typical.
@@ -131,7 +131,7 @@ class SimulatedAd7746(LegChip):
         """Set the results of the conversions that are over by `t_ns` [ns]."""
         while self._running and self._running[0][2] <= t_ns:
             kind, start_ns, end_ns = self._running[0]
-            if during(self.stuck_ns, end_ns):
+            if in_any_span(self.stuck_ns, end_ns):
                 return
             del self._running[0]
             data = Register.CAP_DATA if kind == _CAP else Register.VT_DATA

@@ -20,7 +20,7 @@ import numpy as np
 
 from firmware_interface.chips import fdc1004 as chip
 from footsense.sim.chips.leg_chip import LegChip
-from footsense.sim.faults.schedule import Span, during
+from footsense.sim.faults.schedule import Span, in_any_span
 
 #: Random numbers are drawn so many at a time, which is the same sequence as one by one.
 _DRAWN = 64
@@ -55,13 +55,13 @@ def _conversion(word: int) -> _Conversion | None:
 
 
 @cache
-def _measured(config: int) -> tuple[int, int]:
+def _pin_and_capdac(config: int) -> tuple[int, int]:
     """Return the pin that a word in CONF_MEASn measures, and the number of CAPDAC steps that it subtracts."""
     takes_off = chip.CONF_CHB.decode(config) == chip.CHB_CAPDAC
     return chip.CONF_CHA.decode(config), chip.CONF_CAPDAC.decode(config) if takes_off else 0
 
 
-def _white(noise: np.random.Generator) -> Iterator[float]:
+def _unit_noise(noise: np.random.Generator) -> Iterator[float]:
     """Yield noise of standard deviation 1."""
     while True:
         yield from noise.standard_normal(_DRAWN).tolist()
@@ -91,7 +91,7 @@ class SimulatedFdc1004(LegChip):
         self.stuck_ns: list[Span] = []
         self.trigger_clears_done = False
         self._cin_capacitance_pf = cin_capacitance_pf
-        self._noise = repeat(0.0) if noise is None else _white(noise)
+        self._noise = repeat(0.0) if noise is None else _unit_noise(noise)
         self.clock_factor = 1.0 + clock_error_rel
         self._pointer = 0
         self.power_up(0)
@@ -141,14 +141,14 @@ class SimulatedFdc1004(LegChip):
     def _finish_by(self, t_ns: int) -> None:
         """Set the result of a conversion that is over by `t_ns` [ns]."""
         conversion = self._running
-        if conversion is None or t_ns < self._ends_ns or during(self.stuck_ns, self._ends_ns):
+        if conversion is None or t_ns < self._ends_ns or in_any_span(self.stuck_ns, self._ends_ns):
             return
         self._running = None
         self._results[conversion.slot] = self._convert(conversion)
         self._done |= chip.slot_bit(conversion.slot)
 
     def _convert(self, conversion: _Conversion) -> int:
-        cin, capdac = _measured(self._registers[_CONF_MEAS1 + conversion.slot])
+        cin, capdac = _pin_and_capdac(self._registers[_CONF_MEAS1 + conversion.slot])
         capacitance_pf = self._cin_capacitance_pf(cin, self._started_ns, self._ends_ns)
         capacitance_pf -= capdac * chip.CAPDAC_STEP_PF
         capacitance_pf += conversion.noise_pf * next(self._noise)

@@ -34,7 +34,7 @@ def column_pf(switch: SimulatedLineSwitch, cin: int, t_start_ns: int, t_end_ns: 
     """Return what a pin sees of its column."""
     return sum(
         share * pin_capacitance_pf(DISTINCT_PF[cin::3].tolist(), states)
-        for share, states in switch.between(t_start_ns, t_end_ns)
+        for share, states in switch.states_between(t_start_ns, t_end_ns)
     )
 
 
@@ -125,7 +125,7 @@ def test_a_leg_that_holds_the_bus_at_start_is_left_out() -> None:
 
 def test_a_leg_that_holds_the_bus_while_its_converter_is_timed_is_left_out() -> None:
     """At the first start too; the others begin without it."""
-    fault = scene_faults.StuckSda(at_s=0.003, until_s=0.5, leg="lf")
+    fault = scene_faults.StuckSda(at_s=0.0117, until_s=0.5, leg="lf")
     robot = Robot([scene_faults.StuckConverter(at_s=0.0, until_s=0.25, leg="lf"), fault])
     robot.scan_until(0.4)
     assert (robot.scan().reading[:, 0] == [Reading.BUS_STUCK, Reading.OK, Reading.OK]).all()

@@ -155,7 +155,7 @@ class _Leg:
         return self._pipeline.process(scan, t_ns + age_ns)[0]
 
 
-def _answered(
+def _leg_state_case(
     name: str,
     state: State,
     context: StudyContext,
@@ -190,16 +190,16 @@ def pipeline_cases(context: StudyContext) -> Iterator[Case]:
     row_pf += np.where(np.arange(9) // 3 == 1, 0.0, np.tile(open_pf[3:6], 3))
     shut_um, pulled_um = np.full(9, 0.97 * design.gap_um), np.full(9, -0.3 * design.gap_um)
     one_shut_um = np.where(np.arange(9) == 0, shut_um, 2.0)
-    yield _answered("1 N upright", State.VALID, context, pressed_pf)
-    yield _answered("one element open", State.DEGRADED, context, middle_pf)
-    yield _answered("one row gone", State.DEGRADED, context, row_pf)
-    yield _answered("open on two lines", State.ELEMENT_FAULT, context, two_pf)
+    yield _leg_state_case("1 N upright", State.VALID, context, pressed_pf)
+    yield _leg_state_case("one element open", State.DEGRADED, context, middle_pf)
+    yield _leg_state_case("one row gone", State.DEGRADED, context, row_pf)
+    yield _leg_state_case("open on two lines", State.ELEMENT_FAULT, context, two_pf)
     shorted = "one element shorted, beyond the converter"
-    yield _answered(shorted, State.SATURATED, context, pressed_pf, Reading.OVER_RANGE)
+    yield _leg_state_case(shorted, State.SATURATED, context, pressed_pf, Reading.OVER_RANGE)
     # No load closes one corner alone: something is in its gap, and the force comes from the others.
     one_shut_pf, shut_pf, pulled_pf = map(design.capacitance_pf, (one_shut_um, shut_um, pulled_um))
-    yield _answered("one gap closed to 97 %", State.DEGRADED, context, one_shut_pf)
-    yield _answered("all gaps closed to 97 %", State.SATURATED, context, shut_pf)
-    yield _answered("pulled off by 30 % of the gap", State.OUT_OF_RANGE, context, pulled_pf)
-    yield _answered("no answer", State.ABSENT, context, pressed_pf, Reading.NO_ANSWER)
-    yield _answered("older than the limit", State.STALE, context, pressed_pf, age_ns=_MAX_AGE_NS + 1)
+    yield _leg_state_case("one gap closed to 97 %", State.DEGRADED, context, one_shut_pf)
+    yield _leg_state_case("all gaps closed to 97 %", State.SATURATED, context, shut_pf)
+    yield _leg_state_case("pulled off by 30 % of the gap", State.OUT_OF_RANGE, context, pulled_pf)
+    yield _leg_state_case("no answer", State.ABSENT, context, pressed_pf, Reading.NO_ANSWER)
+    yield _leg_state_case("older than the limit", State.STALE, context, pressed_pf, age_ns=_MAX_AGE_NS + 1)
