@@ -79,7 +79,7 @@ def _walked_apart_n(context: StudyContext, graph: ReferenceEvaluator) -> tuple[i
             context.foot_design.loads.max_n,
         )
         windows = windows_of(gaits)
-        nothing = np.zeros((len(windows.gait), ELEMENTS))
+        nothing = np.zeros((len(windows.gait), ELEMENTS), bool)
         window = Window(windows.closure_rel, windows.age_s, nothing)
         n, apart_n = n + len(nothing), np.maximum(apart_n, _apart_n(context, graph, window))
     return n, float(apart_n)
