@@ -165,7 +165,7 @@ class ForceQualityEncoder:
                 and -_MAX_FORCE_N <= z_n <= _MAX_FORCE_N
                 and code in USABLE
             ):
-                code, x_n, y_n, z_n = _sendable(code, (x_n, y_n, z_n))  # noqa: PLW2901
+                code, x_n, y_n, z_n = _sendable_force(code, (x_n, y_n, z_n))  # noqa: PLW2901
             x, y, z = round(x_n * _FORCE_PER_N), round(y_n * _FORCE_PER_N), round(z_n * _FORCE_PER_N)
             _FORCE.pack_into(frames, at + 1, code << 4 | counter, x, y, z)
             age_ns = t_sent_ns - leg_t_ns
@@ -187,7 +187,7 @@ class ForceQualityEncoder:
         return bytes(frames)
 
 
-def _sendable(state: int, force_n: tuple[float, float, float]) -> tuple[int, float, float, float]:
+def _sendable_force(state: int, force_n: tuple[float, float, float]) -> tuple[int, float, float, float]:
     """Return the state and force to send for a state without force, or a force that is not finite or too large."""
     if state in USABLE and not all(map(math.isfinite, force_n)):
         state = State.ELEMENT_FAULT

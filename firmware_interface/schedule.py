@@ -96,12 +96,12 @@ def scan_limits(
         ('conversion', 102.8)
     """
 
-    def lasts(n_write: int, n_read: int = 0) -> int:
+    def transaction_ns(n_write: int, n_read: int = 0) -> int:
         return round(wire_time_ns(transaction_bits(n_write, n_read), round(rate_hz)) + host_cost_ns)
 
-    select, start = lasts(1), lasts(traffic.n_start)
-    ask = lasts(*traffic.done) if traffic.done else 0
-    read = n_result_reads * lasts(*traffic.result)
+    select, start = transaction_ns(1), transaction_ns(traffic.n_start)
+    ask = transaction_ns(*traffic.done) if traffic.done else 0
+    read = n_result_reads * transaction_ns(*traffic.result)
     wait = round(conversion_ns * (1 + traffic.clock_tolerance_rel))
     lines = traffic.n_switches * select  # a line switch takes a byte, as the selection of a channel does
     if not kernel_mux:

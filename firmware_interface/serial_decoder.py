@@ -78,9 +78,9 @@ class SerialDecoder:
         if record is None:
             self.losses["version"] += 1
             return None
-        return record if self._follows(record.leg, record.seq, record.flags) else None
+        return record if self._is_new_record(record.leg, record.seq, record.flags) else None
 
-    def _follows(self, leg: int, seq: int, flags: int) -> bool:
+    def _is_new_record(self, leg: int, seq: int, flags: int) -> bool:
         """Count the records missing before this one, and return whether it differs from the last."""
         last = self._last.get(leg)
         self._last[leg] = seq, flags

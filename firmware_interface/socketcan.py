@@ -1,4 +1,4 @@
-"""CAN frames of Linux: `struct can_frame`, 16 bytes, and its error frames.
+"""CAN frames of Linux: `struct can_frame`, 16 bytes, its error frames, and `struct canfd_frame`, 72 bytes.
 
 ::
 
@@ -6,6 +6,9 @@
         +---------------------------+--------+---------+----------+
         | id, flags in bits 29..31  | length |  zero   |   data   |
         +---------------------------+--------+---------+----------+
+
+A frame of CAN FD has 64 bytes of data, and byte 5 has its flags: here always `FD_FRAME`, by which the two are told
+apart, and `FD_BIT_RATE`, to send the data at the higher bit rate.
 
 The id has the byte order of the machine, which is little-endian wherever footsense runs.
 
@@ -24,7 +27,13 @@ EXTENDED = 0x8000_0000
 REMOTE = 0x4000_0000
 ERROR = 0x2000_0000
 
+FD_FRAME_BYTES = 72
+#: Flags of a CAN FD frame: it is one; its data are sent at the higher bit rate.
+FD_FRAME, FD_BIT_RATE = 0x04, 0x01
+
 _FRAME = struct.Struct("<IB3x8s")
+_FD_FRAME = struct.Struct("<IBB2x64s")
+_FLAGS_AT = 5
 
 
 class ErrorClass(IntFlag):
@@ -56,10 +65,35 @@ def error_frame(kind: ErrorClass, controller: int = 0) -> bytes:
     return pack_frame(ERROR | kind, bytes([0, controller, 0, 0, 0, 0, 0, 0]))
 
 
+def pack_fd_frame(can_id: int, data: bytes) -> bytes:
+    """Return a CAN FD frame with at most 64 bytes of data.
+
+    Example:
+        >>> pack_fd_frame(0x180, bytes(64))[:8].hex(" ", 4)
+        '80010000 40050000'
+    """
+    return _FD_FRAME.pack(can_id, len(data), FD_FRAME | FD_BIT_RATE, data)
+
+
+def frame_ends(frames: bytes) -> list[int]:
+    """Return the end of each frame of consecutive ones [bytes]."""
+    ends, at = [], 0
+    while at < len(frames):
+        at += FD_FRAME_BYTES if frames[at + _FLAGS_AT] & FD_FRAME else FRAME_BYTES
+        ends.append(at)
+    return ends
+
+
 def split_frames(frames: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield CAN id, with its flag bits, and data of each frame of consecutive ones."""
-    for can_id, length, data in _FRAME.iter_unpack(frames):
-        yield can_id, data[:length]
+    """Return CAN id, with its flag bits, and data of each frame of consecutive ones; only CAN FD has over 8 bytes."""
+    found = []
+    at = 0
+    while at < len(frames):
+        end = at + (FD_FRAME_BYTES if frames[at + _FLAGS_AT] & FD_FRAME else FRAME_BYTES)
+        can_id, length, _, data = _FD_FRAME.unpack(frames[at:end].ljust(FD_FRAME_BYTES, b"\0"))
+        found.append((can_id, data[:length]))
+        at = end
+    return iter(found)
 
 
 def is_data(can_id: int) -> bool:

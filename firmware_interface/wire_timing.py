@@ -71,16 +71,23 @@ LONGEST_FRAME_BITS = frame_bits(8)
 _OTHER_FRAMES_HZ = {1: 5, 5: 10, 6: 8, 8: 11}
 
 
-def can_bits_per_s(n_legs: int, forces_hz: float) -> float:
+#: The most bits of a CAN FD frame with 64 bytes of data: 22 before them, 133 stuff bits, stuff count and crc with their
+#: fixed stuff bits, acknowledgement, end, and interframe space. Data at a higher bit rate take less time.
+FD_FRAME_BITS = 22 + 512 + 133 + 32 + 13
+
+
+def can_bits_per_s(n_legs: int, forces_hz: float, *, fd: bool = False) -> float:
     """Return the load of a bus by all frames of a robot [bit/s].
 
     Args:
         n_legs: Legs of the robot.
         forces_hz: Forces of each leg in a second [Hz].
+        fd: Whether one CAN FD frame has the forces of all legs; its data are counted at the lower bit rate.
 
     Example:
-        >>> round(can_bits_per_s(6, 92.0))
-        171720
+        >>> round(can_bits_per_s(6, 92.0)), round(can_bits_per_s(6, 92.0, fd=True))
+        (171720, 88184)
     """
     others = sum(per_s * frame_bits(n_data) for n_data, per_s in _OTHER_FRAMES_HZ.items())
-    return n_legs * (forces_hz * FRAMES_PER_LEG * LONGEST_FRAME_BITS + others)
+    force_bits = FD_FRAME_BITS if fd else n_legs * FRAMES_PER_LEG * LONGEST_FRAME_BITS
+    return forces_hz * force_bits + n_legs * others

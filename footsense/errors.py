@@ -1,20 +1,21 @@
 """The errors of footsense, as one tree.
 
     FootsenseError            exit 1   a check failed, or a reason no other class names
-    ├── ConfigError           exit 2   a key is unknown, a value is out of range, two settings clash
-    ├── RecordingError        exit 3   not a recording, or cut short: what is whole was still replayed
-    ├── ModelError            exit 4   a model is missing, corrupt, or made for another foot
-    ├── HardwareError         exit 5   the bus or a chip that everything needs is not there
+    ├── ConfigError           exit 78  a key is unknown, a value is out of range, two settings clash
+    ├── RecordingError        exit 74  not a recording, or cut short: what is whole was still replayed
+    ├── ModelError            exit 66  a model is missing, corrupt, or made for another foot
+    ├── HardwareError         exit 69  the bus or a chip that everything needs is not there
     │   ├── SensorError                a test stand's force sensor does not match its description
     │   ├── WrongChipError             another chip answers; the scanner turns it into a state, as the next ones
     │   └── BusError                   one transaction failed
     │       ├── NackError              nobody acknowledged the address or a byte
     │       └── BusTimeoutError        the adapter gave up: a line is held low
-    ├── CanError              exit 6   the CAN channel is not there or is down
-    └── CalibrationError      exit 7   a foot's recordings are inconsistent or not sufficient
+    ├── CanError              exit 71  the CAN channel is not there or is down
+    └── CalibrationError      exit 65  a foot's recordings are inconsistent or not sufficient
 
 The message of an error is one line for a person: what is wrong, where, and what would be right.
-Only `footsense.cli` turns an error into an exit code.
+Only `footsense.cli` turns an error into an exit code: those of sysexits.h, which systemd shows by name. The labels of
+systemd itself begin at 2, where `5` is NOTINSTALLED. A wrong command line ends with click's 2.
 """
 
 
@@ -27,25 +28,25 @@ class FootsenseError(Exception):
 class ConfigError(FootsenseError):
     """A configuration or scene contradicts its schema or itself."""
 
-    exit_code = 2
+    exit_code = 78
 
 
 class RecordingError(FootsenseError):
     """A recording cannot be read, or not to its end."""
 
-    exit_code = 3
+    exit_code = 74
 
 
 class ModelError(FootsenseError):
     """A network or a response table cannot be used for these feet."""
 
-    exit_code = 4
+    exit_code = 66
 
 
 class HardwareError(FootsenseError):
     """A bus or chip that the service cannot work without is not there."""
 
-    exit_code = 5
+    exit_code = 69
 
 
 class SensorError(HardwareError):
@@ -71,10 +72,10 @@ class BusTimeoutError(BusError):
 class CanError(FootsenseError):
     """The CAN channel is missing or down."""
 
-    exit_code = 6
+    exit_code = 71
 
 
 class CalibrationError(FootsenseError):
     """The recordings of a foot are inconsistent, or not sufficient."""
 
-    exit_code = 7
+    exit_code = 65

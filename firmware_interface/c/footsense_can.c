@@ -94,6 +94,64 @@ bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, foo
     return true;
 }
 
+static uint16_t crc16_byte(uint16_t crc, uint8_t byte)
+{
+    crc = (uint16_t)(crc ^ (uint16_t)(byte << 8));
+    for (int bit = 0; bit < 8; bit++) {
+        crc = (uint16_t)(crc << 1 ^ (crc & 0x8000u ? 0x1021u : 0u));
+    }
+    return crc;
+}
+
+/* A standard deviation in steps of 4 mN. */
+static uint16_t sigma_of(uint32_t code)
+{
+    return code == 0xFFu ? FOOTSENSE_NO_SIGMA : (uint16_t)(code * 4u);
+}
+
+bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, footsense_forces *out)
+{
+    if (id != FOOTSENSE_FORCES_ID || len != FOOTSENSE_FORCES_BYTES
+        || (data[2] & 0x0Fu) >= FOOTSENSE_COUNTER_PERIOD) {
+        return false;
+    }
+    uint16_t crc = 0xFFFFu;
+    for (uint8_t i = 2; i < FOOTSENSE_FORCES_BYTES; i++) {
+        crc = crc16_byte(crc, data[i]);
+    }
+    crc = crc16_byte(crc16_byte(crc, (uint8_t)(id & 0xFFu)), (uint8_t)(id >> 8));
+    if (crc != u16(data)) {
+        return false;
+    }
+    for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
+        if ((data[4 + 10 * leg] & 0x0Fu) > LAST_STATE) {
+            return false;
+        }
+    }
+    uint8_t common = (uint8_t)((data[2] & 0x20u ? FOOTSENSE_SIMULATED : 0)
+                               | (data[2] & 0x40u ? FOOTSENSE_DEGRADED_TIMING : 0));
+    out->all_in_air = (data[2] & 0x10u) != 0;
+    for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
+        const uint8_t *part = data + 4 + 10 * leg;
+        uint32_t bits = u16(part) | (uint32_t)u16(part + 2) << 16;
+        footsense_force *force = &out->forces[leg];
+        footsense_quality *quality = &out->qualities[leg];
+        force->node = quality->node = (uint8_t)(leg + 1);
+        force->counter = quality->counter = data[2] & 0x0Fu;
+        force->state = bits & 0x0Fu;
+        for (int axis = 0; axis < 3; axis++) {
+            force->force_mn[axis] = i16(part + 4 + 2 * axis);
+            quality->sigma_mn[axis] = sigma_of(bits >> (axis < 2 ? 15 : 23) & 0xFFu);
+        }
+        quality->flags = (uint8_t)(common | (bits & 0x10u ? FOOTSENSE_CONTACT : 0)
+                                   | (bits & 0x20u ? FOOTSENSE_TARE_REFUSED : 0));
+        quality->fault_mask = (uint16_t)(bits >> 6 & 0x1FFu);
+        bool usable = force->state == FOOTSENSE_VALID || force->state == FOOTSENSE_DEGRADED;
+        quality->age_us = usable && data[3] != 0xFFu ? data[3] * 500u : FOOTSENSE_NO_AGE;
+    }
+    return true;
+}
+
 bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, footsense_fault *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_FAULT_ID, 6) || data[1] >> 4 > LAST_STATE

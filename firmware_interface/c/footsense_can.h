@@ -18,6 +18,7 @@ extern "C" {
 
 /* CAN ids are these plus the node id of the leg: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr. */
 #define FOOTSENSE_FAULT_ID 0x080u
+#define FOOTSENSE_FORCES_ID 0x180u /* all legs in one frame of CAN FD */
 #define FOOTSENSE_FORCE_ID 0x180u
 #define FOOTSENSE_COMMAND_ID 0x200u
 #define FOOTSENSE_QUALITY_ID 0x280u
@@ -29,6 +30,7 @@ extern "C" {
 #define FOOTSENSE_HEARTBEAT_ID 0x700u
 
 #define FOOTSENSE_LEGS 6u
+#define FOOTSENSE_FORCES_BYTES 64u
 #define FOOTSENSE_COUNTER_PERIOD 15u /* counters run 0..14 */
 
 /* No value. None of these is ever a measurement. */
@@ -98,6 +100,14 @@ typedef struct {
     uint32_t age_us;     /* from the measurement to the send; FOOTSENSE_NO_AGE: unknown, or above 409.4 ms */
 } footsense_quality;
 
+/* Forces and contacts of all legs, nodes 1..6 in order, from one frame of CAN FD. Sigma of x and y is the larger one of
+ * both, 1016: or more; the age is that of the oldest force. */
+typedef struct {
+    bool all_in_air; /* every leg of the robot is known to be without contact */
+    footsense_force forces[FOOTSENSE_LEGS];
+    footsense_quality qualities[FOOTSENSE_LEGS];
+} footsense_forces;
+
 typedef struct {
     uint8_t node;
     uint8_t counter;
@@ -166,6 +176,7 @@ typedef struct {
 uint8_t footsense_crc8(uint16_t id, const uint8_t *data, uint8_t len);
 
 bool footsense_decode_force(uint16_t id, const uint8_t *data, uint8_t len, footsense_force *out);
+bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, footsense_forces *out);
 bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, footsense_quality *out);
 bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, footsense_fault *out);
 bool footsense_decode_baseline(uint16_t id, const uint8_t *data, uint8_t len, footsense_baseline *out);

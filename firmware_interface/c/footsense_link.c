@@ -77,8 +77,63 @@ void footsense_link_init(footsense_link *link, const footsense_limits *limits)
     }
 }
 
+/* One half of a force: the one that is not null. */
+static void take_half(const footsense_link *link, footsense_leg *leg, const footsense_force *force,
+                      const footsense_quality *quality, uint64_t now_us)
+{
+    uint8_t counter = force ? force->counter : quality->counter;
+    if (!is_silent(link, leg, now_us) && counter == leg->force.counter) {
+        take_repeated(link, leg);
+        return;
+    }
+    if (counter != leg->next_counter || is_over(now_us, leg->next_us, link->limits.timeout_us)) {
+        leg->has_force = false;
+        leg->has_quality = false;
+    }
+    if (force ? leg->has_force : leg->has_quality) {
+        take_repeated(link, leg);
+        return;
+    }
+    if (!leg->has_force && !leg->has_quality) {
+        leg->next_us = now_us;
+        leg->next_counter = counter;
+    }
+    if (force) {
+        leg->next_force = *force;
+        leg->has_force = true;
+        if (!has_force(force->state)) {
+            leg->force.state = force->state;
+        }
+    } else {
+        leg->next_quality = *quality;
+        leg->has_quality = true;
+    }
+    if (leg->has_force && leg->has_quality) {
+        take_force(link, leg, now_us);
+    }
+}
+
+static void feed_all(footsense_link *link, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
+{
+    footsense_forces all;
+    bool whole = footsense_decode_forces(id, data, len, &all);
+    for (unsigned i = 0; i < FOOTSENSE_LEGS; i++) {
+        footsense_leg *leg = &link->legs[i];
+        if (whole) {
+            take_half(link, leg, &all.forces[i], NULL, now_us);
+            take_half(link, leg, NULL, &all.qualities[i], now_us);
+        } else {
+            take_wrong(leg, now_us);
+        }
+    }
+}
+
 bool footsense_feed(footsense_link *link, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
 {
+    if (id == FOOTSENSE_FORCES_ID && len == FOOTSENSE_FORCES_BYTES) {
+        feed_all(link, id, data, len, now_us);
+        return true;
+    }
     bool is_force = id > FOOTSENSE_FORCE_ID && id <= FOOTSENSE_FORCE_ID + FOOTSENSE_LEGS;
     bool is_quality = id > FOOTSENSE_QUALITY_ID && id <= FOOTSENSE_QUALITY_ID + FOOTSENSE_LEGS;
     if (!is_force && !is_quality) {
@@ -90,37 +145,8 @@ bool footsense_feed(footsense_link *link, uint16_t id, const uint8_t *data, uint
     if (is_force ? !footsense_decode_force(id, data, len, &force)
                  : !footsense_decode_quality(id, data, len, &quality)) {
         take_wrong(leg, now_us);
-        return true;
-    }
-    uint8_t counter = is_force ? force.counter : quality.counter;
-    if (!is_silent(link, leg, now_us) && counter == leg->force.counter) {
-        take_repeated(link, leg);
-        return true;
-    }
-    if (counter != leg->next_counter || is_over(now_us, leg->next_us, link->limits.timeout_us)) {
-        leg->has_force = false;
-        leg->has_quality = false;
-    }
-    if (is_force ? leg->has_force : leg->has_quality) {
-        take_repeated(link, leg);
-        return true;
-    }
-    if (!leg->has_force && !leg->has_quality) {
-        leg->next_us = now_us;
-        leg->next_counter = counter;
-    }
-    if (is_force) {
-        leg->next_force = force;
-        leg->has_force = true;
-        if (!has_force(force.state)) {
-            leg->force.state = force.state;
-        }
     } else {
-        leg->next_quality = quality;
-        leg->has_quality = true;
-    }
-    if (leg->has_force && leg->has_quality) {
-        take_force(link, leg, now_us);
+        take_half(link, leg, is_force ? &force : NULL, is_force ? NULL : &quality, now_us);
     }
     return true;
 }

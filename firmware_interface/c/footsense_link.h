@@ -87,7 +87,8 @@ typedef struct {
 /* Begins with every leg STALE. `limits` is copied. */
 void footsense_link_init(footsense_link *link, const footsense_limits *limits);
 
-/* Takes a frame of any id; returns whether it was a `Force` or `Quality` of a leg, valid or not. `now_us` is the time
+/* Takes a frame of any id; returns whether it was a `Force` or `Quality` of a leg, or the
+ * CAN FD frame of all legs, valid or not. `now_us` is the time
  * of arrival on a clock that does not step; 64 bits do not wrap. */
 bool footsense_feed(footsense_link *link, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us);
 

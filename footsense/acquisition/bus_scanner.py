@@ -7,12 +7,15 @@ the others do, so that a bus without legs keeps the pace of one with all.
 A line that is held low blocks the bus: the leg that holds it is left out at once, and all conversions restart.
 
 Where a conversion leaves no time for the checks of lines and settings, and always behind the kernel's mux, they are
-made of one group in one step a scan, in turn. Temperature sensors are read every ten seconds, between two scans.
+made of one group in one step a scan, in turn. Every ten seconds, between two scans, temperature sensors are read, and
+the converter of one leg is timed again, in turn: its clock may drift.
 """
+
+import contextlib
 
 import numpy as np
 
-from footsense.acquisition.bus_timing import Timing, has_time_for_checks, timing
+from footsense.acquisition.bus_timing import Timing, time_for_checks, timing
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.leg_group import BusReadings, BusStuckError, LegGroup
 from footsense.acquisition.leg_search import probe, probe_due
@@ -23,8 +26,10 @@ from footsense.ports import Clock
 
 #: Attempts of a conversion on a bus with stuck lines.
 _TRIES = 2
-#: Period of the temperature readings [ns]: each costs its legs two conversions.
-_TEMPERATURE_PERIOD_NS = 10_000_000_000
+#: Elements that differ in row and column.
+_DIAGONAL = (0, 4, 8)
+#: Period of the temperature readings, and of the timing of a converter [ns]: each costs its legs two conversions.
+_TEMPERATURE_PERIOD_NS = _TIMING_PERIOD_NS = 10_000_000_000
 
 
 class BusScanner:
@@ -37,30 +42,42 @@ class BusScanner:
         plan: The conversions of one scan.
 
     Attributes:
+        clock: As given.
         legs: The connections to the legs, in the order of the rows.
+        latest: Their latest readings, written over element by element.
         timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
         missed_deadlines: Number of times that the loop was delayed for so long that conversions were discarded.
     """
 
     def __init__(self, transport: Transport, clock: Clock, channels: dict[str, int], plan: ScanPlan) -> None:
         self._transport = transport
-        self._clock = clock
+        self.clock = clock
         self._plan = plan
         self.legs = tuple(
             LegConnection(name, channel, row) for row, (name, channel) in enumerate(channels.items())
         )
         shape = len(self.legs), ELEMENTS
-        self._latest = BusReadings(np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape, np.uint8))
-        self._latest.discard((slice(None), slice(None)), Reading.NO_ANSWER)
+        self.latest = BusReadings(np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape, np.uint8))
+        self.latest.discard((slice(None), slice(None)), Reading.NO_ANSWER)
         groups = (self.legs,) if transport.broadcasts else tuple((leg,) for leg in self.legs)
-        self._groups = tuple(LegGroup(legs, transport, clock, plan, self._latest) for legs in groups)
+        self._groups = tuple(LegGroup(legs, transport, clock, plan, self.latest) for legs in groups)
         self._position = 0
         self._n_scans = 0
         self._check_all = transport.broadcasts
         self._late_ns = 2 * plan.wait_ns
+        self._asked_alone: LegConnection | None = None
+        self._asked_element = 0
         self._temperature_due_ns = 0
+        self._timing_due_ns = 0
+        self._timed: LegConnection | None = None  # last
+        self._last_row = -1  # of the last one that was timed in its turn
         self.timing: Timing | None = None
         self.missed_deadlines = 0
+
+    @property
+    def wait_ns(self) -> int:
+        """Time of one conversion [ns]."""
+        return self._plan.wait_ns
 
     def start(self) -> None:
         """Measure the bus, find every leg's chips and set them up; legs that are missing are tried again later.
@@ -68,15 +85,25 @@ class BusScanner:
         Raises:
             HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
         """
-        costs = self._transport.measure(self._clock)
+        costs = self._transport.measure(self.clock)
         if costs is not None:
             broadcasts = self._transport.broadcasts
             self.timing = timing(costs, self._plan, len(self.legs), kernel_mux=not broadcasts)
             self._late_ns = self.timing.late_ns + (0 if broadcasts else self._plan.wait_ns)
-            self._check_all = broadcasts and has_time_for_checks(costs, self._plan, len(self.legs))
+            checks, read_back = time_for_checks(costs, self._plan, len(self.legs))
+            self._check_all = broadcasts and checks
+            if self._transport.reads_back is not None:
+                read_back = self._transport.reads_back
+            for group in self._groups:
+                group.mux_read_back = self._transport.read_back if read_back else None
         for leg in self.legs:
             leg.retry_at_ns = 0
-            probe(self._transport, leg, self.legs, self._plan, self._clock)
+            probe(self._transport, leg, self.legs, self._plan, self.clock)
+            if leg.in_scan:
+                with contextlib.suppress(BusStuckError):  # the leg is left out
+                    self._group_of(leg).time_converter(leg)
+        # Half a period beside the temperatures.
+        self._timing_due_ns = self.clock.now_ns() + _TIMING_PERIOD_NS * 3 // 2
 
     def read(self) -> BusReadings:
         """Read the next element of every leg, and return a copy of the latest readings of all elements.
@@ -88,6 +115,7 @@ class BusScanner:
             try:
                 if position == 0:
                     self._take_temperatures()
+                    self._time_converter()
                 self._start_missing()
                 self._step()
             except BusStuckError:
@@ -99,8 +127,8 @@ class BusScanner:
         else:
             for leg in self.legs:
                 reason = Reading.DELAYED if leg.in_scan else leg.outcome
-                self._latest.discard((leg.row, self._plan.steps[position].element), reason)
-        t_ns, capacitance_pf, reading = self._latest
+                self.latest.discard((leg.row, self._plan.steps[position].element), reason)
+        t_ns, capacitance_pf, reading = self.latest
         return BusReadings(t_ns.copy(), capacitance_pf.copy(), reading.copy())
 
     def stop(self) -> None:
@@ -109,7 +137,7 @@ class BusScanner:
 
     def _start_missing(self) -> None:
         """Restart groups without a conversion; all groups if one is so old that the loop must have been delayed."""
-        now_ns, late = self._clock.now_ns(), False
+        now_ns, late = self.clock.now_ns(), False
         for group in self._groups:
             late |= group.running is not None and now_ns > group.running.t_start_ns + self._late_ns
         self.missed_deadlines += late
@@ -122,24 +150,34 @@ class BusScanner:
         steps, n = self._plan.steps, self._position
         self._position = (n + 1) % len(steps)
         turn, due = divmod(self._n_scans, len(self._groups))
+        alone = self._asked_alone if steps[n].element == self._asked_element else None
         in_turn = not self._check_all
         for number, group in enumerate(self._groups):
             checked = self._check_all or (number == due and n == turn % len(steps))
-            group.convert(steps[n], steps[self._position], checked=checked, in_turn=in_turn)
+            together = alone if len(group.legs) > 1 else None
+            group.convert(steps[n], steps[self._position], checked=checked, in_turn=in_turn, alone=together)
         if self._position == 0:
             self._n_scans += 1
             self._end_scan()
 
     def _end_scan(self) -> None:
-        """Count the scan of every leg, and look for legs that were left out."""
-        now_ns, missing = self._clock.now_ns(), False
-        any_bad: list[bool] = np.any(self._latest.reading, axis=1).tolist()
+        """Count the scan of every leg, and look for legs that were left out.
+
+        Choose the leg that is asked for its lines by itself in the next scan: one a scan, in one of three elements with
+        all rows and columns; one in four scans where that takes time.
+        """
+        turn, skipped = divmod(self._n_scans, 1 if self._check_all else 4)
+        visit, row = divmod(turn, len(self.legs))
+        self._asked_alone = None if skipped else self.legs[row]
+        self._asked_element = _DIAGONAL[visit % len(_DIAGONAL)]
+        now_ns, missing = self.clock.now_ns(), False
+        any_bad: list[bool] = np.any(self.latest.reading, axis=1).tolist()
         for leg, bad in zip(self.legs, any_bad, strict=True):
             if leg.in_scan and (bad or leg.is_suspect):
-                leg.count_misses(self._latest.reading[leg.row], now_ns)
+                leg.count_misses(self.latest.reading[leg.row], now_ns)
             missing |= not leg.in_scan
         if missing:
-            probe_due(self._transport, self.legs, self._plan, self._clock)
+            probe_due(self._transport, self.legs, self._plan, self.clock)
         for group in self._groups:
             if group.running is not None and not group.running.legs:
                 # A leg that was found meanwhile begins with a whole conversion, not with the rest of a wait.
@@ -151,13 +189,35 @@ class BusScanner:
         The converters lose their settings by it, and get them again when conversions restart.
         """
         thermometer = self._plan.board.thermometer
-        if thermometer is None or self._clock.now_ns() < self._temperature_due_ns:
+        if thermometer is None or self.clock.now_ns() < self._temperature_due_ns:
             return
         if not any(group.active()[0] for group in self._groups):
             return
-        self._temperature_due_ns = self._clock.now_ns() + _TEMPERATURE_PERIOD_NS
+        self._temperature_due_ns = self.clock.now_ns() + _TEMPERATURE_PERIOD_NS
         started = [(group, group.start_temperatures(thermometer)) for group in self._groups]
         if any(legs for _, legs in started):
-            self._clock.sleep_until_ns(self._clock.now_ns() + thermometer.wait_ns)
+            slowness = max(leg.timing.slowness for _, legs in started for leg in legs)
+            self.clock.sleep_until_ns(self.clock.now_ns() + round(slowness * thermometer.wait_ns))
         for group, legs in started:
             group.read_temperatures(thermometer, legs)
+
+    def _time_converter(self) -> None:
+        """Time a converter if that is due, in turn; conversions that run are discarded.
+
+        One that is not timed, or that does not finish since it was, is preferred, but not twice in a row.
+        """
+        if self.clock.now_ns() < self._timing_due_ns:
+            return
+        self._timing_due_ns = self.clock.now_ns() + _TIMING_PERIOD_NS
+        present = [leg for leg in self.legs if leg.outcome in {Reading.OK, Reading.NOT_READY}]
+        untimed = [leg for leg in present if not leg.is_timed and leg is not self._timed]
+        others = [leg for leg in present if leg.row > self._last_row] or present
+        if not present:
+            return
+        self._timed = untimed[0] if untimed else others[0]
+        if not untimed:
+            self._last_row = self._timed.row
+        self._group_of(self._timed).time_converter(self._timed)
+
+    def _group_of(self, leg: LegConnection) -> LegGroup:
+        return next(group for group in self._groups if leg in group.legs)

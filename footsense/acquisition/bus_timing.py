@@ -57,10 +57,15 @@ def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) ->
     return Timing(costs, limits, len(plan.steps) * plan.conversion_ns)
 
 
-def has_time_for_checks(costs: BusCosts, plan: ScanPlan, n_legs: int) -> bool:
-    """Return whether a conversion, after the read-out of all legs, leaves time to ask for lines and settings."""
+def time_for_checks(costs: BusCosts, plan: ScanPlan, n_legs: int) -> tuple[bool, bool]:
+    """Return what a conversion leaves time for after the read-out of all legs.
+
+    Returns:
+        Whether there is time to ask for lines and settings, and then to read the mux back after every leg.
+    """
     step, select_ns = plan.steps[0], costs.transaction_ns(1)
     checks = (*step.select_checks, plan.board.setting_check)
     ask_ns = costs.total_ns([step.done.read] if step.done else [])
     spare_ns = plan.wait_ns - ask_ns - select_ns - n_legs * (select_ns + costs.total_ns(step.read))
-    return spare_ns >= costs.total_ns(check.read for check in checks)
+    spare_ns -= costs.total_ns(check.read for check in checks)
+    return spare_ns >= 0, spare_ns >= (1 + n_legs) * costs.transaction_ns(0, 1)

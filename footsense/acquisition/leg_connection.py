@@ -7,9 +7,14 @@ timeout.
 """
 
 import logging
+from typing import TYPE_CHECKING
 
 from firmware_interface.chips import tca9548a
+from footsense.acquisition.chip_timing import ChipTiming
 from footsense.frames import Codes, Reading
+
+if TYPE_CHECKING:
+    from footsense.acquisition.boards.conversion_step import Step
 
 _log = logging.getLogger(__name__)
 
@@ -46,6 +51,9 @@ class LegConnection:
         is_suspect: Whether `count_misses` needs the next scan even if no reading is missing.
         retry_at_ns: Time at which a leg that was left out is tried again [ns].
         offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
+        timing: Timing of its converter.
+        is_timed: Whether that was measured, and its conversions have finished since.
+        doubted: Step whose lines it did not read back alone, for the next try; None for none.
         temperature_c: Last temperature of the converter [degC]; NaN without one.
     """
 
@@ -59,6 +67,9 @@ class LegConnection:
         self.is_suspect = True
         self.retry_at_ns = 0
         self.offset_pf = 0.0
+        self.timing = ChipTiming()
+        self.is_timed = False
+        self.doubted: Step | None = None
         self.temperature_c = float("nan")
         self._misses = 0
         self._pause_ns = _FIRST_PAUSE_NS
@@ -68,12 +79,27 @@ class LegConnection:
 
         Args:
             offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
+        is_timed: Whether that was measured, and its conversions have finished since.
+        doubted: Step whose lines it did not read back alone, for the next try; None for none.
         """
         _log.info("leg %s: converter and line switches answer on channel %d", self.name, self._channel)
         self.offset_pf = offset_pf
+        self.doubted = None
         self.in_scan = True
         self.outcome = Reading.OK
         self._misses = 0
+
+    def set_timing(self, timing: ChipTiming) -> None:
+        """Take over the timing of the leg's converter, measured just now; a slow one is told once."""
+        if timing.slowness > 1.0 >= self.timing.slowness:
+            _log.warning(
+                "leg %s: its conversions take up to %.0f %% longer than the slowest converter may; those of the legs "
+                "beside it wait for them",
+                self.name,
+                100 * (timing.slowness - 1),
+            )
+        self.timing = timing
+        self.is_timed = True
 
     def count_misses(self, readings: Codes, now_ns: int) -> None:
         """Count scans with a missing reading in a row; after three, leave the leg out for a while.
@@ -109,6 +135,7 @@ class LegConnection:
             )
         self.in_scan = False
         self.is_suspect = True
+        self.is_timed &= outcome is not Reading.NOT_READY
         self.outcome = outcome
         self.temperature_c = float("nan")
         self.retry_at_ns = now_ns + round(pauses * self._pause_ns)

@@ -8,7 +8,8 @@ One step of a group of six legs, with what overlaps a conversion and what cannot
 
 `lines` (the element's row, and its column where that is switched) and `trigger` go to all legs at once. Whether the
 conversions are done, and whether lines and settings are held, is asked of all legs in one read: the answers are a wired
-AND, so that one answer stands for all. Only when it differs is each leg asked alone. A result is read while the next
+AND, so that one answer stands for all. If a chip would not say `done` any more after the next trigger, the question
+comes before it. Only when it differs is each leg asked alone. A result is read while the next
 conversion runs. A leg that fails is left out for the rest of the scan, so that it costs the others no time.
 """
 
@@ -16,6 +17,7 @@ from typing import NamedTuple
 
 from footsense.acquisition.boards.board import CONVERTED, Thermometer
 from footsense.acquisition.boards.conversion_step import Check, Step
+from footsense.acquisition.chip_timing import chip_timing
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
@@ -32,7 +34,7 @@ Legs = tuple[LegConnection, ...]
 
 
 class BusStuckError(Exception):
-    """A line was held low; the leg that holds it is left out, and the others have to restart."""
+    """A transaction timed out on a line held low; the stuck leg is left out, and the other legs restart their scan."""
 
 
 class BusReadings(NamedTuple):
@@ -76,6 +78,8 @@ class LegGroup:
         latest: Readings of the whole bus, written over element by element.
 
     Attributes:
+        mux_read_back: Read of the mux's selection, done after a broadcast question and after every leg: another program
+            may have switched it. None where that takes time from the scan, or the kernel switches it.
         running: The conversion that runs; without legs if none of the group's is active, None after a restart.
     """
 
@@ -84,6 +88,7 @@ class LegGroup:
     ) -> None:
         self.legs = legs
         self.running: Conversion | None = None
+        self.mux_read_back: Transaction | None = None
         self._rows = slice(legs[0].row, legs[-1].row + 1)
         self._transport = transport
         self._clock = clock
@@ -106,7 +111,9 @@ class LegGroup:
             self._exchange(selection, self._plan.board.restart)
         self.running = self._begin(legs, selection, step, step.select)
 
-    def convert(self, step: Step, following: Step, *, checked: bool, in_turn: bool) -> None:
+    def convert(
+        self, step: Step, following: Step, *, checked: bool, in_turn: bool, alone: LegConnection | None = None
+    ) -> None:
         """Wait for the conversion that runs, start the next one, and read the finished one meanwhile.
 
         Args:
@@ -114,12 +121,15 @@ class LegGroup:
             following: The next step; the first one of the plan if `step` ends the scan.
             checked: Whether lines and settings are asked for.
             in_turn: Whether they are asked for in some steps only.
+            alone: Leg that is asked for its lines by itself; None for none.
 
         Raises:
             BusStuckError: A line was held low.
         """
         finished, ends = self.running, following is self._plan.steps[0]
         assert finished is not None
+        if alone is not None:
+            self._check_alone(alone, step)
         if checked:
             self._check(finished, always=in_turn and not self._transport.broadcasts)
         legs, selection = self.active()
@@ -131,18 +141,31 @@ class LegGroup:
             self._exchange(
                 selection, ()
             )  # connect them while they convert; if that fails, `_begin` tries again
-        self._clock.sleep_until_ns(finished.t_start_ns + self._plan.wait_ns)
+        asks_first = self._wait(finished)
+        if asks_first:
+            self._leave_unfinished(step, legs, selection)
+            failed |= {leg: leg.outcome for leg in legs if leg.outcome is not _OK}
+            legs, selection = self.active()
         select = following.changes if finished.legs else following.select
         running = self._begin(legs, selection, following, select)
         self._latest.discard((self._rows, step.element), finished.unread)
         for leg, outcome in failed.items():
             # A check in the last step, or in turn, covers all elements before it.
-            since_check = ends or (in_turn and outcome is Reading.MISCONFIGURED)
+            since_check = ends or leg is alone or (in_turn and outcome is Reading.MISCONFIGURED)
             self._latest.discard((leg.row, slice(None) if since_check else step.element), outcome)
         if read := [leg for leg in finished.legs if leg not in failed]:
-            all_done = self._all_done(step, selection) if running.legs else step.done is None
+            all_done = asks_first or (self._all_done(step, selection) if running.legs else step.done is None)
             self._read_out(step, read, finished.t_start_ns, all_done=all_done)
         self.running = running
+
+    def _wait(self, conversion: Conversion) -> bool:
+        """Wait until all legs have finished; return whether one of them forgets that with the next trigger."""
+        slowness, forgets = 1.0, False
+        for leg in conversion.legs:
+            slowness = max(slowness, leg.timing.slowness)
+            forgets |= not leg.timing.keeps_done
+        self._clock.sleep_until_ns(conversion.t_start_ns + round(self._plan.wait_ns * slowness))
+        return forgets and conversion.step.done is not None
 
     def start_temperatures(self, thermometer: Thermometer) -> Legs:
         """Start a temperature conversion on all active legs, and return these legs; none if the bus failed."""
@@ -163,6 +186,17 @@ class LegGroup:
                 self._transport.invalidate()
                 return
             leg.temperature_c = thermometer.decode(*answers)
+
+    def time_converter(self, leg: LegConnection) -> None:
+        """Time the converter of a leg; one that does not finish keeps its timing."""
+        self.running = None
+        try:
+            timing = chip_timing(self._transport.connect(leg.selection), self._clock, self._plan)
+        except BusError as error:
+            self._raise_if_stuck(error)
+            self._transport.invalidate()
+        else:
+            leg.set_timing(timing or leg.timing)
 
     def _exchange(self, selection: int, transactions: tuple[Transaction, ...]) -> list[bytes] | None:
         """Connect some legs, do transactions, and return their answers; None if one failed.
@@ -196,7 +230,7 @@ class LegGroup:
     def _read_out(self, step: Step, legs: list[LegConnection], t_start_ns: int, *, all_done: bool) -> None:
         """Read the result of the finished conversion from each given leg, while the next conversion runs."""
         t_ns, capacitance_pf, readings = self._latest
-        t_middle_ns = t_start_ns + self._plan.conversion_ns // 2
+        plan = self._plan
         for leg in legs:
             if not leg.in_scan:  # left out since the conversion began
                 continue
@@ -204,16 +238,29 @@ class LegGroup:
             reading, capacitance_pf[at] = self._read_leg(leg, step, all_done=all_done)
             readings[at] = reading
             if reading in CONVERTED:
-                t_ns[at] = t_middle_ns
+                excess_ns = round((leg.timing.slowness - 1) * plan.wait_ns)
+                t_ns[at] = t_start_ns + (plan.conversion_ns + excess_ns) // 2
             else:
                 leg.outcome = reading
+
+    def _leave_unfinished(self, step: Step, legs: Legs, selection: int) -> None:
+        """Leave out each leg that has not finished, before the next conversion makes it forget."""
+        assert step.done is not None
+        if legs and not self._all_done(step, selection):
+            for leg in legs:
+                answers = self._exchange(leg.selection, (step.done.read,))
+                leg.outcome = Reading.NO_ANSWER if answers is None else step.done.decode(answers[0])
 
     def _all_done(self, step: Step, selection: int) -> bool:
         """Return whether all connected legs have finished, by one common question or by their results themselves."""
         if step.done is None:
             return True
-        answers = self._exchange(selection, (step.done.read,))
-        return answers is not None and step.done.decode(answers[0]) is _OK
+        asks = (step.done.read,) if self.mux_read_back is None else (step.done.read, self.mux_read_back)
+        answers = self._exchange(selection, asks)
+        if answers is None or (len(asks) > 1 and answers[1][0] != selection):
+            self._transport.invalidate()
+            return False
+        return step.done.decode(answers[0]) is _OK
 
     def _read_leg(self, leg: LegConnection, step: Step, *, all_done: bool) -> tuple[Reading, float]:
         reading = Reading.NO_ANSWER
@@ -227,6 +274,10 @@ class LegGroup:
                     if reading is Reading.NOT_READY:
                         break
                 reading, capacitance_pf = self._plan.board.decode_result(list(map(bus.transfer, step.read)))
+                if self.mux_read_back and bus.transfer(self.mux_read_back)[0] != leg.selection:
+                    self._transport.invalidate()
+                    reading = Reading.DELAYED
+                    continue
                 return reading, capacitance_pf + leg.offset_pf
             except BusError as error:
                 self._raise_if_stuck(error)
@@ -247,6 +298,17 @@ class LegGroup:
             if legs and self._answer(selection, check) is not _OK:
                 for leg in legs:
                     leg.outcome = self._answer(leg.selection, check)
+
+    def _check_alone(self, leg: LegConnection, step: Step) -> None:
+        """Read back one leg's lines, and leave it out if a line is closed too much: the wired AND hides that."""
+        if not leg.in_scan or leg.outcome is not _OK:
+            return
+        for check in step.select_checks:
+            answer = self._answer(leg.selection, check)
+            if answer is not _OK and self._answer(leg.selection, check) is Reading.MISCONFIGURED:
+                leg.doubted = step
+                leg.leave(Reading.MISCONFIGURED, self._clock.now_ns())
+                return
 
     def _answer(self, selection: int, check: Check) -> Reading:
         answers = self._exchange(selection, (check.read,))

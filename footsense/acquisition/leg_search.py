@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from footsense.acquisition.leg_connection import STUCK_BUS_PAUSES, STUCK_LEG_PAUSES, LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.acquisition.transports import Transport
+from footsense.acquisition.transports import Transport, release_sda
 from footsense.errors import BusError, BusTimeoutError, HardwareError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus
@@ -42,10 +42,14 @@ def _set_up(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> No
     """Set up the chips of the leg that is connected alone, and take the leg into the scan, or put off the next try."""
     now_ns = clock.now_ns()
     try:
+        release_sda(bus)
         plan.board.identify(bus, clock)
         reading, offset_pf = plan.board.configure(bus, clock)
-        for write in plan.steps[0].select:
-            bus.transfer(write)
+        for step in filter(None, (leg.doubted, plan.steps[0])):
+            for write in step.select:
+                bus.transfer(write)
+            if step is leg.doubted and any(bus.transfer(ask) != held for ask, held in step.select_checks):
+                reading = Reading.MISCONFIGURED
     except BusTimeoutError as error:
         leg.leave(Reading.BUS_STUCK, now_ns, str(error), STUCK_LEG_PAUSES)
     except WrongChipError as error:
@@ -67,6 +71,8 @@ def probe_due(transport: Transport, legs: Sequence[LegConnection], plan: ScanPla
     now_ns = clock.now_ns()
     alone = not any(leg.in_scan for leg in legs)
     due = [leg for leg in legs if not leg.in_scan and leg.retry_at_ns <= now_ns]
+    if alone and due:
+        transport.free()  # any leg may hold the lines
     for leg in sorted(due, key=lambda leg: leg.retry_at_ns)[: len(due) if alone else 1]:
         outcome = leg.outcome
         probe(transport, leg, legs, plan, clock)

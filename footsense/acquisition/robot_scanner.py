@@ -1,16 +1,29 @@
 """The conversions of all I2C buses of the robot in one frame.
 
 Several buses convert at the same time, each in a thread of its own: the adapter's system call releases the interpreter.
-A frame is complete when the slowest bus is.
+A frame is complete when the slowest bus is. A bus that is later than the first one by a whole conversion, such as one
+on which a line is held low, does not delay the others: they go on with its last readings, until it is there again.
 """
 
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from typing import Any
 
 import numpy as np
 
 from footsense.acquisition.bus_scanner import BusScanner
+from footsense.acquisition.leg_connection import LegConnection
+from footsense.acquisition.leg_group import BusReadings
 from footsense.frames import ELEMENTS, CapFrame, Vector
+
+
+class _InTurn(Executor):
+    """Runs what it is given at once: for one bus, and for simulated ones, whose clocks run side by side."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ANN401 - as its base
+        done: Future[Any] = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
 
 
 class RobotScanner:
@@ -18,14 +31,24 @@ class RobotScanner:
 
     Args:
         buses: One scanner a bus; the rows of a frame are the legs of the first bus, then of the second, and so on.
+        threads: Whether each bus gets a thread; without, they are read in turn, as in virtual time.
     """
 
-    def __init__(self, buses: Sequence[BusScanner]) -> None:
+    def __init__(self, buses: Sequence[BusScanner], *, threads: bool = False) -> None:
         self._buses = tuple(buses)
         self._sequence = 0
-        self._pool = (
-            ThreadPoolExecutor(len(self._buses), thread_name_prefix="i2c") if len(self._buses) > 1 else None
-        )
+        self._pool: Executor = _InTurn()
+        if threads and len(self._buses) > 1:
+            self._pool = ThreadPoolExecutor(len(self._buses), thread_name_prefix="i2c")
+        # Readings on their way, with the time at which they are complete [ns], and the last that have arrived.
+        self._pending: list[Future[tuple[BusReadings, int]] | None] = [None] * len(self._buses)
+        self._latest = [bus.latest for bus in self._buses]
+        self._grace_ns = 0 if len(self._buses) == 1 else max(bus.wait_ns for bus in self._buses)
+
+    @property
+    def legs(self) -> list[LegConnection]:
+        """All legs, in the order of the rows."""
+        return [leg for bus in self._buses for leg in bus.legs]
 
     @property
     def missed_deadlines(self) -> int:
@@ -37,7 +60,7 @@ class RobotScanner:
 
         NaN for a board without a sensor, and for a leg that is out of the scan.
         """
-        return np.array([leg.temperature_c for bus in self._buses for leg in bus.legs])
+        return np.array([leg.temperature_c for leg in self.legs])
 
     def start(self) -> None:
         """Find and set up the chips of every bus.
@@ -47,23 +70,56 @@ class RobotScanner:
         """
         for bus in self._buses:
             bus.start()
+        if isinstance(self._pool, _InTurn):
+            ready_ns = max(bus.clock.now_ns() for bus in self._buses)
+            for bus in self._buses:
+                bus.clock.sleep_until_ns(ready_ns)
 
     def read(self) -> CapFrame:
         """Read the next element of every leg, and return it beside the latest readings of the others.
 
         The first frame is a whole scan.
         """
-        read_all = map if self._pool is None else self._pool.map
         for _ in range(1 if self._sequence else ELEMENTS):
-            readings = list(read_all(BusScanner.read, self._buses))
-        t_ns, capacitance_pf, reading = map(np.concatenate, zip(*readings, strict=True))
+            if len(self._buses) == 1:
+                self._latest[0] = self._buses[0].read()
+            else:
+                self._read_buses()
+        t_ns, capacitance_pf, reading = map(np.concatenate, zip(*self._latest, strict=True))
         frame = CapFrame(self._sequence, t_ns, capacitance_pf, reading)
         self._sequence += 1
         return frame
 
+    def _read_buses(self) -> None:
+        """Read all buses that are not late, and take over what is complete."""
+        fresh = []
+        for n, bus in enumerate(self._buses):
+            if self._pending[n] is None:
+                self._pending[n] = self._pool.submit(_timed_read, bus)
+                fresh.append(n)
+        running = [pending for n in fresh if (pending := self._pending[n]) is not None]
+        _, others = wait(running, return_when=FIRST_COMPLETED)
+        wait(others, timeout=self._grace_ns * 1e-9 if self._sequence else None)
+        ready_ns = {
+            n: each.result()[1] for n, each in enumerate(self._pending) if each is not None and each.done()
+        }
+        latest_ns = min(ready_ns[n] for n in fresh if n in ready_ns) + self._grace_ns
+        now_ns = max(
+            t_ns for n, t_ns in ready_ns.items() if n in fresh and (t_ns <= latest_ns or not self._sequence)
+        )
+        for n, t_ns in ready_ns.items():
+            pending = self._pending[n]
+            if t_ns <= now_ns and pending is not None:
+                self._latest[n] = pending.result()[0]
+                self._pending[n] = None
+
     def close(self) -> None:
         """Stop the scans and release all buses."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._pool.shutdown()
         for bus in self._buses:
             bus.stop()
+
+
+def _timed_read(bus: BusScanner) -> tuple[BusReadings, int]:
+    """Return the next readings of a bus, and the time at which they are complete [ns]."""
+    return bus.read(), bus.clock.now_ns()

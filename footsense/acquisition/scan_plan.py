@@ -37,7 +37,7 @@ class ScanPlan(NamedTuple):
         board: The electronics of its feet.
         steps: The conversions in their order; the first one follows the last one of the scan before.
         conversion_ns: Nominal time of a conversion [ns].
-        wait_ns: Time after which the slowest chip has finished [ns].
+        wait_ns: Time after which the slowest chip within its tolerance has finished [ns].
     """
 
     board: Board
@@ -71,10 +71,9 @@ def scan_plan(order: str, rate_sps: int, board: str = "fdc1004") -> ScanPlan:
         for step, before in zip(steps, steps[-1:] + steps[:-1], strict=True)
     ]
     steps[-1] = steps[-1]._replace(setting_checks=(electronics.setting_check,))
-    conversion_ns = electronics.conversion_ns[rate_sps]
     return ScanPlan(
         board=electronics,
         steps=tuple(steps),
-        conversion_ns=conversion_ns,
-        wait_ns=round(conversion_ns * (1 + electronics.traffic.clock_tolerance_rel)),
+        conversion_ns=electronics.conversion_ns[rate_sps],
+        wait_ns=electronics.wait_ns(rate_sps),
     )

@@ -17,6 +17,28 @@ from footsense.ports import Clock, I2cBus, ResetLine, Transaction
 
 _log = logging.getLogger(__name__)
 
+#: Nine clocks with SDA released: address 0x7F and the bit to read are eight ones, and no chip may acknowledge them.
+#: Source: UM10204, section 3.1.16 (bus clear) and table 4 (reserved addresses).
+NINE_CLOCKS = Transaction(0x7F, b"", 1)
+
+
+def release_sda(bus: I2cBus) -> None:
+    """Let a chip that was interrupted within a byte finish it; it holds SDA low until then.
+
+    An adapter that compares SDA with what it sends times out instead; its driver clears the bus, or nothing does. One
+    that does not, as that of a Raspberry Pi 0 to 4, reads a line that stays low as an acknowledge of any address.
+
+    Raises:
+        BusTimeoutError: SDA stays low.
+        BusError: The transaction failed otherwise.
+    """
+    for _ in range(2):
+        try:
+            bus.transfer(NINE_CLOCKS)
+        except NackError:
+            return
+    raise BusTimeoutError("SDA is held low: an address that no chip has is acknowledged")
+
 
 class UpstreamBus:
     """An adapter with a TCA9548A on its bus; the last selection is not written twice.
@@ -26,18 +48,30 @@ class UpstreamBus:
         mux_address: Address of the mux.
         reset_line: The mux's RESET pin; None if nothing drives it. Without it, a leg that holds a line low stops all
             legs of its bus for as long as it does.
+        reads_back: Whether the selection is read back after every leg; None: where that takes no time from the scan.
 
     Attributes:
         broadcasts: Whether one write reaches all legs; else each leg is addressed alone.
+        reads_back: As given.
+        read_back: Read of the present selection; None if the kernel keeps it.
     """
 
     broadcasts = True
 
-    def __init__(self, bus: I2cBus, mux_address: int, reset_line: ResetLine | None = None) -> None:
+    def __init__(
+        self,
+        bus: I2cBus,
+        mux_address: int,
+        reset_line: ResetLine | None = None,
+        *,
+        reads_back: bool | None = None,
+    ) -> None:
         self.bus = bus
+        self.reads_back = reads_back
         self.mux_address = mux_address
         self._reset_line = reset_line
         self._selection: int | None = None
+        self.read_back: Transaction | None = Transaction(mux_address, b"", n_read=1)
         self._writes = tuple(Transaction(mux_address, bytes((selection,))) for selection in range(256))
 
     def measure(self, clock: Clock) -> BusCosts:
@@ -78,12 +112,14 @@ class UpstreamBus:
         """Disconnect every leg from a bus whose lines may be stuck, and return whether the mux answers again.
 
         A leg that holds SDA low blocks the write that would disconnect it, so that only the RESET pin helps. Without
-        one, that write is tried all the same: the line may have been released.
+        one, nine clocks and that write are tried all the same: the line may be released.
         """
         self._selection = None
-        if self._reset_line is not None:
-            self._reset_line.pulse()
         with contextlib.suppress(BusError):
+            if self._reset_line is not None:
+                self._reset_line.pulse()
+            else:
+                release_sda(self.bus)
             self.connect(0)
         return self._selection is not None
 
@@ -128,9 +164,11 @@ class KernelMux:
     """
 
     broadcasts = False
+    reads_back = False
 
     def __init__(self, adapters: Sequence[I2cBus]) -> None:
         self.adapters = adapters
+        self.read_back: Transaction | None = None
         self._adapter_of = {1 << channel: adapter for channel, adapter in enumerate(adapters)}
 
     def measure(self, clock: Clock) -> BusCosts | None:

@@ -39,7 +39,7 @@ def codes_of(scan: CapFrame) -> NDArray[np.int32]:
     return np.ascontiguousarray(np.rint(scan.capacitance_pf * 2.0**19), np.int32)
 
 
-def _weights(model: bytes) -> dict[str, NDArray[np.float32]]:
+def _layer_matrices(model: bytes) -> dict[str, NDArray[np.float32]]:
     """Return the network's layers by name as full matrices, inputs along rows, shared weights repeated."""
     import onnx
 
@@ -82,8 +82,8 @@ class CFloor:
     """
 
     def __init__(self, folder: Path, config: Config, calibration: TrainedInputs) -> None:
-        weights = _weights(released_path("network.onnx").read_bytes())
-        library = _built(folder, len(weights["b1"]))
+        weights = _layer_matrices(released_path("network.onnx").read_bytes())
+        library = _compile_library(folder, len(weights["b1"]))
         design = calibration.design
         n = _LEGS * ELEMENTS
         precision = np.linalg.inv(calibration.moments)
@@ -100,14 +100,14 @@ class CFloor:
             ]
         )
         flat = np.concatenate([part.ravel() for part in weights.values()]).astype(np.float32)
-        library.floor_set(_address(foot), _address(flat))
+        library.floor_set(_data_pointer(foot), _data_pointer(flat))
         self._library = library
         self._force_n = np.zeros((_LEGS, 3))
 
     def tare(self, baseline_pf: Vector) -> None:
         """Set the baselines of all legs [pF], shape (legs, 9)."""
         baseline_pf = np.ascontiguousarray(baseline_pf, np.float64)
-        self._library.floor_tare(_address(baseline_pf))
+        self._library.floor_tare(_data_pointer(baseline_pf))
 
     def run(self, scan: CapFrame, codes: NDArray[np.int32], now_ns: int, socket: int, pipe: int) -> Vector:
         """Run one cycle of the C implementation.
@@ -146,8 +146,16 @@ class CFloor:
         t_ns = np.stack([scan.t_ns for scan in scans])
         now_ns, late_ns = np.array(times, np.int64), np.zeros(n, np.int64)
         self._library.floor_pace(
-            *(period_ns, n, _address(codes), _address(t_ns), _address(now_ns), len(scans), round_ns(played)),
-            *(*fds, _address(late_ns)),
+            *(
+                period_ns,
+                n,
+                _data_pointer(codes),
+                _data_pointer(t_ns),
+                _data_pointer(now_ns),
+                len(scans),
+                round_ns(played),
+            ),
+            *(*fds, _data_pointer(late_ns)),
         )
         return late_ns
 
@@ -157,11 +165,11 @@ def round_ns(played: list[tuple[CapFrame, int]]) -> int:
     return played[-1][1] - played[0][1] + (played[1][1] - played[0][1])
 
 
-def _address(array: NDArray[Any]) -> ctypes.c_void_p:
+def _data_pointer(array: NDArray[Any]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-def _built(folder: Path, n_units: int) -> ctypes.CDLL:
+def _compile_library(folder: Path, n_units: int) -> ctypes.CDLL:
     """Compile and load the library.
 
     Raises:

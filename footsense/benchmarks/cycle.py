@@ -47,7 +47,7 @@ def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | No
     with TemporaryDirectory() as folder, our_cycle() as ours:
         floor = tared_floor(Path(folder), scans) if has_c_floor() else None
         with gc_disabled(), fifo_priority(PRIORITY):
-            times_ns = _time(scans, run, ours, floor, naive)
+            times_ns = _time_programs(scans, run, ours, floor, naive)
     ours_us, floor_us, naive_us = (np.array(times_ns[name][WARM_UP:]) * 1e-3 for name in _PROGRAMS)
     p50 = float(np.median(ours_us))
     c_floor_p50, naive_p50 = (float(np.median(us)) if len(us) else None for us in (floor_us, naive_us))
@@ -61,14 +61,14 @@ def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | No
     }
 
 
-def _time(
+def _time_programs(
     scans: list[CapFrame], run: int, ours: OurCycle, floor: CFloor | None, naive: NaiveCycle | None
 ) -> dict[str, list[int]]:
     """Time the cycles of three programs in alternating runs, so that background load affects all equally [ns]."""
     times_ns: dict[str, list[int]] = {name: [] for name in _PROGRAMS}
     loopback = ours.loopback
 
-    def timed(name: str, program: Callable[..., T], *arguments: object) -> T:
+    def run_timed(name: str, program: Callable[..., T], *arguments: object) -> T:
         start_ns = stopwatch_ns()
         result = program(*arguments)
         times_ns[name].append(stopwatch_ns() - start_ns)
@@ -79,7 +79,7 @@ def _time(
         done = []
         for scan in scans[first : first + run]:
             now_ns, baseline_pf = sent_ns(scan), ours.baseline_pf()
-            forces = timed("ours", ours.run, scan, now_ns).forces
+            forces = run_timed("ours", ours.run, scan, now_ns).forces
             # Keep nothing else of the cycle: the service keeps none, and new memory is cold.
             valid = forces.state == State.VALID
             done.append((scan, now_ns, baseline_pf, forces.force_n[valid], valid))
@@ -90,13 +90,13 @@ def _time(
             codes = codes_of(scan)
             floor.tare(baseline_pf)
             sinks = loopback.socket.fileno(), loopback.pipe
-            force_n = timed("c_floor", floor.run, scan, codes, now_ns, *sinks)
+            force_n = run_timed("c_floor", floor.run, scan, codes, now_ns, *sinks)
             if number >= WARM_UP:
                 _check_same(scan, ours_n, force_n, valid)
         for scan, now_ns, *_ in done:
             if naive is None:
                 break
-            timed("naive", naive.run, scan, now_ns, loopback.socket, loopback.pipe)
+            run_timed("naive", naive.run, scan, now_ns, loopback.socket, loopback.pipe)
     return times_ns
 
 

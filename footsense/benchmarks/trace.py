@@ -63,10 +63,10 @@ def calls_per_conversion(n: int = _COUNTED) -> tuple[Calls, Calls]:
         open_service(DEFAULT, scene, real_time=False, record=Path(folder) / "walk.mcap") as service,
     ):
         service.observers.append(RunStatistics(service.legs, service.true_force_at_time_n))
-        service.run(_after(_WARM_UP))
+        service.run(_stop_after_turns(_WARM_UP))
         sys.setprofile(count)
         try:
-            service.run(_after(n))
+            service.run(_stop_after_turns(n))
         finally:
             sys.setprofile(None)
     return _by_function(service_calls, n), _by_function(simulator_calls, n)
@@ -94,7 +94,7 @@ def steady_functions(calls: Calls) -> list[tuple[str, str]]:
     return [function for function, n in calls.items() if n > _RARE]
 
 
-def _after(n: int) -> Callable[[], bool]:
+def _stop_after_turns(n: int) -> Callable[[], bool]:
     """Return a stop condition that is met after a number of turns of the loop."""
     turns = iter(range(n))
     return lambda: next(turns, None) is None

@@ -51,8 +51,8 @@ def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
     serve: dict[str, _Serve] = {"ours": _serve_ours} | ({"c": _serve_c} if has_c_floor() else {})
     figures: dict[str, Any] = {}
     with contextlib.ExitStack() as stack:
-        loops = {name: stack.enter_context(_process(target, scans)) for name, target in serve.items()}
-        (port, refusals), *_ = [_answer(loop) for loop in loops.values()]
+        loops = {name: stack.enter_context(_child_process(target, scans)) for name, target in serve.items()}
+        (port, refusals), *_ = [_receive(loop) for loop in loops.values()]
         over = threading.Event()
         scraper = threading.Thread(target=_scrape, args=(port, over))
         scraper.start()
@@ -68,12 +68,12 @@ def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
             late_ns: dict[str, list[int]] = {name: [] for name in loops}
             for _, (name, loop) in itertools.product(range(_BLOCKS), loops.items()):
                 loop.send(n)
-                late_ns[name] += _answer(loop)
-            figures[case] = _figures(late_ns)
+                late_ns[name] += _receive(loop)
+            figures[case] = _latency_figures(late_ns)
     return figures
 
 
-def _figures(late_ns: dict[str, list[int]]) -> dict[str, Any]:
+def _latency_figures(late_ns: dict[str, list[int]]) -> dict[str, Any]:
     tails = {
         name: {tail: float(np.quantile(late, q)) * 1e-3 for tail, q in _QUANTILES.items()}
         for name, late in late_ns.items()
@@ -83,7 +83,7 @@ def _figures(late_ns: dict[str, list[int]]) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def _process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
+def _child_process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
     """Run a loop in a child process, and close the connection to end the loop.
 
     Yields:
@@ -101,7 +101,7 @@ def _process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
         process.join()
 
 
-def _answer(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
+def _receive(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
     try:
         return loop.recv()
     except EOFError:
@@ -115,7 +115,7 @@ def _scrape(port: int, over: threading.Event) -> None:
             answer.read()
 
 
-def _rounds(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame, int]]:
+def _repeat_scans(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame, int]]:
     """Play scans round and round, in ever later times.
 
     Yields:
@@ -161,7 +161,7 @@ def _serve_ours(connection: Connection, scans: list[CapFrame]) -> None:
             cycle.loopback.drain()
         connection.send((port, refusals))
         clock = MonotonicClock()
-        rounds = _rounds([(scan, sent_ns(scan)) for scan in scans[WARM_UP:]])
+        rounds = _repeat_scans([(scan, sent_ns(scan)) for scan in scans[WARM_UP:]])
         for n in _requests(connection):
             late_ns = [0] * n
             with gc_disabled():

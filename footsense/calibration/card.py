@@ -16,11 +16,12 @@ def card_text(manifest: Manifest, parameters: Parameters) -> str:
         parameters: Its parameters.
     """
     recordings = "\n".join(f"| {name} | `{sha256}` |" for name, sha256 in manifest.recordings.items())
+    n_loads, n_sessions = _with_plural(manifest.n_loads, "load"), _with_plural(manifest.n_sessions, "session")
     strayed = "stray capacitance, wiring of the test stand included [pF]"
     return f"""# {manifest.foot}
 
 A foot of type {manifest.foot_type}, calibrated {manifest.made} by footsense {manifest.footsense}
-on {_count(manifest.n_loads, "load")} in {_count(manifest.n_sessions, "session")}{_temperature(parameters)}. The
+on {n_loads} in {n_sessions}{_temperature_text(parameters)}. The
 robot uses these files unchanged, or not at all: it detects and refuses every edit by hand.
 
 ## Errors
@@ -31,10 +32,10 @@ robot uses these files unchanged, or not at all: it detects and refuses every ed
 
 | | front row on top, left column left | |
 |---|---|---|
-{_grid("air gap [um]", parameters.gap_um, 2)}
-{_grid("reads unloaded [pF]", parameters.unloaded_pf, 3)}
-{_grid(strayed, parameters.stray_pf, 3)}
-{_grid("gain of the closure [1]", parameters.gain_rel, 3)}
+{_element_row("air gap [um]", parameters.gap_um, 2)}
+{_element_row("reads unloaded [pF]", parameters.unloaded_pf, 3)}
+{_element_row(strayed, parameters.stray_pf, 3)}
+{_element_row("gain of the closure [1]", parameters.gain_rel, 3)}
 
 Stiffness {parameters.stiffness_rel:+.1%}; mounted {_mount_deg(parameters):.1f} deg off; largest term of the
 correction {np.abs(parameters.correction).max():.3f}. Unexplained by the calibration: {parameters.error_rel:.1%} of
@@ -50,11 +51,11 @@ Network `{parameters.network_sha256}`, training set `{manifest.training_sha256}`
 """
 
 
-def _count(n: int, what: str) -> str:
+def _with_plural(n: int, what: str) -> str:
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
-def _temperature(parameters: Parameters) -> str:
+def _temperature_text(parameters: Parameters) -> str:
     if parameters.temperature_c is None:
         return ", at an unknown temperature"
     per_k = parameters.stiffness_per_k
@@ -66,15 +67,15 @@ def _errors(manifest: Manifest) -> str:
     held_out = manifest.held_out
     if held_out is None:
         return "Unknown: no load was held out."
-    return f"""{held_out.protocol}, {_count(held_out.calibrated.n, "load")}:
+    return f"""{held_out.protocol}, {_with_plural(held_out.calibrated.n, "load")}:
 
 | mean / p95 / largest | direction [deg] | magnitude [gf] |
 |---|---:|---:|
-{_row("network of the design alone", held_out.design_only)}
-{_row("with this calibration", held_out.calibrated)}"""
+{_error_row("network of the design alone", held_out.design_only)}
+{_error_row("with this calibration", held_out.calibrated)}"""
 
 
-def _row(name: str, errors: Errors) -> str:
+def _error_row(name: str, errors: Errors) -> str:
     direction = (
         f"{errors.direction_deg:.2f} / {errors.direction_p95_deg:.2f} / {errors.direction_max_deg:.2f}"
     )
@@ -82,7 +83,7 @@ def _row(name: str, errors: Errors) -> str:
     return f"| {name} | {direction} | {magnitude} |"
 
 
-def _grid(what: str, values: Sequence[float], digits: int) -> str:
+def _element_row(what: str, values: Sequence[float], digits: int) -> str:
     rows = [" ".join(f"{value:.{digits}f}" for value in values[i : i + 3]) for i in (0, 3, 6)]
     return f"| {what} | {'<br>'.join(rows)} | mean {np.mean(values):.{digits}f} |"
 

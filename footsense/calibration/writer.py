@@ -46,7 +46,8 @@ def check_calibration_target(folder: Path, *, replace: bool) -> None:
         raise CalibrationError(f"{folder.name}: is no identity of a foot, such as foot-0007") from None
     if folder.exists() and not replace:
         raise CalibrationError(
-            f"{folder}: exists and is not overwritten; with --replace the old one is kept as {_kept(folder).name}"
+            f"{folder}: exists and is not overwritten; with --replace the old one is kept as "
+            f"{_free_backup_path(folder).name}"
         )
     parent = next(parent for parent in folder.parents if parent.exists())
     try:
@@ -90,7 +91,7 @@ def write_calibration(
             **parameters.as_lists(),
         )
         files = {
-            calibration_format.PARAMETERS: _json(described),
+            calibration_format.PARAMETERS: _to_json(described),
             calibration_format.NETWORK: content,
             calibration_format.CARD: card_text(manifest, described).encode(),
         }
@@ -101,23 +102,23 @@ def write_calibration(
         draft = Path(tempfile.mkdtemp(dir=calibrations, prefix=f".{manifest.foot}."))
         try:
             draft.chmod(0o755)  # the service runs as another user
-            for name, data in {**files, calibration_format.MANIFEST: _json(manifest)}.items():
+            for name, data in {**files, calibration_format.MANIFEST: _to_json(manifest)}.items():
                 (draft / name).write_bytes(data)
-                _sync(draft / name)
-            _sync(draft)
+                _fsync(draft / name)
+            _fsync(draft)
             read_calibration(draft, manifest.foot_type, manifest.foot)
             if folder.exists():
-                folder.rename(_kept(folder))
+                folder.rename(_free_backup_path(folder))
             draft.rename(folder)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
-        _sync(calibrations)
+        _fsync(calibrations)
     except OSError as error:
         raise CalibrationError(f"{folder}: cannot be written: {error.strerror}") from None
     return read_calibration(folder, manifest.foot_type)
 
 
-def _kept(folder: Path) -> Path:
+def _free_backup_path(folder: Path) -> Path:
     """Return the first free name for the replaced calibration."""
     number = 1
     while (kept := folder.with_name(f"{folder.name}.{number}")).exists():
@@ -125,11 +126,11 @@ def _kept(folder: Path) -> Path:
     return kept
 
 
-def _json(value: msgspec.Struct) -> bytes:
+def _to_json(value: msgspec.Struct) -> bytes:
     return msgspec.json.format(msgspec.json.encode(value), indent=2) + b"\n"
 
 
-def _sync(path: Path) -> None:
+def _fsync(path: Path) -> None:
     """Wait until a file or folder is on the disk: after a power cut no name must be left without its content."""
     fd = os.open(path, os.O_RDONLY)
     try:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from firmware_interface.socketcan import FRAME_BYTES, is_data, is_error, pack_frame, split_frames
+from firmware_interface.socketcan import frame_ends, is_data, is_error, pack_frame, split_frames
 from footsense.can.bus_health import BusHealth
 from footsense.can.frame_log import CanFrameLog, check_log_suffix
 from footsense.can.python_can import error_text, open_wire
@@ -42,6 +42,7 @@ class ChannelSettings:
         channel: Its name, such as `can0`.
         bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
         commands: Whether commands are executed.
+        fd: Whether frames of CAN FD are sent.
         log_file: File for every frame sent, its format by suffix: candump `.log`, `.asc` or `.blf`; None for none.
         log_waits: Whether the log may make the loop wait, as in virtual time.
         connect: Opens another interface than the named one, such as a simulated one, and does not wait; None for
@@ -52,6 +53,7 @@ class ChannelSettings:
     channel: str
     bitrate: int = 500_000
     commands: bool = True
+    fd: bool = False
     log_file: Path | None = None
     log_waits: bool = False
     connect: Callable[[], CanWire] | None = None
@@ -118,7 +120,9 @@ class CanChannel:
         self.stats = stats
         self._accept = frozenset(accept)
         self._explained = partial(error_text, *place)
-        self._connect: Callable[[], CanWire] = settings.connect or partial(open_wire, *place, self._accept)
+        self._connect: Callable[[], CanWire] = settings.connect or partial(
+            open_wire, *place, self._accept, fd=settings.fd
+        )
         self._name = f"CAN channel {settings.channel} ({settings.interface})"
         self._health = BusHealth(settings.channel, stats)
         self._t_ns = 0
@@ -132,7 +136,9 @@ class CanChannel:
         self._wire: CanWire | None = self._connect()
         try:
             # Sent before the log is open, and before the first force defines the time.
-            self._unlogged = self._greet(b"".join(pack_frame(*frame) for frame in greeting.items()))
+            self._unlogged = self._send_first_frames(
+                b"".join(pack_frame(*frame) for frame in greeting.items())
+            )
             if log_file is not None:
                 self._log = CanFrameLog(log_file, settings.channel, stats, waits=settings.log_waits)
         except BaseException:
@@ -150,14 +156,14 @@ class CanChannel:
             How many were accepted.
         """
         self._t_ns = t_ns
-        n = len(frames) // FRAME_BYTES
-        taken = 0
+        ends = frame_ends(frames)
+        n, taken = len(ends), 0
         wire = None if self._back_off_ns and t_ns < self._due_ns else self._wire or self._reopened()
         if wire is not None:
             try:
                 taken = wire.send(frames, t_ns)
             except OSError as error:
-                self._lose(error)
+                self._back_off(error)
             else:
                 if self._back_off_ns:
                     self._log_return()
@@ -169,7 +175,7 @@ class CanChannel:
             if self._unlogged:
                 self._log.add(t_ns, self._unlogged)
                 self._unlogged = b""
-            self._log.add(t_ns, frames[: taken * FRAME_BYTES])
+            self._log.add(t_ns, frames[: ends[taken - 1]])
         return taken
 
     def receive(self) -> list[tuple[int, bytes]]:
@@ -179,7 +185,7 @@ class CanChannel:
         try:
             frames = self._wire.receive()
         except OSError as error:
-            self._lose(error)
+            self._back_off(error)
             return []
         arrived = []
         for frame in frames:
@@ -204,7 +210,7 @@ class CanChannel:
             log, self._log = self._log, None
             log.close()
 
-    def _greet(self, frames: bytes) -> bytes:
+    def _send_first_frames(self, frames: bytes) -> bytes:
         """Send the first frames and return the accepted ones.
 
         Raises:
@@ -216,10 +222,11 @@ class CanChannel:
         except OSError as error:
             raise CanError(self._explained(error)) from error
         self.stats.sent += taken
-        self.stats.dropped += len(frames) // FRAME_BYTES - taken
-        return frames[: taken * FRAME_BYTES]
+        ends = frame_ends(frames)
+        self.stats.dropped += len(ends) - taken
+        return frames[: ends[taken - 1]] if taken else b""
 
-    def _lose(self, error: OSError) -> None:
+    def _back_off(self, error: OSError) -> None:
         """Double the time before the next attempt; only an interface that is merely down keeps its socket."""
         if error.errno != errno.ENETDOWN and self._wire is not None:
             self._gone, self._wire = self._wire, None
@@ -239,7 +246,7 @@ class CanChannel:
         opening, self._opening = self._opening, None
         self._wire = opening.wire
         if self._wire is None:
-            self._lose(OSError(None, opening.error))
+            self._back_off(OSError(None, opening.error))
         return self._wire
 
     def _log_return(self) -> None:

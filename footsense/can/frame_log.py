@@ -11,7 +11,7 @@ import struct
 import subprocess
 from pathlib import Path
 
-from firmware_interface.socketcan import FRAME_BYTES
+from firmware_interface.socketcan import frame_ends
 from footsense.child_process import check_new_file, start_writer
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import CanStatistics
@@ -86,7 +86,7 @@ class CanFrameLog:
                 _log.warning("CAN log %s: its writer has ended; the run goes on without it", self._path)
             else:
                 return
-        self._stats.unlogged += len(frames) // FRAME_BYTES
+        self._stats.unlogged += len(frame_ends(frames))
 
     def close(self, timeout_s: float = FINISH_TIMEOUT_S) -> None:
         """End the frame log and wait until its writer has written all frames.

@@ -10,9 +10,18 @@ import logging
 import os
 import socket
 from collections.abc import Collection
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from firmware_interface.socketcan import ERROR, EXTENDED, REMOTE, pack_frame, split_frames
+from firmware_interface.socketcan import (
+    ERROR,
+    EXTENDED,
+    FD_FRAME_BYTES,
+    REMOTE,
+    pack_fd_frame,
+    pack_frame,
+    split_frames,
+)
 from footsense.can.socketcan import MAX_DRAINED, SocketWire
 from footsense.errors import CanError
 from footsense.ports import CanWire
@@ -24,7 +33,22 @@ if TYPE_CHECKING:
 NO_CHANNEL = frozenset({errno.ENETDOWN, errno.ENXIO, errno.ENODEV, errno.EAFNOSUPPORT, errno.EBADF})
 
 
-def open_wire(interface: str, channel: str, bitrate: int, accept: Collection[int]) -> CanWire:
+#: Where Linux shows its network interfaces.
+NETWORK = Path("/sys/class/net")
+
+#: Most bytes of data of a classic frame.
+_CLASSIC_DATA = 8
+
+
+def open_wire(
+    interface: str,
+    channel: str,
+    bitrate: int,
+    accept: Collection[int],
+    *,
+    fd: bool = False,
+    sends: bool = True,
+) -> CanWire:
     """Open a CAN interface by python-can.
 
     Args:
@@ -32,17 +56,24 @@ def open_wire(interface: str, channel: str, bitrate: int, accept: Collection[int
         channel: Its name, such as `can0`.
         bitrate: Bit rate of the bus [bit/s], for the remedy in an error message.
         accept: CAN ids that the kernel's filter accepts, on `socketcan`.
+        fd: Whether it carries frames of CAN FD.
+        sends: Whether such frames are sent; a classic interface can receive none, which is no error.
 
     Returns:
         The open interface.
 
     Raises:
-        CanError: There is no such interface.
+        CanError: There is no such interface, or it is a classic one and is to send frames of CAN FD.
     """
     import can
 
+    if interface == "socketcan" and fd and sends:
+        _require_fd(channel, bitrate)
+
     try:
-        bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **_options(interface, accept))
+        bus = can.Bus(
+            interface=interface, channel=channel, ignore_config=True, **_options(interface, accept, fd=fd)
+        )
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
         raise CanError(error_text(interface, channel, bitrate, error)) from error
     if interface == "udp_multicast":
@@ -50,6 +81,24 @@ def open_wire(interface: str, channel: str, bitrate: int, accept: Collection[int
     if interface == "socketcan":
         return SocketWire(bus.socket, bus.shutdown)  # type: ignore[attr-defined]
     return _BusWire(bus)
+
+
+def _require_fd(channel: str, bitrate: int) -> None:
+    """Check that an interface can send frames of CAN FD; one that does not exist is found when it is opened.
+
+    Raises:
+        CanError: It is a classic one.
+    """
+    try:
+        mtu = int((NETWORK / channel / "mtu").read_text())
+    except (OSError, ValueError):
+        return
+    if mtu < FD_FRAME_BYTES:
+        raise CanError(
+            f"CAN channel {channel} (socketcan) is a classic one and sends no frame of CAN FD; take can.fd away, or "
+            f"try: ip link set {channel} down; ip link set {channel} up type can bitrate {bitrate} dbitrate 2000000 "
+            "fd on"
+        )
 
 
 def _keep_local(descriptor: int, group: str) -> None:
@@ -110,7 +159,8 @@ class _BusWire:
                 continue  # one message that is none
             if message is None:
                 break
-            arrived.append(pack_frame(_flagged_id(message), bytes(message.data)))
+            pack = pack_fd_frame if message.is_fd else pack_frame
+            arrived.append(pack(_flagged_id(message), bytes(message.data)))
         return arrived
 
     def close(self) -> None:
@@ -122,8 +172,15 @@ def data_message(can_id: int, data: bytes, t_ns: int) -> "can.Message":
     """Return an ordinary frame of ours, sent at a time [ns], as a message of python-can."""
     import can
 
+    is_fd = len(data) > _CLASSIC_DATA
     return can.Message(
-        timestamp=t_ns / 1e9, arbitration_id=can_id, is_extended_id=False, data=data, is_rx=False
+        timestamp=t_ns / 1e9,
+        arbitration_id=can_id,
+        is_extended_id=False,
+        data=data,
+        is_rx=False,
+        is_fd=is_fd,
+        bitrate_switch=is_fd,
     )
 
 
@@ -137,16 +194,17 @@ def _flagged_id(message: "can.Message") -> int:
     )
 
 
-def _options(interface: str, accept: Collection[int]) -> dict[str, Any]:
+def _options(interface: str, accept: Collection[int], *, fd: bool) -> dict[str, Any]:
     """Return the options of this kind of interface."""
     if interface == "virtual":
         return {"preserve_timestamps": True}
     if interface == "socketcan":
         return {
-            "can_filters": [{"can_id": can_id, "can_mask": 0x7FF, "extended": False} for can_id in accept]
+            "fd": fd,
+            "can_filters": [{"can_id": can_id, "can_mask": 0x7FF, "extended": False} for can_id in accept],
         }
     if interface == "udp_multicast":
-        return {"hop_limit": 0, "fd": False}  # never leaves the computer
+        return {"hop_limit": 0, "fd": fd}  # never leaves the computer
     return {}
 
 

@@ -11,6 +11,8 @@ Where the channel takes only a part, the rest of the cycle is dropped; each time
 queue costs all legs the same. A leg's Force and Quality are neighbours. A fault report that was not taken is sent again
 with the next cycle, with the fault's values of then; a gait event likewise, with its age of then.
 
+With CAN FD one frame, `Forces`, has the forces of all legs, in place of `Force` and `Quality`.
+
 The loop drives all of this, the heartbeats too. It turns even if no leg answers; if it hangs, its heartbeats stop,
 which is their purpose.
 """
@@ -19,9 +21,11 @@ from heapq import heapify, heapreplace
 
 from firmware_interface import can_commands, can_events
 from firmware_interface.can_codes import NODE_IDS, Flag, NmtState
+from firmware_interface.can_fd import FORCES_ID, encode_forces
 from firmware_interface.can_frames import ForceQualityEncoder
 from firmware_interface.crc8 import COUNTER_PERIOD
-from firmware_interface.socketcan import FRAME_BYTES
+from firmware_interface.socketcan import FRAME_BYTES, pack_fd_frame
+from firmware_interface.wire_timing import FRAMES_PER_LEG
 from footsense.can.channel import CanChannel, ChannelSettings
 from footsense.can.commands import CanCommands
 from footsense.can.gait_frames import GaitFrames
@@ -78,6 +82,8 @@ class CanSink:
             stats=self.stats,
         )
         self._obeys = settings.commands
+        self._fd = settings.fd
+        self._nodes = nodes
         self._clock = clock
         self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
         self._encoder = ForceQualityEncoder(nodes)
@@ -110,13 +116,13 @@ class CanSink:
         gait = self._gait
         if frame.gait is not None:
             gait.take(frame.gait)
-        unreported = [] if present == self._reported else self._unreported(present)
+        unreported = [] if present == self._reported else self._unreported_faults(present)
         reports = unreported[:_MOST_EVENTS]
         frames = gait.event_frames(t_ns, _MOST_EVENTS - len(reports)) if gait.events else []
         n_events = n_before = len(frames)
         if self._are_forces_due([*present, self._flags]):
             frames += self._force_frames(frame, *present[:2])
-            n_before += 2 * len(self._legs)
+            n_before += 1 if self._fd else FRAMES_PER_LEG * len(self._legs)
         for leg, report in reports:
             frames.append(leg.fault_frame(*report))
         room = _MOST_EVENTS - len(reports) - n_events
@@ -153,10 +159,8 @@ class CanSink:
         return True
 
     def _force_frames(self, frame: ContactFrame, states: list[int], masks: list[int]) -> list[bytes]:
-        """Return the Force and Quality of all legs, another leg first each time."""
-        forces = self._encoder.encode(
-            self._counter,
-            frame.t_sent_ns,
+        """Return the Force and Quality of all legs, another leg first each time; with CAN FD all legs in one frame."""
+        legs = (
             frame.t_ns.tolist(),
             states,
             frame.force_n.tolist(),
@@ -164,8 +168,11 @@ class CanSink:
             self._flags,
             masks,
         )
+        counter, self._counter = self._counter, (self._counter + 1) % COUNTER_PERIOD
         self.stats.published += 1
-        self._counter = (self._counter + 1) % COUNTER_PERIOD
+        if self._fd:
+            return [pack_fd_frame(FORCES_ID, encode_forces(counter, frame.t_sent_ns, self._nodes, *legs))]
+        forces = self._encoder.encode(counter, frame.t_sent_ns, *legs)
         # A full queue drops frames at its front or refuses them at its end: rotate, so that it strikes each leg.
         self._first = (self._first + _PAIR_BYTES) % len(forces)
         return [forces[self._first :], forces[: self._first]]
@@ -198,7 +205,7 @@ class CanSink:
         self._channel.send(last, self._clock.now_ns())
         self._channel.close()
 
-    def _unreported(self, present: list[list[int]]) -> list[tuple[CanLeg, tuple[int, int, int]]]:
+    def _unreported_faults(self, present: list[list[int]]) -> list[tuple[CanLeg, tuple[int, int, int]]]:
         """Return the legs with an outstanding fault report, with state, mask and cause."""
         of_legs = zip(self._legs, zip(*present, strict=True), strict=True)
         return [

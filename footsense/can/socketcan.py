@@ -13,7 +13,7 @@ import os
 import socket
 from collections.abc import Callable
 
-from firmware_interface.socketcan import FRAME_BYTES
+from firmware_interface.socketcan import FD_FRAME, FD_FRAME_BYTES, FRAME_BYTES, frame_ends
 
 #: Error numbers of a full queue of the interface or of the socket.
 NO_ROOM = frozenset({errno.ENOBUFS, errno.EAGAIN})
@@ -66,7 +66,7 @@ class SocketWire:
         self._socket = channel
         self._close = close or channel.close
         self._fd = channel.fileno()
-        self._frames = bytearray(MAX_FRAMES * FRAME_BYTES)
+        self._frames = bytearray(MAX_FRAMES * FD_FRAME_BYTES)
         self._pinned = ctypes.c_char.from_buffer(
             self._frames
         )  # keeps its address as long as this object exists
@@ -77,7 +77,8 @@ class SocketWire:
         for n, (vector, header) in enumerate(zip(self._vectors, self._headers, strict=True)):
             vector.base, vector.length = address + n * FRAME_BYTES, FRAME_BYTES
             header.header.iov, header.header.iov_count = ctypes.addressof(vector), 1
-        self._first = ctypes.addressof(self._headers)
+        self._address, self._first = address, ctypes.addressof(self._headers)
+        self._is_mixed = False  # the vectors are those of frames of both lengths
 
     def send(self, frames: bytes, t_ns: int = 0) -> int:
         """Hand over frames up to the first without room, and drop the rest.
@@ -93,8 +94,7 @@ class SocketWire:
             OSError: The interface is down or gone.
         """
         del t_ns
-        n = min(len(frames) // FRAME_BYTES, MAX_FRAMES)
-        self._frames[: n * FRAME_BYTES] = frames[: n * FRAME_BYTES]
+        n = self._lay_out(frames)
         taken: int = _sendmmsg(self._fd, self._first, n, socket.MSG_DONTWAIT)
         if taken >= 0:
             return taken
@@ -102,6 +102,18 @@ class SocketWire:
         if code in NO_ROOM:
             return 0
         raise OSError(code, os.strerror(code))
+
+    def _lay_out(self, frames: bytes) -> int:
+        """Copy frames to where the system call finds them, and return how many there are."""
+        ends = frame_ends(frames)[:MAX_FRAMES]
+        is_mixed = ends[-1:] != [len(ends) * FRAME_BYTES]
+        if is_mixed or self._is_mixed:
+            self._is_mixed = is_mixed
+            starts = [0, *ends] if is_mixed else range(0, (MAX_FRAMES + 1) * FRAME_BYTES, FRAME_BYTES)
+            for vector, start, end in zip(self._vectors, starts, starts[1:], strict=False):
+                vector.base, vector.length = self._address + start, end - start
+        self._frames[: ends[-1]] = frames[: ends[-1]]
+        return len(ends)
 
     def receive(self) -> list[bytes]:
         """Return the frames that have arrived, oldest first.
@@ -112,11 +124,13 @@ class SocketWire:
         arrived = []
         for _ in range(MAX_DRAINED):
             try:
-                frame = self._socket.recv(FRAME_BYTES, socket.MSG_DONTWAIT)
+                frame = self._socket.recv(FD_FRAME_BYTES, socket.MSG_DONTWAIT)
             except BlockingIOError:
                 break
             if not frame:  # the other end of a socket pair is closed
                 break
+            if len(frame) == FD_FRAME_BYTES:  # older kernels do not set the flag
+                frame = frame[:5] + bytes([frame[5] | FD_FRAME]) + frame[6:]
             arrived.append(frame)
         return arrived
 

@@ -37,8 +37,8 @@ def _summary(models: Models) -> list[str]:
     return [
         f"{len(config.legs)} legs on the board {config.board}",
         f"feet: {config.foot_type}, {design.unloaded_pf:.2f} pF per unloaded element, gaps of {design.gap_um:g} um",
-        f"scan: {_scan(config)}",
-        f"forces: {_forces(config)}",
+        f"scan: {_scan_text(config)}",
+        f"forces: {_forces_text(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
         *(_calibration_line(leg, calibration) for leg, calibration in calibrations.items()),
         f"tare: over {config.tare.window_scans} scans",
@@ -46,7 +46,7 @@ def _summary(models: Models) -> list[str]:
         f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of the free foot's readings",
         f"baseline: {'follows the foot in swing' if config.baseline.track else 'constant between tares'}",
         f"contact from {config.contact.threshold_n:g} N",
-        f"all legs carry {_weight(config)}",
+        f"all legs carry {_weight_text(config)}",
         f"stale after {config.stale_after_ms:g} ms",
         f"network: {model or 'that of the foot type'}, {network.sha256[:12]}",
         f"CAN: {config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s",
@@ -55,7 +55,7 @@ def _summary(models: Models) -> list[str]:
     ]
 
 
-def _scan(config: Config) -> str:
+def _scan_text(config: Config) -> str:
     serial = config.serial
     if serial is None:
         return f"{config.rate_sps} conversions/s in {config.order} order"
@@ -75,13 +75,13 @@ def _calibration_line(leg: str, calibration: FootCalibration) -> str:
     )
 
 
-def _weight(config: Config) -> str:
+def _weight_text(config: Config) -> str:
     if config.body_weight_n is None:
         return "what they carried first (body_weight_n is not given)"
     return f"{config.body_weight_n:g} N together"
 
 
-def _forces(config: Config) -> str:
+def _forces_text(config: Config) -> str:
     n = config.frames_per_force
     each = "record of the microcontroller" if config.serial is not None else "conversion"
     return f"one of {n} {each}s on CAN, a change at once" if n > 1 else f"one on CAN for every {each}"

@@ -13,8 +13,9 @@ import msgspec
 
 from footsense.errors import ConfigError
 
-FILE = click.Path(path_type=Path)
-FOLDER = click.Path(file_okay=False, path_type=Path)
+#: Not checked by click: a file that cannot be read is an error of what it holds, in one line, and no wrong usage.
+FILE = click.Path(path_type=Path, readable=False)
+FOLDER = click.Path(file_okay=False, path_type=Path, readable=False)
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -50,12 +51,12 @@ def duration_option(text: str) -> Decorator:
         "duration_s",
         type=click.FloatRange(min=0, min_open=True),
         metavar="SECONDS",
-        callback=_finite,
+        callback=_duration_s,
         help=text,
     )
 
 
-def _finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float:
+def _duration_s(ctx: click.Context, param: click.Parameter, value: float | None) -> float:
     """Return a finite duration, infinity for None.
 
     Raises:

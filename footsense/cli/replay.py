@@ -41,7 +41,7 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     The recording brings its configuration; its readings meet the same code as those of a robot.
     With --check, forces must be equal bit for bit where processor and library versions are those of the
     recording, else to 1 mN. A recording that is cut short is replayed as far as it is whole, and compared up to
-    its first gap (exit 3).
+    its first gap (exit 74).
     """  # noqa: DOC501 - click shows this text
     if can_log is not None:
         check_log_target(can_log)

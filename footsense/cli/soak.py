@@ -12,7 +12,7 @@ import msgspec
 from footsense.clock import stopwatch_ns
 from footsense.validation.processes import in_processes
 from footsense.validation.soak import StretchResult, walk_stretch
-from footsense.validation.soak_plan import day
+from footsense.validation.soak_plan import soak_stretches
 
 
 @click.command()
@@ -37,8 +37,8 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
     its line names the stretch, and --only walks it again.
     """
     logging.disable(logging.WARNING)  # the faults are on purpose
-    stretches = day(hours, seed)
-    _refuse(only, len(stretches), as_json)
+    stretches = soak_stretches(hours, seed)
+    _check_options(only, len(stretches), as_json)
     began_ns = stopwatch_ns()
     walks = (
         [walk_stretch(stretches[only])]
@@ -48,7 +48,7 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
     results: list[StretchResult] = []
     for result in walks:
         results.append(result)
-        click.echo(_line(result))
+        click.echo(_stretch_line(result))
     wall_s = (stopwatch_ns() - began_ns) * 1e-9
     n_violations = sum(sum(result.n_violations.values()) for result in results)
     click.echo(
@@ -71,7 +71,7 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
     sys.exit(1 if n_violations else 0)
 
 
-def _refuse(only: int | None, n_stretches: int, as_json: Path | None) -> None:
+def _check_options(only: int | None, n_stretches: int, as_json: Path | None) -> None:
     """Refuse options that would fail after hours of walking.
 
     Raises:
@@ -83,7 +83,7 @@ def _refuse(only: int | None, n_stretches: int, as_json: Path | None) -> None:
         raise click.BadParameter(f"{as_json}: there is no directory {as_json.parent}", param_hint="--json")
 
 
-def _line(result: StretchResult) -> str:
+def _stretch_line(result: StretchResult) -> str:
     stretch = result.stretch
     every = ["every force on CAN"] if stretch.publish_every == 1 else []
     warmer = [f"{stretch.kelvin:+g} K"] if stretch.kelvin else []

@@ -12,11 +12,12 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from firmware_interface.can_codes import NODE_IDS, USABLE, Flag, State
+from firmware_interface.can_fd import FORCES_ID, N_BYTES, decode_forces
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
 from firmware_interface.crc8 import COUNTER_PERIOD, FrameError
 
 #: CAN ids of the accepted frames.
-LINK_IDS = tuple(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values())
+LINK_IDS = (*(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values()), FORCES_ID)
 
 _NAN = float("nan")
 _NO_FORCE = (_NAN, _NAN, _NAN)
@@ -96,12 +97,15 @@ class Link:
 
         Args:
             can_id: Its 11-bit id.
-            data: Its bytes.
+            data: Its bytes; 64 of a CAN FD frame.
             now_ns: Time of arrival, on a clock that does not step [ns].
 
         Returns:
-            Whether it was a `Force` or `Quality` of a leg, valid or not.
+            Whether it was a `Force` or `Quality` of a leg, or the `Forces` of all, valid or not.
         """
+        if can_id == FORCES_ID and len(data) == N_BYTES:  # a classic frame with this id is somebody else's
+            self._feed_all(data, now_ns)
+            return True
         for base, decode in ((FORCE_ID, decode_force), (QUALITY_ID, decode_quality)):
             if can_id - base in self._legs:
                 leg = self._legs[can_id - base]
@@ -113,6 +117,18 @@ class Link:
                     leg.take(half, now_ns)
                 return True
         return False
+
+    def _feed_all(self, data: bytes, now_ns: int) -> None:
+        """Take a frame of all legs."""
+        try:
+            forces = decode_forces(FORCES_ID, data)
+        except FrameError:
+            for leg in self._legs.values():
+                leg.take_wrong(now_ns)
+            return
+        for force, quality in forces.legs:
+            self._legs[force.node].take(force, now_ns)
+            self._legs[force.node].take(quality, now_ns)
 
     def leg(self, node: int, now_ns: int) -> LegForce:
         """Return a leg's force and whether it may be used.

@@ -12,6 +12,8 @@ from footsense.strict_yaml import Problem
 
 #: Largest share of the bus for forces; the rest is the robot's.
 _CAN_SHARE = 0.7
+#: Supply of the bus, the voltage of a low line, and the current that a chip sinks at it.
+_SUPPLY_V, _LOW_V, _SINK_MA = 3.3, 0.4, 3.0
 
 
 def first_contradiction(config: Config) -> Problem | None:
@@ -22,6 +24,28 @@ def first_contradiction(config: Config) -> Problem | None:
 def warnings(config: Config) -> tuple[str, ...]:
     """Return settings that are allowed and often a mistake, each as one line with its path."""
     return tuple(str(problem) for problem in _warnings(config))
+
+
+def pull_up_fault(bus: Bus) -> str | None:
+    """Return what is wrong with the pull-ups of a bus; None if nothing is, or they are not known.
+
+    footsense connects all legs at once, so that their resistors are in parallel.
+
+    Source: UM10204, table 10: a chip sinks 3 mA at 0.4 V.
+    """
+    if bus.pull_ups is None:
+        return None
+    together = len(bus.channels) or 1
+    siemens = 1 / bus.pull_ups.upstream + together / bus.pull_ups.leg
+    current_ma = (_SUPPLY_V - _LOW_V) * siemens * 1e3
+    if current_ma <= _SINK_MA:
+        return None
+    left = _SINK_MA * 1e-3 / (_SUPPLY_V - _LOW_V) - 1 / bus.pull_ups.upstream
+    remedy = f"at least {together / left:.0f} Ohm on each leg" if left > 0 else "larger ones upstream too"
+    return (
+        f"with {together} legs connected at once {1 / siemens:.0f} Ohm pull each line up, and a chip that pulls it "
+        f"down has to sink {current_ma:.1f} mA, at most {_SINK_MA:g} are allowed; {remedy}"
+    )
 
 
 def _contradictions(config: Config) -> Iterator[Problem]:
@@ -141,10 +165,10 @@ def _can(config: Config) -> Iterator[Problem]:
             f"{can.channel} is no IPv4 multicast address, as udp_multicast needs one; use 239.74.163.2",
         )
     per_s = config.forces_hz
-    bits_per_s = can_bits_per_s(len(config.legs), per_s)
+    bits_per_s = can_bits_per_s(len(config.legs), per_s, fd=can.fd)
     share = bits_per_s / (_CAN_SHARE * can.bitrate)
     if can.interface == "socketcan" and share > 1.0:
-        others_per_s = can_bits_per_s(len(config.legs), 0.0)
+        others_per_s = can_bits_per_s(len(config.legs), 0.0, fd=can.fd)
         forces_share = (bits_per_s - others_per_s) / (_CAN_SHARE * can.bitrate - others_per_s)
         fewer = f"publish_every: {math.ceil(forces_share * config.publish_every)}"
         yield Problem(
@@ -210,6 +234,8 @@ def _warnings(config: Config) -> Iterator[Problem]:
                 f"buses[{i}].mux.address",
                 "0x70 is also the ALLCALL address of PCA9685 servo boards; prefer 0x71",
             )
+        if fault := pull_up_fault(bus):
+            yield Problem(f"buses[{i}].pull_ups", fault)
     if config.metrics is not None and not ip_address(config.metrics.address).is_loopback:
         yield Problem("metrics.address", f"the network reads {config.metrics.address} without a password")
     serial = config.serial

@@ -47,12 +47,27 @@ class Mux(Section, frozen=True, kw_only=True):
         address: 7-bit address on the upstream bus.
         reset: Line that drives its RESET pin; None if none does. Only RESET disconnects a leg that holds the bus low:
             without it, such a leg stops all legs of its bus.
+        read_back: Whether it is read back after every leg: another program that switches it, such as i2cset, would make
+            one leg's reading another's. None: where that takes no time from the scan.
     """
 
     address: Annotated[int, Meta(ge=0x70, le=0x77, description="0x70 to 0x77, set by its pins")] = (
         tca9548a.ADDRESS
     )
     reset: ResetLine | None = None
+    read_back: bool | None = None
+
+
+class PullUps(Section, frozen=True, kw_only=True):
+    """Resistors that pull one line of an I2C bus up, all on it in parallel.
+
+    Attributes:
+        upstream: Between host and multiplexer [Ohm]; a Raspberry Pi has 1800 of its own.
+        leg: On each leg [Ohm].
+    """
+
+    upstream: Annotated[float, Meta(ge=100.0, le=1e6)]
+    leg: Annotated[float, Meta(ge=100.0, le=1e6)]
 
 
 class OtherDevice(Section, frozen=True, kw_only=True):
@@ -77,6 +92,7 @@ class Bus(Section, frozen=True, kw_only=True):
         legs: Channel of the multiplexer for each leg; or, where the kernel drives it (i2c-mux-pca954x), the adapter
             that the kernel made of the leg's channel.
         other_devices: Other devices on the upstream bus.
+        pull_ups: Its pull-up resistors, to check them; None if they are not known.
     """
 
     device: Device
@@ -86,6 +102,7 @@ class Bus(Section, frozen=True, kw_only=True):
     ] = 400_000
     mux: Mux = Mux()
     other_devices: tuple[OtherDevice, ...] = ()
+    pull_ups: PullUps | None = None
 
     @property
     def channels(self) -> dict[str, int]:
@@ -178,6 +195,7 @@ class Can(Section, frozen=True, kw_only=True):
         bitrate: Bit rate [bit/s], to compute the bus load; the kernel sets it (deploy/README.md).
         commands: Whether commands are executed. None: those of a CAN bus, but not those of `udp_multicast`, which every
             program on this computer can send.
+        fd: Whether the forces of all legs go out in one CAN FD frame; the interface has to be one of CAN FD.
     """
 
     interface: Literal["virtual", "socketcan", "udp_multicast"]
@@ -188,6 +206,7 @@ class Can(Section, frozen=True, kw_only=True):
         500_000
     )
     commands: bool | None = None
+    fd: bool = False
 
     @property
     def obeys(self) -> bool:

@@ -101,7 +101,8 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
     for bus, wires, adapters in zip(config.buses, robot.buses, robot.adapters, strict=True):
         transport: Transport = KernelMux(tuple(adapters.values()))
         if not bus.adapters:
-            transport = UpstreamBus(wires, bus.mux.address, wires.mux if bus.mux.reset else None)
+            line = wires.mux if bus.mux.reset else None
+            transport = UpstreamBus(wires, bus.mux.address, line, reads_back=bus.mux.read_back)
         opened.append(OpenBus(bus, wires.clock, transport))
     return opened
 
@@ -121,7 +122,7 @@ def _transport(bus: Bus, stack: ExitStack) -> Transport:
 
         line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
         stack.callback(line.close)
-    return UpstreamBus(adapters[0], bus.mux.address, line)
+    return UpstreamBus(adapters[0], bus.mux.address, line, reads_back=bus.mux.read_back)
 
 
 def _log_timing(bus: Bus, timing: Timing | None) -> None:
@@ -193,7 +194,7 @@ def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack
     for bus, clock, transport in buses:
         channels = bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)}
         scanners.append(BusScanner(transport, clock, channels, plan))
-    source = RobotScanner(scanners)
+    source = RobotScanner(scanners, threads=robot is None)
     stack.callback(source.close)
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):

@@ -3,6 +3,8 @@
 from typing import NamedTuple
 
 from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.can_fd import FORCES_ID
+from firmware_interface.can_frames import FORCE_ID
 from firmware_interface.socketcan import split_frames
 from footsense.can.python_can import open_wire
 from footsense.client import (
@@ -32,7 +34,7 @@ class LegSnapshot(NamedTuple):
         leg: Its name.
         force: Its force and whether it may be used.
         report: Its last reports.
-        n_force_frames: `Force` frames received so far.
+        n_force_frames: `Force` frames received so far, those of all legs counted.
         event: Its last gait event; None before the first.
         event_ago_ns: Time since it happened [ns]; None if that is not known.
     """
@@ -89,7 +91,10 @@ class Listener:
                 raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
             for can_id, data in split_frames(b"".join(frames)):
                 if self._link.feed(can_id, data, self._last_poll_ns):
-                    if can_id & ~0xF == LINK_IDS[0] & ~0xF:
+                    if can_id == FORCES_ID:
+                        for node in self._n_force_frames:
+                            self._n_force_frames[node] += 1
+                    elif can_id & ~0xF == FORCE_ID:
                         self._n_force_frames[can_id & 0xF] += 1
                 elif event := self._events.feed(can_id, data, self._last_poll_ns):
                     self._last_events[event.node] = event

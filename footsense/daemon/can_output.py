@@ -38,6 +38,7 @@ def can_sink(
         channel=config.can.channel,
         bitrate=config.can.bitrate,
         commands=config.can.obeys,
+        fd=config.can.fd,
         log_file=log_file,
         log_waits=not real_time,
         connect=connect,

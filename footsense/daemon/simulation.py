@@ -1,7 +1,9 @@
 """From configuration and scene to a simulated robot; and virtual or recorded time at the speed of real time."""
 
+import math
 from collections.abc import Iterator
 
+from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Config
 from footsense.daemon.foot_types import artefact_path, check_foot_type
 from footsense.errors import ConfigError
@@ -44,7 +46,8 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     table = artefact_path(config, "response.npz")
     response = FootResponse.load(table)
     check_foot_type(table, response.foot_type, config)
-    return SimulatedRobot(scene, response, wiring)
+    grace_ns = math.inf if config.serial else scan_plan(config.order, config.rate_sps, config.board).wait_ns
+    return SimulatedRobot(scene, response, wiring, grace_ns)
 
 
 def _faults_elsewhere(config: Config, scene: Scene) -> Iterator[str]:

@@ -80,7 +80,7 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
             stream = _stream(name, test_stand, sensor.rate_hz, 1 / sensor.counts_per_force)
             return NetFtReference(sensor.host, sensor.port, stream)
         case FileSensor() as sensor:
-            return FileReference(_recorded(Path(sensor.path), test_stand))
+            return FileReference(_read_recorded_reference(Path(sensor.path), test_stand))
         case Simulated() as sensor:
             true_force_at_time_n = scan_source.true_force_at_time_n
             if true_force_at_time_n is None:
@@ -113,7 +113,7 @@ def _decoder(framing: Lines | Binary) -> RecordDecoder:
     return BinaryDecoder(framing.columns, framing.layout, bytes.fromhex(framing.sync), framing.checksum)
 
 
-def _recorded(path: Path, test_stand: StandConfig) -> Reference:
+def _read_recorded_reference(path: Path, test_stand: StandConfig) -> Reference:
     if path.suffix == ".csv":
         return read_csv(path, _mounting(test_stand, 1.0), round(test_stand.latency_ms * 1e6))
     reference = join_references(cycle.reference for cycle in Replay(path) if cycle.reference is not None)

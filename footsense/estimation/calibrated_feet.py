@@ -72,7 +72,7 @@ class CalibratedFeet:
         """
         design_n, design_sigma_n, contact, contact_sigma = self._network.estimate(window)
         if self._turned:
-            contact, contact_sigma = _turned(self._rotation, contact, contact_sigma)
+            contact, contact_sigma = _contact_in_leg_frame(self._rotation, contact, contact_sigma)
         force_n = np.einsum("rij,rj->ri", self._matrix, design_n)
         if self._corrected:
             force_n += np.einsum("rij,rj->ri", self._correction, correction_terms(design_n))
@@ -81,7 +81,7 @@ class CalibratedFeet:
         return Load(force_n, np.sqrt(variance_n2 + residual_n**2), contact, contact_sigma)
 
 
-def _turned(rotation: Vector, contact: Vector, sigma: Vector) -> tuple[Vector, Vector]:
+def _contact_in_leg_frame(rotation: Vector, contact: Vector, sigma: Vector) -> tuple[Vector, Vector]:
     """Return the contact of a load, and its sigma, from the foot's frame to the leg's.
 
     Args:

@@ -43,7 +43,7 @@ class Network:
     """
 
     def __init__(self, path: Path, n_rows: int) -> None:
-        content = _content(path)
+        content = _read_file(path)
         self.sha256 = verified_sha256(content, str(path))
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -101,7 +101,7 @@ class Network:
                 )
 
 
-def _content(path: Path) -> bytes:
+def _read_file(path: Path) -> bytes:
     """Return the bytes of a network's file.
 
     Raises:

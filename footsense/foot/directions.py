@@ -17,7 +17,7 @@ def normalized(vectors: Vector) -> Vector:
 
 
 def directions(azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> Vector:
-    """Return unit vectors, shape (..., 3), of angles of any shape that broadcasts [deg].
+    """Return the unit vectors of azimuths and elevations [deg], shape (..., 3); the two angle arrays broadcast.
 
     Example:
         >>> directions(90.0, 0.0).round(12).tolist()

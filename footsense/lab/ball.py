@@ -10,14 +10,14 @@ from footsense.foot.directions import tangent_frame
 from footsense.frames import Vector
 
 
-def touch(normal: Vector) -> tuple[Vector, Vector]:
+def map_position(normal: Vector) -> tuple[Vector, Vector]:
     """Return the place of contacts on the map, right and up, shape (...).
 
     Args:
         normal: Inward unit normals, shape (..., 3); of a centred load its direction.
 
     Example:
-        >>> right, up = touch(np.array([0.0, 0.0, 1.0]))
+        >>> right, up = map_position(np.array([0.0, 0.0, 1.0]))
         >>> float(abs(right)), float(abs(up))
         (0.0, 0.0)
     """
@@ -25,12 +25,12 @@ def touch(normal: Vector) -> tuple[Vector, Vector]:
     return plane[..., 1], plane[..., 0]
 
 
-def rim(elevation_deg: float) -> float:
+def map_radius(elevation_deg: float) -> float:
     """Return the radius of a circle of elevation on the map."""
     return float(np.tan(np.radians(90.0 - elevation_deg) / 2.0))
 
 
-def circle(direction: Vector, radius_deg: float) -> tuple[Vector, Vector]:
+def map_circle(direction: Vector, radius_deg: float) -> tuple[Vector, Vector]:
     """Return right and up of the circle of all directions at an angle [deg] from one.
 
     Args:
@@ -41,4 +41,4 @@ def circle(direction: Vector, radius_deg: float) -> tuple[Vector, Vector]:
     turn = np.linspace(0.0, 2.0 * np.pi, 181)[:, None]
     sideways = np.cos(turn) * first + np.sin(turn) * second
     radius = np.radians(radius_deg)
-    return touch(np.cos(radius) * direction + np.sin(radius) * sideways)
+    return map_position(np.cos(radius) * direction + np.sin(radius) * sideways)

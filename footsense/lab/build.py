@@ -79,7 +79,7 @@ class Recipe:
 #: The release.
 FULL = Recipe(
     mesh=SHIPPED,
-    random_loads=100_000,
+    random_loads=200_000,
     gaits=5_000,
     released=WindowProtocol(),
     only_362=Protocol(steps=6_000, batch=128, masked=False),
@@ -119,7 +119,9 @@ def _readout(weights: Weights, gap_um: float) -> Readout:
     return lambda closure_um: predict(weights, at_rest(closure_um / gap_um)).force_n
 
 
-def _alone(response: FootResponse, protocol: Protocol, report: Callable[[str], None]) -> dict[str, Readout]:
+def _paper_only_readouts(
+    response: FootResponse, protocol: Protocol, report: Callable[[str], None]
+) -> dict[str, Readout]:
     """Return read-outs trained on the paper's 362 cases alone: by elastance, and by inversion of the forward model.
 
     If the paper's loads close gaps completely, the inversion has no solution, and its read-out is left out.
@@ -221,7 +223,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         response = FootResponse.load(Path(temporary) / RESPONSE_FILE)
         design, loads = response.design, foot_design.loads
         recipe = replace(recipe, released=replace(recipe.released, min_force_n=loads.min_force_n))
-        alone = _alone(response, recipe.only_362, report)
+        alone = _paper_only_readouts(response, recipe.only_362, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")
         cases = random_loads(response, loads, recipe.random_loads, TRAINING_SEED)
         report(f"{recipe.random_loads} random loads, gaps in contact")

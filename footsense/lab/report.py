@@ -23,6 +23,7 @@ from footsense.lab.template import render
 _LAB_STUDIES = {
     "released": "accuracy.released",
     "gaits": "accuracy.gaits",
+    "tracker": "accuracy.tracker",
     "gait-semantics": "accuracy.gait_semantics",
     "sensors": "accuracy.sensors",
     "paper-procedure": "networks.paper_procedure",
@@ -156,12 +157,12 @@ def make_report(
 
 def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
     """Run one study in this process, write the page, and return the elapsed time [s]."""
-    page = make_page(name, StudyContext(models=models, quick=quick, say=_say), studies)
+    page = make_page(name, StudyContext(models=models, quick=quick, say=_print_progress), studies)
     page.write(folder)
     return page.seconds
 
 
-def _say(line: str) -> None:
+def _print_progress(line: str) -> None:
     """Print a progress line of a study, indented."""
     sys.stdout.write(f"    {line}\n")
     sys.stdout.flush()

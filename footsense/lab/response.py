@@ -98,7 +98,7 @@ def _relative_rms(difference: Vector, reference: Vector) -> float:
     return round(float(np.sqrt(np.mean(difference**2) / np.mean(reference**2))), 6)
 
 
-def _rounded(table: Any) -> Vector:
+def _round_to_stored(table: Any) -> Vector:
     """Return the kept decimals, without -0.0, which would be other bytes."""
     kept: Vector = np.round(table, DECIMALS) + 0.0
     return kept
@@ -144,14 +144,14 @@ def tabulate(
         counts: Elements and unknowns, for the provenance.
     """
 
-    def single(degree: int) -> Vector:
+    def table_of_degree(degree: int) -> Vector:
         return add_series(
             {p: quarter_grid(fit_class(f, degree), foot_design, 1) for p, f in fields.items()}, degree
         )
 
-    raw = single(DEGREE)
-    point = _rounded((raw + transposed_series(raw, DEGREE)) / 2.0)
-    lower = single(DEGREE - 4)
+    raw = table_of_degree(DEGREE)
+    point = _round_to_stored((raw + transposed_series(raw, DEGREE)) / 2.0)
+    lower = table_of_degree(DEGREE - 4)
     compliance = add_compliance(
         {
             p: quarter_grid(quarter_grid(f.compliance, foot_design, 0), foot_design, 2)
@@ -175,8 +175,8 @@ def tabulate(
         min_elevation_deg=MIN_ELEVATION_DEG,
         fit_elevation_deg=FIT_ELEVATION_DEG,
         degree=DEGREE,
-        quarter_series=np.stack([point, _rounded(patch)]),
-        quarter_compliance=_rounded(compliance),
+        quarter_series=np.stack([point, _round_to_stored(patch)]),
+        quarter_compliance=_round_to_stored(compliance),
         provenance={
             "mesh": asdict(size),
             **counts,

@@ -87,13 +87,13 @@ GAIT_FIELDS = {
 
 def scan_of(sequence: int, arrays: Mapping[str, NDArray[Any]]) -> CapFrame:
     """Return the scan with these arrays, by their places in `FIELDS`."""
-    return CapFrame(sequence, **_below("scan", arrays))
+    return CapFrame(sequence, **_arrays_of_frame("scan", arrays))
 
 
 def forces_of(sequence: int, t_sent_ns: int, arrays: Mapping[str, NDArray[Any]]) -> ContactFrame:
     """Return the forces with these arrays, by their places in `FIELDS`."""
-    baseline = BaselineDrift(**_below("forces.baseline", arrays))
-    return ContactFrame(sequence, t_sent_ns, **_below("forces", arrays), baseline=baseline)
+    baseline = BaselineDrift(**_arrays_of_frame("forces.baseline", arrays))
+    return ContactFrame(sequence, t_sent_ns, **_arrays_of_frame("forces", arrays), baseline=baseline)
 
 
 def gait_of(
@@ -110,6 +110,6 @@ def gait_of(
     return GaitFrame(t_ns=t_ns, friction=friction, all_in_air=all_in_air, events=events, **values)
 
 
-def _below(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def _arrays_of_frame(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     split = (path.rpartition(".") for path in FIELDS)
     return {name: arrays[f"{parent}.{name}"] for parent, _, name in split if parent == place}

@@ -54,7 +54,7 @@ class CyclePipe:
             3 us for six legs, unless `blocking`.
         """
         self._t_ns = cycle.forces.t_sent_ns
-        record = self._loss() + pack_cycle(self.n_cycles, cycle)
+        record = self._loss_record() + pack_cycle(self.n_cycles, cycle)
         self.n_cycles += 1
         if self._write(record):
             self._unreported = 0
@@ -62,7 +62,7 @@ class CyclePipe:
             self._unreported += 1
             self.lost += 1
 
-    def _loss(self) -> bytes:
+    def _loss_record(self) -> bytes:
         """Return the record of the cycles that were lost since the last one that found room, if any."""
         return pack_loss(LostCycles(self.n_cycles, self._t_ns, self._unreported)) if self._unreported else b""
 
@@ -86,7 +86,7 @@ class CyclePipe:
 
     def close(self, timeout_s: float) -> None:
         """Write the rest, a last loss included, and close the pipe; a rest without room for `timeout_s` is lost."""
-        left = memoryview(self._rest + self._loss())
+        left = memoryview(self._rest + self._loss_record())
         os.set_blocking(self._fd, False)
         room = select.poll()
         room.register(self._fd, select.POLLOUT)

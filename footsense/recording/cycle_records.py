@@ -96,12 +96,12 @@ _gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in _GAIT_ARRAYS))
 
 def pack_header(header: Mapping[str, str]) -> bytes:
     """Return the recording's header, with an entry `legs`, as the first record."""
-    return _framed(_encode(_Header(dict(header))))
+    return _with_length(_encode(_Header(dict(header))))
 
 
 def pack_loss(loss: LostCycles) -> bytes:
     """Return the record of lost cycles."""
-    return _framed(_encode(loss))
+    return _with_length(_encode(loss))
 
 
 def pack_cycle(counter: int, cycle: Cycle) -> bytes:
@@ -127,7 +127,7 @@ def pack_cycle(counter: int, cycle: Cycle) -> bytes:
             None if forces.gait is None else _packed_gait(forces.gait),
         )
     )
-    return _framed(record)
+    return _with_length(record)
 
 
 def _packed_gait(gait: GaitFrame) -> tuple[object, ...]:
@@ -135,7 +135,7 @@ def _packed_gait(gait: GaitFrame) -> tuple[object, ...]:
     return (gait.t_ns, gait.friction, gait.all_in_air, gait.events, arrays)
 
 
-def _framed(record: bytes) -> bytes:
+def _with_length(record: bytes) -> bytes:
     return len(record).to_bytes(_LENGTH_BYTES, "little") + record
 
 
@@ -172,7 +172,7 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
                 yield record
             else:
                 require(n_legs is not None, "no header before the first cycle")
-                yield _numbered(record, n_legs or 0)
+                yield _decode_cycle(record, n_legs or 0)
     except (msgspec.MsgspecError, ValueError, LookupError) as error:
         raise RecordingError(f"the cycles of the loop arrive damaged ({error})") from None
 
@@ -187,7 +187,7 @@ def require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the s
         raise ValueError(words)
 
 
-def _numbered(record: _Cycle, n_legs: int) -> NumberedCycle:
+def _decode_cycle(record: _Cycle, n_legs: int) -> NumberedCycle:
     entry = _arrays(record.arrays, FIELDS, _ARRAYS, n_legs)
     commands = (*record.commands, *(outcome.command for outcome in record.outcomes))
     require(all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs")

@@ -113,7 +113,7 @@ class Recorder:
         os.set_blocking(self._writer.stderr.fileno(), False)
         with contextlib.suppress(BlockingIOError):
             self._report = os.read(self._writer.stderr.fileno(), 65_536)
-        failure = _parsed(self._report)["failure"]
+        failure = _parse_report(self._report)["failure"]
         _log.error("%s: %s; the run goes on without its recording", self._path, failure)
 
     def close(self) -> None:
@@ -132,7 +132,7 @@ class Recorder:
             raise RecordingError(
                 f"{self._path}: not whole yet, its writer goes on; the disk is slow"
             ) from None
-        parsed = _parsed(self._report + report)
+        parsed = _parse_report(self._report + report)
         self._n_written = int(parsed["n_cycles"])
         if parsed["failure"]:
             raise RecordingError(
@@ -141,7 +141,7 @@ class Recorder:
             )
 
 
-def _parsed(report: bytes) -> dict[str, Any]:
+def _parse_report(report: bytes) -> dict[str, Any]:
     """Return the writer's report: the number of written cycles, and the failure that ended it, if any."""
     last = report.decode(errors="replace").strip().rpartition("\n")[2]
     try:

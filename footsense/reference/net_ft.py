@@ -146,10 +146,10 @@ class NetFtReference:
             None,
             np.array(sequence, np.int64),
             kept["force"].astype(np.float64).reshape(-1, 3),
-            self._faulty(kept["status"]),
+            self._faulty_readings(kept["status"]),
         )
 
-    def _faulty(self, status: NDArray[np.uint32]) -> Mask:
+    def _faulty_readings(self, status: NDArray[np.uint32]) -> Mask:
         """Return which readings the sensor flags as faulty, and log when that begins."""
         bad: Mask = status != 0
         now = int(status[bad][0]) if bad.any() else 0

@@ -63,11 +63,11 @@ class SampleStream:
         saturated |= records.saturated
         # Samples older than the clock of a simulation have no time.
         fresh = np.full(len(t_ns), self._heard_ns is not None) & (t_ns >= 0)
-        self._watch(int(np.count_nonzero(fresh)), n_bytes, now_ns, example)
+        self._update_statistics(int(np.count_nonzero(fresh)), n_bytes, now_ns, example)
         self.statistics.n_saturated += int(np.count_nonzero(saturated[fresh]))
         return Reference(t_ns[fresh], force_n[fresh], saturated[fresh])
 
-    def _watch(self, n: int, n_bytes: int, now_ns: int, example: bytes) -> None:
+    def _update_statistics(self, n: int, n_bytes: int, now_ns: int, example: bytes) -> None:
         if self._heard_ns is None:
             self._heard_ns = now_ns
         counts, times = self.statistics, self._times

@@ -3,6 +3,7 @@
 Each simulated bus has its own clock, because buses scan in parallel; the clock of the loop joins them.
 """
 
+import math
 from collections.abc import Sequence
 
 
@@ -26,18 +27,22 @@ class VirtualClock:
 
 
 class JoinedClock:
-    """The clock of the loop: a reader has waited for all buses, so that all move to the latest of them.
+    """The clock of the loop: a reader has waited for the buses, so that they move to the latest of them.
 
     Args:
         clocks: Clocks of the buses.
+        grace_ns: A bus that is ahead of the first one by more was not waited for [ns].
     """
 
-    def __init__(self, clocks: Sequence[VirtualClock]) -> None:
+    def __init__(self, clocks: Sequence[VirtualClock], grace_ns: float = math.inf) -> None:
         self._clocks = tuple(clocks)
+        self._grace_ns = grace_ns
 
     def now_ns(self) -> int:
-        """Return the latest time of all bus clocks [ns], and advance every bus clock to this time."""
-        latest_ns = max(clock.now_ns() for clock in self._clocks)
+        """Return the latest time of the buses that were waited for [ns], and advance the others to this time."""
+        times_ns = [clock.now_ns() for clock in self._clocks]
+        limit_ns = min(times_ns) + self._grace_ns
+        latest_ns = max(t_ns for t_ns in times_ns if t_ns <= limit_ns)
         self.sleep_until_ns(latest_ns)
         return latest_ns
 

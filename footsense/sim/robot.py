@@ -4,6 +4,7 @@ The load of the scene presses each foot; the response table turns contacts into 
 the row switch connects some of them to the pins of the converter.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.faults.scene_faults import OnWires, StuckSda
 from footsense.sim.faults.wire_faults import WireFaults
-from footsense.sim.foot.fabrication import fabricate, mounted
+from footsense.sim.foot.fabrication import fabricate, remounted
 from footsense.sim.foot.warming import softness_at
 from footsense.sim.leg import SimulatedLeg
 from footsense.sim.loads.gait_table import GaitTable
@@ -53,7 +54,7 @@ def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str
     feet = {}
     for number, leg in enumerate(legs, made.first):
         own = fabricate(response, made.tolerances, made.seed, number)
-        own = mounted(own, made.remount_deg, made.seed, number, made.mounting)
+        own = remounted(own, made.remount_deg, made.seed, number, made.mounting)
         feet[leg] = Foot(response, own, contact=contact)
     return feet
 
@@ -80,6 +81,7 @@ class SimulatedRobot:
         scene: The scene.
         response: Response table of its feet.
         buses: Wiring of each bus.
+        grace_ns: Time that a user of all buses waits for the later ones [ns].
 
     Attributes:
         clock: Clock of a user of all buses.
@@ -90,7 +92,9 @@ class SimulatedRobot:
         legs: Legs by name.
     """
 
-    def __init__(self, scene: Scene, response: FootResponse, buses: Sequence[Wiring]) -> None:
+    def __init__(
+        self, scene: Scene, response: FootResponse, buses: Sequence[Wiring], grace_ns: float = math.inf
+    ) -> None:
         self._load = scene.load.build(round(scene.lead_in_s * 1e9))
         self.response_sha256 = response.sha256
         self._legs = tuple(leg for wiring in buses for leg in wiring.channels)
@@ -119,7 +123,11 @@ class SimulatedRobot:
                 host_cost_ns=0 if wiring.kernel_mux else leg_cost_ns,
                 mux=SimulatedMux(wiring.mux_address),
                 legs={channel: self.legs[leg].chips for leg, channel in wiring.channels.items()},
-                faults=WireFaults(broken, wiring.channels, timeout_ns, rng) if broken else None,
+                faults=WireFaults(
+                    broken, wiring.channels, timeout_ns, rng, compares=scene.effects.adapter_compares
+                )
+                if broken
+                else None,
             )
             self.buses.append(bus)
             self.adapters.append(
@@ -129,7 +137,7 @@ class SimulatedRobot:
                     if wiring.kernel_mux
                 }
             )
-        self.clock = JoinedClock([bus.clock for bus in self.buses])
+        self.clock = JoinedClock([bus.clock for bus in self.buses], grace_ns)
 
     def true_force_at_time_n(self, t_ns: int) -> Vector:
         """Return the true force on every foot at a time [N], shape (legs, 3), foot frame."""

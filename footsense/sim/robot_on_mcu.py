@@ -29,13 +29,13 @@ def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> Simula
     """
     noise = np.random.default_rng((scene.seed, _NOISE_DRAW)) if scene.effects.converter_noise else None
     return SimulatedRobotMcu(
-        {name: _measured(leg.wired, scene.effects.stray_pf) for name, leg in robot.legs.items()},
+        {name: _measured_elements(leg.wired, scene.effects.stray_pf) for name, leg in robot.legs.items()},
         step_us=round(_CONVERTING_REL * 1e6 / rate_hz / ELEMENTS),
         noise=noise,
     )
 
 
-def _measured(foot: WiredFoot, stray_pf: float) -> Elements:
+def _measured_elements(foot: WiredFoot, stray_pf: float) -> Elements:
     """Return the elements of a foot as electronics without a fault of their own measure them, row by row."""
 
     def elements_pf(t_ns: int) -> Vector:

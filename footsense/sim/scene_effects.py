@@ -23,7 +23,7 @@ class _Gradual(ScenePart, frozen=True):
     from_s: Annotated[float, Meta(ge=0.0)]
     over_s: Annotated[float, Meta(gt=0.0)]
 
-    def share(self, t_ns: int) -> float:
+    def elapsed_share(self, t_ns: int) -> float:
         """Return the share of the change that has happened by a time [1]."""
         return min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
 
@@ -39,7 +39,7 @@ class Warming(_Gradual, frozen=True, kw_only=True):
 
     def kelvin_at(self, t_ns: int) -> float:
         """Return the change by a time [K]."""
-        return self.kelvin * self.share(t_ns)
+        return self.kelvin * self.elapsed_share(t_ns)
 
 
 class Softening(_Gradual, frozen=True, kw_only=True):
@@ -55,7 +55,7 @@ class Softening(_Gradual, frozen=True, kw_only=True):
 
     def softness(self, t_ns: int) -> float:
         """Return closures at a time over those at the begin, under the same load [1]."""
-        return 1.0 + self.softer_rel * self.share(t_ns)
+        return 1.0 + self.softer_rel * self.elapsed_share(t_ns)
 
 
 class Effects(ScenePart, frozen=True):
@@ -64,19 +64,24 @@ class Effects(ScenePart, frozen=True):
     Attributes:
         converter_noise: Whether conversions have white noise, by rate.
         converter_clock_rel: Largest deviation of a converter's clock; each chip draws its own [1].
+        trigger_clears_done: Whether a FDC1004 forgets that a conversion was done when the next one is started.
         stray_pf: Capacitance to ground in parallel with every element [pF].
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/foot/viscoelastic.py`).
         warming: Change of temperature; None for none.
         softening: Ageing of one foot; None for none.
+        adapter_compares: Whether an I2C adapter compares SDA with what it sends, and times out where it is held; that
+            of a Raspberry Pi 0 to 4 does not.
         adapter_timeout_ms: Timeout of an I2C adapter for a held line; 1000 where it cannot be set [ms].
     """
 
     converter_noise: bool = False
     converter_clock_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
+    trigger_clears_done: bool = False
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     gap_contact: bool = False
     rubber: bool = False
     warming: Warming | None = None
     softening: Softening | None = None
+    adapter_compares: bool = True
     adapter_timeout_ms: Annotated[float, Meta(ge=10.0, le=10_000.0)] = 20.0

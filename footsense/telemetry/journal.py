@@ -58,11 +58,14 @@ class Journal:
         rows = zip(self._legs, *self._last, states, causes, strict=True)
         for leg, (_, state_before, cause_before, state, cause) in enumerate(rows):
             if (state_before, cause_before) != (state, cause) and state not in self._unlogged:
-                before, now = State(state_before).name.lower(), State(state)
-                why = f" ({Cause(cause).name.lower()})" if cause else ""
+                now, reason = State(state), Cause(cause).name.lower()
+                change = f"{State(state_before).name.lower()} -> {now.name.lower()}"
+                change += f" ({reason})" if cause else ""
+                if state == state_before:
+                    change = f"{now.name.lower()}: {Cause(cause_before).name.lower()} -> {reason}"
                 # A valid leg may have a cause too, such as a stale calibration.
                 level = logging.WARNING if cause or now not in FAULT_FREE else logging.INFO
-                self._line(leg, level, f"{before} -> {now.name.lower()}{why}")
+                self._line(leg, level, change)
 
     def _line(self, leg: int, level: int, text: str) -> None:
         if self._lines[leg] >= _LINES_PER_MINUTE:

@@ -36,7 +36,7 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
         return 1.2 * 400 / self.rate_sps
 
 
-def day(hours: float, seed: int) -> list[Stretch]:
+def soak_stretches(hours: float, seed: int) -> list[Stretch]:
     """Return the stretches of a walk.
 
     A day has four hours at 400 S/s, one of them with a force on CAN for each conversion, two of them with warming and

@@ -47,8 +47,8 @@ class Board(NamedTuple):
     probe_ns: int
 
 
-FDC1004 = Board("fdc1004", (400, 200, 100), 2_500_000, 0.0, 0)
-AD7746 = Board("ad7746", (91, 84, 50, 26, 16, 13, 11, 9), 11_000_000, 2e-6, 12_000_000)
+FDC1004 = Board("fdc1004", (400, 200, 100), 2_500_000, 0.0, 7_000_000)
+AD7746 = Board("ad7746", (91, 84, 50, 26, 16, 13, 11, 9), 11_000_000, 2e-6, 15_000_000)
 
 
 def distinct(element: int, t_ns: int) -> float:
@@ -62,7 +62,7 @@ def column_through(switch: SimulatedLineSwitch, capacitance_pf: Capacitance) -> 
     def seen_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
         return sum(
             share * capacitance_pf(3 * row + cin, (t_start_ns + t_end_ns) // 2)
-            for share, rows in switch.between(t_start_ns, t_end_ns)
+            for share, rows in switch.states_between(t_start_ns, t_end_ns)
             for row in range(3)
             if rows.selected >> row & 1
         )
@@ -77,9 +77,9 @@ def crossing_through(
 
     def seen(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:
         t_middle_ns, total_pf, until_ns = (t_start_ns + t_end_ns) // 2, 0.0, t_end_ns
-        for row_share, row_states in rows.between(t_start_ns, t_end_ns):
+        for row_share, row_states in rows.states_between(t_start_ns, t_end_ns):
             since_ns = max(row_states.since_ns, t_start_ns)
-            for share, column_states in columns.between(since_ns, until_ns):
+            for share, column_states in columns.states_between(since_ns, until_ns):
                 for row, column in ((r, c) for r in range(3) for c in range(3)):
                     if row_states.selected >> row & column_states.selected >> column & 1:
                         total_pf += row_share * share * capacitance_pf(3 * row + column, t_middle_ns)
@@ -87,6 +87,18 @@ def crossing_through(
         return total_pf, False
 
     return seen
+
+
+def _more_at_a_pin(seen_pf: CinCapacitance, added_pf: float) -> CinCapacitance:
+    return lambda cin, t_start_ns, t_end_ns: seen_pf(cin, t_start_ns, t_end_ns) + added_pf
+
+
+def _more_mutual(seen: MutualCapacitance, added_pf: float) -> MutualCapacitance:
+    def more(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:
+        pf, shorted = seen(t_start_ns, t_end_ns)
+        return pf + added_pf, shorted
+
+    return more
 
 
 def leg_chips(
@@ -150,6 +162,7 @@ class Robot:
         rate_sps: int | None = None,
         order: str = "lo_shu",
         clock_error_rel: float = 0.0,
+        reads_back: bool | None = None,
     ) -> None:
         self.converters: list[SimulatedFdc1004 | SimulatedAd7746] = []
         self.switches: list[list[SimulatedLineSwitch]] = []
@@ -169,24 +182,36 @@ class Robot:
             channels = {f"{len(scanners)}{n}": n for n in range(per_bus)}
             scanners.append(
                 BusScanner(
-                    UpstreamBus(bus, 0x71),
+                    UpstreamBus(bus, 0x71, reads_back=reads_back),
                     clock,
                     channels,
                     scan_plan(order, rate_sps or board.rates_sps[0], board.name),
                 )
             )
         self.board = board
-        self.clock = JoinedClock(clocks)
+        self._of_leg_pf = np.zeros((6, 1))
+        self.clock = JoinedClock(clocks, scanners[0].wait_ns)
         self.buses = scanners
         self.scanner = RobotScanner(scanners)
         self.scanner.start()
+
+    def make_legs_distinct(self) -> None:
+        """Add capacitance to every element of a leg that only that leg has."""
+        self._of_leg_pf = np.arange(6)[:, None] / 512
+        for converter, added_pf in zip(self.converters, self._of_leg_pf[:, 0].tolist(), strict=True):
+            if isinstance(converter, SimulatedFdc1004):
+                converter._cin_capacitance_pf = _more_at_a_pin(converter._cin_capacitance_pf, added_pf)
+            else:
+                converter._mutual_capacitance = _more_mutual(converter._mutual_capacitance, added_pf)
 
     def chips(self, leg: int) -> list[SimulatedFdc1004 | SimulatedAd7746 | SimulatedLineSwitch]:
         return [self.converters[leg], *self.switches[leg]]
 
     def is_right(self, frame: CapFrame) -> NDArray[np.bool_]:
         """Tell which readings are their own capacitances."""
-        right: NDArray[np.bool_] = np.abs(frame.capacitance_pf - DISTINCT_PF) <= self.board.exact_pf
+        right: NDArray[np.bool_] = (
+            np.abs(frame.capacitance_pf - DISTINCT_PF - self._of_leg_pf) <= self.board.exact_pf
+        )
         return right
 
     def assert_honest(self, frame: CapFrame) -> None:

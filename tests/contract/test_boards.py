@@ -11,7 +11,18 @@ from footsense.acquisition.scan_plan import ORDERS, scan_plan
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
-from tests.contract.boards import AD7746, DISTINCT_PF, FDC1004, Board, LateError, Robot, distinct, only
+from footsense.sim.chips.fdc1004 import SimulatedFdc1004
+from tests.contract.boards import (
+    AD7746,
+    DISTINCT_PF,
+    FDC1004,
+    Board,
+    LateError,
+    Robot,
+    Saboteur,
+    distinct,
+    only,
+)
 
 BOTH = (FDC1004, AD7746)
 both = pytest.mark.parametrize("board", BOTH, ids=lambda board: board.name)
@@ -52,11 +63,107 @@ def test_chips_at_the_end_of_their_tolerance_still_finish_in_time(
 
 
 @both
-def test_a_chip_slower_than_its_tolerance_gives_no_number(board: Board) -> None:
+@pytest.mark.parametrize("host_cost_us", [0, 100])
+@pytest.mark.parametrize("clock_error_rel", [0.03, 0.08, 0.15, 0.24])
+def test_chips_slower_than_their_tolerance_get_the_time_that_they_need(
+    board: Board, host_cost_us: int, clock_error_rel: float
+) -> None:
+    """Measured at start, to two hundredths; stamps are the middle of the longer conversions."""
+    robot = Robot(
+        lambda element, t_ns: 4.0 + t_ns * 2**-30,
+        board,
+        clock_error_rel=clock_error_rel,
+        host_cost_ns=host_cost_us * 1000,
+    )
+    frame = robot.read(3)
+    assert (frame.reading == Reading.OK).all()
+    np.testing.assert_allclose(frame.capacitance_pf - 4.0, frame.t_ns * 2**-30, atol=2**-11)
+    for leg in robot.buses[0].legs:
+        assert 1.02 * leg.timing.slowness < 1 + clock_error_rel + 0.025
+
+
+@both
+def test_a_chip_slower_than_any_gives_no_number(board: Board) -> None:
     """A conversion that is still running is NOT_READY, never the value of the scan before."""
-    frame = Robot(distinct, board, clock_error_rel=0.08).read(2)
+    frame = Robot(distinct, board, clock_error_rel=0.4).read(2)
     assert (frame.reading == Reading.NOT_READY).all()
     assert np.isnan(frame.capacitance_pf).all()
+
+
+@both
+def test_a_chip_whose_clock_drifts_is_timed_again_each_minute(board: Board) -> None:
+    """Before the rows of the next element get into its conversions: every reading stays right, at both ends."""
+    robot = Robot(distinct, board)
+    robot.read(2)
+    for error_rel in (0.01, 0.019, 0.028, 0.036, 0.028, 0.0):
+        robot.converters[3].clock_factor = 1 + min(error_rel, 0.019)
+        for _ in range(6):
+            robot.clock.sleep_until_ns(robot.clock.now_ns() + 10_000_000_000)
+            frame = robot.read()
+            assert (frame.reading == Reading.OK).all()
+            assert robot.is_right(frame).all()
+        robot.converters[3].clock_factor = 1 + error_rel
+        for _ in range(6):
+            robot.clock.sleep_until_ns(robot.clock.now_ns() + 10_000_000_000)
+            robot.read()
+        frame = robot.read(20)
+        assert (frame.reading == Reading.OK).all()
+        assert robot.is_right(frame).all()
+    assert robot.buses[0].legs[3].timing.slowness == 1.0
+
+
+@both
+def test_the_timing_of_a_converter_costs_two_conversions_and_no_reading(board: Board) -> None:
+    """Every ten seconds; no reading is lost and nothing counts as late."""
+    robot = Robot(distinct, board)
+    period_ns = robot.period_ns()
+    slow_ns = []
+    until_ns = robot.clock.now_ns() + 26_000_000_000
+    while robot.clock.now_ns() < until_ns:
+        before_ns = robot.clock.now_ns()
+        frame = robot.read()
+        assert (frame.reading == Reading.OK).all()
+        if (lasted_ns := robot.clock.now_ns() - before_ns) > 1.05 * period_ns:
+            slow_ns.append(lasted_ns - period_ns)
+    assert len(slow_ns) in {2, 3, 4, 5}
+    assert max(slow_ns) < 6 * board.conversion_ns
+    assert robot.buses[0].missed_deadlines == 0
+
+
+@pytest.mark.parametrize(("host_cost_us", "limit_rel"), [(0, 1.07), (40, 1.07), (100, 1.07)])
+@pytest.mark.parametrize("clock_error_rel", [0.0, 0.1])
+def test_a_chip_that_forgets_is_asked_before_the_next_conversion_starts(
+    host_cost_us: int, limit_rel: float, clock_error_rel: float
+) -> None:
+    """Every reading is right, and the scan takes a few percent longer: the question does not overlap a conversion."""
+    periods_ns = []
+    for forgets in (False, True):
+        robot = Robot(distinct, host_cost_ns=host_cost_us * 1000, clock_error_rel=clock_error_rel)
+        for chip in robot.converters:
+            assert isinstance(chip, SimulatedFdc1004)
+            chip.trigger_clears_done = forgets
+        robot.scanner.start()
+        periods_ns.append(robot.period_ns(18))
+        frame = robot.read()
+        assert (frame.reading == Reading.OK).all()
+        assert robot.is_right(frame).all()
+        assert {leg.timing.keeps_done for leg in robot.buses[0].legs} == {not forgets}
+    assert 1.0 < periods_ns[1] / periods_ns[0] < limit_rel
+
+
+def test_of_chips_that_forget_one_that_hangs_costs_only_itself() -> None:
+    """It is found out before the others are triggered again; they keep every element."""
+    robot = Robot(distinct)
+    for chip in robot.converters:
+        assert isinstance(chip, SimulatedFdc1004)
+        chip.trigger_clears_done = True
+    robot.scanner.start()
+    robot.read(2)
+    robot.converters[4].stuck_ns = [(robot.clock.now_ns(), math.inf)]
+    for _ in range(20):
+        frame = robot.read()
+        assert (frame.reading[4] == Reading.NOT_READY).all()
+        assert robot.is_right(frame)[[0, 1, 2, 3, 5]].all()
 
 
 @both
@@ -141,6 +248,33 @@ def test_one_failed_transaction_never_makes_a_wrong_number(board: Board, order: 
         assert (frame.reading == Reading.OK).all()
 
 
+@pytest.mark.parametrize("selection", [0b000001, 0b010100])
+@pytest.mark.parametrize(("host_cost_us", "reads_back"), [(20, None), (100, True)])
+@both
+def test_another_program_that_switches_the_mux_makes_no_wrong_number(
+    board: Board, selection: int, host_cost_us: int, *, reads_back: bool | None
+) -> None:
+    """Whenever in a scan: where the host leaves the time, or if it is to, the mux is read back after every leg."""
+    foreign = Transaction(0x71, bytes((selection,)))
+    for n_switched in range(0, 400, 19):
+        robot = Robot(distinct, board, host_cost_ns=host_cost_us * 1000, reads_back=reads_back)
+        robot.make_legs_distinct()
+        robot.read(2)
+        bus = robot.saboteurs[0]
+
+        def switch(transaction: Transaction, n: int, bus: Saboteur = bus, at: int = n_switched) -> None:
+            del transaction
+            if n == at:
+                bus._bus.transfer(foreign)
+
+        bus.arm(switch)
+        for _ in range(3):
+            frame = robot.read()
+            robot.assert_honest(frame)
+            assert (frame.t_ns[frame.reading == Reading.OK] > 0).all()
+        assert (robot.read(3).reading == Reading.OK).all()
+
+
 @both
 @pytest.mark.parametrize(
     ("error", "reading"),
@@ -197,6 +331,29 @@ def test_a_deaf_line_switch_is_noticed(board: Board, switch: int) -> None:
         robot.assert_honest(frame)
         assert not (frame.reading[1] == Reading.OK).all()
         assert (frame.reading[[0, 2, 3, 4, 5]] == Reading.OK).all()
+
+
+@pytest.mark.parametrize("board_and_switch", [(FDC1004, 0), (AD7746, 0), (AD7746, 1)], ids=str)
+@pytest.mark.parametrize("order", list(ORDERS))
+@pytest.mark.parametrize("line", range(3))
+def test_a_line_that_is_closed_too_much_is_noticed(
+    board_and_switch: tuple[Board, int], order: str, line: int
+) -> None:
+    """The wired AND of the legs hides it, so each leg is asked alone in turn; it stays out until it lets go."""
+    board, switch = board_and_switch
+    robot = Robot(distinct, board, order=order)
+    period_ns = robot.period_ns(18)
+    robot.switches[1][switch].stuck_closed = 1 << line
+    start_ns = robot.clock.now_ns()
+    robot.read(19)
+    for _ in range(60):
+        frame = robot.read()
+        assert (frame.reading[1] == Reading.MISCONFIGURED).all()
+        robot.assert_honest(frame)
+        assert (frame.reading[[0, 2, 3, 4, 5]] == Reading.OK).all()
+    assert robot.clock.now_ns() - start_ns < 1.3 * 79 * period_ns
+    robot.switches[1][switch].stuck_closed = 0
+    assert (robot.read(200).reading == Reading.OK).all()
 
 
 @pytest.mark.parametrize("rate_sps", AD7746.rates_sps)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from firmware_interface.can_baseline import BASELINE_ID, decode_baseline, encode_baseline
 from firmware_interface.can_codes import (
     NODE_IDS,
+    USABLE,
     BaselineStatus,
     Cause,
     CommandKind,
@@ -34,6 +35,7 @@ from firmware_interface.can_commands import (
     encode_command,
 )
 from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, decode_fault, encode_fault, encode_heartbeat
+from firmware_interface.can_fd import FORCES_ID, decode_forces, encode_forces
 from firmware_interface.can_frames import (
     FORCE_ID,
     QUALITY_ID,
@@ -102,7 +104,10 @@ def test_every_leg_has_every_frame_and_there_are_no_others() -> None:
         for name, (base, length, sender) in SENDERS.items()
         for leg in LEGS
     }
+    expected["Forces"] = (FORCES_ID, 64, "Footsense")
     assert {m.name: (m.frame_id, m.length, m.senders[0]) for m in DBC.messages} == expected
+    assert [message.name for message in DBC.messages if message.is_fd] == ["Forces"]
+    assert DBC.get_message_by_name("Forces").dbc.attributes["CANFD_BRS"].value == 1
     assert not any(message.is_extended_frame for message in DBC.messages)
 
 
@@ -178,7 +183,65 @@ def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
             ("Heartbeat", 200),
         )
         for leg in LEGS
-    }
+    } | {"Forces": 11}
+
+
+@st.composite
+def robots(draw: st.DrawFn) -> tuple[list[int], list[Any]]:
+    """Return the nodes of some legs, and for each state, force, sigma, flags and mask."""
+    nodes = draw(st.lists(st.integers(1, 6), min_size=1, max_size=6, unique=True))
+    common = draw(st.sampled_from([0, 1, 2, 3]))
+    parts = [
+        (
+            draw(st.sampled_from(State)),
+            tuple(draw(st.integers(-32767, 32767)) / 1000 for _ in range(3)),
+            tuple(draw(st.integers(0, 254)) / 250 for _ in range(3)),
+            draw(st.sampled_from([0, 4, 8, 12])) | common,
+            draw(masks),
+        )
+        for _ in nodes
+    ]
+    return nodes, parts
+
+
+@given(robots(), counters, st.integers(0, 254))
+def test_forces_of_all_legs(robot: tuple[list[int], list[Any]], counter: int, age: int) -> None:
+    """cantools, Python and the single frames agree on what one CAN FD frame says of every leg."""
+    nodes, parts = robot
+    state, force_n, sigma_n, flags, mask = zip(*parts, strict=True)
+    t_ns, t_sent_ns = [1] * len(nodes), 1 + age * 500_000
+    data = encode_forces(counter, t_sent_ns, nodes, t_ns, state, force_n, sigma_n, flags, mask)
+    signals = decode("Forces", data)
+    ours = decode_forces(FORCES_ID, data)
+    assert (signals["CHECKSUM"], signals["COUNTER"]) == (int.from_bytes(data[:2], "little"), counter)
+    assert signals["AllInAir"] == ours.all_in_air
+    usable = [code in USABLE for code in state]
+    assert ours.all_in_air == (all(usable) and not any(flag & Flag.CONTACT for flag in flags))
+    assert signals["Age"] == (age / 2 if any(usable) else 127.5)
+    for leg, (force, quality) in zip(LEGS, ours.legs, strict=True):
+        name = leg.lower()
+        read = [signals[f"Force{axis}{leg}"] for axis in "XYZ"]
+        assert read == pytest.approx([-32.768 if math.isnan(f) else f for f in force.force_n])
+        assert (signals[f"State{leg}"], signals[f"FaultMask{leg}"]) == (force.state, quality.fault_mask)
+        assert signals[f"Contact{leg}"] == bool(quality.flags & Flag.CONTACT)
+        assert signals[f"TareRefused{leg}"] == bool(quality.flags & Flag.TARE_REFUSED)
+        sigmas = [signals[f"SigmaXY{leg}"]] * 2 + [signals[f"SigmaZ{leg}"]]
+        assert sigmas == pytest.approx([1.02 if math.isnan(s) else s for s in quality.sigma_n])
+        if NODE_IDS[name] not in nodes:
+            assert (force.state, quality.fault_mask, quality.age_ns) == (State.ABSENT, 0, None)
+            continue
+        row = nodes.index(NODE_IDS[name])
+        assert (force.counter, force.state, quality.flags) == (counter, state[row], flags[row])
+        assert quality.fault_mask == mask[row]
+        x_n, y_n, z_n = sigma_n[row]
+        assert quality.sigma_n == pytest.approx((max(x_n, y_n), max(x_n, y_n), z_n))
+        if usable[row]:
+            assert (force.force_n, quality.age_ns) == (force_n[row], age * 500_000)
+        else:
+            assert all(map(math.isnan, force.force_n))
+            assert quality.age_ns is None
+    message = DBC.get_message_by_name("Forces")
+    assert message.encode(signals, strict=False) == data
 
 
 @given(legs, counters, st.sampled_from(State), st.tuples(millinewtons, millinewtons, millinewtons))

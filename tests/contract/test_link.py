@@ -30,6 +30,7 @@ from firmware_interface.can_commands import (
     encode_command,
 )
 from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, decode_fault, decode_heartbeat
+from firmware_interface.can_fd import FORCES_ID, encode_forces
 from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
 from firmware_interface.can_gait import (
     GAIT_EVENT_ID,
@@ -70,10 +71,25 @@ def test_both_see_what_the_vectors_say(case: dict[str, Any]) -> None:
 
 
 @st.composite
+def fd_frames(draw: st.DrawFn, counter: int) -> bytes:
+    """Return a CAN FD frame of all legs, sometimes with a wrong bit."""
+    states = draw(st.tuples(*[st.sampled_from([State.VALID, State.VALID, State.DEGRADED, State.STALE])] * 2))
+    t_sent_ns = draw(st.sampled_from([15_000_001, 200_000_001]))
+    sigma_n = [(0.01, float("nan"), 2.0), (float("nan"), 0.1, 0.2)]
+    force_n = [(0.1, -0.2, 40.0), (0.0, float("nan"), 1.0)]
+    data = bytearray(
+        encode_forces(counter, t_sent_ns, [1, 2], [1, 1], states, force_n, sigma_n, [9, 4], [5, 0])
+    )
+    if draw(st.integers(0, 5)) == 0:
+        data[draw(st.integers(0, 63))] ^= 1 << draw(st.integers(0, 7))
+    return bytes(data)
+
+
+@st.composite
 def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
     """Return frames of two legs with times in us: mostly what a service sends, with every kind of harm."""
     frames, t_us, counter = [], 0, draw(st.integers(0, 14))
-    for harm in draw(st.lists(st.sampled_from(["none"] * 12 + list("lhqfcszxb")), max_size=40)):
+    for harm in draw(st.lists(st.sampled_from(["none"] * 12 + list("lhqfcszxbdd")), max_size=40)):
         t_us += draw(st.sampled_from([0, 100, 25_000, 25_000, 25_000, 99_999, 100_001]))
         step = draw(st.integers(2, 14)) if harm == "l" else 0 if harm == "z" else 1
         counter = (counter + step) % 15
@@ -94,6 +110,8 @@ def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
             sent[0] = (sent[0][0], protect(sent[0][0], draw(st.binary(min_size=7, max_size=7))))
         if harm == "x":
             sent[1] = (sent[1][0] ^ 3, sent[1][1])
+        if harm == "d":
+            sent = [(FORCES_ID, draw(fd_frames(counter)))]
         if harm == "b":
             t_us = max(0, t_us - draw(st.integers(0, 200_000)))
         frames += [(t_us + 270 * place, *frame) for place, frame in enumerate(sent)]

@@ -73,6 +73,8 @@ class Robot:
         log_file: Path | None = None,
         wire: NarrowWire | None = None,
         every: int = 1,
+        *,
+        fd: bool = False,
     ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
@@ -80,6 +82,7 @@ class Robot:
             interface="virtual",
             channel=channel,
             log_file=log_file,
+            fd=fd,
             connect=None if wire is None else lambda: wire.open(self.clock.t_ns),
         )
         self.sink = CanSink(settings, legs, self.clock, every=every)

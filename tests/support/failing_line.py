@@ -9,7 +9,7 @@ import numpy as np
 from footsense.ports import Clock
 from footsense.sim.bus.serial_line import SimulatedLine
 from footsense.sim.chips.mcu import SimulatedRobotMcu
-from footsense.sim.faults.schedule import Span, during
+from footsense.sim.faults.schedule import Span, in_any_span
 
 
 class LineFaults(NamedTuple):
@@ -57,7 +57,7 @@ class FailingLine(SimulatedLine):
             data = data[: len(data) // 2 + 20]
             self._controller.started_ns, self._controller.n_scans = self._resets_ns.popleft(), 0
             self._lead = b"\0"  # ends the interrupted record
-        was_out, self._is_out = self._is_out, during(list(self._faults.unplugged_ns), t_ns)
+        was_out, self._is_out = self._is_out, in_any_span(list(self._faults.unplugged_ns), t_ns)
         if not self._is_out:
             self.opened += was_out
             super().send(self._harmed(data), t_ns)

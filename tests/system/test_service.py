@@ -112,7 +112,7 @@ def test_a_metrics_port_in_use_costs_metrics_and_no_forces(config: tuple[Path, i
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", port))
         taken.listen()
-        line = one_line_error(footsense("exporter", "--config", file), 2)
+        line = one_line_error(footsense("exporter", "--config", file), 78)
         result = footsense("run", "--config", file, "--duration", "1")
     assert line == (
         f"metrics cannot be served on 127.0.0.1:{port}: Address already in use; choose another metrics.port"
@@ -124,7 +124,7 @@ def test_an_address_of_another_machine_is_not_blamed_on_the_port(config: tuple[P
     """The remedy names the key that is wrong; 192.0.2.0/24 is nobody's, by RFC 5737."""
     file, port = config
     file.write_text(file.read_text().replace("metrics: {", "metrics: {address: 192.0.2.1, "))
-    line = one_line_error(footsense("exporter", "--config", file), 2)
+    line = one_line_error(footsense("exporter", "--config", file), 78)
     assert re.search(rf"192\.0\.2\.1:{port}: Cannot assign .*; metrics\.address has to be", line)
 
 
@@ -141,12 +141,12 @@ def test_counters_that_cannot_be_written_cost_metrics_and_no_forces(tmp_path: Pa
 
 def test_an_exporter_of_a_service_without_metrics_is_one_line(tmp_path: Path) -> None:
     """Nothing would ever be shown."""
-    line = one_line_error(footsense("exporter", "--config", robot(tmp_path)), 2)
+    line = one_line_error(footsense("exporter", "--config", robot(tmp_path)), 78)
     assert line.endswith("has no section metrics, so the service counts nothing")
 
 
 def test_a_service_that_requires_its_place_refuses_to_start_without(tmp_path: Path) -> None:
-    """One line says what was not granted and which key asks for it, before any bus is opened; exit 2."""
+    """One line says what was not granted and which key asks for it, before any bus is opened; exit 78."""
     asked = "realtime: {cpu: 1023, required: true}\n"
-    line = one_line_error(footsense("run", "--config", robot(tmp_path, device="/dev/i2c-77", more=asked)), 2)
+    line = one_line_error(footsense("run", "--config", robot(tmp_path, device="/dev/i2c-77", more=asked)), 78)
     assert line.startswith("realtime.required: processor 1023 was not granted: this process may use ")

@@ -12,7 +12,7 @@ from firmware_interface import schedule
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips import adg715
 from firmware_interface.chips.ad7746 import Register
-from footsense.acquisition.boards.board import Board, Thermometer, require_identity
+from footsense.acquisition.boards.board import SLOWEST, Board, Thermometer, require_identity
 from footsense.acquisition.boards.conversion_step import Check, Step
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
@@ -133,13 +133,17 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
     for capdac in (0, _KNOWN_CAPDAC):
         bus.transfer(_settings(capdac))
         bus.transfer(_trigger(_FASTEST_SPS))
-        clock.sleep_until_ns(clock.now_ns() + _wait_ns(chip.RATES[_FASTEST_SPS].conversion_ns))
-        answer, again = bus.transfer(READ_RESULT), bus.transfer(READ_RESULT)
-        reading, level_pf = decode_result([answer])
+        start_ns, conversion_ns = clock.now_ns(), chip.RATES[_FASTEST_SPS].conversion_ns
+        for wait_ns in (_wait_ns(conversion_ns), round(SLOWEST * conversion_ns)):
+            clock.sleep_until_ns(start_ns + wait_ns)
+            answer = bus.transfer(READ_RESULT)
+            reading, level_pf = decode_result([answer])
+            if reading is not Reading.NOT_READY:
+                break
         if reading in {Reading.NOT_READY, Reading.EXCITATION}:
             return reading, _NAN
         # The result is used for long: it is read twice, so that a flipped bit is noticed.
-        if reading is not Reading.OK or answer[1:] != again[1:]:
+        if reading is not Reading.OK or answer[1:] != bus.transfer(READ_RESULT)[1:]:
             return Reading.CORRUPT, _NAN
         levels_pf.append(level_pf)
     bus.transfer(_settings(CAPDAC))

@@ -12,6 +12,10 @@ from footsense.errors import WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
+#: Longest conversion that is waited for, over the wait for a chip within its tolerance [1]; published drivers wait 20 %
+#: longer.
+SLOWEST = 1.3
+
 #: Readings of a conversion that has taken place.
 CONVERTED = frozenset({Reading.OK, Reading.OVER_RANGE, Reading.UNDER_RANGE})
 
@@ -86,3 +90,7 @@ class Board(NamedTuple):
     range_end_pf: float
     thermometer: Thermometer | None
     traffic: Traffic
+
+    def wait_ns(self, rate_sps: int) -> int:
+        """Return the time after which the slowest chip within its tolerance has finished a conversion [ns]."""
+        return round(self.conversion_ns[rate_sps] * (1 + self.traffic.clock_tolerance_rel))

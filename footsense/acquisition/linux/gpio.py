@@ -44,7 +44,7 @@ class LinuxResetLine:
             HardwareError: There is no such chip or line, it is in use, or this user may not use it.
         """
         try:
-            return cls(_requested(device, line), device, line)
+            return cls(_request_line(device, line), device, line)
         except OSError as error:
             raise HardwareError(
                 f"{device} line {line}: {error.strerror}; see `gpioinfo`, and the service's user belongs in group gpio"
@@ -58,7 +58,7 @@ class LinuxResetLine:
         was_there = self._request is not None
         try:
             if self._request is None:
-                self._request = _requested(self._device, self._line)
+                self._request = _request_line(self._device, self._line)
             for value in (Value.ACTIVE, Value.INACTIVE):
                 self._request.set_value(self._line, value)
         except OSError as error:
@@ -78,5 +78,5 @@ class LinuxResetLine:
             self._request = None
 
 
-def _requested(device: str, line: int) -> gpiod.LineRequest:
+def _request_line(device: str, line: int) -> gpiod.LineRequest:
     return gpiod.request_lines(device, config={line: SETTINGS}, consumer="footsense")

@@ -1,7 +1,8 @@
 """Scan of a bus before the first scan of the feet: answering addresses, identity of the chips, timing.
 
 Unknown addresses receive only transactions that are harmless to the chips (`address_scan.py`). The mux is switched, and
-the identity of each leg's converter is read; nothing else is written.
+the identity of each leg's converter is read. An AD7746 has none but its values after a reset, so that it is reset;
+nothing else is written.
 """
 
 import logging
@@ -13,7 +14,7 @@ from footsense.acquisition.bus_costs import measure
 from footsense.acquisition.bus_timing import Timing, timing
 from footsense.acquisition.probe.address_scan import AddressProbe, probe_addresses
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.acquisition.transports import UpstreamBus
+from footsense.acquisition.transports import UpstreamBus, release_sda
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -149,6 +150,7 @@ def _scan_channel(
     Raises:
         BusTimeoutError: A line is stuck.
     """
+    release_sda(bus)
     answering = probe_addresses(bus, skipped).answering
     if not is_leg:
         return ChannelScan(answering, Reading.OK)

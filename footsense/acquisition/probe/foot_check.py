@@ -136,7 +136,7 @@ def foot_faults(
     mean_pf = scans.mean_pf - stray_pf
     over = scans.worst_reading == Reading.OVER_RANGE
     opened = (mean_pf < OPEN_REL * unloaded_pf) | (scans.worst_reading == Reading.UNDER_RANGE)
-    broken = [*_over_range(over, opened), *_opened(opened, over)]
+    broken = [*_over_range(over, opened), *_open_faults(opened, over)]
     wrong = opened | over
     # An interrupted row floats, and adds its capacitance to ground to the other elements.
     mean_pf = mean_pf - floating_pf(scans.mean_pf[None], opened[None])[0]
@@ -184,7 +184,7 @@ def _over_range(over: Mask, opened: Mask) -> list[FootFault]:
     return faults
 
 
-def _opened(opened: Mask, over: Mask) -> list[FootFault]:
+def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
     """Return the faults of elements without their electrode: whole lines first, then single elements."""
     if opened.all():
         what, check = "none of its elements is connected", "whether the foot is plugged in"

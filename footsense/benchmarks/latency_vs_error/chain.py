@@ -68,7 +68,7 @@ def pace(rate_sps: int) -> Pace:
     return Pace(limits.scan_ns // ELEMENTS, wait_ns + limits.readout_ns // ELEMENTS)
 
 
-def latest(order: Sequence[int], n: int) -> NDArray[np.intp]:
+def latest_conversions(order: Sequence[int], n: int) -> NDArray[np.intp]:
     """Return the number of the latest conversion of every element, after each of `n` conversions.
 
     Args:
@@ -123,7 +123,7 @@ class Readings:
         Returns:
             Distances [1] and time stamps [ns], shape (conversions, feet, 9) each.
         """
-        numbers = latest(self.order, len(self.t_ns))
+        numbers = latest_conversions(self.order, len(self.t_ns))
         distance_rel = self.distance_rel[numbers].swapaxes(1, 2)
         return distance_rel, np.broadcast_to(self.t_ns[numbers][:, None], distance_rel.shape)
 

@@ -96,7 +96,7 @@ def latency_and_errors(published: PublishedForces, truth: TrueLoads) -> LatencyA
         direction_deg=(float(angle_deg.mean()), float(np.percentile(angle_deg, 95))),
         held_error_norm_mn=rms_mn(held_n - true_read_n),
         held_direction_deg=float(_angles_deg(true_read_n, held_n).mean()),
-        share_within_sigma=_within(true_n, force_n, published.sigma_n[counts]),
+        share_within_sigma=_share_within(true_n, force_n, published.sigma_n[counts]),
         lag_ms=_lag_ms(held_n, truth.sampled_n, first),
     )
 
@@ -112,7 +112,7 @@ def _angles_deg(true_n: Vector, force_n: Vector) -> Vector:
     return angles_between_deg(true_n[loaded], force_n[loaded])
 
 
-def _within(true_n: Vector, force_n: Vector, sigma_n: Vector) -> tuple[float, ...]:
+def _share_within(true_n: Vector, force_n: Vector, sigma_n: Vector) -> tuple[float, ...]:
     """Return the share of components of feet in contact that are within each of `SIGMA_MULTIPLES` [1]."""
     in_contact = np.linalg.norm(true_n, axis=-1) >= CONTACT_N
     error_sigmas = np.abs(force_n - true_n)[in_contact] / sigma_n[in_contact]

@@ -44,7 +44,7 @@ class LoadCase(NamedTuple):
     starts_ns: tuple[int, ...] | None = None
 
 
-def _walking(
+def _walk_loads(
     walk: Callable[[int], Walk], period_ns: int, strides: int, *, sideways: bool = False
 ) -> TrueLoads:
     """Return the true loads of six feet in a steady walk, each foot at another phase of the stride."""
@@ -60,7 +60,7 @@ def _turned_left(contact: FootLoad, t_ns: int) -> GroundContact:
     return GroundContact(*(_TO_THE_LEFT @ vector for vector in contact(t_ns)))
 
 
-def _pressed(title: str, rise_ns: int, n_phases: int) -> LoadCase:
+def _press_case(title: str, rise_ns: int, n_phases: int) -> LoadCase:
     """Return feet pressed in several directions, at several phases of the scan."""
     scan_ns = ELEMENTS * pace(400).step_ns
     cases = [
@@ -75,7 +75,7 @@ def _pressed(title: str, rise_ns: int, n_phases: int) -> LoadCase:
 
 def measured_truth(strides: int, *, sideways: bool = False) -> TrueLoads:
     """Return the true loads of six feet on the measured walk over a number of strides."""
-    return _walking(partial(measured_walk, PEAK_N, PITCH_DEG), _MEASURED_NS, strides, sideways=sideways)
+    return _walk_loads(partial(measured_walk, PEAK_N, PITCH_DEG), _MEASURED_NS, strides, sideways=sideways)
 
 
 def load_cases(strides: int, phases: int) -> dict[str, LoadCase]:
@@ -91,7 +91,7 @@ def load_cases(strides: int, phases: int) -> dict[str, LoadCase]:
     return {
         "measured_walk": LoadCase("Measured walk", measured_truth(strides)),
         "sideways": LoadCase("Measured walk to the left: legs lean along the columns", sideways),
-        "tripod": LoadCase("Tripod gait with rounded stances", _walking(tripod, _TRIPOD_NS, strides)),
-        "step": _pressed("A step: full load within 5 ms", STEP_NS, phases),
-        "ramp": _pressed("A ramp: full load within 200 ms", RAMP_NS, phases),
+        "tripod": LoadCase("Tripod gait with rounded stances", _walk_loads(tripod, _TRIPOD_NS, strides)),
+        "step": _press_case("A step: full load within 5 ms", STEP_NS, phases),
+        "ramp": _press_case("A ramp: full load within 200 ms", RAMP_NS, phases),
     }

@@ -113,14 +113,14 @@ def _false_reports(result: Run) -> FalseReports:
     hours = float(np.gradient(result.sent_s) @ result.swings.sum(axis=1)) / 3600
     swings = result.swings[1:]
 
-    def false(reported: Mask) -> tuple[int, int]:
+    def count_false_reports(reported: Mask) -> tuple[int, int]:
         begins = reported[1:] & ~reported[:-1] & (result.true_force_n[1:] == 0.0)
         return int((begins & swings).sum()), int((begins & ~swings).sum())
 
     return FalseReports(
         minutes=60 * hours,
-        contact=false(result.contact),
-        force=false(result.force_n > CONTACT_N),
+        contact=count_false_reports(result.contact),
+        force=count_false_reports(result.force_n > CONTACT_N),
         bound_per_h=_NONE_95 / hours,
         largest_mn=1e3 * float(np.nanmax(result.force_n[result.swings])),
     )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.benchmarks.latency_vs_error.chain import latest, pace
+from footsense.benchmarks.latency_vs_error.chain import latest_conversions, pace
 from footsense.benchmarks.touchdown.readings import ORDER, RATE_SPS, readings_pf
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, Steps
 from footsense.estimation.baseline.contact import ContactLimits
@@ -49,7 +49,7 @@ def run(context: StudyContext, steps: Steps, until_s: float, seed: int) -> Run:
     t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
     read_pf = readings_pf(Foot(context.response, contact=False), steps, t_ns, np.random.default_rng(seed))
     pipeline = _pipeline(context, n_feet)
-    numbers = latest(ORDER, n)
+    numbers = latest_conversions(ORDER, n)
     sent_ns = (t_ns + lead_ns)[ELEMENTS - 1 :]
     ok = np.full((n_feet, ELEMENTS), Reading.OK, np.uint8)
     contact, force_n = [], []

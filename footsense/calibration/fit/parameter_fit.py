@@ -94,12 +94,12 @@ def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -
     damping = 1e-3
     for iteration in range(_MAX_ITERATIONS):
         if iteration == _REWHITEN_AT:
-            state = state.at(state.parameters, _whitening(twin, state.parameters, loads))
+            state = state.with_parameters(state.parameters, _whitening(twin, state.parameters, loads))
         slopes = state.slopes(shared_gap=shared_gap)
         curvature, gradient = slopes.T @ slopes, slopes.T @ state.residual
         while damping < _MAX_DAMPING:
             step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), -gradient)
-            tried = state.at(np.clip(state.parameters + step, *twin.bounds()))
+            tried = state.with_parameters(np.clip(state.parameters + step, *twin.bounds()))
             if tried.cost < state.cost:
                 break
             damping *= 10.0
@@ -143,7 +143,7 @@ class _State:
         self.residual = np.concatenate([(self._weight[:, None] * white).ravel(), prior])
         self.cost = float((within * (2.0 * self.distance - within)).sum() + (prior**2).sum())
 
-    def at(self, parameters: Vector, whitening: Vector | None = None) -> "_State":
+    def with_parameters(self, parameters: Vector, whitening: Vector | None = None) -> "_State":
         """Return the state at other parameters, with the same whitening or another."""
         whitening = self._whitening if whitening is None else whitening
         return _State(self._twin, self._loads, whitening, parameters)

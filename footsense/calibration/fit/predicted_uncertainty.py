@@ -66,7 +66,7 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
     force_per_pf = np.linalg.pinv(np.stack(by_force, axis=2))
     rng = np.random.default_rng(_SEED)
 
-    def errors(which: slice, n_draws: int) -> tuple[float, float]:
+    def errors_from(which: slice, n_draws: int) -> tuple[float, float]:
         """Return median angle [deg] and relative magnitude error [1] if only these parameters are uncertain."""
         root = np.linalg.cholesky(fit.covariance[which, which])
         angles_deg, magnitudes_rel = [], []
@@ -80,8 +80,8 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
             magnitudes_rel.append(np.abs(np.linalg.norm(estimate_n, axis=1) / magnitude_n - 1.0))
         return float(np.median(angles_deg)), float(np.median(magnitudes_rel))
 
-    direction_deg, magnitude_rel = errors(slice(None), _DRAWS)
-    by_kind = {kind: errors(which, _DRAWS_OF_KIND)[0] for kind, which in KINDS.items()}
+    direction_deg, magnitude_rel = errors_from(slice(None), _DRAWS)
+    by_kind = {kind: errors_from(which, _DRAWS_OF_KIND)[0] for kind, which in KINDS.items()}
     contractions = zip(parameter_names(), fit.contraction, strict=True)
     not_identified = tuple(name for name, value in contractions if value < IDENTIFIED_CONTRACTION)
     dominant = max(by_kind, key=by_kind.__getitem__)

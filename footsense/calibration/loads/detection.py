@@ -178,7 +178,7 @@ class LoadDetector:
         return np.concatenate([np.zeros((0, 3)), *(samples_n for _, samples_n in self._offsets)])
 
     def _end_press(self, since_ns: int) -> None:
-        """Wait for the next press; drop the samples before the release."""
+        """Wait for the next press; drop the samples before `since_ns` [ns]."""
         self._phase = _Phase.UNLOADED
         self._baseline_pf = None
         self._forget_until(since_ns)

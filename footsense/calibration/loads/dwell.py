@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.calibration.loads.calibration_load import Press
-from footsense.calibration.loads.span_means import column_deviations, column_means, unsaturated_n, within
+from footsense.calibration.loads.span_means import column_deviations, column_means, in_span, unsaturated_n
 from footsense.calibration.loads.steady_span import longest_steady
 from footsense.frames import Reference, Stamps, Vector
 
@@ -20,7 +20,7 @@ _FORCE_REL, _CAPACITANCE_REL = 0.04, 0.05
 _NOISE_RANGE = 5.0
 
 
-class Unloaded(NamedTuple):
+class UnloadedSpan(NamedTuple):
     """Readings over an unloaded span.
 
     Attributes:
@@ -36,20 +36,20 @@ class Unloaded(NamedTuple):
     force_n: Vector
 
 
-def unloaded(press: Press, span_ns: tuple[int, int]) -> Unloaded:
+def mean_unloaded(press: Press, span_ns: tuple[int, int]) -> UnloadedSpan:
     """Return the readings over an unloaded span [ns] beside a press."""
-    inside = within(press.t_ns, span_ns)
+    inside = in_span(press.t_ns, span_ns)
     scans = press.capacitance_pf[inside]
     t_ns = float(press.t_ns[inside].mean()) if inside.any() else sum(span_ns) / 2
-    return Unloaded(
+    return UnloadedSpan(
         t_ns, column_means(scans), column_deviations(scans), unsaturated_n(press.reference, span_ns)
     )
 
 
-def longest_dwell(press: Press, before: Unloaded) -> tuple[int, int]:
+def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
     """Return start and end of the longest span without motion [ns], equal if there is none."""
-    t_ns = press.t_ns[pressed := within(press.t_ns, press.pressed_ns)]
-    force_n = _beside(press.reference, t_ns) - column_means(before.force_n)
+    t_ns = press.t_ns[pressed := in_span(press.t_ns, press.pressed_ns)]
+    force_n = _reference_around(press.reference, t_ns) - column_means(before.force_n)
     change_pf = press.capacitance_pf[pressed] - before.capacitance_pf
     # A mean of n samples has less noise than each of them.
     n_beside = max(2 * _BESIDE_NS / sample_period_ns(press.reference), 1.0)
@@ -65,7 +65,7 @@ def longest_dwell(press: Press, before: Unloaded) -> tuple[int, int]:
     return start_ns + edge_ns, end_ns - edge_ns
 
 
-def _beside(reference: Reference, t_ns: Stamps) -> Vector:
+def _reference_around(reference: Reference, t_ns: Stamps) -> Vector:
     """Return the mean of the reference about each time [N], shape (times, 3); NaN without a sample."""
     first = np.searchsorted(reference.t_ns, t_ns - _BESIDE_NS)
     last = np.searchsorted(reference.t_ns, t_ns + _BESIDE_NS)

@@ -7,7 +7,7 @@ import numpy as np
 from footsense.calibration.loads import dwell
 from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, RejectedPress, Rejection
 from footsense.calibration.loads.reference_lag import lag_s
-from footsense.calibration.loads.span_means import column_means, within
+from footsense.calibration.loads.span_means import column_means, in_span
 from footsense.frames import Mask, Reading
 
 #: Smallest force of a load [N]: a sensor for 80 N resolves 0.12 N, averaged over a dwell a tenth of that.
@@ -18,31 +18,33 @@ _PRESENT_REL = 0.9
 
 def reduce_press(press: Press) -> CalibrationLoad | RejectedPress:
     """Return the calibration load of a recorded press, or why it gives none."""
-    before = dwell.unloaded(press, press.before_ns)
+    before = dwell.mean_unloaded(press, press.before_ns)
     dwell_ns = dwell.longest_dwell(press, before)
-    return next(_rejections(press, before, dwell_ns), None) or _means(press, dwell_ns, before)
+    return next(_rejections(press, before, dwell_ns), None) or _mean_load(press, dwell_ns, before)
 
 
-def _rejections(press: Press, before: dwell.Unloaded, dwell_ns: tuple[int, int]) -> Iterator[RejectedPress]:
+def _rejections(
+    press: Press, before: dwell.UnloadedSpan, dwell_ns: tuple[int, int]
+) -> Iterator[RejectedPress]:
     """Yield why a press gives no load, causes before their consequences."""
-    reading = press.reading[within(press.t_ns, press.pressed_ns)]
+    reading = press.reading[in_span(press.t_ns, press.pressed_ns)]
     over = (reading == Reading.OVER_RANGE).any(axis=0)
     silent = (reading != Reading.OK).mean(axis=0) > 1 - _PRESENT_REL
     # An element that was not read unloaded, or not in the dwell, is unknown as well.
-    dwell_pf = press.capacitance_pf[within(press.t_ns, dwell_ns)]
+    dwell_pf = press.capacitance_pf[in_span(press.t_ns, dwell_ns)]
     silent |= np.isnan(before.capacitance_pf) | (len(dwell_pf) > 0) & np.isnan(dwell_pf).all(axis=0)
     if over.any():
-        reason = f"element {_elements(over)} at the end of the converter's range"
+        reason = f"element {_element_list(over)} at the end of the converter's range"
         yield RejectedPress(Rejection.OVER_RANGE, reason)
     if silent.any():
-        yield RejectedPress(Rejection.NOT_READ, f"element {_elements(silent)} did not answer")
+        yield RejectedPress(Rejection.NOT_READ, f"element {_element_list(silent)} did not answer")
     if not len(before.force_n):
         yield RejectedPress(
             Rejection.REFERENCE_MISSING, "no unsaturated reference sample just before the press"
         )
-    dwell_s, pressed_s = _seconds(dwell_ns), _seconds(press.pressed_ns)
+    dwell_s, pressed_s = _duration_s(dwell_ns), _duration_s(press.pressed_ns)
     dwelt = dwell_s >= dwell.MIN_DWELL_S
-    samples = within(press.reference.t_ns, dwell_ns if dwelt else press.pressed_ns)
+    samples = in_span(press.reference.t_ns, dwell_ns if dwelt else press.pressed_ns)
     if press.reference.saturated[samples].any():
         largest_n = np.abs(press.reference.force_n[samples]).max()
         yield RejectedPress(
@@ -61,13 +63,13 @@ def _rejections(press: Press, before: dwell.Unloaded, dwell_ns: tuple[int, int])
         yield RejectedPress(rejection, reason)
 
 
-def _means(
-    press: Press, dwell_ns: tuple[int, int], before: dwell.Unloaded
+def _mean_load(
+    press: Press, dwell_ns: tuple[int, int], before: dwell.UnloadedSpan
 ) -> CalibrationLoad | RejectedPress:
     """Return the means over a dwell minus the means of the unloaded spans before and after it."""
-    scans, samples = within(press.t_ns, dwell_ns), within(press.reference.t_ns, dwell_ns)
+    scans, samples = in_span(press.t_ns, dwell_ns), in_span(press.reference.t_ns, dwell_ns)
     baseline_pf, offsets_n = before.capacitance_pf, press.offset_n
-    after = None if press.after_ns is None else dwell.unloaded(press, press.after_ns)
+    after = None if press.after_ns is None else dwell.mean_unloaded(press, press.after_ns)
     if after is not None and len(after.force_n) and not np.isnan(after.capacitance_pf).any():
         share = (sum(dwell_ns) // 2 - before.t_ns) / (after.t_ns - before.t_ns)
         baseline_pf = baseline_pf + share * (after.capacitance_pf - before.capacitance_pf)
@@ -89,9 +91,9 @@ def _means(
     )
 
 
-def _seconds(span_ns: tuple[int, int]) -> float:
+def _duration_s(span_ns: tuple[int, int]) -> float:
     return (span_ns[1] - span_ns[0]) / 1e9
 
 
-def _elements(which: Mask) -> str:
+def _element_list(which: Mask) -> str:
     return ", ".join(map(str, np.flatnonzero(which)))

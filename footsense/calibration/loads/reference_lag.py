@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.calibration.loads.calibration_load import Press
-from footsense.calibration.loads.span_means import within
+from footsense.calibration.loads.span_means import in_span
 from footsense.frames import Vector
 
 #: Span of unloaded foot and of dwell used beside each edge, and the least of the unloaded span after it [ns].
@@ -35,7 +35,7 @@ def lag_s(
     # Closures are nearly linear in the force; strays bend the curve a little.
     closure = (1.0 - baseline_pf / press.capacitance_pf).mean(axis=1)
     read = np.isfinite(closure)
-    dwelling = read & within(press.t_ns, dwell_ns)
+    dwelling = read & in_span(press.t_ns, dwell_ns)
     reference_rel = (press.reference.force_n - offset_n) @ force_n / (force_n @ force_n)
     ends_ns = min(press.t_ns[-1], press.reference.t_ns[-1])
     if not dwelling.any() or ends_ns < press.pressed_ns[1] + _MIN_AFTER_NS:

@@ -19,10 +19,10 @@ def column_deviations(values: Vector) -> Vector:
 
 def unsaturated_n(reference: Reference, span_ns: tuple[int, int]) -> Vector:
     """Return the samples in a span [ns] with no axis at the end of its range [N], shape (n, 3)."""
-    return reference.force_n[within(reference.t_ns, span_ns) & ~reference.saturated]
+    return reference.force_n[in_span(reference.t_ns, span_ns) & ~reference.saturated]
 
 
-def within(t_ns: Stamps, span_ns: tuple[int, int]) -> Mask:
+def in_span(t_ns: Stamps, span_ns: tuple[int, int]) -> Mask:
     """Return which times lie in a span, its ends included [ns]."""
     inside: Mask = (t_ns >= span_ns[0]) & (t_ns <= span_ns[1])
     return inside

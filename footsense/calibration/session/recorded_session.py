@@ -112,7 +112,7 @@ def read_session(path: Path, foot: str) -> RecordedSession:
     """
     recording = Replay(path)
     header = recording.header
-    leg_of = _mounted(header)
+    leg_of = _leg_of_foot(header)
     if foot not in leg_of:
         raise CalibrationError(
             f"{path}: a recording of {', '.join(leg_of) or 'feet without names'}, not of {foot}; "
@@ -157,7 +157,7 @@ def read_session(path: Path, foot: str) -> RecordedSession:
     )
 
 
-def _mounted(header: dict[str, str]) -> dict[str, str]:
+def _leg_of_foot(header: dict[str, str]) -> dict[str, str]:
     """Return the leg of each foot in a recording: one on a test stand, up to six on a robot."""
     legs = header["legs"].split(",")
     if "foot" in header and header.get("leg") in legs:

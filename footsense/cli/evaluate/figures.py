@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.force_errors import magnitude_errors_gf
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.ball import circle, rim, touch
+from footsense.lab.ball import map_circle, map_position, map_radius
 
 #: The paper's mean errors in the experiment, section V C [deg, gf].
 PAPER_DEG, PAPER_GF = 15.9, 18.7
@@ -37,10 +37,14 @@ def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
     for axes, (name, force_n) in zip(row, estimates_n.items(), strict=True):
         error_deg = angles_between_deg(reference_n, force_n)
         for elevation_deg in _ELEVATIONS_DEG:
-            axes.plot(*circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="0.6", lw=0.7, ls=":")
-            axes.text(0.0, rim(elevation_deg), f"{elevation_deg:g} deg", fontsize=7, color="0.4", ha="center")
+            axes.plot(
+                *map_circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="0.6", lw=0.7, ls=":"
+            )
+            axes.text(
+                0.0, map_radius(elevation_deg), f"{elevation_deg:g} deg", fontsize=7, color="0.4", ha="center"
+            )
         dots = axes.scatter(
-            *touch(direction[order]),
+            *map_position(direction[order]),
             s=8.0 + 45.0 * magnitude_n[order],
             c=error_deg[order],
             norm=BoundaryNorm(_LEVELS_DEG, 256, extend="max"),
@@ -48,8 +52,8 @@ def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
             linewidths=0.3,
         )
         mean_deg = float(error_deg.mean())
-        axes.plot(*circle(_CIRCLE_AT, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg")
-        axes.plot(*circle(_CIRCLE_AT, PAPER_DEG), "r--", lw=1.2, label=f"the paper's, {PAPER_DEG} deg")
+        axes.plot(*map_circle(_CIRCLE_AT, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg")
+        axes.plot(*map_circle(_CIRCLE_AT, PAPER_DEG), "r--", lw=1.2, label=f"the paper's, {PAPER_DEG} deg")
         axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
         axes.set_title(f"{name}\nforward", fontsize=10)
         axes.legend(fontsize=8, loc="lower left")

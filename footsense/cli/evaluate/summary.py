@@ -18,7 +18,7 @@ def evaluation_figures(
 ) -> dict[str, Any]:
     """Return all numbers of an evaluation as plain values; a band without loads is left out."""
     ways = evaluation.estimates
-    bands = {band.name: _band(evaluation, band) for band in BANDS}
+    bands = {band.name: _band_errors(evaluation, band) for band in BANDS}
     kept = ("made", "footsense", "n_loads", "sha256")
     return {
         "foot": foot,
@@ -32,13 +32,13 @@ def evaluation_figures(
     }
 
 
-def _band(evaluation: Evaluation, band: MagnitudeBand) -> dict[str, dict[str, float]]:
+def _band_errors(evaluation: Evaluation, band: MagnitudeBand) -> dict[str, dict[str, float]]:
     """Return the errors of the loads of a band by source; empty without loads."""
     found = {way: evaluation.errors_of(estimates, band) for way, estimates in evaluation.estimates.items()}
-    return {way: _errors(errors) for way, errors in found.items() if errors is not None}
+    return {way: _error_figures(errors) for way, errors in found.items() if errors is not None}
 
 
-def _errors(errors: Errors) -> dict[str, float]:
+def _error_figures(errors: Errors) -> dict[str, float]:
     return {
         "loads": errors.n,
         "direction_deg": errors.direction_deg,

@@ -46,7 +46,7 @@ class OverFeet:
     std: float
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> "OverFeet":
+    def of_values(cls, values: Sequence[float]) -> "OverFeet":
         """Return the mean and standard deviation of some values, rounded to three decimals."""
         return cls(round(float(np.mean(values)), 3), round(float(np.std(values)), 3))
 
@@ -85,7 +85,7 @@ class Results:
     refused: dict[str, dict[str, str]]
 
 
-def _line(one: FootResult) -> str:
+def _progress_line(one: FootResult) -> str:
     """Return a foot's line of progress."""
     before, after = one.errors["design_only"], one.errors.get(f"calibrated_{ALL_LOADS}")
     calibrated = "refused" if after is None else f"{after.direction_deg:.2f} deg, {after.magnitude_gf:.2f} gf"
@@ -116,13 +116,13 @@ def compute(
     evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every)
     for one in in_processes(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
-        context.say(_line(one))
+        context.say(_progress_line(one))
     if not feet:
         raise FootsenseError("no foot could be read")
     feet.sort(key=lambda one: one.foot)
 
     def over_feet(value: Callable[[FootResult], float]) -> OverFeet:
-        return OverFeet.of([value(one) for one in feet])
+        return OverFeet.of_values([value(one) for one in feet])
 
     results = Results(
         seed=batch.seed,
@@ -145,7 +145,7 @@ def _estimators(feet: list[FootResult]) -> dict[str, dict[str, int | OverFeet]]:
     found: dict[str, dict[str, int | OverFeet]] = {}
     for name in ESTIMATORS:
         if read := [asdict(one.errors[name]) for one in feet if name in one.errors]:
-            means = {error: OverFeet.of([errors[error] for errors in read]) for error in read[0]}
+            means = {error: OverFeet.of_values([errors[error] for errors in read]) for error in read[0]}
             found[name] = {"feet": len(read), **means}
     return found
 

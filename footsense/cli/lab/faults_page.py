@@ -5,7 +5,7 @@ from typing import Any
 
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Figures, Study, StudyContext
-from footsense.validation.faults.fault_table import can_rows, rows
+from footsense.validation.faults.fault_table import can_rows, fault_rows
 from footsense.validation.faults.published_walk import BREAKS_AT_S, DURATION_S, PASSES_AT_S
 
 
@@ -26,7 +26,7 @@ def compute(context: StudyContext) -> tuple[FaultResults, Figures]:
     """Simulate a walk for every fault; return the figures of each, by the description of the fault."""
     legs = {
         words: f._asdict() | {"state": f.state.name.lower(), "cause": f.cause.name.lower()}
-        for words, f in rows(context.say, quick=context.quick).items()
+        for words, f in fault_rows(context.say, quick=context.quick).items()
     }
     can = {words: f._asdict() for words, f in can_rows(context.say, quick=context.quick).items()}
     return FaultResults(legs=legs, can=can), {}

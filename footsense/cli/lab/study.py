@@ -74,7 +74,7 @@ def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -
     write_study(name, models, output, quick=quick)
 
 
-def _named(name: str, words: str, *own_options: Decorator) -> click.Command:
+def _study_command(name: str, words: str, *own_options: Decorator) -> click.Command:
     """Return the dedicated command of a study with these options."""
 
     def run(*, output: Path | None, quick: bool, models: Path | None = None, as_json: bool = False) -> None:
@@ -89,27 +89,27 @@ def _named(name: str, words: str, *own_options: Decorator) -> click.Command:
 
 _STUDY_OPTIONS = (options.models_option, options.output_option, options.quick_option, json_option)
 
-fidelity = _named(
+fidelity = _study_command(
     "fidelity",
     "Print time and error of the four models of the foot, and draw one against the other.",
     *_STUDY_OPTIONS,
 )
-cramer_rao = _named(
+cramer_rao = _study_command(
     "cramer-rao",
     "Print the Cramer-Rao bound over the loading range, and the network's error over it.",
     *_STUDY_OPTIONS,
 )
-gaits = _named(
+gaits = _study_command(
     "gaits",
     "Print the network's errors on gaits that it was not trained on, and at rest.",
     *_STUDY_OPTIONS,
 )
-tradeoff = _named(
+tradeoff = _study_command(
     "tradeoff",
     "Print what conversion rate and publishing rate cost in latency and bring in error.",
     *_STUDY_OPTIONS,
 )
-faults = _named(
+faults = _study_command(
     "faults",
     "Walk with every fault that a scene can have, and print detection, recovery and effect on the other legs.",
     options.output_option,

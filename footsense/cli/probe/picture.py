@@ -43,9 +43,9 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
     """Return buses, legs, feet, the shortest scan, diagnoses and readings; they fit 80 columns."""
     parts: list[RenderableType] = [Text.assemble(("footsense probe  ", "bold"), title), Text()]
     for report in result.buses:
-        parts += [*_bus(report), Text()]
-    parts += [_legs(result.legs), Text()]
-    feet = [_foot(report) for report in result.legs if report.scans is not None]
+        parts += [*_bus_lines(report), Text()]
+    parts += [_leg_table(result.legs), Text()]
+    feet = [_foot_marks(report) for report in result.legs if report.scans is not None]
     if feet:
         parts += [
             Text("every foot from above, forwards up: pF of each element", "dim"),
@@ -58,6 +58,13 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
                 f"nine conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
             )
         )
+    if known := [leg.timing.keeps_done for leg in result.legs if leg.timing]:
+        order = (
+            "while the next conversion runs"
+            if all(known)
+            else "before the next conversion, which makes one forget"
+        )
+        parts.append(Text(f"Converters are asked whether they are done {order}."))
     parts.append(Text())
     if not result.diagnoses:
         parts.append(Text("No faults.", "green"))
@@ -110,7 +117,7 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
     return marks
 
 
-def _bus(report: ProbedBus) -> Iterator[Text]:
+def _bus_lines(report: ProbedBus) -> Iterator[Text]:
     """Yield the lines of one bus."""
     bus, scan, drivers = report
     device = (bus.device, "bold")
@@ -146,20 +153,20 @@ def _addresses(
         yield f"{len(addresses.not_probed)} addresses could not be scanned: this adapter does not support empty writes"
 
 
-def _legs(legs: tuple[ProbedLeg, ...]) -> Table:
+def _leg_table(legs: tuple[ProbedLeg, ...]) -> Table:
     several = len({report.device for report in legs}) > 1
     columns: LegColumns[ProbedLeg] = {
         **({"bus": ("<1", lambda leg: leg.device)} if several else {}),
         "at": ("<1", lambda leg: str(leg.channel)),
-        "answering": ("<1", _answering),
+        "answering": ("<1", _answering_chips),
         "C0 [pF]": (">1", lambda leg: _of_sound(leg, lambda scans: scans.mean_pf, "{0:.2f}..{1:.2f}")),
         "noise [fF]": (">1", lambda leg: _of_sound(leg, lambda scans: scans.noise_ff, "{1:.2f}")),
-        "foot": ("<1", _verdict),
+        "foot": ("<1", _foot_result),
     }
     return leg_table({report.leg: report for report in legs}, columns)
 
 
-def _answering(leg: ProbedLeg) -> Text:
+def _answering_chips(leg: ProbedLeg) -> Text:
     if leg.chips is None:
         return EMPTY
     names = _CHIPS if leg.chips.outcome is Reading.OK else {}
@@ -175,13 +182,13 @@ def _of_sound(leg: ProbedLeg, values: Callable[[FootScans], Vector], form: str) 
     return form.format(sound.min(), sound.max()) if sound.size else "-"
 
 
-def _verdict(leg: ProbedLeg) -> Text:
+def _foot_result(leg: ProbedLeg) -> Text:
     if leg.scans is None:
         return Text("not scanned", "bold red")
     return Text("see below", "bold red") if leg.faults else Text("sound", "green")
 
 
-def _foot(report: ProbedLeg) -> Text:
+def _foot_marks(report: ProbedLeg) -> Text:
     cells = [Text(f"{mark:>7.7}", "bold red" if faulty else "") for mark, faulty in element_marks(report)]
     rows = [Text.assemble(*cells[first : first + 3]) for first in (0, 3, 6)]
     return Text("\n").join([Text(report.leg, "bold"), *rows, Text()])

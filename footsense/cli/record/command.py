@@ -79,7 +79,9 @@ def record(
     whole then, too. Without --config, a simulated foot is pressed.
     """  # noqa: DOC501 - click shows this text
     test_stand = load_test_stand(test_stand_file)
-    config = _mounted(load_config(config_file) if config_file else _simulated(leg), leg, foot)
+    config = _with_foot_on_leg(
+        load_config(config_file) if config_file else _one_leg_simulation(leg), leg, foot
+    )
     row = config.legs.index(leg)
     session = session or out.stem
     scene = None
@@ -118,20 +120,20 @@ def record(
         )
         guide.report = click.echo  # the picture is not drawn again
         guide.close()
-    _report(out, guide, service.reference)
+    _print_session(out, guide, service.reference)
     _draw(out, guide, f"{foot}, session {run.session}")
     if guide.findings:
         raise CalibrationError(f"{out} is kept, but do not calibrate with it: {'; '.join(guide.findings)}")
 
 
-def _simulated(leg: str) -> Config:
+def _one_leg_simulation(leg: str) -> Config:
     """Return the built-in simulation with one leg."""
     built_in = msgspec.to_builtins(DEFAULT)
     bus = built_in["buses"][0]
     return msgspec.convert(built_in | {"buses": [bus | {"legs": {leg: bus["legs"][leg]}}]}, Config)
 
 
-def _mounted(config: Config, leg: str, foot: str) -> Config:
+def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
     """Return the configuration with the uncalibrated foot on its leg.
 
     Raises:
@@ -162,7 +164,7 @@ def _ends_s(scene: Scene | None) -> float:
     return load.ends_ns / _NS_PER_S + _AFTER_S if isinstance(load, PressSequence) else math.inf
 
 
-def _report(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
+def _print_session(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
     """Print coverage, rejected presses, the next load, and the statistics of the reference."""
     click.echo(f"{out}: {guide.coverage.summary()}")
     if guide.rejected:

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from footsense.acquisition.chip_timing import ChipTiming
 from footsense.acquisition.linux.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
 from footsense.acquisition.probe.address_scan import probe_addresses
 from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
 from footsense.acquisition.probe.bus_scan import scan_adapters as scan_leg_adapters
 from footsense.acquisition.probe.foot_check import FootFault, FootScans, foot_faults
+from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
@@ -77,13 +79,13 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
         buses = tuple(_probe_buses(config, scene, plan))
         diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]
         conversions_ns = ELEMENTS * plan.conversion_ns
-    feet = None
+    feet, timings = None, None
     if all(report.scan.mux_answers for report in buses):
         try:
-            feet = _foot_scans(config, scene)
+            feet, timings = _foot_scans(config, scene)
         except HardwareError as error:
             diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
-    legs = tuple(_probe_legs(config, buses, feet))
+    legs = tuple(_probe_legs(config, buses, feet, timings))
     diagnoses += [diagnosis for leg in legs for diagnosis in leg_diagnoses(leg)]
     return ProbeResult(buses, legs, tuple(diagnoses), conversions_ns)
 
@@ -101,17 +103,25 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
             yield ProbedBus(bus, scan, drivers)
 
 
-def _foot_scans(config: Config, scene: Scene | None) -> list[FootScans]:
-    """Return the scans of each leg's foot."""
+def _foot_scans(
+    config: Config, scene: Scene | None
+) -> tuple[list[FootScans], list[ChipTiming | None] | None]:
+    """Return the scans of each leg's foot, and the timing of its converter; None where a microcontroller scans."""
     with open_scan_source(config, scene) as started:
         frames = started.read_scans(_N_SETTLING + _N_SCANS)[_N_SETTLING:]
+        timings = None
+        if isinstance(started.source, RobotScanner):
+            timings = [leg.timing if leg.is_timed else None for leg in started.source.legs]
     capacitance_pf = np.stack([frame.capacitance_pf for frame in frames], axis=1)
     reading = np.stack([frame.reading for frame in frames], axis=1)
-    return [FootScans(*of_leg) for of_leg in zip(capacitance_pf, reading, strict=True)]
+    return [FootScans(*of_leg) for of_leg in zip(capacitance_pf, reading, strict=True)], timings
 
 
 def _probe_legs(
-    config: Config, buses: tuple[ProbedBus, ...], feet: list[FootScans] | None
+    config: Config,
+    buses: tuple[ProbedBus, ...],
+    feet: list[FootScans] | None,
+    timings: list[ChipTiming | None] | None,
 ) -> Iterator[ProbedLeg]:
     """Yield the report of every leg, in the order of the configuration."""
     places: list[tuple[str, str, int | str, ChannelScan | None]] = []
@@ -136,4 +146,4 @@ def _probe_legs(
                 noise_limit_ff=config.tare.noise_limit_ff,
                 unloaded_limit_rel=config.tare.unloaded_limit_rel,
             )
-        yield ProbedLeg(*place, scans, faults)
+        yield ProbedLeg(*place, timings[row] if timings else None, scans, faults)

@@ -7,6 +7,7 @@ import numpy as np
 from footsense.acquisition.probe.bus_scan import leg_chip_addresses
 from footsense.acquisition.probe.foot_check import CHIP_READINGS
 from footsense.acquisition.scan_plan import ScanPlan
+from footsense.config.contradictions import pull_up_fault
 from footsense.daemon.acquisition import SLOW_REL
 from footsense.daemon.probe.report import Diagnosis, ProbedBus, ProbedLeg
 from footsense.frames import Reading
@@ -29,6 +30,8 @@ def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
 def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
     """Yield pairs of observation and advice for each fault of a bus."""
     bus, scan, drivers = report
+    if fault := pull_up_fault(bus):
+        yield fault, "the resistors, or pull_ups in the configuration"
     if scan.upstream is None:
         needs_wire = not bus.mux.reset and not bus.adapters
         wire = "; only the mux's RESET pin frees a leg that holds it: wire one" if needs_wire else ""
@@ -111,5 +114,9 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
         yield Diagnosis(report.leg, what, "short in its cable or plug, and whether its chips have power")
     elif chips is not None and chips_fail:
         yield Diagnosis(report.leg, f"{where}: {chips.why}", _CHECKS[chips.outcome])
+    if report.timing is not None and report.timing.slowness > 1.0:
+        slower = f"{100 * (report.timing.slowness - 1):.0f} %"
+        what = f"{where}: its conversions take {slower} longer than the slowest converter may; all legs wait for them"
+        yield Diagnosis(report.leg, what, "its supply; or replace the converter")
     for fault in report.faults:
         yield Diagnosis(report.leg, fault.what, fault.check)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.acquisition.chip_timing import ChipTiming
 from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
 from footsense.acquisition.probe.foot_check import FootFault, FootScans
@@ -47,6 +48,7 @@ class ProbedLeg(NamedTuple):
         device: Device of its bus.
         channel: Channel of the mux, or adapter where the kernel drives the mux.
         chips: Chips that answer there; None if they could not be scanned.
+        timing: Timing of its converter; None if it was not measured.
         scans: Scans of its foot; None if there are none.
         faults: Faults of the foot.
     """
@@ -55,6 +57,7 @@ class ProbedLeg(NamedTuple):
     device: str
     channel: int | str
     chips: ChannelScan | None
+    timing: ChipTiming | None
     scans: FootScans | None
     faults: tuple[FootFault, ...]
 

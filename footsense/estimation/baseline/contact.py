@@ -132,13 +132,13 @@ class ContactDetector:
         self._loaded_ns = t_ns
 
     def observe(
-        self, load_n: float, baseline_n: float, t_ns: int, now_ns: int, predicted_n: float = math.nan
+        self, load_n: float, baseline_error_n: float, t_ns: int, now_ns: int, predicted_n: float = math.nan
     ) -> None:
         """Detect contact in the newest load.
 
         Args:
             load_n: Load along the leg above its baseline [N], NaN where it is not known.
-            baseline_n: Largest error of the baseline [N].
+            baseline_error_n: Largest error of the baseline [N].
             t_ns: Stamp of the newest reading [ns].
             now_ns: Current time [ns].
             predicted_n: The same load as predicted from the newest reading, which shows a touchdown before most
@@ -152,7 +152,7 @@ class ContactDetector:
             return
         elapsed_s = (t_ns - self._t_ns) * 1e-9 if t_ns > self._t_ns else 0.0
         self._t_ns = t_ns
-        self.drift_n = baseline_n + _CREEP_REL * self._creep_load_n
+        self.drift_n = baseline_error_n + _CREEP_REL * self._creep_load_n
         self.explained_by_drift = abs(load_n) <= self._explained_n + self.drift_n
         floor_n = self.floor_n
         above_n = load_n - floor_n
@@ -171,7 +171,7 @@ class ContactDetector:
             if not (fallen or above_n < lift_n):
                 self._loaded_ns = t_ns
             elif t_ns - self._loaded_ns >= _HOLD_NS:
-                self._lift_off(load_n, baseline_n, t_ns)
+                self._lift_off(load_n, baseline_error_n, t_ns)
         elif self.raw:
             self.in_contact = True
             self._touched_ns = self._loaded_ns = t_ns
@@ -197,7 +197,7 @@ class ContactDetector:
         self._recent_n += (pressing_n - self._recent_n) * (elapsed_s / (_RECENT_S + elapsed_s))
         self._creep_load_n += (pressing_n - self._creep_load_n) * (elapsed_s / (_CREEP_S + elapsed_s))
 
-    def _lift_off(self, load_n: float, baseline_n: float, t_ns: int) -> None:
+    def _lift_off(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
         self.in_contact = False
         if t_ns - self._touched_ns < _SHORT_NS:
             peaks = (self.noise, self._peak_n), (self.predicted_noise, self._predicted_peak_n)
@@ -209,7 +209,7 @@ class ContactDetector:
         self.predicted_noise.interrupt(t_ns)
         # A foot can be pressed, not pulled: a floor below the baseline's error would turn the next reading into a
         # touchdown.
-        self.floor_n = max(load_n, -baseline_n)
+        self.floor_n = max(load_n, -baseline_error_n)
         self._highest_before_n = self._highest_n = self.floor_n
 
     def refusal(self, kind: CommandKind) -> str | None:

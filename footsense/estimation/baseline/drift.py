@@ -140,11 +140,11 @@ class LegBaseline:
     def _move(self, reading_pf: Vector, known: Mask, t_ns: int) -> None:
         elapsed_s = max(t_ns - self.updated_ns, 0) * 1e-9
         reach_pf = MAX_DRIFT_PF_PER_S * elapsed_s
-        anchor_pf = self._anchor_pf + _clipped(self.baseline_pf - self._anchor_pf, -reach_pf, reach_pf)
+        anchor_pf = self._anchor_pf + _clip(self.baseline_pf - self._anchor_pf, -reach_pf, reach_pf)
         variance_pf2 = self.variance_pf2 + DRIFT_PF2_PER_S * elapsed_s
         gain = variance_pf2 / (variance_pf2 + _READING_PF2)
         innovation_pf = reading_pf - self.baseline_pf
-        wanted_pf = _clipped(
+        wanted_pf = _clip(
             self.baseline_pf + gain * innovation_pf,
             anchor_pf - MAX_ANCHOR_DISTANCE_PF,
             anchor_pf + MAX_ANCHOR_DISTANCE_PF,
@@ -178,6 +178,6 @@ class LegBaseline:
         self._anchor_pf = np.where(adopted, reading_pf, self._anchor_pf)
 
 
-def _clipped(values: Vector, low: Vector | float, high: Vector | float) -> Vector:
+def _clip(values: Vector, low: Vector | float, high: Vector | float) -> Vector:
     """Return values within two limits; `np.clip` takes more than twice as long for so few."""
     return np.minimum(np.maximum(values, low), high)

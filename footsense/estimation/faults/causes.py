@@ -96,4 +96,5 @@ def causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Cod
     if reading.any():
         for kind, (_, reason) in _BY_READING.items():
             cause[(reading == kind).any(axis=1)] = reason
+    cause[(state == State.STALE) & (cause == Cause.NONE)] = Cause.DELAYED
     return cause

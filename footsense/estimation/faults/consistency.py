@@ -10,8 +10,9 @@ closures move from one reading to the next: the limit is wider by that. A larger
 came off and no longer moves, one that drifts, a flipped bit, or a line that broke during the scan. So an element, row
 or column without which the rest is consistent is left out at once; one that stays suspected is excluded, until it has
 been consistent for a while both under load and unloaded: unloaded, an element stuck at its baseline reads right, and
-under load, where the limit is wider, a drifting one may. If no such set explains the residuals, the force is given with
-a wider sigma.
+under load, where the limit is wider, a drifting one may. A foot that stands or hangs for long shows only one of both:
+after ten seconds an element that is consistent there is believed as any other is. If no such set explains the
+residuals, the force is given with a wider sigma.
 """
 
 import math
@@ -33,6 +34,8 @@ INCONSISTENCY_REL = 0.5
 MOVED_REL = 0.08
 #: Time for which an excluded element has to be consistent, loaded and unloaded each, until it is readmitted [ns].
 READMITTED_AFTER_NS = 300_000_000
+#: The same where the load does not change, or is too small to tell [ns].
+READMITTED_ALONE_AFTER_NS = 10_000_000_000
 #: Rate at which it loses that time while it is inconsistent [1].
 LOSS_RATE = 4
 #: Time for which residuals have to have the same cause before it is acted on, over the time of a step [1].
@@ -92,7 +95,7 @@ class ConsistencyTest:
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
         self._excluded = np.zeros(shape, bool)
         self._stuck = np.zeros(shape, bool)
-        self._consistent_ns = np.zeros((n_legs, 2), np.int64)  # unloaded, loaded
+        self._consistent_ns = np.zeros((n_legs, 3), np.int64)  # unloaded, loaded, in all
         self._t_ns = 0
         # Of each element's measured and predicted closures: the smallest and the largest.
         self._extremes = np.zeros((2, 2, *shape))
@@ -172,10 +175,10 @@ class ConsistencyTest:
         if self._excluded[leg].any():
             self._readmit(leg, closure_rel, motion_rel, missing, now_ns)
             self._widen_ranges(leg, closure_rel, missing)
-        excess = self._excess(closure_rel, missing, motion_rel)
+        excess = self._residual_over_limit(closure_rel, missing, motion_rel)
         if excess <= 1.0:
             # What motion could explain neither clears a suspicion nor feeds it.
-            if self._excess(closure_rel, missing) <= 1.0:
+            if self._residual_over_limit(closure_rel, missing) <= 1.0:
                 self._suspected[leg] = self._inconsistent[leg] = False
             return 0.0
         isolated = self._isolate(closure_rel, missing, motion_rel)
@@ -186,7 +189,7 @@ class ConsistencyTest:
             self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
         inconsistency_rel = float(
-            INCONSISTENCY_REL * excess * _limit(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
+            INCONSISTENCY_REL * excess * _residual_limit_rel(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
         )
         if now_ns - self._suspected_since_ns[leg] < self._hold_ns:
             return inconsistency_rel
@@ -208,15 +211,16 @@ class ConsistencyTest:
         if not np.isfinite(closure_rel[excluded]).all():
             return
         elapsed_ns = min(now_ns - self._t_ns, self._settled_ns)
-        if self._excess(closure_rel, missing & ~excluded, motion_rel) > 1.0:
+        if self._residual_over_limit(closure_rel, missing & ~excluded, motion_rel) > 1.0:
             # Not all at once: a load in motion is not over at once.
             self._consistent_ns[leg] = np.maximum(self._consistent_ns[leg] - LOSS_RATE * elapsed_ns, 0)
-        elif self._excess(closure_rel, missing & ~excluded) <= 1.0:
+        elif self._residual_over_limit(closure_rel, missing & ~excluded) <= 1.0:
             largest = np.abs(self._predict(closure_rel, missing)[excluded]).max()
-            self._consistent_ns[leg] += np.where(
-                [largest < RESIDUAL_LIMIT, largest > MOVED_REL], elapsed_ns, 0
-            )
-        if (self._consistent_ns[leg] >= READMITTED_AFTER_NS).all():
+            unloaded = largest < RESIDUAL_LIMIT
+            tells = not (unloaded and self._stuck[leg].any())
+            self._consistent_ns[leg] += np.where([unloaded, largest > MOVED_REL, tells], elapsed_ns, 0)
+        *both_ns, all_ns = self._consistent_ns[leg].tolist()
+        if min(both_ns) >= READMITTED_AFTER_NS or all_ns >= READMITTED_ALONE_AFTER_NS:
             missing &= ~excluded
             self._excluded[leg] = self._stuck[leg] = False
 
@@ -239,19 +243,21 @@ class ConsistencyTest:
         stuck: Mask = (predicted > MOVED_REL) & (measured < STUCK_REL * predicted)
         return stuck
 
-    def _excess(self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0) -> float:
+    def _residual_over_limit(self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0) -> float:
         """Return the largest residual of the present elements, divided by the residual limit [1]."""
         kept = closure_rel[~missing]
         if kept.size < 2:
             return 0.0
         residual = self._residual_matrix(missing) @ np.where(missing, 0.0, closure_rel)
-        return float(np.abs(residual).max() / _limit(np.sqrt(np.square(kept).mean()), motion_rel))
+        return float(
+            np.abs(residual).max() / _residual_limit_rel(np.sqrt(np.square(kept).mean()), motion_rel)
+        )
 
     def _isolate(self, closure_rel: Vector, missing: Mask, motion_rel: float) -> Mask:
         """Return the smallest known set around `missing` without which the rest is consistent; else `missing`."""
         known = np.where(MISSING_SETS, 0.0, closure_rel)
         residual = np.abs(np.einsum("sij,sj->si", self._residual_matrices, known)).max(axis=1)
-        excess = residual / _limit(np.sqrt(np.square(known).sum(axis=1) / _N_KEPT), motion_rel)
+        excess = residual / _residual_limit_rel(np.sqrt(np.square(known).sum(axis=1) / _N_KEPT), motion_rel)
         excess[(missing & ~MISSING_SETS).any(axis=1)] = np.inf
         for sets in (_SINGLE, _LINES):
             if excess[sets].min() <= 1.0:
@@ -271,7 +277,7 @@ class ConsistencyTest:
         return self._matrices[key]
 
 
-def _limit(rms_rel: Vector | float, motion_rel: float) -> Vector:
+def _residual_limit_rel(rms_rel: Vector | float, motion_rel: float) -> Vector:
     """Return the largest residual of an element whose foot has closures of this root mean square and motion [1]."""
     limit: Vector = RESIDUAL_LIMIT + motion_rel + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
     return limit

@@ -18,14 +18,17 @@ from footsense.frames import Slip
 
 #: Every second conversion is looked at: the next one sees mostly the same readings.
 TURNS = 2
-#: Looks of a plateau, and of the rise before it.
-_PLATEAU, _RISE = 4, 4
+#: Looks of a plateau, and the longest time between the first of two looks of it [ns].
+_PLATEAU, _LOOK_NS = 4, 8_000_000
+#: Time before a plateau in which the ratio may have risen to it [ns]: a slide that begins suddenly is not clear at
+#: first.
+_RISE_NS = 120_000_000
 #: Tolerance of a ratio in standard deviations, its least [1], and those up to which it tells of a slip, and teaches.
-_SIGMAS, _LEAST, _TELLING, _TEACHING = 1.5, 0.02, 0.06, 0.045
+_SIGMAS, _LEAST, _TELLING, _TEACHING = 1.5, 0.02, 0.12, 0.045
 #: Rise of a kink in tolerances.
-_RISE_TOLERANCES = 2.0
+_RISE_TOLERANCES = 3.0
 #: Kinks that are remembered, and those at one ratio that make a cone.
-_REMEMBERED, _ENOUGH = 30, 5
+_REMEMBERED, _ENOUGH = 30, 4
 #: Static over kinetic friction at most [1].
 _STATIC_REL = 1.2
 #: Looks at the cone until a slip is said, and away from it until it is over.
@@ -91,7 +94,8 @@ class SlipDetector:
     def lift(self) -> None:
         """Forget the stance: the foot is in the air."""
         self.state = Slip.UNKNOWN
-        self._ratios: deque[float] = deque(maxlen=_PLATEAU + _RISE)
+        # Time [ns] and ratio of the clear looks of late.
+        self._ratios: deque[tuple[int, float]] = deque()
         # Looks at the cone or away from it, and the time of the first of them [ns].
         self._at_cone, self._run, self._since_ns = False, 0, 0
         self._kinked = False
@@ -106,29 +110,23 @@ class SlipDetector:
         use = ground.friction_use
         if not ground.pressing_n > _FIRM_N or math.isnan(use):
             was_slipping = self.state is Slip.SLIPPING
-            if self._ratios:
-                self.lift()
+            self.state, self._run = Slip.UNKNOWN, 0
             return BackDated(now_ns - _LAG_NS, _SIGMA_S) if was_slipping else None
         tolerance = max(_SIGMAS * ground.friction_use_sigma, _LEAST)
         if tolerance > _TELLING:
             # As in the first scan of a stance; a slide that was said goes on.
-            self._ratios.clear()
             self._run = 0
             if self.state is Slip.NONE:
                 self.state = Slip.UNKNOWN
             return None
-        self._ratios.append(use)
         ratios = self._ratios
-        if (
-            tolerance <= _TEACHING
-            and not self._kinked
-            and len(ratios) == _PLATEAU + _RISE
-            # Where there can be neither a ratio that exceeds a kink nor a kink, there is nothing to learn.
-            and (use > self._friction.exceeding or use - min(ratios) > tolerance)
-        ):
+        ratios.append((now_ns, use))
+        while ratios[0][0] < now_ns - _RISE_NS:
+            ratios.popleft()
+        if tolerance <= _TEACHING:
             self._learn(tolerance)
         cone = self._friction.coefficient
-        at_cone = use > cone - tolerance
+        at_cone = use > cone - _LEAST
         if at_cone is not self._at_cone or not self._run:
             self._at_cone, self._run, self._since_ns = at_cone, 0, now_ns
         self._run += 1
@@ -141,13 +139,19 @@ class SlipDetector:
 
     def _learn(self, tolerance: float) -> None:
         """Look for a kink, and for a ratio above the cone."""
-        ratios = list(self._ratios)
-        plateau = ratios[_RISE:]
-        least, most = min(plateau), max(plateau)
-        if most - least > tolerance:
+        ratios = self._ratios
+        exceeds = ratios[-1][1] > self._friction.exceeding
+        if len(ratios) <= _PLATEAU or (self._kinked and not exceeds):
+            return
+        plateau = [ratios[place][1] for place in range(-_PLATEAU, 0)]
+        if (
+            max(plateau) - min(plateau) > tolerance
+            or ratios[-1][0] - ratios[-_PLATEAU][0] > _PLATEAU * _LOOK_NS
+        ):
             return
         level = sum(plateau) / _PLATEAU
-        self._friction.exceed(level, tolerance)
-        if level - min(ratios[:_RISE]) > _RISE_TOLERANCES * tolerance:
+        if exceeds:
+            self._friction.exceed(level, tolerance)
+        if not self._kinked and level - min(ratio for _, ratio in ratios) > _RISE_TOLERANCES * tolerance:
             self._kinked = True
             self._friction.kink(level, tolerance)

@@ -69,10 +69,10 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
             f"{folder}: no such calibration; `footsense calibrate` makes one from recordings of the foot"
         )
     path = folder / MANIFEST
-    manifest = _decoded(path, _content(path), Manifest)
+    manifest = _decode_json(path, _read_file(path), Manifest)
     foot = foot or folder.absolute().name.partition(".")[0]
     if manifest.sha256 != manifest.own_sha256:
-        raise ModelError(_edited(path, "its own hash"))
+        raise ModelError(_mismatch_message(path, "its own hash"))
     if manifest.foot != foot:
         raise ModelError(
             f"{folder}: the calibration of {manifest.foot}, not of {foot}; it stays in the folder of its foot"
@@ -86,11 +86,11 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
         raise ModelError(
             f"{path}: lists {', '.join(sorted(manifest.files))}; a calibration has {', '.join(FILES)}"
         )
-    contents = {name: _content(folder / name) for name in FILES}
+    contents = {name: _read_file(folder / name) for name in FILES}
     for name, content in contents.items():
         if hashlib.sha256(content).hexdigest() != manifest.files[name]:
-            raise ModelError(_edited(folder / name, f"its hash in {MANIFEST}"))
-    found = _decoded(folder / PARAMETERS, contents[PARAMETERS], Parameters)
+            raise ModelError(_mismatch_message(folder / name, f"its hash in {MANIFEST}"))
+    found = _decode_json(folder / PARAMETERS, contents[PARAMETERS], Parameters)
     network_sha256 = verified_sha256(contents[NETWORK], str(folder / NETWORK))
     if network_sha256 != found.network_sha256:
         raise ModelError(
@@ -118,14 +118,14 @@ def _array(_: type, values: list[float]) -> Vector:
     return np.array(values)
 
 
-def _edited(path: Path, expected: str) -> str:
+def _mismatch_message(path: Path, expected: str) -> str:
     return (
         f"{path}: does not match {expected}: edited by hand, or damaged; copy the calibration again, or calibrate the "
         "foot again"
     )
 
 
-def _content(path: Path) -> bytes:
+def _read_file(path: Path) -> bytes:
     """Return the bytes of a file of a calibration.
 
     Raises:
@@ -143,7 +143,7 @@ def _content(path: Path) -> bytes:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
 
 
-def _decoded(path: Path, content: bytes, kind: type[_Struct]) -> _Struct:
+def _decode_json(path: Path, content: bytes, kind: type[_Struct]) -> _Struct:
     """Return the content of a JSON file.
 
     Raises:

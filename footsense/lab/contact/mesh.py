@@ -42,7 +42,7 @@ class ContactMeshSize:
     order: int = 2
 
 
-def _halved(shape: Any) -> list[Any]:
+def _cut_at_y0(shape: Any) -> list[Any]:
     """Return the part with y > 0 as a list of one, or nothing; a shape that is not cut stays itself."""
     low, high = shape.bounding_box
     if high.y < NEAR_MM:
@@ -120,7 +120,7 @@ def build_mesh(
     cavities = [square(*centre_mm, design.electrode_mm) for centre_mm in design.centres_mm]
     shapes = [*bodies(design, size.plate_mm, quarter=False), *cavities]
     if half:
-        shapes = [part for shape in shapes for part in _halved(shape)]
+        shapes = [part for shape in shapes for part in _cut_at_y0(shape)]
     shape = occ.Glue(shapes)
     _name_faces(shape, design)
     _mark_bar_edges(shape, design, size)

@@ -8,7 +8,7 @@ import numpy as np
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
 from footsense.estimation.gait.tracker import GaitTracker
 from footsense.foot.response_table import FootResponse
-from footsense.frames import LEGS, GaitEvent, Stamps, Vector
+from footsense.frames import LEGS, GaitEvent, Mask, Stamps, Vector
 from footsense.lab.training.gait_readings import STEP_S, GaitReadings, Timing, joined, read_gait
 from footsense.lab.training.gait_windows import whole_windows, windows_of
 from footsense.ports import Estimator, Load, Window
@@ -30,9 +30,10 @@ class RoughWalk:
         normal: True normals, same shape.
         slides: Truth of each leg on the ground.
         stances_s: Start and end of each stance of each leg [s], shapes (k, 2).
-        said: Every event with the row of the conversion after which it was said.
+        reported: Every event with the row of the conversion after which it was reported.
+        known: Whether the force is known, shape (n, legs): all elements are within the converter's range.
         contact: Debounced contact, shape (n, legs).
-        found_normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
+        estimated_normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
         friction_use: Friction use, shape (n, legs), NaN where there is none.
         coefficient: Learnt coefficient of friction, shape (n,).
     """
@@ -42,9 +43,10 @@ class RoughWalk:
     normal: Vector
     slides: list[Slides]
     stances_s: list[Vector]
-    said: list[tuple[int, GaitEvent]]
+    reported: list[tuple[int, GaitEvent]]
+    known: Mask
     contact: Vector
-    found_normal: Vector
+    estimated_normal: Vector
     friction_use: Vector
     coefficient: Vector
 
@@ -73,7 +75,7 @@ def walk(
     timing = Timing(drift_pf=0.3e-3)
     readings = joined([read_gait(response, gait.loads, timing, rng, n) for gait in gaits])
     t_s = STEP_S * np.arange(1.0, n + 1) + readings.lead_s.mean(axis=0)
-    found = _run(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64))
+    found = _run_gait_tracker(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64))
     return RoughWalk(
         t_s=t_s,
         force_n=readings.force_n.swapaxes(0, 1).astype(np.float64),
@@ -83,33 +85,37 @@ def walk(
             np.array([(start_s, start_s + stance.duration_s) for start_s, stance in gait.stances])
             for gait in gaits
         ],
-        said=found.said,
+        reported=found.reported,
+        known=found.known,
         contact=np.array(found.contact, np.float64),
-        found_normal=np.array(found.normal),
+        estimated_normal=np.array(found.normal),
         friction_use=np.array(found.friction_use),
         coefficient=np.array(found.coefficient),
     )
 
 
 @dataclass(slots=True)
-class _Found:
-    """What was said after each conversion."""
+class _GaitOutputs:
+    """Outputs of the gait tracker after each conversion: events, contact, normal, friction."""
 
-    said: list[tuple[int, GaitEvent]]
+    reported: list[tuple[int, GaitEvent]]
+    known: Mask
     contact: list[Sequence[bool]]
     normal: list[Vector]
     friction_use: list[Vector]
     coefficient: list[float]
 
 
-def _run(readings: GaitReadings, estimator: Estimator, n_per_rel: float, t_ns: Stamps) -> _Found:
-    """Return what the gait semantics say of readings, conversion by conversion."""
+def _run_gait_tracker(
+    readings: GaitReadings, estimator: Estimator, n_per_rel: float, t_ns: Stamps
+) -> _GaitOutputs:
+    """Run the gait tracker on readings, conversion by conversion, and return its outputs."""
     n_legs, n = readings.closure_rel.shape
     loads, means_n = _loads(readings, estimator)
     means_n *= n_per_rel
     contacts = [ContactDetector(ContactLimits(threshold_n=_THRESHOLD_N)) for _ in range(n_legs)]
     tracker = GaitTracker(n_legs, period_ns=0)
-    found = _Found([], [], [], [], [])
+    found = _GaitOutputs([], np.isfinite(loads.force_n[..., 2]), [], [], [], [])
     for k in range(n):
         load = Load(*(part[k] for part in loads))
         now_ns = int(t_ns[k])
@@ -119,7 +125,7 @@ def _run(readings: GaitReadings, estimator: Estimator, n_per_rel: float, t_ns: S
             contact.observe(mean_n, _BASELINE_N, now_ns, now_ns, predicted_n)
         frame = tracker.observe(load, contacts, now_ns)
         assert frame is not None
-        found.said += [(k, event) for event in frame.events]
+        found.reported += [(k, event) for event in frame.events]
         found.contact.append(frame.contact.tolist())
         found.normal.append(frame.normal)
         found.friction_use.append(frame.friction_use)

@@ -47,7 +47,7 @@ class Parity:
 SOLVED = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
 
 
-def _swapped(degree: int) -> NDArray[np.intp]:
+def _transposed_products(degree: int) -> NDArray[np.intp]:
     """Return where the product T_j T_i of each product T_i T_j stands in the series."""
     i, j = product_powers(degree)
     place = {pair: number for number, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True))}
@@ -56,7 +56,7 @@ def _swapped(degree: int) -> NDArray[np.intp]:
 
 def transposed_series(series: Vector, degree: int) -> Vector:
     """Return a foot's response series with x and y exchanged, shape (products, 9, 9, 3)."""
-    return series[_swapped(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
+    return series[_transposed_products(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
 
 
 def add_series(classes: dict[Parity, Vector], degree: int) -> Vector:

@@ -60,7 +60,7 @@ def _of_cells(capacitor: CapacitorDesign, cells_um: Vector) -> Answer:
     return Answer(element_means(cells_um), capacitance_pf(capacitor, distance_um))
 
 
-def linear(response: FootResponse, normal: Vector, force_n: Vector) -> Answer:
+def linear_table(response: FootResponse, normal: Vector, force_n: Vector) -> Answer:
     """Return the answer of the response table alone."""
     return _of_cells(response.design, response.free_closure_um(normal, force_n))
 
@@ -70,7 +70,7 @@ def gap_contact(foot: Foot, normal: Vector, force_n: Vector) -> Answer:
     return _of_cells(foot.response.design, foot.cells_um(normal, force_n))
 
 
-def full(foot_design: FootDesign, *, reduced: bool = False) -> FidelityLevel:
+def finite_strain_contact(foot_design: FootDesign, *, reduced: bool = False) -> FidelityLevel:
     """Return the level with one nonlinear solve per load.
 
     Args:
@@ -108,9 +108,9 @@ def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -
         raise ValueError(f"no fidelity level {name!r}; there are {', '.join(LEVEL_NAMES)}")
     levels: dict[str, Callable[[], FidelityLevel]] = {
         "half-space": lambda: partial(half_space, HalfSpace(foot_design)),
-        "linear": lambda: partial(linear, response),
+        "linear": lambda: partial(linear_table, response),
         "contact": lambda: partial(gap_contact, Foot(response)),
-        "full": lambda: full(foot_design),
+        "full": lambda: finite_strain_contact(foot_design),
     }
     return levels[name]()
 

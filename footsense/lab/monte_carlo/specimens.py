@@ -78,7 +78,7 @@ def measure(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Design:
+class _TrainedReadouts:
     """The released models and the read-outs fitted to the design, opened once in each process.
 
     Attributes:
@@ -97,11 +97,11 @@ class _Design:
 
 
 @lru_cache(maxsize=1)
-def _design(models: Path, seed: int, epochs: int) -> _Design:
+def _open_readouts(models: Path, seed: int, epochs: int) -> _TrainedReadouts:
     """Open the released models, and train the other read-outs."""
     response, network = open_models(models)
     training = paper_training(response)
-    return _Design(
+    return _TrainedReadouts(
         response=response,
         network=network,
         readouts={
@@ -133,7 +133,7 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Figures
         `reference`: of the reference sensor itself; shares `within_1` and `within_2` of the force components within 1
         and 2 sigma of the network.
     """
-    on_design = _design(models, seed, epochs)
+    on_design = _open_readouts(models, seed, epochs)
     design, network = on_design.response.design, on_design.network
     own = fabricate(on_design.response, job.tolerances, seed, job.foot)
     foot = Foot(on_design.response, own)

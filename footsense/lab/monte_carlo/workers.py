@@ -28,10 +28,10 @@ def parallel(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Wo
     """
 
     def run(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, Figures], None, None]:
-        with _local(n_workers) if scheduler is None else cluster(scheduler):
+        with _local_workers(n_workers) if scheduler is None else cluster(scheduler):
             try:
                 yield from Parallel(return_as="generator_unordered")(
-                    delayed(_done)(work, job) for job in jobs
+                    delayed(_run_job)(work, job) for job in jobs
                 )
             except CancelledError as error:
                 raise FootsenseError(
@@ -41,13 +41,13 @@ def parallel(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Wo
     return run
 
 
-def _done(work: Work, job: Job) -> tuple[Job, Figures]:
+def _run_job(work: Work, job: Job) -> tuple[Job, Figures]:
     """Run one job, and return the job and the computed figures."""
     return job, work(job)
 
 
 @contextmanager
-def _local(n_workers: int) -> Iterator[None]:
+def _local_workers(n_workers: int) -> Iterator[None]:
     """Run jobs in local worker processes inside the context, and end the processes on exit.
 
     Yields:

@@ -89,7 +89,7 @@ def _constants(weights: Weights) -> dict[str, NDArray[Any]]:
     }
 
 
-def _placing() -> list[onnx.NodeProto]:
+def _expansion_nodes() -> list[onnx.NodeProto]:
     """Return the ONNX nodes that expand shared weights into full matrices, as `windowed_network.expand` does."""
     return [
         _node("Gather", ["w1", "seen_at"], ["w1_met"], axis=1),
@@ -120,7 +120,7 @@ def _placing() -> list[onnx.NodeProto]:
     ]
 
 
-def _features() -> list[onnx.NodeProto]:
+def _feature_nodes() -> list[onnx.NodeProto]:
     """Return the nodes of `windowed_network.features`."""
     return [
         _node("MatMul", ["age_s", "changes_of"], ["younger_s"]),
@@ -153,7 +153,7 @@ def _features() -> list[onnx.NodeProto]:
     ]
 
 
-def _layers() -> list[onnx.NodeProto]:
+def _layer_nodes() -> list[onnx.NodeProto]:
     """Return the nodes of `windowed_network.run`."""
     return [
         _node("Gemm", ["seen", "W1", "B1"], ["sum1"]),
@@ -185,17 +185,17 @@ def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
         for name, value in _constants(weights).items()
     }
 
-    def values(signals: Sequence[Signal]) -> list[onnx.ValueInfoProto]:
+    def tensor_infos(signals: Sequence[Signal]) -> list[onnx.ValueInfoProto]:
         return [
             helper.make_tensor_value_info(signal.name, TensorProto.FLOAT, ["n", signal.width])
             for signal in signals
         ]
 
     graph = helper.make_graph(
-        _placing() + _features() + _layers(),
+        _expansion_nodes() + _feature_nodes() + _layer_nodes(),
         "footsense",
-        values(INPUTS),
-        values(OUTPUTS),
+        tensor_infos(INPUTS),
+        tensor_infos(OUTPUTS),
         [numpy_helper.from_array(value, name) for name, value in constants.items()],
     )
     model = helper.make_model(

@@ -38,18 +38,18 @@ class ForwardModel:
 
     Attributes:
         response: The foot.
-        profile: Closure of each cell per mean closure of each element [1], shape (9, 324).
+        closure_per_mean: Closure of each cell per mean closure of each element [1], shape (9, 324).
     """
 
     response: FootResponse
-    profile: Vector
+    closure_per_mean: Vector
 
     def capacitance_pf(self, mean_um: Vector) -> Vector:
         """Return the capacitances [pF], shape (n, 9), of mean closures of free gaps [um], shape (n, 9)."""
         design = self.response.design
         gap_um = np.full(gap_contact.ALL_CELLS, design.gap_um)
         cells_um = gap_contact.contact_closures_um(
-            mean_um @ self.profile, gap_um, self.response.compliance_um_per_n
+            mean_um @ self.closure_per_mean, gap_um, self.response.compliance_um_per_n
         )
         return gap_contact.capacitance_pf(design, gap_um - cells_um + design.film_equivalent_um)
 
@@ -82,5 +82,7 @@ def forward_model(response: FootResponse) -> ForwardModel:
     """Return the forward model of a foot under centred loads."""
     direction = disc_normals(_PROFILE_MIN_DEG, rings=24, spokes=72)
     cells = response.free_closure_um(direction, direction)
-    profile = np.asarray(np.linalg.lstsq(gap_contact.element_means(cells), cells, rcond=None)[0], np.float64)
-    return ForwardModel(response, profile)
+    closure_per_mean = np.asarray(
+        np.linalg.lstsq(gap_contact.element_means(cells), cells, rcond=None)[0], np.float64
+    )
+    return ForwardModel(response, closure_per_mean)

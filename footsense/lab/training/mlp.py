@@ -100,11 +100,11 @@ def _run(
         change, after = rule.update(gradient, carry[1], carry[0])
         return (optax.apply_updates(carry[0], change), after), before
 
-    def one(carry: tuple[Layers, Any]) -> tuple[Layers, jax.Array]:
+    def train_one(carry: tuple[Layers, Any]) -> tuple[Layers, jax.Array]:
         (after, _), losses = jax.lax.scan(epoch, carry, None, length=epochs)
         return after, losses
 
-    trained: tuple[Layers, jax.Array] = jax.lax.map(one, (layers, state))
+    trained: tuple[Layers, jax.Array] = jax.lax.map(train_one, (layers, state))
     return trained
 
 

@@ -48,13 +48,13 @@ class PaperTraining:
 
     def __init__(self, design: CapacitorDesign, training: Cases, feed: Feed = "capacitance") -> None:
         self._design, self._feed = design, feed
-        fed = self._fed(training.closure_um)
+        fed = self._feed_of(training.closure_um)
         self._input_scale = float(np.abs(fed).max())
         self._force_scale_n = float(np.abs(training.force_n).max())
         self.inputs = fed / self._input_scale
         self.targets = training.force_n / self._force_scale_n
 
-    def _fed(self, closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _feed_of(self, closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return capacitance changes [pF] or closures [um], shape (n, 9), of closures [um]."""
         if self._feed == "closure":
             return closure_um
@@ -64,7 +64,7 @@ class PaperTraining:
         """Return a network as a read-out in newtons."""
 
         def read(closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
-            inputs = (self._fed(closure_um) / self._input_scale).astype(np.float32)
+            inputs = (self._feed_of(closure_um) / self._input_scale).astype(np.float32)
             return np.asarray(forward(network, inputs), dtype=np.float64) * self._force_scale_n
 
         return read

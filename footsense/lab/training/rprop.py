@@ -46,7 +46,7 @@ def _init(weights: Any) -> RpropState:
     return RpropState(jax.tree.map(lambda w: jnp.full_like(w, FIRST_STEP), weights), zero, zero)
 
 
-def _one(gradient: Any, size: Any, last_gradient: Any, last_move: Any) -> RpropState:
+def _update_array(gradient: Any, size: Any, last_gradient: Any, last_move: Any) -> RpropState:
     """Return the state of one array of weights after an epoch."""
     agreement = jnp.sign(gradient) * jnp.sign(last_gradient)
     factor = jnp.where(agreement > 0.0, GROW, jnp.where(agreement < 0.0, SHRINK, 1.0))
@@ -59,7 +59,7 @@ def _one(gradient: Any, size: Any, last_gradient: Any, last_move: Any) -> RpropS
 def _update(gradient: Any, state: Any, weights: Any = None) -> tuple[Any, RpropState]:
     """Return the moves and the state after an epoch."""
     del weights
-    after = jax.tree.map(_one, gradient, *state)
+    after = jax.tree.map(_update_array, gradient, *state)
     state = jax.tree.transpose(jax.tree.structure(gradient), jax.tree.structure(RpropState(0, 0, 0)), after)
     return state.move, state
 

@@ -95,7 +95,7 @@ def linear_start(closure_rel: Vector, force_n: Vector, min_force_n: float) -> Ve
     return solution
 
 
-def _start(key: jax.Array, c: int) -> Weights:
+def _random_weights(key: jax.Array, c: int) -> Weights:
     """Return random weights; the linear path is a correction to its start and begins at zero."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
     return Weights(
@@ -151,7 +151,7 @@ def _task(cases: Cases, design: CapacitorDesign, protocol: Protocol, imputation:
     )
 
 
-def _drawn(task: _Task, protocol: Protocol, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+def _random_batch(task: _Task, protocol: Protocol, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Return closures (noisy, filled), masks and forces of a random batch."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
     chosen = jax.random.randint(k1, (protocol.batch,), 0, len(task.force_n))
@@ -184,12 +184,12 @@ def train(
     whiten, mean = _whitening(closure_rel)
     linear = jnp.asarray(linear_start(closure_rel, cases.force_n, protocol.min_force_n), jnp.float32)
 
-    def folded(free: Weights) -> Weights:
+    def fold_whitening(free: Weights) -> Weights:
         w1 = free.w1 @ whiten
         return free._replace(linear=linear + free.linear, w1=w1, b1=free.b1 - w1 @ mean)
 
     def loss(free: Weights, x: jax.Array, m: jax.Array, f: jax.Array) -> jax.Array:
-        force, sigma = run(expand(folded(free)), x, m)
+        force, sigma = run(expand(fold_whitening(free)), x, m)
         square = (force - f) ** 2
         scale = jnp.sqrt(jnp.sum(f**2, axis=-1, keepdims=True) + protocol.min_force_n**2)
         weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _TEMPERING)
@@ -201,21 +201,21 @@ def train(
 
     def step(carry: tuple[Weights, Any], key: jax.Array) -> tuple[tuple[Weights, Any], None]:
         free, state = carry
-        gradient = jax.grad(loss)(free, *_drawn(task, protocol, key))
+        gradient = jax.grad(loss)(free, *_random_batch(task, protocol, key))
         change, state = optimiser.update(gradient, state, free)
         return (optax.apply_updates(free, change), state), None
 
-    def many(carry: tuple[Weights, Any], key: jax.Array) -> tuple[Weights, Any]:
+    def train_chunk(carry: tuple[Weights, Any], key: jax.Array) -> tuple[Weights, Any]:
         after: tuple[Weights, Any] = jax.lax.scan(step, carry, jax.random.split(key, _STEPS_AT_ONCE))[0]
         return after
 
     start, *rounds = jax.random.split(jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_AT_ONCE)
-    free = _start(start, protocol.channels)
+    free = _random_weights(start, protocol.channels)
     carry = (free, optimiser.init(free))
-    compiled = jax.jit(many)
+    compiled = jax.jit(train_chunk)
     for key in rounds:
         carry = compiled(carry, key)
-    return folded(carry[0])
+    return fold_whitening(carry[0])
 
 
 def predict(

@@ -89,7 +89,7 @@ def leg_objects(
     frame: CapFrame | ContactFrame | GaitFrame, legs: Sequence[str], fields: Mapping[str, CycleField]
 ) -> dict[str, dict[str, Any]]:
     """Return the fields of each leg by their keys."""
-    objects: dict[str, dict[str, Any]] = {leg: {} for leg in legs}
+    objects: dict[str, dict[str, Any]] = {leg_schema: {} for leg_schema in legs}
     for path, field in fields.items():
         column = attrgetter(path.partition(".")[2])(frame).astype(field.kind, copy=False).tolist()
         for entries, value in zip(objects.values(), column, strict=True):
@@ -103,7 +103,7 @@ def leg_objects(
 def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
     """Return the scan that `encode_scan` wrote."""
     message = json.loads(data)
-    rows = [message[leg] for leg in legs]
+    rows = [message[leg_schema] for leg_schema in legs]
     arrays = {path: field_array(field, rows) for path, field in _SCAN_FIELDS.items()}
     return scan_of(msgspec.convert(message["sequence"], Count), arrays)
 
@@ -111,7 +111,7 @@ def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
 def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
     """Return the forces that `encode_force` wrote."""
     message = json.loads(data)
-    rows = [{**_NOT_YET_RECORDED, **_renamed(message[leg])} for leg in legs]
+    rows = [{**_NOT_YET_RECORDED, **_with_present_names(message[leg_schema])} for leg_schema in legs]
     arrays = {path: field_array(field, rows) for path, field in _FORCE_FIELDS.items()}
     sequence, t_sent_ns = (msgspec.convert(message[key], Count) for key in ("sequence", "t_sent_ns"))
     return forces_of(sequence, t_sent_ns, arrays)
@@ -146,7 +146,7 @@ def _json_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
     return list[list[entry]]
 
 
-def _renamed(row: dict[str, Any]) -> dict[str, Any]:
+def _with_present_names(row: dict[str, Any]) -> dict[str, Any]:
     """Return a leg's entries with the present names for the older ones."""
     if "zero_status" not in row:
         return row
@@ -169,32 +169,34 @@ def schemas(legs: Sequence[str]) -> dict[str, bytes]:
     """Return the JSON schema of each topic."""
     number, whole, text = {"type": ["number", "null"]}, {"type": "integer"}, {"type": "string"}
 
-    def leg(fields: Mapping[str, CycleField]) -> dict[str, Any]:
+    def leg_schema(fields: Mapping[str, CycleField]) -> dict[str, Any]:
         properties: dict[str, Any] = {}
         for field in fields.values():
             value: dict[str, Any] = text if field.names else number if field.kind == "<f8" else whole
             if field.shape == (ELEMENTS,):
                 value = {"type": "array", "items": value, "minItems": ELEMENTS, "maxItems": ELEMENTS}
             properties |= dict.fromkeys(field.keys, value)
-        return record(**properties)
+        return object_schema(**properties)
 
-    def record(**properties: Any) -> dict[str, Any]:  # noqa: ANN401 - a JSON schema is any JSON
+    def object_schema(**properties: Any) -> dict[str, Any]:  # noqa: ANN401 - a JSON schema is any JSON
         return {"type": "object", "properties": properties}
 
     topics = {
-        SCAN: record(sequence=whole, **dict.fromkeys(legs, leg(_SCAN_FIELDS))),
-        FORCE: record(sequence=whole, t_sent_ns=whole, **dict.fromkeys(legs, leg(_FORCE_FIELDS))),
-        GAIT: record(
+        SCAN: object_schema(sequence=whole, **dict.fromkeys(legs, leg_schema(_SCAN_FIELDS))),
+        FORCE: object_schema(
+            sequence=whole, t_sent_ns=whole, **dict.fromkeys(legs, leg_schema(_FORCE_FIELDS))
+        ),
+        GAIT: object_schema(
             t_ns=whole,
             friction=number,
             all_in_air={"type": "boolean"},
-            **dict.fromkeys(legs, leg(GAIT_FIELDS)),
+            **dict.fromkeys(legs, leg_schema(GAIT_FIELDS)),
         ),
-        GAIT_EVENT: record(kind=text, leg=text, t_ns=whole, sigma_s=number),
-        EVENT: record(
+        GAIT_EVENT: object_schema(kind=text, leg_schema=text, t_ns=whole, sigma_s=number),
+        EVENT: object_schema(
             **dict.fromkeys(("event", "command", "leg", "result", "reason"), text),
             n_cycles=whole,
-            temperature_c=record(**dict.fromkeys(legs, number)),
+            temperature_c=object_schema(**dict.fromkeys(legs, number)),
         ),
     }
     return {topic: json.dumps(schema).encode() for topic, schema in topics.items()}

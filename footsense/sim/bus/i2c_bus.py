@@ -68,9 +68,12 @@ class SimulatedBus:
             NackError: No connected chip acknowledges the address.
             BusError: A fault of the wires prevents it.
         """
-        if self._faults is not None:
-            self._faults.act(self.clock, self.mux, self._host_cost_ns)
         address, data, n_read = transaction
+        if self._faults is not None and not self._faults.act(
+            self.clock, self.mux, self._host_cost_ns, address
+        ):
+            self.clock.advance_ns(self._host_cost_ns + _wire_time_ns(len(data), n_read, self._rate_hz))
+            return bytes(n_read)
         t_start_ns = self.clock.now_ns() + self._host_cost_ns
         connected = self._connected.get((self.mux.control, address))
         if connected is None:

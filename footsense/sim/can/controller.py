@@ -16,7 +16,7 @@ from typing import NamedTuple
 from firmware_interface.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, split_frames
 from firmware_interface.wire_timing import LONGEST_FRAME_BITS, frame_bits
 from footsense.sim.can.other_senders import OtherSender
-from footsense.sim.can.transmit_queue import Queued, TransmitQueue
+from footsense.sim.can.transmit_queue import QueuedFrame, TransmitQueue
 
 _NS_PER_S = 1_000_000_000
 
@@ -85,7 +85,7 @@ class CanController:
         self._bit_ns = _NS_PER_S / bitrate
         self._others = others
         self._tell = tell
-        self._mailboxes: deque[Queued] = deque()
+        self._mailboxes: deque[QueuedFrame] = deque()
         self._passed: Callable[[int], None] | None = None  # called when our frame has passed
         self._free_ns = math.inf
         self._restart_ns = math.inf
@@ -100,7 +100,7 @@ class CanController:
         """Time of the next event [ns]; infinite without any."""
         return min(self._free_ns, self._restart_ns)
 
-    def happen(self, t_ns: int) -> None:
+    def process_due(self, t_ns: int) -> None:
         """Process the events due at `t_ns` [ns]."""
         if self._free_ns <= t_ns:
             self._free_ns = math.inf
@@ -112,7 +112,7 @@ class CanController:
             self._error_count = 0
             self._queue.regain_carrier()
             self._tell(error_frame(ErrorClass.RESTARTED))
-            self._occupy(t_ns, _RECOVERY_BITS, None)
+            self._occupy_wire(t_ns, _RECOVERY_BITS, None)
 
     def stop(self) -> None:
         """Stop, as an interface that goes down."""
@@ -120,34 +120,34 @@ class CanController:
         self._free_ns = self._restart_ns = math.inf
         self._error_count = 0
 
-    def begin(self, t_ns: int) -> None:
+    def start_transmission(self, t_ns: int) -> None:
         """Fill the mailboxes from the queue, and start a frame if the wire is free."""
         while len(self._mailboxes) < self._settings.mailboxes and self.running and self._queue.frames:
             self._mailboxes.append(self._queue.frames.popleft())
         if self._free_ns < math.inf:
             return
-        ours = None
+        sent = None
         if self.running and self._mailboxes and self._error_count < _BUS_OFF:
-            ours = self._mailboxes[0]
+            sent = self._mailboxes[0]
         # Without acknowledgement, and on a shorted bus, no frame of another node arrives.
         reachable = not (self.no_ack or self.shorted)
         waiting = [node for node in self._others if node.waiting] if reachable else []
         other = min(waiting, key=lambda node: node.can_id, default=None)
-        our_id, data = next(split_frames(ours.data)) if ours else (0, b"")
-        if other and not (ours and our_id < other.can_id):
+        our_id, data = next(split_frames(sent.data)) if sent else (0, b"")
+        if other and not (sent and our_id < other.can_id):
             other.waiting = False
-            if ours and self._settings.one_shot:  # the arbitration was lost
+            if sent and self._settings.one_shot:  # the arbitration was lost
                 self._give_up()
-            self._occupy(t_ns, LONGEST_FRAME_BITS, None)
-        elif ours and self.shorted:
-            self._occupy(t_ns, 1 + _ERROR_BITS + self._suspend_bits(), self._fail)
-        elif ours and self.no_ack:
+            self._occupy_wire(t_ns, LONGEST_FRAME_BITS, None)
+        elif sent and self.shorted:
+            self._occupy_wire(t_ns, 1 + _ERROR_BITS + self._suspend_bits(), self._fail)
+        elif sent and self.no_ack:
             bits = frame_bits(len(data)) - _AFTER_ACK_BITS + _ERROR_BITS + self._suspend_bits()
-            self._occupy(t_ns, bits, self._miss_ack)
-        elif ours:
-            self._occupy(t_ns, frame_bits(len(data)), self._deliver)
+            self._occupy_wire(t_ns, bits, self._miss_ack)
+        elif sent:
+            self._occupy_wire(t_ns, frame_bits(len(data)), self._deliver)
 
-    def _occupy(self, t_ns: int, bits: int, then: Callable[[int], None] | None) -> None:
+    def _occupy_wire(self, t_ns: int, bits: int, then: Callable[[int], None] | None) -> None:
         self._free_ns = t_ns + bits * self._bit_ns
         self._passed = then
 
@@ -155,17 +155,17 @@ class CanController:
         return _SUSPEND_BITS if self._error_count >= _PASSIVE else 0
 
     def _flush(self) -> None:
-        self.n_flushed += sum(frame.ours for frame in self._mailboxes)
+        self.n_flushed += sum(frame.from_socket for frame in self._mailboxes)
         self._mailboxes.clear()
 
     def _give_up(self) -> None:
-        self.n_lost += self._mailboxes.popleft().ours
+        self.n_lost += self._mailboxes.popleft().from_socket
 
     def _deliver(self, t_ns: int) -> None:
         frame = self._mailboxes.popleft()
         if self._error_count:
             self._count_errors(-1)
-        if frame.ours and self.on_delivered is not None:
+        if frame.from_socket and self.on_delivered is not None:
             self.on_delivered(t_ns, frame.handed_ns, frame.data)
 
     def _miss_ack(self, t_ns: int) -> None:

@@ -21,13 +21,14 @@ import math
 import os
 from collections import deque
 from collections.abc import Sequence
+from itertools import pairwise
 
-from firmware_interface.socketcan import FRAME_BYTES, pack_frame
+from firmware_interface.socketcan import frame_ends, pack_frame
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.controller import CanController, CanSettings
 from footsense.sim.can.other_senders import OtherSender
-from footsense.sim.can.transmit_queue import Queued, TransmitQueue
+from footsense.sim.can.transmit_queue import QueuedFrame, TransmitQueue
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
 from footsense.sim.faults.schedule import Schedule
 
@@ -72,7 +73,7 @@ class SimulatedCan:
         self.up = self.present = True
         self.queue = TransmitQueue(settings.queue_frames, head_drop=settings.head_drop)
         nodes = [sender for sender in self._senders if sender.is_node]
-        self.controller = CanController(self.queue, settings, bitrate, nodes, self._tell)
+        self.controller = CanController(self.queue, settings, bitrate, nodes, self._deliver)
 
     def connect(self) -> CanWire:
         """Return a socket that is bound to the interface.
@@ -95,8 +96,8 @@ class SimulatedCan:
         Returns:
             False if it was refused.
         """
-        taken = self.queue.put(Queued(self._t_ns, frame, ours=True))
-        self.controller.begin(self._t_ns)
+        taken = self.queue.put(QueuedFrame(self._t_ns, frame, from_socket=True))
+        self.controller.start_transmission(self._t_ns)
         return taken
 
     def advance(self) -> None:
@@ -104,29 +105,29 @@ class SimulatedCan:
         now_ns = self._clock.now_ns()
         while (t_ns := self._due_ns()) <= now_ns:
             self._t_ns = max(self._t_ns, math.ceil(t_ns))
-            self._happen(self._t_ns)
+            self._process_due(self._t_ns)
         self._t_ns = max(self._t_ns, now_ns)
 
     def _due_ns(self) -> float:
         """Return the time of the next event [ns]."""
         others_ns = (sender.due_ns for sender in self._senders)
-        return min(self._faults.until_ns, self.controller.due_ns, self.queue.look_ns, *others_ns)
+        return min(self._faults.until_ns, self.controller.due_ns, self.queue.carrier_check_ns, *others_ns)
 
-    def _happen(self, t_ns: int) -> None:
+    def _process_due(self, t_ns: int) -> None:
         """Process the events due at `t_ns` [ns]."""
         if self._faults.until_ns <= t_ns:
-            self._turn(t_ns)
-        self.controller.happen(t_ns)
-        if self.queue.look_ns <= t_ns:
-            self.queue.look(t_ns)
+            self._switch_faults(t_ns)
+        self.controller.process_due(t_ns)
+        if self.queue.carrier_check_ns <= t_ns:
+            self.queue.check_carrier(t_ns)
         for sender in self._senders:
             if sender.due_ns <= t_ns:
                 sender.send()
                 if not sender.is_node and self.up:
-                    self.queue.put(Queued(t_ns, pack_frame(sender.can_id, bytes(8)), ours=False))
-        self.controller.begin(t_ns)
+                    self.queue.put(QueuedFrame(t_ns, pack_frame(sender.can_id, bytes(8)), from_socket=False))
+        self.controller.start_transmission(t_ns)
 
-    def _turn(self, t_ns: int) -> None:
+    def _switch_faults(self, t_ns: int) -> None:
         """Begin and end faults at `t_ns` [ns]."""
         acting = self._faults.at(t_ns)
         down = [fault for fault in acting if isinstance(fault, CanDown)]
@@ -143,7 +144,7 @@ class SimulatedCan:
         self.controller.no_ack = any(isinstance(fault, CanNoAck) for fault in acting)
         self.controller.shorted = any(isinstance(fault, CanBusOff) for fault in acting)
 
-    def _tell(self, frame: bytes) -> None:
+    def _deliver(self, frame: bytes) -> None:
         for socket in self._sockets:
             socket.unread.append(frame)
 
@@ -172,10 +173,11 @@ class _Socket:
         if self.gone or not self._can.up:
             code = errno.ENXIO if self.gone else errno.ENETDOWN
             raise OSError(code, os.strerror(code))
-        for start in range(0, len(frames), FRAME_BYTES):
-            if not self._can.take(frames[start : start + FRAME_BYTES]):
-                return start // FRAME_BYTES
-        return len(frames) // FRAME_BYTES
+        ends = frame_ends(frames)
+        for n, (start, end) in enumerate(pairwise([0, *ends])):
+            if not self._can.take(frames[start:end]):
+                return n
+        return len(ends)
 
     def receive(self) -> list[bytes]:
         """Return the frames that have arrived.

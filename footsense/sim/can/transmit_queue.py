@@ -12,18 +12,18 @@ from typing import NamedTuple
 _LINK_WATCH_NS = 1_000_000_000
 
 
-class Queued(NamedTuple):
+class QueuedFrame(NamedTuple):
     """A frame in the queue or a mailbox.
 
     Attributes:
         handed_ns: Time at which it was handed to the kernel [ns].
         data: The frame, as in `firmware_interface.socketcan`.
-        ours: Whether it came from a socket, and not from another program.
+        from_socket: Whether it came from a socket, and not from another program.
     """
 
     handed_ns: int
     data: bytes
-    ours: bool
+    from_socket: bool
 
 
 class TransmitQueue:
@@ -36,19 +36,19 @@ class TransmitQueue:
     Attributes:
         frames: The frames, oldest first.
         n_purged: Frames dropped with the carrier.
-        look_ns: Next look of the kernel at the carrier [ns]; infinite without a reason.
+        carrier_check_ns: Next look of the kernel at the carrier [ns]; infinite without a reason.
     """
 
     def __init__(self, room: int, *, head_drop: bool) -> None:
-        self.frames: deque[Queued] = deque()
+        self.frames: deque[QueuedFrame] = deque()
         self._room = room
         self._head_drop = head_drop
         self._active = self._carrier = True
-        self._may_look_ns = 0
-        self.look_ns: float = math.inf
+        self._next_check_ns = 0
+        self.carrier_check_ns: float = math.inf
         self.n_purged = 0
 
-    def put(self, frame: Queued) -> bool:
+    def put(self, frame: QueuedFrame) -> bool:
         """Append a frame; a full queue refuses the frame or drops the oldest one.
 
         Returns:
@@ -72,21 +72,21 @@ class TransmitQueue:
         """Discard the queue of an interface that goes down, and restore its carrier."""
         self.purge()
         self.regain_carrier()
-        self.look_ns = math.inf
+        self.carrier_check_ns = math.inf
 
     def lose_carrier(self, t_ns: int) -> None:
         """Note the loss of the carrier; the kernel looks at once, or a second after its last look."""
         self._carrier = False
-        self.look_ns = max(t_ns, self._may_look_ns)
+        self.carrier_check_ns = max(t_ns, self._next_check_ns)
 
     def regain_carrier(self) -> None:
         """Note the return of the carrier, and activate a deactivated queue at once."""
         self._active = self._carrier = True
 
-    def look(self, t_ns: int) -> None:
+    def check_carrier(self, t_ns: int) -> None:
         """Look at the carrier at `t_ns` [ns]: without one, deactivate and empty the queue."""
-        self.look_ns = math.inf
-        self._may_look_ns = t_ns + _LINK_WATCH_NS
+        self.carrier_check_ns = math.inf
+        self._next_check_ns = t_ns + _LINK_WATCH_NS
         if not self._carrier:
             self._active = False
             self.purge()

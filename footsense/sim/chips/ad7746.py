@@ -23,7 +23,7 @@ import numpy as np
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips.ad7746 import Register
 from footsense.sim.chips.leg_chip import LegChip
-from footsense.sim.faults.schedule import Span, during
+from footsense.sim.faults.schedule import Span, in_any_span
 
 #: Smallest and largest step of a chip's CAPDAC over the nominal one [1]: 17 pF of full scale are guaranteed, 21 pF
 #: typical.
@@ -50,6 +50,7 @@ class SimulatedAd7746(LegChip):
 
     Attributes:
         stuck_ns: Spans in which its conversions do not finish [ns].
+        clock_factor: Its conversion times over the nominal ones [1].
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class SimulatedAd7746(LegChip):
         self.stuck_ns: list[Span] = []
         self._mutual_capacitance = mutual_capacitance
         self._noise = noise
-        self._clock_factor = 1.0 + clock_error_rel
+        self.clock_factor = 1.0 + clock_error_rel
         self._capdac_step_pf = chip.CAPDAC_STEP_PF * capdac_gain_rel
         self._temperature_c = temperature_c
         self.power_up(-chip.RESET_NS)
@@ -122,7 +123,7 @@ class SimulatedAd7746(LegChip):
         if self._registers[Register.VT_SETUP] & chip.VT_ENABLE:
             enabled.append((_VT, chip.VT_CONVERSION_NS[configuration >> 6]))
         for kind, lasts_ns in enabled:
-            end_ns = t_ns + round(lasts_ns * self._clock_factor)
+            end_ns = t_ns + round(lasts_ns * self.clock_factor)
             self._running.append((kind, t_ns, end_ns))
             t_ns = end_ns
 
@@ -130,7 +131,7 @@ class SimulatedAd7746(LegChip):
         """Set the results of the conversions that are over by `t_ns` [ns]."""
         while self._running and self._running[0][2] <= t_ns:
             kind, start_ns, end_ns = self._running[0]
-            if during(self.stuck_ns, end_ns):
+            if in_any_span(self.stuck_ns, end_ns):
                 return
             del self._running[0]
             data = Register.CAP_DATA if kind == _CAP else Register.VT_DATA

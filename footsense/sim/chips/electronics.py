@@ -39,12 +39,14 @@ def electronics(
     rows = SimulatedLineSwitch(adg715.ADDRESS)
     if board == "fdc1004":
         pins = _column_pins(foot, rows, effects.stray_pf)
-        return SimulatedFdc1004(pins, noise, clock_error_rel), (rows,)
+        chip = SimulatedFdc1004(pins, noise, clock_error_rel)
+        chip.trigger_clears_done = effects.trigger_clears_done
+        return chip, (rows,)
     columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
     error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * TEMPERATURE_ERROR_K
     warming = effects.warming
     converter = SimulatedAd7746(
-        _crossings(foot, rows, columns),
+        _crossing_capacitance(foot, rows, columns),
         noise,
         clock_error_rel,
         capdac_gain_rel=np.random.default_rng((*seed, _CAPDAC_DRAW)).uniform(*CAPDAC_GAIN_REL),
@@ -61,23 +63,25 @@ def _column_pins(foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float) ->
         t_ns = (t_start_ns + t_end_ns) // 2
         column_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)[cin::_COLUMNS]]
         total_pf = 0.0
-        for share, states in rows.between(t_start_ns, t_end_ns):
+        for share, states in rows.states_between(t_start_ns, t_end_ns):
             total_pf += share * foot.pin_pf(cin, column_pf, states, t_ns)
         return total_pf
 
     return pin_pf
 
 
-def _crossings(foot: WiredFoot, rows: SimulatedLineSwitch, columns: SimulatedLineSwitch) -> MutualCapacitance:
+def _crossing_capacitance(
+    foot: WiredFoot, rows: SimulatedLineSwitch, columns: SimulatedLineSwitch
+) -> MutualCapacitance:
     """Return the input of board `ad7746`: elements between excited rows and selected columns, no stray to ground."""
 
     def mutual_pf(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:
         t_ns = (t_start_ns + t_end_ns) // 2
         element_pf = foot.elements_pf(t_ns)
         total_pf, shorted, until_ns = 0.0, False, t_end_ns
-        for row_share, row_states in rows.between(t_start_ns, t_end_ns):
+        for row_share, row_states in rows.states_between(t_start_ns, t_end_ns):
             since_ns = max(row_states.since_ns, t_start_ns)
-            for column_share, column_states in columns.between(since_ns, until_ns):
+            for column_share, column_states in columns.states_between(since_ns, until_ns):
                 pf, to_ground = foot.mutual_pf(element_pf, row_states, column_states, t_ns)
                 total_pf += row_share * column_share * pf
                 shorted |= to_ground

@@ -3,7 +3,8 @@
 It shares only register addresses with the driver. Simulated (sections of the data sheet, SNOSCY5):
 - one conversion at a time: a trigger with several measurements and no REPEAT starts none (8.5.3.1), and a trigger
   during a conversion aborts it;
-- DONE_n is set when measurement n ends and cleared when its result is read (8.5.3.4);
+- DONE_n is set when measurement n ends and cleared when its result is read (8.5.3.4); whether another trigger clears it
+  too is not said: both kinds of chip are simulated;
 - a result that was never converted, or is being converted, reads as 0x7FFFFF;
 - the CAPDAC subtracts its steps from the capacitance of a pin;
 - the result clips at the ends of the 24-bit range; white noise by rate.
@@ -19,7 +20,7 @@ import numpy as np
 
 from firmware_interface.chips import fdc1004 as chip
 from footsense.sim.chips.leg_chip import LegChip
-from footsense.sim.faults.schedule import Span, during
+from footsense.sim.faults.schedule import Span, in_any_span
 
 #: Random numbers are drawn so many at a time, which is the same sequence as one by one.
 _DRAWN = 64
@@ -54,13 +55,13 @@ def _conversion(word: int) -> _Conversion | None:
 
 
 @cache
-def _measured(config: int) -> tuple[int, int]:
+def _pin_and_capdac(config: int) -> tuple[int, int]:
     """Return the pin that a word in CONF_MEASn measures, and the number of CAPDAC steps that it subtracts."""
     takes_off = chip.CONF_CHB.decode(config) == chip.CHB_CAPDAC
     return chip.CONF_CHA.decode(config), chip.CONF_CAPDAC.decode(config) if takes_off else 0
 
 
-def _white(noise: np.random.Generator) -> Iterator[float]:
+def _unit_noise(noise: np.random.Generator) -> Iterator[float]:
     """Yield noise of standard deviation 1."""
     while True:
         yield from noise.standard_normal(_DRAWN).tolist()
@@ -76,6 +77,8 @@ class SimulatedFdc1004(LegChip):
 
     Attributes:
         stuck_ns: Spans in which its conversions do not finish [ns].
+        clock_factor: Its conversion times over the nominal ones [1].
+        trigger_clears_done: Whether the trigger of a measurement clears the DONE bits of the others.
     """
 
     def __init__(
@@ -86,9 +89,10 @@ class SimulatedFdc1004(LegChip):
     ) -> None:
         super().__init__(chip.ADDRESS)
         self.stuck_ns: list[Span] = []
+        self.trigger_clears_done = False
         self._cin_capacitance_pf = cin_capacitance_pf
-        self._noise = repeat(0.0) if noise is None else _white(noise)
-        self._clock_factor = 1.0 + clock_error_rel
+        self._noise = repeat(0.0) if noise is None else _unit_noise(noise)
+        self.clock_factor = 1.0 + clock_error_rel
         self._pointer = 0
         self.power_up(0)
 
@@ -128,21 +132,23 @@ class SimulatedFdc1004(LegChip):
         self._running = conversion = _conversion(word)
         if conversion is None:
             return
+        if self.trigger_clears_done:
+            self._done = 0
         self._results[conversion.slot] = chip.CODE_MAX
         self._started_ns = t_ns
-        self._ends_ns = t_ns + round(conversion.lasts_ns * self._clock_factor)
+        self._ends_ns = t_ns + round(conversion.lasts_ns * self.clock_factor)
 
     def _finish_by(self, t_ns: int) -> None:
         """Set the result of a conversion that is over by `t_ns` [ns]."""
         conversion = self._running
-        if conversion is None or t_ns < self._ends_ns or during(self.stuck_ns, self._ends_ns):
+        if conversion is None or t_ns < self._ends_ns or in_any_span(self.stuck_ns, self._ends_ns):
             return
         self._running = None
         self._results[conversion.slot] = self._convert(conversion)
         self._done |= chip.slot_bit(conversion.slot)
 
     def _convert(self, conversion: _Conversion) -> int:
-        cin, capdac = _measured(self._registers[_CONF_MEAS1 + conversion.slot])
+        cin, capdac = _pin_and_capdac(self._registers[_CONF_MEAS1 + conversion.slot])
         capacitance_pf = self._cin_capacitance_pf(cin, self._started_ns, self._ends_ns)
         capacitance_pf -= capdac * chip.CAPDAC_STEP_PF
         capacitance_pf += conversion.noise_pf * next(self._noise)

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 
-from footsense.sim.faults.schedule import Span, during
+from footsense.sim.faults.schedule import Span, in_any_span
 
 
 class LegChip(ABC):
@@ -29,7 +29,7 @@ class LegChip(ABC):
         while self.brown_outs_ns and (dip_ns := min(self.brown_outs_ns)) <= t_ns:
             self.brown_outs_ns.remove(dip_ns)
             self.power_up(round(dip_ns))
-        return not during(self.absent_ns, t_ns)
+        return not in_any_span(self.absent_ns, t_ns)
 
     @abstractmethod
     def power_up(self, t_ns: int) -> None:

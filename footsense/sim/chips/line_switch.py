@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from firmware_interface.chips import adg715
 from footsense.sim.chips.leg_chip import LegChip
-from footsense.sim.faults.schedule import Span, during
+from footsense.sim.faults.schedule import Span, in_any_span
 
 #: Capacitance to ground of a floating row line [pF]: the electrode and a few millimetres of trace.
 FLOATING_ROW_PF = 1.0
@@ -31,25 +31,27 @@ class SimulatedLineSwitch(LegChip):
 
     Attributes:
         ignores_writes_ns: Spans in which it acknowledges its settings and ignores them [ns].
+        stuck_closed: Bits that are set whatever is written.
     """
 
     def __init__(self, address: int = adg715.ADDRESS) -> None:
         super().__init__(address)
         self.ignores_writes_ns: list[Span] = []
+        self.stuck_closed = 0
         self._switches = 0
         # A conversion looks back one conversion time at most; lines change no faster than that.
         self._history: deque[LineStates] = deque([LineStates(0, 0, 0)], maxlen=8)
 
     def power_up(self, t_ns: int) -> None:
         """Open all switches, as after power-on."""
-        self._set(0, t_ns)
+        self._set_switches(0, t_ns)
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Set the switches to the last byte."""
-        if not during(self.ignores_writes_ns, t_ns):
-            self._set(data[-1], t_ns)
+        if not in_any_span(self.ignores_writes_ns, t_ns):
+            self._set_switches(data[-1] | self.stuck_closed, t_ns)
 
-    def _set(self, switches: int, t_ns: int) -> None:
+    def _set_switches(self, switches: int, t_ns: int) -> None:
         self._switches = switches
         self._history.append(
             LineStates(t_ns, adg715.selected_lines(switches), adg715.waiting_lines(switches))
@@ -60,7 +62,7 @@ class SimulatedLineSwitch(LegChip):
         del t_ns
         return bytes((self._switches,)) * n
 
-    def between(self, t_from_ns: int, t_to_ns: int) -> list[tuple[float, LineStates]]:
+    def states_between(self, t_from_ns: int, t_to_ns: int) -> list[tuple[float, LineStates]]:
         """Return the states of the lines between two times [ns], each with its share of the span; they sum to 1."""
         shares = []
         until_ns = t_to_ns

@@ -114,7 +114,14 @@ class SwitchIgnoresWrites(_OnLeg, frozen=True, kw_only=True):
 
 
 class StuckSda(_OnLeg, frozen=True, kw_only=True):
-    """The leg holds SDA low: no transaction passes, the mux included, while its channel is connected."""
+    """The leg holds SDA low: no transaction passes, the mux included, while its channel is connected.
+
+    Attributes:
+        within_byte: Whether its chip was interrupted within a byte: nine clocks with SDA released end it, which only an
+            adapter gives that does not compare the line with what it sends.
+    """
+
+    within_byte: bool = False
 
 
 class StuckUpstreamBus(_Lasting, frozen=True, kw_only=True):

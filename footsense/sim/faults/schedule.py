@@ -11,7 +11,7 @@ _T = TypeVar("_T")
 Span = tuple[float, float]
 
 
-def during(spans: list[Span], t_ns: float) -> bool:
+def in_any_span(spans: list[Span], t_ns: float) -> bool:
     """Return whether a time [ns] lies in one of the spans, its end excluded."""
     for from_ns, until_ns in spans:  # noqa: SIM110 - `any` costs three times as much, and every transaction asks
         if from_ns <= t_ns < until_ns:

@@ -15,14 +15,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from footsense.errors import BusError, BusTimeoutError
+from footsense.errors import BusTimeoutError
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, OnWires, StuckSda, StuckUpstreamBus
 from footsense.sim.faults.schedule import Schedule
 
 #: Retries that `footsense/acquisition/linux/linux_i2c.py` sets.
-KERNEL_RETRIES = 1
+KERNEL_RETRIES = 3
+#: Address whose bits, with that to read, release SDA for nine clocks.
+_ALL_ONES = 0x7F
 #: Time in a transaction until arbitration is lost: that of the address, at 400 kHz [ns].
 _LOST_AFTER_NS = 25_000
 
@@ -35,6 +37,8 @@ class WireFaults:
         channels: Mux channel of each leg.
         timeout_ns: Timeout of the adapter for a held line [ns].
         rng: Source of lost arbitrations.
+        compares: Whether the adapter compares SDA with what it sends, and times out where it is held. Another one, as
+            that of a Raspberry Pi 0 to 4, goes on: it reads acknowledges and zeros.
     """
 
     def __init__(
@@ -43,24 +47,30 @@ class WireFaults:
         channels: Mapping[str, int],
         timeout_ns: int,
         rng: np.random.Generator,
+        *,
+        compares: bool = True,
     ) -> None:
+        self._compares = compares
+        self._released: list[OnWires] = []
         self._channels = dict(channels)
         self._timeout_ns = timeout_ns
         self._rng = rng
         self._faults = Schedule((fault.span_ns, fault) for fault in faults if not isinstance(fault, MuxReset))
         self._resets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
-    def act(self, clock: VirtualClock, mux: SimulatedMux, host_cost_ns: int) -> None:
-        """Return if the next transaction passes, after the attempts that failed before it.
+    def act(self, clock: VirtualClock, mux: SimulatedMux, host_cost_ns: int, address: int) -> bool:
+        """Return whether the next transaction passes, after the attempts that failed before it.
+
+        One that does not pass is acknowledged, has no effect, and reads zeros.
 
         Args:
             clock: Clock of the bus, moved by the failed attempts.
             mux: Mux of the bus, which a fault may reset.
             host_cost_ns: Cost of a transaction on the host [ns].
+            address: Address of the transaction.
 
         Raises:
-            BusTimeoutError: SDA is held low.
-            BusError: Arbitration was lost more often than the kernel retries.
+            BusTimeoutError: SDA is held low, or arbitration was lost more often than the kernel retries.
         """
         t_ns = clock.now_ns()
         while self._resets_ns and self._resets_ns[0] <= t_ns:
@@ -68,19 +78,26 @@ class WireFaults:
             mux.pulse()
         acting = self._faults.at(t_ns)
         if not acting:
-            return
+            return True
         lost = [fault.rate_rel for fault in acting if isinstance(fault, ArbitrationLost)]
-        if any(self._holds(fault, mux.control) for fault in acting):
+        holding = [fault for fault in acting if self._holds_line(fault, mux.control)]
+        if holding and not self._compares:
+            if address == _ALL_ONES:
+                self._released += [f for f in holding if isinstance(f, StuckSda) and f.within_byte]
+            return False
+        if holding:
             clock.advance_ns(host_cost_ns + self._timeout_ns)
             raise BusTimeoutError("timeout, SDA or SCL is held low")
         for _ in range(1 + KERNEL_RETRIES):
             if not any(self._rng.random() < rate_rel for rate_rel in lost):
-                return
+                return True
             clock.advance_ns(host_cost_ns + _LOST_AFTER_NS)
-        raise BusError("arbitration lost: another master is on this bus")
+        raise BusTimeoutError("arbitration lost four times")
 
-    def _holds(self, fault: OnWires, selection: int) -> bool:
+    def _holds_line(self, fault: OnWires, selection: int) -> bool:
         """Return whether an acting fault holds a line of the bus."""
+        if fault in self._released:
+            return False
         if isinstance(fault, StuckSda):
             return bool(selection >> self._channels[fault.leg] & 1)
         return isinstance(fault, StuckUpstreamBus)

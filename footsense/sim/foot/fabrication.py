@@ -61,15 +61,15 @@ def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foo
     )
     design, min_deviation_rel = response.design, MIN_DRAWN_REL - 1.0
     return Deviations(
-        gap_um=_drawn(gap, tolerances.gap_um, ELEMENTS, min_deviation_rel * design.gap_um),
-        film_um=_drawn(film, tolerances.film_um, ELEMENTS, min_deviation_rel * design.film_um),
-        stray_pf=_drawn(stray, tolerances.stray_pf, ELEMENTS, -np.inf),
-        stiffness_rel=float(_drawn(stiffness, tolerances.stiffness_rel, 1, min_deviation_rel)[0]),
-        mount=_mount(mount, tolerances.mount_deg, LOWEST_LOAD_DEG - response.min_elevation_deg),
+        gap_um=_draw_at_least(gap, tolerances.gap_um, ELEMENTS, min_deviation_rel * design.gap_um),
+        film_um=_draw_at_least(film, tolerances.film_um, ELEMENTS, min_deviation_rel * design.film_um),
+        stray_pf=_draw_at_least(stray, tolerances.stray_pf, ELEMENTS, -np.inf),
+        stiffness_rel=float(_draw_at_least(stiffness, tolerances.stiffness_rel, 1, min_deviation_rel)[0]),
+        mount=_draw_mount(mount, tolerances.mount_deg, LOWEST_LOAD_DEG - response.min_elevation_deg),
     )
 
 
-def mounted(own: Deviations, remount_deg: float, seed: int, foot: int, mounting: int) -> Deviations:
+def remounted(own: Deviations, remount_deg: float, seed: int, foot: int, mounting: int) -> Deviations:
     """Return a foot after another mounting, rotated by a further small angle.
 
     Args:
@@ -80,10 +80,10 @@ def mounted(own: Deviations, remount_deg: float, seed: int, foot: int, mounting:
         mounting: Number of the mounting.
     """
     random = np.random.default_rng((seed, foot, mounting, 7))
-    return replace(own, mount=_turned(random, remount_deg) @ own.mount)
+    return replace(own, mount=_draw_rotation(random, remount_deg) @ own.mount)
 
 
-def _drawn(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector:
+def _draw_at_least(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector:
     """Return normal deviates of an rms, shape (n,), each drawn again until it is at least `least`."""
     values = rng.normal(size=n)
     while (low := rms * values < least).any():
@@ -91,14 +91,14 @@ def _drawn(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector
     return rms * values
 
 
-def _mount(rng: np.random.Generator, rms_deg: float, most_deg: float) -> Vector:
+def _draw_mount(rng: np.random.Generator, rms_deg: float, most_deg: float) -> Vector:
     """Return a rotation about any axis, shape (3, 3), tilting the leg by at most `most_deg` or drawn again."""
     while True:
-        mount = _turned(rng, rms_deg)
+        mount = _draw_rotation(rng, rms_deg)
         if mount[2, 2] >= np.cos(np.radians(most_deg)):
             return mount
 
 
-def _turned(rng: np.random.Generator, rms_deg: float) -> Vector:
+def _draw_rotation(rng: np.random.Generator, rms_deg: float) -> Vector:
     """Return a rotation about any axis, shape (3, 3); its angle's square is the sum of three squares."""
     return rotation(np.radians(rms_deg) / np.sqrt(3.0) * rng.normal(size=3))

@@ -59,18 +59,18 @@ class GaitTable:
             return self.unloaded_pf
         level = (softness - self._low) * self._per_softness
         below = min(int(level), len(self._tables) - 1)
-        lower_pf = self._at(self._tables[below], phase)
+        lower_pf = self._table_at(self._tables[below], phase)
         part = level - below
         if part <= 0.0:
             return lower_pf
-        return _between(lower_pf, self._at(self._tables[below + 1], phase), part)
+        return _interpolate(lower_pf, self._table_at(self._tables[below + 1], phase), part)
 
-    def _at(self, table: list[list[float]], phase: float) -> list[float]:
+    def _table_at(self, table: list[list[float]], phase: float) -> list[float]:
         place = phase * self._per_phase
         step = min(int(place), self._n_steps - 1)
-        return _between(table[step], table[step + 1], place - step)
+        return _interpolate(table[step], table[step + 1], place - step)
 
 
-def _between(from_pf: list[float], to_pf: list[float], part: float) -> list[float]:
+def _interpolate(from_pf: list[float], to_pf: list[float], part: float) -> list[float]:
     """Return values interpolated linearly between two sets."""
     return [a_pf + part * (b_pf - a_pf) for a_pf, b_pf in zip(from_pf, to_pf, strict=True)]

@@ -62,7 +62,7 @@ def measured_walk(peak_force_n: float, pitch_deg: float, from_ns: int) -> Walk:
     scale = peak_force_n / largest_n
     right = strides["right"]
 
-    def replayed(stride: MeasuredStride) -> Reaction:
+    def replay_stride(stride: MeasuredStride) -> Reaction:
         scaled_n = stride.force_n * scale
         last = len(scaled_n) - 1
         dt_s = float(stride.t_s[1] - stride.t_s[0])
@@ -77,7 +77,7 @@ def measured_walk(peak_force_n: float, pitch_deg: float, from_ns: int) -> Walk:
 
         return reaction
 
-    by_foot = {foot: replayed(stride) for foot, stride in strides.items()}
+    by_foot = {foot: replay_stride(stride) for foot, stride in strides.items()}
     return Walk(
         reaction={leg: by_foot["right" if leg in _RIGHT_LEGS else "left"] for leg in LEGS},
         period_ns=round(right.stride_s * _NS_PER_S),

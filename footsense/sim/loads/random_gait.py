@@ -82,7 +82,7 @@ def _log_uniform(
     return drawn
 
 
-def _ease(x: Vector) -> Vector:
+def _smooth_step(x: Vector) -> Vector:
     """Return a smooth step from 0 at 0 to 1 at 1."""
     eased: Vector = 0.5 - 0.5 * np.cos(np.pi * np.clip(x, 0.0, 1.0))
     return eased
@@ -151,16 +151,16 @@ class RandomStance:
         """Return the normal force [N]."""
         rise, fall = t_s / self._rise_s, (self.duration_s - t_s) / self._fall_s
         if self._kind == 0:
-            envelope = _ease(rise) * _ease(fall)
+            envelope = _smooth_step(rise) * _smooth_step(fall)
         elif self._kind == 1:
             envelope = np.clip(rise, 0.0, 1.0) * np.clip(fall, 0.0, 1.0)
         else:
-            envelope = np.sqrt(_ease(rise) * _ease(fall) * np.clip(rise, 0.0, 1.0))
+            envelope = np.sqrt(_smooth_step(rise) * _smooth_step(fall) * np.clip(rise, 0.0, 1.0))
         shape = 1.0 - self._hump * np.sin(np.pi * self._n_humps * t_s / self.duration_s) ** 2
         size, at_s, width_s = self._impact
         shape *= (1.0 + self._wave.at(t_s)) * (1.0 + size * np.exp(-0.5 * ((t_s - at_s) / width_s) ** 2))
         for step in self._load_steps:
-            shape *= 1.0 + step.load_rel * _ease((t_s - step.start_s) / step.duration_s)
+            shape *= 1.0 + step.load_rel * _smooth_step((t_s - step.start_s) / step.duration_s)
         pressing = np.clip(self._peak_n * envelope * shape, 0.0, self._max_n)
         return np.where((t_s >= 0.0) & (t_s < self.duration_s), pressing, 0.0)
 
@@ -176,7 +176,9 @@ class RandomStance:
         """Return the tangential over the normal force, forward and to the left [1], shape (n, 2)."""
         shear = self._friction + self._shear.at(t_s)
         for step in self._shear_steps:
-            shear = shear + np.multiply.outer(_ease((t_s - step.start_s) / step.duration_s), step.shear)
+            shear = shear + np.multiply.outer(
+                _smooth_step((t_s - step.start_s) / step.duration_s), step.shear
+            )
         return shear
 
 

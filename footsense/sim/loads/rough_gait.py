@@ -53,7 +53,7 @@ class RoughStance:
         self.duration_s = stance.duration_s
         self.friction = friction
         ground = SlidingGround(
-            friction=friction,
+            kinetic_friction=friction,
             static_rel=rng.uniform(*_STATIC_REL),
             stiffness_n_per_mm=rng.uniform(*_STIFFNESS[is_soft]),
             creep_mm_per_s=_CREEP[is_soft],
@@ -64,7 +64,7 @@ class RoughStance:
         stone = rng.random() < _STONE_SHARE
         lean = np.radians(_STONE_DEG) * np.sqrt(rng.random()) * stone
         around = rng.uniform(0.0, 2.0 * np.pi)
-        self._normal = _limited(
+        self._normal = _limited_normals(
             loads.normal[:, :2] + np.sin(lean) * np.array([np.cos(around), np.sin(around)])
         )
         pressed = np.maximum(self._pressing_n, 1e-9)[:, None]
@@ -73,7 +73,7 @@ class RoughStance:
         demand_n = pressed * (np.where(pressed > 1e-6, wanted, 0.0) - downhill)
         demand_n += ground.stiffness_n_per_mm * self._drag_mm(rng)
         tangential_n, self._way_mm = ground.react(self._pressing_n, demand_n)
-        self._force_n = _pressed(self._normal, self._pressing_n, tangential_n)
+        self._force_n = _contact_forces_n(self._normal, self._pressing_n, tangential_n)
 
     def _drag_mm(self, rng: np.random.Generator) -> Vector:
         """Return the way of the leg against the body, shape (n, 2)."""
@@ -90,9 +90,10 @@ class RoughStance:
 
     def loads(self, t_s: Vector) -> Loads:
         """Return the loads at n times since touchdown [s]."""
-        normal = _at(t_s, self._t_s, self._normal)
+        normal = _interpolate_rows(t_s, self._t_s, self._normal)
         return Loads(
-            normal / np.linalg.norm(normal, axis=1, keepdims=True), _at(t_s, self._t_s, self._force_n)
+            normal / np.linalg.norm(normal, axis=1, keepdims=True),
+            _interpolate_rows(t_s, self._t_s, self._force_n),
         )
 
     def way_mm(self, t_s: Vector) -> Vector:
@@ -100,14 +101,14 @@ class RoughStance:
         return np.asarray(np.interp(t_s, self._t_s, self._way_mm), np.float64)
 
 
-def _limited(across: Vector) -> Vector:
+def _limited_normals(across: Vector) -> Vector:
     """Return unit normals of given components forward and to the left, their lean limited, shapes (n, 2), (n, 3)."""
     size = np.linalg.norm(across, axis=1, keepdims=True)
     across = across * np.minimum(1.0, np.sin(np.radians(_LARGEST_DEG)) / np.maximum(size, 1e-9))
     return np.hstack([across, np.sqrt(1.0 - (across**2).sum(axis=1, keepdims=True))])
 
 
-def _pressed(normal: Vector, pressing_n: Vector, tangential_n: Vector) -> Vector:
+def _contact_forces_n(normal: Vector, pressing_n: Vector, tangential_n: Vector) -> Vector:
     """Return forces of a normal force and a tangential one, of the length given, in the direction of its shadow."""
     along = -(normal[:, :2] * tangential_n).sum(axis=1, keepdims=True) / normal[:, 2:]
     tangential = np.hstack([tangential_n, along])
@@ -116,7 +117,7 @@ def _pressed(normal: Vector, pressing_n: Vector, tangential_n: Vector) -> Vector
     return np.asarray(pressing_n[:, None] * normal + tangential, np.float64)
 
 
-def _at(t_s: Vector, known_s: Vector, values: Vector) -> Vector:
+def _interpolate_rows(t_s: Vector, known_s: Vector, values: Vector) -> Vector:
     """Return the rows of a table at n times, linearly between its times."""
     return np.stack([np.interp(t_s, known_s, column) for column in values.T], axis=1)
 

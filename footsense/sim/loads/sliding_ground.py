@@ -28,13 +28,13 @@ class SlidingGround:
     """Friction of the ground, and the spring between it and the body.
 
     Attributes:
-        friction: Coefficient of kinetic friction.
+        kinetic_friction: Coefficient of kinetic friction.
         static_rel: Coefficient of static friction over it, at least 1.
         stiffness_n_per_mm: Spring between contact and body, along the ground [N/mm].
         creep_mm_per_s: Creep at the cone [mm/s].
     """
 
-    friction: float
+    kinetic_friction: float
     static_rel: float
     stiffness_n_per_mm: float
     creep_mm_per_s: float
@@ -56,11 +56,11 @@ class SlidingGround:
         for s_n, (demand_x, demand_y) in zip(pressing_n.tolist(), demand_n.tolist(), strict=True):
             x, y = demand_x - stiffness * slid_x, demand_y - stiffness * slid_y
             size = math.hypot(x, y)
-            cone_n = self.friction * s_n * (1.0 if slides else self.static_rel)
+            cone_n = self.kinetic_friction * s_n * (1.0 if slides else self.static_rel)
             slides = size > cone_n
             if slides:
-                step_mm = (size - self.friction * s_n) / stiffness
-                kept = self.friction * s_n / size
+                step_mm = (size - self.kinetic_friction * s_n) / stiffness
+                kept = self.kinetic_friction * s_n / size
             elif size:
                 step_mm = min(creep * (size / cone_n) ** _CREEP_POWER, size / stiffness)
                 kept = 1.0 - step_mm * stiffness / size

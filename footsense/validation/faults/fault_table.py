@@ -8,7 +8,7 @@ import numpy as np
 
 from footsense.validation.faults.can_trial import CanFigures, can_trial
 from footsense.validation.faults.fault_scripts import CAN_TRIALS, TRIALS
-from footsense.validation.faults.fault_trial import LEG, FaultFigures, figures
+from footsense.validation.faults.fault_trial import LEG, FaultFigures, fault_figures
 from footsense.validation.faults.published_walk import BREAKS_AT_S, WALK, PublishedWalk, walk
 
 #: Length of a walk with a fault of CAN [s]: the kernel checks a carrier once a second, and the daemon opens the
@@ -18,7 +18,7 @@ _CAN_WALK_S = 4.0
 _QUICK_STEP = 6
 
 
-def rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, FaultFigures]:
+def fault_rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, FaultFigures]:
     """Walk without a fault, then with each fault of legs, buses and feet; return the figures by words.
 
     Args:
@@ -33,7 +33,7 @@ def rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, Fau
     for trial in islice(TRIALS, None, None, _QUICK_STEP if quick else 1):
         effects = msgspec.structs.replace(WALK.effects, adapter_timeout_ms=trial.adapter_timeout_ms)
         broken = walk(*trial.script, config=trial.config, effects=effects)
-        found[trial.words] = figures(broken, whole, BREAKS_AT_S, trial.until_s)
+        found[trial.words] = fault_figures(broken, whole, BREAKS_AT_S, trial.until_s)
         report(trial.words)
     return found
 
@@ -43,11 +43,11 @@ def _without_fault(whole: PublishedWalk) -> FaultFigures:
     row = whole.legs.index(LEG)
     late = whole.t_sent_ns > BREAKS_AT_S * 1e9
     over_sigma = np.abs(whole.force_n - whole.true_force_n)[late, row] / whole.sigma_n[late, row]
-    return figures(whole, whole, BREAKS_AT_S, None)._replace(worst_error_sigma=float(over_sigma.max()))
+    return fault_figures(whole, whole, BREAKS_AT_S, None)._replace(worst_error_sigma=float(over_sigma.max()))
 
 
 def can_rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, CanFigures]:
-    """Walk with each fault of CAN; return the figures by words. Arguments as of `rows`."""
+    """Walk with each fault of CAN; return the figures by words. Arguments as of `fault_rows`."""
     found = {}
     for words, fault in islice(CAN_TRIALS.items(), None, None, _QUICK_STEP if quick else 1):
         found[words] = can_trial(fault, duration_s=_CAN_WALK_S)

@@ -43,7 +43,9 @@ class FaultFigures(NamedTuple):
     others_error_n: float
 
 
-def figures(broken: PublishedWalk, whole: PublishedWalk, start_s: float, end_s: float | None) -> FaultFigures:
+def fault_figures(
+    broken: PublishedWalk, whole: PublishedWalk, start_s: float, end_s: float | None
+) -> FaultFigures:
     """Return the effect of a fault of the leg `LEG`.
 
     Args:

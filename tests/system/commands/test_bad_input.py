@@ -1,29 +1,44 @@
 """Whatever is handed to the command line: one clear line, the right exit code, no traceback, no half-written file."""
 
 from pathlib import Path
+from unittest import mock
 
 import pytest
+from click.testing import CliRunner
 
+from footsense.cli import main
 from tests.system.command import footsense, one_line_error, robot
 
 
 def test_an_i2c_adapter_that_is_not_there(tmp_path: Path) -> None:
-    """Exit 5, and neither a recording nor a log is left behind."""
+    """Exit 69, and neither a recording nor a log is left behind."""
     config = robot(tmp_path, device="/dev/i2c-77")
     result = footsense(
         *("run", "--config", config, "--record", tmp_path / "a.mcap", "--can-log", tmp_path / "a.log")
     )
-    assert "/dev/i2c-77: no such I2C adapter" in one_line_error(result, 5)
+    assert "/dev/i2c-77: no such I2C adapter" in one_line_error(result, 69)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["robot.yaml"]
 
 
+def test_a_configuration_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exit 78 and one line, as for one that is wrong, and not the usage of the command."""
+    config = robot(tmp_path)
+    monkeypatch.setattr("os.access", lambda *_, **__: False)
+    monkeypatch.setattr(Path, "read_bytes", mock.Mock(side_effect=PermissionError(13, "Permission denied")))
+    result = CliRunner().invoke(main, ["run", "--config", str(config)])
+    assert (result.exit_code, result.stderr) == (
+        78,
+        f"footsense: {config}: cannot be read: Permission denied\n",
+    )
+
+
 def test_a_can_channel_that_is_down(tmp_path: Path) -> None:
-    """Exit 6, what to try, and nothing half-written."""
+    """Exit 71, what to try, and nothing half-written."""
     config = robot(tmp_path, interface="socketcan", channel="can77")
     result = footsense(
         *("run", "--config", config, "--record", tmp_path / "a.mcap", "--can-log", tmp_path / "a.log")
     )
-    assert "CAN channel can77 (socketcan)" in one_line_error(result, 6)
+    assert "CAN channel can77 (socketcan)" in one_line_error(result, 71)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["robot.yaml"]
 
 
@@ -47,18 +62,18 @@ can: {interface: virtual}
     ],
 )
 def test_a_configuration_that_contradicts_itself(tmp_path: Path, text: str, says: str) -> None:
-    """`check-config` and `run` say the same line: file, line, path, remedy; exit 2."""
+    """`check-config` and `run` say the same line: file, line, path, remedy; exit 78."""
     file = tmp_path / "robot.yaml"
     file.write_text(text)
-    line = one_line_error(footsense("check-config", file), 2)
+    line = one_line_error(footsense("check-config", file), 78)
     assert says in line
     assert str(file) in line
-    assert one_line_error(footsense("run", "--config", file), 2) == line
+    assert one_line_error(footsense("run", "--config", file), 78) == line
 
 
 def test_a_scene_that_does_not_exist() -> None:
     """The scenes that do exist are named."""
-    line = one_line_error(footsense("run", "--scene", "moonwalk"), 2)
+    line = one_line_error(footsense("run", "--scene", "moonwalk"), 78)
     assert "no scene 'moonwalk': there are faults, hanging, measured_walk, tripod" in line
 
 
@@ -66,14 +81,14 @@ def test_a_scene_with_a_typo(tmp_path: Path) -> None:
     """Scenes are as strict as configurations."""
     scene = tmp_path / "scene.yaml"
     scene.write_text("description: x\nload: {kind: tripod, perod_s: 1}\n")
-    assert "did you mean period_s" in one_line_error(footsense("run", "--scene", scene), 2)
+    assert "did you mean period_s" in one_line_error(footsense("run", "--scene", scene), 78)
 
 
 def test_an_existing_recording_is_not_overwritten(tmp_path: Path) -> None:
     """The file stays as it is."""
     file = tmp_path / "walk.mcap"
     file.write_bytes(b"precious")
-    line = one_line_error(footsense("run", "--duration", "1", "--fast", "--record", file), 3)
+    line = one_line_error(footsense("run", "--duration", "1", "--fast", "--record", file), 74)
     assert "exists and is not overwritten" in line
     assert file.read_bytes() == b"precious"
 
@@ -82,10 +97,10 @@ def test_a_file_that_is_no_recording(tmp_path: Path) -> None:
     """Exit 3, one line."""
     file = tmp_path / "walk.mcap"
     file.write_bytes(b"precious")
-    one_line_error(footsense("replay", file), 3)
+    one_line_error(footsense("replay", file), 74)
 
 
 def test_a_log_of_an_unknown_kind(tmp_path: Path) -> None:
     """The suffixes that are known are named."""
-    line = one_line_error(footsense("run", "--duration", "1", "--can-log", tmp_path / "walk.txt"), 2)
+    line = one_line_error(footsense("run", "--duration", "1", "--can-log", tmp_path / "walk.txt"), 78)
     assert ".log, .asc, .blf" in line

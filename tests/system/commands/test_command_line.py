@@ -19,6 +19,7 @@ from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.replay import Replay
 from footsense.sim.clock import VirtualClock
+from tests.support.other_file import opens_instead
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
 
 N_BEFORE, N_LOST = 30, 7
@@ -112,16 +113,16 @@ def test_a_word_of_an_earlier_version_names_the_present_one(arguments: tuple[str
 @pytest.mark.parametrize(
     ("record", "can_log", "exit_code", "says"),
     [
-        ("a.txt", "a.log", 2, "a.txt: the name has to end in .mcap"),
-        ("a.mcap", "a.mcap", 2, "CAN log {folder}/a.mcap: the suffix must be one of .log, .asc, .blf"),
+        ("a.txt", "a.log", 78, "a.txt: the name has to end in .mcap"),
+        ("a.mcap", "a.mcap", 78, "CAN log {folder}/a.mcap: the suffix must be one of .log, .asc, .blf"),
         (
             "a.mcap",
             "old.log",
-            3,
+            74,
             "CAN log {folder}/old.log: exists and is not overwritten; choose another name",
         ),
-        ("old.mcap", "a.log", 3, "old.mcap: exists and is not overwritten"),
-        ("a.mcap", "none/a.log", 3, "none/a.log: there is no directory"),
+        ("old.mcap", "a.log", 74, "old.mcap: exists and is not overwritten"),
+        ("a.mcap", "none/a.log", 74, "none/a.log: there is no directory"),
     ],
 )
 def test_outputs_are_checked_before_anything_is_opened(
@@ -145,13 +146,13 @@ def test_replay_overwrites_no_log(walk: Path, tmp_path: Path) -> None:
     log = tmp_path / "old.log"
     log.write_text("precious")
     assert "old.log: exists and is not overwritten" in one_line_error(
-        footsense("replay", walk, "--can-log", log), 3
+        footsense("replay", walk, "--can-log", log), 74
     )
     assert log.read_text() == "precious"
 
 
 def test_a_can_log_that_cannot_grow_is_told_at_the_end(walk: Path, tmp_path: Path) -> None:
-    """The replay goes to its end, and then the last line and exit 3 say that the log is not whole."""
+    """The replay goes to its end, and then the last line and exit 74 say that the log is not whole."""
     result = subprocess.run(
         [sys.executable, "-m", "footsense", "replay", str(walk), "--can-log", str(tmp_path / "a.log")],
         capture_output=True,
@@ -161,14 +162,14 @@ def test_a_can_log_that_cannot_grow_is_told_at_the_end(walk: Path, tmp_path: Pat
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
     )
     line = result.stderr.splitlines()[-1]
-    assert result.returncode == 3
+    assert result.returncode == 74
     assert "a.log: the CAN log ended early: File too large; what was sent is not affected" in line
 
 
-def test_a_lost_log_does_not_hide_what_came_before(tmp_path: Path) -> None:
+def test_a_lost_log_does_not_hide_what_came_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first error is the one that is told, whatever the end of the log adds to it."""
     log = tmp_path / "a.log"
-    log.symlink_to("/dev/full")
+    opens_instead(monkeypatch, log, Path("/dev/full"))
     with pytest.raises(HardwareError, match="the bus is gone"), can_sink(DEFAULT, VirtualClock(), log):
         raise HardwareError("the bus is gone")
 
@@ -216,14 +217,14 @@ def test_ctrl_c_ends_a_command_without_a_traceback(tmp_path: Path) -> None:
 def test_a_gap_is_replayed_and_not_compared_across(gapped: Path) -> None:
     """With --check the cycles before it are compared and the rest only replayed; both ways the loss is told."""
     checked = footsense("replay", gapped, "--check")
-    line = one_line_error(checked, 3)
+    line = one_line_error(checked, 74)
     assert line == (
         f"{gapped}: {N_LOST} cycles were lost when it was recorded, "
         f"only the {N_BEFORE} cycles before the first of them were compared"
     )
     assert checked.stdout == f"{N_BEFORE} cycles equal bit for bit\n"
     replayed = footsense("replay", gapped)
-    assert one_line_error(replayed, 3) == f"{gapped}: {N_LOST} cycles were lost when it was recorded"
+    assert one_line_error(replayed, 74) == f"{gapped}: {N_LOST} cycles were lost when it was recorded"
     n_cycles = len(list(Replay(gapped)))
     assert n_cycles > N_BEFORE + N_LOST
     assert replayed.stdout == f"{n_cycles} cycles replayed\n"

@@ -24,7 +24,7 @@ from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.validation.faults.fault_trial import LEG, FaultFigures, figures
+from footsense.validation.faults.fault_trial import LEG, FaultFigures, fault_figures
 from footsense.validation.faults.published_walk import BREAKS_AT_S, PASSES_AT_S, WALK, PublishedWalk, walk
 
 DBC = Path(firmware_interface.__file__).parent / "footsense.dbc"
@@ -104,7 +104,7 @@ def whole() -> PublishedWalk:
 
 def trial(fault: Fault, whole: PublishedWalk) -> tuple[PublishedWalk, FaultFigures]:
     broken = walk(fault, config=ROBOT)
-    return broken, figures(broken, whole, fault.at_s, getattr(fault, "until_s", None))
+    return broken, fault_figures(broken, whole, fault.at_s, getattr(fault, "until_s", None))
 
 
 def touches_no_other_leg(broken: PublishedWalk, whole: PublishedWalk) -> bool:
@@ -146,7 +146,7 @@ def test_two_broken_rows_are_more_than_can_be_estimated(whole: PublishedWalk) ->
     broken = walk(
         scene_faults.BrokenRow(row=0, **ON_LEG), scene_faults.BrokenRow(row=2, **ON_LEG), config=ROBOT
     )
-    seen = figures(broken, whole, BREAKS_AT_S, None)
+    seen = fault_figures(broken, whole, BREAKS_AT_S, None)
     assert (seen.state, seen.cause, seen.fault_mask) == (State.ELEMENT_FAULT, Cause.ROW_OPEN, 0b111_000_111)
     assert touches_no_other_leg(broken, whole)
 
@@ -184,13 +184,13 @@ def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(wh
     assert (broken.state[held] == State.ABSENT).all()
     assert (broken.cause[held] == Cause.BUS_STUCK).all()
     assert (broken.state[-1] == State.VALID).all()
-    assert figures(broken, whole, BREAKS_AT_S, PASSES_AT_S).recovery_s is not None
+    assert fault_figures(broken, whole, BREAKS_AT_S, PASSES_AT_S).recovery_s is not None
 
 
 def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: PublishedWalk) -> None:
     """The RESET pin is of no help there; the next try that gets through brings every leg back at once."""
     broken = walk(scene_faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + 0.1), config=ROBOT)
-    seen = figures(broken, whole, BREAKS_AT_S, BREAKS_AT_S + 0.1)
+    seen = fault_figures(broken, whole, BREAKS_AT_S, BREAKS_AT_S + 0.1)
     assert seen.longest_gap_s < 0.45
     assert (broken.state[-1] == State.VALID).all()
 

@@ -81,7 +81,7 @@ def test_a_reference_that_contradicts_the_foot_is_reported(tmp_path: Path) -> No
         *("record", "--reference", stand(tmp_path, wrong), "--foot", "foot-0007"),
         *("--scene", scene(tmp_path, SIX), out),
     )
-    assert done.returncode == 7
+    assert done.returncode == 65
     last = done.stderr.splitlines()[-1]
     assert last.startswith(f"footsense: {out} is kept, but do not calibrate with it: ")
     for words in (
@@ -96,15 +96,15 @@ def test_a_reference_that_contradicts_the_foot_is_reported(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("text", "options", "exit_code", "says"),
     [
-        (SENSOR, ("--foot", "seven"), 2, "--foot seven: is no identity of a foot, such as foot-0007"),
-        (SENSOR.replace("gf", "kg"), ("--foot", "foot-0007"), 2, "did you mean kgf?"),
+        (SENSOR, ("--foot", "seven"), 78, "--foot seven: is no identity of a foot, such as foot-0007"),
+        (SENSOR.replace("gf", "kg"), ("--foot", "foot-0007"), 78, "did you mean kgf?"),
         (
             SENSOR.replace(
                 "kind: simulated, linearity_rel: 0.0",
                 "kind: serial, device: /dev/none, rate_hz: 200, framing: {kind: lines, columns: [fx, fy, fz]}",
             ),
             ("--foot", "foot-0007"),
-            5,
+            69,
             "/dev/none: No such file or directory",
         ),
     ],

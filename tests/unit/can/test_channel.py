@@ -28,6 +28,7 @@ from footsense.can.sink import CanSink
 from footsense.errors import CanError, ConfigError, RecordingError
 from footsense.frames import BaselineDrift, CanStatistics, ContactFrame
 from tests.support.can_robot import MS, FakeClock, NarrowWire, Robot
+from tests.support.other_file import opens_instead
 
 
 def open_sink(interface: str, channel: str, log_file: Path | None = None) -> CanSink:
@@ -148,23 +149,13 @@ def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing(
     assert "its queue is full, frames are dropped" in caplog.text
 
 
-def _opens_instead(monkeypatch: pytest.MonkeyPatch, path: Path, instead: Path) -> None:
-    """Let the opening of a new file open another one."""
-    really = os.open
-
-    def opened(file: str | Path, flags: int, mode: int = 0o777) -> int:
-        return really(instead, os.O_WRONLY) if file == path else really(file, flags, mode)
-
-    monkeypatch.setattr("os.open", opened)
-
-
 @pytest.mark.parametrize("name", ["walk.log", "walk.asc", "walk.blf"])
 def test_a_full_disk_ends_the_log_and_not_the_forces(
     request: pytest.FixtureRequest, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The forces go on to the last heartbeat; why the log ended is told at the end, and once."""
     log_file = tmp_path / name
-    _opens_instead(monkeypatch, log_file, Path("/dev/full"))
+    opens_instead(monkeypatch, log_file, Path("/dev/full"))
     robot = Robot(request.node.nodeid, log_file=log_file)
     for scan in range(200):
         robot.publish(scan * 20 * MS)
@@ -182,7 +173,7 @@ def test_a_log_that_takes_nothing_costs_its_own_frames_and_no_time(
     path = tmp_path / "walk.log"
     os.mkfifo(tmp_path / "full")
     reader = os.open(tmp_path / "full", os.O_RDONLY | os.O_NONBLOCK)
-    _opens_instead(monkeypatch, path, tmp_path / "full")
+    opens_instead(monkeypatch, path, tmp_path / "full")
     stats = CanStatistics()
     log = CanFrameLog(path, "can0", stats, waits=False)
     scan = pack_frame(0x181, bytes(8)) * 12
@@ -254,7 +245,7 @@ class SlowWire(NarrowWire):
 
 def channel_on(wire: SlowWire, monkeypatch: pytest.MonkeyPatch, stats: CanStatistics) -> CanChannel:
     """Open a channel as on a robot, but on this interface."""
-    monkeypatch.setattr("footsense.can.channel.open_wire", lambda *_: wire.open_and_wait())
+    monkeypatch.setattr("footsense.can.channel.open_wire", lambda *_, **__: wire.open_and_wait())
     return CanChannel(ChannelSettings(interface="socketcan", channel="can0"), (), {}, stats)
 
 

@@ -1,5 +1,7 @@
 """The files in `deploy/` say what the service needs, in a form that systemd and udev read."""
 
+import re
+import shlex
 import shutil
 import subprocess
 from configparser import RawConfigParser
@@ -7,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from footsense.errors import ConfigError, FootsenseError, ModelError
 from footsense.sim.can.interface import AS_DEPLOYED
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
@@ -27,7 +30,8 @@ def test_the_service_is_watched_and_started_again() -> None:
     assert service["Type"] == "notify"
     assert int(service["WatchdogSec"]) > 0
     assert service["Restart"] == "on-failure"
-    assert service["RestartPreventExitStatus"].split() == ["2", "4"]
+    assert service["RestartPreventExitStatus"].split() == ["2", "66", "78"]
+    assert {ConfigError.exit_code, ModelError.exit_code} == {66, 78}
     assert service["KillMode"] == "mixed"
     assert (
         service["ExecStart"] == "/opt/footsense/bin/footsense -v run --config /etc/footsense/footsense.yaml"
@@ -103,10 +107,44 @@ def test_can0_comes_up_by_itself_and_keeps_no_old_frame() -> None:
 
 def test_i2c_adapters_are_known_to_systemd() -> None:
     """The unit waits for the adapter, which systemd does not know without the tag."""
-    (rule,) = [
+    rule, gpio = [
         line
         for line in (DEPLOY / "99-footsense-i2c.rules").read_text().splitlines()
         if line and not line.startswith("#")
     ]
     assert rule == 'SUBSYSTEM=="i2c-dev", GROUP="i2c", MODE="0660", TAG+="systemd"'
+    assert gpio == 'SUBSYSTEM=="gpio", KERNEL=="gpiochip*", GROUP="gpio", MODE="0660"'
     assert "dev-i2c\\x2d1.device" in parsed(UNIT)["Unit"]["After"]
+
+
+def test_a_missing_device_delays_the_boot_by_less_than_five_seconds() -> None:
+    """Each device that the unit waits for gets the short timeout; systemd's own is 90 s."""
+    unit, page = parsed(UNIT)["Unit"], (DEPLOY / "README.md").read_text()
+    timeouts = parsed(DEPLOY / "footsense-device.conf")["Unit"]
+    assert float(timeouts["JobTimeoutSec"]) == float(timeouts["JobRunningTimeoutSec"]) < 5
+    (loop,) = re.findall(r"^for device in (.*); do$", page, re.MULTILINE)
+    assert (
+        [f"{device}.device" for device in shlex.split(loop)] == unit["Wants"].split() == unit["After"].split()
+    )
+
+
+def test_what_the_page_uses_is_installed_and_loaded() -> None:
+    """Debian 12 has neither the module loaded, nor these tools, nor a group gpio."""
+    page = (DEPLOY / "README.md").read_text()
+    (packages,) = re.findall(r"^apt-get install -y (.*)$", page, re.MULTILINE)
+    assert {"curl", "gpiod", "i2c-tools", "can-utils", "python3-venv"} <= set(packages.split())
+    modules = (DEPLOY / "footsense-modules.conf").read_text().splitlines()
+    assert [line for line in modules if not line.startswith("#")] == ["i2c-dev"]
+    assert page.index("/etc/modules-load.d/footsense.conf") < page.index("i2cdetect -y 1")
+    assert "groupadd" in page.replace("\n", " ")
+    trial = parsed(DEPLOY / "70-can0-trial.netdev")["NetDev"]
+    assert (trial["Name"], trial["Kind"]) == ("can0", "vcan")
+
+
+def test_the_page_has_every_exit_code_and_none_is_systemd_s() -> None:
+    """The labels of systemd begin at 2; from 64 to 78 it shows those of sysexits.h."""
+    kinds: list[type[FootsenseError]] = [FootsenseError, *FootsenseError.__subclasses__()]
+    codes = {kind.exit_code for kind in kinds}
+    listed = re.findall(r"^\| (\d+)(?: `\w+`)? \|", (DEPLOY / "README.md").read_text(), re.MULTILINE)
+    assert {str(code) for code in codes} | {"0", "2", "130"} == set(listed)
+    assert all(64 <= code <= 78 for code in codes - {1})

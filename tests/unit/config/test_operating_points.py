@@ -47,6 +47,12 @@ def test_the_default_loads_a_bus_of_500_kbit_by_less_than_40_percent() -> None:
     assert can_bits_per_s(len(DEFAULT.legs), DEFAULT.forces_hz) < 0.4 * 500_000
 
 
+def test_can_fd_carries_a_force_for_every_conversion() -> None:
+    """One frame for all legs: what 500 kbit/s cannot carry in single frames."""
+    robot = replace(DEFAULT, can=Can(interface="socketcan", bitrate=500_000, fd=True))
+    assert at_operating_point(robot, "low-latency").publish_every == 1
+
+
 def test_run_obeys_the_name_and_refuses_another() -> None:
     """A name that is none is a usage error that lists those that are."""
     figures = run_json("--operating-point", "low-noise", "--duration", "2", "--fast")

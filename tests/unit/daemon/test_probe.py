@@ -17,7 +17,8 @@ from footsense.cli.probe.figure import draw
 from footsense.cli.probe.json_values import probe_json
 from footsense.cli.probe.picture import probe_picture, unloaded_yaml
 from footsense.config import DEFAULT, Config
-from footsense.config.sections import Bus, Mux, OtherDevice, Serial
+from footsense.config.contradictions import pull_up_fault, warnings
+from footsense.config.sections import Bus, Mux, OtherDevice, PullUps, Serial
 from footsense.daemon.probe.bus_probe import probe
 from footsense.daemon.probe.diagnosis import bus_diagnoses
 from footsense.daemon.probe.report import ProbedBus, ProbeResult
@@ -32,6 +33,7 @@ from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
+from footsense.sim.scene_effects import Effects
 from footsense.sim.scene_files import load_scene
 from footsense.sim.scene_loads import Constant
 from tests.support.feet import DESIGN
@@ -48,6 +50,38 @@ def shown(found: ProbeResult) -> str:
     console = Console(width=80, file=io.StringIO(), record=True)
     console.print(probe_picture(found, "test"))
     return console.export_text()
+
+
+def test_the_clock_of_each_converter_and_what_it_keeps_is_told() -> None:
+    """A slow one is a fault, for all wait for it; one that forgets is none, and named with what follows."""
+    sound = probed()
+    assert "asked whether they are done while the next conversion runs." in shown(sound)
+    assert {leg["slowness_rel"] for leg in probe_json(sound)["legs"].values()} == {1.0}
+    found = probe(DEFAULT, msgspec.structs.replace(HANGING, seed=2, effects=Effects(converter_clock_rel=0.1)))
+    slow = [leg.leg for leg in found.legs if leg.timing and leg.timing.slowness > 1.0]
+    assert 0 < len(slow) < 6
+    assert [diagnosis.where for diagnosis in found.diagnoses] == slow
+    assert all("longer than the slowest converter may" in diagnosis.what for diagnosis in found.diagnoses)
+    found = probe(DEFAULT, msgspec.structs.replace(HANGING, effects=Effects(trigger_clears_done=True)))
+    assert found.diagnoses == ()
+    assert "are done before the next conversion, which makes one" in " ".join(shown(found).split())
+    assert {leg["keeps_done"] for leg in probe_json(found)["legs"].values()} == {False}
+
+
+def test_pull_ups_of_all_legs_are_in_parallel() -> None:
+    """Six times 4.7 kOhm beside a Pi's 1.8: more than a chip can sink; the remedy is a number."""
+    (bus,) = DEFAULT.buses
+    for leg_ohm, n in ((4700.0, 1), (12_600.0, 0)):
+        ups = PullUps(upstream=1800, leg=leg_ohm)
+        config = msgspec.structs.replace(DEFAULT, buses=(msgspec.structs.replace(bus, pull_ups=ups),))
+        assert len(probed(config=config).diagnoses) == len(warnings(config)) == n
+    assert pull_up_fault(msgspec.structs.replace(bus, pull_ups=PullUps(upstream=1800, leg=4700))) == (
+        "with 6 legs connected at once 546 Ohm pull each line up, and a chip that pulls it down has to sink 5.3 mA, at "
+        "most 3 are allowed; at least 12528 Ohm on each leg"
+    )
+    assert "larger ones upstream" in str(
+        pull_up_fault(msgspec.structs.replace(bus, pull_ups=PullUps(upstream=900, leg=1e6)))
+    )
 
 
 def test_nothing_is_wrong_with_a_sound_robot() -> None:

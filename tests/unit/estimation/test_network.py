@@ -1,5 +1,8 @@
 """A network of other inputs and outputs is refused, whichever of them differs; one that fits gets what it is given."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -110,3 +113,21 @@ def test_the_released_network_reads_an_unloaded_foot_as_nothing() -> None:
     load = network.estimate(Window(np.zeros((4, 3, 9)), age_s, missing))
     assert not load.force_n.any()
     assert (load.sigma_n > 0.0).all()
+
+
+def test_the_library_starts_no_thread_and_writes_no_file(tmp_path: Path) -> None:
+    """Its telemetry would inherit the loop's scheduling, and leave an identity of the robot in the home directory."""
+    program = (
+        "import os; from footsense.daemon.models import load_models; from footsense.config import DEFAULT;"
+        "load_models(DEFAULT); print(len(os.listdir('/proc/self/task')))"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("ORT_")}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**environment, "HOME": str(tmp_path), "OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "1\n"
+    assert list(tmp_path.iterdir()) == []

@@ -97,3 +97,6 @@ def test_buses_run_side_by_side_until_someone_needs_them_all() -> None:
     second.advance_ns(300)
     assert JoinedClock([first, second]).now_ns() == 500
     assert second.now_ns() == 500
+    first.advance_ns(2000)
+    assert JoinedClock([first, second], grace_ns=1000).now_ns() == 500
+    assert (first.now_ns(), second.now_ns()) == (2500, 500)

@@ -44,7 +44,7 @@ def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture
     journal.observe(at(1, State.STARTING))
     assert lines(caplog) == [
         "WARNING leg lm: starting -> absent (no_answer)",
-        "WARNING leg lm: absent -> absent (bus_stuck)",
+        "WARNING leg lm: absent: no_answer -> bus_stuck",
         "INFO leg lm: absent -> starting",
     ]
 

@@ -9,7 +9,7 @@ from footsense.frames import LEGS, BaselineDrift, ContactFrame, Cycle, State
 from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fault, StuckSda
 from footsense.validation.invariants import Invariants
 from footsense.validation.random_faults import random_faults
-from footsense.validation.soak_plan import day
+from footsense.validation.soak_plan import soak_stretches
 from footsense.validation.tolerances import Rules
 from tests.support.can_frames import encode_force, encode_quality
 
@@ -137,7 +137,7 @@ def test_a_stand_puts_off_the_tare() -> None:
 
 def test_a_day_has_every_way_of_walking() -> None:
     """Whole hours that show what grows, each with a seed of its own; two stands, and warmth that comes and goes."""
-    stretches = day(24.0, 3)
+    stretches = soak_stretches(24.0, 3)
     assert sum(stretch.hours for stretch in stretches) == pytest.approx(24.0)
     assert min(stretch.hours for stretch in stretches) >= 1.0
     assert len({stretch.seed for stretch in stretches}) == len(stretches)
@@ -148,7 +148,7 @@ def test_a_day_has_every_way_of_walking() -> None:
         (1, 400),
         (4, 100),
     }
-    assert sum(stretch.hours for stretch in day(0.3, 1)) == pytest.approx(0.3)
+    assert sum(stretch.hours for stretch in soak_stretches(0.3, 1)) == pytest.approx(0.3)
 
 
 def test_random_faults_all_pass() -> None:

@@ -17,7 +17,7 @@ from footsense.foot.directions import angles_between_deg, directions
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors, magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.ball import circle, rim, touch
+from footsense.lab.ball import map_circle, map_position, map_radius
 from footsense.lab.evaluation.evaluate import (
     MEASURED_DIRECTION_DEG,
     MEASURED_MAGNITUDE_GF,
@@ -92,33 +92,35 @@ def _read_n(context: StudyContext, cases: Cases, draws: int) -> Vector:
     )
 
 
-def _draw_map(axes: Axes, grid: tuple[Vector, Vector], error_deg: Vector, lowest_deg: float) -> ContourSet:
+def _draw_map(
+    axes: Axes, grid: tuple[Vector, Vector], error_deg: Vector, lowest_elevation_deg: float
+) -> ContourSet:
     """Draw the direction error [deg] with iso-lines and the paper's circles; return the filled contours."""
     filled = axes.contourf(
         *grid, error_deg, levels=_LEVELS_DEG, norm=BoundaryNorm(_LEVELS_DEG, 256), extend="max"
     )
     lines = axes.contour(*grid, error_deg, levels=_LEVELS_DEG[1:], colors="k", linewidths=0.4)
     for part in (filled, lines):
-        part.set_clip_path(Circle((0.0, 0.0), rim(lowest_deg), transform=axes.transData))
-    for elevation_deg in (lowest_deg, 50.0, 70.0):
-        axes.plot(*circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="w", lw=0.8, ls=":")
-        right, up = touch(directions(np.array([-160.0]), np.array([elevation_deg]))[0])
+        part.set_clip_path(Circle((0.0, 0.0), map_radius(lowest_elevation_deg), transform=axes.transData))
+    for elevation_deg in (lowest_elevation_deg, 50.0, 70.0):
+        axes.plot(*map_circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="w", lw=0.8, ls=":")
+        right, up = map_position(directions(np.array([-160.0]), np.array([elevation_deg]))[0])
         axes.text(
             float(right), float(up), f"{elevation_deg:g} deg", fontsize=8, color="w", ha="center", va="top"
         )
     (middle,) = directions(*np.array(_CIRCLES_AT_DEG)[:, None])
     for radius_deg, style in ((PAPER_DIRECTION_DEG, "-"), (MEASURED_DIRECTION_DEG, "--")):
-        axes.plot(*circle(middle, radius_deg), "r" + style, lw=1.8, label=f"{radius_deg} deg")
+        axes.plot(*map_circle(middle, radius_deg), "r" + style, lw=1.8, label=f"{radius_deg} deg")
     axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
     return filled
 
 
-def _map_figure(grid: tuple[Vector, Vector], maps: dict[str, Vector], lowest_deg: float) -> Figure:
+def _map_figure(grid: tuple[Vector, Vector], maps: dict[str, Vector], lowest_elevation_deg: float) -> Figure:
     """Draw the maps side by side, on one scale."""
     figure = Figure(figsize=(8.6, 4.7), layout="constrained")
     row = figure.subplots(1, len(maps))
     for axes, (name, error_deg) in zip(row, maps.items(), strict=True):
-        filled = _draw_map(axes, grid, error_deg, lowest_deg)
+        filled = _draw_map(axes, grid, error_deg, lowest_elevation_deg)
         axes.set_title(f"{name}\nforward", fontsize=10)
     row[0].set_ylabel("right")
     row[-1].yaxis.set_label_position("right")
@@ -152,7 +154,7 @@ def _histogram_figure(readings: dict[str, tuple[Vector, Vector]]) -> Figure:
 def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Read centred loads from all over the ball, and the 180 verification cases."""
     points, draws = (_POINTS_QUICK, _DRAWS_QUICK) if context.quick else (_POINTS, _DRAWS)
-    along = np.linspace(-rim(_LOWEST_DEG), rim(_LOWEST_DEG), points)
+    along = np.linspace(-map_radius(_LOWEST_DEG), map_radius(_LOWEST_DEG), points)
     right, up = np.meshgrid(along, along)
     normal = _normals(right, up)
     computed = normal[..., 2] >= np.sin(np.radians(_LOWEST_DEG))

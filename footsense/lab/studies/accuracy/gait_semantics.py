@@ -13,7 +13,7 @@ from footsense.lab.evaluation.rough_walks import RoughWalk, walk
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
 #: Seed of the walks.
-SEED = 990_307
+SEED = 990_308
 #: Walks and conversions of each: a minute.
 N_WALKS, CONVERSIONS, QUICK_CONVERSIONS = 8, 22_000, 7_000
 #: Time at the begin of each walk in which thresholds and friction are learnt [s].
@@ -22,11 +22,15 @@ LEARNING_S = 10.0
 PEAK_N, SWING_S = 0.1, 0.1
 #: Normal force from which friction use, and from which normals count [N].
 FRICTION_N, NORMAL_N = 0.3, 0.5
-#: Way of a slide that has to be said [mm], and way below which nothing has slid.
+#: Way of a slide that has to be reported [mm], and way below which nothing has slid.
 SLID_MM, STUCK_MM = 5.0, 0.3
+#: Way from one conversion to the next from which a foot slides [mm].
+MOVING_MM = 0.01
+#: Share of a slide in which the force has to be known for the slide to count [1].
+KNOWN_REL = 0.5
 #: A slip is false if friction use stayed so far below the ground's coefficient for the last conversions.
 BELOW, LATELY = 0.05, 30
-#: Touchdowns that were said later do not count in the error of the back-dated time [ms].
+#: Touchdowns that were reported later do not count in the error of the back-dated time [ms].
 _PROMPT_MS = 60.0
 #: Time after a stance in which a word belongs to it [s].
 _AFTER_S = 0.08
@@ -42,20 +46,21 @@ class Results:
         n_touchdowns: Touchdowns that count.
         delay_p50_ms: From the first load to the word, median [ms].
         delay_p95_ms: The same, 95th percentile [ms].
-        missed_touchdowns: Share never said [1].
+        missed_touchdowns: Share never reported [1].
         false_touchdowns: In swing, in all.
-        touchdown_ms: Error of the back-dated time of those said promptly, rms [ms].
+        touchdown_ms: Error of the back-dated time of those reported promptly, rms [ms].
         touchdown_sigmas: The same over its sigma, rms [1].
-        n_lift_offs: Lift-offs that were said.
+        n_lift_offs: Lift-offs that were reported.
         lift_off_ms: Error of the back-dated time, rms [ms].
         contact_rel: Share of the conversions whose contact is right [1].
         friction: Error of friction use, mean [1].
         normal_deg: Error of the normal, mean [deg].
-        n_slides: Slides that have to be said.
+        n_beyond: Slides that drive the foot beyond the converter's range, where no force is known.
+        n_slides: Slides that have to be reported.
         slid_mm: Way until they are, mean [mm].
         slid_p95_mm: The same, 95th percentile [mm].
-        missed_slides: Share never said [1].
-        false_slips: Said far below the cone, in all.
+        missed_slides: Share never reported [1].
+        false_slips: Reported far below the cone, in all.
         at_cone: Said at the cone without a way worth the name, in all.
         coefficient: Error of the learnt coefficient at the end of a walk, rms [1].
     """
@@ -74,6 +79,7 @@ class Results:
     contact_rel: float
     friction: float
     normal_deg: float
+    n_beyond: int
     n_slides: int
     slid_mm: float
     slid_p95_mm: float
@@ -83,40 +89,41 @@ class Results:
     coefficient: float
 
 
-class _Flanks(NamedTuple):
-    """Touchdowns and lift-offs: rows of delay, error and sigma [ms], the delay infinite where nothing was said."""
+class _ReportedEvents(NamedTuple):
+    """Touchdowns and lift-offs: rows of delay, error and sigma [ms], the delay infinite where nothing was reported."""
 
     touchdowns: list[tuple[float, float, float]]
     lift_offs: list[tuple[float, float, float]]
     false: int
 
 
-class _Slips(NamedTuple):
-    """Slides: way until each was said [mm], infinite if never; and false slips, and those at the cone."""
+class _SlideReports(NamedTuple):
+    """Slides: distance until each was reported [mm], infinite if never; those beyond range, false, and at the cone."""
 
     ways_mm: list[float]
+    beyond: int
     false: int
     at_cone: int
 
 
-def _use(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
+def _friction_use(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
     """Return true friction use, NaN without a load, and normal force [N], shapes (...)."""
     pressing_n = (force_n * normal).sum(axis=-1)
     tangential_n = np.linalg.norm(force_n - pressing_n[..., None] * normal, axis=-1)
     return np.where(pressing_n > 0.0, tangential_n / np.maximum(pressing_n, 1e-9), np.nan), pressing_n
 
 
-def _stances(one: RoughWalk, leg: int) -> Iterator[tuple[int, float, float, Mask]]:
+def _counted_stances(one: RoughWalk, leg: int) -> Iterator[tuple[int, float, float, Mask]]:
     """Yield number, start and end [s] of the stances that count, and their conversions, shape (n,)."""
     for number, (start_s, end_s) in enumerate(one.stances_s[leg].tolist()):
         if start_s > LEARNING_S and end_s + _AFTER_S < one.t_s[-1]:
             yield number, start_s, end_s, one.slides[leg].stance == number
 
 
-def _flanks(one: RoughWalk, leg: int) -> _Flanks:
-    """Return what was said of a leg's touchdowns and lift-offs."""
-    found = _Flanks([], [], 0)
-    words = [(one.t_s[row], event) for row, event in one.said if event.leg == leg]
+def _touchdowns_and_lift_offs(one: RoughWalk, leg: int) -> _ReportedEvents:
+    """Match a leg's reported touchdowns and lift-offs with its true stances."""
+    found = _ReportedEvents([], [], 0)
+    words = [(one.t_s[row], event) for row, event in one.reported if event.leg == leg]
     down, up = (
         np.array([(t_s, 1e-9 * e.t_ns, e.sigma_s) for t_s, e in words if e.kind is kind]).reshape(-1, 3)
         for kind in (GaitEventKind.TOUCHDOWN, GaitEventKind.LIFT_OFF)
@@ -124,30 +131,33 @@ def _flanks(one: RoughWalk, leg: int) -> _Flanks:
     starts_s, ends_s = one.stances_s[leg].T
     in_stance = ((down[:, :1] >= starts_s) & (down[:, :1] < ends_s + _AFTER_S)).any(axis=1)
     false = int((~in_stance & (down[:, 0] > LEARNING_S)).sum())
-    for number, start_s, end_s, rows in _stances(one, leg):
+    for number, start_s, end_s, rows in _counted_stances(one, leg):
         before_s = start_s - (ends_s[number - 1] if number else 0.0)
         if one.force_n[rows, leg, 2].max(initial=0.0) < PEAK_N or before_s < SWING_S:
             continue
-        for said, true_s, first_s, last_s in (
+        for reported, true_s, first_s, last_s in (
             (down, start_s, start_s, end_s),
             (up, end_s, end_s, end_s + _AFTER_S),
         ):
-            own = said[(said[:, 0] >= first_s) & (said[:, 0] < last_s)]
-            kept = found.touchdowns if said is down else found.lift_offs
+            own = reported[(reported[:, 0] >= first_s) & (reported[:, 0] < last_s)]
+            kept = found.touchdowns if reported is down else found.lift_offs
             row = 1e3 * (own[0] - (true_s, true_s, 0.0)) if len(own) else np.array((np.inf, np.nan, np.nan))
             kept.append((float(row[0]), float(row[1]), float(row[2])))
     return found._replace(false=false)
 
 
-def _slips(one: RoughWalk, leg: int) -> _Slips:
-    """Return what was said of a leg's slides."""
-    use, pressing_n = _use(one.force_n[:, leg], one.normal[:, leg])
+def _slide_reports(one: RoughWalk, leg: int) -> _SlideReports:
+    """Match a leg's reported slips with its true slides."""
+    use, pressing_n = _friction_use(one.force_n[:, leg], one.normal[:, leg])
     slides = one.slides[leg]
     room = use - slides.friction
-    said = np.array([row for row, e in one.said if e.leg == leg and e.kind is GaitEventKind.SLIP], int)
-    ways_mm, false, at_cone = [], 0, 0
-    for number, _, _, rows in _stances(one, leg):
-        own = said[slides.stance[said] == number]
+    reported = np.array(
+        [row for row, e in one.reported if e.leg == leg and e.kind is GaitEventKind.SLIP], int
+    )
+    moving = np.diff(slides.way_mm, append=0.0) > MOVING_MM
+    ways_mm, beyond, false, at_cone = [], 0, 0, 0
+    for number, _, _, rows in _counted_stances(one, leg):
+        own = reported[slides.stance[reported] == number]
         where = np.flatnonzero(rows)
         for row in own.tolist():
             lately = room[max(row - LATELY, where[0]) : row + 1]
@@ -157,14 +167,17 @@ def _slips(one: RoughWalk, leg: int) -> _Slips:
                 at_cone += 1
         firm = where[pressing_n[where] > FRICTION_N]
         if len(firm) and slides.way_mm[firm[-1]] - slides.way_mm[firm[0]] > SLID_MM:
+            if one.known[firm[moving[firm]], leg].mean() < KNOWN_REL:
+                beyond += 1
+                continue
             begun_mm = slides.way_mm[firm[0]]
             in_time = own[own <= firm[-1]]
             ways_mm.append(max(float(slides.way_mm[in_time[0]] - begun_mm), 0.0) if len(in_time) else np.inf)
-    return _Slips(ways_mm, false, at_cone)
+    return _SlideReports(ways_mm, beyond, false, at_cone)
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Walk robots over rough ground, and compare what was said with the truth."""
+    """Walk robots over rough ground, and compare the reported events with the truth."""
     n_per_rel = sensitivity(context.network, 1, context.trained_inputs.moments).load_n
     n = QUICK_CONVERSIONS if context.quick else CONVERSIONS
     walks = []
@@ -173,25 +186,25 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         walks.append(walk(context.response, context.network, n_per_rel, max_n, (SEED, number), n))
         context.say(f"gait-semantics: walk {number + 1}")
     legs = [(one, leg) for one in walks for leg in range(len(one.slides))]
-    flanks = [_flanks(one, leg) for one, leg in legs]
-    slips = [_slips(one, leg) for one, leg in legs]
+    flanks = [_touchdowns_and_lift_offs(one, leg) for one, leg in legs]
+    slips = [_slide_reports(one, leg) for one, leg in legs]
     downs = np.array([row for one in flanks for row in one.touchdowns])
     ups = np.array([row for one in flanks for row in one.lift_offs])
     ways_mm = np.array([way for one in slips for way in one.ways_mm])
     down_ms, up_ms = downs[downs[:, 0] < _PROMPT_MS], ups[np.isfinite(ups[:, 0])]
     frictions, normals_deg, stands, contacts = [], [], [], []
     for one in walks:
-        use, pressing_n = _use(one.force_n, one.normal)
+        use, pressing_n = _friction_use(one.force_n, one.normal)
         later = one.t_s > LEARNING_S
         frictions.append((one.friction_use - use)[(pressing_n > FRICTION_N) & later[:, None]])
-        firm = (pressing_n > NORMAL_N) & np.isfinite(one.found_normal[..., 0])
-        normals_deg.append(angles_between_deg(one.found_normal[firm], one.normal[firm]))
+        firm = (pressing_n > NORMAL_N) & np.isfinite(one.estimated_normal[..., 0])
+        normals_deg.append(angles_between_deg(one.estimated_normal[firm], one.normal[firm]))
         stands.append(np.stack([slides.stance[later] >= 0 for slides in one.slides], axis=1))
         contacts.append(one.contact[later] > 0.0)
     stand = np.concatenate(stands)
     hours = float(stand.size * np.diff(walks[0].t_s).mean()) / 3600.0
     last = [one.coefficient[-1] - np.nanmean([slides.friction for slides in one.slides]) for one in walks]
-    said_mm = ways_mm[np.isfinite(ways_mm)]
+    reported_mm = ways_mm[np.isfinite(ways_mm)]
     return Results(
         leg_hours=hours,
         swing_hours=hours * float((~stand).mean()),
@@ -207,9 +220,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         contact_rel=float((np.concatenate(contacts) == stand).mean()),
         friction=float(np.nanmean(np.abs(np.concatenate(frictions)))),
         normal_deg=float(np.concatenate(normals_deg).mean()),
+        n_beyond=sum(one.beyond for one in slips),
         n_slides=len(ways_mm),
-        slid_mm=float(said_mm.mean()) if len(said_mm) else float("nan"),
-        slid_p95_mm=float(np.percentile(said_mm, 95)) if len(said_mm) else float("nan"),
+        slid_mm=float(reported_mm.mean()) if len(reported_mm) else float("nan"),
+        slid_p95_mm=float(np.percentile(reported_mm, 95)) if len(reported_mm) else float("nan"),
         missed_slides=float(np.isinf(ways_mm).mean()) if len(ways_mm) else float("nan"),
         false_slips=sum(one.false for one in slips),
         at_cone=sum(one.at_cone for one in slips),

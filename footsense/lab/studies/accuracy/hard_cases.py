@@ -31,7 +31,7 @@ _UP = np.array([[0.0, 0.0, 1.0]])
 _PLAIN = MeshSize(layers=0, order=2, bar_mm=1.0)
 
 
-def _refused(name: str, error: type[Exception], attempt: Callable[[], object]) -> Case:
+def _error_case(name: str, error: type[Exception], attempt: Callable[[], object]) -> Case:
     """Return the case of an input that an error has to refuse."""
     try:
         attempt()
@@ -41,7 +41,7 @@ def _refused(name: str, error: type[Exception], attempt: Callable[[], object]) -
     return Case(name, error.__name__, "no error", held=False)
 
 
-def _light(response: FootResponse) -> Iterator[Case]:
+def _small_load_cases(response: FootResponse) -> Iterator[Case]:
     """Yield cases of no load, and of a tenth of a gram-force."""
     foot = Foot(response)
     none_um = float(np.abs(foot.cells_um(_UP, 0.0 * _UP)).max())
@@ -52,7 +52,7 @@ def _light(response: FootResponse) -> Iterator[Case]:
     yield Case("0.1 gf", "closure per newton as at 1e-7 gf, to 1e-3", f"{apart:.1e}", apart < 1e-3)
 
 
-def _closing(response: FootResponse) -> Iterator[Case]:
+def _gap_closing_cases(response: FootResponse) -> Iterator[Case]:
     """Yield cases of loads that close gaps, and of the accuracy of the contact solution."""
     foot, gap_um = Foot(response), response.design.gap_um
     loads_n = np.linspace(0.0, 200.0, 801)
@@ -77,20 +77,20 @@ def _closing(response: FootResponse) -> Iterator[Case]:
     yield Case("contact at 2 to 100 N", "balance to 1e-9 of the closure", f"{worst:.1e}", worst < 1e-9)
 
 
-def _rim(response: FootResponse) -> Iterator[Case]:
+def _rim_contact_cases(response: FootResponse) -> Iterator[Case]:
     """Yield cases of contacts near the rim, and of invalid inputs."""
     low = directions(np.array([0.0, 90.0]), np.array([40.0, 40.0]))
     closures = response.closure_um(low, low)
     turned = float(np.abs(closures[1].reshape(3, 3) - closures[0].reshape(3, 3).T).max())
     yield Case("40 deg, at x and at y", "the same turned, to 1e-6 um", f"{turned:.1e} um", turned < 1e-6)
     below = directions(np.array(0.0), np.array(response.min_elevation_deg - 1.0))
-    yield _refused("contact below the table", ValueError, lambda: response.closure_um(below, below))
-    yield _refused("NaN in a normal", ValueError, lambda: response.closure_um(np.full(3, np.nan), _UP[0]))
+    yield _error_case("contact below the table", ValueError, lambda: response.closure_um(below, below))
+    yield _error_case("NaN in a normal", ValueError, lambda: response.closure_um(np.full(3, np.nan), _UP[0]))
     gaps_um = np.full(3, response.design.gap_um)
-    yield _refused(
+    yield _error_case(
         "NaN in a closure", ValueError, lambda: solve_contact_lcp(np.full(3, np.nan), gaps_um, np.eye(3))
     )
-    yield _refused(
+    yield _error_case(
         "indefinite compliance",
         ArithmeticError,
         lambda: solve_contact_lcp(1.5 * gaps_um, gaps_um, -np.eye(3)),
@@ -99,16 +99,16 @@ def _rim(response: FootResponse) -> Iterator[Case]:
     yield Case("NaN in a force", "no number", str(silent[0, 0]), bool(np.isnan(silent).all()))
 
 
-def _designs(foot_design: FootDesign) -> Iterator[Case]:
+def _impossible_design_cases(foot_design: FootDesign) -> Iterator[Case]:
     """Yield cases of impossible feet, which take no solve."""
-    yield _refused(
+    yield _error_case(
         "plate of 10 nm", ModelError, lambda: build_mesh(replace(foot_design, plate_mm=1e-5), COARSE)
     )
     wide = msgspec.json.encode(replace(foot_design, sheet_mm=1.5 * foot_design.ball_radius_mm))
-    yield _refused("sheet wider than the ball", ConfigError, lambda: load_foot(wide))
+    yield _error_case("sheet wider than the ball", ConfigError, lambda: load_foot(wide))
     for poisson in (0.5, 0.0):
         other = replace(foot_design, rubber=replace(foot_design.rubber, poisson=poisson))
-        yield _refused(
+        yield _error_case(
             f"rubber of nu = {poisson:g}", ModelError, partial(Quarter, other, _PLAIN, Parity(1, 1))
         )
 
@@ -141,7 +141,7 @@ def _solids(foot_design: FootDesign) -> Iterator[Case]:
         rest = quarter.residual_rel(load, quarter.solve(load))
         yield Case(name, "residual below 1e-8", f"{rest:.1e}", rest < 1e-8)
     loose = replace(foot_design, spacer_mm=1e30)
-    yield _refused("a half that nothing holds", ModelError, lambda: Quarter(loose, _PLAIN, Parity(1, 1)))
+    yield _error_case("a half that nothing holds", ModelError, lambda: Quarter(loose, _PLAIN, Parity(1, 1)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,10 +156,10 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     response = context.response
     groups: dict[str, Iterable[Case]] = {
         "The foot under load": [
-            *_light(response),
-            *_closing(response),
-            *_rim(response),
-            *_designs(context.foot_design),
+            *_small_load_cases(response),
+            *_gap_closing_cases(response),
+            *_rim_contact_cases(response),
+            *_impossible_design_cases(context.foot_design),
         ],
         "The network": network_cases(context),
         "The daemon": pipeline_cases(context),

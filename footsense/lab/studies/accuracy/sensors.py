@@ -85,7 +85,7 @@ QUICK_NAMES = "ABFG"
 PAIRS = (("A", "F"), ("B", "G"), ("C", "H"))
 
 
-def _whole(quarter: Vector, per_side: int) -> Vector:
+def _series_of_all_elements(quarter: Vector, per_side: int) -> Vector:
     """Return the series of all elements, shape (products, n, n, 3), from the quarter.
 
     The two or four parts of an element that a mirror plane cuts are as large, so that it feels their mean.
@@ -110,7 +110,9 @@ def sensor_series(foot_design: FootDesign, sensors: Sequence[Sensor], size: Mesh
         own = {parity: part[:, first : first + m * m].reshape(-1, m, m, 3) for parity, part in fitted.items()}
         first += m * m
         raw = add_series(own, DEGREE)
-        series[sensor.name] = _whole((raw + transposed_series(raw, DEGREE)) / 2.0, sensor.per_side)
+        series[sensor.name] = _series_of_all_elements(
+            (raw + transposed_series(raw, DEGREE)) / 2.0, sensor.per_side
+        )
     return series
 
 

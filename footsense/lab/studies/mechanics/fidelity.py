@@ -11,7 +11,13 @@ from footsense.lab.fidelity.compare import Distance, distance, timed
 from footsense.lab.fidelity.drawing import error_against_time, pattern_tiles
 from footsense.lab.fidelity.forward import ForwardAgainstTable, forward_against_table
 from footsense.lab.fidelity.half_space import HalfSpace
-from footsense.lab.fidelity.levels import LEVEL_NAMES, Answer, fidelity_level, full, half_space
+from footsense.lab.fidelity.levels import (
+    LEVEL_NAMES,
+    Answer,
+    fidelity_level,
+    finite_strain_contact,
+    half_space,
+)
 from footsense.lab.fidelity.loads import Loads, mirrored_loads, paper_loads
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
@@ -117,7 +123,9 @@ def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Dist
 
 def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstFull:
     """Compare the cheap models with the full solve, and separate mesh and physics errors at the first load."""
-    reduced, taken_s = timed(full(context.foot_design, reduced=True), mirrored_loads(FULL_CASES[:1]))
+    reduced, taken_s = timed(
+        finite_strain_contact(context.foot_design, reduced=True), mirrored_loads(FULL_CASES[:1])
+    )
     context.say(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first, contact = (
         Answer(answers[name].closure_um[:1], answers[name].capacitance_pf[:1]) for name in ("full", "contact")

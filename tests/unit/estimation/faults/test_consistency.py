@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.faults.consistency import (
     READMITTED_AFTER_NS,
+    READMITTED_ALONE_AFTER_NS,
     RESIDUAL_LIMIT,
     ConsistencyResult,
     ConsistencyTest,
@@ -134,6 +135,20 @@ def test_a_stuck_element_is_not_trusted_at_rest() -> None:
         result = leg.test(pressed())
         assert result.missing[0, 0] == (n + 1 < scans)
     assert not leg.consistency.excluded.any()
+
+
+@pytest.mark.parametrize("load", [0.0, 0.15, 1.0])
+def test_a_foot_whose_load_does_not_change_is_sound_again_after_ten_seconds(load: float) -> None:
+    """An element that read another leg's for a while, on a foot that hangs, barely stands, or stands."""
+    leg = Leg()
+    steady = pressed((load, 0.0, 0.0))
+    foreign = steady.copy()
+    foreign[4] += 0.4
+    for _ in range(10):
+        leg.test(foreign)
+    scans = READMITTED_ALONE_AFTER_NS // SCAN_NS
+    missing = [bool(leg.test(steady).missing[0, 4]) for _ in range(scans)]
+    assert missing == [True] * (scans - 1) + [False]
 
 
 def test_a_gap_is_not_time_in_which_an_element_agreed() -> None:

@@ -1,0 +1,290 @@
+"""Study `tracker`: what readings tell beyond the network, by least squares on the window or by a Kalman filter.
+
+Nothing of it is in the daemon: it would be if a method took a third off the error within the time of a conversion.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from timeit import repeat
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
+
+from footsense.foot.directions import angles_between_deg
+from footsense.frames import LEGS, Mask, Vector
+from footsense.lab.evaluation.contact_filter import ContactFilter
+from footsense.lab.evaluation.contact_model import ContactModel
+from footsense.lab.evaluation.window_fit import at_rest, fitted
+from footsense.lab.studies.accuracy.gaits import LEAST_N, SEED, estimated, loads_of, walks
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.training.gait_readings import (
+    LEAD_S,
+    STEP_S,
+    GaitReadings,
+    Timing,
+    elements_of,
+    joined,
+    read_gait,
+)
+from footsense.lab.training.gait_windows import GaitWindows, whole_windows, windows_of
+from footsense.ports import Load, Window
+from footsense.sim.loads.random_gait import Loads, RandomGait
+
+#: Random gaits, rows of steps, and conversions of each gait.
+N_RANDOM, N_STEPS, CONVERSIONS = 80, 8, 600
+_N_QUICK, _QUICK_CONVERSIONS = 4, 150
+#: Steps: rise, time on the ground and in the air [s], force [N].
+RISE_S, _ON_S, STEP_N = 0.005, 0.2, 1.0
+#: Conversions of a contact that counts as older; sigma and time [s] that an error may not exceed.
+OLDER, BEYOND, LONGEST_S = 19, 5.0, 0.03
+#: The rule: part of the error that has to go [1], on these loads, and longest time of a conversion of six legs [us].
+GAIN, MOST_US = 1.0 / 3.0, 250.0
+LOADS = ("random gaits", "measured walk", "tripod", "steps of 5 ms")
+#: Methods: the network alone, fits, filters.
+NETWORK, ONE, TWO, RESTING = "network", "one round", "two rounds", "two rounds, at rest"
+FILTER, BOTH = "filter", "filter and network"
+#: Least force of the network at which windows are fitted [N].
+_FITTED_N = 0.03
+#: Sigma of the filter in the weighed mean, over its own [1]: its errors and those of the network are alike.
+_FILTER_SIGMAS = 1.5
+#: Calls of which the median time counts.
+_TIMED = 140
+
+_Parts = TypeVar("_Parts", Window, Load)
+
+
+@dataclass(frozen=True, slots=True)
+class MethodErrors:
+    """Errors of one method on one load, from `LEAST_N` on.
+
+    Attributes:
+        load: The load.
+        method: The method.
+        direction_deg: Direction error, mean [deg].
+        direction_p95_deg: The same, 95th percentile [deg].
+        rms_mn: Error of the force's components, rms [mN], shape (3,).
+        within_2_sigma: Share of the components within two sigma [1].
+        long_errors: Errors over five sigma that last longer than 30 ms.
+    """
+
+    load: str
+    method: str
+    direction_deg: float
+    direction_p95_deg: float
+    rms_mn: list[float]
+    within_2_sigma: float
+    long_errors: int
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """Numbers of the page.
+
+    Attributes:
+        n_random: Random gaits.
+        errors: Errors by load and method.
+        six_legs_us: Time of a conversion of six legs by method, the network included, median [us].
+        rest_share: Share of the loaded windows at rest [1].
+    """
+
+    n_random: int
+    errors: list[MethodErrors]
+    six_legs_us: dict[str, float]
+    rest_share: float
+
+
+class _Answer(NamedTuple):
+    """Forces and their sigma [N], shapes (n, 3)."""
+
+    force_n: Vector
+    sigma_n: Vector
+
+
+def _steps(rng: np.random.Generator) -> Callable[[Vector], Loads]:
+    """Return loads that step on and off, leaning somewhere, the contact half as much."""
+    around = rng.uniform(0.0, 2.0 * np.pi)
+
+    def loads(t_s: Vector) -> Loads:
+        rise = np.clip((t_s % (2.0 * _ON_S) - _ON_S) / RISE_S, 0.0, 1.0)
+        normal, direction = (
+            np.array([np.sin(lean) * np.cos(around), np.sin(lean) * np.sin(around), np.cos(lean)])
+            for lean in np.radians([10.0, 20.0])
+        )
+        return Loads(np.tile(normal, (len(t_s), 1)), STEP_N * rise[:, None] * direction)
+
+    return loads
+
+
+def _readings(context: StudyContext) -> tuple[GaitReadings, list[str]]:
+    """Return all gaits, and the load of each."""
+    n_random, n = (_N_QUICK, _QUICK_CONVERSIONS) if context.quick else (N_RANDOM, CONVERSIONS)
+    sources: list[tuple[str, Callable[[Vector], Loads], np.random.Generator]] = []
+    for own in np.random.SeedSequence(SEED).spawn(n_random):
+        rng = np.random.default_rng(own)
+        sources.append((LOADS[0], RandomGait(rng, context.foot_design.loads.max_n, n * STEP_S).loads, rng))
+    for name, walk in zip(LOADS[1:3], walks(), strict=True):
+        sources += [
+            (name, loads_of(walk, leg), np.random.default_rng((SEED, k))) for k, leg in enumerate(LEGS)
+        ]
+    for k in range(N_STEPS):
+        rng = np.random.default_rng((SEED, N_STEPS + k))
+        sources.append((LOADS[3], _steps(rng), rng))
+    gaits = [read_gait(context.response, loads, Timing(), rng, n) for _, loads, rng in sources]
+    return joined(gaits), [name for name, _, _ in sources]
+
+
+def _rows(parts: _Parts, chosen: NDArray[Any]) -> _Parts:
+    """Return some rows of each part."""
+    return type(parts)(*(part[chosen] for part in parts))
+
+
+def _fits(model: ContactModel, window: Window, network: Load) -> tuple[dict[str, _Answer], Mask]:
+    """Return the answers of the fits on loaded windows, else of the network; and the loaded windows at rest."""
+    loaded = np.linalg.norm(network.force_n, axis=1) > _FITTED_N
+    rest = loaded & at_rest(model, window)
+    answers = {}
+    for name, rounds, where in ((ONE, 1, loaded), (TWO, 2, loaded), (RESTING, 2, rest)):
+        answers[name] = _Answer(network.force_n.copy(), network.sigma_n.copy())
+        found = fitted(model, _rows(window, where), _rows(network, where), rounds)
+        for part, own in zip(answers[name], found, strict=True):
+            part[where] = own
+    return answers, rest
+
+
+def _tracked(model: ContactModel, readings: GaitReadings, whole: Mask, network: Load) -> _Answer:
+    """Return the answers of the filter after every conversion with a whole window."""
+    n_gaits, n = whole.shape
+    by_time = [np.zeros((n_gaits, n, part.shape[1])) for part in network]
+    for part, values in zip(by_time, network, strict=True):
+        part[whole] = values
+    force_n, sigma_n = np.zeros((2, n_gaits, n, 3))
+    tracker = ContactFilter(model, n_gaits, STEP_S, LEAD_S)
+    for k, element in enumerate(elements_of(0, n).tolist()):
+        tracker.read(element, readings.closure_rel[:, k].astype(np.float64))
+        tracker.seed(Load(*(part[:, k] for part in by_time)), whole[:, k])
+        force_n[:, k], sigma_n[:, k] = tracker.force()
+    return _Answer(force_n[whole], sigma_n[whole])
+
+
+def _weighed(filtered: _Answer, network: Load) -> _Answer:
+    """Return the mean of filter and network, weighed by their variances, with the smaller sigma."""
+    sigma_n = _FILTER_SIGMAS * filtered.sigma_n
+    share = network.sigma_n**2 / (network.sigma_n**2 + sigma_n**2)
+    return _Answer(
+        share * filtered.force_n + (1.0 - share) * network.force_n, np.minimum(sigma_n, network.sigma_n)
+    )
+
+
+def _n_lasting(beyond: Mask) -> int:
+    """Return how often rows of conversions are true for longer than `LONGEST_S`."""
+    edges = np.diff(np.pad(beyond, ((0, 0), (1, 1))).astype(int), axis=1)
+    lasting = np.argwhere(edges < 0)[:, 1] - np.argwhere(edges > 0)[:, 1]
+    return int((lasting * STEP_S > LONGEST_S).sum())
+
+
+def _errors(
+    load: str, method: str, answer: _Answer, windows: GaitWindows, whole: Mask, judged: Mask
+) -> MethodErrors:
+    """Return a method's errors in the judged windows."""
+    off_n = answer.force_n - windows.force_n
+    sigmas = np.abs(off_n / answer.sigma_n)
+    beyond = np.zeros(whole.shape, bool)
+    beyond[whole] = judged & (sigmas > BEYOND).any(axis=1)
+    direction_deg = angles_between_deg(answer.force_n[judged], windows.force_n[judged])
+    return MethodErrors(
+        load=load,
+        method=method,
+        direction_deg=float(direction_deg.mean()),
+        direction_p95_deg=float(np.percentile(direction_deg, 95)),
+        rms_mn=(1e3 * np.sqrt((off_n[judged] ** 2).mean(axis=0))).tolist(),
+        within_2_sigma=float((sigmas[judged] < 2.0).mean()),
+        long_errors=_n_lasting(beyond),
+    )
+
+
+def _six_legs_us(
+    context: StudyContext, model: ContactModel, six: Window, conversions: NDArray[Any]
+) -> dict[str, float]:
+    """Return the time of a conversion of six legs by method, the network included, median [us].
+
+    Args:
+        context: The network.
+        model: Model of the readings.
+        six: Windows of six legs under load.
+        conversions: Closures that six legs read one after the other [1], shape (6, conversions).
+    """
+    network = context.network.estimate(six)
+    tracker = ContactFilter(model, len(LEGS), STEP_S, LEAD_S)
+    following = iter(zip(elements_of(0, conversions.shape[1]).tolist(), conversions.T, strict=True))
+
+    def track() -> None:
+        tracker.read(*next(following))
+        tracker.seed(network, np.zeros(len(LEGS), bool))
+        tracker.force()
+
+    calls: list[Callable[[], object]] = [
+        lambda: context.network.estimate(six),
+        lambda: fitted(model, six, network, 1),
+        lambda: fitted(model, six, network, 2),
+        track,
+    ]
+    network_us, *added_us = (1e6 * float(np.median(repeat(call, number=1, repeat=_TIMED))) for call in calls)
+    one, two, tracked = (network_us + us for us in added_us)
+    return {NETWORK: network_us, ONE: one, TWO: two, RESTING: two, FILTER: tracked, BOTH: tracked}
+
+
+def gains(errors: list[MethodErrors], method: str) -> list[float]:
+    """Return the share that a method takes off the network's direction error on each of `LOADS` [1]."""
+    found = {(one.load, one.method): one.direction_deg for one in errors}
+    return [1.0 - found[load, method] / found[load, NETWORK] for load in LOADS]
+
+
+def long_errors(errors: list[MethodErrors], method: str) -> int:
+    """Return the number of long errors of a method on all of `LOADS`."""
+    return sum(one.long_errors for one in errors if one.method == method and one.load in LOADS)
+
+
+def qualifies(results: Results, method: str) -> bool:
+    """Tell whether a method meets the rule."""
+    gained = min(gains(results.errors, method)) >= GAIN
+    return gained and results.six_legs_us[method] <= MOST_US and not long_errors(results.errors, method)
+
+
+def compute(context: StudyContext) -> tuple[Results, Figures]:
+    """Judge network, fits and filter on the same windows."""
+    model = ContactModel(context.response)
+    readings, names = _readings(context)
+    windows, whole = windows_of(readings), whole_windows(readings)
+    window = Window(windows.closure_rel, windows.age_s, np.zeros((len(windows.gait), 9), bool))
+    network = estimated(context, window)
+    context.say("tracker: gaits read")
+    fits, rest = _fits(model, window, network)
+    context.say("tracker: windows fitted")
+    filtered = _tracked(model, readings, whole, network)
+    context.say("tracker: gaits tracked")
+    answers = {NETWORK: _Answer(*network[:2]), **fits, FILTER: filtered, BOTH: _weighed(filtered, network)}
+    loaded = np.linalg.norm(windows.force_n, axis=1) > LEAST_N
+    judged = {name: loaded & (np.array(names)[windows.gait] == name) for name in LOADS}
+    in_contact = readings.force_n.any(axis=2).astype(int)
+    older = minimum_filter1d(in_contact, OLDER, axis=1, origin=OLDER // 2, mode="constant")[whole] > 0
+    random, walked = judged[LOADS[0]], np.flatnonzero(judged[LOADS[1]])
+    judged |= {"random gaits, older contact": random & older, "random gaits, at rest": random & rest}
+    errors = [
+        _errors(load, method, answer, windows, whole, where)
+        for load, where in judged.items()
+        if where.any()
+        for method, answer in answers.items()
+    ]
+    six = _rows(window, walked[np.linspace(0, len(walked) - 1, len(LEGS)).astype(int)])
+    conversions = readings.closure_rel[np.array(names) == LOADS[1]].astype(np.float64)
+    return Results(
+        n_random=names.count(LOADS[0]),
+        errors=errors,
+        six_legs_us=_six_legs_us(context, model, six, conversions),
+        rest_share=float(rest[random].mean()),
+    ), {}
+
+
+STUDY = Study(name="tracker", title="Beyond the network: fits and filters", compute=compute)

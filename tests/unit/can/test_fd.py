@@ -1,0 +1,93 @@
+"""CAN FD: one frame for all legs, where the interface can send it."""
+
+import socket
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from firmware_interface.can_codes import NODE_IDS, Flag, State
+from firmware_interface.can_fd import FORCES_ID, decode_forces
+from firmware_interface.socketcan import FD_FRAME, pack_fd_frame, pack_frame, split_frames
+from footsense.can import python_can
+from footsense.can.python_can import open_wire
+from footsense.can.socketcan import SocketWire
+from footsense.client import Link, LinkStatus
+from footsense.errors import CanError
+from tests.support.can_robot import MS, Robot
+from tests.support.gaits import gait_frame
+
+
+def test_one_frame_has_the_forces_of_all_legs(request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    """With the higher bit rate for its data; a client uses it as the single frames, and the log has it whole."""
+    log = tmp_path / "walk.log"
+    robot = Robot(request.node.nodeid, tuple(NODE_IDS), log, fd=True)
+    link = Link()
+    for n in range(1, 5):
+        robot.publish(n * 11 * MS, age_ns=12_300_000, flags=Flag.CONTACT, gait=gait_frame(n * 11 * MS, 6))
+        messages = robot.heard()
+        assert [m.is_fd and m.bitrate_switch for m in messages] == [
+            m.arbitration_id == 0x180 for m in messages
+        ]
+        (all_legs,) = (bytes(m.data) for m in messages if m.arbitration_id == FORCES_ID)
+        assert not any(
+            m.arbitration_id - base in NODE_IDS.values() for m in messages for base in (0x180, 0x280)
+        )
+        forces = decode_forces(FORCES_ID, all_legs)
+        assert not forces.all_in_air
+        assert {force.counter for force, _ in forces.legs} == {n - 1}
+        link.feed(FORCES_ID, all_legs, n * 11 * MS)
+    leg = link.leg(6, 45 * MS)
+    assert (leg.status, leg.usable, leg.flags) == (LinkStatus.OK, True, Flag.CONTACT)
+    assert (leg.force_n, leg.sigma_n) == ((0.5, 0.5, 0.5), (0.012, 0.012, 0.012))
+    assert leg.age_ns == 12_500_000 + MS
+    robot.close()
+    logged = [message for message in can.LogReader(log) if message.arbitration_id == FORCES_ID]
+    assert [message.is_fd and len(message.data) == 64 for message in logged] == [True] * 4
+
+
+def test_legs_in_the_air_and_legs_without_a_force_are_told(request: pytest.FixtureRequest) -> None:
+    """A leg that the robot does not have is absent; no number stands under a state that forbids it."""
+    robot = Robot(request.node.nodeid, ("lf", "rr"), fd=True)
+    robot.publish(MS)
+    (message,) = (m for m in robot.heard() if m.arbitration_id == FORCES_ID)
+    forces = decode_forces(FORCES_ID, bytes(message.data))
+    assert forces.all_in_air
+    assert [force.state for force, _ in forces.legs] == [State.VALID, *[State.ABSENT] * 4, State.VALID]
+    robot.publish(2 * MS, State.STALE)
+    (message,) = (m for m in robot.heard() if m.arbitration_id == FORCES_ID)
+    forces = decode_forces(FORCES_ID, bytes(message.data))
+    assert not forces.all_in_air
+    assert all(np.isnan(force.force_n).all() and quality.age_ns is None for force, quality in forces.legs)
+    robot.close()
+
+
+def test_frames_of_both_lengths_go_out_with_one_call() -> None:
+    """Each with its own length, and classic ones alone after them."""
+    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    wire = SocketWire(here)
+    event, forces = pack_frame(0x301, bytes(6)), pack_fd_frame(0x180, bytes(range(64)))
+    for frames in ([event, forces, event], [event, event], [forces], [event]):
+        assert wire.send(b"".join(frames)) == len(frames)
+        assert [there.recv(100) for _ in frames] == frames
+    # As an older kernel hands it over.
+    there.send(bytes(b & ~FD_FRAME if at == 5 else b for at, b in enumerate(forces)))
+    assert list(split_frames(b"".join(wire.receive()))) == [(0x180, bytes(range(64)))]
+    wire.close()
+    there.close()
+
+
+def test_a_classic_interface_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Said before it is opened, with both remedies."""
+    monkeypatch.setattr(python_can, "NETWORK", tmp_path)
+    (tmp_path / "can0").mkdir()
+    (tmp_path / "can0" / "mtu").write_text("16\n")
+    with pytest.raises(CanError) as caught:
+        open_wire("socketcan", "can0", 500_000, (), fd=True)
+    line = str(caught.value)
+    assert line.startswith(
+        "CAN channel can0 (socketcan) is a classic one and sends no frame of CAN FD; take can.fd away"
+    )
+    assert "dbitrate" in line
+    assert "\n" not in line
