@@ -21,7 +21,7 @@ _DATA_FRAME = re.compile(rb"[0-9A-F]{3}#([0-9A-F]{2})*")
 LEGS = {node: leg for leg, node in NODE_IDS.items()}
 
 #: Longest wait for anything on CAN: of the machine's time, and of the host's, which may be busy [s].
-BOUND_S, _HOST_BOUND_S = 60.0, 900.0
+BOUND_S, _HOST_BOUND_S = 30.0, 900.0
 
 
 class Frame(NamedTuple):
