@@ -102,7 +102,7 @@ def unloaded_yaml(result: ProbeResult) -> str:
 
 
 def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
-    """Return the text of each element of a scanned foot, and whether it is faulty, nine."""
+    """Return for each of the nine elements of a scanned foot its text, and whether it is faulty."""
     assert report.scans is not None
     marks = [
         (f"{pf:.3f}" if math.isfinite(pf) else words(Reading(code).name), bool(code))

@@ -30,7 +30,7 @@ class FirstFrame(Observer):
     after_s: float | None = None
 
     def observe(self, cycle: Cycle) -> None:
-        """Note the age of the process at the first cycle."""
+        """Store the age of the process at the first cycle."""
         del cycle
         if self.after_s is None:
             self.after_s = process_age_ns() * 1e-9

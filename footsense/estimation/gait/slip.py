@@ -1,4 +1,4 @@
-"""Slip of the feet, told by the friction ratio alone, and the coefficient of friction that slips teach.
+"""Slip detection from the friction ratio alone, and the coefficient of friction estimated from slips.
 
 A foot that sticks may have any ratio of tangential to normal force up to the coefficient of friction; one that slides
 has that of the ground, whatever load and direction do. So a slide begins as a kink: the ratio rises, and stays. A push
@@ -17,29 +17,29 @@ from footsense.estimation.gait.ground import Ground
 from footsense.frames import Slip
 
 #: Every second conversion is looked at: the next one sees mostly the same readings.
-TURNS = 2
+CONVERSIONS_PER_CHECK = 2
 #: Looks of a plateau, and of the rise before it.
-_PLATEAU, _RISE = 4, 4
+_PLATEAU_CHECKS, _RISE_CHECKS = 4, 4
 #: Tolerance of a ratio in standard deviations, its least [1], and those up to which it tells of a slip, and teaches.
-_SIGMAS, _LEAST, _TELLING, _TEACHING = 1.5, 0.02, 0.06, 0.045
+_TOLERANCE_SIGMAS, _MIN_TOLERANCE, _MAX_SLIP_TOLERANCE, _MAX_KINK_TOLERANCE = 1.5, 0.02, 0.06, 0.045
 #: Rise of a kink in tolerances.
 _RISE_TOLERANCES = 2.0
 #: Kinks that are remembered, and those at one ratio that make a cone.
-_REMEMBERED, _ENOUGH = 30, 5
+_MAX_KINKS, _MIN_CLUSTER = 30, 5
 #: Static over kinetic friction at most [1].
-_STATIC_REL = 1.2
+_STATIC_OVER_KINETIC = 1.2
 #: Looks at the cone until a slip is said, and away from it until it is over.
-_SAID, _OVER = 2, 3
+_SLIP_STARTS_AFTER, _SLIP_ENDS_AFTER = 2, 3
 #: Normal force from which friction is learnt [N].
-_FIRM_N = 0.15
+_MIN_PRESSING_N = 0.15
 #: From the beginning or end of a slip to the first estimate that shows it [ns].
 _LAG_NS = 9_600_000
 #: Standard deviation of the time of a slip [s].
-_SIGMA_S = 0.01
+_TIME_SIGMA_S = 0.01
 
 
 class Friction:
-    """The friction of the ground, as the slips of all legs teach it.
+    """Coefficient of friction of the ground, estimated from the slips of all legs.
 
     Attributes:
         coefficient: Coefficient of kinetic friction [1]; NaN as long as it is not known.
@@ -49,7 +49,7 @@ class Friction:
     def __init__(self) -> None:
         self.coefficient = math.nan
         self.exceeding = math.inf
-        self._kinks: deque[float] = deque(maxlen=_REMEMBERED)
+        self._kinks: deque[float] = deque(maxlen=_MAX_KINKS)
 
     def kink(self, ratio: float, tolerance: float) -> None:
         """Add the ratio at which a rise ended; one for each stance."""
@@ -58,18 +58,18 @@ class Friction:
 
     def exceed(self, ratio: float, tolerance: float) -> None:
         """Drop the kinks that a foot has exceeded without sliding: it sustains this ratio."""
-        held = (ratio - tolerance) / _STATIC_REL
+        held = (ratio - tolerance) / _STATIC_OVER_KINETIC
         if min(self._kinks, default=math.inf) < held:
-            self._kinks = deque((kink for kink in self._kinks if kink >= held), _REMEMBERED)
+            self._kinks = deque((kink for kink in self._kinks if kink >= held), _MAX_KINKS)
             self._learn(tolerance)
 
     def _learn(self, tolerance: float) -> None:
         ordered = sorted(self._kinks, reverse=True)
-        self.exceeding = _STATIC_REL * min(ordered, default=math.inf)
+        self.exceeding = _STATIC_OVER_KINETIC * min(ordered, default=math.inf)
         self.coefficient = math.nan
-        for first in range(len(ordered) - _ENOUGH + 1):
+        for first in range(len(ordered) - _MIN_CLUSTER + 1):
             cluster = [kink for kink in ordered[first:] if kink > ordered[first] - 2.0 * tolerance]
-            if len(cluster) >= _ENOUGH:
+            if len(cluster) >= _MIN_CLUSTER:
                 self.coefficient = cluster[len(cluster) // 2]
                 return
 
@@ -89,28 +89,28 @@ class SlipDetector:
         self.lift()
 
     def lift(self) -> None:
-        """Forget the stance: the foot is in the air."""
+        """Reset the state of the stance: the foot has lifted off."""
         self.state = Slip.UNKNOWN
-        self._ratios: deque[float] = deque(maxlen=_PLATEAU + _RISE)
+        self._ratios: deque[float] = deque(maxlen=_PLATEAU_CHECKS + _RISE_CHECKS)
         # Looks at the cone or away from it, and the time of the first of them [ns].
         self._at_cone, self._run, self._since_ns = False, 0, 0
         self._kinked = False
 
     def observe(self, ground: Ground, now_ns: int) -> BackDated | None:
-        """Look at the friction, and return when the slip began or ended that begins or ends with this look.
+        """Check the friction ratio for a slip; return the time at which a slip began or ended, None if none did.
 
         Args:
             ground: The ground below the foot.
             now_ns: Current time [ns].
         """
         use = ground.friction_use
-        if not ground.pressing_n > _FIRM_N or math.isnan(use):
+        if not ground.pressing_n > _MIN_PRESSING_N or math.isnan(use):
             was_slipping = self.state is Slip.SLIPPING
             if self._ratios:
                 self.lift()
-            return BackDated(now_ns - _LAG_NS, _SIGMA_S) if was_slipping else None
-        tolerance = max(_SIGMAS * ground.friction_use_sigma, _LEAST)
-        if tolerance > _TELLING:
+            return BackDated(now_ns - _LAG_NS, _TIME_SIGMA_S) if was_slipping else None
+        tolerance = max(_TOLERANCE_SIGMAS * ground.friction_use_sigma, _MIN_TOLERANCE)
+        if tolerance > _MAX_SLIP_TOLERANCE:
             # As in the first scan of a stance; a slide that was said goes on.
             self._ratios.clear()
             self._run = 0
@@ -120,9 +120,9 @@ class SlipDetector:
         self._ratios.append(use)
         ratios = self._ratios
         if (
-            tolerance <= _TEACHING
+            tolerance <= _MAX_KINK_TOLERANCE
             and not self._kinked
-            and len(ratios) == _PLATEAU + _RISE
+            and len(ratios) == _PLATEAU_CHECKS + _RISE_CHECKS
             # Where there can be neither a ratio that exceeds a kink nor a kink, there is nothing to learn.
             and (use > self._friction.exceeding or use - min(ratios) > tolerance)
         ):
@@ -134,20 +134,22 @@ class SlipDetector:
         self._run += 1
         if self.state is not Slip.SLIPPING:
             self.state = Slip.UNKNOWN if math.isnan(cone) else Slip.NONE
-        if at_cone is (self.state is Slip.SLIPPING) or self._run < (_SAID if at_cone else _OVER):
+        if at_cone is (self.state is Slip.SLIPPING) or self._run < (
+            _SLIP_STARTS_AFTER if at_cone else _SLIP_ENDS_AFTER
+        ):
             return None
         self.state = Slip.SLIPPING if at_cone else Slip.NONE
-        return BackDated(self._since_ns - _LAG_NS, _SIGMA_S)
+        return BackDated(self._since_ns - _LAG_NS, _TIME_SIGMA_S)
 
     def _learn(self, tolerance: float) -> None:
-        """Look for a kink, and for a ratio above the cone."""
+        """Search the last ratios for a kink, and for a ratio above the friction cone."""
         ratios = list(self._ratios)
-        plateau = ratios[_RISE:]
+        plateau = ratios[_RISE_CHECKS:]
         least, most = min(plateau), max(plateau)
         if most - least > tolerance:
             return
-        level = sum(plateau) / _PLATEAU
+        level = sum(plateau) / _PLATEAU_CHECKS
         self._friction.exceed(level, tolerance)
-        if level - min(ratios[:_RISE]) > _RISE_TOLERANCES * tolerance:
+        if level - min(ratios[:_RISE_CHECKS]) > _RISE_TOLERANCES * tolerance:
             self._kinked = True
             self._friction.kink(level, tolerance)

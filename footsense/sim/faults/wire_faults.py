@@ -59,7 +59,7 @@ class WireFaults:
         self._resets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
     def act(self, clock: VirtualClock, mux: SimulatedMux, host_cost_ns: int, address: int) -> bool:
-        """Return whether the next transaction passes, after the attempts that failed before it.
+        """Apply the acting faults to the next transaction: wait for its failed attempts; return whether it passes.
 
         One that does not pass is acknowledged, has no effect, and reads zeros.
 

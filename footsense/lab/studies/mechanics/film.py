@@ -174,7 +174,7 @@ def _range_n(sensor: Sensor, direction: Vector) -> float:
 
 
 def measured(context: StudyContext, sensor: Sensor) -> Measured:
-    """Return the figures of a design; the noise in pF is the same for both."""
+    """Return sensitivity, range and errors of one design of the sensor, with the same noise [pF] for all designs."""
     rng = np.random.default_rng(NOISE_SEED)
     capacitor = sensor.capacitor
 
