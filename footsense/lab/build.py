@@ -79,7 +79,7 @@ class Recipe:
 #: The release.
 FULL = Recipe(
     mesh=SHIPPED,
-    random_loads=100_000,
+    random_loads=200_000,
     gaits=5_000,
     released=WindowProtocol(),
     only_362=Protocol(steps=6_000, batch=128, masked=False),

@@ -1,17 +1,23 @@
-"""The project's targets beside the measured figures: the table on top of the report."""
+"""The project's targets beside the measured figures: the tables on top of the report."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from footsense.lab.evaluation.compare import DIRECTION_DEG, MAGNITUDE_GF
+from footsense.lab.motion_targets import motion_targets
 from footsense.lab.template import render
 
 
 def targets(values: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the table of the targets as Markdown; a missing figure is shown as not measured.
+    """Return the tables of the targets as Markdown; a missing figure is shown as not measured.
 
     Args:
         values: The JSON of the pages, by study.
     """
-    names = {"DIRECTION_DEG": DIRECTION_DEG, "MAGNITUDE_GF": MAGNITUDE_GF, "values": values}
+    names = {
+        "DIRECTION_DEG": DIRECTION_DEG,
+        "MAGNITUDE_GF": MAGNITUDE_GF,
+        "values": values,
+        "motion": motion_targets(values),
+    }
     return render(__name__, names)

@@ -8,14 +8,12 @@ from typing import NamedTuple
 
 #: Conversions that are kept: the hold of a contact, and the fall before it.
 KEPT = 40
-#: Earlier loads to which the slope of a rise is taken.
-_SLOPES = 9
-#: From a change of the load to the first reading that shows it, on average, and its spread [s].
-_LAG_S, _LAG_SIGMA_S = 4.6e-3, 1.5e-3
-#: Rises begin flat: time before the line's zero over the time from there on [1], and the spread of that.
-_FLAT_REL, _FLAT_SIGMA_REL = 0.6, 0.5
-#: Longest way back, beyond the lag [s].
-_LONGEST_S = 0.03
+#: Share of the load at the touchdown [1] whose passing dates it, and the loads among which it is looked for.
+_PASSED_REL, _LOOKED = 0.18, 12
+#: Time from the touchdown to that passing: what the readings lag [s], and over the time since then [1]; and the spread
+#: of both. Fitted to stances on rough ground, of other seeds than judge.
+_LAG_S, _LAG_SIGMA_S = 4.5e-3, 2.3e-3
+_FLAT_REL, _FLAT_SIGMA_REL = 0.5, 0.25
 #: Shares of the largest load through which the line of a fall goes, from high to low [1].
 _HIGH_REL, _LOW_REL = 0.4, 0.1
 #: From the end of a load to the zero of that line, of loads that are means of a whole scan, and its spread [ns], [s].
@@ -46,22 +44,26 @@ class Loads(NamedTuple):
 def touchdown(loads: Sequence[Loads], row: int) -> BackDated:
     """Return when the load of a leg began that is above the threshold for the first time.
 
-    The steepest line through the newest load and an earlier one meets zero after the touchdown: loads rise from nothing
-    with a small slope.
+    Loads rise from nothing with a small slope: the time at which the load passed a fifth of what it is now tells how
+    fast it rises, and the touchdown is half as long before.
 
     Args:
         loads: Last loads, oldest first.
         row: Row of the leg.
     """
     t_ns, load_n = loads[-1].t_ns, loads[-1].load_n[row]
-    since_s = _LONGEST_S
-    for past in islice(reversed(loads), 1, 1 + _SLOPES):
+    passed_n = _PASSED_REL * load_n
+    later_ns, later_n = t_ns, load_n
+    for past in islice(reversed(loads), 1, 1 + _LOOKED):
         past_n = past.load_n[row]
         if math.isnan(past_n):
             break
-        if load_n > past_n:
-            since_s = min(since_s, load_n * (t_ns - past.t_ns) * 1e-9 / (load_n - past_n))
-    back_s = _LAG_S + (1.0 + _FLAT_REL) * max(since_s, 0.0)
+        if past_n < passed_n:
+            later_ns -= round((later_ns - past.t_ns) * (later_n - passed_n) / (later_n - past_n))
+            break
+        later_ns, later_n = past.t_ns, past_n
+    since_s = (t_ns - later_ns) * 1e-9
+    back_s = _LAG_S + (1.0 + _FLAT_REL) * since_s
     return BackDated(t_ns - round(back_s * 1e9), math.hypot(_LAG_SIGMA_S, _FLAT_SIGMA_REL * since_s))
 
 

@@ -91,7 +91,7 @@ class GaitTracker:
         slip = self._slips[row]
         was_slipping = slip.state is Slip.SLIPPING
         if not (is_known and in_contact):
-            slip.lift()
+            slip.reset_stance()
         if before == (True, in_contact):
             return []
         if not (is_known and before[0]):

@@ -8,7 +8,7 @@ import numpy as np
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
 from footsense.estimation.gait.tracker import GaitTracker
 from footsense.foot.response_table import FootResponse
-from footsense.frames import LEGS, GaitEvent, Stamps, Vector
+from footsense.frames import LEGS, GaitEvent, Mask, Stamps, Vector
 from footsense.lab.training.gait_readings import STEP_S, GaitReadings, Timing, joined, read_gait
 from footsense.lab.training.gait_windows import whole_windows, windows_of
 from footsense.ports import Estimator, Load, Window
@@ -31,6 +31,7 @@ class RoughWalk:
         slides: Truth of each leg on the ground.
         stances_s: Start and end of each stance of each leg [s], shapes (k, 2).
         reported: Every event with the row of the conversion after which it was reported.
+        known: Whether the force is known, shape (n, legs): all elements are within the converter's range.
         contact: Debounced contact, shape (n, legs).
         estimated_normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
         friction_use: Friction use, shape (n, legs), NaN where there is none.
@@ -43,6 +44,7 @@ class RoughWalk:
     slides: list[Slides]
     stances_s: list[Vector]
     reported: list[tuple[int, GaitEvent]]
+    known: Mask
     contact: Vector
     estimated_normal: Vector
     friction_use: Vector
@@ -84,6 +86,7 @@ def walk(
             for gait in gaits
         ],
         reported=found.reported,
+        known=found.known,
         contact=np.array(found.contact, np.float64),
         estimated_normal=np.array(found.normal),
         friction_use=np.array(found.friction_use),
@@ -96,6 +99,7 @@ class _GaitOutputs:
     """Outputs of the gait tracker after each conversion: events, contact, normal, friction."""
 
     reported: list[tuple[int, GaitEvent]]
+    known: Mask
     contact: list[Sequence[bool]]
     normal: list[Vector]
     friction_use: list[Vector]
@@ -111,7 +115,7 @@ def _run_gait_tracker(
     means_n *= n_per_rel
     contacts = [ContactDetector(ContactLimits(threshold_n=_THRESHOLD_N)) for _ in range(n_legs)]
     tracker = GaitTracker(n_legs, period_ns=0)
-    found = _GaitOutputs([], [], [], [], [])
+    found = _GaitOutputs([], np.isfinite(loads.force_n[..., 2]), [], [], [], [])
     for k in range(n):
         load = Load(*(part[k] for part in loads))
         now_ns = int(t_ns[k])

@@ -6,7 +6,7 @@ which a force estimated from it would be sent. Half a minute of walking is thous
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -21,14 +21,14 @@ from footsense.sim.loads.random_gait import Loads, RandomGait
 
 #: Orders of the conversions that a window may come from; almost all robots use the first.
 ORDERS: NDArray[np.intp] = np.array([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(ELEMENTS))], np.intp)
-#: Share of the gaits that are read in the second order, and of those whose converters are slower, or sent later.
-_RASTER_SHARE, _SLOW_SHARE, _LATE_SHARE = 0.1, 0.15, 0.15
+#: Share of the gaits that are read in the second order, of those read at another pace, and of those sent later.
+_RASTER_SHARE, _PACED_SHARE, _LATE_SHARE = 0.1, 0.2, 0.15
 #: Share of the gaits on rubber that creeps and lags, and the most of it over that of the simulated rubber [1].
-_VISCOUS_SHARE, _MOST_VISCOUS = 0.3, 1.5
+_VISCOUS_SHARE, _MOST_VISCOUS = 0.2, 1.5
 #: Time of a conversion and from its middle to the sending of a force, at 400 conversions a second [s].
 STEP_S, LEAD_S = 2.7167e-3, 3.2345e-3
-#: Slowest converter over that [1], and latest sending [s].
-_SLOWEST_REL, _LATEST_S = 5.0, 8e-3
+#: Fastest and slowest conversion over that [1]: a scan of 4.5 ms to one of 125 ms. Latest sending [s].
+PACE_REL, _LATEST_S = (0.18, 5.0), 8e-3
 #: Standard deviation of the converter's clock [1], and of the time of sending [s].
 _CLOCK_REL, _JITTER_S = 0.01, 3e-5
 #: Drift of a baseline since it was last followed [pF, rms], and share of the gaits with one.
@@ -72,6 +72,11 @@ def _with_rubber(t_s: Vector, normal: Vector, force_n: Vector, amount: float) ->
         normals[k], sensed_n = rubber.effective_load(t_ns, normal[k], force_n[k])
         forces[k] = force_n[k] + amount * (sensed_n - force_n[k])
     return normals, forces
+
+
+def usual_lead_s(step_s: Any) -> Any:
+    """Return the usual time from the middle of a conversion to sending [s], of the time of a conversion [s]."""
+    return LEAD_S + 0.6 * (step_s - STEP_S)
 
 
 class Timing(NamedTuple):
@@ -144,13 +149,13 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
         max_n: Full load of the foot [N].
     """
     order = int(rng.random() < _RASTER_SHARE)
-    slower = float(np.exp(rng.uniform(0.0, np.log(_SLOWEST_REL)))) if rng.random() < _SLOW_SHARE else 1.0
-    step_s = STEP_S * slower * (1.0 + _CLOCK_REL * rng.normal())
+    pace_rel = float(np.exp(rng.uniform(*np.log(PACE_REL)))) if rng.random() < _PACED_SHARE else 1.0
+    step_s = STEP_S * pace_rel * (1.0 + _CLOCK_REL * rng.normal())
     late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
     timing = Timing(
         order=order,
         step_s=step_s,
-        lead_s=LEAD_S + 0.6 * (step_s - STEP_S) + late_s,
+        lead_s=usual_lead_s(step_s) + late_s,
         viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
         drift_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
     )

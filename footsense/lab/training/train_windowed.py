@@ -16,7 +16,7 @@ import optax
 from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.training.gait_readings import LEAD_S, STEP_S, GaitReadings
+from footsense.lab.training.gait_readings import ORDERS, PACE_REL, STEP_S, GaitReadings, usual_lead_s
 from footsense.lab.training.gait_windows import WINDOW, age_table, contact_of, whole_windows
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
 from footsense.lab.training.network import linear_basis
@@ -34,7 +34,10 @@ from footsense.lab.training.windowed_network import (
 )
 
 #: Share of the windows with something missing, and of those of feet at rest.
-_MISSING_SHARE, _REST_SHARE = 0.15, 0.3
+_MISSING_SHARE, _REST_SHARE = 0.25, 0.45
+#: Share of the windows at rest that are read at any pace and in any order, and of those with friction: few of the loads
+#: at rest have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
+_PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
 #: Tempering of the likelihood as in `train`, and weight of the squared error over the squared force beside it: lower
 #: than there, as sudden steps, which nothing can tell, would dominate.
 _TEMPERING, _SQUARED_ERROR_WEIGHT = 0.25, 10.0
@@ -60,7 +63,7 @@ class WindowProtocol:
     """
 
     channels: int = 40
-    steps: int = 120_000
+    steps: int = 200_000
     batch: int = 1024
     rate: float = 5e-3
     min_force_n: float = 0.3
@@ -72,7 +75,7 @@ class WindowProtocol:
 
 
 class Batch(NamedTuple):
-    """A batch of n windows with their true loads.
+    """Windows with their truth, n of them.
 
     Attributes:
         seen: What the network sees.
@@ -102,6 +105,7 @@ class _Data(NamedTuple):
     rest_rel: Any
     rest_force_n: Any
     rest_contact: Any
+    rest_rough: Any
     fill: Any
     masks: Any
     noise_rel: Any
@@ -133,6 +137,7 @@ def _data(gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, impu
         rest_rel=jnp.asarray(rest.closure_um / design.gap_um, single),
         rest_force_n=jnp.asarray(rest.force_n, single),
         rest_contact=jnp.asarray(rest_contact, single),
+        rest_rough=jnp.asarray(np.flatnonzero(np.linalg.norm(rest_contact[:, 2:], axis=1) > _FRICTION_REL)),
         fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MASKS]), single),
         masks=jnp.asarray(MASKS, single),
         noise_rel=jnp.asarray([s * design.gap_um / plates_um for s in (NOISE_PF, BASELINE_NOISE_PF)], single),
@@ -152,18 +157,25 @@ def _gait_windows(data: _Data, n_times: int, key: jax.Array, n: int) -> tuple[An
 
 def _rest_windows(data: _Data, key: jax.Array, n: int) -> tuple[Any, ...]:
     """Return windows and true loads of feet at rest."""
-    k1, k2, k3, k4 = jax.random.split(key, 4)
-    at = jax.random.randint(k1, (n,), 0, len(data.rest_rel))
+    k1, k2, k3, k4, k5, k6, k7 = jax.random.split(key, 7)
+    n_rough, n_paced = round(_FRICTION_SHARE * n), round(_PACED_SHARE * n)
+    rough = data.rest_rough[jax.random.randint(k1, (n_rough,), 0, len(data.rest_rough))]
+    at = jnp.concatenate([rough, jax.random.randint(k5, (n - n_rough,), 0, len(data.rest_rel))])
     exact = data.rest_rel[at][:, None]
     steep = (1.0 + data.film_rel - exact) ** 2
     noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS, ELEMENTS))
     offset = data.noise_rel[1] * jax.random.normal(k3, (n, 1, ELEMENTS))
     phase = jax.random.randint(k4, (n,), 0, ELEMENTS)
-    since = data.ages[0, phase][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
+    paced = jax.random.permutation(k6, n) < n_paced
+    low, high = np.log(PACE_REL)
+    drawn = jax.random.uniform(k7, (2, n))
+    step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
+    order = jnp.where(paced, (drawn[1] * len(ORDERS)).astype(int), 0)
+    since = data.ages[order, phase][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
     closure_rel = exact + steep * noise + (1.0 + data.film_rel) ** 2 * offset
     return (
         closure_rel,
-        since * STEP_S + LEAD_S,
+        since * step_s + usual_lead_s(step_s),
         data.rest_force_n[at],
         data.rest_contact[at],
         jnp.ones((n, 1)),

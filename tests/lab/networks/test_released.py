@@ -39,7 +39,7 @@ def test_the_release_is_ten_times_better_than_the_paper() -> None:
     "mask", MASKS, ids=lambda mask: "".join(str(e) for e in np.flatnonzero(mask)) or "none"
 )
 def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
-    """Held-out loads with the converter's noise: four errors in five are within two sigma, and sigma is not idle."""
+    """Held-out loads with the converter's noise: nine errors in ten are within two sigma, and sigma is not idle."""
     response, network = open_models(RELEASED)
     cases = random_loads(response, FOOT_DESIGN.loads, 3000, 11)
     measured = measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(11))
@@ -47,7 +47,7 @@ def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
     imputation = Imputation(np.array(network.card["moments"]))
     force_n, sigma_n, *_ = network.estimate(at_rest(imputation.impute(measured, missing), missing))
     shares = coverage(cases.force_n, force_n, sigma_n)
-    assert min(shares["within_2_sigma"]) > 0.8
+    assert min(shares["within_2_sigma"]) > 0.87
     assert max(shares["within_1_sigma"]) < 0.9
 
 

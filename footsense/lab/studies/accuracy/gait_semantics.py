@@ -13,7 +13,7 @@ from footsense.lab.evaluation.rough_walks import RoughWalk, walk
 from footsense.lab.studies.page import Figures, Study, StudyContext
 
 #: Seed of the walks.
-SEED = 990_307
+SEED = 990_308
 #: Walks and conversions of each: a minute.
 N_WALKS, CONVERSIONS, QUICK_CONVERSIONS = 8, 22_000, 7_000
 #: Time at the begin of each walk in which thresholds and friction are learnt [s].
@@ -24,6 +24,10 @@ PEAK_N, SWING_S = 0.1, 0.1
 FRICTION_N, NORMAL_N = 0.3, 0.5
 #: Way of a slide that has to be reported [mm], and way below which nothing has slid.
 SLID_MM, STUCK_MM = 5.0, 0.3
+#: Way from one conversion to the next from which a foot slides [mm].
+MOVING_MM = 0.01
+#: Share of a slide in which the force has to be known for the slide to count [1].
+KNOWN_REL = 0.5
 #: A slip is false if friction use stayed so far below the ground's coefficient for the last conversions.
 BELOW, LATELY = 0.05, 30
 #: Touchdowns that were reported later do not count in the error of the back-dated time [ms].
@@ -51,6 +55,7 @@ class Results:
         contact_rel: Share of the conversions whose contact is right [1].
         friction: Error of friction use, mean [1].
         normal_deg: Error of the normal, mean [deg].
+        n_beyond: Slides that drive the foot beyond the converter's range, where no force is known.
         n_slides: Slides that have to be reported.
         slid_mm: Way until they are, mean [mm].
         slid_p95_mm: The same, 95th percentile [mm].
@@ -74,6 +79,7 @@ class Results:
     contact_rel: float
     friction: float
     normal_deg: float
+    n_beyond: int
     n_slides: int
     slid_mm: float
     slid_p95_mm: float
@@ -92,9 +98,10 @@ class _ReportedEvents(NamedTuple):
 
 
 class _SlideReports(NamedTuple):
-    """Slides: slid distance until each was reported [mm], infinite if never; and false slips, and those at the cone."""
+    """Slides: distance until each was reported [mm], infinite if never; those beyond range, false, and at the cone."""
 
     ways_mm: list[float]
+    beyond: int
     false: int
     at_cone: int
 
@@ -147,7 +154,8 @@ def _slide_reports(one: RoughWalk, leg: int) -> _SlideReports:
     reported = np.array(
         [row for row, e in one.reported if e.leg == leg and e.kind is GaitEventKind.SLIP], int
     )
-    ways_mm, false, at_cone = [], 0, 0
+    moving = np.diff(slides.way_mm, append=0.0) > MOVING_MM
+    ways_mm, beyond, false, at_cone = [], 0, 0, 0
     for number, _, _, rows in _counted_stances(one, leg):
         own = reported[slides.stance[reported] == number]
         where = np.flatnonzero(rows)
@@ -159,10 +167,13 @@ def _slide_reports(one: RoughWalk, leg: int) -> _SlideReports:
                 at_cone += 1
         firm = where[pressing_n[where] > FRICTION_N]
         if len(firm) and slides.way_mm[firm[-1]] - slides.way_mm[firm[0]] > SLID_MM:
+            if one.known[firm[moving[firm]], leg].mean() < KNOWN_REL:
+                beyond += 1
+                continue
             begun_mm = slides.way_mm[firm[0]]
             in_time = own[own <= firm[-1]]
             ways_mm.append(max(float(slides.way_mm[in_time[0]] - begun_mm), 0.0) if len(in_time) else np.inf)
-    return _SlideReports(ways_mm, false, at_cone)
+    return _SlideReports(ways_mm, beyond, false, at_cone)
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
@@ -209,6 +220,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         contact_rel=float((np.concatenate(contacts) == stand).mean()),
         friction=float(np.nanmean(np.abs(np.concatenate(frictions)))),
         normal_deg=float(np.concatenate(normals_deg).mean()),
+        n_beyond=sum(one.beyond for one in slips),
         n_slides=len(ways_mm),
         slid_mm=float(reported_mm.mean()) if len(reported_mm) else float("nan"),
         slid_p95_mm=float(np.percentile(reported_mm, 95)) if len(reported_mm) else float("nan"),

@@ -15,16 +15,21 @@ from footsense.estimation.rest import at_rest
 from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.files.network_card import INPUTS
 from footsense.foot.specimen import Foot
-from footsense.frames import CapFrame, ContactFrame, Reading, State, Vector
+from footsense.frames import ELEMENTS, CapFrame, ContactFrame, Reading, State, Vector
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
 from footsense.lab.studies.page import StudyContext
+from footsense.lab.training.gait_readings import random_gaits
+from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import paper_verification
+from footsense.ports import Window
 
 _SCAN_NS, _MAX_AGE_NS, _WINDOW = 25_000_000, 100_000_000, 4
 #: Scans after a line breaks until its leg has a force again: two readings in a row make a window.
 _SETTLING = 3
-#: float32 against float64: a twentieth of a bit on CAN [N].
-_SINGLE_N = 5e-5
+#: float32 against float64: a twentieth of a bit on CAN at rest, a half in motion [N].
+_SINGLE_N, _SINGLE_WALKED_N = 5e-5, 5e-4
+#: Random gaits of which a million conversions are tried in both: seed, rounds, gaits of a round, conversions of each.
+_SEED, _ROUNDS, _GAITS, _CONVERSIONS = 990_100, 14, 70, 1100
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +49,40 @@ class Case:
     held: bool
 
 
-def _in_double(context: StudyContext, closure_rel: Vector) -> Vector:
-    """Return the forces [N] of the network's graph computed in float64, shape (n, 3)."""
+def _double_graph(context: StudyContext) -> ReferenceEvaluator:
+    """Return the network's graph, to be computed in float64 by numpy."""
     model = onnx.load(context.models / NETWORK_FILE)
     for stored in model.graph.initializer:
         if stored.data_type == TensorProto.FLOAT:
             stored.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(stored).astype(float), stored.name))
+    return ReferenceEvaluator(model)
+
+
+def _apart_n(context: StudyContext, graph: ReferenceEvaluator, window: Window) -> float:
+    """Return the largest difference between the forces in float32 and in float64 [N]; NaN if one is no number."""
     inputs = {
         signal.name: np.asarray(part, np.float64).reshape(len(part), signal.width)
-        for signal, part in zip(INPUTS, at_rest(closure_rel), strict=True)
+        for signal, part in zip(INPUTS, window, strict=True)
     }
-    return np.asarray(ReferenceEvaluator(model).run(["force_n"], inputs)[0], dtype=np.float64)
+    return float(np.abs(context.network.estimate(window).force_n - graph.run(["force_n"], inputs)[0]).max())
+
+
+def _walked_apart_n(context: StudyContext, graph: ReferenceEvaluator) -> tuple[int, float]:
+    """Return the windows of random gaits that were tried, and the same difference over all of them [N]."""
+    n, apart_n = 0, 0.0
+    for seed in range(1 if context.quick else _ROUNDS):
+        gaits = random_gaits(
+            context.response,
+            _SEED + seed,
+            4 if context.quick else _GAITS,
+            _CONVERSIONS,
+            context.foot_design.loads.max_n,
+        )
+        windows = windows_of(gaits)
+        nothing = np.zeros((len(windows.gait), ELEMENTS), bool)
+        window = Window(windows.closure_rel, windows.age_s, nothing)
+        n, apart_n = n + len(nothing), np.maximum(apart_n, _apart_n(context, graph, window))
+    return n, float(apart_n)
 
 
 def network_cases(context: StudyContext) -> Iterator[Case]:
@@ -71,13 +99,19 @@ def network_cases(context: StudyContext) -> Iterator[Case]:
     yield Case("one NaN", "no number", str(force_n[0].tolist()), bool(np.isnan(force_n).any()))
     cases = paper_verification(context.response)
     closure_rel = cases.closure_um / gap_um
-    apart_n = float(np.abs(network.force_n(closure_rel) - _in_double(context, closure_rel)).max())
-    yield Case(
-        "float32 against float64, 180 cases",
-        f"below {1e3 * _SINGLE_N:g} mN",
-        f"{1e3 * apart_n:.1e} mN",
-        apart_n < _SINGLE_N,
-    )
+    graph = _double_graph(context)
+    rested_n = _apart_n(context, graph, at_rest(closure_rel))
+    walked, walked_n = _walked_apart_n(context, graph)
+    for what, apart_n, limit_n in (
+        ("180 cases at rest", rested_n, _SINGLE_N),
+        (f"{walked} conversions of random gaits", walked_n, _SINGLE_WALKED_N),
+    ):
+        yield Case(
+            f"float32 against float64, {what}",
+            f"below {1e3 * limit_n:g} mN",
+            f"{1e3 * apart_n:.1e} mN",
+            apart_n < limit_n,
+        )
     far_n = network.force_n(np.full((1, 9), 10.0))
     yield Case(
         "closures ten gaps wide",

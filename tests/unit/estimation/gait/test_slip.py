@@ -24,7 +24,7 @@ class Foot:
 
     def stand(self, uses: list[float]) -> int:
         """Return the number of slips that are said in a stance of these friction uses."""
-        self.detector.lift()
+        self.detector.reset_stance()
         self.slips.clear()
         for use in uses:
             self.look(1.0, use)
@@ -44,9 +44,9 @@ class Foot:
 
 
 def test_slips_teach_the_cone_and_are_said_once_from_then_on() -> None:
-    """After five kinks at one ratio."""
+    """After four kinks at one ratio."""
     foot = Foot()
-    assert [foot.kink(level) for level in (0.40, 0.41, 0.395, 0.405)] == [0] * 4
+    assert [foot.kink(level) for level in (0.40, 0.41, 0.395)] == [0] * 3
     assert math.isnan(foot.friction.coefficient)
     assert foot.kink(0.4) == 1
     assert foot.friction.coefficient == pytest.approx(0.4, abs=0.01)
@@ -55,6 +55,18 @@ def test_slips_teach_the_cone_and_are_said_once_from_then_on() -> None:
         foot.stand(uses)
         states.append(foot.detector.state)
     assert states == [Slip.SLIPPING, Slip.NONE]
+
+
+def test_a_slide_that_is_unclear_at_first_teaches_as_well() -> None:
+    """While the ratio jumps, its sigma is large for a scan."""
+    foot = Foot()
+    for _ in range(4):
+        foot.stand([0.05] * 10)
+        for _ in range(5):
+            foot.look(1.0, math.nan)
+        for _ in range(10):
+            foot.look(1.0, 0.4)
+    assert foot.friction.coefficient == pytest.approx(0.4)
 
 
 def test_pushes_that_end_anywhere_teach_nothing() -> None:
@@ -68,7 +80,7 @@ def test_pushes_that_end_anywhere_teach_nothing() -> None:
 def test_a_ratio_that_is_exceeded_is_not_the_cone() -> None:
     """Kinks at 0.2 seem to be the cone, until feet stick at 0.4."""
     foot = Foot()
-    for _ in range(5):
+    for _ in range(4):
         foot.kink(0.2)
     assert foot.friction.coefficient == pytest.approx(0.2)
     foot.kink(0.4)
@@ -85,7 +97,7 @@ def test_a_slope_is_no_slip() -> None:
 def test_a_slip_that_ends_is_said_with_the_times_of_both() -> None:
     """The first conversion at the cone and the first away from it, less the lag of the readings."""
     foot = Foot()
-    for _ in range(5):
+    for _ in range(4):
         foot.kink(0.4)
     start_ns = foot.now_ns
     foot.stand([0.2] * 10 + [0.4] * 20 + [0.2] * 20)
@@ -100,7 +112,7 @@ def test_a_slip_that_ends_is_said_with_the_times_of_both() -> None:
 def test_nothing_is_said_of_a_light_foot(pressing_n: float, use: float) -> None:
     """Below the load that tells friction, and without a ratio; a slip until then has ended."""
     foot = Foot()
-    for _ in range(5):
+    for _ in range(4):
         foot.kink(0.4)
     foot.stand([0.2] * 10 + [0.4] * 20)
     foot.look(pressing_n, use)
