@@ -98,8 +98,8 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Confined:
-    """The film with another Poisson's ratio.
+class ConfinedFilm:
+    """Stiffness and closure of the film, confined between stiff layers, with another Poisson's ratio.
 
     Attributes:
         confined_mpa: Modulus of the confined layer [MPa].
@@ -132,7 +132,7 @@ class Results:
     electrode_mm: float
     gaps: Measured
     gel: Measured
-    by_poisson: dict[str, Confined]
+    by_poisson: dict[str, ConfinedFilm]
 
 
 def with_gaps(context: StudyContext) -> Sensor:
@@ -219,7 +219,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         gaps=measured(context, gaps),
         gel=measured(context, gel),
         by_poisson={
-            f"{nu:g}": Confined(
+            f"{nu:g}": ConfinedFilm(
                 confined_mpa=other.gel.confined_mpa, relief_mm=other.relief_mm, closure_um=closure_um
             )
             for nu, other, closure_um in zip(poissons, films, closures, strict=True)
