@@ -11,11 +11,11 @@ from firmware_interface.can_gait import Gait, Ground
 from footsense.cli.leg_table import (
     EMPTY,
     LegColumns,
+    enum_words,
     force_columns,
     leg_table,
     number_cell,
     state_text,
-    enum_words,
 )
 from footsense.client import LinkStatus
 from footsense.daemon.can_listener import LegSnapshot

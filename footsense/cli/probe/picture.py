@@ -12,7 +12,7 @@ from rich.text import Text
 from firmware_interface.chips import ad7746, adg715, fdc1004
 from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.foot_check import FootScans
-from footsense.cli.leg_table import EMPTY, LegColumns, leg_table, enum_words
+from footsense.cli.leg_table import EMPTY, LegColumns, enum_words, leg_table
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Cause, Reading, Vector
 
