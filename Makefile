@@ -2,13 +2,14 @@
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
 # make test      format, lint, types, import contracts, tests: exactly what CI runs
 # make mutants ROOM=footsense/can   changes the code of a room or module in small ways, and lists what no test notices
+# make kernel-test   the service as deployed, on a Debian kernel in an emulator: needs Debian 12 and root; kernel-test-short: some
 # All make their own .venv; only Python 3.11+, make and git are needed.
 
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: run install test mutants format golden clean
+.PHONY: run install test kernel-test kernel-test-short mutants format golden clean
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --duration 10
@@ -21,6 +22,12 @@ test: $(VENV)/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n auto --dist worksteal
+
+kernel-test: $(VENV)/dev.stamp
+	$(BIN)/python -m tests.kernel
+
+kernel-test-short: $(VENV)/dev.stamp
+	$(BIN)/python -m tests.kernel --short
 
 # ARGS="--sample 200" draws some of the changes; a whole room takes an hour.
 mutants: $(VENV)/dev.stamp

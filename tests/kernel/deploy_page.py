@@ -1,0 +1,61 @@
+"""The commands of deploy/README.md, taken from the page itself."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "deploy" / "README.md"
+
+#: Blocks that are not executed, by their first word or words, with the reason.
+NOT_EXECUTED = {
+    "pip wheel": "the other way to install: on another computer",
+    "ls /dev/serial": "serial lines are not part of this machine",
+}
+#: Commands that show something until they are interrupted.
+ENDLESS = ("candump ", "journalctl -u footsense -f", "/opt/footsense/bin/footsense monitor")
+
+_SECTION = re.compile(r"^## (.+)$", re.MULTILINE)
+_BLOCK = re.compile(r"^```sh\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+class Command(NamedTuple):
+    """A command of the page.
+
+    Attributes:
+        section: Title of its section.
+        text: The command as printed, its comment included.
+    """
+
+    section: str
+    text: str
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether somebody has to interrupt it."""
+        return self.text.startswith(ENDLESS)
+
+
+def commands(page: Path = PAGE) -> list[Command]:
+    """Return the commands of all blocks that are executed, in the order of the page."""
+    _, *parts = _SECTION.split(page.read_text(encoding="utf-8"))
+    return [
+        Command(title, line)
+        for title, text in zip(parts[::2], parts[1::2], strict=True)
+        for block in _BLOCK.findall(text)
+        if not block.startswith(tuple(NOT_EXECUTED))
+        for line in block.replace("\\\n", " ").splitlines()
+        if line.strip() and not line.startswith("#")
+    ]
+
+
+def section(number: int) -> list[Command]:
+    """Return the commands of a numbered section."""
+    return [command for command in commands() if command.section.startswith(f"{number}. ")]
+
+
+def packages() -> list[str]:
+    """Return the Debian packages that the page installs."""
+    lines = [command.text.partition("#")[0] for command in commands() if "apt-get install" in command.text]
+    words = [word for line in lines for word in line.split("install", 1)[1].split()]
+    return sorted({word for word in words if not word.startswith("-")})

@@ -1,0 +1,114 @@
+"""The emulated machine, with systemd as process 1.
+
+Its clock counts instructions (`-icount`): one takes 1 ns. A busy host makes a trial longer and nothing in it later, so
+that the loop keeps its conversions wherever the trials run. qemu 7.2 counts for one processor only, and without KVM.
+"""
+
+import contextlib
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.kernel.can_stream import CanStream
+from tests.kernel.image import CACHE, Image
+from tests.kernel.ports import Chips, GuestError, Shell
+
+_PORTS = ("agent", "chips", "can")
+#: Longest boot [s], of the host's time.
+_BOOT_S = 600.0
+
+
+class Machine:
+    """A running machine.
+
+    Attributes:
+        shell: Commands in it.
+        chips: The simulated chips behind its adapter.
+        can: Frames on its can0.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.shell = Shell(folder / "agent")
+        self.chips = Chips(folder / "chips")
+        self.can = CanStream(folder / "can", lambda: self.chips.monotonic_s)
+        self.shell.wait_until_up(_BOOT_S)
+
+    def run(self, command: str, timeout_s: float = 300) -> str:
+        """Return the output of a command.
+
+        Raises:
+            GuestError: It failed.
+        """
+        return self.shell.run(command, timeout_s)
+
+    def reboot(self) -> None:
+        """Restart the machine as its user would, and return when it answers again."""
+        before = self.run("cat /proc/sys/kernel/random/boot_id")
+        self.shell.start("systemctl reboot")
+        end_s = time.monotonic() + _BOOT_S
+        while True:
+            self.shell.wait_until_up(_BOOT_S)
+            if self.run("cat /proc/sys/kernel/random/boot_id") != before:
+                return
+            if time.monotonic() > end_s:
+                raise GuestError("the machine does not go down")
+
+    def journal(self, since: str, unit: str = "footsense") -> list[str]:
+        """Return the lines of a unit since a cursor of the journal."""
+        text = self.run(f"journalctl -u {unit} --no-pager -o cat --after-cursor '{since}'")
+        return [line for line in text.splitlines() if line]
+
+    @property
+    def journal_cursor(self) -> str:
+        """Cursor at the present end of the journal."""
+        return self.run("journalctl --sync; journalctl -n 0 --show-cursor").split("-- cursor: ")[-1].strip()
+
+
+@contextlib.contextmanager
+def running(image: Image) -> Iterator[Machine]:
+    """Boot a machine, and end it. What it writes to its disk is gone with it.
+
+    The folder of its console is `build/kernel/machine`, kept until the next one.
+    """
+    log = CACHE / "machine"
+    shutil.rmtree(log, ignore_errors=True)
+    log.mkdir()
+    with tempfile.TemporaryDirectory(
+        prefix="kernel-test-"
+    ) as short_name:  # a socket's path has 107 bytes at most
+        folder = Path(short_name)
+        ports = [
+            word
+            for name in _PORTS
+            for word in (
+                "-chardev", f"socket,path={folder / name},server=on,wait=off,id={name}",
+                "-device", f"virtserialport,chardev={name},name={name}",
+            )
+        ]  # fmt: skip
+        qemu = subprocess.Popen([
+            "qemu-system-x86_64", "-M", "q35", "-icount", "shift=0,sleep=on", "-cpu", "max", "-smp", "1", "-m", "2048",
+            "-nodefaults", "-display", "none", "-nic", "none", "-snapshot",
+            "-kernel", image.kernel, "-initrd", image.initrd,
+            "-append", "root=/dev/vda rw console=ttyS0 mitigations=off audit=0 tsc=reliable",
+            "-drive", f"file={image.disk},format=raw,if=virtio,cache=unsafe",
+            "-device", "virtio-rng-pci", "-device", "virtio-serial-pci", *ports,
+            "-serial", f"file:{log / 'console.log'}",
+        ], env=os.environ | {"TMPDIR": str(CACHE)})  # fmt: skip
+        try:
+            while not all((folder / name).exists() for name in _PORTS):
+                if qemu.poll() is not None:
+                    raise GuestError(f"qemu has ended with {qemu.returncode}")
+                time.sleep(0.1)
+            machine = Machine(folder)
+            try:
+                yield machine
+            finally:
+                for user in (machine.can, machine.chips, machine.shell):
+                    user.port.close()
+        finally:
+            qemu.terminate()
+            qemu.wait(30)

@@ -1,0 +1,34 @@
+"""The table of trials, printed and as a page of Markdown."""
+
+from pathlib import Path
+
+from tests.kernel.robot import Row
+
+PAGE = Path(__file__).parents[2] / "docs" / "report" / "kernel.md"
+
+_HEAD = """# On a real kernel
+
+Written by `make kernel-test`; not edited by hand.
+
+footsense as `deploy/README.md` installs it, on Debian 12 with Linux {kernel}, in an emulator: systemd, i2c-dev and
+SocketCAN are real, the chips behind the I2C adapter are simulated (`tests/kernel/README.md`). The machine has one
+processor at one instruction per nanosecond, conversions at 100 samples/s, and six legs on one bus. What CAN showed: the
+states of the legs in turn, as a consumer of `candump` saw them. Recovered after: from the end of the disturbance, or
+from the kill, until all legs were valid, in the machine's own time.
+
+"""
+
+
+def markdown(rows: list[Row]) -> str:
+    """Return the table."""
+    lines = ["| done | CAN showed | recovered after |", "|---|---|---:|"]
+    for row in rows:
+        recovered = "" if row.recovered_s is None else f"{row.recovered_s:.1f} s"
+        failed = "" if row.passed else "**failed** "
+        lines.append(f"| {row.did} | {failed}{row.shown} | {recovered} |")
+    return "\n".join(lines) + "\n"
+
+
+def write(rows: list[Row], kernel: str) -> None:
+    """Write the page."""
+    PAGE.write_text(_HEAD.format(kernel=kernel) + markdown(rows), encoding="utf-8")

@@ -1,0 +1,75 @@
+"""The short form: deployment, forces on CAN, and one of each kind of trouble."""
+
+import pytest
+
+from firmware_interface.can_codes import NODE_IDS, Cause, Flag, State
+from firmware_interface.can_frames import QUALITY_ID, decode_quality
+from tests.kernel import deploy_page
+from tests.kernel.can_stream import LEGS
+from tests.kernel.robot import Robot, Trial, matching
+
+
+def test_feet_answer_behind_the_multiplexer(first_trial: Trial) -> None:
+    """Section 2 of deploy/README.md: `i2cdetect` before and after the first channel is selected."""
+    robot = first_trial.robot
+    robot.machine.run("modprobe i2c-dev")
+    robot.execute_section(2)
+    before, after = robot.outputs["i2cdetect -y 1"]
+    assert "71" in before.split()
+    assert {"49", "50"} & set(before.split()) == set()
+    assert {"49", "50", "71"} <= set(after.split())
+    first_trial.row.shown = "0x71, then also 0x49 and 0x50"
+
+
+def test_deployment(first_trial: Trial, deployed: Robot) -> None:
+    """Sections 3 to 5 of deploy/README.md."""
+    first_trial.can.wait_for(State.VALID)
+    assert "active (running)" in deployed.output_of("systemctl status footsense")
+    assert "footsense_up 1" in deployed.output_of("curl")
+    assert "can0  181" in deployed.output_of("candump can0")
+    executed = {command.section for command in deploy_page.commands()}
+    assert {section.partition(".")[0] for section in executed} == {"1", "2", "3", "4", "5"}
+
+
+def test_a_pressed_foot(trial: Trial) -> None:
+    """Foot of lr pressed with (0.05, 0, 0.8) N."""
+    trial.chips.do("press lr 0.8")
+    pressed = pytest.approx((0.05, 0.0, 0.8), abs=0.05)
+    trial.can.wait("lr with the force", lambda: trial.can.force_n("lr", trial.mark) == pressed)
+    forces = trial.can.forces(trial.mark)
+    for leg in set(NODE_IDS) - {"lr"}:
+        assert forces[leg].force_n == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+    trial.row.shown = "lr (" + ", ".join(f"{part:.2f}" for part in forces["lr"].force_n) + ") N, others 0"
+    qualities = [frame for frame in trial.can.since(trial.mark) if frame.can_id - QUALITY_ID in LEGS]
+    assert qualities
+    assert not any(decode_quality(frame.can_id, frame.data).flags & Flag.SIMULATED for frame in qualities)
+
+
+def test_killed(trial: Trial) -> None:
+    """Service killed (SIGKILL)."""
+    pid = trial.robot.pid
+    trial.machine.run(f"kill -9 {pid}")
+    trial.recovered()
+    assert trial.robot.pid not in {0, pid}
+
+
+def test_can_goes_and_comes(trial: Trial) -> None:
+    """can0 deleted for 3 s."""
+    pid, cursor = trial.robot.pid, trial.machine.journal_cursor
+    trial.machine.run("ip link del can0; sleep 3; ip link add can0 type vcan; ip link set can0 up")
+    trial.recovered()
+    assert trial.robot.pid == pid
+    assert matching(trial.machine.journal(cursor), "can0")
+
+
+def test_a_leg_that_does_not_answer(trial: Trial) -> None:
+    """Every transfer to lm fails with EREMOTEIO."""
+    others = set(NODE_IDS) - {"lm"}
+    trial.chips.do("fail lm EREMOTEIO")
+    trial.can.wait_for(State.ABSENT, ["lm"])
+    trial.can.wait_for(State.VALID, others)
+    trial.chips.do("clear")
+    trial.recovered()
+    causes = trial.can.causes(trial.mark)
+    assert Cause.NO_ANSWER in causes["lm"]
+    assert set(causes) == {"lm"}
