@@ -41,11 +41,11 @@ class Baseline(NamedTuple):
 
 
 _BASELINE = struct.Struct("<BhhH")
-_PER_PF = 10_000
+_OFFSETS_PER_PF = 10_000
 _NO_OFFSET = -32768
 _MAX_OFFSET = 32767
 
-_AGE_NS = 100_000_000
+_AGE_STEP_NS = 100_000_000
 _NO_AGE = 0xFFFF
 
 
@@ -71,28 +71,28 @@ def encode_baseline(
         >>> encode_baseline(1, 0, BaselineStatus.TRACKING, 0.0012, -0.0055, 2_000_000_000).hex(" ")
         'f5 10 0c 00 c9 ff 14 00'
     """
-    age = _NO_AGE if age_ns is None or age_ns < 0 else min(-(-age_ns // _AGE_NS), _NO_AGE - 1)
+    age = _NO_AGE if age_ns is None or age_ns < 0 else min(-(-age_ns // _AGE_STEP_NS), _NO_AGE - 1)
     payload = _BASELINE.pack(status << 4 | counter, _offset_code(mean_pf), _offset_code(worst_pf), age)
     return protect(BASELINE_ID + node, payload)
 
 
 def decode_baseline(can_id: int, data: bytes) -> Baseline:
-    """Return the content of a `Baseline` frame.
+    """Decode a `Baseline` frame.
 
     Raises:
         FrameError: The id, length, crc, counter or status is wrong.
     """
     node, counter, (head, mean, worst, age) = unpack_protected(can_id, data, BASELINE_ID, _BASELINE)
     status = enum_member(BaselineStatus, head >> 4)
-    age_ns = None if age == _NO_AGE else age * _AGE_NS
+    age_ns = None if age == _NO_AGE else age * _AGE_STEP_NS
     return Baseline(node, counter, status, _offset_pf(mean), _offset_pf(worst), age_ns)
 
 
 def _offset_code(offset_pf: float) -> int:
     if math.isnan(offset_pf):
         return _NO_OFFSET
-    return round(max(-_MAX_OFFSET, min(_MAX_OFFSET, offset_pf * _PER_PF)))
+    return round(max(-_MAX_OFFSET, min(_MAX_OFFSET, offset_pf * _OFFSETS_PER_PF)))
 
 
 def _offset_pf(code: int) -> float:
-    return math.nan if code == _NO_OFFSET else code / _PER_PF
+    return math.nan if code == _NO_OFFSET else code / _OFFSETS_PER_PF

@@ -44,16 +44,16 @@ FORCES_ID = FORCE_ID
 N_BYTES = 64
 
 _LEGS = len(NODE_IDS)
-_HEAD = struct.Struct("<HBB")
-_LEG = struct.Struct("<Ihhh")
+_HEADER_STRUCT = struct.Struct("<HBB")
+_LEG_STRUCT = struct.Struct("<Ihhh")
 _NO_FORCE = -32768
 _MAX_FORCE = 32767
-_PER_N = 1000
-_AGE_NS, _NO_AGE = 500_000, 0xFF
+_FORCE_PER_N = 1000
+_AGE_STEP_NS, _NO_AGE = 500_000, 0xFF
 _SIGMA_PER_N, _NO_SIGMA = 250, 0xFF
 _ROUND_UP = 1 - 1e-6
-_COMMON = Flag.SIMULATED | Flag.DEGRADED_TIMING
-_NOBODY = (int(State.ABSENT) | _NO_SIGMA << 15 | _NO_SIGMA << 23, _NO_FORCE, _NO_FORCE, _NO_FORCE)
+_FLAGS_OF_ALL_LEGS = Flag.SIMULATED | Flag.DEGRADED_TIMING
+_ABSENT_LEG = (int(State.ABSENT) | _NO_SIGMA << 15 | _NO_SIGMA << 23, _NO_FORCE, _NO_FORCE, _NO_FORCE)
 
 
 class Forces(NamedTuple):
@@ -80,13 +80,13 @@ def encode_forces(
     fault_mask: Sequence[int],
 ) -> bytes:
     """Return the 64 data bytes of `Forces`; arguments as of `ForceQualityEncoder.encode`, and the nodes of the legs."""
-    legs = [_NOBODY] * _LEGS
+    legs = [_ABSENT_LEG] * _LEGS
     ages_ns = [0]
     in_air, common = True, 0
     for node, leg_ns, code, leg_n, leg_sigma_n, flag, mask in zip(
         nodes, t_ns, state, force_n, sigma_n, flags, fault_mask, strict=True
     ):
-        common |= flag & _COMMON
+        common |= flag & _FLAGS_OF_ALL_LEGS
         known = code in USABLE and all(map(math.isfinite, leg_n))
         in_air = in_air and known and not flag & Flag.CONTACT
         shown = State.ELEMENT_FAULT if code in USABLE and not known else code
@@ -98,23 +98,25 @@ def encode_forces(
         legs[node - 1] = (bits | (mask & 0x1FF) << 6 | across << 15 | along << 23, *forces)
         if known:
             ages_ns.append(t_sent_ns - leg_ns if leg_ns else -1)
-    age = -(-max(ages_ns) // _AGE_NS) if min(ages_ns) >= 0 and len(ages_ns) > 1 else _NO_AGE
+    age = -(-max(ages_ns) // _AGE_STEP_NS) if min(ages_ns) >= 0 and len(ages_ns) > 1 else _NO_AGE
     head = (
         counter | in_air << 4 | bool(common & Flag.SIMULATED) << 5 | bool(common & Flag.DEGRADED_TIMING) << 6
     )
-    payload = _HEAD.pack(0, head, min(age, _NO_AGE))[2:] + b"".join([_LEG.pack(*leg) for leg in legs])
+    payload = _HEADER_STRUCT.pack(0, head, min(age, _NO_AGE))[2:] + b"".join(
+        [_LEG_STRUCT.pack(*leg) for leg in legs]
+    )
     return _crc(FORCES_ID, payload).to_bytes(2, "little") + payload
 
 
 def decode_forces(can_id: int, data: bytes) -> Forces:
-    """Return the content of a `Forces` frame.
+    """Decode a CAN FD `Forces` frame.
 
     Raises:
         FrameError: The id, length, crc, counter or a state is wrong.
     """
     if can_id != FORCES_ID or len(data) != N_BYTES:
         raise FrameError(f"frame 0x{can_id:03x} of {len(data)} bytes is no frame of all legs")
-    crc, head, age = _HEAD.unpack_from(data)
+    crc, head, age = _HEADER_STRUCT.unpack_from(data)
     if crc != _crc(can_id, data[2:]):
         raise FrameError(
             f"frame 0x{can_id:03x} has crc 0x{crc:04x} instead of 0x{_crc(can_id, data[2:]):04x}"
@@ -123,10 +125,10 @@ def decode_forces(can_id: int, data: bytes) -> Forces:
     if counter >= COUNTER_PERIOD:
         raise FrameError(f"frame 0x{can_id:03x} has counter {counter}, which is never sent")
     common = (Flag.SIMULATED if head & 0x20 else 0) | (Flag.DEGRADED_TIMING if head & 0x40 else 0)
-    age_ns = None if age == _NO_AGE else age * _AGE_NS
+    age_ns = None if age == _NO_AGE else age * _AGE_STEP_NS
     legs = []
-    for node, (bits, *codes) in enumerate(_LEG.iter_unpack(data[_HEAD.size :]), 1):
-        x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _PER_N for code in codes)
+    for node, (bits, *codes) in enumerate(_LEG_STRUCT.iter_unpack(data[_HEADER_STRUCT.size :]), 1):
+        x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
         across_n, along_n = (_sigma_n(bits >> shift & 0xFF) for shift in (15, 23))
         flags = Flag(
             common | (Flag.CONTACT if bits & 0x10 else 0) | (Flag.TARE_REFUSED if bits & 0x20 else 0)
@@ -147,7 +149,7 @@ def _crc(can_id: int, payload: bytes) -> int:
 
 
 def _force_code(force_n: float) -> int:
-    return round(max(-_MAX_FORCE, min(_MAX_FORCE, force_n * _PER_N)))
+    return round(max(-_MAX_FORCE, min(_MAX_FORCE, force_n * _FORCE_PER_N)))
 
 
 def _sigma_code(sigma_n: float) -> int:

@@ -93,9 +93,9 @@ _NO_FORCE_N = -32.768
 _MAX_FORCE_N = 32.767
 _FORCE_PER_N = 1000
 
-_AGE_NS = 100_000
+_AGE_STEP_NS = 100_000
 _NO_AGE = 0xFFF
-_MAX_AGE_NS = (_NO_AGE - 1) * _AGE_NS
+_MAX_AGE_NS = (_NO_AGE - 1) * _AGE_STEP_NS
 
 _NO_SIGMA = 511
 _MAX_SIGMA = 510
@@ -169,7 +169,7 @@ class ForceQualityEncoder:
             x, y, z = round(x_n * _FORCE_PER_N), round(y_n * _FORCE_PER_N), round(z_n * _FORCE_PER_N)
             _FORCE.pack_into(frames, at + 1, code << 4 | counter, x, y, z)
             age_ns = t_sent_ns - leg_t_ns
-            age = -(-age_ns // _AGE_NS) if leg_t_ns and 0 <= age_ns <= _MAX_AGE_NS else _NO_AGE
+            age = -(-age_ns // _AGE_STEP_NS) if leg_t_ns and 0 <= age_ns <= _MAX_AGE_NS else _NO_AGE
             bits = counter | (flag & 0xF) << 4 | age << 8 | (mask & 0x1FF) << 20
             shift = 29
             for component_n in sigmas_n:
@@ -188,7 +188,7 @@ class ForceQualityEncoder:
 
 
 def _sendable_force(state: int, force_n: tuple[float, float, float]) -> tuple[int, float, float, float]:
-    """Return the state and force to send for a state without force, or a force that is not finite or too large."""
+    """Return state and force to send: none in a state without force, clipped to the range, a fault if not finite."""
     if state in USABLE and not all(map(math.isfinite, force_n)):
         state = State.ELEMENT_FAULT
     if state not in USABLE:
@@ -198,7 +198,7 @@ def _sendable_force(state: int, force_n: tuple[float, float, float]) -> tuple[in
 
 
 def decode_force(can_id: int, data: bytes) -> Force:
-    """Return the content of a `Force` frame.
+    """Decode a `Force` frame.
 
     Raises:
         FrameError: The id, length, crc, counter or state is wrong.
@@ -209,7 +209,7 @@ def decode_force(can_id: int, data: bytes) -> Force:
 
 
 def decode_quality(can_id: int, data: bytes) -> Quality:
-    """Return the content of a `Quality` frame.
+    """Decode a `Quality` frame.
 
     Raises:
         FrameError: The id, length, crc or counter is wrong.
@@ -223,7 +223,7 @@ def decode_quality(can_id: int, data: bytes) -> Quality:
         node=node,
         counter=counter,
         flags=Flag(bits >> 4 & 0xF),
-        age_ns=None if age == _NO_AGE else age * _AGE_NS,
+        age_ns=None if age == _NO_AGE else age * _AGE_STEP_NS,
         fault_mask=bits >> 20 & 0x1FF,
         sigma_n=(x_n, y_n, z_n),
     )

@@ -92,25 +92,25 @@ _EVENT = struct.Struct("<BHBB")
 _GAIT = struct.Struct("<BBBB")
 _GROUND = struct.Struct("<7s")
 
-_AGE_NS = 100_000
+_AGE_STEP_NS = 100_000
 _NO_AGE = 0xFFFF
 _EVENT_SIGMA_PER_S = 5000
-_SHARES = 200
-_NORMALS = 500
+_SHARE_PER_UNIT = 200
+_NORMAL_PER_UNIT = 500
 _NO_NORMAL = -512
-_NORMAL_SIGMAS_PER_RAD = 400
-_FRICTIONS = 250
+_NORMAL_SIGMA_PER_RAD = 400
+_FRICTION_PER_UNIT = 250
 _NAN = math.nan
 # Rounds up, except for the rounding error of a whole number of bits.
 _ROUND_UP = 1 - 1e-6
 # Arguments of `_codes`.
 _EVENT_FIELDS = ((_EVENT_SIGMA_PER_S, 0xFF, _ROUND_UP),)
-_GAIT_FIELDS = ((_SHARES, 0xFF, 0.5), (_SHARES, 0xFF, 0.5))
+_GAIT_FIELDS = ((_SHARE_PER_UNIT, 0xFF, 0.5), (_SHARE_PER_UNIT, 0xFF, 0.5))
 _GROUND_FIELDS = (
-    (_NORMAL_SIGMAS_PER_RAD, 0x7F, _ROUND_UP),
-    (_FRICTIONS, 0x1FF, 0.5),
-    (_FRICTIONS, 0x3F, _ROUND_UP),
-    (_FRICTIONS, 0x1FF, 0.5),
+    (_NORMAL_SIGMA_PER_RAD, 0x7F, _ROUND_UP),
+    (_FRICTION_PER_UNIT, 0x1FF, 0.5),
+    (_FRICTION_PER_UNIT, 0x3F, _ROUND_UP),
+    (_FRICTION_PER_UNIT, 0x1FF, 0.5),
 )
 
 
@@ -131,7 +131,7 @@ def encode_gait_event(
         >>> encode_gait_event(1, 0, GaitEventKind.TOUCHDOWN, 11_200_000, 0.0021, all_in_air=False).hex(" ")
         '0c 10 70 00 0b 00'
     """
-    age = _NO_AGE if age_ns is None else round(age_ns / _AGE_NS)
+    age = _NO_AGE if age_ns is None else round(age_ns / _AGE_STEP_NS)
     if not 0 <= age < _NO_AGE:
         age = _NO_AGE
     (sigma,) = _codes(_EVENT_FIELDS, [sigma_s])
@@ -139,7 +139,7 @@ def encode_gait_event(
 
 
 def decode_gait_event(can_id: int, data: bytes) -> GaitEvent:
-    """Return the content of a gait event.
+    """Decode a `GaitEvent` frame.
 
     Raises:
         FrameError: The id, length, crc, counter or kind is wrong.
@@ -149,7 +149,7 @@ def decode_gait_event(can_id: int, data: bytes) -> GaitEvent:
         node,
         counter,
         enum_member(GaitEventKind, head >> 4),
-        None if age == _NO_AGE else age * _AGE_NS,
+        None if age == _NO_AGE else age * _AGE_STEP_NS,
         _value(sigma, _EVENT_SIGMA_PER_S, 0xFF),
         bool(air & 1),
     )
@@ -187,14 +187,14 @@ def encode_gait(
 
 
 def decode_gait(can_id: int, data: bytes) -> Gait:
-    """Return the content of a `Gait` frame.
+    """Decode a `Gait` frame.
 
     Raises:
         FrameError: The id, length, crc, counter or slip is wrong.
     """
     node, counter, (head, slip, *shares) = unpack_protected(can_id, data, GAIT_ID, _GAIT)
     contact, contact_raw, all_in_air = (bool(head >> bit & 1) for bit in (4, 5, 6))
-    probability, load_share = (_value(code, _SHARES, 0xFF) for code in shares)
+    probability, load_share = (_value(code, _SHARE_PER_UNIT, 0xFF) for code in shares)
     state = enum_member(Slip, slip & 3)
     return Gait(node, counter, contact, contact_raw, all_in_air, state, probability, load_share)
 
@@ -208,7 +208,7 @@ def encode_ground(
     friction_use_sigma: float,
     friction: float,
 ) -> bytes:
-    """Return the 8 data bytes of `Ground`; arguments as in it.
+    """Return the 8 data bytes of a `Ground` frame; arguments are the fields of `Ground`.
 
     ::
 
@@ -228,7 +228,9 @@ def encode_ground(
         >>> encode_ground(1, 0, (0.1, 0.0, 0.995), 0.03, 0.25, 0.02, math.nan).hex(" ")
         '88 20 03 00 8c 1f c5 7f'
     """
-    normal_x, normal_y, _ = [round(part * _NORMALS) if -1.0 <= part <= 1.0 else _NO_NORMAL for part in normal]
+    normal_x, normal_y, _ = [
+        round(part * _NORMAL_PER_UNIT) if -1.0 <= part <= 1.0 else _NO_NORMAL for part in normal
+    ]
     normal_sigma, use, use_sigma, coefficient = _codes(
         _GROUND_FIELDS, [normal_sigma_rad, friction_use, friction_use_sigma, friction]
     )
@@ -238,7 +240,7 @@ def encode_ground(
 
 
 def decode_ground(can_id: int, data: bytes) -> Ground:
-    """Return the content of a `Ground` frame.
+    """Decode a `Ground` frame: normal, friction use and coefficient of friction of the ground under a foot.
 
     Raises:
         FrameError: The id, length, crc or counter is wrong.
@@ -246,16 +248,16 @@ def decode_ground(can_id: int, data: bytes) -> Ground:
     node, counter, (payload,) = unpack_protected(can_id, data, GROUND_ID, _GROUND)
     bits = int.from_bytes(payload, "little")
     codes = [(bits >> shift & 0x3FF ^ 0x200) - 0x200 for shift in (4, 14)]
-    normal_x, normal_y = (_NAN if _NO_NORMAL in codes else code / _NORMALS for code in codes)
+    normal_x, normal_y = (_NAN if _NO_NORMAL in codes else code / _NORMAL_PER_UNIT for code in codes)
     normal_z = math.sqrt(max(1.0 - normal_x * normal_x - normal_y * normal_y, 0.0))
     return Ground(
         node,
         counter,
         (normal_x, normal_y, _NAN if math.isnan(normal_x) else normal_z),
-        _value(bits >> 24 & 0x7F, _NORMAL_SIGMAS_PER_RAD, 0x7F),
-        _value(bits >> 31 & 0x1FF, _FRICTIONS, 0x1FF),
-        _value(bits >> 40 & 0x3F, _FRICTIONS, 0x3F),
-        _value(bits >> 46 & 0x1FF, _FRICTIONS, 0x1FF),
+        _value(bits >> 24 & 0x7F, _NORMAL_SIGMA_PER_RAD, 0x7F),
+        _value(bits >> 31 & 0x1FF, _FRICTION_PER_UNIT, 0x1FF),
+        _value(bits >> 40 & 0x3F, _FRICTION_PER_UNIT, 0x3F),
+        _value(bits >> 46 & 0x1FF, _FRICTION_PER_UNIT, 0x1FF),
     )
 
 

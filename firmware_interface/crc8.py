@@ -1,4 +1,4 @@
-"""End-to-end protection of every frame but the heartbeat: AUTOSAR E2E profile 11, variant A.
+"""End-to-end protection (CRC and counter) of every CAN frame but the heartbeat: AUTOSAR E2E profile 11, variant A.
 
 A CRC-8 in byte 0 and a sequence counter in the low nibble of byte 1 protect a frame::
 

@@ -142,7 +142,7 @@ def stuff(data: bytes) -> bytes:
 
 
 def unstuff(stuffed: bytes) -> bytes | None:
-    """Decode at most 254 bytes of COBS; None if `stuff` cannot have made them.
+    """Decode at most 254 bytes of COBS; None if they are no valid COBS.
 
     Example:
         >>> unstuff(bytes.fromhex("0211010222")) == bytes.fromhex("11000022"), unstuff(b"broken")

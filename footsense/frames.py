@@ -1,4 +1,4 @@
-"""Values that pass between the rooms: capacitances, the contact forces estimated from them, a cycle of both.
+"""Data types passed between the packages: capacitance frame, contact-force frame, and a cycle with both.
 
 A frame holds all legs of the robot, row n for the n-th leg of the configuration, because the network runs once for all
 of them. An entry that was not measured is NaN, never a substitute. Arrays are read-only by agreement: a receiver may

@@ -25,7 +25,7 @@ from footsense.frames import ELEMENTS, Reading
 from footsense.ports import Clock
 
 #: Attempts of a conversion on a bus with stuck lines.
-_TRIES = 2
+_CONVERSION_ATTEMPTS = 2
 #: Elements that differ in row and column.
 _DIAGONAL = (0, 4, 8)
 #: Period of the temperature readings, and of the timing of a converter [ns]: each costs its legs two conversions.
@@ -111,7 +111,7 @@ class BusScanner:
         The conversion after it is then running.
         """
         position = self._position
-        for _ in range(_TRIES):
+        for _ in range(_CONVERSION_ATTEMPTS):
             try:
                 if position == 0:
                     self._take_temperatures()

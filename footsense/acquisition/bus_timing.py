@@ -58,7 +58,7 @@ def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) ->
 
 
 def time_for_checks(costs: BusCosts, plan: ScanPlan, n_legs: int) -> tuple[bool, bool]:
-    """Return what a conversion leaves time for after the read-out of all legs.
+    """Return which checks fit into a conversion after the read-out of all legs.
 
     Returns:
         Whether there is time to ask for lines and settings, and then to read the mux back after every leg.

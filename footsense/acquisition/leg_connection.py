@@ -75,7 +75,7 @@ class LegConnection:
         self._pause_ns = _FIRST_PAUSE_NS
 
     def join(self, offset_pf: float) -> None:
-        """Take the leg into the scan: its chips were found and set up.
+        """Add the leg to the scan: its chips were found and set up.
 
         Args:
             offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
@@ -90,7 +90,7 @@ class LegConnection:
         self._misses = 0
 
     def set_timing(self, timing: ChipTiming) -> None:
-        """Take over the timing of the leg's converter, measured just now; a slow one is told once."""
+        """Store the measured timing of the leg's converter; log a slow converter once."""
         if timing.slowness > 1.0 >= self.timing.slowness:
             _log.warning(
                 "leg %s: its conversions take up to %.0f %% longer than the slowest converter may; those of the legs "

@@ -13,7 +13,7 @@ from footsense.ports import Clock, I2cBus
 def probe(
     transport: Transport, leg: LegConnection, others: Sequence[LegConnection], plan: ScanPlan, clock: Clock
 ) -> None:
-    """Look for one leg's chips and take it into the scan, or put off the next try.
+    """Search one leg's chips and add the leg to the scan, or delay the next try.
 
     Args:
         transport: The way to its chips.

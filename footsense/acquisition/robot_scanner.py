@@ -18,7 +18,7 @@ from footsense.frames import ELEMENTS, CapFrame, Vector
 
 
 class _InTurn(Executor):
-    """Runs what it is given at once: for one bus, and for simulated ones, whose clocks run side by side."""
+    """Executor that runs each task at once, without threads: for one bus, and for simulated buses."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ANN401 - as its base
         done: Future[Any] = Future()

@@ -1,4 +1,4 @@
-"""One cycle of the service on recorded readings, with everything that it sends to.
+"""One cycle of the service on recorded readings: estimation, CAN, metrics and recorder.
 
 A whole cycle: estimate, publish, count, record. It sends to a socket pair, which stands for CAN on any machine, and
 records into a pipe; both are drained between cycles.

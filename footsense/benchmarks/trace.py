@@ -29,10 +29,10 @@ from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
 #: Conversions before anything is counted: half a second of walk, which includes the tare.
-_WARM_UP = 200
-_COUNTED = 2000
+_WARM_UP_CONVERSIONS = 200
+_COUNTED_CONVERSIONS = 2000
 #: Calls per conversion above which a function counts as steady.
-_RARE = 0.5
+_MIN_STEADY_CALLS = 0.5
 
 _ROOT = Path(footsense.__file__).parent.parent
 _SIMULATOR = f"{_ROOT.as_posix()}/footsense/sim/"
@@ -41,7 +41,7 @@ _LEFT_OUT = ("footsense/sim/", "footsense/cli/", "footsense/benchmarks/")
 Calls = dict[tuple[str, str], float]
 
 
-def calls_per_conversion(n: int = _COUNTED) -> tuple[Calls, Calls]:
+def calls_per_conversion(n: int = _COUNTED_CONVERSIONS) -> tuple[Calls, Calls]:
     """Count the calls of a virtual walk.
 
     Args:
@@ -63,7 +63,7 @@ def calls_per_conversion(n: int = _COUNTED) -> tuple[Calls, Calls]:
         open_service(DEFAULT, scene, real_time=False, record=Path(folder) / "walk.mcap") as service,
     ):
         service.observers.append(RunStatistics(service.legs, service.true_force_at_time_n))
-        service.run(_stop_after_turns(_WARM_UP))
+        service.run(_stop_after_turns(_WARM_UP_CONVERSIONS))
         sys.setprofile(count)
         try:
             service.run(_stop_after_turns(n))
@@ -91,7 +91,7 @@ def _by_function(calls: Counter[CodeType], n_conversions: int) -> Calls:
 
 def steady_functions(calls: Calls) -> list[tuple[str, str]]:
     """Return module and qualified name of every function that runs steadily."""
-    return [function for function, n in calls.items() if n > _RARE]
+    return [function for function, n in calls.items() if n > _MIN_STEADY_CALLS]
 
 
 def _stop_after_turns(n: int) -> Callable[[], bool]:
@@ -111,7 +111,7 @@ def main() -> None:
             inside = {name: n for (path, name), n in calls.items() if path == module}
             click.echo(f"{sum(inside.values()):8.1f} {module}")
             for name, n in sorted(inside.items(), key=lambda function: -function[1]):
-                click.echo(f"{n:17.2f} {name}{'' if n > _RARE else '  (rare)'}")
+                click.echo(f"{n:17.2f} {name}{'' if n > _MIN_STEADY_CALLS else '  (rare)'}")
     steady = steady_functions(calls)
     n_modules = len({module for module, _ in steady})
     layouts = sum(n for (module, _), n in simulator_calls.items() if module.startswith("firmware_interface/"))

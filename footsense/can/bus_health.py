@@ -37,7 +37,7 @@ class BusHealth:
         self.last_full_ns: int | None = None
 
     def note_full(self, t_ns: int) -> None:
-        """Log once that frames find no room at a time [ns]; call it before they are counted."""
+        """Log once that the transmit queue is full at a time [ns]; call it before the dropped frames are counted."""
         if self.last_full_ns is None:
             self._first_dropped = self._stats.dropped
             _log.warning(

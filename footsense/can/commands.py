@@ -13,9 +13,9 @@ from footsense.frames import Command, CommandKind, CommandResult
 from footsense.ports import Clock
 
 #: The same command with the same counter within this time is a repetition; later, it comes from a restarted consumer.
-_REPEAT_NS = 1_000_000_000
+_REPETITION_WITHIN_NS = 1_000_000_000
 #: Most commands to a leg within a second; further ones are counted and not answered.
-_MOST_A_SECOND = 10
+_MAX_COMMANDS_PER_SECOND = 10
 _SECOND_NS = 1_000_000_000
 
 
@@ -38,7 +38,7 @@ class _LegCommands:
         second = t_ns // _SECOND_NS
         self.n_commands = self.n_commands + 1 if second == self.second else 1
         self.second = second
-        return self.n_commands <= _MOST_A_SECOND
+        return self.n_commands <= _MAX_COMMANDS_PER_SECOND
 
     def answer_frame(self, result: int, kind: int, command_counter: int) -> bytes:
         """Return the CAN frame of the next answer."""
@@ -87,7 +87,7 @@ class CanCommands:
                 continue
             except FrameError:
                 continue
-            if (kind, counter) == leg.last and now_ns - leg.last_ns < _REPEAT_NS:
+            if (kind, counter) == leg.last and now_ns - leg.last_ns < _REPETITION_WITHIN_NS:
                 continue
             if not leg.takes_command(now_ns):
                 continue

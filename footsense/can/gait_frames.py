@@ -11,7 +11,7 @@ from footsense.frames import GaitEvent, GaitFrame
 #: Period of `Gait` and `Ground` [ns].
 _PERIOD_NS = 100_000_000
 #: Events that wait for room at most; the oldest is lost first.
-_MOST_WAITING = 24
+_MAX_WAITING_EVENTS = 24
 
 
 class GaitFrames:
@@ -28,13 +28,13 @@ class GaitFrames:
     def __init__(self, nodes: Sequence[int]) -> None:
         self._nodes = nodes
         self._event_counters, self._counters = [0] * len(nodes), [0] * len(nodes)
-        self.events: deque[tuple[GaitEvent, bool]] = deque(maxlen=_MOST_WAITING)
+        self.events: deque[tuple[GaitEvent, bool]] = deque(maxlen=_MAX_WAITING_EVENTS)
         self._gait: GaitFrame | None = None
         self._due_ns = 0
         self.waiting: deque[int] = deque()
 
     def take(self, gait: GaitFrame) -> None:
-        """Take the gait of all legs: its events are to be sent, and the slow frames if they are due."""
+        """Queue the events of a gait frame, and its slow frames if they are due."""
         self.events += [(event, gait.all_in_air) for event in gait.events]
         if gait.t_ns >= self._due_ns:
             self._due_ns = (gait.t_ns // _PERIOD_NS + 1) * _PERIOD_NS
@@ -42,7 +42,7 @@ class GaitFrames:
             self.waiting = deque(range(len(self._nodes)))
 
     def event_frames(self, now_ns: int, room: int) -> list[bytes]:
-        """Return the frames of the oldest events that wait, `room` at most; call `set_sent` with those taken.
+        """Return the CAN frames of the oldest unsent events, `room` at most; report the accepted ones to `set_sent`.
 
         Args:
             now_ns: Time of sending [ns].
@@ -60,7 +60,7 @@ class GaitFrames:
         return frames
 
     def set_sent(self, n: int) -> None:
-        """Note that the `n` oldest events were sent: none is sent twice."""
+        """Remove the `n` oldest events, which were sent."""
         for _ in range(n):
             event, _ = self.events.popleft()
             self._event_counters[event.leg] = next_counter(self._event_counters[event.leg])

@@ -58,7 +58,7 @@ class CanLeg:
         return pack_frame(can_events.FAULT_ID + self.node, data)
 
     def set_reported(self, report: tuple[int, int, int]) -> None:
-        """Note that the report of this state, mask and cause was sent."""
+        """Store the state, mask and cause of the fault report that was sent."""
         self._fault_counter = next_counter(self._fault_counter)
         self.reported = report
 

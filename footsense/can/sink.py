@@ -35,7 +35,7 @@ from footsense.ports import Clock
 
 #: Most frames beside Force and Quality in one cycle; the others wait for the next. The interface's queue has room for
 #: so many (`deploy/80-can0.network`).
-_MOST_EVENTS = 4
+_MAX_EXTRA_FRAMES = 4
 
 #: A plain number: arithmetic with an enumeration costs a microsecond each time.
 _DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
@@ -117,15 +117,15 @@ class CanSink:
         if frame.gait is not None:
             gait.take(frame.gait)
         unreported = [] if present == self._reported else self._unreported_faults(present)
-        reports = unreported[:_MOST_EVENTS]
-        frames = gait.event_frames(t_ns, _MOST_EVENTS - len(reports)) if gait.events else []
+        reports = unreported[:_MAX_EXTRA_FRAMES]
+        frames = gait.event_frames(t_ns, _MAX_EXTRA_FRAMES - len(reports)) if gait.events else []
         n_events = n_before = len(frames)
         if self._are_forces_due([*present, self._flags]):
             frames += self._force_frames(frame, *present[:2])
             n_before += 1 if self._fd else FRAMES_PER_LEG * len(self._legs)
         for leg, report in reports:
             frames.append(leg.fault_frame(*report))
-        room = _MOST_EVENTS - len(reports) - n_events
+        room = _MAX_EXTRA_FRAMES - len(reports) - n_events
         if t_ns >= self._due[0][0]:
             room = self._add_periodic(frames, frame, present[0], room)
         if self._commands.unsolicited:

@@ -104,7 +104,7 @@ class SocketWire:
         raise OSError(code, os.strerror(code))
 
     def _lay_out(self, frames: bytes) -> int:
-        """Copy frames to where the system call finds them, and return how many there are."""
+        """Copy frames into the buffers of sendmmsg, and return their number."""
         ends = frame_ends(frames)[:MAX_FRAMES]
         is_mixed = ends[-1:] != [len(ends) * FRAME_BYTES]
         if is_mixed or self._is_mixed:

@@ -53,7 +53,7 @@ def leg_table(legs: Mapping[str, Leg], columns: LegColumns[Leg]) -> Table:
 
 def state_text(state: State) -> Text:
     """Return the state of a leg in the colour of its phase."""
-    return Text(words(state.name), _PHASE_STYLES[phase_of(state)])
+    return Text(enum_words(state.name), _PHASE_STYLES[phase_of(state)])
 
 
 def force_columns(force_n: Callable[[Leg], Sequence[float]]) -> LegColumns[Leg]:
@@ -70,16 +70,16 @@ def force_columns(force_n: Callable[[Leg], Sequence[float]]) -> LegColumns[Leg]:
     """
 
     def cell(leg: Leg, axis: int) -> str | Text:
-        return number(round(force_n(leg)[axis], 3) + 0.0, "+.3f")
+        return number_cell(round(force_n(leg)[axis], 3) + 0.0, "+.3f")
 
     return {f"{name} [N]": (">7", partial(cell, axis=axis)) for axis, name in enumerate(("fx", "fy", "fz"))}
 
 
-def number(value: float | None, form: str, scale: float = 1.0) -> str | Text:
+def number_cell(value: float | None, form: str, scale: float = 1.0) -> str | Text:
     """Return a number times `scale` in the format `form`; None and NaN as an empty cell."""
     return EMPTY if value is None or math.isnan(value) else format(value * scale, form)
 
 
-def words(name: str) -> str:
+def enum_words(name: str) -> str:
     """Return the name of an enum's member as words."""
     return name.lower().replace("_", " ")

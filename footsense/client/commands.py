@@ -57,7 +57,7 @@ class PendingCommands:
         return COMMAND_ID + node, encode_command(node, counter, kind)
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> CommandResult | None:
-        """Return the result that a frame of any id carries; None if it answers no pending command.
+        """Process a CAN frame of any id; return the result of the pending command that it answers, else None.
 
         Args:
             can_id: Its 11-bit id.

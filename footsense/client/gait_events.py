@@ -10,7 +10,7 @@ from firmware_interface.crc8 import FrameError
 GAIT_EVENT_IDS = tuple(GAIT_EVENT_ID + node for node in NODE_IDS.values())
 
 #: The same event with the same counter within this time is a repetition; later, it comes from a restarted service [ns].
-_REPEAT_NS = 1_000_000_000
+_REPETITION_WITHIN_NS = 1_000_000_000
 
 
 class LegEvent(NamedTuple):
@@ -43,7 +43,7 @@ class GaitEvents:
         self.n_wrong = 0
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> LegEvent | None:
-        """Process a CAN frame of any id, and return the event; None for other frames, wrong ones and repetitions.
+        """Process a CAN frame of any id, and return a new gait event; None for repeated, damaged and other frames.
 
         Args:
             can_id: Its 11-bit id.
@@ -59,7 +59,7 @@ class GaitEvents:
             return None
         counter, kind, last_ns = self._last.get(event.node, (None, None, 0))
         self._last[event.node] = event.counter, event.kind, now_ns
-        if (event.counter, event.kind) == (counter, kind) and 0 <= now_ns - last_ns < _REPEAT_NS:
+        if (event.counter, event.kind) == (counter, kind) and 0 <= now_ns - last_ns < _REPETITION_WITHIN_NS:
             return None
         t_ns = None if event.age_ns is None else now_ns - event.age_ns
         return LegEvent(event.node, event.kind, t_ns, event.sigma_s, event.all_in_air)

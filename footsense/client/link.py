@@ -53,7 +53,7 @@ class LinkLimits:
 
 
 class LegForce(NamedTuple):
-    """A leg's force at one time, and whether it may be used.
+    """A leg's force at one time, and whether a controller may use it.
 
     Attributes:
         status: LinkStatus of its frames.
@@ -93,7 +93,7 @@ class Link:
         self._legs = {node: _Leg(self._limits) for node in NODE_IDS.values()}
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
-        """Take a frame of any id.
+        """Process a CAN frame of any id.
 
         Args:
             can_id: Its 11-bit id.
@@ -119,7 +119,7 @@ class Link:
         return False
 
     def _feed_all(self, data: bytes, now_ns: int) -> None:
-        """Take a frame of all legs."""
+        """Process a CAN FD frame with the forces of all legs."""
         try:
             forces = decode_forces(FORCES_ID, data)
         except FrameError:
@@ -156,7 +156,7 @@ class _Leg:
         self._status = LinkStatus.STALE
 
     def take(self, half: Force | Quality, now_ns: int) -> None:
-        """Take a frame that passed its check."""
+        """Process a Force or Quality frame whose crc is right."""
         if not self._is_silent(now_ns) and self._force and half.counter == self._force.counter:
             self._take_repeated()
             return
@@ -195,7 +195,7 @@ class _Leg:
         return LegForce(status, True, state, flags, mask, force.force_n, quality.sigma_n, age_ns)
 
     def _take_force(self, force: Force, quality: Quality, now_ns: int) -> None:
-        """Take a force that is complete with its quality."""
+        """Accept a complete pair of force and quality frames."""
         counts, delta = True, 1
         if self._is_silent(now_ns) or self._force is None:
             self._reset(LinkStatus.STALE)  # after a silence the sender may have restarted: ignore the counter

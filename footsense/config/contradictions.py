@@ -27,7 +27,7 @@ def warnings(config: Config) -> tuple[str, ...]:
 
 
 def pull_up_fault(bus: Bus) -> str | None:
-    """Return what is wrong with the pull-ups of a bus; None if nothing is, or they are not known.
+    """Return the error message about the pull-ups of a bus; None if they are right or not configured.
 
     footsense connects all legs at once, so that their resistors are in parallel.
 

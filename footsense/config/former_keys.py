@@ -19,7 +19,7 @@ _WITHOUT_EFFECT = (("gang", False), ("average_scans", 1), ("publish", "frame"), 
 
 
 def with_present_keys(data: object) -> object:
-    """Return a recorded configuration with its keys renamed, and without those that changed nothing."""
+    """Return a recorded configuration with its old keys renamed, and without removed keys that had no effect."""
     if isinstance(data, dict):
         items = ((key, value) for key, value in data.items() if (key, value) not in _WITHOUT_EFFECT)
         return {_RENAMED.get(key, key): with_present_keys(value) for key, value in items}

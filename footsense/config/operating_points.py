@@ -34,10 +34,10 @@ class OperatingPoint(NamedTuple):
 
 
 OPERATING_POINTS = {
-    "low-noise": OperatingPoint(100, 4, 28.9, 137.5, 0.39, "weighing and calibrating, feet at rest"),
-    "default": OperatingPoint(400, 4, 8.7, 33.2, 0.81, "walking, the default"),
+    "low-noise": OperatingPoint(100, 4, 28.9, 129.1, 0.34, "weighing and calibrating, feet at rest"),
+    "default": OperatingPoint(400, 4, 8.7, 30.6, 0.70, "walking, the default"),
     "low-latency": OperatingPoint(
-        400, 1, 4.6, 22.9, 0.81, "control of a walk, six legs need 1 Mbit/s of CAN"
+        400, 1, 4.6, 19.9, 0.70, "control of a walk, six legs need 1 Mbit/s of CAN"
     ),
 }
 

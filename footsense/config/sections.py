@@ -59,7 +59,7 @@ class Mux(Section, frozen=True, kw_only=True):
 
 
 class PullUps(Section, frozen=True, kw_only=True):
-    """Resistors that pull one line of an I2C bus up, all on it in parallel.
+    """Pull-up resistors of an I2C bus, upstream and on each leg, the same for SDA and SCL.
 
     Attributes:
         upstream: Between host and multiplexer [Ohm]; a Raspberry Pi has 1800 of its own.

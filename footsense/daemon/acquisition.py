@@ -1,4 +1,4 @@
-"""From configuration to frames: buses of the robot or of its simulation, and the scanner over them."""
+"""Open what a configuration names as source of frames: real or simulated buses and their scanner, or a serial line."""
 
 import logging
 from collections.abc import Callable, Iterator

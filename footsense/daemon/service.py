@@ -120,7 +120,7 @@ def open_service(
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
         models = load_models(config)
         # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
-        flags = _flags(config, simulated=scene is not None)
+        flags = _request_scheduling(config, simulated=scene is not None)
         scan = stack.enter_context(open_scan_source(config, scene))
         if scan.response_sha256 not in {None, models.network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
@@ -194,7 +194,7 @@ def _metrics(
     return [metrics]
 
 
-def _flags(config: Config, *, simulated: bool) -> Flag:
+def _request_scheduling(config: Config, *, simulated: bool) -> Flag:
     """Request the configured scheduling, and return the flags of every frame.
 
     Raises:

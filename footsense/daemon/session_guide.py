@@ -45,7 +45,7 @@ def session_guide(
 
 
 class _OneRow:
-    """A network for all legs, called for one foot: all its rows get the same inputs."""
+    """Adapter that calls a network of several rows for one foot: every row gets the same input."""
 
     def __init__(self, network: Network) -> None:
         self._network = network

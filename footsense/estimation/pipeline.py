@@ -289,7 +289,7 @@ def _without_future(scan: CapFrame, now_ns: int) -> CapFrame:
 
 
 def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
-    """Return ages with those of missing elements replaced by the mean of the others, and those of unusable legs.
+    """Replace ages of missing elements by the mean of the leg's others, and ages of unusable legs by those at rest.
 
     Args:
         age_s: Ages of the readings [s], shape (legs, 3, 9).

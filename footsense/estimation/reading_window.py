@@ -1,4 +1,4 @@
-"""The last three readings of every element, with their times: what the network sees of a foot."""
+"""The last three readings of every element with their times: the input of the network."""
 
 from typing import NamedTuple
 
@@ -10,10 +10,10 @@ from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 READINGS = 3
 #: Longest time between two readings of an element, over the time of a scan [1]: after a stall, older readings are not
 #: mixed with newer ones.
-LONGEST_REL = 1.75
+LONGEST_INTERVAL_REL = 1.75
 
 #: Smallest spike that is taken for a wrong reading [1], and change over it of the readings beside it [1].
-_SPIKE_REL, _ASIDE_REL = 0.1, 0.25
+_SPIKE_REL, _NEIGHBOUR_CHANGE_REL = 0.1, 0.25
 
 
 class Readings(NamedTuple):
@@ -47,7 +47,7 @@ class ReadingWindow:
     def __init__(self, n_legs: int, scan_ns: int) -> None:
         self._distance_rel = np.full((n_legs, READINGS, ELEMENTS), np.nan)
         self._t_ns = np.zeros((n_legs, READINGS, ELEMENTS), np.int64)
-        self._longest_ns = np.array(round(LONGEST_REL * scan_ns))
+        self._longest_ns = np.array(round(LONGEST_INTERVAL_REL * scan_ns))
 
     def add(self, distance_rel: Vector, t_ns: Stamps) -> Readings:
         """Add the readings of a frame that are new, and return all of them.
@@ -95,12 +95,12 @@ class ReadingWindow:
         )
 
     def discard(self, elements: Mask) -> None:
-        """Forget the newest reading of each element in a mask, shape (legs, 9): it was wrong."""
+        """Discard the newest reading of each element in a mask, shape (legs, 9)."""
         self._distance_rel[:, 0][elements] = np.nan
 
 
 def _without_spikes(distance_rel: Vector) -> None:
-    """Replace a middle reading far from two others that agree by their mean, in place: it was wrong.
+    """Replace, in place, a middle reading far from its two agreeing neighbours by their mean: it is a spike.
 
     Args:
         distance_rel: The readings of each element, newest first [1], shape (legs, 3, 9).
@@ -108,5 +108,5 @@ def _without_spikes(distance_rel: Vector) -> None:
     newest, middle, oldest = distance_rel.transpose(1, 0, 2)
     mean_rel = (newest + oldest) / 2.0
     spike_rel = np.abs(middle - mean_rel)
-    wrong = (spike_rel > _SPIKE_REL) & (np.abs(newest - oldest) < _ASIDE_REL * spike_rel)
+    wrong = (spike_rel > _SPIKE_REL) & (np.abs(newest - oldest) < _NEIGHBOUR_CHANGE_REL * spike_rel)
     np.copyto(middle, mean_rel, where=wrong)

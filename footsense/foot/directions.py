@@ -11,7 +11,7 @@ from footsense.frames import Vector
 
 
 def normalized(vectors: Vector) -> Vector:
-    """Return vectors of length 1, shape (..., 3), of vectors of that shape, none of them zero."""
+    """Return vectors scaled to length 1, shape (..., 3); none may be zero."""
     unit: Vector = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return unit
 

@@ -29,9 +29,9 @@ CELLS = CELLS_PER_SIDE**2
 ALL_CELLS = ELEMENTS * CELLS
 
 #: Block pivots without fewer violations before single pivots follow.
-_PATIENCE = 10
+_MAX_STALLED_BLOCK_PIVOTS = 10
 #: Violation by rounding, over the gap and over the largest contact force [1].
-_ROUNDING = 1e-10
+_ROUNDING_REL = 1e-10
 
 
 def element_means(cells: Vector) -> Vector:
@@ -114,7 +114,7 @@ def solve_contact_lcp(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vect
     closed = free_um > gap_um
     if not closed.any():
         return ContactSolution(free_um, np.zeros_like(free_um), 0)
-    fewest, patience = len(free_um) + 1, _PATIENCE
+    fewest, patience = len(free_um) + 1, _MAX_STALLED_BLOCK_PIVOTS
     for pivots in range(1, 40 * len(free_um)):
         force = np.zeros_like(free_um)
         inside = np.flatnonzero(closed)
@@ -125,14 +125,14 @@ def solve_contact_lcp(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vect
         except np.linalg.LinAlgError as error:
             raise ArithmeticError("the compliance is singular, not positive definite") from error
         closure = free_um - compliance_um_per_n[:, inside] @ force[inside]
-        pulls = closed & (force < -_ROUNDING * np.abs(force).max(initial=0.0))
-        overlaps = ~closed & (closure > gap_um * (1.0 + _ROUNDING))
+        pulls = closed & (force < -_ROUNDING_REL * np.abs(force).max(initial=0.0))
+        overlaps = ~closed & (closure > gap_um * (1.0 + _ROUNDING_REL))
         wrong = pulls | overlaps
         n_wrong = int(wrong.sum())
         if n_wrong == 0:
             return ContactSolution(np.where(closed, gap_um, closure), np.maximum(force, 0.0), pivots)
         if n_wrong < fewest:
-            fewest, patience = n_wrong, _PATIENCE
+            fewest, patience = n_wrong, _MAX_STALLED_BLOCK_PIVOTS
         else:
             patience -= 1
         if patience < 0:  # one at a time, the last

@@ -209,7 +209,7 @@ class FootResponse:
         return closure
 
     def _of_one_contact(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the same for one contact, shape (1, 324); the series of the last one is kept."""
+        """Return the free closure for one contact [um], shape (1, 324), with the series of the last contact cached."""
         where = normal.tobytes()
         if self._last[0] != where:
             basis = series_basis(normal, self.degree, self.fit_elevation_deg)[0]

@@ -198,7 +198,7 @@ def _parity_n(network: OnnxNetwork, weights: Weights, closure_rel: Any) -> float
 
 
 def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str], None]) -> Built:
-    """Make all files of a foot type.
+    """Build all files of a foot type: response table, network and model card.
 
     Args:
         foot_file: Description of the foot.

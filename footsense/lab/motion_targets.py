@@ -15,7 +15,7 @@ class Row(NamedTuple):
     before: str
     limits: str
     reached: str
-    verdict: str
+    result: str
     study: str
 
 
@@ -49,12 +49,12 @@ class _Target:
         reached = self.figures(values[self.study])
         sign = -1.0 if self.at_least else 1.0
         met = [sign * figure <= sign * limit for figure, limit in zip(reached, self.wanted, strict=True)]
-        verdict = "met" if all(met) else "missed" if not any(met) else "met in part"
+        result = "met" if all(met) else "missed" if not any(met) else "met in part"
         text = " / ".join(f"{figure:.3g}" for figure in reached)
-        return Row(self.what, self.before, limits, text, verdict, self.study)
+        return Row(self.what, self.before, limits, text, result, self.study)
 
 
-def _of_gait(name: str, *keys: str) -> Callable[[Values], list[float]]:
+def _figures_of_gait(name: str, *keys: str) -> Callable[[Values], list[float]]:
     """Return a function that returns figures of one row of the page `gaits`."""
 
     def figures(page: Values) -> list[float]:
@@ -64,15 +64,15 @@ def _of_gait(name: str, *keys: str) -> Callable[[Values], list[float]]:
     return figures
 
 
-def _direction(what: str, name: str, before: str, wanted: tuple[float, float]) -> _Target:
+def _direction_target(what: str, name: str, before: str, wanted: tuple[float, float]) -> _Target:
     """Return the target of a gait's direction errors."""
-    figures = _of_gait(name, "direction_deg", "direction_p95_deg")
+    figures = _figures_of_gait(name, "direction_deg", "direction_p95_deg")
     return _Target(f"{what}, direction, mean / 95 % below [deg]", before, wanted, "gaits", figures)
 
 
-def _mean(what: str, before: str, wanted: float) -> _Target:
+def _mean_direction_target(what: str, before: str, wanted: float) -> _Target:
     """Return the target of the mean direction error of a walk whose name is `what`."""
-    return _Target(f"{what}, mean [deg]", before, (wanted,), "gaits", _of_gait(what, "direction_deg"))
+    return _Target(f"{what}, mean [deg]", before, (wanted,), "gaits", _figures_of_gait(what, "direction_deg"))
 
 
 def _least_within(page: Values) -> list[float]:
@@ -81,8 +81,8 @@ def _least_within(page: Values) -> list[float]:
 
 
 _TARGETS = (
-    _direction("random gaits", "random gaits", "9.4 / 30", (2, 8)),
-    _direction("measured walk", "measured walk", "3.2 / 12.6", (0.8, 3)),
+    _direction_target("random gaits", "random gaits", "9.4 / 30", (2, 8)),
+    _direction_target("measured walk", "measured walk", "3.2 / 12.6", (0.8, 3)),
     _Target(
         "measured walk, fx / fy / fz, rms [mN]",
         "22 / 20 / 11",
@@ -90,12 +90,12 @@ _TARGETS = (
         "gaits",
         lambda page: next(row["rms_mn"] for row in page["gaits"] if row["name"] == "measured walk"),
     ),
-    _direction("tripod", "tripod", "2.3 / 8.1", (0.7, 2.5)),
-    _mean("walk, rubber creeps and lags", "3.1", 0.9),
-    _mean("walk, middle element missing", "12.5", 1.3),
-    _mean("walk, row 0 missing", "10.6", 2),
-    _mean("walk, gains off by 1 %", "4.0", 1.8),
-    _mean("walk, gains off by 3 %", "6.8", 4),
+    _direction_target("tripod", "tripod", "2.3 / 8.1", (0.7, 2.5)),
+    _mean_direction_target("walk, rubber creeps and lags", "3.1", 0.9),
+    _mean_direction_target("walk, middle element missing", "12.5", 1.3),
+    _mean_direction_target("walk, row 0 missing", "10.6", 2),
+    _mean_direction_target("walk, gains off by 1 %", "4.0", 1.8),
+    _mean_direction_target("walk, gains off by 3 %", "6.8", 4),
     _Target(
         "errors within 2 sigma, least of all gaits [%]", "81", (93,), "gaits", _least_within, at_least=True
     ),
@@ -104,7 +104,9 @@ _TARGETS = (
         "-",
         (90,),
         "gaits",
-        lambda page: [100.0 * share for share in _of_gait("walk, gains off by 1 %", "within_2_sigma")(page)],
+        lambda page: [
+            100.0 * share for share in _figures_of_gait("walk, gains off by 1 %", "within_2_sigma")(page)
+        ],
         at_least=True,
     ),
     _Target(
@@ -140,7 +142,7 @@ _TARGETS = (
         "-",
         (0.015, 2),
         "gaits",
-        _of_gait("measured walk", "friction", "normal_deg"),
+        _figures_of_gait("measured walk", "friction", "normal_deg"),
     ),
     _Target(
         "rough ground, friction use / ground normal [deg]",

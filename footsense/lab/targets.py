@@ -9,7 +9,7 @@ from footsense.lab.template import render
 
 
 def targets(values: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the tables of the targets; a figure that was not measured says so.
+    """Return the tables of the targets as Markdown; a missing figure is shown as not measured.
 
     Args:
         values: The JSON of the pages, by study.

@@ -1,4 +1,4 @@
-"""Recording a walk and running it again.
+"""Record the cycles of a walk to MCAP, and replay them.
 
     loop's process            writer's process                     later
     Recorder.observe ──pipe──▶ writer ──▶ FILE.mcap.partial ──▶ FILE.mcap ──▶ Replay, ReplaySource, compare

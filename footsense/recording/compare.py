@@ -23,7 +23,7 @@ _LATER_FIELDS = ("cause", "baseline.status", "baseline.moved_ns", "baseline.mean
 
 
 def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
-    """Return whether a recording's header names this processor and these library versions, as bits depend on them."""
+    """Return whether a recording was made with this processor and these library versions."""
     return all(header.get(key) == value for key, value in here.items())
 
 

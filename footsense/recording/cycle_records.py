@@ -145,7 +145,7 @@ def _text(reason: str) -> str:
 
 
 def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | NumberedCycle | LostCycles]:
-    """Take every complete record out of the front of a buffer.
+    """Remove every complete record from the front of a buffer, and decode it.
 
     Args:
         buffer: Bytes as they arrived; yielded records are removed, an incomplete one stays.

@@ -40,7 +40,7 @@ class FileReference:
         return Reference(t_ns[span] + self._offset_ns, force_n[span], saturated[span])
 
     def close(self) -> None:
-        """Hold nothing: there is nothing to release."""
+        """Do nothing: there is nothing to release."""
 
 
 def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference:

@@ -47,7 +47,7 @@ class SampleStream:
         self._times.restart()
 
     def convert(self, records: SensorRecords, n_bytes: int, now_ns: int, example: bytes) -> Reference:
-        """Return records as timed forces, without those that waited in the line before the first call.
+        """Convert records to forces with time stamps, without the records buffered before the first call.
 
         Args:
             records: The records.

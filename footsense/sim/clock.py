@@ -27,7 +27,7 @@ class VirtualClock:
 
 
 class JoinedClock:
-    """The clock of the loop: a reader has waited for the buses, so that they move to the latest of them.
+    """Clock of the loop over several simulated buses: it shows the latest of the buses' times.
 
     Args:
         clocks: Clocks of the buses.

@@ -36,7 +36,7 @@ def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> Simula
 
 
 def _measured_elements(foot: WiredFoot, stray_pf: float) -> Elements:
-    """Return the elements of a foot as electronics without a fault of their own measure them, row by row."""
+    """Return the function that measures the elements of a foot row by row, with fault-free electronics."""
 
     def elements_pf(t_ns: int) -> Vector:
         element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]

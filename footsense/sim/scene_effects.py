@@ -54,7 +54,7 @@ class Softening(_Gradual, frozen=True, kw_only=True):
     softer_rel: Annotated[float, Meta(ge=-0.5, le=0.5)]
 
     def softness(self, t_ns: int) -> float:
-        """Return closures at a time over those at the begin, under the same load [1]."""
+        """Return the factor on the closures under the same load at a time, 1 at the start [1]."""
         return 1.0 + self.softer_rel * self.elapsed_share(t_ns)
 
 

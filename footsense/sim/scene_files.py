@@ -28,17 +28,17 @@ def load_scene(name_or_path: str) -> Scene:
     Raises:
         ConfigError: There is no such scene, or it is not a valid one.
     """
-    source: Path | str = Path(name_or_path)
+    text_or_path: Path | str = Path(name_or_path)
     where = None
     if name_or_path in scene_names():
         resource = files("footsense.sim") / "scenes" / f"{name_or_path}.yaml"
-        source, where = resource.read_text(encoding="utf-8"), f"scene {name_or_path}"
+        text_or_path, where = resource.read_text(encoding="utf-8"), f"scene {name_or_path}"
     elif not Path(name_or_path).suffix:
         raise ConfigError(
             f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
         )
     return strict_yaml.load(
-        source, Scene, where, check=_contradiction, former=FORMER_FAULTS | scene_loads.FORMER_LOADS
+        text_or_path, Scene, where, check=_contradiction, former=FORMER_FAULTS | scene_loads.FORMER_LOADS
     )
 
 

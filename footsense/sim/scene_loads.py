@@ -37,7 +37,7 @@ class Unloaded(_Load, frozen=True, kw_only=True, tag="unloaded"):
     """All feet in the air."""
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
-        """Return this load, the same at any time."""
+        """Return the constant load."""
         del from_ns
         return self
 

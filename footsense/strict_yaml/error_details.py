@@ -92,7 +92,7 @@ def _expected(info: inspect.Type) -> str:
 
 
 def _remedy(word: object, allowed: Sequence[object], former: Mapping[str, str]) -> str:
-    """Return the replacement of a word that is not allowed."""
+    """Return the end of an error message about a word that is not allowed: its new name, or the allowed words."""
     if str(word) in former:
         return f"; {former[str(word)]}"
     near = get_close_matches(str(word), [choice for choice in allowed if isinstance(choice, str)], n=1)
@@ -116,7 +116,7 @@ def _choices(info: inspect.Type) -> list[object]:
 
 
 def _fields(info: inspect.Type, value: dict[str, object]) -> dict[str, inspect.Type]:
-    """Return the types of the fields of a mapping; of several structs, of those with its tag."""
+    """Return the types of a mapping's fields; where several structs are possible, those of the struct with its tag."""
     structs = [type_ for type_, _ in _union_members(info) if isinstance(type_, inspect.StructType)]
     fields: dict[str, inspect.Type] = {}
     for struct in structs:

@@ -35,7 +35,7 @@ class Histogram:
         return self._sum / self.total if self.total else None
 
     def quantile(self, share: float) -> float | None:
-        """Return the value below which `share` of all lie, to one bin's width; None without values.
+        """Return the quantile at `share` to one bin's width; None without values.
 
         Example:
             >>> ages = Histogram(0.1, 10.0)

@@ -1,4 +1,4 @@
-"""The service's counters, and how a cycle changes them.
+"""Observer that updates the service's metrics after every cycle.
 
 Counting happens in the loop and costs some microseconds a cycle; `footsense exporter` serves the counters. Histograms
 and counts of cycles change with every cycle; the counts of others and the gauges that move all the time are copied ten

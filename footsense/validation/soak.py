@@ -23,18 +23,18 @@ from footsense.validation.tolerances import Rules
 
 _NS_PER_S = 1_000_000_000
 #: Length of the walk without faults [gait periods].
-_CALM_PERIODS = 200
+_FAULT_FREE_PERIODS = 200
 #: Time of the first look at the memory [s]: everything has been used once by then.
-_WARM_S = 120.0
+_FIRST_MEMORY_CHECK_S = 120.0
 #: Standard deviations of a count that are chance.
-_CHANCE = 5.0
+_CHANCE_SIGMAS = 5.0
 #: Frames that count as one: an error lasts for a few frames, and recurs in every step.
 _CORRELATED_FRAMES = 20
 #: Growth of memory within the variation of the allocator, over an hour at least [MiB/h].
 _MAX_GROWTH_MIB_PER_H = 2.0
 #: Time without faults at the end [s].
-_CALM_END_S = 60.0
-_RARE, _GROWS = "no error beyond 5 sigma more often than calibrated", "memory does not grow"
+_FAULT_FREE_END_S = 60.0
+_RARE_ERRORS_RULE, _MEMORY_RULE = "no error beyond 5 sigma more often than calibrated", "memory does not grow"
 
 
 class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -82,7 +82,7 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         ModelError: The released network or the response table is missing.
     """
     ends_s = 3600.0 * stretch.hours
-    calm_s = LEAD_IN_S + _CALM_PERIODS * stretch.gait_period_s
+    calm_s = LEAD_IN_S + _FAULT_FREE_PERIODS * stretch.gait_period_s
     config, calm_scene = robot_and_scene(stretch, calm_rel=calm_s / ends_s)
     rules = Rules(
         legs=config.legs,
@@ -94,9 +94,9 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         bitrate=config.can.bitrate,
     )
     calm, _ = _walk(config, calm_scene, rules, calm_s)
-    begins_s = min(_WARM_S, 0.1 * ends_s)
+    begins_s = min(_FIRST_MEMORY_CHECK_S, 0.1 * ends_s)
     # The last fault ends in time for all legs to recover.
-    last_s = ends_s - _CALM_END_S - 3.0 * stretch.gait_period_s
+    last_s = ends_s - _FAULT_FREE_END_S - 3.0 * stretch.gait_period_s
     script = random_faults(np.random.default_rng(stretch.seed), config.legs, begins_s, last_s)
     rules = rules._replace(period_s=calm_s / calm.n_cycles, stands_s=stretch.stands_s)
     config, scene = robot_and_scene(stretch)
@@ -105,10 +105,10 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         config, msgspec.structs.replace(scene, faults=(IDLE_TRAFFIC, *script)), rules, ends_s
     )
     wall_s = (stopwatch_ns() - began_ns) / _NS_PER_S
-    growth_mib_per_h = (end_mib - warm_mib) / (max(ends_s - _WARM_S, 1.0) / 3600.0)
+    growth_mib_per_h = (end_mib - warm_mib) / (max(ends_s - _FIRST_MEMORY_CHECK_S, 1.0) / 3600.0)
     violations = _frequent_errors(calm, seen, ends_s)
     if stretch.hours >= 1.0 and growth_mib_per_h > _MAX_GROWTH_MIB_PER_H:
-        violations.append(Violation(_GROWS, ends_s, "", f"{warm_mib:.1f} to {end_mib:.1f} MiB"))
+        violations.append(Violation(_MEMORY_RULE, ends_s, "", f"{warm_mib:.1f} to {end_mib:.1f} MiB"))
     return StretchResult(
         stretch=stretch,
         virtual_s=ends_s,
@@ -132,13 +132,13 @@ def _frequent_errors(calm: Invariants, seen: Invariants, ends_s: float) -> list[
     """Return a violation for each axis with more errors beyond 5 sigma than without faults, chance allowed for."""
     # Both shares are counts; the shorter walk may have met no rare error.
     both_rel = (calm.n_beyond + seen.n_beyond) / (calm.n_checked + seen.n_checked)
-    chance_rel = _CHANCE * np.sqrt(
+    chance_rel = _CHANCE_SIGMAS * np.sqrt(
         _CORRELATED_FRAMES * both_rel * (1.0 / calm.n_checked + 1.0 / seen.n_checked)
     )
     allowed = seen.n_checked * (calm.n_beyond / calm.n_checked + chance_rel)
     return [
         Violation(
-            _RARE,
+            _RARE_ERRORS_RULE,
             ends_s,
             "",
             f"f{'xyz'[axis]}: {seen.n_beyond[axis]} of {seen.n_checked}, at most {allowed[axis]:.0f}",
@@ -157,7 +157,7 @@ def _walk(
         checks = Invariants(rules, scene.faults, running.true_force_at_time_n)
         running.observers.append(checks)
         running.can.controller.on_delivered = checks.on_delivered
-        running.run(until_ns=min(_WARM_S, until_s) * _NS_PER_S)
+        running.run(until_ns=min(_FIRST_MEMORY_CHECK_S, until_s) * _NS_PER_S)
         warm_mib = resident_mib()
         running.run(until_ns=until_s * _NS_PER_S)
         return checks, (warm_mib, resident_mib())

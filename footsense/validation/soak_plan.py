@@ -10,7 +10,7 @@ _N_STANDS, _STAND_S = 2, (1200.0, 3000.0)
 
 
 class Stretch(msgspec.Struct, frozen=True, kw_only=True):
-    """A part of the day.
+    """A part of a soak test's walk with one conversion rate and one seed.
 
     Attributes:
         number: Index in the day.
@@ -37,7 +37,7 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def soak_stretches(hours: float, seed: int) -> list[Stretch]:
-    """Return the stretches of a walk.
+    """Divide the walk of a soak test into stretches, each with its own rate, publishing, seed and stands.
 
     A day has four hours at 400 S/s, one of them with a force on CAN for each conversion, two of them with warming and
     cooling, and the rest at 100 S/s, which takes a third of the computing time, with two stands. Up to four hours are

@@ -51,7 +51,7 @@ class LinuxResetLine:
             ) from error
 
     def pulse(self) -> None:
-        """Pull the pin low and release it; a line that is gone is told in the journal once.
+        """Pull the pin low and release it; log once that the GPIO line is gone.
 
         A system call takes a thousand times the 6 ns that a TCA9548A needs (data sheet SCPS207, t_W(L)).
         """
@@ -72,7 +72,7 @@ class LinuxResetLine:
                 )
 
     def close(self) -> None:
-        """Give the line back to the kernel."""
+        """Release the GPIO line."""
         if self._request is not None:
             self._request.release()
             self._request = None

@@ -12,7 +12,7 @@ from footsense.frames import ELEMENTS, Stamps, Vector
 from footsense.ports import Estimator, Window
 
 #: Conversions before the first one that ends a whole window, counted from the end of the first scan.
-_FILLING = (READINGS - 1) * ELEMENTS
+_FILLING_CONVERSIONS = (READINGS - 1) * ELEMENTS
 
 
 class PublishedForces(NamedTuple):
@@ -51,8 +51,10 @@ def windows(readings: Readings) -> Window:
         last = kept.add(distance_rel, t_ns)
         closure_rel.append(readings.unloaded_rel[:, None] - last.distance_rel)
         age_s.append((now_ns - last.t_ns) * 1e-9)
-    closures_rel = np.concatenate(closure_rel[_FILLING:])
-    return Window(closures_rel, np.concatenate(age_s[_FILLING:]), np.zeros(closures_rel[:, 0].shape, bool))
+    closures_rel = np.concatenate(closure_rel[_FILLING_CONVERSIONS:])
+    return Window(
+        closures_rel, np.concatenate(age_s[_FILLING_CONVERSIONS:]), np.zeros(closures_rel[:, 0].shape, bool)
+    )
 
 
 def extrapolated(window: Window, degree: int) -> Vector:

@@ -16,9 +16,9 @@ from footsense.lab.studies.plots import panels
 #: Feet of each manner, and length of the run [s].
 _FULL, _QUICK = (6, 25.0), (2, 4.0)
 #: Time after a touchdown in which the error counts [s].
-_AFTER_S = 0.05
+_ERROR_WINDOW_S = 0.05
 #: Upper bound of a Poisson mean at 95 % without an occurrence.
-_NONE_95 = 3
+_POISSON_95_OF_ZERO = 3
 _SEED = 5
 _FIGURE = "touchdown.png"
 
@@ -92,13 +92,13 @@ def _latencies(result: Run, steps: Steps, until_s: float, kind: int) -> tuple[_E
     """Return all latencies of one manner, and the error of the force [mN]."""
     contact_ms, force_ms, squares_n2 = [], [], []
     for foot in np.flatnonzero(steps.kind == kind).tolist():
-        complete = steps.crossed_s[foot] < until_s - 2 * _AFTER_S
+        complete = steps.crossed_s[foot] < until_s - 2 * _ERROR_WINDOW_S
         times = result.sent_s, steps.starts_s[foot, complete], steps.crossed_s[foot, complete]
         contact_ms.append(_first_ms(result.contact[:, foot], *times))
         force_ms.append(_first_ms(result.force_n[:, foot] > CONTACT_N, *times))
         error_n = result.force_n[:, foot] - result.true_force_n[:, foot]
         for crossed_s in times[2].tolist():
-            after = (result.sent_s > crossed_s) & (result.sent_s < crossed_s + _AFTER_S)
+            after = (result.sent_s > crossed_s) & (result.sent_s < crossed_s + _ERROR_WINDOW_S)
             squares_n2.append(np.nanmean(error_n[after] ** 2))
     error_mn = 1e3 * float(np.sqrt(np.mean(squares_n2)))
     return (np.concatenate(contact_ms), np.concatenate(force_ms)), error_mn
@@ -121,7 +121,7 @@ def _false_reports(result: Run) -> FalseReports:
         minutes=60 * hours,
         contact=count_false_reports(result.contact),
         force=count_false_reports(result.force_n > CONTACT_N),
-        bound_per_h=_NONE_95 / hours,
+        bound_per_h=_POISSON_95_OF_ZERO / hours,
         largest_mn=1e3 * float(np.nanmax(result.force_n[result.swings])),
     )
 
@@ -142,7 +142,7 @@ def _figure(latencies: dict[str, _Each]) -> Figure:
 
 
 def compute(context: StudyContext) -> tuple[TouchdownResults, Figures]:
-    """Let feet touch down, and estimate after every conversion."""
+    """Simulate touchdowns, estimate after every conversion, and measure the latencies."""
     n_feet, until_s = _QUICK if context.quick else _FULL
     steps = Steps(n_feet, until_s, np.random.default_rng(_SEED))
     result = run(context, steps, until_s, _SEED)
@@ -170,7 +170,7 @@ STUDY = Study(
         "TOUCHDOWNS": TOUCHDOWNS,
         "contact_mn": 1e3 * CONTACT_N,
         "tremor_mn": 1e3 * TREMOR_N,
-        "after_ms": 1e3 * _AFTER_S,
+        "after_ms": 1e3 * _ERROR_WINDOW_S,
         "step_ms": pace(400).step_ns * 1e-6,
         "lead_ms": pace(400).lead_ns * 1e-6,
     },

@@ -19,7 +19,7 @@ TREMOR_N, _TREMOR_HZ, _TREMOR_S = CONTACT_N / 4, 25.0, 0.05
 
 
 class Steps:
-    """Steps of some feet at random times, all of one foot in the same manner.
+    """Touchdowns of some feet at random times; each foot always touches down in the same manner.
 
     Args:
         n_feet: Feet of each manner.

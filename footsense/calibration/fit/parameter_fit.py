@@ -29,7 +29,7 @@ PRIOR_SIGMA = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0)], [ELEMENTS, ELEME
 
 #: Errors of a test stand: lean of the stick [deg], share of a force that creep makes uncertain [1], share of a change
 #: of capacitance that no model explains [1], noise of a mean reading [pF].
-_LEAN_DEG, _RUBBER_REL, _UNEXPLAINED_REL, _READING_PF = 1.5, 0.015, 0.005, 0.3e-3
+_STICK_LEAN_DEG, _CREEP_UNCERTAINTY_REL, _MODEL_ERROR_REL, _READING_NOISE_PF = 1.5, 0.015, 0.005, 0.3e-3
 #: Smallest standard deviation of a mean reference force: its resolution [N].
 _MIN_SIGMA_N = 0.003
 
@@ -42,7 +42,7 @@ _CLOSED_WITHIN_UM = 1e-6
 _HUBER_DISTANCE = 4.65
 _MAX_ITERATIONS, _TOLERANCE_REL, _MAX_DAMPING = 25, 1e-5, 1e8
 #: Iteration before which the covariance is evaluated again, at parameters that are nearly right.
-_REWHITEN_AT = 3
+_REWHITEN_ITERATION = 3
 #: Light loads needed for a first fit, and how many of them are used.
 _MIN_LIGHT_LOADS, _MAX_LIGHT_LOADS = 15, 40
 
@@ -93,7 +93,7 @@ def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -
     state = _State(twin, loads, _whitening(twin, start, loads), start)
     damping = 1e-3
     for iteration in range(_MAX_ITERATIONS):
-        if iteration == _REWHITEN_AT:
+        if iteration == _REWHITEN_ITERATION:
             state = state.with_parameters(state.parameters, _whitening(twin, state.parameters, loads))
         slopes = state.slopes(shared_gap=shared_gap)
         curvature, gradient = slopes.T @ slopes, slopes.T @ state.residual
@@ -107,7 +107,7 @@ def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -
             break
         gain_rel = 1.0 - tried.cost / state.cost
         state, damping = tried, max(damping / 10.0, 1e-9)
-        if gain_rel < _TOLERANCE_REL and iteration > _REWHITEN_AT:
+        if gain_rel < _TOLERANCE_REL and iteration > _REWHITEN_ITERATION:
             break
     slopes = state.slopes(shared_gap=shared_gap)
     covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), np.float64)
@@ -144,7 +144,7 @@ class _State:
         self.cost = float((within * (2.0 * self.distance - within)).sum() + (prior**2).sum())
 
     def with_parameters(self, parameters: Vector, whitening: Vector | None = None) -> "_State":
-        """Return the state at other parameters, with the same whitening or another."""
+        """Return the state of the fit at other parameters, with this whitening unless another is given."""
         whitening = self._whitening if whitening is None else whitening
         return _State(self._twin, self._loads, whitening, parameters)
 
@@ -161,8 +161,8 @@ class _State:
             moved = self.parameters.copy()
             moved[kind] += _STEP[kind]
             cells_um = self._twin.cells_um(moved, self._contact) if kind is GAP else self._cells_um
-            slope = (self._twin.reading_pf(moved, cells_um) - self._model_pf) / _STEP[kind]
-            slopes_pf[:, diagonal, kind.start + diagonal] = slope
+            slope_pf = (self._twin.reading_pf(moved, cells_um) - self._model_pf) / _STEP[kind]
+            slopes_pf[:, diagonal, kind.start + diagonal] = slope_pf
         for number in (*range(N_PARAMETERS)[STIFFNESS], *range(N_PARAMETERS)[MOUNT]):
             slopes_pf[..., number] = self._slope_pf(number, slice(None))
         for element in () if shared_gap else range(ELEMENTS):
@@ -180,8 +180,8 @@ class _State:
         moved = self.parameters.copy()
         moved[number] += _STEP[number]
         contact = ContactLoads(self._contact.normal[rows], self._contact.force_n[rows])
-        slope: Vector = (self._twin.capacitance_pf(moved, contact) - self._model_pf[rows]) / _STEP[number]
-        return slope
+        slope_pf: Vector = (self._twin.capacitance_pf(moved, contact) - self._model_pf[rows]) / _STEP[number]
+        return slope_pf
 
 
 def _whitening(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
@@ -197,11 +197,11 @@ def _whitening(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
         by_normal.append((leaning_pf - model_pf) / _NORMAL_STEP)
         pushed = ContactLoads(contact.normal, contact.force_n + step_n * axis)
         by_force.append((twin.capacitance_pf(parameters, pushed) - model_pf) / step_n)
-    slope = np.stack(by_force, axis=2)
-    lean = np.stack(by_normal, axis=2) * np.radians(_LEAN_DEG) * np.sqrt(0.5)
-    force = slope * np.maximum(loads.sigma_n, _MIN_SIGMA_N)[:, None, :]
-    creep = np.einsum("nij,nj->ni", slope, contact.force_n)[:, :, None] * _RUBBER_REL
-    reading = _READING_PF**2 + (_UNEXPLAINED_REL * (model_pf - loads.unloaded_pf)) ** 2
+    slope_pf = np.stack(by_force, axis=2)
+    lean = np.stack(by_normal, axis=2) * np.radians(_STICK_LEAN_DEG) * np.sqrt(0.5)
+    force = slope_pf * np.maximum(loads.sigma_n, _MIN_SIGMA_N)[:, None, :]
+    creep = np.einsum("nij,nj->ni", slope_pf, contact.force_n)[:, :, None] * _CREEP_UNCERTAINTY_REL
+    reading = _READING_NOISE_PF**2 + (_MODEL_ERROR_REL * (model_pf - loads.unloaded_pf)) ** 2
     covariance = sum(part @ part.transpose(0, 2, 1) for part in (lean, force, creep))
     covariance = covariance + reading[:, :, None] * np.eye(ELEMENTS)
     whitening: Vector = np.linalg.inv(np.linalg.cholesky(covariance))

@@ -85,7 +85,7 @@ class FootTwin:
         return self.reading_pf(parameters, self.cells_um(parameters, loads))
 
     def _lifted_to_rim(self, normal: Vector) -> Vector:
-        """Return the normals, those below the table's lowest elevation lifted to it."""
+        """Return the normals, with elevations below the table's lowest raised to it."""
         low = normal[:, 2] < self._min_sine
         lifted = normal.copy()
         across = normal[low, :2] / np.linalg.norm(normal[low, :2], axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""A press as arrays, and the calibration load reduced from it, or the reason that there is none."""
+"""A press as arrays, and its reduction: a calibration load, or the reason for rejecting the press."""
 
 from enum import StrEnum
 from typing import NamedTuple

@@ -26,11 +26,11 @@ _UNLOADED_NS = 500 * _NS_PER_MS
 _SLOW_START_NS = 100 * _NS_PER_MS
 #: Most of the rubber's recovery after a release, and the unloaded span that follows it [ns].
 _RECOVERY_NS = 100 * _NS_PER_MS
-_AFTER_NS = 200 * _NS_PER_MS
+_UNLOADED_AFTER_NS = 200 * _NS_PER_MS
 #: Age up to which unloaded spans contribute to the offset of the reference [ns].
-_OFFSET_NS = 10_000 * _NS_PER_MS
+_OFFSET_MAX_AGE_NS = 10_000 * _NS_PER_MS
 #: Longest press [ns]; a longer load has changed the unloaded reading.
-_LONGEST_NS = 60_000 * _NS_PER_MS
+_LONGEST_PRESS_NS = 60_000 * _NS_PER_MS
 #: Scans in a row that make a transition: a single one may be misread.
 _AGREEING_SCANS = 2
 #: Fewest scans of an unloaded span.
@@ -122,7 +122,7 @@ class LoadDetector:
         self._phase = _Phase.PRESSED
         self._pressed_ns = self._scans[-_AGREEING_SCANS][0]
         self._peak_rel = 0.0
-        while self._offsets and self._offsets[0][0] < self._before_ns[0] - _OFFSET_NS:
+        while self._offsets and self._offsets[0][0] < self._before_ns[0] - _OFFSET_MAX_AGE_NS:
             self._offsets.popleft()
         before_n = unsaturated_n(join_references(self._reference), self._before_ns)
         if len(before_n):
@@ -134,9 +134,9 @@ class LoadDetector:
         if self._agrees(change=change_rel < max(_PRESSED_REL, _RELEASED_REL * self._peak_rel)):
             self._phase = _Phase.RELEASED
             self._released_ns = self._scans[-_AGREEING_SCANS][0]
-        elif t_ns - self._pressed_ns >= _LONGEST_NS:
+        elif t_ns - self._pressed_ns >= _LONGEST_PRESS_NS:
             self._end_press(t_ns)
-            return RejectedPress(Rejection.TOO_LONG, f"pressed for more than {_LONGEST_NS / 1e9:g} s")
+            return RejectedPress(Rejection.TOO_LONG, f"pressed for more than {_LONGEST_PRESS_NS / 1e9:g} s")
         return None
 
     def _await_recovery(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | RejectedPress | None:
@@ -151,7 +151,7 @@ class LoadDetector:
                 self._before_ns, self._baseline_pf = between_ns, between_pf
             self._begin_press()
             return load
-        if t_ns < recovered_ns + _AFTER_NS:
+        if t_ns < recovered_ns + _UNLOADED_AFTER_NS:
             return None
         load = reduce_press(self._press((recovered_ns, t_ns)))
         self._end_press(recovered_ns)

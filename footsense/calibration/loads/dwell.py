@@ -13,7 +13,7 @@ from footsense.frames import Reference, Stamps, Vector
 MIN_DWELL_S = 0.3
 _MIN_DWELL_NS = round(MIN_DWELL_S * 1e9)
 #: Half width of the mean of the reference about a scan [ns].
-_BESIDE_NS = 60_000_000
+_HALF_WINDOW_NS = 60_000_000
 #: Largest range in a dwell, of the force and of the largest change of capacitance [1]; rubber creeps by 2 % a second.
 _FORCE_REL, _CAPACITANCE_REL = 0.04, 0.05
 #: Range of some dozen noisy values [standard deviations].
@@ -52,7 +52,7 @@ def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
     force_n = _reference_around(press.reference, t_ns) - column_means(before.force_n)
     change_pf = press.capacitance_pf[pressed] - before.capacitance_pf
     # A mean of n samples has less noise than each of them.
-    n_beside = max(2 * _BESIDE_NS / sample_period_ns(press.reference), 1.0)
+    n_beside = max(2 * _HALF_WINDOW_NS / sample_period_ns(press.reference), 1.0)
     noise_n = _NOISE_RANGE * column_deviations(before.force_n) / np.sqrt(n_beside)
     noise_pf = _NOISE_RANGE * before.noise_pf
     limit_n = _FORCE_REL * np.linalg.norm(force_n, axis=1, keepdims=True) + noise_n
@@ -61,14 +61,14 @@ def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
     first, last = longest_steady(t_ns, force_n, change_pf, limit_n, limit_pf)
     # The first and the last scan may be the ends of motions.
     start_ns, end_ns = int(t_ns[first]), int(t_ns[last])
-    edge_ns = min(_BESIDE_NS, max((end_ns - start_ns - _MIN_DWELL_NS) // 2, 0))
+    edge_ns = min(_HALF_WINDOW_NS, max((end_ns - start_ns - _MIN_DWELL_NS) // 2, 0))
     return start_ns + edge_ns, end_ns - edge_ns
 
 
 def _reference_around(reference: Reference, t_ns: Stamps) -> Vector:
     """Return the mean of the reference about each time [N], shape (times, 3); NaN without a sample."""
-    first = np.searchsorted(reference.t_ns, t_ns - _BESIDE_NS)
-    last = np.searchsorted(reference.t_ns, t_ns + _BESIDE_NS)
+    first = np.searchsorted(reference.t_ns, t_ns - _HALF_WINDOW_NS)
+    last = np.searchsorted(reference.t_ns, t_ns + _HALF_WINDOW_NS)
     total_n = np.vstack([np.zeros(3), np.cumsum(reference.force_n, axis=0)])
     n = (last - first)[:, None]
     return np.where(n > 0, (total_n[last] - total_n[first]) / np.maximum(n, 1), np.nan)

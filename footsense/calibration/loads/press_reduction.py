@@ -13,11 +13,11 @@ from footsense.frames import Mask, Reading
 #: Smallest force of a load [N]: a sensor for 80 N resolves 0.12 N, averaged over a dwell a tenth of that.
 _MIN_FORCE_N = 0.1
 #: Least share of the expected samples and scans.
-_PRESENT_REL = 0.9
+_MIN_ANSWERED_REL = 0.9
 
 
 def reduce_press(press: Press) -> CalibrationLoad | RejectedPress:
-    """Return the calibration load of a recorded press, or why it gives none."""
+    """Return the calibration load of a recorded press, or the reason for rejecting the press."""
     before = dwell.mean_unloaded(press, press.before_ns)
     dwell_ns = dwell.longest_dwell(press, before)
     return next(_rejections(press, before, dwell_ns), None) or _mean_load(press, dwell_ns, before)
@@ -29,7 +29,7 @@ def _rejections(
     """Yield why a press gives no load, causes before their consequences."""
     reading = press.reading[in_span(press.t_ns, press.pressed_ns)]
     over = (reading == Reading.OVER_RANGE).any(axis=0)
-    silent = (reading != Reading.OK).mean(axis=0) > 1 - _PRESENT_REL
+    silent = (reading != Reading.OK).mean(axis=0) > 1 - _MIN_ANSWERED_REL
     # An element that was not read unloaded, or not in the dwell, is unknown as well.
     dwell_pf = press.capacitance_pf[in_span(press.t_ns, dwell_ns)]
     silent |= np.isnan(before.capacitance_pf) | (len(dwell_pf) > 0) & np.isnan(dwell_pf).all(axis=0)
@@ -51,7 +51,7 @@ def _rejections(
             Rejection.REFERENCE_SATURATED, f"an axis is at the end of its range, {largest_n:.1f} N"
         )
     expected = round((dwell_s if dwelt else pressed_s) * 1e9 / dwell.sample_period_ns(press.reference))
-    if samples.sum() < _PRESENT_REL * expected:
+    if samples.sum() < _MIN_ANSWERED_REL * expected:
         yield RejectedPress(
             Rejection.REFERENCE_MISSING, f"{samples.sum()} of about {expected} samples are there"
         )

@@ -13,7 +13,7 @@ from footsense.calibration.loads.span_means import in_span
 from footsense.frames import Vector
 
 #: Span of unloaded foot and of dwell used beside each edge, and the least of the unloaded span after it [ns].
-_BESIDE_NS, _MIN_AFTER_NS = 200_000_000, 100_000_000
+_HALF_WINDOW_NS, _MIN_AFTER_NS = 200_000_000, 100_000_000
 _STEP_NS = 1_000_000
 #: Smallest lag that is reported [s]: less than one scan of the slowest board, 0.1 s.
 _MIN_REPORTED_LAG_S = 0.06
@@ -40,10 +40,10 @@ def lag_s(
     ends_ns = min(press.t_ns[-1], press.reference.t_ns[-1])
     if not dwelling.any() or ends_ns < press.pressed_ns[1] + _MIN_AFTER_NS:
         return np.nan
-    inside_ns = min(_BESIDE_NS, (dwell_ns[1] - dwell_ns[0]) // 2)
+    inside_ns = min(_HALF_WINDOW_NS, (dwell_ns[1] - dwell_ns[0]) // 2)
     area_ns = 0.0
     for start_ns, end_ns, sign in (
-        (press.before_ns[1] - _BESIDE_NS, dwell_ns[0] + inside_ns, 1),
+        (press.before_ns[1] - _HALF_WINDOW_NS, dwell_ns[0] + inside_ns, 1),
         (dwell_ns[1] - inside_ns, ends_ns, -1),
     ):
         t_ns = np.arange(start_ns, end_ns, _STEP_NS)

@@ -80,7 +80,7 @@ class SessionGuide:
         self._take(self._detector.take(cycle))
 
     def close(self) -> None:
-        """Process the press that has just ended."""
+        """Process the press that is still open at the end of the session."""
         self._take(self._detector.finish())
 
     def _take(self, load: CalibrationLoad | RejectedPress | None) -> None:

@@ -22,7 +22,7 @@ _MIN_LOADS = 5
 _MAGNITUDE_RATIO, _EXPLAINED_RATIO = 2.0, 1.5
 #: Mean angles [deg]: that hardly a foot reaches; by which other axes have to be better, and better than the next; that
 #: no foot reaches, even if no axes fit: of 60 made as badly as the paper's, the worst errs by 35.
-_TURNED_DEG, _GAIN_DEG, _LEAD_DEG, _IMPOSSIBLE_DEG = 35.0, 20.0, 8.0, 50.0
+_SUSPICIOUS_DEG, _MIN_IMPROVEMENT_DEG, _MIN_LEAD_DEG, _IMPOSSIBLE_DEG = 35.0, 20.0, 8.0, 50.0
 
 
 def reference_findings(test_stand: StandConfig, reference_n: Vector, estimate_n: Vector) -> list[str]:
@@ -61,7 +61,7 @@ def _wrong_units(reference_n: Vector, estimate_n: Vector, units: str) -> Iterato
 
 def _wrong_axes(reference_n: Vector, estimate_n: Vector, test_stand: StandConfig) -> Iterator[str]:
     given_deg = float(angles_between_deg(reference_n, estimate_n).mean())
-    if given_deg < _TURNED_DEG:
+    if given_deg < _SUSPICIOUS_DEG:
         return
     axes, to_sensor = astuple(test_stand.axes), rotation_matrix(test_stand.mount_deg).T
     inner_n = reference_n @ to_sensor.T
@@ -73,7 +73,7 @@ def _wrong_axes(reference_n: Vector, estimate_n: Vector, test_stand: StandConfig
     tried.sort()
     (best_deg, order, signs), (second_deg, *_) = tried[:2]
     finding = f"the reference points {given_deg:.0f} deg away from the force that the foot itself estimates"
-    if best_deg < given_deg - _GAIN_DEG and second_deg - best_deg > _LEAD_DEG:
+    if best_deg < given_deg - _MIN_IMPROVEMENT_DEG and second_deg - best_deg > _MIN_LEAD_DEG:
         names = [_signed_axis(axes[source], sign) for source, sign in zip(order, signs, strict=True)]
         fits = ", ".join(f"{axis}: {name}" for axis, name in zip("xyz", names, strict=True))
         yield f"{finding}: axes: {{{fits}}} would fit to {best_deg:.0f} deg"

@@ -22,7 +22,7 @@ _ELEVATIONS_DEG = (30.0, 50.0, 70.0)
 
 
 def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
-    """Return the direction errors over the ball: one dot for each load, where it touches.
+    """Draw the direction errors on a map of the ball: one dot at the contact point of each load.
 
     Args:
         reference_n: Forces of the reference [N], shape (n, 3).
@@ -65,7 +65,7 @@ def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
 
 
 def histograms(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
-    """Return the distributions of the errors; arguments as of `error_map`."""
+    """Draw histograms of the errors; arguments as of `error_map`."""
     figure = Figure(figsize=(8.6, 3.6), layout="constrained")
     kinds = (
         (angles_between_deg, "direction error [deg]", PAPER_DEG),

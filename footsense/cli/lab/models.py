@@ -100,7 +100,7 @@ def compare(*, other: Path, models: Path | None) -> None:
 
     differences = compare_builds(models or options.released_folder(), other)
     for row in differences:
-        verdict = "same" if row.same else "DIFFERS"
-        click.echo(f"{row.what}: {row.measured:.3g}, tolerated {row.tolerated:.3g}: {verdict}")
+        result = "same" if row.same else "DIFFERS"
+        click.echo(f"{row.what}: {row.measured:.3g}, tolerated {row.tolerated:.3g}: {result}")
     if not all(row.same for row in differences):
         raise FootsenseError(f"{other} is not the same release")

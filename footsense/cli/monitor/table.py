@@ -8,7 +8,15 @@ from rich.text import Text
 
 from firmware_interface.can_codes import Cause, Flag, NmtState, Slip
 from firmware_interface.can_gait import Gait, Ground
-from footsense.cli.leg_table import EMPTY, LegColumns, force_columns, leg_table, number, state_text, words
+from footsense.cli.leg_table import (
+    EMPTY,
+    LegColumns,
+    enum_words,
+    force_columns,
+    leg_table,
+    number_cell,
+    state_text,
+)
 from footsense.client import LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
 
@@ -46,7 +54,7 @@ def cause_text(snapshot: LegSnapshot) -> str | None:
     report = snapshot.report
     if not snapshot.is_current or report.cause is None or report.cause_state is not snapshot.force.state:
         return None
-    return words(report.cause.name)
+    return enum_words(report.cause.name)
 
 
 def _state(leg: LegSnapshot) -> Text:
@@ -73,12 +81,12 @@ def _slip(leg: LegSnapshot) -> str | Text:
 
 def _of_gait(value: Callable[[Gait], float], form: str) -> Callable[[LegSnapshot], str | Text]:
     """Return the cell of a number of the contact."""
-    return lambda leg: EMPTY if leg.report.gait is None else number(value(leg.report.gait), form)
+    return lambda leg: EMPTY if leg.report.gait is None else number_cell(value(leg.report.gait), form)
 
 
 def _of_ground(value: Callable[[Ground], float], form: str) -> Callable[[LegSnapshot], str | Text]:
     """Return the cell of a number of the ground."""
-    return lambda leg: EMPTY if leg.report.ground is None else number(value(leg.report.ground), form)
+    return lambda leg: EMPTY if leg.report.ground is None else number_cell(value(leg.report.ground), form)
 
 
 def _cause(leg: LegSnapshot) -> Text:
@@ -91,7 +99,7 @@ def _elements(leg: LegSnapshot) -> Text:
 
 
 def _baseline(leg: LegSnapshot) -> str | Text:
-    return EMPTY if leg.report.baseline is None else words(leg.report.baseline.name)
+    return EMPTY if leg.report.baseline is None else enum_words(leg.report.baseline.name)
 
 
 def _node(leg: LegSnapshot) -> str | Text:
@@ -114,8 +122,8 @@ _FORCES: LegColumns[LegSnapshot] = {
     "state": ("<15", _state),
     "link": ("<8", _link),
     **force_columns(lambda leg: leg.force.force_n),
-    "sigma": (">5", lambda leg: number(max(leg.force.sigma_n), ".3f")),
-    "age [ms]": (">8", lambda leg: number(leg.force.age_ns, ".1f", 1e-6)),
+    "sigma": (">5", lambda leg: number_cell(max(leg.force.sigma_n), ".3f")),
+    "age [ms]": (">8", lambda leg: number_cell(leg.force.age_ns, ".1f", 1e-6)),
     "foot": ("<4", _contact),
 }
 _GAIT: LegColumns[LegSnapshot] = {
@@ -133,8 +141,8 @@ _REPORTS: LegColumns[LegSnapshot] = {
     "cause": ("<15", _cause),
     "elements": ("<11", _elements),
     "baseline": ("<9", _baseline),
-    "mean fF": (">7", lambda leg: number(leg.report.mean_pf, "+.1f", 1e3)),
-    "worst": (">7", lambda leg: number(leg.report.worst_pf, "+.1f", 1e3)),
-    "ago [s]": (">7", lambda leg: number(leg.report.moved_ago_ns, ".1f", 1e-9)),
+    "mean fF": (">7", lambda leg: number_cell(leg.report.mean_pf, "+.1f", 1e3)),
+    "worst": (">7", lambda leg: number_cell(leg.report.worst_pf, "+.1f", 1e3)),
+    "ago [s]": (">7", lambda leg: number_cell(leg.report.moved_ago_ns, ".1f", 1e-9)),
     "node": ("<7", _node),
 }

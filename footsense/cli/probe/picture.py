@@ -12,7 +12,7 @@ from rich.text import Text
 from firmware_interface.chips import ad7746, adg715, fdc1004
 from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.foot_check import FootScans
-from footsense.cli.leg_table import EMPTY, LegColumns, leg_table, words
+from footsense.cli.leg_table import EMPTY, LegColumns, enum_words, leg_table
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Cause, Reading, Vector
 
@@ -44,7 +44,7 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
     parts: list[RenderableType] = [Text.assemble(("footsense probe  ", "bold"), title), Text()]
     for report in result.buses:
         parts += [*_bus_lines(report), Text()]
-    parts += [_leg_table(result.legs), Text()]
+    parts += [_legs_overview(result.legs), Text()]
     feet = [_foot_marks(report) for report in result.legs if report.scans is not None]
     if feet:
         parts += [
@@ -102,10 +102,10 @@ def unloaded_yaml(result: ProbeResult) -> str:
 
 
 def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
-    """Return the text of each element of a scanned foot, and whether it is faulty, nine."""
+    """Return for each of the nine elements of a scanned foot its text, and whether it is faulty."""
     assert report.scans is not None
     marks = [
-        (f"{pf:.3f}" if math.isfinite(pf) else words(Reading(code).name), bool(code))
+        (f"{pf:.3f}" if math.isfinite(pf) else enum_words(Reading(code).name), bool(code))
         for pf, code in zip(report.scans.mean_pf.tolist(), report.scans.worst_reading.tolist(), strict=True)
     ]
     for fault in report.faults:
@@ -153,7 +153,7 @@ def _addresses(
         yield f"{len(addresses.not_probed)} addresses could not be scanned: this adapter does not support empty writes"
 
 
-def _leg_table(legs: tuple[ProbedLeg, ...]) -> Table:
+def _legs_overview(legs: tuple[ProbedLeg, ...]) -> Table:
     several = len({report.device for report in legs}) > 1
     columns: LegColumns[ProbedLeg] = {
         **({"bus": ("<1", lambda leg: leg.device)} if several else {}),

@@ -24,13 +24,13 @@ _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
 
 
-class FirstFrame(Observer):
+class FirstFrameTime(Observer):
     """An observer that notes the age of the process when the first frame was out."""
 
     after_s: float | None = None
 
     def observe(self, cycle: Cycle) -> None:
-        """Note the age of the process at the first cycle."""
+        """Store the age of the process at the first cycle."""
         del cycle
         if self.after_s is None:
             self.after_s = process_age_ns() * 1e-9
@@ -87,7 +87,7 @@ def run(
         )
         statistics = RunStatistics(service.legs, service.true_force_at_time_n)
         service.observers.append(statistics)
-        first = FirstFrame()
+        first = FirstFrameTime()
         service.observers.append(first)
         if live:
             from footsense.cli.run.live_table import LiveTable

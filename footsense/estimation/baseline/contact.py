@@ -21,8 +21,8 @@ from footsense.estimation.baseline.swing_noise import SwingNoise
 from footsense.frames import CommandKind, Vector
 
 #: A fall ends contact below this share of the mean load over the last second or so [1].
-_FALLEN_REL = 0.3
-_RECENT_S = 1.0
+_FALLEN_LOAD_REL = 0.3
+_RECENT_MEAN_S = 1.0
 
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
 #: side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
@@ -30,19 +30,19 @@ _CREEP_REL = 0.05
 _CREEP_S = 100.0
 
 #: Time for which a load has to be low before the floor follows it down: a negative glitch must not make contact later.
-_LOW_NS = 50_000_000
+_FLOOR_FOLLOWS_AFTER_NS = 50_000_000
 
 #: A contact as short as this, that never came above so many times the thresholds, was shake.
-_SHORT_NS, _WEAK_REL = 60_000_000, 2.0
+_SHAKE_MAX_NS, _SHAKE_MAX_THRESHOLDS = 60_000_000, 2.0
 
 #: Contact is held for this time after the last load: by then every element has been read again. Elements that are read
 #: one after the other, of a load that falls or rises fast, ring.
-_HOLD_NS = 24_000_000
+_CONTACT_HOLD_NS = 24_000_000
 #: After lift-off a prediction overshoots for this time, and predicts no contact.
 _OVERSHOOT_NS = 100_000_000
 
 #: Contact is kept for this time without a reading, and unknown afterwards.
-_KEPT_NS = 250_000_000
+_KEPT_WITHOUT_READING_NS = 250_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +147,7 @@ class ContactDetector:
         self.load_n = load_n
         if not math.isfinite(load_n):
             self.in_swing = self.explained_by_drift = False
-            if now_ns - self._t_ns > _KEPT_NS:
+            if now_ns - self._t_ns > _KEPT_WITHOUT_READING_NS:
                 self.reset(now_ns)
             return
         elapsed_s = (t_ns - self._t_ns) * 1e-9 if t_ns > self._t_ns else 0.0
@@ -166,11 +166,12 @@ class ContactDetector:
             lift_n = 0.5 * noise.threshold_n
             # Measured above the baseline if the floor is below it: a foot must be able to leave contact.
             fallen = (
-                load_n < _FALLEN_REL * self._recent_n and load_n - max(floor_n, 0.0) < lift_n + self.drift_n
+                load_n < _FALLEN_LOAD_REL * self._recent_n
+                and load_n - max(floor_n, 0.0) < lift_n + self.drift_n
             )
             if not (fallen or above_n < lift_n):
                 self._loaded_ns = t_ns
-            elif t_ns - self._loaded_ns >= _HOLD_NS:
+            elif t_ns - self._loaded_ns >= _CONTACT_HOLD_NS:
                 self._lift_off(load_n, baseline_error_n, t_ns)
         elif self.raw:
             self.in_contact = True
@@ -182,7 +183,7 @@ class ContactDetector:
             noise.observe(above_n, t_ns)
             if t_ns - self._lifted_ns > _OVERSHOOT_NS:
                 predicted_noise.observe(predicted_above_n, t_ns)
-            if t_ns - self._window_start_ns > _LOW_NS:
+            if t_ns - self._window_start_ns > _FLOOR_FOLLOWS_AFTER_NS:
                 self._highest_before_n = self._highest_n
                 self._highest_n, self._window_start_ns = load_n, t_ns
             self._highest_n = max(self._highest_n, load_n)
@@ -194,14 +195,14 @@ class ContactDetector:
             and (t_ns - self._lifted_ns) * 1e-9 >= self.limits.confirmed_s
         )
         pressing_n = max(load_n, 0.0)
-        self._recent_n += (pressing_n - self._recent_n) * (elapsed_s / (_RECENT_S + elapsed_s))
+        self._recent_n += (pressing_n - self._recent_n) * (elapsed_s / (_RECENT_MEAN_S + elapsed_s))
         self._creep_load_n += (pressing_n - self._creep_load_n) * (elapsed_s / (_CREEP_S + elapsed_s))
 
     def _lift_off(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
         self.in_contact = False
-        if t_ns - self._touched_ns < _SHORT_NS:
+        if t_ns - self._touched_ns < _SHAKE_MAX_NS:
             peaks = (self.noise, self._peak_n), (self.predicted_noise, self._predicted_peak_n)
-            if all(peak_n < _WEAK_REL * noise.threshold_n for noise, peak_n in peaks):
+            if all(peak_n < _SHAKE_MAX_THRESHOLDS * noise.threshold_n for noise, peak_n in peaks):
                 for noise, peak_n in peaks:
                     noise.learn(peak_n)
         self._lifted_ns = self._window_start_ns = t_ns

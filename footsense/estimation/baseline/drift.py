@@ -85,7 +85,7 @@ class LegBaseline:
         self._step_pf2 = np.zeros(ELEMENTS)
 
     def set_tared(self, baseline_pf: Vector, t_ns: int) -> None:
-        """Take over a tare [pF], shape (9,); an element that is NaN there keeps its baseline."""
+        """Set the baseline to a tare's readings [pF], shape (9,); elements that are NaN there keep theirs."""
         self.baseline_pf = np.where(np.isnan(baseline_pf), self.baseline_pf, baseline_pf)
         self._tared_pf = self._anchor_pf = self.baseline_pf
         self.moved_ns = self.updated_ns = t_ns

@@ -11,15 +11,15 @@ from collections import deque
 #: Length of a block: about a scan [ns].
 _BLOCK_NS = 25_000_000
 #: Blocks that wait at least, as the rise of a slow touchdown is not noise, and in which shake has to come back.
-_WAITING, _LONGEST = 2, 12
+_HELD_BACK_BLOCKS, _MAX_SHAKE_BLOCKS = 2, 12
 #: Share of the threshold below which the signal has come back [1].
 _BACK_REL = 1 / 3
 #: Blocks after which the measured threshold applies, and over which peaks are averaged.
-_LEAST, _AVERAGED = 20, 400.0
+_MIN_BLOCKS, _AVERAGED_BLOCKS = 20, 400.0
 #: Standard deviations of the peaks above their mean; the same at most, however high one peak was.
-_SIGMAS, _MOST_SIGMAS = 5.0, 9.0
+_THRESHOLD_SIGMAS, _MAX_THRESHOLD_SIGMAS = 5.0, 9.0
 #: Highest peak: part that is forgotten in each block, and margin above it [1].
-_FORGOTTEN, _MARGIN = 0.0005, 1.2
+_PEAK_DECAY_REL, _PEAK_MARGIN_REL = 0.0005, 1.2
 
 
 class SwingNoise:
@@ -36,7 +36,7 @@ class SwingNoise:
 
     def __init__(self, threshold_n: float, least_n: float) -> None:
         self.threshold_n = threshold_n
-        self.sigma_n = threshold_n / _SIGMAS
+        self.sigma_n = threshold_n / _THRESHOLD_SIGMAS
         self._least_n = least_n
         self._n = 0
         self._mean_n = self._variance_n2 = self._highest_n = 0.0
@@ -44,7 +44,7 @@ class SwingNoise:
 
     def interrupt(self, t_ns: int) -> None:
         """Drop the blocks that wait: the foot touches, or swings again from `t_ns` [ns] on."""
-        self._waiting: deque[float] = deque(maxlen=_LONGEST)
+        self._waiting: deque[float] = deque(maxlen=_MAX_SHAKE_BLOCKS)
         self._peak_n, self._lowest_n = -math.inf, math.inf
         self._end_ns = t_ns + _BLOCK_NS
 
@@ -58,19 +58,21 @@ class SwingNoise:
         if self._peak_n > -math.inf:
             waiting.append(max(self._peak_n, 0.0))
         self._peak_n, self._lowest_n, self._end_ns = -math.inf, math.inf, t_ns + _BLOCK_NS
-        while is_back and len(waiting) > _WAITING:
+        while is_back and len(waiting) > _HELD_BACK_BLOCKS:
             self.learn(waiting.popleft())
 
     def learn(self, peak_n: float) -> None:
         """Add the peak [N] of a block of swing."""
         self._n += 1
-        share = 1.0 / min(self._n, _AVERAGED)
+        share = 1.0 / min(self._n, _AVERAGED_BLOCKS)
         off_n = peak_n - self._mean_n
         self._mean_n += share * off_n
         self._variance_n2 += share * (off_n * (peak_n - self._mean_n) - self._variance_n2)
-        self._highest_n = max(peak_n, (1.0 - _FORGOTTEN) * self._highest_n)
-        if self._n >= _LEAST:
+        self._highest_n = max(peak_n, (1.0 - _PEAK_DECAY_REL) * self._highest_n)
+        if self._n >= _MIN_BLOCKS:
             spread_n = math.sqrt(max(self._variance_n2, 0.0))
-            highest_n = min(_MARGIN * self._highest_n, self._mean_n + _MOST_SIGMAS * spread_n)
-            self.threshold_n = max(self._mean_n + _SIGMAS * spread_n, highest_n, self._least_n)
-            self.sigma_n = max(self.threshold_n - self._mean_n, self._least_n) / _SIGMAS
+            highest_n = min(
+                _PEAK_MARGIN_REL * self._highest_n, self._mean_n + _MAX_THRESHOLD_SIGMAS * spread_n
+            )
+            self.threshold_n = max(self._mean_n + _THRESHOLD_SIGMAS * spread_n, highest_n, self._least_n)
+            self.sigma_n = max(self.threshold_n - self._mean_n, self._least_n) / _THRESHOLD_SIGMAS

@@ -70,7 +70,7 @@ class TareWindow:
         t_ns: Stamps,
         missing: Mask,
     ) -> TareResult | None:
-        """Take a frame of the leg, and return the result once the window is full.
+        """Add the leg's readings of one scan, and return the result once the window is full.
 
         Args:
             capacitance_pf: Readings without stray [pF], shape (9,), NaN where there is none.
@@ -154,7 +154,7 @@ class Tares:
         return {leg: State.NO_BASELINE if leg in self._refusals else State.TARING for leg in self.untared}
 
     def command(self, leg: int) -> None:
-        """Begin a tare on command; a tare in progress serves."""
+        """Begin a tare on command, unless one is in progress already."""
         self.in_progress.setdefault(leg, self._window(leg))
         self._commanded.add(leg)
 
@@ -181,7 +181,7 @@ class Tares:
         return ended
 
     def _end(self, leg: int, tared: TareResult) -> bool:
-        """End a leg's tare, or begin the next one; return whether the result is news."""
+        """End a leg's tare, or repeat it; return whether the result is to be reported."""
         del self.in_progress[leg]
         commanded = leg in self._commanded
         self._commanded.discard(leg)

@@ -33,13 +33,13 @@ from footsense.frames import (
 )
 
 #: Silence after which a baseline is discarded: the foot may have been swapped (a swap takes longer).
-_SILENT_NS = 250_000_000
+_DISCARD_AFTER_NS = 250_000_000
 #: The same while a line of the leg's bus is stuck, which may be another leg's fault: a robot that stands would lose all
 #: its forces until each foot's next swing.
-_BUS_STUCK_NS = 3_000_000_000
+_DISCARD_AFTER_STUCK_NS = 3_000_000_000
 
 #: Frames in which every leg gets its turn to follow: two of six legs in one frame, of opposite tripods.
-_TURNS = 3
+_FRAMES_PER_ROUND = 3
 
 #: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
 _SIGMA_PERIOD_NS = 100_000_000
@@ -216,11 +216,11 @@ class BaselineTracker:
             self._flags, self.flags = flags, np.array(flags, np.uint8)
 
     def _follow(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
-        """Let the baselines follow of those legs in swing whose turn it is; arguments as of `observe`."""
-        self._turn = (self._turn + 1) % _TURNS
+        """Track the drift of the baselines of the legs in swing that are due; arguments as of `observe`."""
+        self._turn = (self._turn + 1) % _FRAMES_PER_ROUND
         moved = False
         for leg in self._swinging:
-            if leg % _TURNS == self._turn:
+            if leg % _FRAMES_PER_ROUND == self._turn:
                 baseline = self._baselines[leg]
                 # An element that is missing only for want of a baseline gets one.
                 ignored = missing[leg] & np.isfinite(baseline.baseline_pf)
@@ -266,7 +266,9 @@ class BaselineTracker:
             return
         silent = np.isin(reading, SILENT).all(axis=1)
         self._heard_ns[~silent] = now_ns
-        allowed_ns = np.where((reading == Reading.BUS_STUCK).any(axis=1), _BUS_STUCK_NS, _SILENT_NS)
+        allowed_ns = np.where(
+            (reading == Reading.BUS_STUCK).any(axis=1), _DISCARD_AFTER_STUCK_NS, _DISCARD_AFTER_NS
+        )
         for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
             if leg not in self._tares.untared:
                 self._tares.restart(leg)

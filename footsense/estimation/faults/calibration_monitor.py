@@ -48,10 +48,10 @@ ELEMENTS_SLACK, ELEMENTS_LIMIT = 0.4, 2.0
 #: Sampling period of the forces [ns], a tenth of a stance.
 SAMPLE_NS = 40_000_000
 #: Largest gap between samples of a stride that is tested [ns].
-_GAP_NS = 200_000_000
-_SHORTEST_NS, _LONGEST_NS = 200_000_000, 5_000_000_000
+_MAX_SAMPLE_GAP_NS = 200_000_000
+_SHORTEST_STRIDE_NS, _LONGEST_STRIDE_NS = 200_000_000, 5_000_000_000
 #: With fewer legs there is no common factor: a test stand is no walk.
-_FEWEST_LEGS = 4
+_MIN_LEGS = 4
 _NEVER_NS = 1 << 62
 
 
@@ -69,7 +69,7 @@ class CalibrationMonitor:
     """
 
     def __init__(self, n_legs: int, body_weight_n: float | None = None) -> None:
-        self._enabled = n_legs >= _FEWEST_LEGS
+        self._enabled = n_legs >= _MIN_LEGS
         self._tests = _StrideTests(n_legs, body_weight_n)
         self.stale: Mask = np.zeros(n_legs, bool)
         self.any_stale = False
@@ -98,7 +98,7 @@ class CalibrationMonitor:
         if first_in_contact and not self._first_in_contact:
             self._end(now_ns)
         self._first_in_contact = first_in_contact
-        if elapsed_ns > _GAP_NS:
+        if elapsed_ns > _MAX_SAMPLE_GAP_NS:
             self._impulse_ns[:] = np.nan
             return
         self._impulse_ns += load_n * elapsed_ns
@@ -113,7 +113,7 @@ class CalibrationMonitor:
         # A leg that was always or never in contact does not walk.
         walked = self._n_contact.min() > 0 and self._n_contact.max() < self._n_samples
         self._impulse_ns[:], self._squares[:], self._n_contact[:], self._n_samples = 0.0, 0.0, 0.0, 0
-        if not (walked and _SHORTEST_NS <= lasted_ns <= _LONGEST_NS):
+        if not (walked and _SHORTEST_STRIDE_NS <= lasted_ns <= _LONGEST_STRIDE_NS):
             return
         # A NaN fails as well.
         if not (load_n.min() > 0.0 and closure2.min() > 0.0):
@@ -150,10 +150,10 @@ class _StrideTests:
             self._n_averaged += 1
             share = 1 / self._n_averaged
             self._reference_n += share * (load_n - self._reference_n)
-            self._reference_log += share * (np.log(residual_rel + _LEAST_RESIDUAL) - self._reference_log)
+            self._reference_log += share * (np.log(residual_rel + _MIN_RESIDUAL) - self._reference_log)
         else:
             changed_rel = attributed_rel(load_n, self._reference_n)
-            growth = np.log(residual_rel + _LEAST_RESIDUAL) - self._reference_log
+            growth = np.log(residual_rel + _MIN_RESIDUAL) - self._reference_log
             self._legs.add(np.stack([changed_rel, -changed_rel, growth]))
         weight_n = self._body_weight_n or (float(self._reference_n.sum()) if complete else None)
         if weight_n is not None:
@@ -164,7 +164,7 @@ class _StrideTests:
 
 
 #: Keeps the logarithm finite for a simulation without any noise [1].
-_LEAST_RESIDUAL = 1e-3
+_MIN_RESIDUAL = 1e-3
 
 
 class _Cusum:

@@ -31,15 +31,15 @@ _LIMIT_REL_OF_SUM = np.array(RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS))
 #: Share of the largest residual that goes into sigma [1]: its root mean square in fast gaits and steps is a third.
 INCONSISTENCY_REL = 0.5
 #: Predicted closure from which the motion of an element can be tested [1].
-MOVED_REL = 0.08
+MIN_TESTED_MOTION_REL = 0.08
 #: Time for which an excluded element has to be consistent, loaded and unloaded each, until it is readmitted [ns].
 READMITTED_AFTER_NS = 300_000_000
 #: The same where the load does not change, or is too small to tell [ns].
 READMITTED_ALONE_AFTER_NS = 10_000_000_000
 #: Rate at which it loses that time while it is inconsistent [1].
-LOSS_RATE = 4
+READMISSION_LOSS_RATE = 4
 #: Time for which residuals have to have the same cause before it is acted on, over the time of a step [1].
-HOLD_REL = 0.25
+CAUSE_HOLD_REL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_REL = 0.3
 
@@ -89,7 +89,7 @@ class ConsistencyTest:
         self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
         self._unexplained = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
-        self._hold_ns = round(HOLD_REL * settled_ns)
+        self._hold_ns = round(CAUSE_HOLD_REL * settled_ns)
         self._inconsistent = np.zeros(n_legs, bool)
         self._suspected = np.zeros(shape, bool)
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
@@ -213,12 +213,16 @@ class ConsistencyTest:
         elapsed_ns = min(now_ns - self._t_ns, self._settled_ns)
         if self._residual_over_limit(closure_rel, missing & ~excluded, motion_rel) > 1.0:
             # Not all at once: a load in motion is not over at once.
-            self._consistent_ns[leg] = np.maximum(self._consistent_ns[leg] - LOSS_RATE * elapsed_ns, 0)
+            self._consistent_ns[leg] = np.maximum(
+                self._consistent_ns[leg] - READMISSION_LOSS_RATE * elapsed_ns, 0
+            )
         elif self._residual_over_limit(closure_rel, missing & ~excluded) <= 1.0:
             largest = np.abs(self._predict(closure_rel, missing)[excluded]).max()
             unloaded = largest < RESIDUAL_LIMIT
             tells = not (unloaded and self._stuck[leg].any())
-            self._consistent_ns[leg] += np.where([unloaded, largest > MOVED_REL, tells], elapsed_ns, 0)
+            self._consistent_ns[leg] += np.where(
+                [unloaded, largest > MIN_TESTED_MOTION_REL, tells], elapsed_ns, 0
+            )
         *both_ns, all_ns = self._consistent_ns[leg].tolist()
         if min(both_ns) >= READMITTED_AFTER_NS or all_ns >= READMITTED_ALONE_AFTER_NS:
             missing &= ~excluded
@@ -240,7 +244,7 @@ class ConsistencyTest:
 
     def _is_stuck(self) -> Mask:
         measured, predicted = self._extremes[:, 1] - self._extremes[:, 0]
-        stuck: Mask = (predicted > MOVED_REL) & (measured < STUCK_REL * predicted)
+        stuck: Mask = (predicted > MIN_TESTED_MOTION_REL) & (measured < STUCK_REL * predicted)
         return stuck
 
     def _residual_over_limit(self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0) -> float:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 from footsense.ports import Load
 
 #: Most of the standard deviations with which a value is still given: direction [rad] and friction use [1].
-_NORMAL_SIGMA_RAD, _FRICTION_SIGMA = 0.3, 0.2
+_MAX_NORMAL_SIGMA_RAD, _MAX_FRICTION_SIGMA = 0.3, 0.2
 #: Normal force from which the contact is learnt [N], and over its own standard deviation [1].
-_LEAST_N, _LEAST_SIGMAS = 0.03, 4.0
+_MIN_PRESSING_N, _MIN_PRESSING_SIGMAS = 0.03, 4.0
 
 
 class Ground(NamedTuple):
@@ -34,7 +34,7 @@ NO_GROUND = Ground(_NAN, (_NAN, _NAN, _NAN), _NAN, _NAN, _NAN)
 
 
 def ground_of(load: Load, row: int) -> Ground:
-    """Return the ground of one foot; NaN where the load does not tell it.
+    """Return normal and friction use of the ground under one foot; NaN where the load does not determine them.
 
     In Python numbers: for six legs, numpy's calls take longer.
 
@@ -49,14 +49,18 @@ def ground_of(load: Load, row: int) -> Ground:
     scale = 1.0 / (1.0 + square)
     nx, ny, nz = 2.0 * px * scale, 2.0 * py * scale, (1.0 - square) * scale
     pressing_n = fx * nx + fy * ny + fz * nz
-    if not (pressing_n > _LEAST_N and pressing_n > _LEAST_SIGMAS * load.sigma_n.item(row, 2) and nz > 0.0):
+    if not (
+        pressing_n > _MIN_PRESSING_N
+        and pressing_n > _MIN_PRESSING_SIGMAS * load.sigma_n.item(row, 2)
+        and nz > 0.0
+    ):
         return NO_GROUND
     # The third component follows: the tangential force is perpendicular to the normal.
     rz = -(nx * rx + ny * ry) / nz
     use = math.sqrt(rx * rx + ry * ry + rz * rz)
     normal_sigma = 2.0 * scale * math.hypot(sigma_px, sigma_py)
     use_sigma = math.hypot(sigma_rx, sigma_ry) / math.sqrt(2.0)
-    known_normal, known_use = normal_sigma < _NORMAL_SIGMA_RAD, use_sigma < _FRICTION_SIGMA
+    known_normal, known_use = normal_sigma < _MAX_NORMAL_SIGMA_RAD, use_sigma < _MAX_FRICTION_SIGMA
     return Ground(
         pressing_n,
         (nx, ny, nz) if known_normal else (_NAN, _NAN, _NAN),

@@ -1,4 +1,4 @@
-"""Slip of the feet, told by the friction ratio alone, and the coefficient of friction that slips teach.
+"""Slip detection from the friction ratio alone, and the coefficient of friction estimated from slips.
 
 A foot that sticks may have any ratio of tangential to normal force up to the coefficient of friction; one that slides
 has that of the ground, whatever load and direction do. So a slide begins as a kink: the ratio rises, and stays. A push
@@ -6,7 +6,7 @@ of the body that ends looks the same, but at a ratio of its own each time, and o
 one ratio, of several stances, which nothing exceeds, are the cone of the ground. From then on a foot slides where its
 ratio comes to the cone. A slope alone has no kink: its ratio is there from the touchdown on.
 
-What the ratio cannot tell is a foot that sticks at the cone from one that slides there: both are said to slip.
+The ratio cannot distinguish a foot that sticks at the cone from one that slides there: both are reported as slips.
 """
 
 import math
@@ -16,63 +16,64 @@ from footsense.estimation.gait.back_dating import BackDated
 from footsense.estimation.gait.ground import Ground
 from footsense.frames import Slip
 
-#: Every second conversion is looked at: the next one sees mostly the same readings.
-TURNS = 2
-#: Looks of a plateau, and the longest time between the first of two looks of it [ns].
-_PLATEAU, _LOOK_NS = 4, 8_000_000
+#: Every second conversion is checked: the next one has mostly the same readings.
+CONVERSIONS_PER_CHECK = 2
+#: Checks of a plateau, and the longest mean time between two of them [ns].
+_PLATEAU_CHECKS, _LONGEST_CHECK_NS = 4, 8_000_000
 #: Time before a plateau in which the ratio may have risen to it [ns]: a slide that begins suddenly is not clear at
 #: first.
 _RISE_NS = 120_000_000
-#: Tolerance of a ratio in standard deviations, its least [1], and those up to which it tells of a slip, and teaches.
-_SIGMAS, _LEAST, _TELLING, _TEACHING = 1.5, 0.02, 0.12, 0.045
+#: Tolerance of a ratio in standard deviations, the smallest one [1], and the largest for detecting a slip and
+#: for finding a kink [1].
+_TOLERANCE_SIGMAS, _MIN_TOLERANCE, _MAX_SLIP_TOLERANCE, _MAX_KINK_TOLERANCE = 1.5, 0.02, 0.12, 0.045
 #: Rise of a kink in tolerances.
 _RISE_TOLERANCES = 3.0
-#: Kinks that are remembered, and those at one ratio that make a cone.
-_REMEMBERED, _ENOUGH = 30, 4
+#: Kinks that are kept, and kinks at one ratio that make a cone.
+_MAX_KINKS, _MIN_CLUSTER = 30, 4
 #: Static over kinetic friction at most [1].
-_STATIC_REL = 1.2
-#: Looks at the cone until a slip is said, and away from it until it is over.
-_SAID, _OVER = 2, 3
+_STATIC_OVER_KINETIC = 1.2
+#: Checks at the cone until a slip is reported, and away from it until it is over.
+_SLIP_STARTS_AFTER, _SLIP_ENDS_AFTER = 2, 3
 #: Normal force from which friction is learnt [N].
-_FIRM_N = 0.15
+_MIN_PRESSING_N = 0.15
 #: From the beginning or end of a slip to the first estimate that shows it [ns].
 _LAG_NS = 9_600_000
 #: Standard deviation of the time of a slip [s].
-_SIGMA_S = 0.01
+_TIME_SIGMA_S = 0.01
 
 
 class Friction:
-    """The friction of the ground, as the slips of all legs teach it.
+    """Coefficient of friction of the ground, estimated from the slips of all legs.
 
     Attributes:
         coefficient: Coefficient of kinetic friction [1]; NaN as long as it is not known.
-        exceeding: Least ratio that exceeds a kink [1]; infinite without one.
+        exceeding_ratio: Least ratio that exceeds a kink [1]; infinite without one.
     """
 
     def __init__(self) -> None:
         self.coefficient = math.nan
-        self.exceeding = math.inf
-        self._kinks: deque[float] = deque(maxlen=_REMEMBERED)
+        self.exceeding_ratio = math.inf
+        self._kinks: deque[float] = deque(maxlen=_MAX_KINKS)
 
-    def kink(self, ratio: float, tolerance: float) -> None:
+    def add_kink(self, ratio: float, tolerance: float) -> None:
         """Add the ratio at which a rise ended; one for each stance."""
         self._kinks.append(ratio)
-        self._learn(tolerance)
+        self._update_coefficient(tolerance)
 
-    def exceed(self, ratio: float, tolerance: float) -> None:
+    def drop_exceeded(self, ratio: float, tolerance: float) -> None:
         """Drop the kinks that a foot has exceeded without sliding: it sustains this ratio."""
-        held = (ratio - tolerance) / _STATIC_REL
+        held = (ratio - tolerance) / _STATIC_OVER_KINETIC
         if min(self._kinks, default=math.inf) < held:
-            self._kinks = deque((kink for kink in self._kinks if kink >= held), _REMEMBERED)
-            self._learn(tolerance)
+            self._kinks = deque((kink for kink in self._kinks if kink >= held), _MAX_KINKS)
+            self._update_coefficient(tolerance)
 
-    def _learn(self, tolerance: float) -> None:
+    def _update_coefficient(self, tolerance: float) -> None:
         ordered = sorted(self._kinks, reverse=True)
-        self.exceeding = _STATIC_REL * min(ordered, default=math.inf)
+        self.exceeding_ratio = _STATIC_OVER_KINETIC * min(ordered, default=math.inf)
         self.coefficient = math.nan
-        for first in range(len(ordered) - _ENOUGH + 1):
+        for first in range(len(ordered) - _MIN_CLUSTER + 1):
             cluster = [kink for kink in ordered[first:] if kink > ordered[first] - 2.0 * tolerance]
-            if len(cluster) >= _ENOUGH:
+            if len(cluster) >= _MIN_CLUSTER:
                 self.coefficient = cluster[len(cluster) // 2]
                 return
 
@@ -81,7 +82,7 @@ class SlipDetector:
     """Slip of one leg.
 
     Args:
-        friction: What all legs learn.
+        friction: Estimate of the coefficient of friction, shared by all legs.
 
     Attributes:
         state: Whether the foot slides.
@@ -89,32 +90,32 @@ class SlipDetector:
 
     def __init__(self, friction: Friction) -> None:
         self._friction = friction
-        self.lift()
+        self.reset_stance()
 
-    def lift(self) -> None:
-        """Forget the stance: the foot is in the air."""
+    def reset_stance(self) -> None:
+        """Reset the state of the stance: the foot has lifted off."""
         self.state = Slip.UNKNOWN
-        # Time [ns] and ratio of the clear looks of late.
+        # Time [ns] and ratio of the latest checks with a small tolerance.
         self._ratios: deque[tuple[int, float]] = deque()
-        # Looks at the cone or away from it, and the time of the first of them [ns].
+        # Checks in a row at the cone or away from it, and the time of the first of them [ns].
         self._at_cone, self._run, self._since_ns = False, 0, 0
         self._kinked = False
 
     def observe(self, ground: Ground, now_ns: int) -> BackDated | None:
-        """Look at the friction, and return when the slip began or ended that begins or ends with this look.
+        """Check the friction ratio for a slip; return the time at which a slip began or ended, None if none did.
 
         Args:
             ground: The ground below the foot.
             now_ns: Current time [ns].
         """
         use = ground.friction_use
-        if not ground.pressing_n > _FIRM_N or math.isnan(use):
+        if not ground.pressing_n > _MIN_PRESSING_N or math.isnan(use):
             was_slipping = self.state is Slip.SLIPPING
             self.state, self._run = Slip.UNKNOWN, 0
-            return BackDated(now_ns - _LAG_NS, _SIGMA_S) if was_slipping else None
-        tolerance = max(_SIGMAS * ground.friction_use_sigma, _LEAST)
-        if tolerance > _TELLING:
-            # As in the first scan of a stance; a slide that was said goes on.
+            return BackDated(now_ns - _LAG_NS, _TIME_SIGMA_S) if was_slipping else None
+        tolerance = max(_TOLERANCE_SIGMAS * ground.friction_use_sigma, _MIN_TOLERANCE)
+        if tolerance > _MAX_SLIP_TOLERANCE:
+            # As in the first scan of a stance; a reported slip continues.
             self._run = 0
             if self.state is Slip.NONE:
                 self.state = Slip.UNKNOWN
@@ -123,35 +124,37 @@ class SlipDetector:
         ratios.append((now_ns, use))
         while ratios[0][0] < now_ns - _RISE_NS:
             ratios.popleft()
-        if tolerance <= _TEACHING:
-            self._learn(tolerance)
+        if tolerance <= _MAX_KINK_TOLERANCE:
+            self._find_kink(tolerance)
         cone = self._friction.coefficient
-        at_cone = use > cone - _LEAST
+        at_cone = use > cone - _MIN_TOLERANCE
         if at_cone is not self._at_cone or not self._run:
             self._at_cone, self._run, self._since_ns = at_cone, 0, now_ns
         self._run += 1
         if self.state is not Slip.SLIPPING:
             self.state = Slip.UNKNOWN if math.isnan(cone) else Slip.NONE
-        if at_cone is (self.state is Slip.SLIPPING) or self._run < (_SAID if at_cone else _OVER):
+        if at_cone is (self.state is Slip.SLIPPING) or self._run < (
+            _SLIP_STARTS_AFTER if at_cone else _SLIP_ENDS_AFTER
+        ):
             return None
         self.state = Slip.SLIPPING if at_cone else Slip.NONE
-        return BackDated(self._since_ns - _LAG_NS, _SIGMA_S)
+        return BackDated(self._since_ns - _LAG_NS, _TIME_SIGMA_S)
 
-    def _learn(self, tolerance: float) -> None:
-        """Look for a kink, and for a ratio above the cone."""
+    def _find_kink(self, tolerance: float) -> None:
+        """Search the latest ratios for a kink, and for a ratio above the friction cone."""
         ratios = self._ratios
-        exceeds = ratios[-1][1] > self._friction.exceeding
-        if len(ratios) <= _PLATEAU or (self._kinked and not exceeds):
+        exceeds = ratios[-1][1] > self._friction.exceeding_ratio
+        if len(ratios) <= _PLATEAU_CHECKS or (self._kinked and not exceeds):
             return
-        plateau = [ratios[place][1] for place in range(-_PLATEAU, 0)]
+        plateau = [ratios[place][1] for place in range(-_PLATEAU_CHECKS, 0)]
         if (
             max(plateau) - min(plateau) > tolerance
-            or ratios[-1][0] - ratios[-_PLATEAU][0] > _PLATEAU * _LOOK_NS
+            or ratios[-1][0] - ratios[-_PLATEAU_CHECKS][0] > _PLATEAU_CHECKS * _LONGEST_CHECK_NS
         ):
             return
-        level = sum(plateau) / _PLATEAU
+        level = sum(plateau) / _PLATEAU_CHECKS
         if exceeds:
-            self._friction.exceed(level, tolerance)
+            self._friction.drop_exceeded(level, tolerance)
         if not self._kinked and level - min(ratio for _, ratio in ratios) > _RISE_TOLERANCES * tolerance:
             self._kinked = True
-            self._friction.kink(level, tolerance)
+            self._friction.add_kink(level, tolerance)

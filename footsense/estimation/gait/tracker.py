@@ -13,19 +13,19 @@ import numpy as np
 from footsense.estimation.baseline.contact import ContactDetector
 from footsense.estimation.gait.back_dating import KEPT, BackDated, Loads, lift_off, touchdown
 from footsense.estimation.gait.ground import NO_GROUND, ground_of
-from footsense.estimation.gait.slip import TURNS, Friction, SlipDetector
+from footsense.estimation.gait.slip import CONVERSIONS_PER_CHECK, Friction, SlipDetector
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import Load
 
 #: Period of the frames without an event [ns].
 PERIOD_NS = 100_000_000
 #: Largest exponent of the probability: 1 - 1e-6.
-_SURE = 13.8
+_MAX_EXPONENT = 13.8
 #: Slope of a logistic function over that of a normal distribution [1].
-_LOGISTIC = 1.7
+_LOGISTIC_SLOPE = 1.7
 _NEVER = BackDated(0, math.nan)
 #: State of a leg whose force is known and whose foot is in contact.
-_STANDS = (True, True)
+_IN_CONTACT = (True, True)
 
 
 class GaitTracker:
@@ -48,7 +48,7 @@ class GaitTracker:
         self._touchdowns, self._lift_offs = [_NEVER] * n_legs, [_NEVER] * n_legs
 
     def observe(self, load: Load, contacts: Sequence[ContactDetector], now_ns: int) -> GaitFrame | None:
-        """Follow the legs by one conversion, and return the gait as of `now_ns` if an event happened, or it is due.
+        """Update the gait by one conversion; return it as of `now_ns` if an event happened or a frame is due.
 
         Args:
             load: Loads of all legs as of `now_ns`; NaN forces where they may not be used.
@@ -68,9 +68,9 @@ class GaitTracker:
                 if now != before:
                     events += self._change(row, before, now)
             self._states = states
-        self._turn = (self._turn + 1) % TURNS
-        for row in range(self._turn, len(states), TURNS):
-            if states[row] == _STANDS:
+        self._turn = (self._turn + 1) % CONVERSIONS_PER_CHECK
+        for row in range(self._turn, len(states), CONVERSIONS_PER_CHECK):
+            if states[row] == _IN_CONTACT:
                 slipped = self._slips[row].observe(ground_of(load, row), now_ns)
                 if slipped is not None:
                     starts = self._slips[row].state is Slip.SLIPPING
@@ -91,7 +91,7 @@ class GaitTracker:
         slip = self._slips[row]
         was_slipping = slip.state is Slip.SLIPPING
         if not (is_known and in_contact):
-            slip.lift()
+            slip.reset_stance()
         if before == (True, in_contact):
             return []
         if not (is_known and before[0]):
@@ -123,7 +123,8 @@ class GaitTracker:
         pressing_n = np.where(contact, np.maximum(load.force_n[:, 2], 0.0), 0.0)
         total_n = float(pressing_n[known].sum())
         grounds = [
-            ground_of(load, row) if state == _STANDS else NO_GROUND for row, state in enumerate(self._states)
+            ground_of(load, row) if state == _IN_CONTACT else NO_GROUND
+            for row, state in enumerate(self._states)
         ]
         _, normal, normal_sigma_rad, use, use_sigma = map(np.array, zip(*grounds, strict=True))
         touchdown_ns, touchdown_sigma_s = zip(*self._touchdowns, strict=True)
@@ -162,4 +163,4 @@ def _probability(contact: ContactDetector, above_n: float) -> float:
     if not math.isfinite(measured + estimated):
         return math.nan
     sigmas = max(measured, estimated)
-    return 1.0 / (1.0 + math.exp(-min(max(_LOGISTIC * sigmas, -_SURE), _SURE)))
+    return 1.0 / (1.0 + math.exp(-min(max(_LOGISTIC_SLOPE * sigmas, -_MAX_EXPONENT), _MAX_EXPONENT)))

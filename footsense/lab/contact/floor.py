@@ -38,7 +38,7 @@ class Floor(Protocol):
         """Prescribe a fraction of the load case's force [1], and move the floor close to where it exerts that force."""
 
     def settle(self) -> None:
-        """Take the present state as the start of the next load step."""
+        """Accept the present displacements as the start of the next load step."""
 
     def patch(self) -> Patch:
         """Return the present contact patch."""

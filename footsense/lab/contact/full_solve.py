@@ -19,12 +19,12 @@ from footsense.lab.geometry import FootDesign
 #: Residual of the result, over the force [1].
 TOLERANCE_REL = 1e-6
 #: Residual of the load steps on the way [1].
-WAYPOINT_REL = 1e-3
+LOAD_STEP_TOLERANCE_REL = 1e-3
 #: A load step that does not converge is halved this often before the load is given up.
 MAX_STEP_HALVINGS = 4
 #: Factor by which the gaps are stiffened when they are entered too deep, and how often. Gaps that start stiff make
 #: their points of contact flicker from step to step.
-STIFFER, MOST_STIFFENINGS = 9.0, 3
+GAP_STIFFENING, MAX_GAP_STIFFENINGS = 9.0, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,10 +98,10 @@ class FullFoot:
         newton_steps = self._press(body, floor, equations)
         stiffenings = 0
         while contact and body.penetration_rel() > PENETRATION_REL:
-            if stiffenings == MOST_STIFFENINGS:
+            if stiffenings == MAX_GAP_STIFFENINGS:
                 raise ConvergenceError(f"a gap is entered by {body.penetration_rel():.1%} of its height")
-            body.stiffen_gaps(STIFFER)
-            newton_steps += equations.solve(WAYPOINT_REL)
+            body.stiffen_gaps(GAP_STIFFENING)
+            newton_steps += equations.solve(LOAD_STEP_TOLERANCE_REL)
             stiffenings += 1
         newton_steps += equations.solve(TOLERANCE_REL)
         samples_um = sampled_closure_um(self.design, mesh, body.ground, body.leg, half=case.half)
@@ -133,7 +133,7 @@ class FullFoot:
             # Steps equal in patch area: a^2 grows with the force to the 2/3.
             floor.set_load_fraction(goal**1.5)
             try:
-                newton_steps += equations.solve(WAYPOINT_REL)
+                newton_steps += equations.solve(LOAD_STEP_TOLERANCE_REL)
             except ConvergenceError as error:
                 if halvings == MAX_STEP_HALVINGS:
                     raise ConvergenceError(f"at {goal**1.5:.0%} of the load: {error}") from error

@@ -90,7 +90,7 @@ def _refine_patch(
     size_mm: float,
     reach_mm: float,
 ) -> None:
-    """Ask for edges of `size_mm` on the cap of radius `reach_mm` around the contact."""
+    """Set the mesh size to `size_mm` on the cap of radius `reach_mm` around the contact."""
     first, second = tangent_frame(normal)
     centre = np.array([0.0, 0.0, -design.plate_mm])
     steps = np.arange(-np.ceil(reach_mm / size_mm), np.ceil(reach_mm / size_mm) + 1.0) * size_mm

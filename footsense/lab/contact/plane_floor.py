@@ -23,9 +23,9 @@ from footsense.lab.contact.floor import FACE, Patch
 from footsense.lab.contact.load_case import LoadCase
 
 #: E_n h / E* [1].
-STIFFNESS = 50.0
+NORMAL_STIFFNESS_REL = 50.0
 #: Added under the root of |s|^2 [mm2], for its derivative at s = 0.
-ROOT_MM2 = 1e-24
+SLIP_REGULARISATION_MM2 = 1e-24
 #: Halvings of the search for the floor's place before a load step.
 BISECTIONS = 30
 
@@ -49,7 +49,7 @@ class PlaneFloor:
         self._moved = body.ground_from_floor
         self.target_n = [ng.Parameter(0.0) for _ in case.axes]
         self._fraction = self._settled_fraction = 0.0
-        self._stiffness = STIFFNESS * case.design.rubber.hertz_mpa / element_mm
+        self._stiffness = NORMAL_STIFFNESS_REL * case.design.rubber.hertz_mpa / element_mm
         region = self._mesh.Boundaries(FACE)
         points = ngsolve.comp.IntegrationRuleSpaceSurface(
             self._mesh, order=2 * body.ground.space.globalorder + 3, definedon=region
@@ -72,7 +72,7 @@ class PlaneFloor:
     def _friction(self, u: Any) -> Any:
         """Return the friction traction t [MPa] under a displacement, capped by the present iterate's pressure."""
         slid = self._along(u) - self._anchor
-        distance = ng.sqrt(ng.InnerProduct(slid, slid) + ROOT_MM2)
+        distance = ng.sqrt(ng.InnerProduct(slid, slid) + SLIP_REGULARISATION_MM2)
         cap = self._case.friction * self._pressure(self._moved)
         return -slid * ng.IfPos(self._stiffness * distance - cap, cap / distance, self._stiffness)
 

@@ -61,7 +61,7 @@ def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vect
 
 
 def lifted_normals(unit: Vector) -> Vector:
-    """Return unit vectors, shape (n, 3), those too low lifted to the lowest elevation."""
+    """Return unit vectors, shape (n, 3), with elevations below the lowest raised to it."""
     z = np.maximum(unit[:, 2:], np.sin(np.radians(_LOWEST_DEG)))
     across = np.linalg.norm(unit[:, :2], axis=1, keepdims=True)
     return np.concatenate([unit[:, :2] * np.sqrt(1.0 - z**2) / np.maximum(across, 1e-12), z], axis=1)

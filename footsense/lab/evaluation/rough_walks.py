@@ -1,4 +1,4 @@
-"""Robots on rough ground: what the gait semantics say of six feet, beside the truth."""
+"""Robots on rough ground: contacts, normals and slips estimated for six feet, beside the truth."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -17,11 +17,11 @@ from footsense.lab.geometry import FootDesign
 from footsense.lab.response import fit_class, patch_mean
 
 #: Elements of which a part lies in the quarter: corner, the one on the x axis, the one on the y axis, middle.
-_PARTLY = (0, 1, 3, 4)
+_QUARTER_ELEMENTS = (0, 1, 3, 4)
 #: Which of them each of the nine is the image of.
 _IMAGE_OF = np.array([0, 1, 0, 2, 3, 2, 0, 1, 0])
 #: Sign under x -> -x of each of the nine, 0 on the mirror plane.
-_ODD_IN_X = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
+_X_MIRROR_SIGN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +55,7 @@ def centred_closures(
     force = directions(0.0, elevation_deg)
     upright = min(elevation_deg) >= 90.0
     cells = quarter_cells(design)
-    parts = [[cell.name for cell in cells if cell.element == element] for element in _PARTLY]
+    parts = [[cell.name for cell in cells if cell.element == element] for element in _QUARTER_ELEMENTS]
     faces = [("|".join(names), design.cell_mm2 * len(names)) for names in parts]
     total = np.zeros((len(force), 9))
     for parity in (Parity(1, 1),) if upright else (Parity(1, 1), Parity(-1, 1)):
@@ -65,8 +65,8 @@ def centred_closures(
         per_newton = patch_mean(
             series.reshape(len(series), -1), force, patch_mm or design.patch_mm(1.0), design
         )
-        part = (per_newton.reshape(len(force), len(_PARTLY), 3) * force[:, None]).sum(axis=2)
-        sign = np.ones(9) if parity.x > 0 else _ODD_IN_X
+        part = (per_newton.reshape(len(force), len(_QUARTER_ELEMENTS), 3) * force[:, None]).sum(axis=2)
+        sign = np.ones(9) if parity.x > 0 else _X_MIRROR_SIGN
         # The quarter's form is a quarter of the foot's, so its field is four times the foot's.
         total += part[:, _IMAGE_OF] * sign / 4.0
     return Centred(total, quarter.n_unknowns)

@@ -61,12 +61,12 @@ def _of_cells(capacitor: CapacitorDesign, cells_um: Vector) -> Answer:
 
 
 def linear_table(response: FootResponse, normal: Vector, force_n: Vector) -> Answer:
-    """Return the answer of the response table alone."""
+    """Return closures and capacitances from the response table alone, gaps not closing."""
     return _of_cells(response.design, response.free_closure_um(normal, force_n))
 
 
 def gap_contact(foot: Foot, normal: Vector, force_n: Vector) -> Answer:
-    """Return the answer of the simulated foot."""
+    """Return closures and capacitances of the simulated foot: response table with contact in closed gaps."""
     return _of_cells(foot.response.design, foot.cells_um(normal, force_n))
 
 

@@ -28,13 +28,13 @@ Vector = NDArray[np.float64]
 NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
 #: Free mean closure from which an element is beyond the converter's range for certain [1 of the gap]: loads within full
 #: scale stay below 1.2.
-HOPELESS_REL = 1.5
+CERTAINLY_SATURATED_REL = 1.5
 #: Full scale of the converter [pF]; beyond, the daemon reports `saturated`.
 FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Loads that are turned into closures at once, which limits memory.
-_AT_ONCE = 2048
+_LOADS_PER_CALL = 2048
 #: Most loads drawn for each wanted one: a foot that saturates under 19 of 20 loads is unsuited to them.
-_MOST_DRAWS = 20
+_MAX_DRAWS_PER_LOAD = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,8 +80,8 @@ def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
         force_n: Forces [N], shape (n, 3).
     """
     parts = []
-    for first in range(0, len(force_n), _AT_ONCE):
-        some = slice(first, first + _AT_ONCE)
+    for first in range(0, len(force_n), _LOADS_PER_CALL):
+        some = slice(first, first + _LOADS_PER_CALL)
         parts.append(foot.capacitance_pf(normal[some], force_n[some]))
     return foot.response.design.closure_um(np.concatenate(parts), foot.unloaded_pf)
 
@@ -130,7 +130,7 @@ def random_loads(
     foot = Foot(response, deviations)
     lowest_z = np.sin(np.radians(loads.min_elevation_deg))
     forces, normals, closures, found = [], [], [], 0
-    for _ in range(_MOST_DRAWS):
+    for _ in range(_MAX_DRAWS_PER_LOAD):
         direction = random_directions(rng, n, loads.min_elevation_deg)
         normal = leaning_normals(loads, rng, direction)
         even = rng.uniform(size=n) < 0.5
@@ -151,17 +151,17 @@ def random_loads(
             return LeaningCases(*(np.concatenate(part)[:n] for part in (forces, closures, normals)))
     raise ModelError(
         f"{response.foot_type}: of loads up to {loads.max_n:g} N the converter can tell "
-        f"{found / (_MOST_DRAWS * n):.1%}; lower loads.max_n, or make the foot stiffer or its gap thicker"
+        f"{found / (_MAX_DRAWS_PER_LOAD * n):.1%}; lower loads.max_n, or make the foot stiffer or its gap thicker"
     )
 
 
 def _may_be_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
     """Tell which loads may be within the converter's range before contact is solved, shape (n,)."""
     may = np.empty(len(force_n), bool)
-    for first in range(0, len(force_n), _AT_ONCE):
-        some = slice(first, first + _AT_ONCE)
+    for first in range(0, len(force_n), _LOADS_PER_CALL):
+        some = slice(first, first + _LOADS_PER_CALL)
         free_um = foot.response.closure_um(normal[some], force_n[some])
-        may[some] = free_um.max(axis=1) < HOPELESS_REL * foot.response.design.gap_um
+        may[some] = free_um.max(axis=1) < CERTAINLY_SATURATED_REL * foot.response.design.gap_um
     return may
 
 
@@ -174,7 +174,7 @@ def measured_closure_rel(design: CapacitorDesign, closure_um: Vector, rng: np.ra
 
 
 def as_designed_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
-    """Return the closures [um] of a foot as designed whose capacitances change by so much [pF].
+    """Return the closures [um] of the designed foot that would change its capacitances by these amounts [pF].
 
     Read-outs of capacitance changes take closures and the design; these closures give them the measured changes.
     """

@@ -52,7 +52,7 @@ def start_layers(rng: np.random.Generator, widths: Sequence[int], room: Sequence
 
 
 def stack(networks: Sequence[Layers]) -> Layers:
-    """Return networks of the same shape as one, the networks being the first axis of every array."""
+    """Stack networks of equal shape into one: the first axis of every array counts the networks."""
     stacked: Layers = jax.tree.map(lambda *parts: np.stack(parts), *networks)
     return stacked
 

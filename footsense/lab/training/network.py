@@ -29,7 +29,7 @@ from footsense.lab.symmetry import SYMMETRIES, element_map
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
 SOFT_REL = 2e-3
 #: Inputs of the first hidden layer: nine closures, nine masks, the size.
-SEEN = 19
+N_INPUTS = 19
 #: Symmetries of the square.
 N_SYMMETRIES = len(SYMMETRIES)
 
@@ -85,7 +85,7 @@ def seen_index() -> NDArray[np.intp]:
     """Return which input of a channel meets input e of the layer in its unit g, shape (8, 19)."""
     maps = np.stack([element_map(g) for g in SYMMETRIES])
     inverse = np.argsort(maps, axis=1)
-    size = np.full((N_SYMMETRIES, 1), SEEN - 1)
+    size = np.full((N_SYMMETRIES, 1), N_INPUTS - 1)
     return np.concatenate([inverse, 9 + inverse, size], axis=1).astype(np.intp)
 
 
@@ -121,7 +121,7 @@ def expand(weights: Weights) -> Matrices:
     sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma)
     return Matrices(
         linear=jnp.tensordot(weights.linear, linear_basis(), 1),
-        w1=jnp.transpose(w1, (2, 1, 0)).reshape(SEEN, -1),
+        w1=jnp.transpose(w1, (2, 1, 0)).reshape(N_INPUTS, -1),
         b1=jnp.tile(weights.b1, N_SYMMETRIES),
         w2=jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
         b2=jnp.tile(weights.b2, N_SYMMETRIES),
@@ -150,6 +150,6 @@ def run(matrices: Matrices, closure_rel: Any, missing: Any) -> tuple[Any, Any]:
 
 
 def hidden_input(closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return pattern and size, shape (n, 10); the same formula as in `run`, in numpy."""
+    """Return pattern and size of closures, shape (n, 10), by the formula of `run` in numpy."""
     size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + SOFT_REL**2)
     return np.concatenate([closure_rel / size, size], axis=-1)

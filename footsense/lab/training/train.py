@@ -27,7 +27,7 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Cases
-from footsense.lab.training.network import SEEN, Weights, expand, hidden_input, linear_basis, run
+from footsense.lab.training.network import N_INPUTS, Weights, expand, hidden_input, linear_basis, run
 
 Vector = NDArray[np.float64]
 
@@ -39,14 +39,14 @@ MASKS: NDArray[np.bool_] = np.array(
     + [np.arange(9) % 3 == column for column in range(3)]
 )
 #: Share of the training cases with something missing.
-_MASKED_SHARE = 0.15
+_MISSING_SHARE = 0.15
 #: Tempering of the likelihood by a case's own sigma, the beta of Seitzer et al.: 0 is the likelihood, which neglects
 #: hard cases; 1 is the squared error, which they dominate.
 _TEMPERING = 0.25
 #: Weight of the squared error over the squared force beside it.
-_SQUARED = 100.0
+_SQUARED_ERROR_WEIGHT = 100.0
 #: Steps that are compiled into one call.
-_STEPS_AT_ONCE = 1000
+_STEPS_PER_CALL = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +100,7 @@ def _random_weights(key: jax.Array, c: int) -> Weights:
     k1, k2, k3, k4 = jax.random.split(key, 4)
     return Weights(
         linear=jnp.zeros(5),
-        w1=jax.random.normal(k1, (c, SEEN)) / np.sqrt(10.0),
+        w1=jax.random.normal(k1, (c, N_INPUTS)) / np.sqrt(10.0),
         b1=0.5 * jax.random.normal(k2, (c,)),
         w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
         b2=jnp.zeros(c),
@@ -119,8 +119,8 @@ def _whitening(closure_rel: Vector) -> tuple[jax.Array, jax.Array]:
     covariance = np.mean([covariance[np.ix_(m, m)] for m in maps], axis=0)
     variance, axes = np.linalg.eigh(covariance)
     square_root = (axes / np.sqrt(np.maximum(variance, 1e-8))) @ axes.T
-    place = np.r_[0:9, SEEN - 1]
-    whiten, shift = np.eye(SEEN), np.zeros(SEEN)
+    place = np.r_[0:9, N_INPUTS - 1]
+    whiten, shift = np.eye(N_INPUTS), np.zeros(N_INPUTS)
     whiten[np.ix_(place, place)], shift[place] = square_root, mean
     return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
 
@@ -160,7 +160,7 @@ def _random_batch(task: _Task, protocol: Protocol, key: jax.Array) -> tuple[jax.
     if not protocol.masked:
         return noisy, jnp.zeros_like(noisy), task.force_n[chosen]
     which = jax.random.randint(k3, (protocol.batch,), 1, len(task.masks))
-    which = jnp.where(jax.random.uniform(k4, which.shape) < _MASKED_SHARE, which, 0)
+    which = jnp.where(jax.random.uniform(k4, which.shape) < _MISSING_SHARE, which, 0)
     return jnp.einsum("nab,nb->na", task.fill[which], noisy), task.masks[which], task.force_n[chosen]
 
 
@@ -194,7 +194,7 @@ def train(
         scale = jnp.sqrt(jnp.sum(f**2, axis=-1, keepdims=True) + protocol.min_force_n**2)
         weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _TEMPERING)
         likelihood = jnp.log(sigma) + 0.5 * square / sigma**2
-        return jnp.mean(weight * likelihood) + _SQUARED * jnp.mean(square / scale**2)
+        return jnp.mean(weight * likelihood) + _SQUARED_ERROR_WEIGHT * jnp.mean(square / scale**2)
 
     schedule = optax.cosine_onecycle_schedule(protocol.steps, protocol.rate, pct_start=0.1)
     optimiser = optax.contrib.muon(schedule)
@@ -206,10 +206,12 @@ def train(
         return (optax.apply_updates(free, change), state), None
 
     def train_chunk(carry: tuple[Weights, Any], key: jax.Array) -> tuple[Weights, Any]:
-        after: tuple[Weights, Any] = jax.lax.scan(step, carry, jax.random.split(key, _STEPS_AT_ONCE))[0]
+        after: tuple[Weights, Any] = jax.lax.scan(step, carry, jax.random.split(key, _STEPS_PER_CALL))[0]
         return after
 
-    start, *rounds = jax.random.split(jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_AT_ONCE)
+    start, *rounds = jax.random.split(
+        jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_PER_CALL
+    )
     free = _random_weights(start, protocol.channels)
     carry = (free, optimiser.init(free))
     compiled = jax.jit(train_chunk)
@@ -221,7 +223,7 @@ def train(
 def predict(
     weights: Weights, closure_rel: Vector, missing: NDArray[np.bool_] | None = None
 ) -> tuple[Vector, Vector]:
-    """Return force and sigma [N], shape (n, 3) each, as float32 arithmetic has them.
+    """Return the estimated forces and their sigma [N], shape (n, 3) each, in float32 arithmetic.
 
     Args:
         weights: The network.

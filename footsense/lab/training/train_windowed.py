@@ -22,9 +22,9 @@ from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Leani
 from footsense.lab.training.network import linear_basis
 from footsense.lab.training.train import MASKS
 from footsense.lab.training.windowed_network import (
-    PLANES,
+    FEATURES_PER_ELEMENT,
+    N_INPUTS,
     READINGS,
-    SEEN,
     Features,
     Weights,
     expand,
@@ -34,19 +34,19 @@ from footsense.lab.training.windowed_network import (
 )
 
 #: Share of the windows with something missing, and of those of feet at rest.
-_MASKED_SHARE, _REST_SHARE = 0.25, 0.45
+_MISSING_SHARE, _REST_SHARE = 0.25, 0.45
 #: Share of the windows at rest that are read at any pace and in any order, and of those with friction: few of the loads
 #: at rest have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
 _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
 #: Tempering of the likelihood as in `train`, and weight of the squared error over the squared force beside it: lower
 #: than there, as sudden steps, which nothing can tell, would dominate.
-_TEMPERING, _SQUARED = 0.25, 10.0
+_TEMPERING, _SQUARED_ERROR_WEIGHT = 0.25, 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
 #: Shares of the windows in the air, just after lift-off and long after, that are used.
 _JUST_LIFTED_SHARE, _AIR_SHARE = 0.4, 0.02
 #: Steps that are compiled into one call.
-_STEPS_AT_ONCE = 500
+_STEPS_PER_CALL = 500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,7 +156,7 @@ def _gait_windows(data: _Data, n_times: int, key: jax.Array, n: int) -> tuple[An
 
 
 def _rest_windows(data: _Data, key: jax.Array, n: int) -> tuple[Any, ...]:
-    """Return the same of feet at rest."""
+    """Return windows and true loads of feet at rest."""
     k1, k2, k3, k4, k5, k6, k7 = jax.random.split(key, 7)
     n_rough, n_paced = round(_FRICTION_SHARE * n), round(_PACED_SHARE * n)
     rough = data.rest_rough[jax.random.randint(k1, (n_rough,), 0, len(data.rest_rough))]
@@ -189,7 +189,7 @@ def _batch(data: _Data, n_times: int, n: int, key: jax.Array) -> Batch:
     parts = zip(_gait_windows(data, n_times, k1, n - n_rest), _rest_windows(data, k2, n_rest), strict=True)
     closure_rel, age_s, force_n, contact, loaded = (jnp.concatenate(pair) for pair in parts)
     which = jax.random.randint(k3, (n,), 1, len(data.masks))
-    which = jnp.where(jax.random.uniform(k4, (n,)) < _MASKED_SHARE, which, 0)
+    which = jnp.where(jax.random.uniform(k4, (n,)) < _MISSING_SHARE, which, 0)
     closure_rel = jnp.einsum("nab,nsb->nsa", data.fill[which], closure_rel)
     return Batch(features(closure_rel, age_s, data.masks[which]), force_n, contact, loaded)
 
@@ -199,7 +199,7 @@ def _random_weights(key: jax.Array, c: int) -> Weights:
     k1, k2, k3, k4 = jax.random.split(key, 4)
     return Weights(
         linear=jnp.zeros(10),
-        w1=jax.random.normal(k1, (c, SEEN)) / np.sqrt(12.0),
+        w1=jax.random.normal(k1, (c, N_INPUTS)) / np.sqrt(12.0),
         b1=0.5 * jax.random.normal(k2, (c,)),
         w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
         b2=jnp.zeros(c),
@@ -215,10 +215,10 @@ def _whitening(seen: Vector) -> tuple[jax.Array, jax.Array]:
     covariance = np.cov(seen.T)
     covariance = np.mean([covariance[np.ix_(row, row)] for row in index], axis=0)
     mean = np.mean([seen.mean(axis=0)[row] for row in index], axis=0)
-    unmasked = (PLANES - 1) * ELEMENTS
-    place = np.r_[0:unmasked, PLANES * ELEMENTS : SEEN]
+    unmasked = (FEATURES_PER_ELEMENT - 1) * ELEMENTS
+    place = np.r_[0:unmasked, FEATURES_PER_ELEMENT * ELEMENTS : N_INPUTS]
     variance, axes = np.linalg.eigh(covariance[np.ix_(place, place)])
-    whiten, shift = np.eye(SEEN), np.zeros(SEEN)
+    whiten, shift = np.eye(N_INPUTS), np.zeros(N_INPUTS)
     whiten[np.ix_(place, place)] = (axes / np.sqrt(np.maximum(variance, 3e-8))) @ axes.T
     shift[place] = mean[place]
     return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
@@ -273,9 +273,9 @@ def train_windowed(
         scale = jnp.sqrt(jnp.sum(batch.force_n**2, axis=-1, keepdims=True) + protocol.min_force_n**2)
         sigma = load.sigma_n
         weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _TEMPERING)
-        total = jnp.mean(weight * (jnp.log(sigma) + 0.5 * square / sigma**2)) + _SQUARED * jnp.mean(
-            square / scale**2
-        )
+        total = jnp.mean(
+            weight * (jnp.log(sigma) + 0.5 * square / sigma**2)
+        ) + _SQUARED_ERROR_WEIGHT * jnp.mean(square / scale**2)
         apart, sigma = load.contact - batch.contact, load.contact_sigma
         return total + _CONTACT_WEIGHT * jnp.mean(batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2))
 
@@ -292,16 +292,18 @@ def train_windowed(
             return (optax.apply_updates(free, change), state), now
 
         after: tuple[tuple[Weights, Any], jax.Array] = jax.lax.scan(
-            step, carry, jax.random.split(key, _STEPS_AT_ONCE)
+            step, carry, jax.random.split(key, _STEPS_PER_CALL)
         )
         return after
 
-    start, *rounds = jax.random.split(jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_AT_ONCE)
+    start, *rounds = jax.random.split(
+        jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_PER_CALL
+    )
     free = _random_weights(start, protocol.channels)
     carry = (free, optimiser.init(free))
     compiled = jax.jit(train_chunk)
     for number, key in enumerate(rounds, 1):
         carry, losses = compiled(carry, key, data)
         if number % 10 == 0 or number == len(rounds):
-            report(f"step {number * _STEPS_AT_ONCE}: loss {float(losses.mean()):.4f}")
+            report(f"step {number * _STEPS_PER_CALL}: loss {float(losses.mean()):.4f}")
     return fold_whitening(carry[0])

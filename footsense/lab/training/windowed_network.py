@@ -33,21 +33,21 @@ from footsense.ports import Load, Window
 #: Readings of an element in a window.
 READINGS = 3
 #: Features of an element and of the foot: six of its readings, its mask; size, period.
-PLANES, SCALARS = 7, 2
+FEATURES_PER_ELEMENT, FEATURES_PER_FOOT = 7, 2
 #: Inputs of the first hidden layer.
-SEEN = PLANES * ELEMENTS + SCALARS
+N_INPUTS = FEATURES_PER_ELEMENT * ELEMENTS + FEATURES_PER_FOOT
 #: Outputs: force, contact point, friction ratio.
-WIDTH = 7
+N_OUTPUTS = 7
 #: Row of `Weights.sigma_offset` of each output: axes that the square exchanges share one.
-SIGMA_ROWS = np.array([0, 0, 1, 2, 2, 3, 3])
+SIGMA_ROW_OF_OUTPUT = np.array([0, 0, 1, 2, 2, 3, 3])
 #: Largest feature of an element [1]: a step of the load is not larger, a corrupt reading is.
-LARGEST = 4.0
+MAX_FEATURE = 4.0
 #: Period of a scan that has the feature 0 [s].
 PERIOD_S = 0.02445
 #: Bounds of ln sigma over its scale.
-LN_SIGMA = (-8.0, 3.0)
+LN_SIGMA_BOUNDS = (-8.0, 3.0)
 #: Least time between two readings of an element [s]; a foot's first reading stands for those before it.
-LEAST_S = 1e-4
+MIN_INTERVAL_S = 1e-4
 
 
 class Weights(NamedTuple):
@@ -117,14 +117,14 @@ class Features(NamedTuple):
 def seen_index() -> NDArray[np.intp]:
     """Return which input of a channel meets input e of the layer in its unit g, shape (8, SEEN)."""
     inverse = np.argsort(np.stack([element_map(g) for g in SYMMETRIES]), axis=1)
-    planes = [ELEMENTS * plane + inverse for plane in range(PLANES)]
-    scalars = np.tile(np.arange(PLANES * ELEMENTS, SEEN), (N_SYMMETRIES, 1))
+    planes = [ELEMENTS * plane + inverse for plane in range(FEATURES_PER_ELEMENT)]
+    scalars = np.tile(np.arange(FEATURES_PER_ELEMENT * ELEMENTS, N_INPUTS), (N_SYMMETRIES, 1))
     return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
 
 
 def output_turns() -> NDArray[np.float64]:
     """Return how each symmetry turns the outputs, shape (8, 7, 7): a vector in space and two in the plane."""
-    turns = np.zeros((N_SYMMETRIES, WIDTH, WIDTH))
+    turns = np.zeros((N_SYMMETRIES, N_OUTPUTS, N_OUTPUTS))
     for turn, symmetry in zip(turns, SYMMETRIES, strict=True):
         turn[:3, :3] = symmetry
         turn[3:5, 3:5] = turn[5:, 5:] = symmetry[:2, :2]
@@ -140,18 +140,18 @@ def expand(weights: Weights) -> Matrices:
     return Matrices(
         level=jnp.tensordot(weights.linear[:5], linear_basis(), 1),
         slope=jnp.tensordot(weights.linear[5:], linear_basis(), 1),
-        w1=jnp.transpose(w1, (2, 1, 0)).reshape(SEEN, -1),
+        w1=jnp.transpose(w1, (2, 1, 0)).reshape(N_INPUTS, -1),
         b1=jnp.tile(weights.b1, N_SYMMETRIES),
         w2=jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
         b2=jnp.tile(weights.b2, N_SYMMETRIES),
-        out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, WIDTH),
-        sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, WIDTH),
-        sigma_offset=weights.sigma_offset[SIGMA_ROWS],
+        out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS),
+        sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS),
+        sigma_offset=weights.sigma_offset[SIGMA_ROW_OF_OUTPUT],
     )
 
 
 def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> Features:
-    """Return what the network sees.
+    """Return the input features of the network for some windows.
 
     Args:
         closure_rel: Closures over the gap, newest first, missing ones imputed [1], shape (n, 3, 9).
@@ -160,8 +160,8 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
         module: `jax.numpy` or `numpy`.
     """
     v0, v1, v2 = (closure_rel[:, k] for k in range(READINGS))
-    first_s = module.maximum(age_s[:, 1] - age_s[:, 0], LEAST_S)
-    second_s = module.maximum(age_s[:, 2] - age_s[:, 1], LEAST_S)
+    first_s = module.maximum(age_s[:, 1] - age_s[:, 0], MIN_INTERVAL_S)
+    second_s = module.maximum(age_s[:, 2] - age_s[:, 1], MIN_INTERVAL_S)
     period_s = first_s.mean(axis=-1, keepdims=True)
     age = age_s[:, 0] / period_s
     d1 = (v0 - v1) * (period_s / first_s)
@@ -169,7 +169,7 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
     now = v0 + age * d1
     size = module.sqrt((v0 * v0 + now * now).mean(axis=-1, keepdims=True) / 2.0 + SOFT_REL**2)
     planes = module.concatenate([v0, d1, age * d1, d2, age * d2, age * age * d2], axis=-1) / size
-    planes = module.minimum(module.maximum(planes, -LARGEST), LARGEST)
+    planes = module.minimum(module.maximum(planes, -MAX_FEATURE), MAX_FEATURE)
     scalars = [size, module.log(period_s / PERIOD_S)]
     return Features(module.concatenate([planes, missing, *scalars], axis=-1), now, v0, size)
 
@@ -179,7 +179,7 @@ def run(matrices: Matrices, seen: Features) -> Load:
     first = jnp.tanh(seen.seen @ matrices.w1 + matrices.b1)
     second = jnp.tanh(first @ matrices.w2 + matrices.b2)
     out = second @ matrices.out
-    sigma = jnp.exp(jnp.clip(second @ matrices.sigma + matrices.sigma_offset, *LN_SIGMA))
+    sigma = jnp.exp(jnp.clip(second @ matrices.sigma + matrices.sigma_offset, *LN_SIGMA_BOUNDS))
     curved = jnp.mean(seen.now**2, axis=-1, keepdims=True) / seen.size * out[:, :3]
     return Load(
         force_n=seen.now @ matrices.level + (seen.now - seen.newest) @ matrices.slope + curved,
@@ -190,7 +190,7 @@ def run(matrices: Matrices, seen: Features) -> Load:
 
 
 def predict(weights: Weights, window: Window) -> Load:
-    """Return the loads of some windows, as float32 arithmetic has them."""
+    """Return the loads that the network estimates of some windows, in float32 arithmetic."""
     closure_rel, age_s, missing = (jnp.asarray(part, jnp.float32) for part in window)
     load = run(expand(weights), features(closure_rel, age_s, missing))
     return Load(*(np.asarray(part, dtype=np.float64) for part in load))

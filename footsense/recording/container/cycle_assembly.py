@@ -18,7 +18,7 @@ from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
 
 @dataclass(slots=True)
 class _Parts:
-    """The messages of a cycle that have come so far."""
+    """The messages of a cycle read so far."""
 
     scan: CapFrame | None = None
     commands: list[Command] = field(default_factory=list)

@@ -50,6 +50,6 @@ def decode_command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
 
 
 def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResult:
-    """Return the result of an outcome event."""
+    """Decode an event message into the result of a command."""
     reason = msgspec.convert(event["reason"], str)
     return CommandResult(decode_command(event, legs), Result[event["result"]], reason)

@@ -24,7 +24,7 @@ CHUNK_BYTES = 65_536
 
 
 class _UnbufferedFile:
-    """A file without a buffer, so that a full disk is an error of the write."""
+    """An unbuffered file: a full disk raises in the write that meets it."""
 
     def __init__(self, fd: int) -> None:
         self._fd = fd

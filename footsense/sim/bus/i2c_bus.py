@@ -69,7 +69,7 @@ class SimulatedBus:
             BusError: A fault of the wires prevents it.
         """
         address, data, n_read = transaction
-        if self._faults is not None and not self._faults.act(
+        if self._faults is not None and not self._faults.apply_faults(
             self.clock, self.mux, self._host_cost_ns, address
         ):
             self.clock.advance_ns(self._host_cost_ns + _wire_time_ns(len(data), n_read, self._rate_hz))

@@ -55,7 +55,7 @@ class SimulatedLine:
         """Do nothing: there is nothing to release."""
 
     def send(self, data: bytes, t_ns: int) -> None:
-        """Put the bytes of a scan from a time on [ns] on the line, a record's length at a time."""
+        """Transmit the bytes of a scan from a time on [ns], record by record."""
         sends_ns = t_ns + self._mcu.converts_ns
         for end in range(FRAME_BYTES, len(data) + FRAME_BYTES, FRAME_BYTES):
             piece = data[end - FRAME_BYTES : end]

@@ -91,7 +91,7 @@ class SimulatedCan:
         return socket
 
     def take(self, frame: bytes) -> bool:
-        """Take a frame into the queue.
+        """Append a sent frame to the transmit queue.
 
         Returns:
             False if it was refused.

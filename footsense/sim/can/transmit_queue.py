@@ -75,16 +75,16 @@ class TransmitQueue:
         self.carrier_check_ns = math.inf
 
     def lose_carrier(self, t_ns: int) -> None:
-        """Note the loss of the carrier; the kernel looks at once, or a second after its last look."""
+        """Lose the carrier; the kernel checks it at once, or a second after its last check."""
         self._carrier = False
         self.carrier_check_ns = max(t_ns, self._next_check_ns)
 
     def regain_carrier(self) -> None:
-        """Note the return of the carrier, and activate a deactivated queue at once."""
+        """Regain the carrier, and activate a deactivated queue at once."""
         self._active = self._carrier = True
 
     def check_carrier(self, t_ns: int) -> None:
-        """Look at the carrier at `t_ns` [ns]: without one, deactivate and empty the queue."""
+        """Check the carrier at `t_ns` [ns]: without one, deactivate and empty the queue."""
         self.carrier_check_ns = math.inf
         self._next_check_ns = t_ns + _LINK_WATCH_NS
         if not self._carrier:

@@ -101,7 +101,7 @@ class SimulatedAd7746(LegChip):
         return answer + b"\xff" * (n - len(answer))
 
     def power_up(self, t_ns: int) -> None:
-        """Take the settings of power-up, as after a reset command; deaf for 200 us."""
+        """Reset all registers to their power-up values, as a reset command does; no answer for 200 us."""
         self._registers = bytearray(chip.N_REGISTERS)
         self._registers[Register.STATUS] = chip.NOT_RDY | _CAP | _VT
         settings = chip.RESET_VALUES
@@ -112,7 +112,7 @@ class SimulatedAd7746(LegChip):
         self._running: list[tuple[int, int, int]] = []
 
     def _begin(self, t_ns: int) -> None:
-        """Take the configuration, and start a single conversion."""
+        """Read the configuration registers, and start a single conversion."""
         self._running = []
         configuration = self._registers[Register.CONFIGURATION]
         if configuration & 0x07 != chip.MODE_SINGLE:

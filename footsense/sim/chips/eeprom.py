@@ -2,7 +2,7 @@
 
 
 class Eeprom:
-    """A 24C02: writes and reads go on from a pointer; each byte in it is its address at first."""
+    """Simulated 24C02: reads and writes advance a pointer; each byte initially holds its own address."""
 
     def __init__(self) -> None:
         self._pointer = 0

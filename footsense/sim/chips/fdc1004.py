@@ -97,7 +97,7 @@ class SimulatedFdc1004(LegChip):
         self.power_up(0)
 
     def power_up(self, t_ns: int) -> None:
-        """Take the settings of power-up."""
+        """Reset registers, results and conversion to their power-up state."""
         self._registers = dict(chip.RESET_VALUES)
         self._results = [chip.CODE_MAX] * chip.SLOTS
         self._conf = 0

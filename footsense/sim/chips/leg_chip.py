@@ -33,4 +33,4 @@ class LegChip(ABC):
 
     @abstractmethod
     def power_up(self, t_ns: int) -> None:
-        """Take the settings of power-up at a time [ns]."""
+        """Reset the chip to its power-up state at a time [ns]."""

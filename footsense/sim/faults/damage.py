@@ -46,7 +46,7 @@ class WiredFoot:
         self._held_pf: dict[scene_faults.ElementStuck, float] = {}
 
     def elements_pf(self, t_ns: int) -> list[float]:
-        """Return the capacitance of each element at a time [ns], stray not included [pF], nine."""
+        """Return the capacitance without stray of each of the nine elements at a time [ns] [pF]."""
         whole_pf = self._whole_pf(t_ns)
         acting = self._on_elements.at(t_ns)
         if not acting:

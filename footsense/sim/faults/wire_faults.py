@@ -58,8 +58,8 @@ class WireFaults:
         self._faults = Schedule((fault.span_ns, fault) for fault in faults if not isinstance(fault, MuxReset))
         self._resets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
-    def act(self, clock: VirtualClock, mux: SimulatedMux, host_cost_ns: int, address: int) -> bool:
-        """Return whether the next transaction passes, after the attempts that failed before it.
+    def apply_faults(self, clock: VirtualClock, mux: SimulatedMux, host_cost_ns: int, address: int) -> bool:
+        """Apply the acting faults to the next transaction: wait for its failed attempts; return whether it passes.
 
         One that does not pass is acknowledged, has no effect, and reads zeros.
 

@@ -26,10 +26,10 @@ CREEP_TIME_S = np.array([0.1, 1.0, 10.0])
 PLAY_REL = np.array([0.05, 0.05, 0.05])
 PLAY_N = np.array([0.02, 0.06, 0.12])
 
-_AT_ONCE_REL = 1.0 - PLAY_REL.sum()
+_ELASTIC_REL = 1.0 - PLAY_REL.sum()
 
 #: A load below this is none [N].
-_NOTHING_N = 1e-6
+_MIN_LOAD_N = 1e-6
 
 
 class ViscoelasticElement:
@@ -55,8 +55,8 @@ class ViscoelasticElement:
         self._t_ns = t_ns
         behind_n = force_n - self._played_n
         distance_n = np.sqrt((behind_n * behind_n).sum(axis=1))
-        moved = np.maximum(distance_n - PLAY_N, 0.0) / np.maximum(distance_n, _NOTHING_N)
+        moved = np.maximum(distance_n - PLAY_N, 0.0) / np.maximum(distance_n, _MIN_LOAD_N)
         self._played_n += moved[:, None] * behind_n
-        if force_n @ force_n > _NOTHING_N**2:  # the memory of a load stays at its contact
+        if force_n @ force_n > _MIN_LOAD_N**2:  # the memory of a load stays at its contact
             self._normal = normal
-        return self._normal, (_AT_ONCE_REL * force_n + PLAY_REL @ self._played_n + CREEP_REL @ self._crept_n)
+        return self._normal, (_ELASTIC_REL * force_n + PLAY_REL @ self._played_n + CREEP_REL @ self._crept_n)

@@ -14,7 +14,7 @@ STIFFENING_PER_K = 4.4e-3
 
 
 def softness_at(kelvin: float) -> float:
-    """Return closures of a warmer foot over those before, under the same load [1].
+    """Return the factor on the closures of a warmer foot under the same load [1].
 
     Args:
         kelvin: Change of temperature [K].
@@ -36,10 +36,10 @@ class WarmingFoot:
         self._pf_per_k: list[float] = (DRIFT_PF_PER_K * (1.0 + spread_rel)).tolist()
 
     def drift_pf(self, t_ns: int) -> list[float]:
-        """Return the drift of each element at a time [pF], nine."""
+        """Return the drift of the capacitance of each of the nine elements at a time [pF]."""
         kelvin = self._warming.kelvin_at(t_ns)
         return [pf_per_k * kelvin for pf_per_k in self._pf_per_k]
 
     def softness(self, t_ns: int) -> float:
-        """Return closures at a time over those at the begin, under the same load [1]."""
+        """Return the factor on the closures under the same load at a time, 1 at the start [1]."""
         return softness_at(self._warming.kelvin_at(t_ns))

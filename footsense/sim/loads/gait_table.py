@@ -49,7 +49,7 @@ class GaitTable:
         ]
 
     def capacitance_pf(self, phase: float | None, softness: float = 1.0) -> list[float]:
-        """Return the capacitance of each element [pF], nine.
+        """Return the capacitances of the nine elements [pF].
 
         Args:
             phase: Phase of the leg within its stance [1]; None in the air.

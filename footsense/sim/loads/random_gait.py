@@ -1,4 +1,4 @@
-"""Random stances of one foot, drawn from a seed: what a windowed network learns from and is judged by.
+"""Random stances of one foot, drawn from a seed: training and test loads of the windowed network.
 
 A stance is a normal force over time, a contact point that wanders over the ball, and friction at that point:
 

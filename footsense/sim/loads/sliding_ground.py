@@ -40,7 +40,7 @@ class SlidingGround:
     creep_mm_per_s: float
 
     def react(self, pressing_n: Vector, demand_n: Vector) -> tuple[Vector, Vector]:
-        """Return what the ground does to a foot in one stance.
+        """Return the tangential forces of the ground and the slid distance in one stance.
 
         Args:
             pressing_n: Normal force at every `STEP_S` from touchdown [N], shape (n,).

@@ -81,7 +81,7 @@ class SimulatedSensor:
         self._clock.sleep_until_ns(t_ns)
 
     def close(self) -> None:
-        """Hold nothing: there is nothing to release."""
+        """Do nothing: there is nothing to release."""
 
     def read(self) -> bytes:
         """Return the lines that have been sent since the last call."""

@@ -19,7 +19,7 @@ from footsense.validation.faults.published_walk import WALK
 
 
 class CanFigures(NamedTuple):
-    """Trial of a CAN fault: effect on a consumer at the other end of the bus.
+    """Figures of one CAN fault: what a consumer at the other end of the bus received, and how late.
 
     Attributes:
         received_rel: Share of all Force frames that it received [1].

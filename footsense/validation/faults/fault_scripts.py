@@ -30,7 +30,7 @@ class FaultTrial(NamedTuple):
 
     @property
     def until_s(self) -> float | None:
-        """End of the fault [s]; None if it stays, or lasts for a moment."""
+        """End of the fault [s]; None for a permanent or a momentary fault."""
         return max((getattr(fault, "until_s", None) or 0.0 for fault in self.script), default=0.0) or None
 
 

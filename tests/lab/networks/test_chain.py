@@ -31,7 +31,7 @@ from footsense.lab.foot_file import load_foot
 from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork
-from footsense.lab.training.network import N_SYMMETRIES, SEEN, Weights
+from footsense.lab.training.network import N_INPUTS, N_SYMMETRIES, Weights
 from footsense.lab.training.train import MASKS, predict
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
@@ -118,7 +118,7 @@ def some_weights(channels: int = 3, seed: int = 0) -> Weights:
     """Return weights that nobody trained."""
     rng = np.random.default_rng(seed)
     c, hidden = channels, N_SYMMETRIES * channels
-    shapes = [(5,), (c, SEEN), (c,), (c, hidden), (c,), (c, 3), (c, 3), (2,)]
+    shapes = [(5,), (c, N_INPUTS), (c,), (c, hidden), (c,), (c, 3), (c, 3), (2,)]
     return Weights(*(rng.normal(0.0, 0.5, shape).astype(np.float32) for shape in shapes))
 
 

@@ -18,10 +18,10 @@ from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.network import linear_basis
 from footsense.lab.training.windowed_network import (
-    LARGEST,
-    LN_SIGMA,
-    PLANES,
-    SEEN,
+    FEATURES_PER_ELEMENT,
+    LN_SIGMA_BOUNDS,
+    MAX_FEATURE,
+    N_INPUTS,
     Features,
     Weights,
     features,
@@ -40,7 +40,7 @@ def some_weights(channels: int = 3, seed: int = 0, size: float = 0.5) -> Weights
     """Return weights that nobody trained."""
     rng = np.random.default_rng(seed)
     c = channels
-    shapes = [(10,), (c, SEEN), (c,), (c, 8 * c), (c,), (c, 7), (c, 7), (4,)]
+    shapes = [(10,), (c, N_INPUTS), (c,), (c, 8 * c), (c,), (c, 7), (c, 7), (4,)]
     return Weights(*(rng.normal(0.0, size, shape).astype(np.float32) for shape in shapes))
 
 
@@ -66,7 +66,7 @@ def in_double(weights: Weights, window: Window) -> Load:
     level, slope = (np.tensordot(part, linear_basis(), 1) for part in (linear[:5], linear[5:]))
     square = (seen.now**2).mean(axis=1, keepdims=True)
     force_n = seen.now @ level + (seen.now - seen.newest) @ slope + square / seen.size * outputs[:, :3]
-    sigma_of = np.exp(np.clip(ln_sigma + sigma_offset[[0, 0, 1, 2, 2, 3, 3]], *LN_SIGMA))
+    sigma_of = np.exp(np.clip(ln_sigma + sigma_offset[[0, 0, 1, 2, 2, 3, 3]], *LN_SIGMA_BOUNDS))
     return Load(force_n, seen.size * sigma_of[:, :3], outputs[:, 3:], sigma_of[:, 3:])
 
 
@@ -164,11 +164,11 @@ def test_no_window_makes_something_that_is_no_number(
     ages_s = newest_s + np.concatenate([np.zeros((1, 9)), np.cumsum(np.reshape(later_s, (2, 9)), axis=0)])
     window = Window(np.reshape(closures, (1, 3, 9)), ages_s[None], np.zeros((1, 9), bool))
     seen = seen_of(window)
-    assert np.abs(seen.seen[:, : (PLANES - 1) * 9]).max() <= LARGEST
+    assert np.abs(seen.seen[:, : (FEATURES_PER_ELEMENT - 1) * 9]).max() <= MAX_FEATURE
     load = predict(some_weights(), window)
     assert all(np.isfinite(part).all() for part in load)
-    assert (load.sigma_n >= 0.9 * float(np.exp(LN_SIGMA[0])) * seen.size).all()
-    assert (load.sigma_n <= 1.1 * float(np.exp(LN_SIGMA[1])) * seen.size).all()
+    assert (load.sigma_n >= 0.9 * float(np.exp(LN_SIGMA_BOUNDS[0])) * seen.size).all()
+    assert (load.sigma_n <= 1.1 * float(np.exp(LN_SIGMA_BOUNDS[1])) * seen.size).all()
 
 
 def along_a_line(closure_rel: Vector, rate_per_s: Vector, age_s: Vector) -> Window:
@@ -186,7 +186,9 @@ def test_even_motion_is_seen_as_of_the_asked_time() -> None:
     age_s = rng.uniform(0.0, 0.02, (30, 1, 1)) + STEP_S * (orders[:, None] + 9 * np.arange(3)[:, None])
     seen = seen_of(along_a_line(closure_rel, rate, age_s))
     np.testing.assert_allclose(seen.now, closure_rel, atol=1e-12)
-    planes = seen.seen[:, : PLANES * 9].reshape(30, PLANES, 9) * seen.size[:, None]
+    planes = (
+        seen.seen[:, : FEATURES_PER_ELEMENT * 9].reshape(30, FEATURES_PER_ELEMENT, 9) * seen.size[:, None]
+    )
     np.testing.assert_allclose(planes[:, 1], 9 * STEP_S * rate, atol=1e-12)
     np.testing.assert_allclose(planes[:, 3:6], 0.0, atol=1e-12)
 
@@ -226,4 +228,4 @@ def test_the_file_holds_each_weight_once() -> None:
     for name, weight in weights._asdict().items():
         assert stored[name].data_type == TensorProto.FLOAT
         np.testing.assert_array_equal(onnx.numpy_helper.to_array(stored[name]), weight)
-    assert weights.size == 10 + 5 * SEEN + 5 + 5 * 40 + 5 + 70 + 4
+    assert weights.size == 10 + 5 * N_INPUTS + 5 + 5 * 40 + 5 + 70 + 4

@@ -46,7 +46,7 @@ _WALK_CONVERSIONS = 2500
 #: Least force of a direction, of a friction ratio, and least normal force of a contact normal [N].
 LEAST_N, FRICTION_N, NORMAL_N = 0.1, 0.3, 0.5
 #: Windows of one call.
-_AT_ONCE = 20_000
+_WINDOWS_PER_CALL = 20_000
 _START_NS = 200_000_000
 #: Loads at rest.
 _REST_CASES = 6000
@@ -162,7 +162,9 @@ def _walked(
 
 def estimated(context: StudyContext, window: Window) -> Load:
     """Return the network's loads, in calls of bounded size."""
-    some = [slice(first, first + _AT_ONCE) for first in range(0, len(window.missing), _AT_ONCE)]
+    some = [
+        slice(first, first + _WINDOWS_PER_CALL) for first in range(0, len(window.missing), _WINDOWS_PER_CALL)
+    ]
     parts = [
         context.network.estimate(Window(window.closure_rel[k], window.age_s[k], window.missing[k]))
         for k in some

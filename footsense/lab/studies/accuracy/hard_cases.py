@@ -152,7 +152,7 @@ class Results:
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Try every case; the quick form leaves out those that need a finite element solve."""
+    """Run every case; the quick form leaves out the cases that need a finite element solve."""
     response = context.response
     groups: dict[str, Iterable[Case]] = {
         "The foot under load": [

@@ -163,7 +163,7 @@ def _leg_state_case(
     reading: int = Reading.OK,
     age_ns: int = 0,
 ) -> Case:
-    """Return the case of a leg that measures some capacitances [pF] until it has settled, and the expected state."""
+    """Feed constant capacitances [pF] to a leg until it has settled, and compare its state with the expected one."""
     leg = _Leg(context)
     for _ in range(_SETTLING):
         leg.feed(capacitance_pf, reading)

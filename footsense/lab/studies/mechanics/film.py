@@ -98,8 +98,8 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Confined:
-    """The film with another Poisson's ratio.
+class ConfinedFilm:
+    """Stiffness and closure of the film, confined between stiff layers, with another Poisson's ratio.
 
     Attributes:
         confined_mpa: Modulus of the confined layer [MPa].
@@ -132,7 +132,7 @@ class Results:
     electrode_mm: float
     gaps: Measured
     gel: Measured
-    by_poisson: dict[str, Confined]
+    by_poisson: dict[str, ConfinedFilm]
 
 
 def with_gaps(context: StudyContext) -> Sensor:
@@ -174,7 +174,7 @@ def _range_n(sensor: Sensor, direction: Vector) -> float:
 
 
 def measured(context: StudyContext, sensor: Sensor) -> Measured:
-    """Return the figures of a design; the noise in pF is the same for both."""
+    """Return sensitivity, range and errors of one design of the sensor, with the same noise [pF] for all designs."""
     rng = np.random.default_rng(NOISE_SEED)
     capacitor = sensor.capacitor
 
@@ -219,7 +219,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
         gaps=measured(context, gaps),
         gel=measured(context, gel),
         by_poisson={
-            f"{nu:g}": Confined(
+            f"{nu:g}": ConfinedFilm(
                 confined_mpa=other.gel.confined_mpa, relief_mm=other.relief_mm, closure_um=closure_um
             )
             for nu, other, closure_um in zip(poissons, films, closures, strict=True)

@@ -102,7 +102,7 @@ def _epochs_to(losses: Vector, goal: Vector) -> Vector:
 
 
 def _race(rate: float, descent: Trained, rprop: Trained) -> Race:
-    """Return the race of two runs from the same start weights."""
+    """Compare gradient descent and Rprop from the same start weights: epochs to the same loss."""
     goal = descent.losses[:, -1]
     slow, fast = _epochs_to(descent.losses, goal), _epochs_to(rprop.losses, goal)
     return Race(
@@ -125,7 +125,7 @@ def _epoch_s(trained: Trained) -> float:
 
 
 def compute(context: StudyContext) -> tuple[Results, Figures]:
-    """Train the same networks by every rule."""
+    """Train the same networks by gradient descent, with and without momentum, and by Rprop."""
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if context.quick else (SEEDS, EPOCHS)
     training = PaperTraining(context.response.design, paper_training(context.response))
     starts = starts_of(seeds)

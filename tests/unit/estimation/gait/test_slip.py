@@ -24,7 +24,7 @@ class Foot:
 
     def stand(self, uses: list[float]) -> int:
         """Return the number of slips that are said in a stance of these friction uses."""
-        self.detector.lift()
+        self.detector.reset_stance()
         self.slips.clear()
         for use in uses:
             self.look(1.0, use)
