@@ -90,6 +90,10 @@ class CanStream:
         """Return the last state of each leg that sent a force since a mark."""
         return {leg: force.state for leg, force in self.forces(mark).items()}
 
+    def all_states(self, mark: int) -> set[State]:
+        """Return every state that any leg has had since a mark."""
+        return {force.state for frame in self.since(mark) if (force := frame.force)}
+
     def causes(self, mark: int) -> dict[str, set[Cause]]:
         """Return all causes that fault reports have named for each leg since a mark."""
         found: dict[str, set[Cause]] = {}

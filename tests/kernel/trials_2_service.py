@@ -33,8 +33,7 @@ def test_stepped_clock(trial: Trial) -> None:
         trial.machine.run("sleep 2")
     trial.can.wait_for(State.VALID)
     assert trial.robot.pid == pid
-    states = {force.state for frame in trial.can.since(trial.mark) if (force := frame.force)}
-    assert states == {State.VALID}
+    assert trial.can.all_states(trial.mark) == {State.VALID}, trial.can.causes(trial.mark)
     trial.row.shown = "all valid"
 
 
@@ -74,8 +73,7 @@ def test_second_process(trial: Trial) -> None:
         assert "/dev/i2c-1" in output.strip().splitlines()[-1]
     trial.recovered()
     assert trial.robot.pid == pid
-    states = {force.state for frame in trial.can.since(trial.mark) if (force := frame.force)}
-    assert states == {State.VALID}
+    assert trial.can.all_states(trial.mark) == {State.VALID}, trial.can.causes(trial.mark)
 
 
 def test_full_disk(trial: Trial) -> None:
