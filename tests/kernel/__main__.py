@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.kernel.image import HOST_PACKAGES, ROOT
+from tests.kernel.image import HOST_PACKAGES, ROOT, image
 
 _SHORT = "trials_1_short.py"
 
@@ -67,6 +67,7 @@ def main() -> int:
     if reason is not None:
         print(f"kernel-test: not run: {reason}")
         return 0 if short else 1
+    image()  # beforehand, so that its progress is seen
     here = Path(__file__).parent
     targets = [str(here / _SHORT)] if short else [str(here), "--write-page"]
     return subprocess.run(
