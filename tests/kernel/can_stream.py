@@ -21,7 +21,7 @@ _DATA_FRAME = re.compile(rb"[0-9A-F]{3}#([0-9A-F]{2})*")
 LEGS = {node: leg for leg, node in NODE_IDS.items()}
 
 #: Longest wait for anything on CAN: of the machine's time, and of the host's, which may be busy [s].
-BOUND_S, _HOST_BOUND_S = 60.0, 900.0
+BOUND_S, _HOST_BOUND_S = 30.0, 900.0
 
 
 class Frame(NamedTuple):
@@ -89,6 +89,10 @@ class CanStream:
     def states(self, mark: int) -> dict[str, State]:
         """Return the last state of each leg that sent a force since a mark."""
         return {leg: force.state for leg, force in self.forces(mark).items()}
+
+    def all_states(self, mark: int) -> set[State]:
+        """Return every state that any leg has had since a mark."""
+        return {force.state for frame in self.since(mark) if (force := frame.force)}
 
     def causes(self, mark: int) -> dict[str, set[Cause]]:
         """Return all causes that fault reports have named for each leg since a mark."""

@@ -1,6 +1,8 @@
 """The commands of deploy/README.md, taken from the page itself."""
 
 import re
+import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,13 +42,27 @@ def commands(page: Path = PAGE) -> list[Command]:
     """Return the commands of all blocks that are executed, in the order of the page."""
     _, *parts = _SECTION.split(page.read_text(encoding="utf-8"))
     return [
-        Command(title, line)
-        for title, text in zip(parts[::2], parts[1::2], strict=True)
-        for block in _BLOCK.findall(text)
+        Command(title, text)
+        for title, body in zip(parts[::2], parts[1::2], strict=True)
+        for block in _BLOCK.findall(body)
         if not block.startswith(tuple(NOT_EXECUTED))
-        for line in block.replace("\\\n", " ").splitlines()
-        if line.strip() and not line.startswith("#")
+        for text in _complete(block)
     ]
+
+
+def _complete(block: str) -> Iterator[str]:
+    """Yield the commands of a block: lines up to where bash can read them, as a loop has several."""
+    text = ""
+    for line in block.splitlines():
+        text += line
+        if subprocess.run(["bash", "-n", "-c", text], capture_output=True, check=False).returncode:
+            text += "\n"
+        elif not text.endswith("\\"):
+            if text and not text.startswith("#"):
+                yield text
+            text = ""
+        else:
+            text += "\n"
 
 
 def section(number: int) -> list[Command]:

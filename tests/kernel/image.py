@@ -218,7 +218,6 @@ def _place_guest_files(root: Path) -> None:
         "etc/hosts": "127.0.0.1 localhost robot\n",
         "etc/fstab": "/dev/vda / ext4 defaults 0 1\n",
         "etc/modules-load.d/machine.conf": "virtio_console\nfeet_adapter\n",
-        "etc/modprobe.d/machine.conf": "options feet_adapter stretch=25\n",
         "etc/systemd/network/70-can0.netdev": "[NetDev]\nName=can0\nKind=vcan\n",
     }.items():
         (root / name).write_text(text, encoding="utf-8")

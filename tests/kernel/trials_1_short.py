@@ -12,7 +12,6 @@ from tests.kernel.robot import Robot, Trial, matching
 def test_feet_answer_behind_the_multiplexer(first_trial: Trial) -> None:
     """Section 2 of deploy/README.md: `i2cdetect` before and after the first channel is selected."""
     robot = first_trial.robot
-    robot.machine.run("modprobe i2c-dev")
     robot.execute_section(2)
     before, after = robot.outputs["i2cdetect -y 1"]
     assert "71" in before.split()

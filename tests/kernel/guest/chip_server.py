@@ -4,7 +4,7 @@ Commands, one a line, come on a virtio port; each is answered with one line:
 
     press LEG NEWTON            one foot is pressed from now on: (0.05, 0, NEWTON) N
     lift                        all feet are in the air from now on
-    fail LEG|all|mux ERROR      every transfer that reaches it fails with this errno; SILENT: it is never answered
+    fail LEG|all|mux ERROR      every transfer that reaches it alone fails with this errno; SILENT: none answers
     hold LEG                    the leg holds SDA low while its channel is connected: nothing on the bus answers
     clear                       neither fails nor holds
     mux ADDRESS                 strap of the multiplexer
@@ -102,7 +102,8 @@ class ChipServer:
             return None
         reached = ["mux"] if address == self._bus.mux.address else connected
         for target in ("all", *reached):
-            if target in self._fails:
+            # Of several connected legs the others acknowledge in its place.
+            if target in self._fails and (target == "all" or len(reached) == 1):
                 return self._fails[target]
         try:
             if written or n_read:

@@ -8,8 +8,8 @@
  * Request: struct request_head, n_messages times struct request_message, then the bytes of all written messages.
  * Answer:  struct answer_head, then the bytes of all read messages if the result is not negative.
  *
- * A transfer that is not answered within the adapter's timeout (I2C_TIMEOUT) times `stretch` ends with -ETIMEDOUT, as
- * on a bus whose data line is held. Without a program -ENXIO, without the adapter -ENODEV.
+ * A transfer that is not answered within the adapter's timeout (I2C_TIMEOUT) ends with -ETIMEDOUT, as on a bus whose
+ * data line is held. Without a program -ENXIO, without the adapter -ENODEV.
  *
  * /sys/module/feet_adapter/parameters/plugged: 0 takes the adapter away as a pulled USB plug does, 1 adds a new one.
  * A GPIO chip of one line counts the low pulses on it: the RESET pin of a multiplexer.
@@ -52,10 +52,6 @@ enum stage { IDLE, ASKED, TAKEN, ANSWERED };
 static int number = 1;
 module_param(number, int, 0444);
 MODULE_PARM_DESC(number, "the N of /dev/i2c-N");
-
-static unsigned int stretch = 1;
-module_param(stretch, uint, 0644);
-MODULE_PARM_DESC(stretch, "factor on the adapter's timeout, for a processor that is emulated and may stall");
 
 /* The transfer under way; `lock` guards all of it, and which adapter is plugged. */
 static DEFINE_MUTEX(lock);
@@ -103,7 +99,7 @@ static int feet_transfer(struct i2c_adapter *adapter, struct i2c_msg *msgs, int 
 	mutex_unlock(&lock);
 
 	wake_up_interruptible(&to_server);
-	wait_event_timeout(to_caller, READ_ONCE(stage) == ANSWERED, (long)adapter->timeout * stretch);
+	wait_event_timeout(to_caller, READ_ONCE(stage) == ANSWERED, adapter->timeout);
 
 	mutex_lock(&lock);
 	ended_with = stage == ANSWERED ? result : -ETIMEDOUT;
