@@ -147,7 +147,18 @@ def wheels() -> Path:
     lock = ROOT / "deploy" / "requirements.lock"
 
     def make(folder: Path) -> None:
-        run(sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", folder, "--requirement", lock)
+        run(
+            sys.executable,
+            "-m",
+            "pip",
+            "download",
+            "--quiet",
+            "--no-deps",
+            "--dest",
+            folder,
+            "--requirement",
+            lock,
+        )
 
     return _made("wheels", _hash(lock), make)
 

@@ -21,7 +21,12 @@ ENTRIES = [
 
 def environment(machine: str) -> dict[str, str]:
     """Return what markers see on a robot: Debian 12, or Raspberry Pi OS 12."""
-    return {"platform_machine": machine, "python_version": "3.11", "python_full_version": "3.11.2", "extra": ""}
+    return {
+        "platform_machine": machine,
+        "python_version": "3.11",
+        "python_full_version": "3.11.2",
+        "extra": "",
+    }
 
 
 def pinned(machine: str) -> dict[str, str]:
