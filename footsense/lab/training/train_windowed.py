@@ -38,8 +38,8 @@ _MISSING_SHARE, _REST_SHARE = 0.25, 0.45
 #: Share of the windows at rest that are read at any pace and in any order, and of those with friction: few of the loads
 #: at rest have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
 _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
-#: Tempering of the likelihood as in `snapshot/train.py`, and weight of the squared error over the squared force beside it: lower
-#: than there, as sudden steps, which nothing can tell, would dominate.
+#: Tempering of the likelihood as in `snapshot/train.py`, and weight of the squared error over the squared force beside
+#: it: lower than there, as sudden steps, which nothing can tell, would dominate.
 _TEMPERING, _SQUARED_ERROR_WEIGHT = 0.25, 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
