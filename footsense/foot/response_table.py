@@ -31,6 +31,9 @@ from footsense.frames import Vector
 #: Version of the file's layout.
 FORMAT = 2
 
+#: Largest file that is read, and most that its arrays unpack to [bytes]; the released one has 0.6 million.
+MAX_BYTES = 1 << 26
+
 #: Largest deviation of a unit vector from length 1 [1].
 UNIT_TOLERANCE = 1e-6
 
@@ -144,10 +147,14 @@ class FootResponse:
         """
         rebuild = "rebuild it with `footsense lab build`"
         try:
-            content = path.read_bytes()
+            with path.open("rb") as file:
+                content = file.read(MAX_BYTES + 1)
         except OSError as error:
             raise ModelError(f"cannot read the foot response {path}: {error.strerror}; {rebuild}") from error
         try:
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
+                if sum(info.file_size for info in archive.infolist()) > MAX_BYTES:
+                    raise ModelError(f"{path} unpacks to more than {MAX_BYTES} bytes; {rebuild}")
             with np.load(io.BytesIO(content), allow_pickle=False) as stored:
                 about = json.loads(str(stored["description"]))
                 arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in _ARRAYS}

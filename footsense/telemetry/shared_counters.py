@@ -34,6 +34,8 @@ from footsense.errors import FootsenseError
 
 _MAGIC = b"FSCOUNT1"
 _HEAD = struct.Struct("<8sQ")
+#: Most that is read of a file of counters [bytes]; that of six legs has 30 thousand.
+_MAX_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ def read_counters(path: Path) -> tuple[list[MetricFamily], list[float]]:
     """
     try:
         with path.open("rb") as file:
-            content = file.read() if _is_locked(file) else b""
+            content = file.read(_MAX_BYTES) if _is_locked(file) else b""
         if not content:
             raise FootsenseError(f"{path}: its service has ended")
         magic, length = _HEAD.unpack_from(content)
