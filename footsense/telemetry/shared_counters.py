@@ -34,7 +34,7 @@ from footsense.errors import FootsenseError
 
 _MAGIC = b"FSCOUNT1"
 _HEAD = struct.Struct("<8sQ")
-#: Most that is read of a file of counters [bytes]; that of six legs has 30 thousand.
+#: Most that is read of a file of counters [bytes]; that of six legs has 14 thousand.
 _MAX_BYTES = 1 << 20
 
 

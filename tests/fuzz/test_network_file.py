@@ -1,6 +1,7 @@
 """ONNX files: damaged, and forged with a checksum that is right."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,7 +17,7 @@ from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import read_card
+from footsense.foot.files.network_card import INPUTS, OUTPUTS, read_card
 from tests.fuzz.outcome import EXAMPLES, TRIED, refusal
 from tests.support.networks import ALL_IN, ALL_OUT
 
@@ -86,6 +87,15 @@ def test_forged_files_hurt_nobody(tmp_path: Path, seed: int) -> None:
         files.append(tmp_path / f"{n}.onnx")
         files[-1].write_bytes(add_checksum(bytes(changed)))
     assert sum(" refused: " in line for line in judge(files)) > 10
+
+
+def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+    """Bytes that are no UTF-8, wherever an input or output is named."""
+    content, path = WHOLE[:-86], tmp_path / "network.onnx"
+    for name in (signal.name.encode() for signal in (*INPUTS, *OUTPUTS)):
+        for match in re.finditer(name, content):
+            path.write_bytes(add_checksum(content[: match.start()] + b"\x87" + content[match.start() + 1 :]))
+            assert refusal(lambda: Network(path, 1), ModelError)
 
 
 def network(tmp_path: Path, *nodes: Any, **constants: Any) -> Path:
