@@ -158,9 +158,8 @@ class ContactDetector:
         above_n = load_n - floor_n
         predicted_above_n = predicted_n - floor_n
         noise, predicted_noise = self.noise, self.predicted_noise
-        is_predicted = (
-            predicted_above_n > predicted_noise.threshold_n and t_ns - self._lifted_ns > _OVERSHOOT_NS
-        )
+        overshoots = t_ns - self._lifted_ns <= _OVERSHOOT_NS
+        is_predicted = predicted_above_n > predicted_noise.threshold_n and not overshoots
         self.raw = above_n > noise.threshold_n or is_predicted
         if self.in_contact:
             lift_n = 0.5 * noise.threshold_n
@@ -183,10 +182,9 @@ class ContactDetector:
             noise.block_n.append(above_n)
             if t_ns >= noise.end_ns:
                 noise.end_block(t_ns)
-            if t_ns - self._lifted_ns > _OVERSHOOT_NS:
-                predicted_noise.block_n.append(predicted_above_n)
-                if t_ns >= predicted_noise.end_ns:
-                    predicted_noise.end_block(t_ns)
+            predicted_noise.block_n.append(math.nan if overshoots else predicted_above_n)
+            if t_ns >= predicted_noise.end_ns and not overshoots:
+                predicted_noise.end_block(t_ns)
             if t_ns - self._window_start_ns > _FLOOR_FOLLOWS_AFTER_NS:
                 self._highest_before_n = self._highest_n
                 self._highest_n, self._window_start_ns = load_n, t_ns

@@ -16,4 +16,4 @@ def test_a_conversion_of_six_legs_stays_within_its_modules_and_calls() -> None:
         assert f"footsense/{part}" in modules
     assert not any(module.startswith("footsense/sim/") for module in modules)
     assert len(modules) <= 22, sorted(modules)
-    assert sum(calls.values()) <= 92
+    assert sum(calls.values()) <= 90
