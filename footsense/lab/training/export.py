@@ -23,7 +23,7 @@ from footsense.errors import ModelError
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
 from footsense.frames import ELEMENTS
-from footsense.lab.training.snapshot.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
+from footsense.lab.training.symmetric_layers import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
 from footsense.lab.training.windowed_network import (
     LN_SIGMA_BOUNDS,
     MAX_FEATURE,
@@ -92,7 +92,7 @@ def _constants(weights: Weights) -> dict[str, NDArray[Any]]:
 def _nodes() -> Sequence[onnx.NodeProto]:
     """Return the operators of the graph, read from `windowed_network.onnxtxt`."""
     operators = Path(__file__).with_name("windowed_network.onnxtxt").read_text(encoding="utf-8")
-    nodes = onnx.parser.parse_graph(f"operators () => () {{\n{operators}}}").node
+    nodes: Sequence[onnx.NodeProto] = onnx.parser.parse_graph(f"operators () => () {{\n{operators}}}").node
     for node in nodes:
         node.ClearField("domain")  # the parser sets the default one
     return nodes

@@ -12,7 +12,7 @@ and beside them the mask of missing elements, r and ln T. Two hidden layers of t
     f = L x + M (x - v0) + (s / r) V h2,     s = |x|^2 / 9
     sigma_f = r exp(Q h2 + q),    contact point and friction ratio: C h2,    their sigma: exp(R h2 + c)
 
-No load gives exactly no force. The eight symmetries of the square are built in as in `snapshot/network.py`: a hidden
+No load gives exactly no force. The eight symmetries of the square are built in as in `symmetric_layers.py`: a hidden
 channel is eight units, one for each symmetry, that share their weights.
 
 Source:
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from footsense.frames import ELEMENTS
 from footsense.lab.symmetry import SYMMETRIES, element_map
-from footsense.lab.training.snapshot.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
+from footsense.lab.training.symmetric_layers import N_SYMMETRIES, SOFT_REL, expand_hidden, linear_basis
 from footsense.ports import Load, Window
 
 #: Readings of an element in a window.
@@ -133,17 +133,11 @@ def output_turns() -> NDArray[np.float64]:
 
 def expand(weights: Weights) -> Matrices:
     """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
-    c = weights.channels
-    w1 = weights.w1[:, seen_index()]  # (c, 8, SEEN)
-    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_index()]  # (c of unit, g, h, c of input)
     turns = output_turns()
     return Matrices(
         level=jnp.tensordot(weights.linear[:5], linear_basis(), 1),
         slope=jnp.tensordot(weights.linear[5:], linear_basis(), 1),
-        w1=jnp.transpose(w1, (2, 1, 0)).reshape(N_INPUTS, -1),
-        b1=jnp.tile(weights.b1, N_SYMMETRIES),
-        w2=jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
-        b2=jnp.tile(weights.b2, N_SYMMETRIES),
+        **expand_hidden(weights, seen_index()),
         out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS),
         sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS),
         sigma_offset=weights.sigma_offset[SIGMA_ROW_OF_OUTPUT],
