@@ -22,7 +22,7 @@ from onnx import TensorProto, helper, numpy_helper
 from footsense.errors import ModelError
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.symmetric_layers import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
 from footsense.lab.training.windowed_network import (
     LN_SIGMA_BOUNDS,
@@ -38,8 +38,6 @@ from footsense.lab.training.windowed_network import (
     seen_index,
 )
 from footsense.ports import Load, Window
-
-Vector = NDArray[np.float64]
 
 #: The format of onnxruntime 1.18; newer ones gain nothing for ten matrix products.
 IR_VERSION, OPSET = 8, 17

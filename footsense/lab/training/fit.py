@@ -5,7 +5,9 @@ ones. Every batch draws its own noise and its own missing elements.
 
 The loss is the likelihood of the error under the network's sigma, so that cases which noise or a missing row makes
 ambiguous do not dominate it; tempered, and with a share of the plain squared error over the squared force, so that
-they still count.
+they still count. Inputs of the hidden layers are whitened while training, because the patterns that distinguish
+friction from inclination are a hundred times weaker than those of the force; the whitening is then folded into the
+first layer. The linear path starts at the least-squares read-out.
 
 Source:
     Seitzer et al., On the pitfalls of heteroscedastic uncertainty estimation with probabilistic neural networks, ICLR
@@ -20,6 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from numpy.typing import NDArray
 
 from footsense.frames import Vector
 from footsense.lab.training.symmetric_layers import linear_basis
@@ -54,6 +57,27 @@ class Protocol:
     def card(self) -> dict[str, Any]:
         """Return the protocol as JSON values."""
         return {"optimiser": "muon, cosine one-cycle", **asdict(self)}
+
+
+def whitening(
+    seen: Vector, index: NDArray[np.intp], place: NDArray[np.intp], least_variance: float
+) -> tuple[jax.Array, jax.Array]:
+    """Return the matrix (inputs, inputs) and mean (inputs,) that make some inputs white, with the square's symmetry.
+
+    Args:
+        seen: Inputs of the first hidden layer, shape (n, inputs).
+        index: Result of `input_index`, shape (8, inputs).
+        place: The inputs to whiten: all but the masks.
+        least_variance: Variance along an axis below which the inputs count as constant.
+    """
+    covariance = np.cov(seen.T)
+    covariance = np.mean([covariance[np.ix_(row, row)] for row in index], axis=0)
+    mean = np.mean([seen.mean(axis=0)[row] for row in index], axis=0)
+    variance, axes = np.linalg.eigh(covariance[np.ix_(place, place)])
+    whiten, shift = np.eye(len(mean)), np.zeros(len(mean))
+    whiten[np.ix_(place, place)] = (axes / np.sqrt(np.maximum(variance, least_variance))) @ axes.T
+    shift[place] = mean[place]
+    return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
 
 
 def linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: float) -> jax.Array:

@@ -13,12 +13,26 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.frames import ELEMENTS
 from footsense.lab.symmetry import SYMMETRIES, element_map
 
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
 SOFT_REL = 2e-3
 #: Symmetries of the square.
 N_SYMMETRIES = len(SYMMETRIES)
+
+
+def input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
+    """Return which input of a channel meets each input of the layer in its unit g, shape (8, inputs).
+
+    Args:
+        n_planes: Features of each element; the inputs begin with nine of each.
+        n_scalars: Features of the foot, which follow.
+    """
+    inverse = np.argsort(np.stack([element_map(g) for g in SYMMETRIES]), axis=1)
+    planes = [ELEMENTS * plane + inverse for plane in range(n_planes)]
+    scalars = np.tile(ELEMENTS * n_planes + np.arange(n_scalars), (N_SYMMETRIES, 1))
+    return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
 
 
 def relative_index() -> NDArray[np.intp]:
@@ -43,18 +57,19 @@ def linear_basis() -> NDArray[np.float64]:
     return basis
 
 
-def expand_hidden(weights: Any, seen_index: NDArray[np.intp]) -> dict[str, Any]:
+def expand_hidden(weights: Any, n_planes: int, n_scalars: int) -> dict[str, Any]:
     """Return the matrices and offsets of both hidden layers by name: unit g * c + i is channel i under symmetry g.
 
     Args:
         weights: Weights of c channels: `w1` (c, inputs), `b1` (c,), `w2` (c, 8 c), the symmetry slow, and `b2` (c,).
-        seen_index: Input of a channel that meets each input of the layer in its unit g, shape (8, inputs).
+        n_planes: As for `input_index`.
+        n_scalars: As for `input_index`.
     """
     c = weights.channels
-    w1 = weights.w1[:, seen_index]  # (c, 8, inputs)
+    w1 = weights.w1[:, input_index(n_planes, n_scalars)]  # (c, 8, inputs)
     w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_index()]  # (c of unit, g, h, c of input)
     return {
-        "w1": jnp.transpose(w1, (2, 1, 0)).reshape(seen_index.shape[1], -1),
+        "w1": jnp.transpose(w1, (2, 1, 0)).reshape(w1.shape[-1], -1),
         "b1": jnp.tile(weights.b1, N_SYMMETRIES),
         "w2": jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
         "b2": jnp.tile(weights.b2, N_SYMMETRIES),

@@ -15,8 +15,8 @@ import numpy as np
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.frames import ELEMENTS, Vector
-from footsense.lab.training.fit import Protocol, fit, force_loss, linear_start
+from footsense.frames import ELEMENTS
+from footsense.lab.training.fit import Protocol, fit, force_loss, linear_start, whitening
 from footsense.lab.training.gait_readings import ORDERS, PACE_REL, STEP_S, GaitReadings, usual_lead_s
 from footsense.lab.training.gait_windows import WINDOW, age_table, contact_of, whole_windows
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
@@ -193,21 +193,6 @@ def _random_weights(key: jax.Array, c: int) -> Weights:
     )
 
 
-def _whitening(seen: Vector) -> tuple[jax.Array, jax.Array]:
-    """Return the matrix (SEEN, SEEN) and mean (SEEN,) that make all but the masks white, with the square's symmetry."""
-    index = seen_index()
-    covariance = np.cov(seen.T)
-    covariance = np.mean([covariance[np.ix_(row, row)] for row in index], axis=0)
-    mean = np.mean([seen.mean(axis=0)[row] for row in index], axis=0)
-    unmasked = (FEATURES_PER_ELEMENT - 1) * ELEMENTS
-    place = np.r_[0:unmasked, FEATURES_PER_ELEMENT * ELEMENTS : N_INPUTS]
-    variance, axes = np.linalg.eigh(covariance[np.ix_(place, place)])
-    whiten, shift = np.eye(N_INPUTS), np.zeros(N_INPUTS)
-    whiten[np.ix_(place, place)] = (axes / np.sqrt(np.maximum(variance, 3e-8))) @ axes.T
-    shift[place] = mean[place]
-    return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
-
-
 def train_windowed(
     gaits: GaitReadings,
     rest: LeaningCases,
@@ -233,7 +218,10 @@ def train_windowed(
     n_times = gaits.closure_rel.shape[1]
     first = jax.jit(_batch, static_argnums=(1, 2))(data, n_times, 60_000, jax.random.PRNGKey(0))
     carries = np.asarray(first.loaded[:, 0] > 0.0)
-    whiten, mean = _whitening(np.asarray(first.seen.seen, np.float64)[carries])
+    unmasked = (FEATURES_PER_ELEMENT - 1) * ELEMENTS
+    place = np.r_[0:unmasked, FEATURES_PER_ELEMENT * ELEMENTS : N_INPUTS]
+    seen = np.asarray(first.seen.seen, np.float64)[carries]
+    whiten, mean = whitening(seen, seen_index(), place, 3e-8)
     now, newest, force_n = (
         np.asarray(part, np.float64) for part in (first.seen.now, first.seen.newest, first.force_n)
     )

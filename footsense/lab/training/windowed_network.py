@@ -26,8 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ELEMENTS
-from footsense.lab.symmetry import SYMMETRIES, element_map
-from footsense.lab.training.symmetric_layers import N_SYMMETRIES, SOFT_REL, expand_hidden, linear_basis
+from footsense.lab.symmetry import SYMMETRIES
+from footsense.lab.training.symmetric_layers import (
+    N_SYMMETRIES,
+    SOFT_REL,
+    expand_hidden,
+    input_index,
+    linear_basis,
+)
 from footsense.ports import Load, Window
 
 #: Readings of an element in a window.
@@ -116,10 +122,7 @@ class Features(NamedTuple):
 
 def seen_index() -> NDArray[np.intp]:
     """Return which input of a channel meets input e of the layer in its unit g, shape (8, SEEN)."""
-    inverse = np.argsort(np.stack([element_map(g) for g in SYMMETRIES]), axis=1)
-    planes = [ELEMENTS * plane + inverse for plane in range(FEATURES_PER_ELEMENT)]
-    scalars = np.tile(np.arange(FEATURES_PER_ELEMENT * ELEMENTS, N_INPUTS), (N_SYMMETRIES, 1))
-    return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
+    return input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
 
 
 def output_turns() -> NDArray[np.float64]:
@@ -137,7 +140,7 @@ def expand(weights: Weights) -> Matrices:
     return Matrices(
         level=jnp.tensordot(weights.linear[:5], linear_basis(), 1),
         slope=jnp.tensordot(weights.linear[5:], linear_basis(), 1),
-        **expand_hidden(weights, seen_index()),
+        **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT),
         out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS),
         sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS),
         sigma_offset=weights.sigma_offset[SIGMA_ROW_OF_OUTPUT],

@@ -22,10 +22,10 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
-from footsense.lab.symmetry import SYMMETRIES, element_map
-from footsense.lab.training.symmetric_layers import N_SYMMETRIES, SOFT_REL, expand_hidden, linear_basis
+from footsense.frames import Vector
+from footsense.lab.symmetry import SYMMETRIES
+from footsense.lab.training.symmetric_layers import SOFT_REL, expand_hidden, linear_basis
 
 #: Inputs of the first hidden layer: nine closures, nine masks, the size.
 N_INPUTS = 19
@@ -78,14 +78,6 @@ class Matrices(NamedTuple):
     sigma_offset: Any
 
 
-def seen_index() -> NDArray[np.intp]:
-    """Return which input of a channel meets input e of the layer in its unit g, shape (8, 19)."""
-    maps = np.stack([element_map(g) for g in SYMMETRIES])
-    inverse = np.argsort(maps, axis=1)
-    size = np.full((N_SYMMETRIES, 1), N_INPUTS - 1)
-    return np.concatenate([inverse, 9 + inverse, size], axis=1).astype(np.intp)
-
-
 def expand(weights: Weights) -> Matrices:
     """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
     turns = np.stack(SYMMETRIES)
@@ -93,7 +85,7 @@ def expand(weights: Weights) -> Matrices:
     sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma)
     return Matrices(
         linear=jnp.tensordot(weights.linear, linear_basis(), 1),
-        **expand_hidden(weights, seen_index()),
+        **expand_hidden(weights, 2, 1),
         force=force.reshape(-1, 3),
         sigma=sigma.reshape(-1, 3),
         sigma_offset=weights.sigma_offset[np.array([0, 0, 1])],
@@ -118,7 +110,7 @@ def run(matrices: Matrices, closure_rel: Any, missing: Any) -> tuple[Any, Any]:
     return force, sigma
 
 
-def hidden_input(closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return pattern and size of closures, shape (n, 10), by the formula of `run` in numpy."""
+def hidden_input(closure_rel: Vector) -> Vector:
+    """Return the inputs of the hidden layers for closures, none missing, shape (n, 19), as `run` in numpy."""
     size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + SOFT_REL**2)
-    return np.concatenate([closure_rel / size, size], axis=-1)
+    return np.concatenate([closure_rel / size, np.zeros_like(closure_rel), size], axis=-1)

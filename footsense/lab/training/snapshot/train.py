@@ -1,9 +1,4 @@
-"""Training of the snapshot network on load cases, by `training/fit.py`.
-
-Inputs of the hidden layers are whitened while training, because the patterns that distinguish friction from inclination
-are a hundred times weaker than those of the force; the whitening is then folded into W1. The linear path starts at the
-least-squares read-out.
-"""
+"""Training of the snapshot network on load cases, by `training/fit.py`."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -16,12 +11,12 @@ from numpy.typing import NDArray
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
+from footsense.frames import Vector
 from footsense.lab.symmetry import SYMMETRIES, element_map
-from footsense.lab.training.fit import Protocol, fit, force_loss, linear_start
+from footsense.lab.training.fit import Protocol, fit, force_loss, linear_start, whitening
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Cases
 from footsense.lab.training.snapshot.network import N_INPUTS, Weights, expand, hidden_input, run
-
-Vector = NDArray[np.float64]
+from footsense.lab.training.symmetric_layers import input_index
 
 #: Share of the training cases with something missing.
 _MISSING_SHARE = 0.15
@@ -70,21 +65,6 @@ def _random_weights(key: jax.Array, c: int) -> Weights:
         sigma=jnp.zeros((c, 3)),
         sigma_offset=jnp.array([-3.0, -4.0]),
     )
-
-
-def _whitening(closure_rel: Vector) -> tuple[jax.Array, jax.Array]:
-    """Return the matrix (19, 19) and mean (19,) that make pattern and size white; both have the square's symmetry."""
-    seen = hidden_input(closure_rel)
-    maps = [np.append(element_map(g), 9) for g in SYMMETRIES]
-    mean = np.mean([seen.mean(axis=0)[m] for m in maps], axis=0)
-    covariance = np.cov(seen.T)
-    covariance = np.mean([covariance[np.ix_(m, m)] for m in maps], axis=0)
-    variance, axes = np.linalg.eigh(covariance)
-    square_root = (axes / np.sqrt(np.maximum(variance, 1e-8))) @ axes.T
-    place = np.r_[0:9, N_INPUTS - 1]
-    whiten, shift = np.eye(N_INPUTS), np.zeros(N_INPUTS)
-    whiten[np.ix_(place, place)], shift[place] = square_root, mean
-    return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
 
 
 class _Task(NamedTuple):
@@ -145,7 +125,8 @@ def train(
     closure_rel = cases.closure_um / design.gap_um
     imputation = imputation or Imputation(moments(closure_rel))
     task = _task(cases, design, protocol, imputation)
-    whiten, mean = _whitening(closure_rel)
+    place = np.r_[0:9, N_INPUTS - 1]
+    whiten, mean = whitening(hidden_input(closure_rel), input_index(2, 1), place, 1e-8)
     linear = linear_start((closure_rel,), cases.force_n, protocol.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
