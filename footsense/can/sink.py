@@ -138,7 +138,6 @@ class CanSink:
         if not frames:
             return
         taken = self._channel.send(b"".join(frames), t_ns)
-
         gait.set_sent(min(n_events, taken))
         n_reported = min(len(reports), max(0, taken - n_before))
         for leg, report in reports[:n_reported]:
