@@ -54,7 +54,7 @@ class RunStatistics(Observer):
         valid = np.isin(forces.state, list(USABLE))
         if not valid.any():
             return
-        self._ages_ns.append(forces.age_ns[valid])
+        self._ages_ns.append((forces.t_sent_ns - forces.t_ns)[valid])
         if self._true_force_at_time_n is not None:
             self._pairs_n.append((forces.force_n[valid], self._true_force_at_time_n(forces.t_sent_ns)[valid]))
         if len(self._ages_ns) >= _KEPT_CYCLES:

@@ -15,14 +15,8 @@ from footsense.recording.compare import compare, same_machine
 from footsense.recording.container import messages
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_fields import NOT_RECORDED
-from footsense.recording.cycle_records import (
-    LostCycles,
-    NumberedCycle,
-    pack_cycle,
-    pack_header,
-    pack_loss,
-    unpack,
-)
+from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack
 from footsense.recording.machine import platform_versions
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
