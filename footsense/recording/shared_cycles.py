@@ -29,7 +29,8 @@ import numpy as np
 from footsense.errors import FootsenseError, RecordingError
 from footsense.frames import ELEMENTS, CanStatistics, Cycle, Vector
 from footsense.ports import Observer
-from footsense.recording.cycle_records import NumberedCycle, pack_cycle, unpack
+from footsense.recording.cycle_pipe import pack_cycle
+from footsense.recording.cycle_records import NumberedCycle, unpack
 from footsense.shared_file import SharedFile, is_locked
 
 _MAGIC = b"FSCYCLE1"
@@ -176,9 +177,8 @@ class CycleReader:
         number: int = _NUMBER.unpack_from(self._map, self._start)[0]
         return number
 
-    @property
     def is_current(self) -> bool:
-        """Whether its writer lives, and the file is still the one of its path."""
+        """Return whether its writer lives, and the file is still the one of its path."""
         with suppress(OSError):
             return self._path.stat().st_ino == os.fstat(self._file.fileno()).st_ino and is_locked(self._file)
         return False

@@ -106,7 +106,7 @@ class Live:
 
     def _look(self) -> None:
         """Open the file of a service, or notice its end."""
-        if self._reader is not None and self._reader.is_current:
+        if self._reader is not None and self._reader.is_current():
             with suppress(ValueError):
                 self.can = self._reader.can
             return

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from firmware_interface.can_codes import phase_of
+from firmware_interface.can.codes import phase_of
 from footsense.frames import FAULT_FREE, BaselineStatus, Cause, Slip, State
 from footsense.view.events import words
 

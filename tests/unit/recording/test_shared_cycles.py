@@ -77,17 +77,17 @@ def test_the_end_and_the_restart_of_a_service_are_noticed(path: Path) -> None:
     """A reader of the former service knows, and a new one reads the new service."""
     first = Service(path)
     reader = CycleReader(path)
-    assert reader.is_current
+    assert reader.is_current()
     with pytest.raises(FootsenseError, match="another running service writes this file"):
         Service(path)
     first.shared.close()
-    assert not reader.is_current
+    assert not reader.is_current()
     with pytest.raises(FootsenseError, match="No such file"):
         CycleReader(path)
     second = Service(path)
-    assert not reader.is_current
+    assert not reader.is_current()
     with closing(CycleReader(path)) as other:
-        assert other.is_current
+        assert other.is_current()
     reader.close()
     second.shared.close()
 
