@@ -127,7 +127,8 @@ def _read_file(path: Path) -> bytes:
 
 
 def _check_shapes(
-    path: Path, kind: str, values: Sequence[tuple[str, str, Sequence[Any]]], needed: Sequence[Signal]) -> None:
+    path: Path, kind: str, values: Sequence[tuple[str, str, Sequence[Any]]], needed: Sequence[Signal]
+) -> None:
     """Check names, types and shapes of the inputs or outputs.
 
     Raises:
@@ -135,9 +136,7 @@ def _check_shapes(
     """
     found = [(name, dtype, shape[1:]) for name, dtype, shape in values]
     if found != [(signal.name, "tensor(float)", [signal.width]) for signal in needed]:
-        shown = ", ".join(
-            f"{name} [{', '.join(map(str, shape))}] {dtype}" for name, dtype, shape in values
-        )
+        shown = ", ".join(f"{name} [{', '.join(map(str, shape))}] {dtype}" for name, dtype, shape in values)
         wanted = ", ".join(f"{signal.name} [n, {signal.width}]" for signal in needed)
         raise ModelError(f"{path}: its {kind}s are {shown or 'missing'}; the daemon needs float32 {wanted}")
 
