@@ -14,8 +14,7 @@ from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cycle
 from footsense.sim.faults.scene_faults import CanBusOff, CanTraffic, Fault, Leg
-from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Effects
+from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Tripod
 from footsense.validation.invariants import Invariants
 from footsense.validation.random_faults import (
