@@ -1,11 +1,7 @@
 # make run       a six-legged robot walks in simulation; its foot forces, live
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
-<<<<<<< HEAD
-# make test      format, lint, types, import contracts, tests: exactly what CI runs
-# make fuzz      an hour of other and more examples for the tests in tests/fuzz
-=======
 # make test      format, lint, types, import contracts, tests: what CI runs
->>>>>>> main
+# make fuzz      an hour of other and more examples for the tests in tests/fuzz
 # make lock      the newest packages for a robot: deploy/requirements.lock, with their hashes
 # make mutants ROOM=footsense/can   changes the code of a room or module in small ways, and lists what no test notices
 # make kernel-test         the service as deployed, on a Debian kernel in an emulator; needs Debian 12 and root
