@@ -23,7 +23,7 @@ class Scene(ScenePart, frozen=True):
         host_cost_us: Cost of every I2C transaction on the host [us].
         seed: Seed of everything random.
         gait_table: Whether the capacitances over a gait cycle are computed once and interpolated, for long walks:
-            0.2 fF off as long as no gap closes.
+            0.2 fF off as long as no gap closes. Feet that enclose air are computed load by load.
         effects: Deviations from the ideal.
         fabrication: Deviations of the feet; None for feet as designed.
         faults: Faults.
