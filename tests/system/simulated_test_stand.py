@@ -16,8 +16,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Reference
 from footsense.sim.foot.fabrication import fabricate
-from footsense.sim.scene import Scene
-from footsense.sim.scene_fabrication import Fabrication
+from footsense.sim.scene import Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
 
 _SAMPLE_NS = 5_000_000
@@ -62,7 +61,7 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
     config = Config(
         buses=(Bus(device="sim", legs={"lf": 0}),), can=Can(interface="virtual"), feet={"lf": foot}
     )
-    load = CalibrationLoads(presses=presses(n), rise_s=0.1, dwell_s=0.4, pause_s=0.6)
+    load = CalibrationLoads(presses=presses(n), rise_s=0.1, dwell_s=0.4, pause_s=0.4)
     scene = Scene(description="a test stand", load=load, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 200_000_000
     with open_service(config, scene, record=path, real_time=False) as service:

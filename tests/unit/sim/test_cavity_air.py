@@ -16,7 +16,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.sim.foot.cavity_air import CavityAir
-from footsense.sim.scene_effects import Cavities
+from footsense.sim.scene import Cavities
 from footsense.sim.scene_files import load_scene
 from footsense.sim.scene_loads import Constant
 from tests.support.feet import DESIGN
