@@ -15,8 +15,7 @@ conversion runs. A leg that fails is left out for the rest of the scan, so that 
 
 from typing import NamedTuple
 
-from footsense.acquisition.boards.board import CONVERTED, Thermometer
-from footsense.acquisition.boards.conversion_step import Check, Step
+from footsense.acquisition.boards.board import CONVERTED, Check, Step, Thermometer
 from footsense.acquisition.chip_timing import chip_timing
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scan_plan import ScanPlan

@@ -89,9 +89,9 @@ FULL = Recipe(
 QUICK = Recipe(
     mesh=COARSE,
     random_loads=10_000,
-    gaits=100,
-    released=WindowProtocol(channels=8, steps=3_000, batch=256, rate=1e-2),
-    only_362=SnapshotProtocol(steps=2_000, batch=128, masked=False),
+    gaits=60,
+    released=WindowProtocol(channels=8, steps=1_500, batch=256, rate=1e-2),
+    only_362=SnapshotProtocol(steps=1_000, batch=128, masked=False),
     quick=True,
 )
 
