@@ -1,9 +1,9 @@
 """The emulated machine, with systemd as process 1.
 
-Its clock counts instructions (`-icount`): one takes 1 ns, and time in which none is executed is skipped (`sleep=off`). A
-busy host makes a trial longer and nothing in it later, so that the loop keeps its conversions wherever the trials run. The
-disk is memory (NVDIMM), because the machine's time would run on while a disk is read. qemu 7.2 counts for one processor
-only, and without KVM.
+Its clock counts instructions (`-icount`): one takes 1 ns, and time in which none is executed is skipped (`sleep=off`).
+A busy host makes a trial longer and nothing in it later, so that the loop keeps its conversions wherever the trials
+run. The disk is memory (NVDIMM), because the machine's time would run on while a disk is read. qemu 7.2 counts for one
+processor only, and without KVM.
 """
 
 import contextlib
