@@ -145,7 +145,7 @@ def open_service(
             row = legs.index(test_stand.leg)
             reference = stack.enter_context(closing(open_sensor(test_stand.test_stand, row, scan)))
         if record is not None:
-            header = recording_header(models, scene, flags)
+            header = recording_header(models, scene, flags, scan.clock.now_ns())
             header |= test_stand.header() if test_stand is not None else {}
             recorder = Recorder(record, legs, header, blocking=not real_time or test_stand is not None)
             observers.append(recorder)

@@ -1,6 +1,6 @@
 """A recording as an iterable of its cycles."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from footsense.frames import Cycle
@@ -14,6 +14,7 @@ class Replay:
 
     Args:
         path: The recording, finished or not.
+        on_read: Receives the number of bytes read so far.
 
     Attributes:
         path: The recording.
@@ -24,8 +25,9 @@ class Replay:
         RecordingError: The file is missing, or not a recording, or its header is damaged.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, on_read: Callable[[int], None] = lambda _: None) -> None:
         self.path = path
+        self._on_read = on_read
         self.header = read_header(path)
         self.legs = tuple(self.header["legs"].split(","))
 
@@ -38,7 +40,7 @@ class Replay:
         Raises:
             RecordingError: The rest of the file is cut off or damaged.
         """
-        return read_entries(self.path, self.legs)
+        return read_entries(self.path, self.legs, self._on_read)
 
     def __iter__(self) -> Iterator[Cycle]:
         """Iterate over complete cycles in file order.
