@@ -12,23 +12,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import FAULT_FREE as FAULT_FREE
-from firmware_interface.can_codes import NODE_IDS
-from firmware_interface.can_codes import USABLE as USABLE
-from firmware_interface.can_codes import BaselineStatus as BaselineStatus
-from firmware_interface.can_codes import Cause as Cause
-from firmware_interface.can_codes import CommandKind as CommandKind
-from firmware_interface.can_codes import Flag as Flag
-from firmware_interface.can_codes import GaitEventKind as GaitEventKind
-from firmware_interface.can_codes import Result as Result
-from firmware_interface.can_codes import Slip as Slip
-from firmware_interface.can_codes import State as State
+from firmware_interface.can.codes import FAULT_FREE as FAULT_FREE
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.codes import USABLE as USABLE
+from firmware_interface.can.codes import BaselineStatus as BaselineStatus
+from firmware_interface.can.codes import Cause as Cause
+from firmware_interface.can.codes import CommandKind as CommandKind
+from firmware_interface.can.codes import Flag as Flag
+from firmware_interface.can.codes import GaitEventKind as GaitEventKind
+from firmware_interface.can.codes import Result as Result
+from firmware_interface.can.codes import Slip as Slip
+from firmware_interface.can.codes import State as State
 
 #: Arrays by their entries: numbers, truth values, times [ns], and codes of an enumeration.
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Stamps = NDArray[np.int64]
 Codes = NDArray[np.uint8]
+
+#: Whether the force of a leg in a state may be used, by the state's code, shape (256,): `IS_USABLE[frame.state]`.
+IS_USABLE: Mask = np.isin(np.arange(256), list(USABLE))
 
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
 ELEMENTS = 9
@@ -53,8 +56,7 @@ class Reading(IntEnum):
     UNDER_RANGE = 11  #: the code is at the lower end of a range that begins above 0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CapFrame:
+class CapFrame(NamedTuple):
     """The latest reading of every element of every leg.
 
     A scanner of I2C buses gives a frame for every conversion, with one new reading of each leg; a microcontroller one
@@ -71,19 +73,6 @@ class CapFrame:
     t_ns: Stamps
     capacitance_pf: Vector
     reading: Codes
-
-    def __post_init__(self) -> None:
-        """Check that the three arrays have the same shape (legs, 9).
-
-        Raises:
-            ValueError: The three arrays are not all of one shape (legs, 9).
-        """
-        shape = self.capacitance_pf.shape
-        if len(shape) != 2 or shape[1] != ELEMENTS or self.t_ns.shape != shape or self.reading.shape != shape:
-            raise ValueError(
-                f"a CapFrame needs three arrays of shape (legs, {ELEMENTS}), "
-                f"got {self.t_ns.shape}, {shape}, {self.reading.shape}"
-            )
 
 
 class BaselineDrift(NamedTuple):

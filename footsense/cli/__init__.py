@@ -26,6 +26,7 @@ _INTERRUPTED = 130
 _COMMANDS = {
     "run": ("run.command", "Read the feet, estimate their forces, publish them on CAN."),
     "monitor": ("monitor.command", "Show the legs on CAN, as a consumer of their forces sees them."),
+    "view": ("view", "Serve the page of a running service to browsers."),
     "ros2": ("ros2", "Publish the legs on CAN to ROS 2 nodes (needs footsense[ros2])."),
     "exporter": ("exporter", "Serve the metrics of a running service to Prometheus."),
     "replay": ("replay", "Run a recording through the pipeline again, or check it."),

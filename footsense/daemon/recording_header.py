@@ -10,6 +10,7 @@ from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
 from footsense.config.former_keys import with_present_keys
 from footsense.config.sections import Can
+from footsense.daemon.estimation import distance_pf, unloaded_capacitance_pf
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError
 from footsense.frames import Flag
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from footsense.recording.replay import Replay  # a run needs no reader of recordings
 
 _CALIBRATIONS = "calibrations"
+#: Key of the element values, which older recordings lack.
+ELEMENTS_KEY = "elements"
 
 
 def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: int) -> dict[str, str]:
@@ -38,7 +41,26 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
         _CALIBRATIONS: ",".join(hashes),
         **platform_versions(),
+        ELEMENTS_KEY: msgspec.json.encode(element_values(models)).decode(),
     }
+
+
+class ElementValues(msgspec.Struct, frozen=True):
+    """What turns readings of the elements into closures of their gaps.
+
+    Attributes:
+        stray_pf: Capacitance in parallel with each element [pF], shape (legs, 9).
+        distance_pf: Distance of the plates over the gap, times capacitance without stray [pF], shape (legs, 9).
+    """
+
+    stray_pf: list[list[float]]
+    distance_pf: list[list[float]]
+
+
+def element_values(models: Models) -> ElementValues:
+    """Return what turns readings of a robot's elements into closures."""
+    stray_pf, _ = unloaded_capacitance_pf(models)
+    return ElementValues(stray_pf.tolist(), distance_pf(models).tolist())
 
 
 def recorded_flags(recording: "Replay") -> int:

@@ -19,14 +19,16 @@ from footsense.daemon.acquisition import ScanSource, open_scan_source
 from footsense.daemon.can_output import can_sink, closing_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
-from footsense.daemon.models import load_models
+from footsense.daemon.models import Models, load_models
 from footsense.daemon.recording_header import recording_header
 from footsense.daemon.simulation import Paced, is_simulated
 from footsense.errors import ConfigError, FootsenseError
 from footsense.estimation.network import Network
+from footsense.estimation.pipeline import Pipeline
 from footsense.frames import Flag, Vector
 from footsense.ports import FrameSource, Observer, WakeupLatency
 from footsense.recording.recorder import Recorder, check_target
+from footsense.recording.shared_cycles import SharedCycles
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
@@ -149,7 +151,9 @@ def open_service(
             header |= test_stand.header() if test_stand is not None else {}
             recorder = Recorder(record, legs, header, blocking=not real_time or test_stand is not None)
             observers.append(recorder)
+        pipeline = pipeline_for(models, flags)
         observers += _metrics(config, sink, scan, wakeups, recorder)
+        observers += _shared_cycles(models, scene, flags, pipeline, sink)
         for observer in observers:
             stack.enter_context(closing_at_end(observer.close))
         yield Service(
@@ -157,7 +161,7 @@ def open_service(
             true_force_at_time_n=scan.true_force_at_time_n,
             source=source,
             network=models.network,
-            pipeline=pipeline_for(models, flags),
+            pipeline=pipeline,
             sink=sink,
             observers=observers,
             clock=scan.clock,
@@ -192,6 +196,25 @@ def _metrics(
         _log.warning("%s; the forces go on without metrics", error)
         return []
     return [metrics]
+
+
+def _shared_cycles(
+    models: Models, scene: Scene | None, flags: Flag, pipeline: Pipeline, sink: CanSink
+) -> list[SharedCycles]:
+    """Return the configured copy of the cycles for viewers; none if its file cannot be written."""
+    config = models.config
+    if config.view is None:
+        return []
+    header = recording_header(models, scene, flags)
+    try:
+        return [
+            SharedCycles(
+                Path(config.view.cycles), config.legs, header, lambda: pipeline.baseline_pf, sink.stats
+            )
+        ]
+    except FootsenseError as error:
+        _log.warning("%s; the forces go on without a view", error)
+        return []
 
 
 def _request_scheduling(config: Config, *, simulated: bool) -> Flag:

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, field
 from itertools import groupby
 
-from firmware_interface.can_codes import State
+from firmware_interface.can.codes import State
 from tests.kernel import deploy_page
 from tests.kernel.can_stream import LEGS
 from tests.kernel.machine import Machine
@@ -106,6 +106,12 @@ class Robot:
     def restarts(self) -> int:
         """How often systemd has restarted the service since its last `systemctl start`."""
         return int(self.machine.run(f"systemctl show -P NRestarts {UNIT}"))
+
+    def started_within_s(self) -> float:
+        """Start the service, and return how long `systemctl start` took, on the machine's clock [s]."""
+        clock = "cut -d' ' -f1 /proc/uptime"
+        began, ended = self.machine.run(f"{clock}; systemctl start {UNIT} >/dev/null 2>&1; {clock}").split()
+        return float(ended) - float(began)
 
     def configure(self, *edits: str) -> None:
         """Restart the service after edits of its configuration by `sed`."""

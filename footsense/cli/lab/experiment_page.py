@@ -15,15 +15,15 @@ from msgspec.structs import asdict
 from footsense.cli.lab.experiment_figure import errors_over_loads
 from footsense.errors import FootsenseError
 from footsense.lab.studies.page import Figures, Study, StudyContext
-from footsense.lab.training.paper_procedure import EPOCHS
-from footsense.lab.training.per_foot_network import per_foot_force_n
+from footsense.lab.training.paper.per_foot_network import per_foot_force_n
+from footsense.lab.training.paper.procedure import EPOCHS
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances
 from footsense.validation.processes import in_processes
 from footsense.validation.test_stand_trial import FootBatch
 from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult, evaluate_foot
 
 #: Feet of a full run, and of a quick one with one of so many loads.
-N_FEET, QUICK_N_FEET, _QUICK_EVERY = 20, 2, 7
+N_FEET, QUICK_N_FEET, _QUICK_EVERY = 20, 2, 9
 #: Epochs of the network without physics in a quick run.
 _QUICK_EPOCHS = 500
 #: The estimators, in words.

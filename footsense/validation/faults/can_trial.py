@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 import msgspec
 
-from firmware_interface.can_codes import NODE_IDS
-from firmware_interface.can_frames import FORCE_ID
-from firmware_interface.socketcan import split_frames
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.force import FORCE_ID
+from firmware_interface.can.socketcan import split_frames
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.frames import Cycle
 from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import CanFault
-from footsense.sim.scene_effects import Effects
-from footsense.validation.faults.published_walk import WALK
+from footsense.sim.scene import Effects
+from footsense.validation.faults.fault_trial import WALK
 
 
 class CanFigures(NamedTuple):

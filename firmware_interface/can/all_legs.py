@@ -1,0 +1,162 @@
+"""The CAN FD frame `Forces`: forces and contacts of all legs in 64 bytes, in place of `Force` and `Quality`.
+
+::
+
+    byte    0     1      2          3      4 .. 13    ..   54 .. 63
+         +-----------+--------+---------+-----------+-----+-----------+
+         |   crc16   |hi | cnt|   age   |  leg lf   | ..  |  leg rr   |   age: 0.5 ms per bit, 255: none
+         +-----------+--------+---------+-----------+-----+-----------+
+                      7..4 3..0
+
+    hi: bit 4 all in air, 5 simulated, 6 degraded timing
+
+    bit of a leg   0      4         5              6       15            23        31     32   48   64
+                   +------+---------+--------------+-------+-------------+---------+------+----+----+----+
+                   |state | contact | tare refused | mask  |sigma of x, y| sigma z |  0   | fx | fy | fz |
+                   +------+---------+--------------+-------+-------------+---------+------+----+----+----+
+    bits              4       1            1          9           8           8       1     16   16   16
+
+    sigma: 4 mN per bit, the larger one of x and y, 255: no value, 254: 1.016 N or more
+    fx, fy, fz: as in `Force`
+
+Age and sigma are rounded up. A leg that the robot does not have is Absent.
+
+The crc is that of AUTOSAR E2E profile 5, CRC-16/CCITT-FALSE, over all bytes behind it and the CAN id (low byte first);
+profile 11 of the other frames ends at 30 bytes.
+
+Source:
+    AUTOSAR FO R22-11, PRS E2EProtocol, profile 5, with the counter of profile 11.
+"""
+
+import math
+import struct
+from binascii import crc_hqx
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
+from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
+from firmware_interface.can.decoding import enum_member
+from firmware_interface.can.force import FORCE_ID, Force, Quality
+
+#: The id of `Force` with node 0, which stands for all legs.
+FORCES_ID = FORCE_ID
+N_BYTES = 64
+
+_LEGS = len(NODE_IDS)
+_HEADER_STRUCT = struct.Struct("<HBB")
+_LEG_STRUCT = struct.Struct("<Ihhh")
+_NO_FORCE = -32768
+_MAX_FORCE = 32767
+_FORCE_PER_N = 1000
+_AGE_STEP_NS, _NO_AGE = 500_000, 0xFF
+_SIGMA_PER_N, _NO_SIGMA = 250, 0xFF
+_ROUND_UP = 1 - 1e-6
+_FLAGS_OF_ALL_LEGS = Flag.SIMULATED | Flag.DEGRADED_TIMING
+_ABSENT_LEG = (int(State.ABSENT) | _NO_SIGMA << 15 | _NO_SIGMA << 23, _NO_FORCE, _NO_FORCE, _NO_FORCE)
+
+
+class Forces(NamedTuple):
+    """Content of a `Forces` frame.
+
+    Attributes:
+        all_in_air: Whether every leg of the robot is known to be without contact.
+        legs: Content of a `Force` and of a `Quality` of each node, in the order of the nodes 1..6.
+    """
+
+    all_in_air: bool
+    legs: tuple[tuple[Force, Quality], ...]
+
+
+def encode_forces(
+    counter: int,
+    t_sent_ns: int,
+    nodes: Sequence[int],
+    t_ns: Sequence[int],
+    state: Sequence[int],
+    force_n: Sequence[Sequence[float]],
+    sigma_n: Sequence[Sequence[float]],
+    flags: Sequence[int],
+    fault_mask: Sequence[int],
+) -> bytes:
+    """Return the 64 data bytes of `Forces`; arguments as of `ForceQualityEncoder.encode`, and the nodes of the legs."""
+    legs = [_ABSENT_LEG] * _LEGS
+    ages_ns = [0]
+    in_air, common = True, 0
+    for node, leg_ns, code, leg_n, leg_sigma_n, flag, mask in zip(
+        nodes, t_ns, state, force_n, sigma_n, flags, fault_mask, strict=True
+    ):
+        common |= flag & _FLAGS_OF_ALL_LEGS
+        known = code in USABLE and all(map(math.isfinite, leg_n))
+        in_air = in_air and known and not flag & Flag.CONTACT
+        shown = State.ELEMENT_FAULT if code in USABLE and not known else code
+        forces = [_force_code(part_n) if known else _NO_FORCE for part_n in leg_n]
+        x_n, y_n, z_n = leg_sigma_n
+        widest_n = max(x_n, y_n) if math.isfinite(x_n + y_n) else math.nan
+        across, along = _sigma_code(widest_n), _sigma_code(z_n)
+        bits = shown | bool(flag & Flag.CONTACT) << 4 | bool(flag & Flag.TARE_REFUSED) << 5
+        legs[node - 1] = (bits | (mask & 0x1FF) << 6 | across << 15 | along << 23, *forces)
+        if known:
+            ages_ns.append(t_sent_ns - leg_ns if leg_ns else -1)
+    age = -(-max(ages_ns) // _AGE_STEP_NS) if min(ages_ns) >= 0 and len(ages_ns) > 1 else _NO_AGE
+    head = (
+        counter | in_air << 4 | bool(common & Flag.SIMULATED) << 5 | bool(common & Flag.DEGRADED_TIMING) << 6
+    )
+    payload = _HEADER_STRUCT.pack(0, head, min(age, _NO_AGE))[2:] + b"".join(
+        [_LEG_STRUCT.pack(*leg) for leg in legs]
+    )
+    return _crc(FORCES_ID, payload).to_bytes(2, "little") + payload
+
+
+def decode_forces(can_id: int, data: bytes) -> Forces:
+    """Decode a CAN FD `Forces` frame.
+
+    Raises:
+        FrameError: The id, length, crc, counter or a state is wrong.
+    """
+    if can_id != FORCES_ID or len(data) != N_BYTES:
+        raise FrameError(f"frame 0x{can_id:03x} of {len(data)} bytes is no frame of all legs")
+    crc, head, age = _HEADER_STRUCT.unpack_from(data)
+    if crc != _crc(can_id, data[2:]):
+        raise FrameError(
+            f"frame 0x{can_id:03x} has crc 0x{crc:04x} instead of 0x{_crc(can_id, data[2:]):04x}"
+        )
+    counter = head & 0xF
+    if counter >= COUNTER_PERIOD:
+        raise FrameError(f"frame 0x{can_id:03x} has counter {counter}, which is never sent")
+    common = (Flag.SIMULATED if head & 0x20 else 0) | (Flag.DEGRADED_TIMING if head & 0x40 else 0)
+    age_ns = None if age == _NO_AGE else age * _AGE_STEP_NS
+    legs = []
+    for node, (bits, *codes) in enumerate(_LEG_STRUCT.iter_unpack(data[_HEADER_STRUCT.size :]), 1):
+        x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
+        across_n, along_n = (_sigma_n(bits >> shift & 0xFF) for shift in (15, 23))
+        flags = Flag(
+            common | (Flag.CONTACT if bits & 0x10 else 0) | (Flag.TARE_REFUSED if bits & 0x20 else 0)
+        )
+        state = enum_member(State, bits & 0xF)
+        own_ns = age_ns if state in USABLE else None
+        legs.append(
+            (
+                Force(node, counter, state, (x_n, y_n, z_n)),
+                Quality(node, counter, flags, own_ns, bits >> 6 & 0x1FF, (across_n, across_n, along_n)),
+            )
+        )
+    return Forces(bool(head & 0x10), tuple(legs))
+
+
+def _crc(can_id: int, payload: bytes) -> int:
+    return crc_hqx(payload + can_id.to_bytes(2, "little"), 0xFFFF)
+
+
+def _force_code(force_n: float) -> int:
+    return round(max(-_MAX_FORCE, min(_MAX_FORCE, force_n * _FORCE_PER_N)))
+
+
+def _sigma_code(sigma_n: float) -> int:
+    if not sigma_n >= 0.0:
+        return _NO_SIGMA
+    return int(min(sigma_n * _SIGMA_PER_N + _ROUND_UP, _NO_SIGMA - 1))
+
+
+def _sigma_n(code: int) -> float:
+    return math.nan if code == _NO_SIGMA else code / _SIGMA_PER_N

@@ -1,0 +1,136 @@
+"""The CAN frames of commands to a leg, and of the answers to them.
+
+Both are protected as `crc8` describes. The ids are CANopen's, so that a CANopen tool shows a request and an answer;
+their contents are footsense's own.
+
+Source:
+    CiA 301, pre-defined connection set.
+"""
+
+import struct
+from typing import NamedTuple
+
+from firmware_interface.can.codes import CommandKind, Result
+from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError, protect
+from firmware_interface.can.decoding import enum_member, unpack_protected
+
+#: CAN ids are these plus the node id.
+COMMAND_ID = 0x200
+ANSWER_ID = 0x580
+
+#: Word of each command beside its kind, so that no stray frame is a command.
+#: Source: CiA 404 starts an auto-zero by writing "zero" to object 0x6125; the others follow it.
+WORDS = {CommandKind.TARE: b"zero", CommandKind.START: b"strt", CommandKind.STOP: b"stop"}
+
+#: Stands for the counter of the command in an answer that no command frame asked for.
+UNSOLICITED = COUNTER_PERIOD
+
+
+class UnknownCommandError(FrameError):
+    """A frame with a valid crc and no known command.
+
+    Attributes:
+        kind: Its kind byte.
+        counter: Its sequence counter.
+    """
+
+    def __init__(self, kind: int, counter: int, word: bytes) -> None:
+        super().__init__(f"no command is of kind {kind} with the word {word!r}")
+        self.kind = kind
+        self.counter = counter
+
+
+class Command(NamedTuple):
+    """Content of a command to one leg.
+
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        counter: Sequence counter of the frame, 0..14; the answer repeats it.
+        kind: The command.
+    """
+
+    node: int
+    counter: int
+    kind: CommandKind
+
+
+class Answer(NamedTuple):
+    """Content of an answer: the result of a command.
+
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        counter: Sequence counter of the frame, 0..14.
+        result: DONE, or why it was refused.
+        kind: Kind byte of the command, known or not.
+        command_counter: Counter of the command; `UNSOLICITED` for a tare that the service takes by itself.
+    """
+
+    node: int
+    counter: int
+    result: Result
+    kind: int
+    command_counter: int
+
+
+_COMMAND = struct.Struct("<BBB4s")
+_ANSWER = struct.Struct("<BBB")
+
+
+def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
+    """Return the 8 data bytes of `Command`.
+
+    ::
+
+        byte    0        1           2      3      4    5    6    7
+             +-------+-----+-----+------+------+-------------------+
+             | crc8  |  0  | cnt | kind |  0   |  word, 4 letters  |
+             +-------+-----+-----+------+------+-------------------+
+                      7..4  3..0
+
+    Example:
+        >>> encode_command(1, 0, CommandKind.TARE).hex(" ")
+        '98 00 01 00 7a 65 72 6f'
+    """
+    return protect(COMMAND_ID + node, _COMMAND.pack(counter, kind, 0, WORDS[kind]))
+
+
+def decode_command(can_id: int, data: bytes) -> Command:
+    """Decode a `Command` frame.
+
+    Raises:
+        UnknownCommandError: The crc is right, but kind and word are those of no command.
+        FrameError: The id, length, crc or counter is wrong.
+    """
+    node, counter, (_, code, _, word) = unpack_protected(can_id, data, COMMAND_ID, _COMMAND)
+    for kind, known in WORDS.items():
+        if code == kind and word == known:
+            return Command(node, counter, kind)
+    raise UnknownCommandError(code, counter, word)
+
+
+def encode_answer(node: int, counter: int, result: int, kind: int, command_counter: int) -> bytes:
+    """Return the 4 data bytes of `Answer`.
+
+    ::
+
+        byte    0        1            2        3
+             +-------+------+-----+------+---+-----+
+             | crc8  |result| cnt | kind | 0 |command_counter|   command_counter: counter of the command, 15: none
+             +-------+------+-----+------+---+-----+
+                      7..4   3..0         7..4 3..0
+
+    Example:
+        >>> encode_answer(1, 3, Result.LOADED, CommandKind.TARE, 0).hex(" ")
+        '6a 23 01 00'
+    """
+    return protect(ANSWER_ID + node, _ANSWER.pack(result << 4 | counter, kind, command_counter))
+
+
+def decode_answer(can_id: int, data: bytes) -> Answer:
+    """Decode an `Answer` frame.
+
+    Raises:
+        FrameError: The id, length, crc, counter or result is wrong.
+    """
+    node, counter, (head, kind, command_counter) = unpack_protected(can_id, data, ANSWER_ID, _ANSWER)
+    return Answer(node, counter, enum_member(Result, head >> 4), kind, command_counter & 0xF)

@@ -1,0 +1,52 @@
+"""Common checks of the decoders of CAN frames: id, protection, and codes."""
+
+import struct
+from enum import IntEnum
+from typing import Any, TypeVar
+
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.crc8 import FrameError, check
+
+_Code = TypeVar("_Code", bound=IntEnum)
+
+
+def node_of(can_id: int, base: int) -> int:
+    """Return the node id in a CAN id.
+
+    Raises:
+        FrameError: The id belongs to another kind of frame, or to a node that is no leg.
+    """
+    node = can_id - base
+    if not 1 <= node <= len(NODE_IDS):
+        raise FrameError(f"CAN id 0x{can_id:03x} is not 0x{base:03x} plus a node 1..{len(NODE_IDS)}")
+    return node
+
+
+def unpack_protected(
+    can_id: int, data: bytes, base: int, layout: struct.Struct
+) -> tuple[int, int, tuple[Any, ...]]:
+    """Return node, counter and fields of a protected frame.
+
+    Args:
+        can_id: Its CAN id.
+        data: Its bytes.
+        base: CAN id of its kind without the node id.
+        layout: Layout of the bytes behind the crc; the first field includes the counter.
+
+    Raises:
+        FrameError: The id, length, crc or counter is wrong.
+    """
+    node = node_of(can_id, base)
+    return node, check(can_id, data, layout.size + 1), layout.unpack_from(data, 1)
+
+
+def enum_member(codes: type[_Code], code: int) -> _Code:
+    """Return the member of an enumeration that has a code.
+
+    Raises:
+        FrameError: There is none.
+    """
+    try:
+        return codes(code)
+    except ValueError:
+        raise FrameError(f"no {codes.__name__} has the code {code}") from None

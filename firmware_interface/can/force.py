@@ -1,0 +1,229 @@
+"""The CAN frames `Force` and `Quality`, sent for each leg together; in `footsense.dbc` for other tools.
+
+Everything is little-endian. Byte 0 and the
+low nibble of byte 1 protect a frame as `crc8` describes. "No value" has a code of its own, apart from the code of a
+number too large for its field, so that neither passes for a measurement.
+
+Units:
+    Force and its standard deviation N, age ns; on the wire 1 mN, 2 mN and 0.1 ms per bit.
+"""
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from firmware_interface.can.codes import USABLE, Flag, State
+from firmware_interface.can.crc8 import COLUMN_CRC, ID_CRC, crc8
+from firmware_interface.can.decoding import enum_member, unpack_protected
+from firmware_interface.can.socketcan import FRAME_BYTES, pack_frame
+
+#: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2. Source: CiA 301, pre-defined
+#: connection set.
+FORCE_ID = 0x180
+QUALITY_ID = 0x280
+
+
+class Force(NamedTuple):
+    """Content of a `Force` frame, 8 bytes.
+
+    ::
+
+        byte    0        1           2    3      4    5      6    7
+             +-------+-----+-----+-----------+-----------+-----------+
+             | crc8  |state| cnt | fx  int16 | fy  int16 | fz  int16 |   1 mN per bit, -32768: no value
+             +-------+-----+-----+-----------+-----------+-----------+
+                      7..4  3..0
+
+    All three components are sent, with the state VALID or DEGRADED, or none: under any other state they are "no
+    value", and a force with a component that is NaN or infinite is sent as ELEMENT_FAULT. A component above 32.767 N
+    saturates there, which is not "no value".
+
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        counter: Sequence counter of the frame, 0..14.
+        state: State of the leg: whether the force may be used.
+        force_n: Ground reaction (fx, fy, fz) on the foot in the foot frame [N]; NaN: no value.
+    """
+
+    node: int
+    counter: int
+    state: State
+    force_n: tuple[float, float, float]
+
+
+class Quality(NamedTuple):
+    """Content of a `Quality` frame, about the force with the same counter, 8 bytes.
+
+    ::
+
+        bit   0     8     12      16      28           37        46        55      63
+              +-----+-----+-------+-------+------------+---------+---------+---------+
+              | crc8| cnt | flags |  age  | fault mask | sigma x | sigma y | sigma z |
+              +-----+-----+-------+-------+------------+---------+---------+---------+
+        bits     8     4      4      12         9           9         9         9
+
+        bit 0 is the least significant of byte 0
+        age: 0.1 ms per bit, 0xFFF: none, negative, or above 409.4 ms
+        sigma: 2 mN per bit, 511: no value, 510: 1.02 N or more
+
+    Age and sigma are rounded up: a frame never looks younger or more certain than it is.
+
+    Attributes:
+        node: CAN node id of the leg, 1..6.
+        counter: Sequence counter of the frame, 0..14.
+        flags: Properties of the force that do not forbid its use.
+        age_ns: From the measurement to the send [ns], in steps of 0.1 ms; None: unknown, or above 409.4 ms.
+        fault_mask: Bit e set where element e is not usable, 9 bits.
+        sigma_n: Standard deviation of each component [N]; NaN: no value; 1.02: or more.
+    """
+
+    node: int
+    counter: int
+    flags: Flag
+    age_ns: int | None
+    fault_mask: int
+    sigma_n: tuple[float, float, float]
+
+
+_FORCE = struct.Struct("<Bhhh")
+_QUALITY = struct.Struct("<7s")
+_NO_FORCE = -32768
+_NO_FORCE_N = -32.768
+_MAX_FORCE_N = 32.767
+_FORCE_PER_N = 1000
+
+_AGE_STEP_NS = 100_000
+_NO_AGE = 0xFFF
+_MAX_AGE_NS = (_NO_AGE - 1) * _AGE_STEP_NS
+
+_NO_SIGMA = 511
+_MAX_SIGMA = 510
+_SIGMA_PER_N = 500
+_MAX_SIGMA_N = _MAX_SIGMA / _SIGMA_PER_N
+# Rounds up, except for the rounding error of a whole number of bits.
+_ROUND_UP = 1 - 1e-6
+
+_NAN = float("nan")
+
+
+class ForceQualityEncoder:
+    """Encoder of the `Force` and `Quality` frames of several legs in one pass.
+
+    Six legs make twelve frames, up to once a conversion. One call encodes them all, and the crcs are looked up for one
+    byte of all frames at a time.
+
+    Args:
+        nodes: CAN node id of each leg, 1..6.
+    """
+
+    def __init__(self, nodes: Sequence[int]) -> None:
+        can_ids = [base + node for node in nodes for base in (FORCE_ID, QUALITY_ID)]
+        self._frames = bytearray(b"".join(pack_frame(can_id, bytes(8)) for can_id in can_ids))
+        self._n_frames = len(can_ids)
+        self._id_crcs = int.from_bytes(bytes(crc8(bytes(7), ID_CRC[can_id]) for can_id in can_ids), "little")
+
+    def encode(
+        self,
+        counter: int,
+        t_sent_ns: int,
+        t_ns: Sequence[int],
+        state: Sequence[int],
+        force_n: Sequence[Sequence[float]],
+        sigma_n: Sequence[Sequence[float]],
+        flags: Sequence[int],
+        fault_mask: Sequence[int],
+    ) -> bytes:
+        """Return each leg's `Force` and then its `Quality`, as `struct can_frame`s of 16 bytes.
+
+        Args:
+            counter: Sequence counter of all frames, 0..14.
+            t_sent_ns: Time of sending [ns].
+            t_ns: Time of each leg's measurement [ns]; 0 for none.
+            state: State of each leg.
+            force_n: Force of each leg [N], shape (legs, 3).
+            sigma_n: Its standard deviation [N], shape (legs, 3).
+            flags: Flags of each leg.
+            fault_mask: Unusable elements of each leg, 9 bits.
+
+        Timing:
+            12 us for six legs.
+
+        Example:
+            >>> legs = [0], [State.VALID], [(0.5, -0.25, 1.0)], [(0.01, 0.01, 0.02)], [Flag.SIMULATED], [0]
+            >>> force_quality = ForceQualityEncoder([1]).encode(0, 12_300_000, *legs)
+            >>> force_quality[8:16].hex(" ")
+            '9c 10 f4 01 06 ff e8 03'
+        """
+        frames = self._frames
+        at = 8
+        legs = zip(t_ns, state, force_n, sigma_n, flags, fault_mask, strict=True)
+        for leg_t_ns, code, (x_n, y_n, z_n), sigmas_n, flag, mask in legs:
+            if not (
+                -_MAX_FORCE_N <= x_n <= _MAX_FORCE_N
+                and -_MAX_FORCE_N <= y_n <= _MAX_FORCE_N
+                and -_MAX_FORCE_N <= z_n <= _MAX_FORCE_N
+                and code in USABLE
+            ):
+                code, x_n, y_n, z_n = _sendable_force(code, (x_n, y_n, z_n))  # noqa: PLW2901
+            x, y, z = round(x_n * _FORCE_PER_N), round(y_n * _FORCE_PER_N), round(z_n * _FORCE_PER_N)
+            _FORCE.pack_into(frames, at + 1, code << 4 | counter, x, y, z)
+            age_ns = t_sent_ns - leg_t_ns
+            age = -(-age_ns // _AGE_STEP_NS) if leg_t_ns and 0 <= age_ns <= _MAX_AGE_NS else _NO_AGE
+            bits = counter | (flag & 0xF) << 4 | age << 8 | (mask & 0x1FF) << 20
+            shift = 29
+            for component_n in sigmas_n:
+                if 0.0 <= component_n < _MAX_SIGMA_N:
+                    bits |= int(component_n * _SIGMA_PER_N + _ROUND_UP) << shift
+                else:
+                    bits |= (_MAX_SIGMA if component_n > 0.0 else _NO_SIGMA) << shift
+                shift += 9
+            frames[at + FRAME_BYTES + 1 : at + FRAME_BYTES + 8] = bits.to_bytes(7, "little")
+            at += 2 * FRAME_BYTES
+        crcs = self._id_crcs
+        for column, table in enumerate(COLUMN_CRC, 9):
+            crcs ^= int.from_bytes(frames[column::FRAME_BYTES].translate(table), "little")
+        frames[8::FRAME_BYTES] = crcs.to_bytes(self._n_frames, "little")
+        return bytes(frames)
+
+
+def _sendable_force(state: int, force_n: tuple[float, float, float]) -> tuple[int, float, float, float]:
+    """Return state and force to send: none in a state without force, clipped to the range, a fault if not finite."""
+    if state in USABLE and not all(map(math.isfinite, force_n)):
+        state = State.ELEMENT_FAULT
+    if state not in USABLE:
+        return state, _NO_FORCE_N, _NO_FORCE_N, _NO_FORCE_N
+    x_n, y_n, z_n = (max(-_MAX_FORCE_N, min(_MAX_FORCE_N, component)) for component in force_n)
+    return state, x_n, y_n, z_n
+
+
+def decode_force(can_id: int, data: bytes) -> Force:
+    """Decode a `Force` frame.
+
+    Raises:
+        FrameError: The id, length, crc, counter or state is wrong.
+    """
+    node, counter, (head, *codes) = unpack_protected(can_id, data, FORCE_ID, _FORCE)
+    x_n, y_n, z_n = (_NAN if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
+    return Force(node, counter, enum_member(State, head >> 4), (x_n, y_n, z_n))
+
+
+def decode_quality(can_id: int, data: bytes) -> Quality:
+    """Decode a `Quality` frame.
+
+    Raises:
+        FrameError: The id, length, crc or counter is wrong.
+    """
+    node, counter, (payload,) = unpack_protected(can_id, data, QUALITY_ID, _QUALITY)
+    bits = int.from_bytes(payload, "little")
+    age = bits >> 8 & 0xFFF
+    codes = (bits >> 29 & 0x1FF, bits >> 38 & 0x1FF, bits >> 47 & 0x1FF)
+    x_n, y_n, z_n = (_NAN if code == _NO_SIGMA else code / _SIGMA_PER_N for code in codes)
+    return Quality(
+        node=node,
+        counter=counter,
+        flags=Flag(bits >> 4 & 0xF),
+        age_ns=None if age == _NO_AGE else age * _AGE_STEP_NS,
+        fault_mask=bits >> 20 & 0x1FF,
+        sigma_n=(x_n, y_n, z_n),
+    )

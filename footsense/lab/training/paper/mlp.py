@@ -1,0 +1,141 @@
+"""The multilayer perceptron of 2009 for the studies: tanh layers and a linear one.
+
+Many are trained in one compiled program, one after the other (`jax.lax.map`): on one core 10 to 30 % faster than side
+by side (`jax.vmap`). A neuron whose weights are all zero has no output and no gradient, so an optimiser that moves
+by gradients alone leaves it there: networks of several widths share a program, padded with such neurons.
+"""
+
+import resource
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from numpy.typing import NDArray
+
+
+class Layer(NamedTuple):
+    """One layer of weights, with any number of networks as leading axes.
+
+    Attributes:
+        weight: Connections, shape (..., n_in, n_out).
+        offset: Offsets, shape (..., n_out).
+    """
+
+    weight: Any
+    offset: Any
+
+
+#: The layers of a network, from the input on.
+Layers = tuple[Layer, ...]
+
+
+def start_layers(rng: np.random.Generator, widths: Sequence[int], room: Sequence[int] = ()) -> Layers:
+    """Return random layers, uniform within 1 / sqrt(inputs), which saturates no neuron.
+
+    Args:
+        rng: Source of the numbers.
+        widths: Neurons of each layer, inputs and outputs included.
+        room: Neurons that each layer is padded to, as many as the widths; no padding if empty.
+    """
+    room = room or widths
+    layers = []
+    for n_in, n_out, room_in, room_out in zip(widths[:-1], widths[1:], room[:-1], room[1:], strict=True):
+        drawn = rng.uniform(-1.0, 1.0, (n_in + 1, n_out)) / np.sqrt(n_in)
+        layer = Layer(np.zeros((room_in, room_out), np.float32), np.zeros(room_out, np.float32))
+        layer.weight[:n_in, :n_out], layer.offset[:n_out] = drawn[:-1], drawn[-1]
+        layers.append(layer)
+    return tuple(layers)
+
+
+def stack(networks: Sequence[Layers]) -> Layers:
+    """Stack networks of equal shape into one: the first axis of every array counts the networks."""
+    stacked: Layers = jax.tree.map(lambda *parts: np.stack(parts), *networks)
+    return stacked
+
+
+def unstack(layers: Layers) -> list[Layers]:
+    """Return stacked networks one by one."""
+    return [jax.tree.map(lambda part: part[k], layers) for k in range(len(layers[0].weight))]  # noqa: B023
+
+
+def forward(layers: Layers, inputs: Any) -> jax.Array:
+    """Return the outputs, shape (n, n_out), of one network for inputs of shape (n, n_in)."""
+    for layer in layers[:-1]:
+        inputs = jnp.tanh(inputs @ layer.weight + layer.offset)
+    outputs: jax.Array = inputs @ layers[-1].weight + layers[-1].offset
+    return outputs
+
+
+def loss(layers: Layers, inputs: Any, targets: Any) -> jax.Array:
+    """Return the squared error of a case, summed over the outputs, mean over the cases."""
+    return jnp.mean(jnp.sum((forward(layers, inputs) - targets) ** 2, axis=-1))
+
+
+class Trained(NamedTuple):
+    """Weights and losses of trained networks.
+
+    Attributes:
+        layers: The networks, stacked.
+        losses: Loss before each epoch, shape (networks, epochs).
+        processor_s: Processor time without compilation [s].
+    """
+
+    layers: Layers
+    losses: NDArray[np.float64]
+    processor_s: float
+
+
+@partial(jax.jit, static_argnames=("rule", "epochs"))
+def _run(
+    rule: optax.GradientTransformation, epochs: int, layers: Layers, state: Any, inputs: Any, targets: Any
+) -> tuple[Layers, jax.Array]:
+    """Return the networks after the epochs, and their losses, shape (networks, epochs)."""
+
+    def epoch(carry: tuple[Layers, Any], _: None) -> tuple[tuple[Layers, Any], jax.Array]:
+        before, gradient = jax.value_and_grad(loss)(carry[0], inputs, targets)
+        change, after = rule.update(gradient, carry[1], carry[0])
+        return (optax.apply_updates(carry[0], change), after), before
+
+    def train_one(carry: tuple[Layers, Any]) -> tuple[Layers, jax.Array]:
+        (after, _), losses = jax.lax.scan(epoch, carry, None, length=epochs)
+        return after, losses
+
+    trained: tuple[Layers, jax.Array] = jax.lax.map(train_one, (layers, state))
+    return trained
+
+
+def _processor_s() -> float:
+    """Return the processor time of this process [s]; other processes do not count."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def train(
+    rule: optax.GradientTransformation,
+    layers: Layers,
+    inputs: NDArray[np.float64],
+    targets: NDArray[np.float64],
+    epochs: int,
+    state: Any = None,
+) -> Trained:
+    """Train networks, all cases in every epoch.
+
+    Args:
+        rule: The optimiser.
+        layers: The networks at the start, stacked.
+        inputs: Shape (n, n_in), of the order of 1.
+        targets: Shape (n, n_out), of the order of 1.
+        epochs: How many.
+        state: The optimiser's state at the start, networks as the first axis of every array; None for `rule.init`.
+    """
+    if state is None:
+        state = jax.vmap(rule.init)(layers)
+    cases = np.asarray(inputs, np.float32), np.asarray(targets, np.float32)
+    compiled = _run.lower(rule, epochs, layers, state, *cases).compile()
+    started_s = _processor_s()
+    after, losses = jax.block_until_ready(compiled(layers, state, *cases))
+    return Trained(after, np.asarray(losses, dtype=np.float64), _processor_s() - started_s)

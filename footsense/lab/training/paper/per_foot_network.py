@@ -1,0 +1,23 @@
+"""A network for one foot, trained by the paper's procedure on measured loads alone, without a model."""
+
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.frames import Vector
+from footsense.lab.training.load_cases import Cases, as_designed_um
+from footsense.lab.training.paper.procedure import EPOCHS, PaperTraining, starts_of
+
+
+def per_foot_force_n(
+    design: CapacitorDesign, training_pf: Vector, force_n: Vector, test_pf: Vector, epochs: int = EPOCHS
+) -> Vector:
+    """Train a network on a foot's calibration loads; return estimated forces for other loads [N], (m, 3).
+
+    Args:
+        design: Electrical design of the capacitors, without effect: the inputs are changes of capacitance.
+        training_pf: Changes of capacitance under the training loads [pF], shape (n, 9).
+        force_n: Reference forces of the training loads [N], shape (n, 3).
+        test_pf: Changes of capacitance under the other loads [pF], shape (m, 9).
+        epochs: Training epochs.
+    """
+    training = PaperTraining(design, Cases(force_n, as_designed_um(design, training_pf)))
+    _, start = starts_of(2)
+    return training.train([start], epochs)[0](as_designed_um(design, test_pf))

@@ -1,0 +1,94 @@
+"""The paper's procedure from capacitances to forces: a plain network, RPROP, and 362 training cases.
+
+It uses nothing of what the other networks know about the foot: ΔC unless closures are chosen, no symmetry, no linear
+path. Inputs and forces are divided by the largest of the training cases.
+
+Source:
+    Aoyagi et al., sections III D to III G.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.frames import Vector
+from footsense.lab.evaluation.evaluate import Readout
+from footsense.lab.training.load_cases import Cases, paper_training, paper_verification, sensed_closure_um
+from footsense.lab.training.paper.mlp import Layers, forward, stack, start_layers, train, unstack
+from footsense.lab.training.paper.rprop import RPROP
+
+#: Inputs of a network: capacitance changes, as in the paper, or the gap closures that elastance measures.
+Feed = Literal["capacitance", "closure"]
+
+#: Neurons of the two hidden layers, twice the inputs; the paper found its own by trial and error (Table I).
+HIDDEN = (18, 18)
+#: Epochs of training; the paper states none. Four times as many change the errors by less than the seeds do.
+EPOCHS, QUICK_EPOCHS = 5000, 1000
+#: Networks, which differ in their start weights.
+SEEDS, QUICK_SEEDS = 20, 3
+
+
+class PaperTraining:
+    """Training cases, scaled for a plain network.
+
+    Args:
+        design: Electrical design of the capacitors.
+        training: The cases.
+        feed: Inputs of the networks.
+
+    Attributes:
+        inputs: Shape (n, 9), the largest 1.
+        targets: Shape (n, 3), the largest force component 1.
+    """
+
+    def __init__(self, design: CapacitorDesign, training: Cases, feed: Feed = "capacitance") -> None:
+        self._design, self._feed = design, feed
+        fed = self._feed_of(training.closure_um)
+        self._input_scale = float(np.abs(fed).max())
+        self._force_scale_n = float(np.abs(training.force_n).max())
+        self.inputs = fed / self._input_scale
+        self.targets = training.force_n / self._force_scale_n
+
+    def _feed_of(self, closure_um: Vector) -> Vector:
+        """Return capacitance changes [pF] or closures [um], shape (n, 9), of closures [um]."""
+        if self._feed == "closure":
+            return closure_um
+        return self._design.capacitance_pf(closure_um) - self._design.unloaded_pf
+
+    def _readout(self, network: Layers) -> Readout:
+        """Return a network as a read-out in newtons."""
+
+        def read(closure_um: Vector) -> Vector:
+            inputs = (self._feed_of(closure_um) / self._input_scale).astype(np.float32)
+            return np.asarray(forward(network, inputs), dtype=np.float64) * self._force_scale_n
+
+        return read
+
+    def train(self, starts: Sequence[Layers], epochs: int) -> list[Readout]:
+        """Train networks by RPROP from start weights, and return each as a read-out."""
+        trained = train(RPROP, stack(starts), self.inputs, self.targets, epochs)
+        return [self._readout(network) for network in unstack(trained.layers)]
+
+
+def verification_at(response: FootResponse, magnitude_gf: float) -> Cases:
+    """Return the 180 directions of the verification cases at a magnitude [gf] other than the paper's 100."""
+    direction = paper_verification(response).force_n
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    force_n = direction * magnitude_gf * GRAM_FORCE_N
+    return Cases(force_n, sensed_closure_um(Foot(response), direction, force_n))
+
+
+def starts_of(seeds: int, widths: Sequence[int] = (9, *HIDDEN, 3)) -> list[Layers]:
+    """Return start weights of networks, one for each seed from 0."""
+    return [start_layers(np.random.default_rng(seed), widths) for seed in range(seeds)]
+
+
+def paper_networks(response: FootResponse, *, quick: bool, feed: Feed = "capacitance") -> list[Readout]:
+    """Return networks trained by the paper's procedure, one for each seed; fewer and shorter if quick."""
+    seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
+    return PaperTraining(response.design, paper_training(response), feed).train(starts_of(seeds), epochs)

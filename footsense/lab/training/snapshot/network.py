@@ -1,0 +1,116 @@
+"""The network on paper: nine closures to a force and its sigma, two hidden layers beside a linear path.
+
+    s = |x|^2 / 9,   r = sqrt(s + e^2),   u = x / r           x: closure over gap, missing ones filled in
+    f = L x + (s / r) V h2,      ln sigma = ln r + Q h2 + q,      h2 = tanh(W2 h1 + b2),   h1 = tanh(W1 [u, m, r] + b1)
+
+As long as no gap closes, the foot's response is homogeneous of degree one but for the growing contact patch: the same
+pattern u at any size r means the same direction. So the pattern is the input of the hidden layers, and the size scales
+their output; r is an input as well, for the patch and for gaps that close. m has a one for each missing element. No
+load gives exactly no force (s = 0), and e, of the size of the converter's noise, keeps the pattern of a very light
+touch from being noise alone.
+
+The foot has the eight symmetries of the square, and so has the network, by construction: a hidden channel is eight
+units, one for each symmetry g, which apply the same weights to the pattern mapped by the inverse of g. Units of the
+second layer see those of the first by their relative symmetry. Each weight thus stands in eight places of the matrices;
+`expand` puts it there, and the ONNX file does the same by Gather.
+
+Source:
+    Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
+"""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from footsense.frames import Vector
+from footsense.lab.symmetry import SYMMETRIES
+from footsense.lab.training.symmetric_layers import SOFT_REL, expand_hidden, linear_basis
+
+#: Inputs of the first hidden layer: nine closures, nine masks, the size.
+N_INPUTS = 19
+
+
+class Weights(NamedTuple):
+    """All trained weights, `c` channels in each hidden layer.
+
+    Attributes:
+        linear: Linear path [N]: fz from a corner, an edge, the middle; fx from a corner, an edge; shape (5,).
+        w1: First hidden layer, shape (c, 19).
+        b1: Offsets of the first layer, shape (c,).
+        w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
+        b2: Offsets of the second layer, shape (c,).
+        force: Output layer [N], shape (c, 3).
+        sigma: The same of ln sigma, shape (c, 3).
+        sigma_offset: Offsets of ln sigma, sideways and along z, shape (2,).
+    """
+
+    linear: Any
+    w1: Any
+    b1: Any
+    w2: Any
+    b2: Any
+    force: Any
+    sigma: Any
+    sigma_offset: Any
+
+    @property
+    def size(self) -> int:
+        """Number of weights of the network."""
+        return sum(int(part.size) for part in self)
+
+    @property
+    def channels(self) -> int:
+        """Channels of a hidden layer."""
+        return int(self.b1.size)
+
+
+class Matrices(NamedTuple):
+    """The weights in all their places: rows are inputs, so that a layer is x @ w + b; 8 c units in a hidden layer."""
+
+    linear: Any
+    w1: Any
+    b1: Any
+    w2: Any
+    b2: Any
+    force: Any
+    sigma: Any
+    sigma_offset: Any
+
+
+def expand(weights: Weights) -> Matrices:
+    """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
+    turns = np.stack(SYMMETRIES)
+    force = jnp.einsum("gab,cb->gca", turns, weights.force)
+    sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma)
+    return Matrices(
+        linear=jnp.tensordot(weights.linear, linear_basis(), 1),
+        **expand_hidden(weights, 2, 1),
+        force=force.reshape(-1, 3),
+        sigma=sigma.reshape(-1, 3),
+        sigma_offset=weights.sigma_offset[np.array([0, 0, 1])],
+    )
+
+
+def run(matrices: Matrices, closure_rel: Any, missing: Any) -> tuple[Any, Any]:
+    """Return force and sigma [N], shape (n, 3) each.
+
+    Args:
+        matrices: The network.
+        closure_rel: Closures over the gap, missing ones filled in [1], shape (n, 9).
+        missing: One for each element that is missing, else zero, shape (n, 9).
+    """
+    square = jnp.mean(closure_rel**2, axis=-1, keepdims=True)
+    size = jnp.sqrt(square + SOFT_REL**2)
+    seen = jnp.concatenate([closure_rel / size, missing, size], axis=-1)
+    first = jnp.tanh(seen @ matrices.w1 + matrices.b1)
+    second = jnp.tanh(first @ matrices.w2 + matrices.b2)
+    force = closure_rel @ matrices.linear + square / size * (second @ matrices.force)
+    sigma = size * jnp.exp(second @ matrices.sigma + matrices.sigma_offset)
+    return force, sigma
+
+
+def hidden_input(closure_rel: Vector) -> Vector:
+    """Return the inputs of the hidden layers for closures, none missing, shape (n, 19), as `run` in numpy."""
+    size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + SOFT_REL**2)
+    return np.concatenate([closure_rel / size, np.zeros_like(closure_rel), size], axis=-1)

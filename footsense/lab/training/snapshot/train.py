@@ -1,0 +1,159 @@
+"""Training of the snapshot network on load cases, by `training/fit.py`."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.faults.missing_sets import MISSING_SETS
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
+from footsense.frames import Vector
+from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.training.fit import Protocol, fit, force_loss, linear_start, whitening
+from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Cases
+from footsense.lab.training.snapshot.network import N_INPUTS, Weights, expand, hidden_input, run
+from footsense.lab.training.symmetric_layers import input_index
+
+#: Share of the training cases with something missing.
+_MISSING_SHARE = 0.15
+#: Weight of the squared error over the squared force beside the likelihood.
+_SQUARED_ERROR_WEIGHT = 100.0
+#: Steps that are compiled into one call.
+_STEPS_PER_CALL = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SnapshotProtocol(Protocol):
+    """How a snapshot network is trained.
+
+    Attributes:
+        noise_rel: Noise of the training inputs over the converter's [1].
+        masked: Whether elements may be missing.
+    """
+
+    channels: int = 14
+    steps: int = 120_000
+    batch: int = 512
+    rate: float = 1e-2
+    noise_rel: float = 1.0
+    masked: bool = True
+
+
+def moments(closure_rel: Vector) -> Vector:
+    """Return the second moments of the patterns of closures, with the square's symmetry, shape (9, 9)."""
+    pattern = hidden_input(closure_rel)[:, :9]
+    plain = pattern.T @ pattern / len(pattern)
+    maps = [element_map(g) for g in SYMMETRIES]
+    even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(9)
+    return even
+
+
+def _random_weights(key: jax.Array, c: int) -> Weights:
+    """Return random weights; the linear path is a correction to its start and begins at zero."""
+    k1, k2, k3, k4 = jax.random.split(key, 4)
+    return Weights(
+        linear=jnp.zeros(5),
+        w1=jax.random.normal(k1, (c, N_INPUTS)) / np.sqrt(10.0),
+        b1=0.5 * jax.random.normal(k2, (c,)),
+        w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
+        b2=jnp.zeros(c),
+        force=0.3 * jax.random.normal(k4, (c, 3)) / np.sqrt(8.0 * c),
+        sigma=jnp.zeros((c, 3)),
+        sigma_offset=jnp.array([-3.0, -4.0]),
+    )
+
+
+class _Task(NamedTuple):
+    """Constants of a training run: load cases, masks of missing elements and noise."""
+
+    closure_rel: jax.Array
+    force_n: jax.Array
+    fill: jax.Array
+    masks: jax.Array
+    noise_rel: float
+    film_rel: float
+
+
+def _task(cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imputation: Imputation) -> _Task:
+    """Return the cases, their noise and their masks as JAX arrays."""
+    plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
+    noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * protocol.noise_rel
+    return _Task(
+        closure_rel=jnp.asarray(cases.closure_um / design.gap_um, jnp.float32),
+        force_n=jnp.asarray(cases.force_n, jnp.float32),
+        fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), jnp.float32),
+        masks=jnp.asarray(MISSING_SETS, jnp.float32),
+        # A noise of the capacitance is one of the distance by distance^2 / (eps0 A); all over the gap.
+        noise_rel=float(noise_pf * design.gap_um / plates_um),
+        film_rel=design.film_equivalent_um / design.gap_um,
+    )
+
+
+def _random_batch(
+    task: _Task, protocol: SnapshotProtocol, key: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Return closures (noisy, filled), masks and forces of a random batch."""
+    k1, k2, k3, k4 = jax.random.split(key, 4)
+    chosen = jax.random.randint(k1, (protocol.batch,), 0, len(task.force_n))
+    exact = task.closure_rel[chosen]
+    noisy = exact + task.noise_rel * (1.0 + task.film_rel - exact) ** 2 * jax.random.normal(k2, exact.shape)
+    if not protocol.masked:
+        return noisy, jnp.zeros_like(noisy), task.force_n[chosen]
+    which = jax.random.randint(k3, (protocol.batch,), 1, len(task.masks))
+    which = jnp.where(jax.random.uniform(k4, which.shape) < _MISSING_SHARE, which, 0)
+    return jnp.einsum("nab,nb->na", task.fill[which], noisy), task.masks[which], task.force_n[chosen]
+
+
+def train(
+    cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imputation: Imputation | None = None
+) -> Weights:
+    """Train the equivariant network on random loads.
+
+    Args:
+        cases: Loads and exact closures; symmetric copies are not needed.
+        design: The capacitors, for the noise.
+        protocol: Sizes, steps and seed.
+        imputation: Imputation of missing elements; from the cases if None.
+
+    Returns:
+        The weights, float32.
+    """
+    closure_rel = cases.closure_um / design.gap_um
+    imputation = imputation or Imputation(moments(closure_rel))
+    task = _task(cases, design, protocol, imputation)
+    place = np.r_[0:9, N_INPUTS - 1]
+    whiten, mean = whitening(hidden_input(closure_rel), input_index(2, 1), place, 1e-8)
+    linear = linear_start((closure_rel,), cases.force_n, protocol.min_force_n)
+
+    def fold_whitening(free: Weights) -> Weights:
+        w1 = free.w1 @ whiten
+        return free._replace(linear=linear + free.linear, w1=w1, b1=free.b1 - w1 @ mean)
+
+    def loss(free: Weights, batch: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
+        closures, missing, true_n = batch
+        force_n, sigma_n = run(expand(fold_whitening(free)), closures, missing)
+        return force_loss(force_n, sigma_n, true_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
+
+    def random_batch(task: _Task, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+        return _random_batch(task, protocol, key)
+
+    return fold_whitening(fit(_random_weights, loss, random_batch, task, protocol, _STEPS_PER_CALL))
+
+
+def predict(
+    weights: Weights, closure_rel: Vector, missing: NDArray[np.bool_] | None = None
+) -> tuple[Vector, Vector]:
+    """Return the estimated forces and their sigma [N], shape (n, 3) each, in float32 arithmetic.
+
+    Args:
+        weights: The network.
+        closure_rel: Closures over the gap, missing ones filled in, shape (n, 9).
+        missing: Mask of the missing ones, shape (n, 9); none if None.
+    """
+    mask = jnp.zeros(closure_rel.shape) if missing is None else jnp.asarray(missing, jnp.float32)
+    force, sigma = run(expand(weights), jnp.asarray(closure_rel, jnp.float32), mask)
+    return np.asarray(force, dtype=np.float64), np.asarray(sigma, dtype=np.float64)
