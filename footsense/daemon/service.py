@@ -19,7 +19,7 @@ from footsense.daemon.acquisition import ScanSource, open_scan_source
 from footsense.daemon.can_output import can_sink, closing_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
-from footsense.daemon.models import Models, load_models
+from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recording_header
 from footsense.daemon.simulation import Paced, is_simulated
 from footsense.errors import ConfigError, FootsenseError
