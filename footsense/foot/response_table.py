@@ -31,11 +31,12 @@ from footsense.frames import Vector
 #: Version of the file's layout.
 FORMAT = 2
 
+#: Largest file that is read, and most that its arrays unpack to [bytes]; the released one has 0.6 million.
+MAX_BYTES = 1 << 26
+
 #: Largest deviation of a unit vector from length 1 [1].
 UNIT_TOLERANCE = 1e-6
 
-#: Errors by which numpy, json and the constructors reject a damaged file.
-_DAMAGE = (KeyError, TypeError, ValueError, AttributeError, OSError, EOFError, zipfile.BadZipFile)
 #: Arrays of the file, by the names of the fields.
 _ARRAYS = ("quarter_series", "quarter_compliance")
 #: Other fields of the file, beside the design.
@@ -43,6 +44,23 @@ _DESCRIPTION = (
     *("foot_type", "ball_radius_mm", "hertz_modulus_mpa", "min_elevation_deg"),
     *("fit_elevation_deg", "degree", "provenance"),
 )
+
+
+def _unpack(content: bytes) -> dict[str, Any]:
+    """Return the description of a file with its arrays.
+
+    Raises:
+        ValueError: It unpacks to too much, or is of another format.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        if sum(info.file_size for info in archive.infolist()) > MAX_BYTES:
+            raise ValueError(f"it unpacks to more than {MAX_BYTES} bytes")
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        about = json.loads(str(stored["description"]))
+        arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in _ARRAYS}
+    if about.pop("format") != FORMAT:
+        raise ValueError(f"it is not of format {FORMAT}")
+    return {**about, **arrays}
 
 
 def n_products(degree: int) -> int:
@@ -144,19 +162,15 @@ class FootResponse:
         """
         rebuild = "rebuild it with `footsense lab build`"
         try:
-            content = path.read_bytes()
+            with path.open("rb") as file:
+                content = file.read(MAX_BYTES + 1)
         except OSError as error:
             raise ModelError(f"cannot read the foot response {path}: {error.strerror}; {rebuild}") from error
         try:
-            with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-                about = json.loads(str(stored["description"]))
-                arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in _ARRAYS}
-            if about.pop("format") != FORMAT:
-                raise ModelError(f"{path} is not a foot response of format {FORMAT}; {rebuild}")
-            about["design"] = CapacitorDesign(**about["design"])
-            digest = hashlib.sha256(content).hexdigest()
-            return cls(**{**about, **arrays}, sha256=digest)
-        except _DAMAGE as error:
+            parts = _unpack(content)
+            parts["design"] = CapacitorDesign(**parts["design"])
+            return cls(**parts, sha256=hashlib.sha256(content).hexdigest())
+        except Exception as error:  # zipfile, numpy and json raise a dozen types without a common base
             raise ModelError(f"{path} is no whole foot response ({error}); {rebuild}") from error
 
     def save(self, path: Path) -> None:
