@@ -52,7 +52,9 @@ def test_each_illness_is_told_with_its_own_number_of_bus_offs(caplog: pytest.Log
     assert lines[1::2] == [f"CAN can0: no more errors; bus-off {n} times until then" for n in (3, 2)]
 
 
-def test_a_queue_that_is_full_now_and_then_is_told_once_and_at_its_end(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_queue_that_is_full_now_and_then_is_told_once_and_at_its_end(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     """Half of the frames dropped for ten seconds are two lines, the second with their number; again, two more."""
     stats = CanStatistics()
     health = BusHealth("can0", stats)
