@@ -164,7 +164,9 @@ class CycleReader:
         try:
             self._map = mmap.mmap(self._file.fileno(), 0, prot=mmap.PROT_READ)
             magic, length = _HEAD.unpack_from(self._map)
-            self.header = msgspec.json.decode(self._map[_HEAD.size : _HEAD.size + length], type=dict[str, str])
+            self.header = msgspec.json.decode(
+                self._map[_HEAD.size : _HEAD.size + length], type=dict[str, str]
+            )
             self.legs = tuple(self.header["legs"].split(","))
             self._n_doubles = len(self.legs) * ELEMENTS + _N_COUNTS
         except (ValueError, LookupError, struct.error, OSError, RecursionError) as error:

@@ -98,4 +98,6 @@ def test_any_host_and_origin(header: str) -> None:
     """A name that is not ours never is, whatever the header looks like."""
     is_own_host(header, ["localhost"])
     assert not is_own_host(f"x{header.replace('.', '').replace(':', '')}", ["localhost"])
-    assert is_allowed_origin(header, "127.0.0.1:8765") == (header in {f"http{s}://127.0.0.1:8765" for s in ("", "s")})
+    assert is_allowed_origin(header, "127.0.0.1:8765") == (
+        header in {f"http{s}://127.0.0.1:8765" for s in ("", "s")}
+    )
