@@ -60,6 +60,11 @@ class CalibrationResult(NamedTuple):
     held_out: HeldOut | None = None
     temperature_c: float | None = None
 
+    @property
+    def distance(self) -> float:
+        """Median Mahalanobis distance of the loads from the fitted foot [1]."""
+        return float(np.median(self.fit.distance))
+
 
 def calibrate_sessions(
     models: DesignModels, sessions: Sequence[RecordedSession], hold_out: str | None = None
@@ -104,24 +109,42 @@ def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
     Raises:
         CalibrationError: The loads are too few, do not identify the parameters, or are of no foot of this type.
     """
-    if len(loads) < MIN_LOADS:
-        raise CalibrationError(f"{len(loads)} loads; at least {MIN_LOADS} from all sides make a calibration")
-    twin = FootTwin(models.response, loads.unloaded_pf)
-    fit = fit_parameters(twin, loads)
-    stiffness_rel = float(fit.parameters[STIFFNESS][0])
+    result = fit_foot(models, loads)
+    require_plausible(result)
+    return result
+
+
+def require_plausible(result: CalibrationResult) -> None:
+    """Refuse a calibration whose loads are of no foot of the type, or do not identify the parameters.
+
+    Raises:
+        CalibrationError: They are.
+    """
+    stiffness_rel = result.parameters.stiffness_rel
     if not _MIN_STIFFNESS < 1.0 + stiffness_rel < _MAX_STIFFNESS:
         raise CalibrationError(
             f"the foot would be {1.0 + stiffness_rel:.2f} times as stiff as designed; check the reference's unit "
             "(1 kgf is 9.81 N), its axes, and that the foot is of this type"
         )
-    distance = float(np.median(fit.distance))
-    if distance > _MAX_DISTANCE:
+    if result.distance > _MAX_DISTANCE:
         raise CalibrationError(
-            f"half of the loads are {distance:.0f} standard deviations or more from any foot of this type, about 3 "
-            "are usual; check the reference's axes, and that the foot is of this type and undamaged"
+            f"half of the loads are {result.distance:.0f} standard deviations or more from any foot of this type, "
+            "about 3 are usual; check the reference's axes, and that the foot is of this type and undamaged"
         )
+    require_identified(result.predicted, result.n_loads)
+
+
+def fit_foot(models: DesignModels, loads: LoadSet) -> CalibrationResult:
+    """Fit the parameters of a foot, plausible or not; arguments as of `calibrate`.
+
+    Raises:
+        CalibrationError: The loads are too few, or none can be read.
+    """
+    if len(loads) < MIN_LOADS:
+        raise CalibrationError(f"{len(loads)} loads; at least {MIN_LOADS} from all sides make a calibration")
+    twin = FootTwin(models.response, loads.unloaded_pf)
+    fit = fit_parameters(twin, loads)
     predicted = predict_uncertainty(twin, fit)
-    require_identified(predicted, len(loads))
     electrodes = FootParameters(
         stray_pf=fit.parameters[STRAY],
         unloaded_pf=loads.unloaded_pf,
@@ -131,7 +154,7 @@ def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
     designed = _estimates(models, loads, electrodes)
     read = designed.usable
     mount = rotation(fit.parameters[MOUNT])
-    physical = replace(electrodes, stiffness_rel=stiffness_rel, mount=mount)
+    physical = replace(electrodes, stiffness_rel=float(fit.parameters[STIFFNESS][0]), mount=mount)
     designed_n, force_n = designed.force_n[read], loads.force_n[read]
     correction = fit_correction(designed_n, designed_n @ physical.force_matrix.T, force_n)
     # An outlier counts as much as five medians.
