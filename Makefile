@@ -1,6 +1,7 @@
 # make run       a six-legged robot walks in simulation; its foot forces, live
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
 # make test      format, lint, types, import contracts, tests: exactly what CI runs
+# make lock      the newest packages for a robot: deploy/requirements.lock, with their hashes
 # make mutants ROOM=footsense/can   changes the code of a room or module in small ways, and lists what no test notices
 # make kernel-test         the service as deployed, on a Debian kernel in an emulator; needs Debian 12 and root
 # make kernel-test-short   the first of these trials; does nothing where it cannot
@@ -10,7 +11,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: run install test kernel-test kernel-test-short mutants format golden clean
+.PHONY: run install test kernel-test kernel-test-short lock mutants format golden clean
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --duration 10
@@ -29,6 +30,15 @@ kernel-test: $(VENV)/dev.stamp
 
 kernel-test-short: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.kernel --short
+
+# One file for x86-64 and aarch64, of wheels alone: a source package would build itself with packages that have no hash
+# here. That is also why footsense's own build requirements are among them.
+lock: $(VENV)/robot.stamp
+	$(BIN)/python -m pip install --quiet --group lock
+	$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"])' \
+	    | $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --only-binary :all: \
+	        --emit-build-options --generate-hashes --custom-compile-command 'make lock' \
+	        --output-file deploy/requirements.lock pyproject.toml -
 
 # ARGS="--sample 200" draws some of the changes; a whole room takes an hour.
 mutants: $(VENV)/dev.stamp

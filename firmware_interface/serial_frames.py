@@ -35,7 +35,7 @@ from collections.abc import Sequence
 from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
-from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.can.codes import NODE_IDS
 
 VERSION = 1
 ELEMENTS = 9

@@ -12,17 +12,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import FAULT_FREE as FAULT_FREE
-from firmware_interface.can_codes import NODE_IDS
-from firmware_interface.can_codes import USABLE as USABLE
-from firmware_interface.can_codes import BaselineStatus as BaselineStatus
-from firmware_interface.can_codes import Cause as Cause
-from firmware_interface.can_codes import CommandKind as CommandKind
-from firmware_interface.can_codes import Flag as Flag
-from firmware_interface.can_codes import GaitEventKind as GaitEventKind
-from firmware_interface.can_codes import Result as Result
-from firmware_interface.can_codes import Slip as Slip
-from firmware_interface.can_codes import State as State
+from firmware_interface.can.codes import FAULT_FREE as FAULT_FREE
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.codes import USABLE as USABLE
+from firmware_interface.can.codes import BaselineStatus as BaselineStatus
+from firmware_interface.can.codes import Cause as Cause
+from firmware_interface.can.codes import CommandKind as CommandKind
+from firmware_interface.can.codes import Flag as Flag
+from firmware_interface.can.codes import GaitEventKind as GaitEventKind
+from firmware_interface.can.codes import Result as Result
+from firmware_interface.can.codes import Slip as Slip
+from firmware_interface.can.codes import State as State
 
 #: Arrays by their entries: numbers, truth values, times [ns], and codes of an enumeration.
 Vector = NDArray[np.float64]

@@ -108,7 +108,7 @@ class SerialPort(Protocol):
 
 
 class CanWire(Protocol):
-    """A CAN interface; frames as in `firmware_interface.socketcan`."""
+    """A CAN interface; frames as in `firmware_interface.can.socketcan`."""
 
     def send(self, frames: bytes, t_ns: int) -> int:
         """Queue frames, as many as there is room for, without waiting.

@@ -1,7 +1,7 @@
 /* The CAN frames of footsense as bytes and numbers, for the gait controller. C99, no allocation, no floats.
  *
- * The same frames as ../can_frames.py, ../can_baseline.py, ../can_events.py, ../can_gait.py and ../footsense.dbc; ../vectors
- * tests all of them. footsense_link.h decides whether a stream of frames may be used.
+ * The same frames as ../can, where footsense.dbc has them for other tools; ../vectors tests all of
+ * them. footsense_link.h decides whether a stream of frames may be used.
  *
  * Every decoder returns false and leaves *out unchanged unless id, length, crc, counter and codes are valid; an unknown
  * code is invalid.
@@ -81,7 +81,7 @@ enum footsense_slip {
     FOOTSENSE_SLIP_SLIPPING = 2
 };
 
-/* Result of a command; 0 is done, the others are reasons of a refusal (../can_codes.py, Result). */
+/* Result of a command; 0 is done, the others are reasons of a refusal (../can/codes.py, Result). */
 enum footsense_result { FOOTSENSE_DONE = 0 };
 
 typedef struct {
@@ -113,14 +113,14 @@ typedef struct {
     uint8_t counter;
     uint8_t state;
     uint8_t previous;
-    uint8_t cause; /* ../can_codes.py, Cause */
+    uint8_t cause; /* ../can/codes.py, Cause */
     uint16_t fault_mask;
 } footsense_fault;
 
 typedef struct {
     uint8_t node;
     uint8_t counter;
-    uint8_t status;   /* ../can_codes.py, BaselineStatus */
+    uint8_t status;   /* ../can/codes.py, BaselineStatus */
     int32_t mean_af;  /* baseline offset since the last tare, mean of the elements [aF] */
     int32_t worst_af; /* that of the element with the largest [aF]; FOOTSENSE_NO_OFFSET */
     uint32_t age_ms;  /* since it last moved or was tared; 6553400: or more; FOOTSENSE_NO_AGE: no baseline */

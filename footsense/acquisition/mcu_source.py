@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.serial_decoder import SerialDecoder
 from firmware_interface.serial_frames import NO_VALUE, Record, pack_values
 from footsense.acquisition.mcu_scan import McuScan, difference_us, readings

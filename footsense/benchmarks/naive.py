@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 import firmware_interface
-from firmware_interface import crc8
+from firmware_interface.can import crc8
 from firmware_interface.chips import tca9548a
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Config
@@ -60,7 +60,7 @@ class NaiveCycle:
 
         self._message, self._frame = Message, build_can_frame
         self._database = cantools.database.load_file(
-            Path(firmware_interface.__file__).parent / "footsense.dbc"
+            Path(firmware_interface.__file__).parent / "can/footsense.dbc"
         )
         self._legs = config.legs
         # A configuration of one leg gives a pipeline and a network of one row.

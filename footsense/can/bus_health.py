@@ -6,7 +6,7 @@ and one the end.
 
 import logging
 
-from firmware_interface.socketcan import CONTROLLER_PASSIVE, ErrorClass
+from firmware_interface.can.socketcan import CONTROLLER_PASSIVE, ErrorClass
 from footsense.frames import CanStatistics
 
 _log = logging.getLogger(__name__)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from firmware_interface.socketcan import frame_ends, is_data, is_error, pack_frame, split_frames
+from firmware_interface.can.socketcan import frame_ends, is_data, is_error, pack_frame, split_frames
 from footsense.can.bus_health import BusHealth
 from footsense.can.frame_log import CanFrameLog, check_log_suffix
 from footsense.can.python_can import error_text, open_wire
@@ -149,7 +149,7 @@ class CanChannel:
         """Hand over frames up to the first without room, and drop the rest.
 
         Args:
-            frames: Whole frames behind each other, as in `firmware_interface.socketcan`.
+            frames: Whole frames behind each other, as in `firmware_interface.can.socketcan`.
             t_ns: The present time [ns], for the log.
 
         Returns:

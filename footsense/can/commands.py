@@ -4,10 +4,17 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from firmware_interface import can_commands
-from firmware_interface.can_codes import Result
-from firmware_interface.crc8 import FrameError, next_counter
-from firmware_interface.socketcan import pack_frame
+from firmware_interface.can.codes import Result
+from firmware_interface.can.commands import (
+    ANSWER_ID,
+    COMMAND_ID,
+    UNSOLICITED,
+    UnknownCommandError,
+    decode_command,
+    encode_answer,
+)
+from firmware_interface.can.crc8 import FrameError, next_counter
+from firmware_interface.can.socketcan import pack_frame
 from footsense.can.channel import CanChannel
 from footsense.frames import Command, CommandKind, CommandResult
 from footsense.ports import Clock
@@ -42,9 +49,9 @@ class _LegCommands:
 
     def answer_frame(self, result: int, kind: int, command_counter: int) -> bytes:
         """Return the CAN frame of the next answer."""
-        data = can_commands.encode_answer(self.node, self.answer_counter, result, kind, command_counter)
+        data = encode_answer(self.node, self.answer_counter, result, kind, command_counter)
         self.answer_counter = next_counter(self.answer_counter)
-        return pack_frame(can_commands.ANSWER_ID + self.node, data)
+        return pack_frame(ANSWER_ID + self.node, data)
 
 
 class CanCommands:
@@ -63,7 +70,7 @@ class CanCommands:
         self._channel = channel
         self._clock = clock
         self._legs = [_LegCommands(row, node) for row, node in enumerate(nodes)]
-        self._of_id = {can_commands.COMMAND_ID + leg.node: leg for leg in self._legs}
+        self._of_id = {COMMAND_ID + leg.node: leg for leg in self._legs}
         self.unsolicited: dict[int, tuple[Result, CommandKind]] = {}
 
     def decode(self, frames: Sequence[tuple[int, bytes]]) -> list[Command]:
@@ -80,8 +87,8 @@ class CanCommands:
             leg = self._of_id[can_id]
             now_ns = self._clock.now_ns()
             try:
-                _, counter, kind = can_commands.decode_command(can_id, data)
-            except can_commands.UnknownCommandError as error:
+                _, counter, kind = decode_command(can_id, data)
+            except UnknownCommandError as error:
                 if leg.takes_command(now_ns):
                     self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
                 continue
@@ -117,7 +124,7 @@ class CanCommands:
     def unsolicited_frames(self, room: int) -> list[bytes]:
         """Return at most `room` unsolicited results as frames."""
         return [
-            self._legs[row].answer_frame(*self.unsolicited.pop(row), can_commands.UNSOLICITED)
+            self._legs[row].answer_frame(*self.unsolicited.pop(row), UNSOLICITED)
             for row in list(self.unsolicited)[:room]
         ]
 

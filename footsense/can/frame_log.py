@@ -11,7 +11,7 @@ import struct
 import subprocess
 from pathlib import Path
 
-from firmware_interface.socketcan import frame_ends
+from firmware_interface.can.socketcan import frame_ends
 from footsense.child_process import check_new_file, start_writer
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import CanStatistics

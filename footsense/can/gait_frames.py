@@ -3,9 +3,16 @@
 from collections import deque
 from collections.abc import Sequence
 
-from firmware_interface import can_gait
-from firmware_interface.crc8 import next_counter
-from firmware_interface.socketcan import pack_frame
+from firmware_interface.can.crc8 import next_counter
+from firmware_interface.can.gait import (
+    GAIT_EVENT_ID,
+    GAIT_ID,
+    GROUND_ID,
+    encode_gait,
+    encode_gait_event,
+    encode_ground,
+)
+from firmware_interface.can.socketcan import pack_frame
 from footsense.frames import GaitEvent, GaitFrame
 
 #: Period of `Gait` and `Ground` [ns].
@@ -53,10 +60,10 @@ class GaitFrames:
         for event, all_in_air in list(self.events)[:room]:
             node, counter = self._nodes[event.leg], counters[event.leg]
             counters[event.leg] = next_counter(counter)
-            data = can_gait.encode_gait_event(
+            data = encode_gait_event(
                 node, counter, event.kind, now_ns - event.t_ns, event.sigma_s, all_in_air=all_in_air
             )
-            frames.append(pack_frame(can_gait.GAIT_EVENT_ID + node, data))
+            frames.append(pack_frame(GAIT_EVENT_ID + node, data))
         return frames
 
     def set_sent(self, n: int) -> None:
@@ -76,7 +83,7 @@ class GaitFrames:
         gait, node, counter = self._gait, self._nodes[row], self._counters[row]
         assert gait is not None
         self._counters[row] = next_counter(counter)
-        contact = can_gait.encode_gait(
+        contact = encode_gait(
             node,
             counter,
             gait.slip.item(row),
@@ -86,7 +93,7 @@ class GaitFrames:
             contact_raw=gait.contact_raw.item(row),
             all_in_air=gait.all_in_air,
         )
-        ground = can_gait.encode_ground(
+        ground = encode_ground(
             node,
             counter,
             gait.normal[row].tolist(),
@@ -95,4 +102,4 @@ class GaitFrames:
             gait.friction_use_sigma.item(row),
             gait.friction,
         )
-        return pack_frame(can_gait.GAIT_ID + node, contact), pack_frame(can_gait.GROUND_ID + node, ground)
+        return pack_frame(GAIT_ID + node, contact), pack_frame(GROUND_ID + node, ground)

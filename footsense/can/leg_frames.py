@@ -2,10 +2,11 @@
 
 from functools import cache
 
-from firmware_interface import can_baseline, can_events
-from firmware_interface.can_codes import Cause, NmtState, State
-from firmware_interface.crc8 import next_counter
-from firmware_interface.socketcan import pack_frame
+from firmware_interface.can.baseline import BASELINE_ID, encode_baseline
+from firmware_interface.can.codes import Cause, NmtState, State
+from firmware_interface.can.crc8 import next_counter
+from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
+from firmware_interface.can.socketcan import pack_frame
 from footsense.frames import ContactFrame
 
 #: A leg whose chips do not answer waits for them as one without a baseline waits for its tare.
@@ -21,8 +22,8 @@ _NMT_OF_STATE = {
 
 def heartbeat_frame(node: int, nmt_state: NmtState, *, degraded_timing: bool = False) -> bytes:
     """Return a node's heartbeat as `struct can_frame`."""
-    data = can_events.encode_heartbeat(nmt_state, degraded_timing=degraded_timing)
-    return pack_frame(can_events.HEARTBEAT_ID + node, data)
+    data = encode_heartbeat(nmt_state, degraded_timing=degraded_timing)
+    return pack_frame(HEARTBEAT_ID + node, data)
 
 
 @cache
@@ -54,8 +55,8 @@ class CanLeg:
 
     def fault_frame(self, state: int, mask: int, cause: int) -> bytes:
         """Return the CAN frame of a fault report; call `set_reported` once the frame was sent."""
-        data = can_events.encode_fault(self.node, self._fault_counter, state, self.reported[0], mask, cause)
-        return pack_frame(can_events.FAULT_ID + self.node, data)
+        data = encode_fault(self.node, self._fault_counter, state, self.reported[0], mask, cause)
+        return pack_frame(FAULT_ID + self.node, data)
 
     def set_reported(self, report: tuple[int, int, int]) -> None:
         """Store the state, mask and cause of the fault report that was sent."""
@@ -66,8 +67,6 @@ class CanLeg:
         """Return the CAN frame of the leg's baseline: status, mean and worst drift [pF], and age [ns]."""
         status, mean_pf, worst_pf, moved_ns = [column[self._row].item() for column in frame.baseline]
         age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
-        data = can_baseline.encode_baseline(
-            self.node, self._baseline_counter, status, mean_pf, worst_pf, age_ns
-        )
+        data = encode_baseline(self.node, self._baseline_counter, status, mean_pf, worst_pf, age_ns)
         self._baseline_counter = next_counter(self._baseline_counter)
-        return pack_frame(can_baseline.BASELINE_ID + self.node, data)
+        return pack_frame(BASELINE_ID + self.node, data)

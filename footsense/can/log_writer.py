@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from typing import IO, TYPE_CHECKING, Any
 
-from firmware_interface.socketcan import split_frames
+from firmware_interface.can.socketcan import split_frames
 from footsense.can.frame_log import RECORD_HEAD
 from footsense.can.python_can import data_message
 from footsense.child_process import drop_realtime, read_batches

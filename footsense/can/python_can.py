@@ -13,7 +13,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from firmware_interface.socketcan import (
+from firmware_interface.can.socketcan import (
     ERROR,
     EXTENDED,
     FD_FRAME_BYTES,

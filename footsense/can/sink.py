@@ -19,12 +19,13 @@ which is their purpose.
 
 from heapq import heapify, heapreplace
 
-from firmware_interface import can_commands, can_events
-from firmware_interface.can_codes import NODE_IDS, Flag, NmtState
-from firmware_interface.can_fd import FORCES_ID, encode_forces
-from firmware_interface.can_frames import ForceQualityEncoder
-from firmware_interface.crc8 import COUNTER_PERIOD
-from firmware_interface.socketcan import FRAME_BYTES, pack_fd_frame
+from firmware_interface.can.all_legs import FORCES_ID, encode_forces
+from firmware_interface.can.codes import NODE_IDS, Flag, NmtState
+from firmware_interface.can.commands import COMMAND_ID
+from firmware_interface.can.crc8 import COUNTER_PERIOD
+from firmware_interface.can.events import HEARTBEAT_ID, encode_heartbeat
+from firmware_interface.can.force import ForceQualityEncoder
+from firmware_interface.can.socketcan import FRAME_BYTES, pack_fd_frame
 from firmware_interface.wire_timing import FRAMES_PER_LEG
 from footsense.can.channel import CanChannel, ChannelSettings
 from footsense.can.commands import CanCommands
@@ -74,11 +75,11 @@ class CanSink:
     ) -> None:
         self.stats = CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
-        boot = can_events.encode_heartbeat(NmtState.BOOT)
+        boot = encode_heartbeat(NmtState.BOOT)
         self._channel = CanChannel(
             settings,
-            accept=[can_commands.COMMAND_ID + node for node in nodes],
-            greeting={can_events.HEARTBEAT_ID + node: boot for node in nodes},
+            accept=[COMMAND_ID + node for node in nodes],
+            greeting={HEARTBEAT_ID + node: boot for node in nodes},
             stats=self.stats,
         )
         self._obeys = settings.commands

@@ -13,7 +13,7 @@ import os
 import socket
 from collections.abc import Callable
 
-from firmware_interface.socketcan import FD_FRAME, FD_FRAME_BYTES, FRAME_BYTES, frame_ends
+from firmware_interface.can.socketcan import FD_FRAME, FD_FRAME_BYTES, FRAME_BYTES, frame_ends
 
 #: Error numbers of a full queue of the interface or of the socket.
 NO_ROOM = frozenset({errno.ENOBUFS, errno.EAGAIN})

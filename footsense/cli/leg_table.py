@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from firmware_interface.can_codes import Phase, State, phase_of
+from firmware_interface.can.codes import Phase, State, phase_of
 
 _PHASE_STYLES = {
     Phase.ABSENT: "bold red",

@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
-from firmware_interface.can_codes import NODE_IDS, CommandKind, Result
-from firmware_interface.can_commands import ANSWER_ID, COMMAND_ID, decode_answer, encode_command
-from firmware_interface.crc8 import FrameError, next_counter
+from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
+from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer, encode_command
+from firmware_interface.can.crc8 import FrameError, next_counter
 
 
 class CommandResult(NamedTuple):

@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
-from firmware_interface.can_codes import NODE_IDS, GaitEventKind
-from firmware_interface.can_gait import GAIT_EVENT_ID, decode_gait_event
-from firmware_interface.crc8 import FrameError
+from firmware_interface.can.codes import NODE_IDS, GaitEventKind
+from firmware_interface.can.crc8 import FrameError
+from firmware_interface.can.gait import GAIT_EVENT_ID, decode_gait_event
 
 #: CAN ids of the accepted frames.
 GAIT_EVENT_IDS = tuple(GAIT_EVENT_ID + node for node in NODE_IDS.values())

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from firmware_interface.can_codes import NODE_IDS, USABLE, Flag, State
-from firmware_interface.can_fd import FORCES_ID, N_BYTES, decode_forces
-from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
-from firmware_interface.crc8 import COUNTER_PERIOD, FrameError
+from firmware_interface.can.all_legs import FORCES_ID, N_BYTES, decode_forces
+from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
+from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
+from firmware_interface.can.force import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
 
 #: CAN ids of the accepted frames.
 LINK_IDS = (*(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values()), FORCES_ID)

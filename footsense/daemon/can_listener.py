@@ -2,10 +2,10 @@
 
 from typing import NamedTuple
 
-from firmware_interface.can_codes import NODE_IDS
-from firmware_interface.can_fd import FORCES_ID
-from firmware_interface.can_frames import FORCE_ID
-from firmware_interface.socketcan import split_frames
+from firmware_interface.can.all_legs import FORCES_ID
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.force import FORCE_ID
+from firmware_interface.can.socketcan import split_frames
 from footsense.can.python_can import open_wire
 from footsense.client import (
     GAIT_EVENT_IDS,

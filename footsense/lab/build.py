@@ -36,11 +36,11 @@ from footsense.lab.model_card import readme
 from footsense.lab.response import make_response
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_model
-from footsense.lab.training.forward_inversion import forward_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import Cases, paper_training, random_loads
-from footsense.lab.training.train import MASKS, Protocol, moments, train
-from footsense.lab.training.train import predict as predict_alone
+from footsense.lab.training.snapshot.forward_inversion import forward_model
+from footsense.lab.training.snapshot.train import MASKS, Protocol, moments, train
+from footsense.lab.training.snapshot.train import predict as predict_alone
 from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
 from footsense.lab.training.windowed_network import Weights, predict
 

@@ -39,7 +39,6 @@ _LAB_STUDIES = {
     "fidelity": "mechanics.fidelity",
     "cramer-rao": "accuracy.cramer_rao",
     "network-size": "networks.network_size",
-    "history": "networks.history",
     "hard-cases": "accuracy.hard_cases",
 }
 #: The studies in the order of the report, each with its module.

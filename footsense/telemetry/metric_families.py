@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Literal
 
-from firmware_interface.can_codes import (
+from firmware_interface.can.codes import (
     FAULT_FREE,
     BaselineStatus,
     Cause,

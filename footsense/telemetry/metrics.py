@@ -11,7 +11,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from firmware_interface.can_codes import phase_of
+from firmware_interface.can.codes import phase_of
 from footsense.frames import (
     CanStatistics,
     CommandKind,

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.can_codes import NODE_IDS
-from firmware_interface.can_frames import FORCE_ID, QUALITY_ID, decode_quality
-from firmware_interface.socketcan import split_frames
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.force import FORCE_ID, QUALITY_ID, decode_quality
+from firmware_interface.can.socketcan import split_frames
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.frames import USABLE, ContactFrame, Cycle, State, Vector
 from footsense.ports import Observer
@@ -143,7 +143,7 @@ class Invariants(Observer):
         Args:
             t_ns: Time of its end on the wire [ns].
             handed_ns: Time at which it was handed to the kernel [ns].
-            frame: The frame, as in `firmware_interface.socketcan`.
+            frame: The frame, as in `firmware_interface.can.socketcan`.
         """
         can_id, data = next(split_frames(frame))
         t_s = t_ns / _NS_PER_S

@@ -8,9 +8,9 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from firmware_interface.can_codes import State
-from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
-from firmware_interface.crc8 import protect
+from firmware_interface.can.codes import State
+from firmware_interface.can.crc8 import protect
+from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from tests.support.can_frames import encode_force, encode_quality
 
 __all__ = ["PATH", "document"]

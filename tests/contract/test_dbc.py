@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can_baseline import BASELINE_ID, decode_baseline, encode_baseline
-from firmware_interface.can_codes import (
+from firmware_interface.can.all_legs import FORCES_ID, decode_forces, encode_forces
+from firmware_interface.can.baseline import BASELINE_ID, decode_baseline, encode_baseline
+from firmware_interface.can.codes import (
     NODE_IDS,
     USABLE,
     BaselineStatus,
@@ -24,7 +25,7 @@ from firmware_interface.can_codes import (
     Slip,
     State,
 )
-from firmware_interface.can_commands import (
+from firmware_interface.can.commands import (
     ANSWER_ID,
     COMMAND_ID,
     UNSOLICITED,
@@ -34,15 +35,15 @@ from firmware_interface.can_commands import (
     encode_answer,
     encode_command,
 )
-from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, decode_fault, encode_fault, encode_heartbeat
-from firmware_interface.can_fd import FORCES_ID, decode_forces, encode_forces
-from firmware_interface.can_frames import (
+from firmware_interface.can.crc8 import protect
+from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, decode_fault, encode_fault, encode_heartbeat
+from firmware_interface.can.force import (
     FORCE_ID,
     QUALITY_ID,
     decode_force,
     decode_quality,
 )
-from firmware_interface.can_gait import (
+from firmware_interface.can.gait import (
     GAIT_EVENT_ID,
     GAIT_ID,
     GROUND_ID,
@@ -53,10 +54,9 @@ from firmware_interface.can_gait import (
     encode_gait_event,
     encode_ground,
 )
-from firmware_interface.crc8 import protect
 from tests.support.can_frames import encode_force, encode_quality
 
-DBC = cantools.database.load_file(Path(__file__).parents[2] / "firmware_interface/footsense.dbc")
+DBC = cantools.database.load_file(Path(__file__).parents[2] / "firmware_interface/can/footsense.dbc")
 SENDERS = {
     "Force": (FORCE_ID, 8, "Footsense"),
     "Quality": (QUALITY_ID, 8, "Footsense"),

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can_baseline import BASELINE_ID, decode_baseline
-from firmware_interface.can_codes import (
+from firmware_interface.can.all_legs import FORCES_ID, encode_forces
+from firmware_interface.can.baseline import BASELINE_ID, decode_baseline
+from firmware_interface.can.codes import (
     BaselineStatus,
     Cause,
     CommandKind,
@@ -22,17 +23,17 @@ from firmware_interface.can_codes import (
     Slip,
     State,
 )
-from firmware_interface.can_commands import (
+from firmware_interface.can.commands import (
     ANSWER_ID,
     COMMAND_ID,
     decode_answer,
     encode_answer,
     encode_command,
 )
-from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, decode_fault, decode_heartbeat
-from firmware_interface.can_fd import FORCES_ID, encode_forces
-from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
-from firmware_interface.can_gait import (
+from firmware_interface.can.crc8 import FrameError, protect
+from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, decode_fault, decode_heartbeat
+from firmware_interface.can.force import FORCE_ID, QUALITY_ID
+from firmware_interface.can.gait import (
     GAIT_EVENT_ID,
     GAIT_ID,
     GROUND_ID,
@@ -41,7 +42,6 @@ from firmware_interface.can_gait import (
     decode_ground,
     encode_gait_event,
 )
-from firmware_interface.crc8 import FrameError, protect
 from footsense.client import CommandResult, GaitEvents, Link, LinkLimits, PendingCommands
 from tests.contract import link_vectors
 from tests.contract.c_decoder import SOURCES, CLink, compile_c, in_c_units, library

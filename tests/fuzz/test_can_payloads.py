@@ -6,24 +6,35 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface import can_baseline, can_commands, can_events, can_frames, can_gait
-from firmware_interface.crc8 import FrameError, protect
+from firmware_interface.can.baseline import BASELINE_ID, decode_baseline
+from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer, decode_command
+from firmware_interface.can.crc8 import FrameError, protect
+from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, decode_fault, decode_heartbeat
+from firmware_interface.can.force import FORCE_ID, QUALITY_ID, decode_force, decode_quality
+from firmware_interface.can.gait import (
+    GAIT_EVENT_ID,
+    GAIT_ID,
+    GROUND_ID,
+    decode_gait,
+    decode_gait_event,
+    decode_ground,
+)
 from footsense.client.gait_events import GaitEvents
 from footsense.client.link import Link
 from footsense.client.reports import Reports
 from tests.fuzz.outcome import TRIED, refusal
 
 DECODERS: list[tuple[int, int, Callable[[int, bytes], object]]] = [
-    (can_frames.FORCE_ID, 8, can_frames.decode_force),
-    (can_frames.QUALITY_ID, 8, can_frames.decode_quality),
-    (can_events.FAULT_ID, 6, can_events.decode_fault),
-    (can_commands.COMMAND_ID, 8, can_commands.decode_command),
-    (can_commands.ANSWER_ID, 4, can_commands.decode_answer),
-    (can_events.HEARTBEAT_ID, 1, can_events.decode_heartbeat),
-    (can_baseline.BASELINE_ID, 8, can_baseline.decode_baseline),
-    (can_gait.GAIT_EVENT_ID, 6, can_gait.decode_gait_event),
-    (can_gait.GAIT_ID, 5, can_gait.decode_gait),
-    (can_gait.GROUND_ID, 8, can_gait.decode_ground),
+    (FORCE_ID, 8, decode_force),
+    (QUALITY_ID, 8, decode_quality),
+    (FAULT_ID, 6, decode_fault),
+    (COMMAND_ID, 8, decode_command),
+    (ANSWER_ID, 4, decode_answer),
+    (HEARTBEAT_ID, 1, decode_heartbeat),
+    (BASELINE_ID, 8, decode_baseline),
+    (GAIT_EVENT_ID, 6, decode_gait_event),
+    (GAIT_ID, 5, decode_gait),
+    (GROUND_ID, 8, decode_ground),
 ]
 
 

@@ -11,9 +11,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from firmware_interface.can_codes import NODE_IDS, Cause, State
-from firmware_interface.can_events import FAULT_ID, decode_fault
-from firmware_interface.can_frames import FORCE_ID, Force, decode_force
+from firmware_interface.can.codes import NODE_IDS, Cause, State
+from firmware_interface.can.events import FAULT_ID, decode_fault
+from firmware_interface.can.force import FORCE_ID, Force, decode_force
 from tests.kernel.ports import GuestError, LinePort
 
 _DATA_FRAME = re.compile(rb"[0-9A-F]{3}#([0-9A-F]{2})*")

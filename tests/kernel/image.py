@@ -1,7 +1,7 @@
 """The disk image, kernel and initial RAM disk of the machine, each made once for what goes into it.
 
     packages.tar       Debian, with systemd and the packages of deploy/README.md    mmdebstrap
-    wheels/            footsense's dependencies                                     pip wheel
+    wheels/            the packages of deploy/requirements.lock                     pip download
     modules/           the adapter without hardware                                 the kernel's headers
     disk.img           all of that, and footsense installed by section 1 of deploy/README.md
 
@@ -143,14 +143,24 @@ def packages() -> Path:
 
 
 def wheels() -> Path:
-    """Return the folder of the wheels that footsense needs to be built and installed, without footsense."""
+    """Return the folder of the packages that the page installs, without footsense."""
+    lock = ROOT / "deploy" / "requirements.lock"
 
     def make(folder: Path) -> None:
-        run(sys.executable, "-m", "pip", "wheel", "--quiet", "--wheel-dir", folder, ROOT, "hatchling")
-        for wheel in folder.glob("footsense-*.whl"):
-            wheel.unlink()
+        run(
+            sys.executable,
+            "-m",
+            "pip",
+            "download",
+            "--quiet",
+            "--no-deps",
+            "--dest",
+            folder,
+            "--requirement",
+            lock,
+        )
 
-    return _made("wheels", _hash(ROOT / "pyproject.toml"), make)
+    return _made("wheels", _hash(lock), make)
 
 
 def modules(kernel: str) -> Path:

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, field
 from itertools import groupby
 
-from firmware_interface.can_codes import State
+from firmware_interface.can.codes import State
 from tests.kernel import deploy_page
 from tests.kernel.can_stream import LEGS
 from tests.kernel.machine import Machine

@@ -2,8 +2,8 @@
 
 import pytest
 
-from firmware_interface.can_codes import NODE_IDS, Cause, Flag, State
-from firmware_interface.can_frames import QUALITY_ID, decode_quality
+from firmware_interface.can.codes import NODE_IDS, Cause, Flag, State
+from firmware_interface.can.force import QUALITY_ID, decode_quality
 from tests.kernel import deploy_page
 from tests.kernel.can_stream import LEGS
 from tests.kernel.robot import Robot, Trial, matching

@@ -2,7 +2,7 @@
 
 import json
 
-from firmware_interface.can_codes import State
+from firmware_interface.can.codes import State
 from tests.kernel.robot import CONFIG, Trial, matching
 
 _FOOTSENSE = "/opt/footsense/bin/footsense"

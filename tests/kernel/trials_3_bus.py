@@ -2,7 +2,7 @@
 
 import pytest
 
-from firmware_interface.can_codes import NODE_IDS, Cause, State
+from firmware_interface.can.codes import NODE_IDS, Cause, State
 from tests.kernel.robot import CONFIG, Trial, matching
 
 _ERRORS = ("ENXIO", "ETIMEDOUT", "EAGAIN", "EIO", "SILENT")

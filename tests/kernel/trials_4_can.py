@@ -1,6 +1,6 @@
 """Trials of CAN: interfaces that go, queues that are full, a kernel that keeps its network lock."""
 
-from firmware_interface.can_codes import State
+from firmware_interface.can.codes import State
 from tests.kernel.robot import Trial, matching
 
 

@@ -7,8 +7,8 @@ from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.training.forward_inversion import forward_model
 from footsense.lab.training.load_cases import sensed_closure_um
+from footsense.lab.training.snapshot.forward_inversion import forward_model
 
 pytestmark = pytest.mark.lab
 

@@ -1,4 +1,4 @@
-"""What a robot installs: the wheel and its runtime packages run by themselves, far from the checkout.
+"""What a robot installs: the wheel and the packages of the lock file run by themselves, far from the checkout.
 
 It needs a package index, as the set-up of the checkout does.
 """
@@ -33,14 +33,16 @@ def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return an environment that holds the wheel and what it depends on."""
+    """Return an environment with the packages of the lock file and the wheel."""
     place = tmp_path_factory.mktemp("robot")
     built = run(sys.executable, "-m", "build", "--wheel", "--outdir", place, ROOT, cwd=place)
     assert built.returncode == 0, built.stdout + built.stderr
     (wheel,) = place.glob("*.whl")
     assert run(sys.executable, "-m", "venv", place / "venv", cwd=place).returncode == 0
-    installed = run(place / "venv/bin/pip", "install", "--quiet", wheel, cwd=place)
-    assert installed.returncode == 0, installed.stderr
+    lock = ROOT / "deploy/requirements.lock"
+    for options in (("--require-hashes", "-r", lock), ("--no-index", "--no-deps", wheel)):
+        installed = run(place / "venv/bin/pip", "install", "--quiet", *options, cwd=place)
+        assert installed.returncode == 0, installed.stderr
     return place / "venv/bin"
 
 
@@ -66,6 +68,13 @@ def test_the_installed_daemon_walks(robot: Path, tmp_path: Path) -> None:
     assert walked.returncode == 0, walked.stderr
     assert json.loads(walked.stdout)["cycles"] > 0
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_locked_packages_give_the_same_forces(robot: Path, tmp_path: Path) -> None:
+    """The golden recording replays bit for bit with the versions that a robot installs."""
+    golden = ROOT / "tests/golden/measured_walk.mcap"
+    replayed = run(robot / "footsense", "replay", golden, "--check", cwd=tmp_path)
+    assert replayed.returncode == 0, replayed.stdout + replayed.stderr
 
 
 def test_the_workshop_names_its_extra(robot: Path, tmp_path: Path) -> None:

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from firmware_interface.can_codes import State
-from firmware_interface.can_frames import ForceQualityEncoder
+from firmware_interface.can.codes import State
+from firmware_interface.can.force import ForceQualityEncoder
 
 _NAN_N = (math.nan, math.nan, math.nan)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import can
 import numpy as np
 
-from firmware_interface.can_codes import NODE_IDS, USABLE, Cause, State
-from firmware_interface.socketcan import split_frames
+from firmware_interface.can.codes import NODE_IDS, USABLE, Cause, State
+from firmware_interface.can.socketcan import split_frames
 from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.errors import CanError

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.can_codes import NODE_IDS
-from firmware_interface.socketcan import split_frames
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.socketcan import split_frames
 from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.frames import BaselineDrift, ContactFrame

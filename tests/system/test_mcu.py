@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from firmware_interface.can_codes import USABLE
+from firmware_interface.can.codes import USABLE
 from footsense.acquisition.linux.serial_port import SerialLink
 from footsense.acquisition.mcu_source import McuSource
 from footsense.config import Config

@@ -12,7 +12,7 @@ import pytest
 import firmware_interface
 from tests.system.command import footsense, run_json
 
-DBC = Path(firmware_interface.__file__).parent / "footsense.dbc"
+DBC = Path(firmware_interface.__file__).parent / "can/footsense.dbc"
 DURATION_S = 10
 
 

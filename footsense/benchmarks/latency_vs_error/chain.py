@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_limits
 from footsense.foot.capacitor import CapacitorDesign

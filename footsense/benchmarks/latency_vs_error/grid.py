@@ -7,7 +7,7 @@ from functools import partial
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.acquisition.scan_plan import ORDERS
 from footsense.benchmarks.latency_vs_error.chain import FootLoad, convert, pace

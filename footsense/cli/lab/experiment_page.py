@@ -15,8 +15,8 @@ from msgspec.structs import asdict
 from footsense.cli.lab.experiment_figure import errors_over_loads
 from footsense.errors import FootsenseError
 from footsense.lab.studies.page import Figures, Study, StudyContext
-from footsense.lab.training.paper_procedure import EPOCHS
-from footsense.lab.training.per_foot_network import per_foot_force_n
+from footsense.lab.training.paper.per_foot_network import per_foot_force_n
+from footsense.lab.training.paper.procedure import EPOCHS
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances
 from footsense.validation.processes import in_processes
 from footsense.validation.test_stand_trial import FootBatch

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from firmware_interface.can_codes import Flag, phase_of
+from firmware_interface.can.codes import Flag, phase_of
 from footsense.cli.monitor.table import cause_text
 from footsense.daemon.can_listener import LegSnapshot
 

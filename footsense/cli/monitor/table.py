@@ -6,8 +6,8 @@ from collections.abc import Callable
 from rich.console import Group
 from rich.text import Text
 
-from firmware_interface.can_codes import Cause, Flag, NmtState, Slip
-from firmware_interface.can_gait import Gait, Ground
+from firmware_interface.can.codes import Cause, Flag, NmtState, Slip
+from firmware_interface.can.gait import Gait, Ground
 from footsense.cli.leg_table import (
     EMPTY,
     LegColumns,

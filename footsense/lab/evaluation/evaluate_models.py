@@ -136,7 +136,7 @@ def paper_protocol(folder: Path) -> dict[str, float]:
     """
     # Late: they take seconds to import that the table alone does not need.
     from footsense.lab.evaluation.bound_ratio import crb_ratio
-    from footsense.lab.training.paper_procedure import paper_networks
+    from footsense.lab.training.paper.procedure import paper_networks
 
     response, network = open_models(folder)
     cases = paper_verification(response)

@@ -22,8 +22,8 @@ from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import Cases, as_designed_um, paper_training, paper_verification
-from footsense.lab.training.mlp import start_layers
-from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining
+from footsense.lab.training.paper.mlp import start_layers
+from footsense.lab.training.paper.procedure import HIDDEN, PaperTraining
 from footsense.sim.foot.fabrication import fabricate
 
 #: Resolution of the reference sensor's x, y, z (Table II) [N].

@@ -11,7 +11,7 @@ from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
 from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
 from footsense.lab.monte_carlo.specimens import readout_errors
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS
+from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS
 
 #: Of all random numbers of the study.
 SEED = 20090304

@@ -21,7 +21,7 @@ from footsense.errors import ModelError
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
 from footsense.frames import ELEMENTS
-from footsense.lab.training.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
+from footsense.lab.training.snapshot.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
 from footsense.lab.training.windowed_network import (
     LN_SIGMA_BOUNDS,
     MAX_FEATURE,

@@ -2,7 +2,7 @@
 
 Every batch draws its windows and its missing elements. A share of the windows is of feet at rest, drawn
 from the wide loads of `load_cases`, whose readings differ by noise alone. Loss, whitening and linear start are those
-of `train`; beside the force, contact point and friction ratio are learnt where the foot carries a load.
+of `snapshot/train.py`; beside the force, contact point and friction ratio are learnt where the foot carries a load.
 """
 
 from dataclasses import asdict, dataclass
@@ -19,8 +19,8 @@ from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.gait_readings import ORDERS, PACE_REL, STEP_S, GaitReadings, usual_lead_s
 from footsense.lab.training.gait_windows import WINDOW, age_table, contact_of, whole_windows
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
-from footsense.lab.training.network import linear_basis
-from footsense.lab.training.train import MASKS
+from footsense.lab.training.snapshot.network import linear_basis
+from footsense.lab.training.snapshot.train import MASKS
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     N_INPUTS,
@@ -38,8 +38,8 @@ _MISSING_SHARE, _REST_SHARE = 0.25, 0.45
 #: Share of the windows at rest that are read at any pace and in any order, and of those with friction: few of the loads
 #: at rest have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
 _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
-#: Tempering of the likelihood as in `train`, and weight of the squared error over the squared force beside it: lower
-#: than there, as sudden steps, which nothing can tell, would dominate.
+#: Tempering of the likelihood as in `snapshot/train.py`, and weight of the squared error over the squared force beside
+#: it: lower than there, as sudden steps, which nothing can tell, would dominate.
 _TEMPERING, _SQUARED_ERROR_WEIGHT = 0.25, 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02

@@ -12,8 +12,8 @@ and beside them the mask of missing elements, r and ln T. Two hidden layers of t
     f = L x + M (x - v0) + (s / r) V h2,     s = |x|^2 / 9
     sigma_f = r exp(Q h2 + q),    contact point and friction ratio: C h2,    their sigma: exp(R h2 + c)
 
-No load gives exactly no force. The eight symmetries of the square are built in as in `network`: a hidden channel is
-eight units, one for each symmetry, that share their weights.
+No load gives exactly no force. The eight symmetries of the square are built in as in `snapshot/network.py`: a hidden
+channel is eight units, one for each symmetry, that share their weights.
 
 Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from footsense.frames import ELEMENTS
 from footsense.lab.symmetry import SYMMETRIES, element_map
-from footsense.lab.training.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
+from footsense.lab.training.snapshot.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
 from footsense.ports import Load, Window
 
 #: Readings of an element in a window.

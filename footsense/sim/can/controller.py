@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from firmware_interface.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, split_frames
+from firmware_interface.can.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, split_frames
 from firmware_interface.wire_timing import LONGEST_FRAME_BITS, frame_bits
 from footsense.sim.can.other_senders import OtherSender
 from footsense.sim.can.transmit_queue import QueuedFrame, TransmitQueue

@@ -23,7 +23,7 @@ from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
 
-from firmware_interface.socketcan import frame_ends, pack_frame
+from firmware_interface.can.socketcan import frame_ends, pack_frame
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.controller import CanController, CanSettings

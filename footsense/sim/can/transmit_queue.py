@@ -17,7 +17,7 @@ class QueuedFrame(NamedTuple):
 
     Attributes:
         handed_ns: Time at which it was handed to the kernel [ns].
-        data: The frame, as in `firmware_interface.socketcan`.
+        data: The frame, as in `firmware_interface.can.socketcan`.
         from_socket: Whether it came from a socket, and not from another program.
     """
 

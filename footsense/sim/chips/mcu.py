@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from firmware_interface.can_codes import NODE_IDS
+from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.chips import fdc1004
 from firmware_interface.serial_frames import (
     ELEMENTS,

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import msgspec
 
-from firmware_interface.can_codes import NODE_IDS
-from firmware_interface.can_frames import FORCE_ID
-from firmware_interface.socketcan import split_frames
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.force import FORCE_ID
+from firmware_interface.can.socketcan import split_frames
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.frames import Cycle

@@ -31,8 +31,8 @@ from footsense.lab.foot_file import load_foot
 from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork
-from footsense.lab.training.network import N_INPUTS, N_SYMMETRIES, Weights
-from footsense.lab.training.train import MASKS, predict
+from footsense.lab.training.snapshot.network import N_INPUTS, N_SYMMETRIES, Weights
+from footsense.lab.training.snapshot.train import MASKS, predict
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 from tests.lab.networks.windows import assert_symmetric, some_windows

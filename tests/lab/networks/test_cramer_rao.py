@@ -8,7 +8,6 @@ from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.creep import Kelvin, crept_closure, uncrept_closure
 from footsense.lab.evaluation.bound_ratio import crb_ratio, leaning_contacts
 from footsense.lab.evaluation.cramer_rao import Bound, Unknowns, force_bound
 from footsense.lab.evaluation.maximum_likelihood import maximum_likelihood
@@ -96,16 +95,3 @@ def test_a_read_out_of_known_scatter_has_the_ratio_of_its_scatter(foot: Foot) ->
     assert ratio.worst == pytest.approx(1.0 / only.leaning.direction_rms_deg)
     assert only.network.magnitude_rms_gf == pytest.approx(0.0, abs=1e-9)
     assert calls[:2] == [180, 180]
-
-
-def test_creep_follows_the_step_response_of_its_chain_and_comes_back() -> None:
-    chain = (Kelvin(share_rel=0.08, time_s=0.15), Kelvin(share_rel=0.05, time_s=2.0))
-    period_s, n = 0.0241, 200
-    elastic = np.concatenate([np.ones((n, 9)), np.zeros((n, 9))])
-    crept = crept_closure(elastic, period_s, chain)
-    since_s = period_s * np.arange(1, n + 1)
-    late = [0.08 * -np.expm1(-since_s / 0.15), 0.05 * -np.expm1(-since_s / 2.0)]
-    np.testing.assert_allclose(crept[:n, 4], 1.0 + late[0] + late[1], rtol=1e-12)
-    back = late[0][-1] * np.exp(-since_s / 0.15) + late[1][-1] * np.exp(-since_s / 2.0)
-    np.testing.assert_allclose(crept[n:, 4], back, rtol=1e-10)
-    np.testing.assert_allclose(uncrept_closure(crept, period_s, chain), elastic, atol=1e-12)

@@ -12,7 +12,7 @@ from footsense.lab.evaluation.evaluate_models import evaluate_models, open_model
 from footsense.lab.evaluation.maximum_likelihood import ambiguous_loads
 from footsense.lab.model_card import readme
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
-from footsense.lab.training.train import MASKS
+from footsense.lab.training.snapshot.train import MASKS
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab

@@ -12,9 +12,17 @@ from hypothesis import strategies as st
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.lab.training.load_cases import Cases
-from footsense.lab.training.mlp import forward, loss, stack, start_layers, train, unstack
-from footsense.lab.training.paper_procedure import Feed, PaperTraining
-from footsense.lab.training.rprop import FIRST_STEP, GROW, LARGEST_STEP, LEAST_STEP, RPROP, SHRINK, RpropState
+from footsense.lab.training.paper.mlp import forward, loss, stack, start_layers, train, unstack
+from footsense.lab.training.paper.procedure import Feed, PaperTraining
+from footsense.lab.training.paper.rprop import (
+    FIRST_STEP,
+    GROW,
+    LARGEST_STEP,
+    LEAST_STEP,
+    RPROP,
+    SHRINK,
+    RpropState,
+)
 
 pytestmark = pytest.mark.lab
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import can
 import pytest
 
-from firmware_interface import can_commands
+from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer, encode_command
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.frames import CommandKind, Cycle, Result, State
@@ -32,16 +32,14 @@ class Controller:
     def observe(self, cycle: Cycle) -> None:
         self.states.append(State(int(cycle.forces.state[1])))
         while (message := self._bus.recv(timeout=0)) is not None:
-            if message.arbitration_id == can_commands.ANSWER_ID + NODE_LM:
-                answer = can_commands.decode_answer(message.arbitration_id, bytes(message.data))
+            if message.arbitration_id == ANSWER_ID + NODE_LM:
+                answer = decode_answer(message.arbitration_id, bytes(message.data))
                 self.answers.append((CommandKind(answer.kind), Result(answer.result)))
         kind = self._commands.get(cycle.scan.sequence)
         if kind is not None:
-            data = can_commands.encode_command(NODE_LM, self._counter, kind)
+            data = encode_command(NODE_LM, self._counter, kind)
             self._counter += 1
-            self._bus.send(
-                can.Message(arbitration_id=can_commands.COMMAND_ID + NODE_LM, data=data, is_extended_id=False)
-            )
+            self._bus.send(can.Message(arbitration_id=COMMAND_ID + NODE_LM, data=data, is_extended_id=False))
 
     def close(self) -> None:
         pass

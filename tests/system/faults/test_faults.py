@@ -27,7 +27,7 @@ from footsense.telemetry.metrics import MetricsObserver
 from footsense.validation.faults.fault_trial import LEG, FaultFigures, fault_figures
 from footsense.validation.faults.published_walk import BREAKS_AT_S, PASSES_AT_S, WALK, PublishedWalk, walk
 
-DBC = Path(firmware_interface.__file__).parent / "footsense.dbc"
+DBC = Path(firmware_interface.__file__).parent / "can/footsense.dbc"
 
 #: A leg of each tripod, and the one on which things break.
 ROBOT = msgspec.structs.replace(

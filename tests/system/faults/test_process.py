@@ -10,7 +10,7 @@ from pathlib import Path
 
 import can
 
-from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
+from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from footsense.daemon.foot_types import released_path
 from footsense.recording.recorder import partial_path
 from footsense.recording.recover import recover

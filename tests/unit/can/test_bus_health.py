@@ -2,7 +2,7 @@
 
 import pytest
 
-from firmware_interface.socketcan import (
+from firmware_interface.can.socketcan import (
     CONTROLLER_ACTIVE,
     CONTROLLER_PASSIVE,
     ErrorClass,

@@ -17,10 +17,10 @@ import can
 import numpy as np
 import pytest
 
-from firmware_interface.can_codes import CommandKind, NmtState
-from firmware_interface.can_commands import encode_command
-from firmware_interface.can_events import decode_heartbeat
-from firmware_interface.socketcan import pack_frame
+from firmware_interface.can.codes import CommandKind, NmtState
+from firmware_interface.can.commands import encode_command
+from firmware_interface.can.events import decode_heartbeat
+from firmware_interface.can.socketcan import pack_frame
 from footsense.can.channel import CanChannel, ChannelSettings
 from footsense.can.frame_log import CanFrameLog, check_log_target
 from footsense.can.python_can import _keep_local

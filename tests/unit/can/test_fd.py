@@ -7,9 +7,9 @@ import can
 import numpy as np
 import pytest
 
-from firmware_interface.can_codes import NODE_IDS, Flag, State
-from firmware_interface.can_fd import FORCES_ID, decode_forces
-from firmware_interface.socketcan import FD_FRAME, pack_fd_frame, pack_frame, split_frames
+from firmware_interface.can.all_legs import FORCES_ID, decode_forces
+from firmware_interface.can.codes import NODE_IDS, Flag, State
+from firmware_interface.can.socketcan import FD_FRAME, pack_fd_frame, pack_frame, split_frames
 from footsense.can import python_can
 from footsense.can.python_can import open_wire
 from footsense.can.socketcan import SocketWire

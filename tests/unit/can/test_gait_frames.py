@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from firmware_interface.can_codes import NODE_IDS, GaitEventKind, Slip
-from firmware_interface.can_gait import GAIT_EVENT_ID, GAIT_ID, GROUND_ID, decode_gait_event
+from firmware_interface.can.codes import NODE_IDS, GaitEventKind, Slip
+from firmware_interface.can.gait import GAIT_EVENT_ID, GAIT_ID, GROUND_ID, decode_gait_event
 from footsense.client import GaitEvents, Reports
 from footsense.frames import GaitEvent
 from tests.support.can_robot import MS, NarrowWire, Robot

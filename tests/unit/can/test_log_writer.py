@@ -7,7 +7,7 @@ from pathlib import Path
 import can
 import pytest
 
-from firmware_interface.socketcan import pack_frame
+from firmware_interface.can.socketcan import pack_frame
 from footsense.can.frame_log import RECORD_HEAD
 from footsense.can.log_writer import main
 

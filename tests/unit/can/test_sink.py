@@ -9,8 +9,8 @@ import can
 import numpy as np
 import pytest
 
-from firmware_interface.can_baseline import decode_baseline
-from firmware_interface.can_codes import (
+from firmware_interface.can.baseline import decode_baseline
+from firmware_interface.can.codes import (
     NODE_IDS,
     BaselineStatus,
     Cause,
@@ -20,10 +20,10 @@ from firmware_interface.can_codes import (
     Result,
     State,
 )
-from firmware_interface.can_commands import UNSOLICITED, decode_answer, encode_command
-from firmware_interface.can_events import decode_fault, decode_heartbeat
-from firmware_interface.can_frames import decode_force, decode_quality
-from firmware_interface.crc8 import protect
+from firmware_interface.can.commands import UNSOLICITED, decode_answer, encode_command
+from firmware_interface.can.crc8 import protect
+from firmware_interface.can.events import decode_fault, decode_heartbeat
+from firmware_interface.can.force import decode_force, decode_quality
 from footsense.frames import BaselineDrift, Command, CommandResult
 from tests.support.can_robot import MS, NarrowWire, Robot
 

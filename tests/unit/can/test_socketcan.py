@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from firmware_interface.socketcan import FRAME_BYTES, pack_frame
+from firmware_interface.can.socketcan import FRAME_BYTES, pack_frame
 from footsense.can.socketcan import SocketWire
 
 Pair = tuple[SocketWire, socket.socket]

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from firmware_interface.can_baseline import BASELINE_ID, encode_baseline
-from firmware_interface.can_codes import (
+from firmware_interface.can.baseline import BASELINE_ID, encode_baseline
+from firmware_interface.can.codes import (
     NODE_IDS,
     BaselineStatus,
     Cause,
@@ -20,8 +20,8 @@ from firmware_interface.can_codes import (
     Slip,
     State,
 )
-from firmware_interface.can_events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
-from firmware_interface.can_gait import Gait, Ground
+from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
+from firmware_interface.can.gait import Gait, Ground
 from footsense.can.python_can import open_wire
 from footsense.cli.monitor.command import monitor
 from footsense.cli.monitor.json_values import snapshot_json

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from firmware_interface.can_baseline import BASELINE_ID, decode_baseline, encode_baseline
-from firmware_interface.can_codes import (
+from firmware_interface.can.baseline import BASELINE_ID, decode_baseline, encode_baseline
+from firmware_interface.can.codes import (
     USABLE,
     BaselineStatus,
     Cause,
@@ -21,7 +21,7 @@ from firmware_interface.can_codes import (
     State,
     phase_of,
 )
-from firmware_interface.can_commands import (
+from firmware_interface.can.commands import (
     ANSWER_ID,
     COMMAND_ID,
     UNSOLICITED,
@@ -31,7 +31,8 @@ from firmware_interface.can_commands import (
     encode_answer,
     encode_command,
 )
-from firmware_interface.can_events import (
+from firmware_interface.can.crc8 import FrameError, protect
+from firmware_interface.can.events import (
     FAULT_ID,
     HEARTBEAT_ID,
     decode_fault,
@@ -39,14 +40,14 @@ from firmware_interface.can_events import (
     encode_fault,
     encode_heartbeat,
 )
-from firmware_interface.can_frames import (
+from firmware_interface.can.force import (
     FORCE_ID,
     QUALITY_ID,
     ForceQualityEncoder,
     decode_force,
     decode_quality,
 )
-from firmware_interface.can_gait import (
+from firmware_interface.can.gait import (
     GAIT_EVENT_ID,
     GAIT_ID,
     GROUND_ID,
@@ -57,8 +58,7 @@ from firmware_interface.can_gait import (
     encode_gait_event,
     encode_ground,
 )
-from firmware_interface.crc8 import FrameError, protect
-from firmware_interface.socketcan import pack_frame
+from firmware_interface.can.socketcan import pack_frame
 from tests.support.can_frames import encode_force, encode_quality
 
 VECTORS = json.loads((Path(__file__).parents[3] / "firmware_interface/vectors/can_frames.json").read_text())

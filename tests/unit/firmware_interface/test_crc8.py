@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.crc8 import FrameError, check, crc8, next_counter, protect
+from firmware_interface.can.crc8 import FrameError, check, crc8, next_counter, protect
 
 
 def test_the_published_vectors_hold() -> None:

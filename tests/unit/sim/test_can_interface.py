@@ -4,7 +4,7 @@ import errno
 
 import pytest
 
-from firmware_interface.socketcan import ErrorClass, is_error, pack_frame, split_frames
+from firmware_interface.can.socketcan import ErrorClass, is_error, pack_frame, split_frames
 from footsense.sim.can.controller import CanSettings
 from footsense.sim.can.interface import AS_DEPLOYED, SimulatedCan
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanTraffic

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry
 
-from firmware_interface.can_codes import Phase
+from firmware_interface.can.codes import Phase
 from footsense.errors import FootsenseError
 from footsense.frames import (
     BaselineDrift,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from firmware_interface.can_frames import FORCE_ID, QUALITY_ID
-from firmware_interface.socketcan import pack_frame
+from firmware_interface.can.force import FORCE_ID, QUALITY_ID
+from firmware_interface.can.socketcan import pack_frame
 from footsense.frames import LEGS, BaselineDrift, ContactFrame, Cycle, State
 from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fault, StuckSda
 from footsense.validation.invariants import Invariants

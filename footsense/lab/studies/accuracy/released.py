@@ -21,7 +21,7 @@ from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
-from footsense.lab.training.train import MASKS
+from footsense.lab.training.snapshot.train import MASKS
 from footsense.sim.foot.fabrication import fabricate
 
 #: Missing elements, as an index into `MASKS`.

@@ -22,9 +22,9 @@ from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanSt
 from footsense.lab.response import DEGREE, fit_class, patch_mean
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels
-from footsense.lab.training.mlp import forward, stack, train, unstack
-from footsense.lab.training.paper_procedure import HIDDEN, starts_of
-from footsense.lab.training.rprop import RPROP
+from footsense.lab.training.paper.mlp import forward, stack, train, unstack
+from footsense.lab.training.paper.procedure import HIDDEN, starts_of
+from footsense.lab.training.paper.rprop import RPROP
 
 #: Force of the contacts [gf]: patterns are divided by their maximum, so that it sets the size of the patch alone.
 FORCE_GF = 100.0

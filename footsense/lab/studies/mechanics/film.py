@@ -34,7 +34,7 @@ from footsense.lab.training.load_cases import (
     paper_verification,
     sensed_closure_um,
 )
-from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining, starts_of
+from footsense.lab.training.paper.procedure import HIDDEN, PaperTraining, starts_of
 
 #: Nothing is singular where the film covers everything: no layers of thin elements.
 FILM_SIZE, QUICK_FILM_SIZE = replace(SHIPPED, layers=0), replace(COARSE, layers=0)

@@ -17,8 +17,8 @@ from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanSt
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels, plot_band
 from footsense.lab.training.load_cases import paper_training, paper_verification
-from footsense.lab.training.mlp import start_layers
-from footsense.lab.training.paper_procedure import EPOCHS, QUICK_EPOCHS, PaperTraining, verification_at
+from footsense.lab.training.paper.mlp import start_layers
+from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS, PaperTraining, verification_at
 
 #: Neurons of each hidden layer.
 NEURONS, QUICK_NEURONS = (3, 5, 8, 12, 18, 27, 40), (3, 12, 40)

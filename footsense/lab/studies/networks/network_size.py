@@ -18,7 +18,7 @@ from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
-from footsense.lab.training.train import moments
+from footsense.lab.training.snapshot.train import moments
 from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window

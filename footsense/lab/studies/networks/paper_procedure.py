@@ -20,7 +20,7 @@ from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels, plot_band
 from footsense.lab.training.load_cases import paper_training
-from footsense.lab.training.paper_procedure import (
+from footsense.lab.training.paper.procedure import (
     EPOCHS,
     HIDDEN,
     QUICK_EPOCHS,

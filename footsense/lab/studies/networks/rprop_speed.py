@@ -16,9 +16,9 @@ from footsense.frames import Vector
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import paper_training
-from footsense.lab.training.mlp import Layers, Trained, stack, train
-from footsense.lab.training.paper_procedure import HIDDEN, PaperTraining, starts_of
-from footsense.lab.training.rprop import RPROP
+from footsense.lab.training.paper.mlp import Layers, Trained, stack, train
+from footsense.lab.training.paper.procedure import HIDDEN, PaperTraining, starts_of
+from footsense.lab.training.paper.rprop import RPROP
 
 #: Learning rates to choose from, for networks whose loss is the mean square over the cases.
 RATES = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7)

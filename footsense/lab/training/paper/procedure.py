@@ -1,6 +1,6 @@
 """The paper's procedure from capacitances to forces: a plain network, RPROP, and 362 training cases.
 
-It uses nothing of what `network` and `train` know about the foot: ΔC unless closures are chosen, no symmetry, no linear
+It uses nothing of what the other networks know about the foot: ΔC unless closures are chosen, no symmetry, no linear
 path. Inputs and forces are divided by the largest of the training cases.
 
 Source:
@@ -19,8 +19,8 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import Readout
 from footsense.lab.training.load_cases import Cases, paper_training, paper_verification, sensed_closure_um
-from footsense.lab.training.mlp import Layers, forward, stack, start_layers, train, unstack
-from footsense.lab.training.rprop import RPROP
+from footsense.lab.training.paper.mlp import Layers, forward, stack, start_layers, train, unstack
+from footsense.lab.training.paper.rprop import RPROP
 
 #: Inputs of a network: capacitance changes, as in the paper, or the gap closures that elastance measures.
 Feed = Literal["capacitance", "closure"]

@@ -1,4 +1,4 @@
-"""The multilayer perceptron of 2009 for the studies: tanh layers and a linear one. The released network is `network`.
+"""The multilayer perceptron of 2009 for the studies: tanh layers and a linear one.
 
 Many are trained in one compiled program, one after the other (`jax.lax.map`): on one core 10 to 30 % faster than side
 by side (`jax.vmap`). A neuron whose weights are all zero has no output and no gradient, so an optimiser that moves

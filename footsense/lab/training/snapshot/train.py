@@ -27,7 +27,7 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Cases
-from footsense.lab.training.network import N_INPUTS, Weights, expand, hidden_input, linear_basis, run
+from footsense.lab.training.snapshot.network import N_INPUTS, Weights, expand, hidden_input, linear_basis, run
 
 Vector = NDArray[np.float64]
 

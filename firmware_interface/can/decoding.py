@@ -4,8 +4,8 @@ import struct
 from enum import IntEnum
 from typing import Any, TypeVar
 
-from firmware_interface.can_codes import NODE_IDS
-from firmware_interface.crc8 import FrameError, check
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.crc8 import FrameError, check
 
 _Code = TypeVar("_Code", bound=IntEnum)
 

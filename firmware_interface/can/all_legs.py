@@ -34,10 +34,10 @@ from binascii import crc_hqx
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from firmware_interface.can_codes import NODE_IDS, USABLE, Flag, State
-from firmware_interface.can_decoding import enum_member
-from firmware_interface.can_frames import FORCE_ID, Force, Quality
-from firmware_interface.crc8 import COUNTER_PERIOD, FrameError
+from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
+from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
+from firmware_interface.can.decoding import enum_member
+from firmware_interface.can.force import FORCE_ID, Force, Quality
 
 #: The id of `Force` with node 0, which stands for all legs.
 FORCES_ID = FORCE_ID

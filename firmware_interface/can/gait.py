@@ -12,9 +12,9 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from firmware_interface.can_codes import GaitEventKind, Slip
-from firmware_interface.can_decoding import enum_member, unpack_protected
-from firmware_interface.crc8 import protect
+from firmware_interface.can.codes import GaitEventKind, Slip
+from firmware_interface.can.crc8 import protect
+from firmware_interface.can.decoding import enum_member, unpack_protected
 
 #: CAN ids are these plus the node id. Source: CiA 301, pre-defined connection set.
 GAIT_EVENT_ID = 0x300

@@ -1,6 +1,6 @@
 """The CAN frames `Force` and `Quality`, sent for each leg together; in `footsense.dbc` for other tools.
 
-Event frames are in `can_events` and `can_commands`, codes in `can_codes`. Everything is little-endian. Byte 0 and the
+Everything is little-endian. Byte 0 and the
 low nibble of byte 1 protect a frame as `crc8` describes. "No value" has a code of its own, apart from the code of a
 number too large for its field, so that neither passes for a measurement.
 
@@ -13,10 +13,10 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from firmware_interface.can_codes import USABLE, Flag, State
-from firmware_interface.can_decoding import enum_member, unpack_protected
-from firmware_interface.crc8 import COLUMN_CRC, ID_CRC, crc8
-from firmware_interface.socketcan import FRAME_BYTES, pack_frame
+from firmware_interface.can.codes import USABLE, Flag, State
+from firmware_interface.can.crc8 import COLUMN_CRC, ID_CRC, crc8
+from firmware_interface.can.decoding import enum_member, unpack_protected
+from firmware_interface.can.socketcan import FRAME_BYTES, pack_frame
 
 #: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2. Source: CiA 301, pre-defined
 #: connection set.

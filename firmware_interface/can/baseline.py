@@ -11,9 +11,9 @@ import math
 import struct
 from typing import NamedTuple
 
-from firmware_interface.can_codes import BaselineStatus
-from firmware_interface.can_decoding import enum_member, unpack_protected
-from firmware_interface.crc8 import protect
+from firmware_interface.can.codes import BaselineStatus
+from firmware_interface.can.crc8 import protect
+from firmware_interface.can.decoding import enum_member, unpack_protected
 
 #: CAN id is this plus the node id, as CANopen's default transmit PDO 3. Source: CiA 301, pre-defined connection set.
 BASELINE_ID = 0x380

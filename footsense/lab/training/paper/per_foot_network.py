@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.lab.training.load_cases import Cases, as_designed_um
-from footsense.lab.training.paper_procedure import EPOCHS, PaperTraining, starts_of
+from footsense.lab.training.paper.procedure import EPOCHS, PaperTraining, starts_of
 
 Vector = NDArray[np.float64]
 

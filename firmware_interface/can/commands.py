@@ -10,9 +10,9 @@ Source:
 import struct
 from typing import NamedTuple
 
-from firmware_interface.can_codes import CommandKind, Result
-from firmware_interface.can_decoding import enum_member, unpack_protected
-from firmware_interface.crc8 import COUNTER_PERIOD, FrameError, protect
+from firmware_interface.can.codes import CommandKind, Result
+from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError, protect
+from firmware_interface.can.decoding import enum_member, unpack_protected
 
 #: CAN ids are these plus the node id.
 COMMAND_ID = 0x200

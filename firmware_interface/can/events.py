@@ -10,9 +10,9 @@ Source:
 import struct
 from typing import NamedTuple
 
-from firmware_interface.can_codes import Cause, NmtState, State
-from firmware_interface.can_decoding import enum_member, node_of, unpack_protected
-from firmware_interface.crc8 import FrameError, protect
+from firmware_interface.can.codes import Cause, NmtState, State
+from firmware_interface.can.crc8 import FrameError, protect
+from firmware_interface.can.decoding import enum_member, node_of, unpack_protected
 
 #: CAN ids are these plus the node id.
 FAULT_ID = 0x080
