@@ -25,7 +25,7 @@ from footsense.frames import ELEMENTS, Vector
 from footsense.sim.foot.fabrication import REMOUNT_DEG, FootTolerances, fabricate, remounted
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.test_stand.press_sequence import paper_presses
-from footsense.sim.test_stand.reference_sensor import LINEARITY_REL, STEP_GF, drawn_bow_gf, nonlinearity_gf
+from footsense.sim.test_stand.reference_sensor import STEP_GF, drawn_bow_gf, nonlinearity_gf
 
 #: Times of a press [s]: rise or fall, dwell, pause.
 _RISE_S, _DWELL_S, _PAUSE_S = 0.05, 0.5, 0.5
@@ -59,7 +59,7 @@ class Disturbance:
     play: float = 1.0
     touchdown_pf: float = 0.0
     microphonics_pf: float = 0.0
-    reference_linearity_rel: float = LINEARITY_REL
+    reference_linearity_rel: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

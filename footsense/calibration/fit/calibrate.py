@@ -14,14 +14,14 @@ import numpy as np
 from footsense.calibration.evaluation import DesignModels, Estimates
 from footsense.calibration.fit.correction import fit_correction
 from footsense.calibration.fit.parameter_fit import ParameterFit, fit_parameters
-from footsense.calibration.fit.parameter_vector import GAIN, MOUNT, STIFFNESS, STRAY
+from footsense.calibration.fit.parameter_vector import GAIN, MOUNT, REFERENCE, STIFFNESS, STRAY
 from footsense.calibration.fit.predicted_uncertainty import (
     PredictedUncertainty,
     predict_uncertainty,
     require_identified,
 )
 from footsense.calibration.fit.session_checks import require_consistent_reference, require_one_foot
-from footsense.calibration.fit.twin import FootTwin
+from footsense.calibration.fit.twin import FootTwin, reference_gains
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
@@ -155,11 +155,13 @@ def fit_foot(models: DesignModels, loads: LoadSet) -> CalibrationResult:
     read = designed.usable
     mount = rotation(fit.parameters[MOUNT])
     physical = replace(electrodes, stiffness_rel=float(fit.parameters[STIFFNESS][0]), mount=mount)
-    designed_n, force_n = designed.force_n[read], loads.force_n[read]
+    # The reference's own error, as far as the foot shows it, is not to be learnt.
+    designed_n, force_n = designed.force_n[read], loads.force_n[read] / reference_gains(fit.parameters)
     correction = fit_correction(designed_n, designed_n @ physical.force_matrix.T, force_n)
     # An outlier counts as much as five medians.
     limit_rel = 5.0 * np.median(np.abs(correction.residual_rel)) + 1e-9
-    error_rel = np.sqrt(np.minimum(correction.residual_rel**2, limit_rel**2).mean())
+    unexplained_rel2 = np.minimum(correction.residual_rel**2, limit_rel**2).mean()
+    error_rel = np.sqrt(unexplained_rel2 + np.diag(fit.covariance)[REFERENCE].mean())
     parameters = replace(physical, correction=correction.matrix, error_rel=float(error_rel))
     return CalibrationResult(parameters, fit, predicted, len(loads))
 

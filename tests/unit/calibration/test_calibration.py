@@ -96,7 +96,7 @@ def test_twenty_loads_make_a_foot_several_times_better() -> None:
         assert after.direction_deg < 0.25 * before.direction_deg
         assert after.direction_deg < 3.0
         assert after.magnitude_gf < 4.0
-        assert found.predicted.direction_deg < 1.0
+        assert found.predicted.direction_deg < 1.5
 
 
 def test_a_foot_as_designed_is_left_as_it_is() -> None:
