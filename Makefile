@@ -1,10 +1,10 @@
 # make run       a six-legged robot walks in simulation; its foot forces, live
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
-# make test      format, lint, types, import contracts, tests: exactly what CI runs
+# make test      format, lint, types, import contracts, tests: what CI runs
 # make lock      the newest packages for a robot: deploy/requirements.lock, with their hashes
 # make mutants ROOM=footsense/can   changes the code of a room or module in small ways, and lists what no test notices
 # make kernel-test         the service as deployed, on a Debian kernel in an emulator; needs Debian 12 and root
-# make kernel-test-short   the first of these trials; does nothing where it cannot
+# make kernel-test-short   the first of these trials, as CI runs them after the tests; does nothing where it cannot
 # All make their own .venv; only Python 3.11+, make and git are needed.
 
 PYTHON ?= python3

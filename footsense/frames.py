@@ -53,8 +53,7 @@ class Reading(IntEnum):
     UNDER_RANGE = 11  #: the code is at the lower end of a range that begins above 0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CapFrame:
+class CapFrame(NamedTuple):
     """The latest reading of every element of every leg.
 
     A scanner of I2C buses gives a frame for every conversion, with one new reading of each leg; a microcontroller one
@@ -71,19 +70,6 @@ class CapFrame:
     t_ns: Stamps
     capacitance_pf: Vector
     reading: Codes
-
-    def __post_init__(self) -> None:
-        """Check that the three arrays have the same shape (legs, 9).
-
-        Raises:
-            ValueError: The three arrays are not all of one shape (legs, 9).
-        """
-        shape = self.capacitance_pf.shape
-        if len(shape) != 2 or shape[1] != ELEMENTS or self.t_ns.shape != shape or self.reading.shape != shape:
-            raise ValueError(
-                f"a CapFrame needs three arrays of shape (legs, {ELEMENTS}), "
-                f"got {self.t_ns.shape}, {shape}, {self.reading.shape}"
-            )
 
 
 class BaselineDrift(NamedTuple):

@@ -14,7 +14,7 @@ from footsense.acquisition.chip_timing import ChipTiming
 from footsense.frames import Codes, Reading
 
 if TYPE_CHECKING:
-    from footsense.acquisition.boards.conversion_step import Step
+    from footsense.acquisition.boards.board import Step
 
 _log = logging.getLogger(__name__)
 
@@ -79,8 +79,6 @@ class LegConnection:
 
         Args:
             offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
-        is_timed: Whether that was measured, and its conversions have finished since.
-        doubted: Step whose lines it did not read back alone, for the next try; None for none.
         """
         _log.info("leg %s: converter and line switches answer on channel %d", self.name, self._channel)
         self.offset_pf = offset_pf

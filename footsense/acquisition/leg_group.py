@@ -15,8 +15,7 @@ conversion runs. A leg that fails is left out for the rest of the scan, so that 
 
 from typing import NamedTuple
 
-from footsense.acquisition.boards.board import CONVERTED, Thermometer
-from footsense.acquisition.boards.conversion_step import Check, Step
+from footsense.acquisition.boards.board import CONVERTED, Check, Step, Thermometer
 from footsense.acquisition.chip_timing import chip_timing
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
@@ -133,7 +132,9 @@ class LegGroup:
         if checked:
             self._check(finished, always=in_turn and not self._transport.broadcasts)
         legs, selection = self.active()
-        failed = {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
+        failed: dict[LegConnection, Reading] = {}
+        if len(legs) < len(self.legs):
+            failed = {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
         if failed and ends:
             self._rejoin(following)
             legs, selection = self.active()
@@ -153,7 +154,10 @@ class LegGroup:
             # A check in the last step, or in turn, covers all elements before it.
             since_check = ends or leg is alone or (in_turn and outcome is Reading.MISCONFIGURED)
             self._latest.discard((leg.row, slice(None) if since_check else step.element), outcome)
-        if read := [leg for leg in finished.legs if leg not in failed]:
+        read = finished.legs
+        if failed:
+            read = tuple(leg for leg in read if leg not in failed)
+        if read:
             all_done = asks_first or (self._all_done(step, selection) if running.legs else step.done is None)
             self._read_out(step, read, finished.t_start_ns, all_done=all_done)
         self.running = running
@@ -227,7 +231,7 @@ class LegGroup:
                 return Conversion(step, self._clock.now_ns(), legs, bool(select), Reading.NO_ANSWER)
         return Conversion(step, self._clock.now_ns(), (), bool(select), unread)
 
-    def _read_out(self, step: Step, legs: list[LegConnection], t_start_ns: int, *, all_done: bool) -> None:
+    def _read_out(self, step: Step, legs: Legs, t_start_ns: int, *, all_done: bool) -> None:
         """Read the result of the finished conversion from each given leg, while the next conversion runs."""
         t_ns, capacitance_pf, readings = self._latest
         plan = self._plan

@@ -17,8 +17,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from footsense.acquisition.boards import ad7746, fdc1004
-from footsense.acquisition.boards.board import Board
-from footsense.acquisition.boards.conversion_step import Check, Step
+from footsense.acquisition.boards.board import Board, Check, Step
 from footsense.ports import Transaction
 
 #: Elements in the order of their conversion, by flat index.

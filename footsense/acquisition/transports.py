@@ -9,7 +9,7 @@ import logging
 from collections.abc import Sequence
 
 from firmware_interface.chips import adg715
-from footsense.acquisition.bus_costs import BusCosts, measure
+from footsense.acquisition.bus_timing import BusCosts, measure
 from footsense.acquisition.leg_connection import STUCK_BUS_PAUSES, STUCK_LEG_PAUSES, LegConnection
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.frames import Reading

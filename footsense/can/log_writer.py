@@ -10,9 +10,8 @@ import sys
 from collections.abc import Iterator
 from typing import IO, TYPE_CHECKING, Any
 
-from firmware_interface.can.socketcan import split_frames
 from footsense.can.frame_log import RECORD_HEAD
-from footsense.can.python_can import data_message
+from footsense.can.python_can import data_messages
 from footsense.child_process import drop_realtime, read_batches
 
 if TYPE_CHECKING:
@@ -64,8 +63,8 @@ def main(suffix: str, channel: str, pipe: int = 0, file: int = 1) -> str:
     try:
         for records in _records(pipe):
             for t_ns, frames in records:
-                for can_id, data in split_frames(frames):
-                    writer.on_message_received(data_message(can_id, data, t_ns))
+                for message in data_messages(frames, t_ns):
+                    writer.on_message_received(message)
             opened.flush()
         state = "is not whole"
         writer.stop()

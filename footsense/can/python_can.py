@@ -133,8 +133,8 @@ class _BusWire:
         """
         taken = 0
         try:
-            for can_id, data in split_frames(frames):
-                self._bus.send(data_message(can_id, data, t_ns), timeout=0)
+            for message in data_messages(frames, t_ns):
+                self._bus.send(message, timeout=0)
                 taken += 1
         except self._failures as error:
             code = errno_of(error)
@@ -168,20 +168,22 @@ class _BusWire:
         self._bus.shutdown()
 
 
-def data_message(can_id: int, data: bytes, t_ns: int) -> "can.Message":
-    """Return an ordinary frame of ours, sent at a time [ns], as a message of python-can."""
+def data_messages(frames: bytes, t_ns: int) -> "list[can.Message]":
+    """Return ordinary frames of ours, whole frames behind each other sent at a time [ns], as messages of python-can."""
     import can
 
-    is_fd = len(data) > _CLASSIC_DATA
-    return can.Message(
-        timestamp=t_ns / 1e9,
-        arbitration_id=can_id,
-        is_extended_id=False,
-        data=data,
-        is_rx=False,
-        is_fd=is_fd,
-        bitrate_switch=is_fd,
-    )
+    return [
+        can.Message(
+            timestamp=t_ns / 1e9,
+            arbitration_id=can_id,
+            is_extended_id=False,
+            data=data,
+            is_rx=False,
+            is_fd=len(data) > _CLASSIC_DATA,
+            bitrate_switch=len(data) > _CLASSIC_DATA,
+        )
+        for can_id, data in split_frames(frames)
+    ]
 
 
 def _flagged_id(message: "can.Message") -> int:

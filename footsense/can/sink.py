@@ -29,8 +29,7 @@ from firmware_interface.can.socketcan import FRAME_BYTES, pack_fd_frame
 from firmware_interface.wire_timing import FRAMES_PER_LEG
 from footsense.can.channel import CanChannel, ChannelSettings
 from footsense.can.commands import CanCommands
-from footsense.can.gait_frames import GaitFrames
-from footsense.can.leg_frames import CanLeg, heartbeat_frame, heartbeat_of_state
+from footsense.can.leg_frames import CanLeg, GaitFrames, heartbeat_frame, heartbeat_of_state
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import Clock
 
@@ -138,7 +137,6 @@ class CanSink:
         if not frames:
             return
         taken = self._channel.send(b"".join(frames), t_ns)
-
         gait.set_sent(min(n_events, taken))
         n_reported = min(len(reports), max(0, taken - n_before))
         for leg, report in reports[:n_reported]:

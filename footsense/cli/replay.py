@@ -18,8 +18,7 @@ from footsense.daemon.simulation import Paced
 from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.recording.compare import compare, same_machine
 from footsense.recording.machine import platform_versions
-from footsense.recording.replay import Replay
-from footsense.recording.replay_source import ReplayClock, ReplaySource
+from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 
 
 @click.command()

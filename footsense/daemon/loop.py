@@ -69,10 +69,11 @@ class Loop:
         pipeline, sink = self.pipeline, self.sink
         if temperature_c is not None:
             pipeline.set_temperature(temperature_c)
-        immediate = [outcome for command in commands if (outcome := pipeline.execute(command)) is not None]
+        immediate = tuple(map(pipeline.execute, commands))
         forces, ended = pipeline.process(scan, self.clock.now_ns())
         sink.publish(forces)
-        cycle = Cycle(scan, commands, forces, (*immediate, *ended), reference, temperature_c)
+        outcomes = (*filter(None, immediate), *ended)
+        cycle = Cycle(scan, commands, forces, outcomes, reference, temperature_c)
         for outcome in cycle.outcomes:
             sink.answer(outcome)
         for observer in self.observers:

@@ -15,9 +15,7 @@ from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
 from footsense.frames import Vector
 from footsense.ports import Load, Window
-from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Effects
-from footsense.sim.scene_fabrication import Fabrication
+from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
 from footsense.sim.test_stand.press_sequence import paper_presses
 

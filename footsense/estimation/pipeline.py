@@ -6,7 +6,6 @@ of sending: the network sees the last readings of every element with their ages.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -99,6 +98,7 @@ class Pipeline:
     ) -> None:
         n_legs, design = len(stray_pf), trained.design
         self._estimator = estimator
+        self._shape = stray_pf.shape
         self._imputation = Imputation(trained.moments)
         self._window = ReadingWindow(n_legs, scan_ns)
         self._trained = trained
@@ -155,8 +155,14 @@ class Pipeline:
 
         The stages: element status, tare, last readings, consistency test, leg status, load, contact and drift, gait,
         calibration monitor.
+
+        Raises:
+            ValueError: The frame has another number of legs or elements.
         """
-        scan = _without_future(scan, now_ns)
+        if scan.capacitance_pf.shape != self._shape:
+            raise ValueError(f"a frame of {scan.capacitance_pf.shape} readings, here {self._shape}")
+        if scan.t_ns.max() > now_ns:
+            scan = _without_future(scan, now_ns)
         baselines = self._baselines
         elements = self._elements.classify(scan, self._consistency.excluded, baselines.unloaded.baseline_pf)
         pf = elements.capacitance_pf
@@ -169,7 +175,9 @@ class Pipeline:
         consistency = self._consistency.test(measured_rel, readings.motion_rel, missing, now_ns)
         if not consistency.ok:
             self._window.discard(consistency.missing & ~missing)
-        consistency, lost = self._with_history(consistency, readings)
+        lost = self._no_leg
+        if np.count_nonzero(readings.whole) < readings.whole.size:
+            consistency, lost = _with_history(consistency, readings)
         legs = self._legs.classify(
             scan.reading,
             elements,
@@ -210,22 +218,6 @@ class Pipeline:
         elif elements.ok:
             return elements.missing
         return missing_elements(elements.faulty | unloaded.untared)
-
-    def _with_history(
-        self, consistency: ConsistencyResult, readings: Readings
-    ) -> tuple[ConsistencyResult, Mask]:
-        """Return the result with elements added whose readings do not follow on one another, and the lost legs.
-
-        A leg is lost, shape (legs,), until enough of its elements have been read in a row for the network to do without
-        the others.
-        """
-        if np.count_nonzero(readings.whole) == readings.whole.size:
-            return consistency, self._no_leg
-        incomplete = ~readings.whole
-        missing = missing_elements(consistency.missing | incomplete)
-        lost: Mask = np.asarray((incomplete & ~missing).any(axis=1))
-        missing[lost] = consistency.missing[lost]
-        return consistency._replace(missing=missing, ok=False), lost
 
     def _loads(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
@@ -279,13 +271,23 @@ class Pipeline:
 def _without_future(scan: CapFrame, now_ns: int) -> CapFrame:
     """Return a scan without the readings whose stamps are later than `now_ns`: their times are wrong."""
     future = scan.t_ns > now_ns
-    if not np.count_nonzero(future):
-        return scan
-    return replace(
-        scan,
+    return scan._replace(
         t_ns=np.where(future, 0, scan.t_ns),
         capacitance_pf=np.where(future, np.nan, scan.capacitance_pf),
     )
+
+
+def _with_history(consistency: ConsistencyResult, readings: Readings) -> tuple[ConsistencyResult, Mask]:
+    """Return the result with elements added whose readings do not follow on one another, and the lost legs.
+
+    A leg is lost, shape (legs,), until enough of its elements have been read in a row for the network to do without the
+    others.
+    """
+    incomplete = ~readings.whole
+    missing = missing_elements(consistency.missing | incomplete)
+    lost: Mask = np.asarray((incomplete & ~missing).any(axis=1))
+    missing[lost] = consistency.missing[lost]
+    return consistency._replace(missing=missing, ok=False), lost
 
 
 def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:

@@ -14,6 +14,7 @@ import ngsolve as ng
 import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS
@@ -39,7 +40,7 @@ from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_mo
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import Cases, paper_training, random_loads
 from footsense.lab.training.snapshot.forward_inversion import forward_model
-from footsense.lab.training.snapshot.train import MASKS, Protocol, moments, train
+from footsense.lab.training.snapshot.train import SnapshotProtocol, moments, train
 from footsense.lab.training.snapshot.train import predict as predict_alone
 from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
 from footsense.lab.training.windowed_network import Weights, predict
@@ -72,7 +73,7 @@ class Recipe:
     random_loads: int
     gaits: int
     released: WindowProtocol
-    only_362: Protocol
+    only_362: SnapshotProtocol
     quick: bool = False
 
 
@@ -82,15 +83,15 @@ FULL = Recipe(
     random_loads=200_000,
     gaits=5_000,
     released=WindowProtocol(),
-    only_362=Protocol(steps=6_000, batch=128, masked=False),
+    only_362=SnapshotProtocol(steps=6_000, batch=128, masked=False),
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK = Recipe(
     mesh=COARSE,
     random_loads=10_000,
-    gaits=100,
-    released=WindowProtocol(channels=8, steps=3_000, batch=256, rate=1e-2),
-    only_362=Protocol(steps=2_000, batch=128, masked=False),
+    gaits=60,
+    released=WindowProtocol(channels=8, steps=1_500, batch=256, rate=1e-2),
+    only_362=SnapshotProtocol(steps=1_000, batch=128, masked=False),
     quick=True,
 )
 
@@ -120,7 +121,7 @@ def _readout(weights: Weights, gap_um: float) -> Readout:
 
 
 def _paper_only_readouts(
-    response: FootResponse, protocol: Protocol, report: Callable[[str], None]
+    response: FootResponse, protocol: SnapshotProtocol, report: Callable[[str], None]
 ) -> dict[str, Readout]:
     """Return read-outs trained on the paper's 362 cases alone: by elastance, and by inversion of the forward model.
 
@@ -192,7 +193,7 @@ def _rounded_moments(closure_rel: Any) -> Any:
 
 def _parity_n(network: OnnxNetwork, weights: Weights, closure_rel: Any) -> float:
     """Return the largest difference between ONNX Runtime and JAX [N], over loads with every kind of mask."""
-    window = at_rest(closure_rel, MASKS[np.arange(len(closure_rel)) % len(MASKS)])
+    window = at_rest(closure_rel, MISSING_SETS[np.arange(len(closure_rel)) % len(MISSING_SETS)])
     pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
     return max(float(np.abs(one - other).max()) for one, other in pairs)
 

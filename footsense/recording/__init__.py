@@ -2,7 +2,7 @@
 
     loop's process            writer's process                     later
     Recorder.observe ──pipe──▶ writer ──▶ FILE.mcap.partial ──▶ FILE.mcap ──▶ Replay, ReplaySource, compare
-    (cycle_records)            (cycle_records, container)                      (container, replay)
+    (cycle_pipe)               (cycle_records, container)                      (container, replay)
 
 The loop's process imports `recorder` alone: no MCAP library, and microseconds per cycle.
 """

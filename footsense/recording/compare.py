@@ -1,12 +1,15 @@
 """Comparison of recomputed forces with recorded ones."""
 
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from footsense.frames import ContactFrame, GaitFrame, Mask, Vector
-from footsense.recording.cycle_fields import FIELDS, GAIT_FIELDS, NOT_RECORDED
+from footsense.frames import ContactFrame, Mask
+from footsense.recording.cycle_fields import FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField
 
 #: Largest difference of a force computed on another processor or with other library versions [N].
 TOLERANCE_N = 1e-3
@@ -20,6 +23,8 @@ TOLERANCE_REL, TOLERANCE_NS = 1e-2, 1_000_000
 #: Compared fields of the forces in their order; the later ones are not in recordings from before causes.
 _FIRST_FIELDS = ("state", "t_ns", "fault_mask", "flags", "force_n", "sigma_n")
 _LATER_FIELDS = ("cause", "baseline.status", "baseline.moved_ns", "baseline.mean_pf", "baseline.worst_pf")
+_COMPARED = {f"forces.{name}": FIELDS[f"forces.{name}"] for name in (*_FIRST_FIELDS, *_LATER_FIELDS)}
+_OLD = dict(islice(_COMPARED.items(), len(_FIRST_FIELDS)))
 
 
 def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
@@ -45,50 +50,33 @@ def compare(
         then, now = getattr(recorded, field), getattr(recomputed, field)
         if then != now:
             return f"cycle {recorded.sequence}: {field} was {then}, is now {now}"
+    both, gaits = (recorded, recomputed), (recorded.gait, recomputed.gait)
     for row, leg in enumerate(legs):
-        difference = _leg_difference(recorded, recomputed, row, exact=exact)
+        fields = _OLD if recorded.cause[row] == NOT_RECORDED else _COMPARED
+        difference = _difference(both, row, fields, exact=exact)
+        if None not in gaits:
+            difference = difference or _difference(gaits, row, GAIT_FIELDS, exact=exact)
         if difference:
             t_s = recorded.t_sent_ns * 1e-9
             return f"cycle {recorded.sequence}, sent at {t_s:.3f} s, leg {leg}: {difference}"
-    if recorded.gait is None:  # as in most cycles, and in recordings from before it
+    then, now = gaits
+    if then is None:  # as in most cycles, and in recordings from before it
         return None
-    difference = _gait_difference(recorded.gait, recomputed.gait, legs, exact=exact)
-    return None if difference is None else f"cycle {recorded.sequence}: {difference}"
-
-
-def _gait_difference(
-    then: GaitFrame, now: GaitFrame | None, legs: Sequence[str], *, exact: bool
-) -> str | None:
-    """Return the first difference of two gaits."""
     if now is None:
-        return "a gait was told, and is not now"
-    for path, field in GAIT_FIELDS.items():
-        name = path.partition(".")[2]
-        before, after = (np.atleast_1d(getattr(gait, name)) for gait in (then, now))
-        if field.kind == "<f8":
-            same = _equal(before, after, None if exact else TOLERANCE_REL)
-        else:
-            same = (
-                np.abs(after - before) <= TOLERANCE_NS
-                if not exact and field.kind == "<i8"
-                else before == after
-            )
-        for place in np.argwhere(~same).tolist():
-            values = before[tuple(place)], after[tuple(place)]
-            return f"leg {legs[place[0]]}: {name} was {values[0]}, is now {values[1]}"
+        return f"cycle {recorded.sequence}: had a gait, has none now"
     if [event[:2] for event in then.events] != [event[:2] for event in now.events]:
-        return f"the gait events were {then.events}, are now {now.events}"
+        return f"cycle {recorded.sequence}: the gait events were {then.events}, are now {now.events}"
     return None
 
 
-def _leg_difference(recorded: ContactFrame, recomputed: ContactFrame, row: int, *, exact: bool) -> str | None:
-    """Return the first difference of a leg: the field's key and both values."""
-    is_old = recorded.cause[row] == NOT_RECORDED
-    for name in _FIRST_FIELDS if is_old else (*_FIRST_FIELDS, *_LATER_FIELDS):
-        field = FIELDS[f"forces.{name}"]
-        then, now = (np.atleast_1d(attrgetter(name)(frame)[row]) for frame in (recorded, recomputed))
-        tolerance = TOLERANCE_PF if field.keys[0].endswith("_pf") else TOLERANCE_N
-        same = then == now if field.kind != "<f8" else _equal(then, now, None if exact else tolerance)
+def _difference(
+    frames: tuple[object, object], row: int, fields: Mapping[str, CycleField], *, exact: bool
+) -> str | None:
+    """Return the first difference of a leg in two frames: the field's key and both values."""
+    for path, field in fields.items():
+        values = attrgetter(path.partition(".")[2])
+        then, now = (np.atleast_1d(values(frame)[row]) for frame in frames)
+        same = _same(then, now, 0.0 if exact else _tolerance(path, field))
         for k in np.flatnonzero(~same).tolist():
             words = [
                 str(value) if field.names is None else field.names(value).name for value in (then[k], now[k])
@@ -97,8 +85,20 @@ def _leg_difference(recorded: ContactFrame, recomputed: ContactFrame, row: int, 
     return None
 
 
-def _equal(a: Vector, b: Vector, tolerance: float | None) -> Mask:
-    if tolerance is not None:
-        return np.isclose(a, b, rtol=0.0, atol=tolerance, equal_nan=True)
-    same_bits = a.view(np.uint64) == b.view(np.uint64)
-    return np.asarray(same_bits | (np.isnan(a) & np.isnan(b)))
+def _tolerance(path: str, field: CycleField) -> float:
+    """Return the largest difference of a field on another machine."""
+    if path.startswith("gait."):
+        return {"<f8": TOLERANCE_REL, "<i8": TOLERANCE_NS}.get(field.kind, 0.0)
+    if field.kind != "<f8":
+        return 0.0
+    return TOLERANCE_PF if field.keys[0].endswith("_pf") else TOLERANCE_N
+
+
+def _same(then: NDArray[Any], now: NDArray[Any], tolerance: float) -> Mask:
+    """Return which values are equal, or as near as the tolerance; NaN equals NaN."""
+    if tolerance:
+        return np.asarray(np.isclose(then, now, rtol=0.0, atol=tolerance, equal_nan=True), np.bool_)
+    if then.dtype.kind != "f":
+        return np.asarray(then == now)
+    same_bits = then.view(np.uint64) == now.view(np.uint64)
+    return np.asarray(same_bits | (np.isnan(then) & np.isnan(now)))

@@ -1,4 +1,4 @@
-"""The writing end of the pipe that carries cycles out of the loop's process.
+"""The writing end of the pipe that carries cycles out of the loop's process, as records of `cycle_records`.
 
 In virtual time the loop waits for room and nothing is lost. In real time it never waits: a cycle that finds the pipe
 full is lost, counted, and its loss recorded before the next cycle that finds room.
@@ -7,9 +7,21 @@ full is lost, counted, and its loss recorded before the next cycle that finds ro
 import os
 import select
 from collections.abc import Callable, Mapping
+from operator import attrgetter
 
-from footsense.frames import Cycle
-from footsense.recording.cycle_records import LostCycles, pack_cycle, pack_header, pack_loss
+import msgspec
+import numpy as np
+
+from footsense.frames import Cycle, GaitFrame
+from footsense.recording.cycle_records import ARRAYS, GAIT_ARRAYS, LENGTH_BYTES, Header, LostCycles
+
+#: Longest reason of a command's result [characters].
+_MAX_REASON = 10_000
+
+#: Integers of numpy become Python's.
+_encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
+_arrays_of = attrgetter(*ARRAYS)
+_gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in GAIT_ARRAYS))
 
 
 class CyclePipe:
@@ -54,7 +66,9 @@ class CyclePipe:
             3 us for six legs, unless `blocking`.
         """
         self._t_ns = cycle.forces.t_sent_ns
-        record = self._loss_record() + pack_cycle(self.n_cycles, cycle)
+        record = pack_cycle(self.n_cycles, cycle)
+        if self._unreported:
+            record = self._loss_record() + record
         self.n_cycles += 1
         if self._write(record):
             self._unreported = 0
@@ -63,8 +77,8 @@ class CyclePipe:
             self.lost += 1
 
     def _loss_record(self) -> bytes:
-        """Return the record of the cycles that were lost since the last one that found room, if any."""
-        return pack_loss(LostCycles(self.n_cycles, self._t_ns, self._unreported)) if self._unreported else b""
+        """Return the record of the cycles that were lost since the last one that found room."""
+        return pack_loss(LostCycles(self.n_cycles, self._t_ns, self._unreported))
 
     def _write(self, record: bytes) -> bool:
         """Write a record, and return whether it was accepted; the unsent rest of the previous one goes first."""
@@ -86,7 +100,7 @@ class CyclePipe:
 
     def close(self, timeout_s: float) -> None:
         """Write the rest, a last loss included, and close the pipe; a rest without room for `timeout_s` is lost."""
-        left = memoryview(self._rest + self._loss_record())
+        left = memoryview(self._rest + (self._loss_record() if self._unreported else b""))
         os.set_blocking(self._fd, False)
         room = select.poll()
         room.register(self._fd, select.POLLOUT)
@@ -96,3 +110,53 @@ class CyclePipe:
         except (BlockingIOError, BrokenPipeError):
             pass  # without a reader; the recorder learns it from the writer's report
         os.close(self._fd)
+
+
+def pack_header(header: Mapping[str, str]) -> bytes:
+    """Return the recording's header, with an entry `legs`, as the first record."""
+    return _with_length(_encode(Header(dict(header))))
+
+
+def pack_loss(loss: LostCycles) -> bytes:
+    """Return the record of lost cycles."""
+    return _with_length(_encode(loss))
+
+
+def pack_cycle(counter: int, cycle: Cycle) -> bytes:
+    """Return one cycle as a record.
+
+    Args:
+        counter: Number of the cycle since the recording began.
+        cycle: The cycle.
+
+    Timing:
+        2 us for six legs.
+    """
+    scan, commands, forces, outcomes, reference, temperature_c = cycle
+    if outcomes:
+        outcomes = tuple(outcome._replace(reason=_text(outcome.reason)) for outcome in outcomes)
+    record = _encode(
+        (
+            *("cycle", counter, scan.sequence, forces.sequence, forces.t_sent_ns),
+            b"".join(map(np.ndarray.tobytes, _arrays_of(cycle))),
+            *(commands, outcomes),
+            None if reference is None else tuple(column.tobytes() for column in reference),
+            None if temperature_c is None else temperature_c.tobytes(),
+            None if forces.gait is None else _packed_gait(forces.gait),
+        )
+    )
+    return _with_length(record)
+
+
+def _packed_gait(gait: GaitFrame) -> tuple[object, ...]:
+    arrays = b"".join(map(np.ndarray.tobytes, _gait_arrays_of(gait)))
+    return (gait.t_ns, gait.friction, gait.all_in_air, gait.events, arrays)
+
+
+def _with_length(record: bytes) -> bytes:
+    return len(record).to_bytes(LENGTH_BYTES, "little") + record
+
+
+def _text(reason: str) -> str:
+    """Return a text with unencodable characters (lone surrogates) replaced."""
+    return reason[:_MAX_REASON].encode(errors="backslashreplace").decode()

@@ -1,12 +1,11 @@
-"""Cycles as msgpack records on the pipe between the loop and the writer.
+"""The records on the pipe between the loop and the writer: their layout, and the reader's end; `cycle_pipe` packs them.
 
 Each record is its length (u32, little-endian) and one msgpack array: the header first, then cycles, and a loss before
-the cycle that follows a gap. The arrays of a cycle's frames stand in one binary field, in the order of `_ARRAYS`, so
+the cycle that follows a gap. The arrays of a cycle's frames stand in one binary field, in the order of `ARRAYS`, so
 that packing is copying. The reader checks every field: a damaged record ends the recording in one line.
 """
 
 from collections.abc import Iterator, Mapping
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import msgspec
@@ -25,11 +24,9 @@ from footsense.recording.cycle_fields import (
     scan_of,
 )
 
-_LENGTH_BYTES = 4
+LENGTH_BYTES = 4
 #: Longest record [bytes], far above any cycle.
 _MAX_RECORD = 1 << 24
-#: Longest reason of a command's result [characters].
-_MAX_REASON = 10_000
 
 
 class NumberedCycle(NamedTuple):
@@ -58,7 +55,9 @@ class LostCycles(msgspec.Struct, frozen=True, array_like=True, tag="loss"):
     n_cycles: Count
 
 
-class _Header(msgspec.Struct, array_like=True, tag="header"):
+class Header(msgspec.Struct, array_like=True, tag="header"):
+    """Entries of the recording's header; `legs` names the rows of the frames."""
+
     entries: dict[str, str]
 
 
@@ -83,65 +82,11 @@ class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
     gait: _Gait | None
 
 
-#: Integers of numpy become Python's.
-_encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
-_decode = msgspec.msgpack.Decoder(_Header | _Cycle | LostCycles).decode
+_decode = msgspec.msgpack.Decoder(Header | _Cycle | LostCycles).decode
 
 #: The fields of a record in their order, wide entries first so that all are aligned.
-_ARRAYS = sorted(FIELDS, key=lambda path: np.dtype(FIELDS[path].kind).itemsize, reverse=True)
-_arrays_of = attrgetter(*_ARRAYS)
-_GAIT_ARRAYS = sorted(GAIT_FIELDS, key=lambda path: np.dtype(GAIT_FIELDS[path].kind).itemsize, reverse=True)
-_gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in _GAIT_ARRAYS))
-
-
-def pack_header(header: Mapping[str, str]) -> bytes:
-    """Return the recording's header, with an entry `legs`, as the first record."""
-    return _with_length(_encode(_Header(dict(header))))
-
-
-def pack_loss(loss: LostCycles) -> bytes:
-    """Return the record of lost cycles."""
-    return _with_length(_encode(loss))
-
-
-def pack_cycle(counter: int, cycle: Cycle) -> bytes:
-    """Return one cycle as a record.
-
-    Args:
-        counter: Number of the cycle since the recording began.
-        cycle: The cycle.
-
-    Timing:
-        2 us for six legs.
-    """
-    scan, commands, forces, outcomes, reference, temperature_c = cycle
-    if outcomes:
-        outcomes = tuple(outcome._replace(reason=_text(outcome.reason)) for outcome in outcomes)
-    record = _encode(
-        (
-            *("cycle", counter, scan.sequence, forces.sequence, forces.t_sent_ns),
-            b"".join(map(np.ndarray.tobytes, _arrays_of(cycle))),
-            *(commands, outcomes),
-            None if reference is None else tuple(column.tobytes() for column in reference),
-            None if temperature_c is None else temperature_c.tobytes(),
-            None if forces.gait is None else _packed_gait(forces.gait),
-        )
-    )
-    return _with_length(record)
-
-
-def _packed_gait(gait: GaitFrame) -> tuple[object, ...]:
-    arrays = b"".join(map(np.ndarray.tobytes, _gait_arrays_of(gait)))
-    return (gait.t_ns, gait.friction, gait.all_in_air, gait.events, arrays)
-
-
-def _with_length(record: bytes) -> bytes:
-    return len(record).to_bytes(_LENGTH_BYTES, "little") + record
-
-
-def _text(reason: str) -> str:
-    """Return a text with unencodable characters (lone surrogates) replaced."""
-    return reason[:_MAX_REASON].encode(errors="backslashreplace").decode()
+ARRAYS = sorted(FIELDS, key=lambda path: np.dtype(FIELDS[path].kind).itemsize, reverse=True)
+GAIT_ARRAYS = sorted(GAIT_FIELDS, key=lambda path: np.dtype(GAIT_FIELDS[path].kind).itemsize, reverse=True)
 
 
 def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | NumberedCycle | LostCycles]:
@@ -158,14 +103,14 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
         RecordingError: The bytes are no such record, or its fields have no meaning.
     """
     try:
-        while len(buffer) >= _LENGTH_BYTES:
-            end = _LENGTH_BYTES + int.from_bytes(buffer[:_LENGTH_BYTES], "little")
+        while len(buffer) >= LENGTH_BYTES:
+            end = LENGTH_BYTES + int.from_bytes(buffer[:LENGTH_BYTES], "little")
             require(end <= _MAX_RECORD, f"a record of {end} bytes")
             if len(buffer) < end:
                 return
-            record = _decode(bytes(buffer[_LENGTH_BYTES:end]))
+            record = _decode(bytes(buffer[LENGTH_BYTES:end]))
             del buffer[:end]
-            if isinstance(record, _Header):
+            if isinstance(record, Header):
                 n_legs = len(record.entries["legs"].split(","))
                 yield record.entries
             elif isinstance(record, LostCycles):
@@ -188,7 +133,7 @@ def require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the s
 
 
 def _decode_cycle(record: _Cycle, n_legs: int) -> NumberedCycle:
-    entry = _arrays(record.arrays, FIELDS, _ARRAYS, n_legs)
+    entry = _arrays(record.arrays, FIELDS, ARRAYS, n_legs)
     commands = (*record.commands, *(outcome.command for outcome in record.outcomes))
     require(all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs")
     scan = scan_of(record.scan_sequence, entry)
@@ -226,7 +171,7 @@ def _arrays(
 def _gait(record: _Gait, n_legs: int) -> GaitFrame:
     """Return the gait of a record."""
     require(all(0 <= event.leg < n_legs for event in record.events), f"an event of none of {n_legs} legs")
-    arrays = _arrays(record.arrays, GAIT_FIELDS, _GAIT_ARRAYS, n_legs)
+    arrays = _arrays(record.arrays, GAIT_FIELDS, GAIT_ARRAYS, n_legs)
     return gait_of(record.t_ns, record.friction, record.all_in_air, record.events, arrays)
 
 

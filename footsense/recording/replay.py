@@ -1,9 +1,10 @@
-"""A recording as an iterable of its cycles."""
+"""A recording as an iterable of its cycles, and as source of frames and clock for the loop of the service."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
-from footsense.frames import Cycle
+from footsense.errors import RecordingError
+from footsense.frames import CapFrame, Command, Cycle
 from footsense.recording.container.mcap_header import read_header
 from footsense.recording.container.mcap_reader import read_entries
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
@@ -50,3 +51,62 @@ class Replay:
             RecordingError: The rest of the file is cut off or damaged.
         """
         return (entry.cycle for entry in self.entries() if isinstance(entry, NumberedCycle))
+
+
+class ReplaySource:
+    """The readings of a recording, as a `FrameSource`.
+
+    Args:
+        replay: The recording.
+
+    Attributes:
+        cycle: The recorded cycle of the last frame; None before the first.
+        lost: Cycles missing in the recording before that one; states after a loss may differ from the recorded ones.
+        damage: The error that ended the recording early; None without one.
+    """
+
+    def __init__(self, replay: Replay) -> None:
+        self._entries = replay.entries()
+        self._commands: tuple[Command, ...] = ()
+        self.cycle: Cycle | None = None
+        self.lost = 0
+        self.damage: RecordingError | None = None
+
+    def read(self) -> CapFrame | None:
+        """Return the next frame; None at the end, and where the recording is damaged (see `damage`)."""
+        try:
+            for entry in self._entries:
+                if isinstance(entry, NumberedCycle):
+                    self.cycle = entry.cycle
+                    self._commands = self.cycle.commands
+                    return self.cycle.scan
+                self.lost += entry.n_cycles
+        except RecordingError as error:
+            self.damage = error
+        return None
+
+    def commands(self) -> list[Command]:
+        """Return the commands executed before the last frame, once."""
+        commands, self._commands = list(self._commands), ()
+        return commands
+
+    def close(self) -> None:
+        """Do nothing: the file closes with its iterator."""
+
+
+class ReplayClock:
+    """The time at which the recorded loop sent its forces, as a `Clock` that never waits.
+
+    Args:
+        source: Source of the current cycle.
+    """
+
+    def __init__(self, source: ReplaySource) -> None:
+        self._source = source
+
+    def now_ns(self) -> int:
+        """Return the recorded time of sending of the current cycle [ns]; 0 before the first."""
+        return self._source.cycle.forces.t_sent_ns if self._source.cycle else 0
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        """Return at once: a replay runs as fast as it can."""

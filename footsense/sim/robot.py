@@ -13,8 +13,7 @@ import numpy as np
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.sim.bus.i2c_bus import SimulatedBus
-from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxLeg
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.faults.scene_faults import OnWires, StuckSda

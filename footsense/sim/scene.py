@@ -1,16 +1,134 @@
-"""A scene: motion, loads, effects and faults of a simulated robot.
+"""A scene: motion, loads and faults of a simulated robot, fabrication of its feet, and effects: other deviations.
 
 An effect that a scene does not name is not computed. `scene_files.py` reads scenes.
 """
 
+import dataclasses
 from typing import Annotated
 
+import msgspec
 from msgspec import Meta
 
 from footsense.sim import scene_loads
-from footsense.sim.faults.scene_faults import Fault
-from footsense.sim.scene_effects import Effects, ScenePart
-from footsense.sim.scene_fabrication import Fabrication
+from footsense.sim.faults.scene_faults import Fault, Leg
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_DEG, FootTolerances
+
+
+class ScenePart(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A strict part of a scene."""
+
+
+class _Gradual(ScenePart, frozen=True):
+    """A linear change over time.
+
+    Attributes:
+        from_s: Start [s].
+        over_s: Duration [s].
+    """
+
+    from_s: Annotated[float, Meta(ge=0.0)]
+    over_s: Annotated[float, Meta(gt=0.0)]
+
+    def elapsed_share(self, t_ns: int) -> float:
+        """Return the share of the change that has happened by a time [1]."""
+        return min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
+
+
+class Warming(_Gradual, frozen=True, kw_only=True):
+    """A change of temperature.
+
+    Attributes:
+        kelvin: Change in the end [K].
+    """
+
+    kelvin: Annotated[float, Meta(ge=-60.0, le=60.0)]
+
+    def kelvin_at(self, t_ns: int) -> float:
+        """Return the change by a time [K]."""
+        return self.kelvin * self.elapsed_share(t_ns)
+
+
+class Softening(_Gradual, frozen=True, kw_only=True):
+    """One foot that becomes softer than the others: rubber that ages, or a sheet that comes off.
+
+    Attributes:
+        leg: Leg of the foot.
+        softer_rel: Increase of its closures in the end, under the same load [1]; below 0 it hardens.
+    """
+
+    leg: Leg
+    softer_rel: Annotated[float, Meta(ge=-0.5, le=0.5)]
+
+    def softness(self, t_ns: int) -> float:
+        """Return the factor on the closures under the same load at a time, 1 at the start [1]."""
+        return 1.0 + self.softer_rel * self.elapsed_share(t_ns)
+
+
+class Effects(ScenePart, frozen=True):
+    """Deviations of the robot from the ideal.
+
+    Attributes:
+        converter_noise: Whether conversions have white noise, by rate.
+        converter_clock_rel: Largest deviation of a converter's clock; each chip draws its own [1].
+        trigger_clears_done: Whether a FDC1004 forgets that a conversion was done when the next one is started.
+        stray_pf: Capacitance to ground in parallel with every element [pF].
+        gap_contact: Whether a closed gap carries load; else its closure is only limited.
+        rubber: Whether the feet creep and show hysteresis (`sim/foot/viscoelastic.py`).
+        warming: Change of temperature; None for none.
+        softening: Ageing of one foot; None for none.
+        adapter_compares: Whether an I2C adapter compares SDA with what it sends, and times out where it is held; that
+            of a Raspberry Pi 0 to 4 does not.
+        adapter_timeout_ms: Timeout of an I2C adapter for a held line; 1000 where it cannot be set [ms].
+    """
+
+    converter_noise: bool = False
+    converter_clock_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
+    trigger_clears_done: bool = False
+    stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+    gap_contact: bool = False
+    rubber: bool = False
+    warming: Warming | None = None
+    softening: Softening | None = None
+    adapter_compares: bool = True
+    adapter_timeout_ms: Annotated[float, Meta(ge=10.0, le=10_000.0)] = 20.0
+
+
+class Fabrication(ScenePart, frozen=True):
+    """Deviations of the feet from their design: rms values, as in `fabrication.FootTolerances`.
+
+    Attributes:
+        seed: Seed of the deviations.
+        first: Number of the foot on the first leg; the other legs have the next ones.
+        gap_um: Rms deviation of the gap of each element [um].
+        film_um: Rms deviation of the film of each element [um].
+        stray_pf: Rms stray of each element [pF].
+        stiffness_rel: Rms deviation of the stiffness of the whole foot [1].
+        mount_deg: Rotation of a foot on its leg [deg].
+        remount_deg: Rotation added at each mounting [deg].
+        mounting: Number of the mounting.
+    """
+
+    seed: Annotated[int, Meta(ge=0)] = 1
+    first: Annotated[int, Meta(ge=0)] = 0
+    gap_um: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
+    film_um: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
+    stray_pf: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.0
+    stiffness_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
+    mount_deg: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
+    remount_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+    mounting: Annotated[int, Meta(ge=0)] = 0
+
+    @classmethod
+    def with_paper_tolerances(cls, *, seed: int, first: int, mounting: int) -> "Fabrication":
+        """Return feet with the paper's fabrication tolerances, in one of their mountings."""
+        rms = dataclasses.asdict(PAPER_TOLERANCES)
+        return cls(seed=seed, first=first, mounting=mounting, remount_deg=REMOUNT_DEG, **rms)
+
+    @property
+    def tolerances(self) -> FootTolerances:
+        """The rms values of the deviations."""
+        rms = dataclasses.fields(FootTolerances)
+        return FootTolerances(**{field.name: getattr(self, field.name) for field in rms})
 
 
 class Scene(ScenePart, frozen=True):

@@ -8,8 +8,7 @@ from msgspec import Meta
 from footsense.frames import LEGS
 from footsense.sim.loads import ground_load
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.smooth_stance import smooth_stance
-from footsense.sim.loads.walk import Walk
+from footsense.sim.loads.walk import Walk, smooth_stance
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 Force = Annotated[float, Meta(ge=0.0, le=2.0)]

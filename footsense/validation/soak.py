@@ -17,8 +17,7 @@ from footsense.frames import State
 from footsense.sim.scene import Scene
 from footsense.validation.invariants import Invariants, Violation
 from footsense.validation.random_faults import random_faults
-from footsense.validation.soak_plan import Stretch
-from footsense.validation.soak_scene import IDLE_TRAFFIC, LEAD_IN_S, robot_and_scene
+from footsense.validation.soak_plan import IDLE_TRAFFIC, LEAD_IN_S, Stretch, robot_and_scene
 from footsense.validation.tolerances import Rules
 
 _NS_PER_S = 1_000_000_000

@@ -20,9 +20,7 @@ from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.frames import Vector
 from footsense.sim.loads.ground_load import ContactSource
-from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Effects
-from footsense.sim.scene_fabrication import Fabrication
+from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads, Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS

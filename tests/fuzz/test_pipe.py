@@ -9,14 +9,8 @@ from hypothesis import strategies as st
 
 from footsense.errors import RecordingError
 from footsense.frames import CommandResult, Result
-from footsense.recording.cycle_records import (
-    LostCycles,
-    NumberedCycle,
-    pack_cycle,
-    pack_header,
-    pack_loss,
-    unpack,
-)
+from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack
 from footsense.recording.writer import PipeWriter
 from tests.fuzz.outcome import TRIED, refusal
 from tests.support.cycles import LEGS, TARE, cycle, same

@@ -69,9 +69,11 @@ class _NoParameters:
     params: dict[str, object] = {}  # noqa: RUF012
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, exitstatus: int, config: pytest.Config
+) -> None:
     if not _rows:
         return
     terminalreporter.write("\n" + table.markdown(_rows))
-    if config.getoption("--write-page"):
+    if config.getoption("--write-page") and exitstatus == pytest.ExitCode.OK:
         table.write(_rows, _kernel[0])

@@ -9,10 +9,14 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "deploy" / "README.md"
 
-#: Blocks that are not executed, by their first word or words, with the reason.
-NOT_EXECUTED = {
-    "pip wheel": "the other way to install: on another computer",
-    "ls /dev/serial": "serial lines are not part of this machine",
+#: Blocks that are not executed, by their first words, with the reason.
+NOT_EXECUTED = {"ls /dev/serial": "this machine has no serial line"}
+#: What is done before a command, by its first words: the other way to install, at the top of the checkout, where the
+#: first way has put nothing.
+BEFORE = {
+    "pip wheel": "cd ..; PATH=/opt/footsense/bin:$PATH; pip uninstall --quiet --yes footsense",
+    "/opt/footsense/bin/pip install --no-index --no-deps footsense-": "cd dist",
+    "useradd": "cd /root/footsense/deploy",
 }
 #: Commands that show something until they are interrupted.
 ENDLESS = ("candump ", "journalctl -u footsense -f", "/opt/footsense/bin/footsense monitor")
@@ -31,6 +35,11 @@ class Command(NamedTuple):
 
     section: str
     text: str
+
+    @property
+    def before(self) -> str:
+        """Commands to execute before it."""
+        return "; ".join(done for words, done in BEFORE.items() if self.text.startswith(words))
 
     @property
     def is_endless(self) -> bool:

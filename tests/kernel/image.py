@@ -2,7 +2,7 @@
 
     packages.tar       Debian, with systemd and the packages of deploy/README.md    mmdebstrap
     wheels/            the packages of deploy/requirements.lock                     pip download
-    modules/           the adapter without hardware                                 the kernel's headers
+    modules/           the adapter without hardware, the kernel's multiplexer       the kernel's headers and source
     disk.img           all of that, and footsense installed by section 1 of deploy/README.md
 
 Each has a folder of its own under build/kernel, whose name ends in the hash of its content.
@@ -27,6 +27,7 @@ HOST_PACKAGES = (
     "qemu-system-x86",
     "linux-image-amd64",
     "linux-headers-amd64",
+    "linux-source-6.1",
     "mmdebstrap",
     "e2fsprogs",
     "cpio",
@@ -47,6 +48,9 @@ _GUEST_PACKAGES = (
     "strace",
 )
 _SUITE = "bookworm"
+#: The driver of a TCA9548A, which Debian does not build for x86-64.
+_SOURCE = Path("/usr/src/linux-source-6.1.tar.xz")
+_MUX_DRIVER = "linux-source-6.1/drivers/i2c/muxes/i2c-mux-pca954x.c"
 #: What pip needs of the checkout, and the folder that the page is about.
 _CHECKOUT = ("footsense", "firmware_interface", "models", "deploy", "pyproject.toml", "README.md", "LICENSE")
 #: Modules of the kernel package that this machine has no use for.
@@ -64,6 +68,10 @@ _NOT_COPIED = (
 _BOOT_MODULES = ("virtio_pci", "virtio_blk", "crc32c_generic", "ext4")
 
 
+class LackingError(RuntimeError):
+    """This computer lacks what the machine is made from."""
+
+
 class Image(NamedTuple):
     """Files to boot.
 
@@ -76,6 +84,18 @@ class Image(NamedTuple):
     disk: Path
     kernel: Path
     initrd: Path
+
+
+def fetch(*command: str | Path) -> None:
+    """Run a command that needs the network.
+
+    Raises:
+        LackingError: It failed; with its last line.
+    """
+    try:
+        run(*command)
+    except RuntimeError as error:
+        raise LackingError(f"{command[0]} failed: {str(error).strip().splitlines()[-1]}") from error
 
 
 def run(*command: str | Path, cwd: Path | None = None) -> str:
@@ -93,12 +113,18 @@ def run(*command: str | Path, cwd: Path | None = None) -> str:
 
 
 def kernel_version() -> str:
-    """Return the newest version of the kernel whose image and headers are installed."""
+    """Return the newest version of the kernel whose image and headers are installed.
+
+    Raises:
+        LackingError: There is none.
+    """
     versions = [
         path.name
         for path in Path("/lib/modules").glob("*-amd64")
         if (path / "build").exists() and Path(f"/boot/vmlinuz-{path.name}").exists()
     ]
+    if not versions:
+        raise LackingError("there is no kernel with its headers under /lib/modules and /boot")
     return max(versions, key=lambda name: [int(part) for part in name.split("-")[0].split(".")])
 
 
@@ -137,7 +163,7 @@ def packages() -> Path:
     def make(folder: Path) -> None:
         target = folder / "packages.tar"
         include = f"--include={','.join(names)}"
-        run("mmdebstrap", "--mode=root", "--variant=minbase", include, _SUITE, target)
+        fetch("mmdebstrap", "--mode=root", "--variant=minbase", include, _SUITE, target)
 
     return _made("packages", _hash(_SUITE, *names), make) / "packages.tar"
 
@@ -147,27 +173,18 @@ def wheels() -> Path:
     lock = ROOT / "deploy" / "requirements.lock"
 
     def make(folder: Path) -> None:
-        run(
-            sys.executable,
-            "-m",
-            "pip",
-            "download",
-            "--quiet",
-            "--no-deps",
-            "--dest",
-            folder,
-            "--requirement",
-            lock,
-        )
+        download = (sys.executable, "-m", "pip", "download", "--quiet", "--no-deps")
+        fetch(*download, "--dest", folder, "--requirement", lock)
 
     return _made("wheels", _hash(lock), make)
 
 
 def modules(kernel: str) -> Path:
-    """Return the folder of our kernel modules."""
+    """Return the folder of our kernel modules, and of the kernel's driver of a multiplexer."""
 
     def make(folder: Path) -> None:
         shutil.copytree(HERE / "modules", folder, dirs_exist_ok=True)
+        run("tar", "-C", folder, "--strip-components=4", "--occurrence=1", "-xf", _SOURCE, _MUX_DRIVER)
         run("make", "-C", f"/lib/modules/{kernel}/build", f"M={folder}", "modules")
         run("strip", "--strip-debug", *folder.glob("*.ko"))
 
@@ -247,7 +264,7 @@ def _install_as_the_page_says(root: Path, wheels_folder: Path) -> None:
         else:
             shutil.copy(ROOT / name, checkout / name)
     (root / "wheels").mkdir()
-    lines = "\n".join(command.text for command in deploy_page.section(1))
+    lines = "\n".join(f"{command.before}\n{command.text}" for command in deploy_page.section(1))
     (root / "install.sh").write_text(f"set -ex\ncd /root/footsense/deploy\n{lines}\n", encoding="utf-8")
     inside = "env -i HOME=/root LANG=C.UTF-8 PATH=/usr/sbin:/usr/bin:/sbin:/bin ORT_DISABLE_TELEMETRY=1 PIP_NO_INDEX=1"
     run(

@@ -58,6 +58,10 @@ class Machine:
                     return
         raise GuestError("the machine does not come back")
 
+    def active_since_s(self, unit: str) -> float:
+        """Return when a unit became active, from the start of the kernel [s]."""
+        return int(self.run(f"systemctl show -P ActiveEnterTimestampMonotonic {unit}")) / 1e6
+
     def journal(self, since: str, unit: str = "footsense") -> list[str]:
         """Return the lines of a unit since a cursor of the journal."""
         text = self.run(f"journalctl -u {unit} --no-pager -o cat --after-cursor '{since}'")

@@ -107,6 +107,12 @@ class Robot:
         """How often systemd has restarted the service since its last `systemctl start`."""
         return int(self.machine.run(f"systemctl show -P NRestarts {UNIT}"))
 
+    def started_within_s(self) -> float:
+        """Start the service, and return how long `systemctl start` took, on the machine's clock [s]."""
+        clock = "cut -d' ' -f1 /proc/uptime"
+        began, ended = self.machine.run(f"{clock}; systemctl start {UNIT} >/dev/null 2>&1; {clock}").split()
+        return float(ended) - float(began)
+
     def configure(self, *edits: str) -> None:
         """Restart the service after edits of its configuration by `sed`."""
         for edit in edits:

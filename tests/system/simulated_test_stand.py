@@ -16,8 +16,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Reference
 from footsense.sim.foot.fabrication import fabricate
-from footsense.sim.scene import Scene
-from footsense.sim.scene_fabrication import Fabrication
+from footsense.sim.scene import Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
 
 _SAMPLE_NS = 5_000_000

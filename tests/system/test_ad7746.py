@@ -11,8 +11,7 @@ from footsense.daemon.service import Service, open_service
 from footsense.frames import USABLE, Cause, Cycle, State
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
-from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Effects, Warming
+from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Tripod, Unloaded
 
 ROBOT = msgspec.structs.replace(

@@ -24,8 +24,7 @@ from footsense.sim.chips.mcu import SimulatedRobotMcu
 from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.robot_on_mcu import simulated_mcu
-from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Effects
+from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import MeasuredWalk, Ramp
 from tests.support.failing_line import FailingLine, LineFaults
 from tests.support.pty_line import HurriedClock, Line

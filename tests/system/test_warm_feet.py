@@ -14,8 +14,7 @@ from footsense.frames import Cycle, State
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.replay import Replay
-from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Effects, Warming
+from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
 from tests.system.simulated_test_stand import MADE, true_parameters

@@ -12,8 +12,7 @@ from firmware_interface import schedule
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips import adg715
 from firmware_interface.chips.ad7746 import Register
-from footsense.acquisition.boards.board import SLOWEST, Board, Thermometer, require_identity
-from footsense.acquisition.boards.conversion_step import Check, Step
+from footsense.acquisition.boards.board import SLOWEST, Board, Check, Step, Thermometer, require_identity
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction

@@ -9,8 +9,7 @@ from functools import partial
 from firmware_interface import schedule
 from firmware_interface.chips import adg715
 from firmware_interface.chips import fdc1004 as chip
-from footsense.acquisition.boards.board import Board, require_identity
-from footsense.acquisition.boards.conversion_step import Check, Done, Step
+from footsense.acquisition.boards.board import Board, Check, Done, Step, require_identity
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction

@@ -12,8 +12,7 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import TrueLoads
 from footsense.frames import ELEMENTS, LEGS
 from footsense.sim.loads.ground_load import GroundContact, Ramp
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.smooth_stance import smooth_stance
-from footsense.sim.loads.walk import Walk
+from footsense.sim.loads.walk import Walk, smooth_stance
 
 #: Largest vertical force of a walk [N] and lean of its legs [deg].
 PEAK_N, PITCH_DEG = 1.0, 10.0

@@ -6,9 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.benchmarks.latency_vs_error.chain import pace
-from footsense.benchmarks.touchdown.manners import TOUCHDOWNS
 from footsense.benchmarks.touchdown.run import Run, run
-from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TREMOR_N, Steps
+from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TOUCHDOWNS, TREMOR_N, Steps
 from footsense.frames import Mask, Vector
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels

@@ -1,10 +1,34 @@
-"""Loads of feet that touch down repeatedly in one manner, each foot at different times."""
+"""Manners of touching down, hard and soft, upright and leaning; loads of feet that touch down so repeatedly."""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.benchmarks.touchdown.manners import TOUCHDOWNS
 from footsense.frames import Mask, Vector
+
+
+class Touchdown(NamedTuple):
+    """A manner of touching down.
+
+    Attributes:
+        force_n: Full load [N].
+        rise_s: Time to the full load [s].
+        lean_deg: Distance of the contact from the middle of the ball [deg], to any side.
+    """
+
+    force_n: float
+    rise_s: float
+    lean_deg: float
+
+
+TOUCHDOWNS = {
+    "hard, upright": Touchdown(0.5, 5e-3, 0.0),
+    "hard, leaning by 25 deg": Touchdown(0.5, 5e-3, 25.0),
+    "soft, upright": Touchdown(1.0, 0.144, 0.0),
+    "soft, leaning by 25 deg": Touchdown(1.0, 0.144, 25.0),
+}
+
 
 #: Load from which a foot counts as in contact [N].
 CONTACT_N = 0.03

@@ -1,22 +1,121 @@
-"""The page of `footsense evaluate --out`: the table, and the paper's Figs. 17, 18 and 19 of one foot."""
+"""The page of `footsense evaluate --out`: the table, and the paper's Figs. 17 to 19 of one foot. Needs matplotlib."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import BoundaryNorm
+from matplotlib.figure import Figure
 
 from footsense.calibration.evaluation import Evaluation
-from footsense.cli.evaluate.figures import error_map, histograms, patterns
 from footsense.cli.evaluate.summary import headline, table
-from footsense.foot.directions import azimuth_elevation_deg, directions, normalized
-from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg, directions, normalized
+from footsense.foot.force_errors import GRAM_FORCE_N, magnitude_errors_gf
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.ball import map_circle, map_position, map_radius
 from footsense.lab.template import render
+
+#: The paper's mean errors in the experiment, section V C [deg, gf].
+PAPER_DEG, PAPER_GF = 15.9, 18.7
+
+#: Steps of the map's colours [deg].
+_LEVELS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0)
+#: Centre of the circles of the mean error, as in the paper's Fig. 19: a contact half way down the ball.
+_CIRCLE_AT = np.array([np.cos(np.radians(60.0)), 0.0, np.sin(np.radians(60.0))])
+_ELEVATIONS_DEG = (30.0, 50.0, 70.0)
+
+
+def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
+    """Draw the direction errors on a map of the ball: one dot at the contact point of each load.
+
+    Args:
+        reference_n: Forces of the reference [N], shape (n, 3).
+        estimates_n: Estimates by source [N], same shape.
+    """
+    figure = Figure(figsize=(4.3 * len(estimates_n) + 0.9, 4.9), layout="constrained")
+    row = np.atleast_1d(figure.subplots(1, len(estimates_n)))
+    magnitude_n = np.linalg.norm(reference_n, axis=1)
+    direction = reference_n / magnitude_n[:, None]
+    # Heavy loads are drawn first, so that smaller dots in the same direction stay visible.
+    order = np.argsort(-magnitude_n)
+    for axes, (name, force_n) in zip(row, estimates_n.items(), strict=True):
+        error_deg = angles_between_deg(reference_n, force_n)
+        for elevation_deg in _ELEVATIONS_DEG:
+            axes.plot(
+                *map_circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="0.6", lw=0.7, ls=":"
+            )
+            axes.text(
+                0.0, map_radius(elevation_deg), f"{elevation_deg:g} deg", fontsize=7, color="0.4", ha="center"
+            )
+        dots = axes.scatter(
+            *map_position(direction[order]),
+            s=8.0 + 45.0 * magnitude_n[order],
+            c=error_deg[order],
+            norm=BoundaryNorm(_LEVELS_DEG, 256, extend="max"),
+            edgecolors="k",
+            linewidths=0.3,
+        )
+        mean_deg = float(error_deg.mean())
+        axes.plot(*map_circle(_CIRCLE_AT, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg")
+        axes.plot(*map_circle(_CIRCLE_AT, PAPER_DEG), "r--", lw=1.2, label=f"the paper's, {PAPER_DEG} deg")
+        axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
+        axes.set_title(f"{name}\nforward", fontsize=10)
+        axes.legend(fontsize=8, loc="lower left")
+    row[0].set_ylabel("right")
+    row[-1].yaxis.set_label_position("right")
+    row[-1].set_ylabel("left")
+    figure.colorbar(dots, ax=list(row), label="direction error [deg]", shrink=0.8)
+    return figure
+
+
+def histograms(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
+    """Draw histograms of the errors; arguments as of `error_map`."""
+    figure = Figure(figsize=(8.6, 3.6), layout="constrained")
+    kinds = (
+        (angles_between_deg, "direction error [deg]", PAPER_DEG),
+        (magnitude_errors_gf, "magnitude error [gf]", PAPER_GF),
+    )
+    for axes, (error_of, label, paper) in zip(figure.subplots(1, 2), kinds, strict=True):
+        errors = {name: error_of(reference_n, force_n) for name, force_n in estimates_n.items()}
+        most = max(paper, *(float(values.max()) for values in errors.values()))
+        bins = np.linspace(0.0, 1.02 * most, 41)
+        for name, values in errors.items():
+            share = np.full(len(values), 100.0 / len(values))
+            axes.hist(values, bins, weights=share, histtype="stepfilled", alpha=0.5, label=name)
+        axes.axvline(paper, color="r", ls="--", label="the paper's mean")
+        axes.set(xlabel=label, ylabel="share of loads [%]")
+        axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    return figure
+
+
+def patterns(closures_um: Mapping[str, Mapping[str, Vector]]) -> Figure:
+    """Return the closures of the nine elements under each load as bars, by element, front row first.
+
+    Args:
+        closures_um: Closures by load and source [um], shape (9,) each; all loads have the same sources.
+    """
+    figure = Figure(figsize=(8.6, 2.2 * len(closures_um) + 0.6), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(len(closures_um), 1))
+    for axes, (title, by_source) in zip(panels, closures_um.items(), strict=True):
+        width = 0.8 / len(by_source)
+        for number, (name, closure_um) in enumerate(by_source.items()):
+            axes.bar(np.arange(ELEMENTS) - 0.4 + (number + 0.5) * width, closure_um, width, label=name)
+        axes.set_title(title, fontsize=10)
+        axes.set_ylabel("closure [um]")
+        axes.set_xticks(np.arange(ELEMENTS), [f"{i} {j}" for i in range(3) for j in range(3)])
+        for edge in (2.5, 5.5):
+            axes.axvline(edge, color="0.8", lw=0.8)
+        axes.grid(axis="y", alpha=0.3)
+    axes.set_xlabel("row and column: 0 0 is the front left, 2 2 the rear right")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8)
+    return figure
+
 
 _MAP, _HISTOGRAMS, _PATTERNS = "error-map.png", "errors.png", "patterns.png"
 

@@ -23,7 +23,7 @@ from footsense.validation.test_stand_trial import FootBatch
 from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult, evaluate_foot
 
 #: Feet of a full run, and of a quick one with one of so many loads.
-N_FEET, QUICK_N_FEET, _QUICK_EVERY = 20, 2, 7
+N_FEET, QUICK_N_FEET, _QUICK_EVERY = 20, 2, 9
 #: Epochs of the network without physics in a quick run.
 _QUICK_EPOCHS = 500
 #: The estimators, in words.

@@ -6,7 +6,7 @@ from typing import Any
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.validation.faults.fault_table import can_rows, fault_rows
-from footsense.validation.faults.published_walk import BREAKS_AT_S, DURATION_S, PASSES_AT_S
+from footsense.validation.faults.fault_trial import BREAKS_AT_S, DURATION_S, PASSES_AT_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

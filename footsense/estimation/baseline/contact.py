@@ -150,7 +150,7 @@ class ContactDetector:
             if now_ns - self._t_ns > _KEPT_WITHOUT_READING_NS:
                 self.reset(now_ns)
             return
-        elapsed_s = (t_ns - self._t_ns) * 1e-9 if t_ns > self._t_ns else 0.0
+        elapsed_s = max(t_ns - self._t_ns, 0) * 1e-9
         self._t_ns = t_ns
         self.drift_n = baseline_error_n + _CREEP_REL * self._creep_load_n
         self.explained_by_drift = abs(load_n) <= self._explained_n + self.drift_n
@@ -158,9 +158,8 @@ class ContactDetector:
         above_n = load_n - floor_n
         predicted_above_n = predicted_n - floor_n
         noise, predicted_noise = self.noise, self.predicted_noise
-        is_predicted = (
-            predicted_above_n > predicted_noise.threshold_n and t_ns - self._lifted_ns > _OVERSHOOT_NS
-        )
+        overshoots = t_ns - self._lifted_ns <= _OVERSHOOT_NS
+        is_predicted = predicted_above_n > predicted_noise.threshold_n and not overshoots
         self.raw = above_n > noise.threshold_n or is_predicted
         if self.in_contact:
             lift_n = 0.5 * noise.threshold_n
@@ -180,9 +179,12 @@ class ContactDetector:
             noise.interrupt(t_ns)
             predicted_noise.interrupt(t_ns)
         else:
-            noise.observe(above_n, t_ns)
-            if t_ns - self._lifted_ns > _OVERSHOOT_NS:
-                predicted_noise.observe(predicted_above_n, t_ns)
+            noise.block_n.append(above_n)
+            if t_ns >= noise.end_ns:
+                noise.end_block(t_ns)
+            predicted_noise.block_n.append(math.nan if overshoots else predicted_above_n)
+            if t_ns >= predicted_noise.end_ns and not overshoots:
+                predicted_noise.end_block(t_ns)
             if t_ns - self._window_start_ns > _FLOOR_FOLLOWS_AFTER_NS:
                 self._highest_before_n = self._highest_n
                 self._highest_n, self._window_start_ns = load_n, t_ns

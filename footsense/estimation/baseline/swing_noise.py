@@ -32,6 +32,8 @@ class SwingNoise:
     Attributes:
         threshold_n: Load above the floor that is contact [N].
         sigma_n: Half of the distance from nothing to the mean peak: about the noise of a reading [N].
+        block_n: Signal of the present block of swing: load above the floor [N], NaN where not known.
+        end_ns: Time from which the block is complete, and `end_block` is to be called [ns].
     """
 
     def __init__(self, threshold_n: float, least_n: float) -> None:
@@ -45,19 +47,17 @@ class SwingNoise:
     def interrupt(self, t_ns: int) -> None:
         """Drop the blocks that wait: the foot touches, or swings again from `t_ns` [ns] on."""
         self._waiting: deque[float] = deque(maxlen=_MAX_SHAKE_BLOCKS)
-        self._peak_n, self._lowest_n = -math.inf, math.inf
-        self._end_ns = t_ns + _BLOCK_NS
+        self.block_n: list[float] = []
+        self.end_ns = t_ns + _BLOCK_NS
 
-    def observe(self, above_n: float, t_ns: int) -> None:
-        """Add the signal of a foot in swing: load above the floor [N], and its time [ns]."""
-        self._peak_n, self._lowest_n = max(self._peak_n, above_n), min(self._lowest_n, above_n)
-        if t_ns < self._end_ns:
-            return
+    def end_block(self, t_ns: int) -> None:
+        """End the block with its signal at `t_ns` [ns], and begin the next."""
+        known_n = [above_n for above_n in self.block_n if not math.isnan(above_n)]
+        self.block_n, self.end_ns = [], t_ns + _BLOCK_NS
         waiting = self._waiting
-        is_back = self._lowest_n < _BACK_REL * self.threshold_n
-        if self._peak_n > -math.inf:
-            waiting.append(max(self._peak_n, 0.0))
-        self._peak_n, self._lowest_n, self._end_ns = -math.inf, math.inf, t_ns + _BLOCK_NS
+        is_back = min(known_n, default=math.inf) < _BACK_REL * self.threshold_n
+        if known_n:
+            waiting.append(max(*known_n, 0.0))
         while is_back and len(waiting) > _HELD_BACK_BLOCKS:
             self.learn(waiting.popleft())
 

@@ -142,7 +142,10 @@ class BaselineTracker:
             missing: Elements to leave out, same shape.
             now_ns: Current time [ns].
         """
-        self._discard_silent(reading, now_ns)
+        if np.count_nonzero(reading):
+            self._discard_silent(reading, now_ns)
+        else:
+            self._heard_ns.fill(now_ns)
         tares = self._tares
         ended = tares.add(capacitance_pf, reading, t_ns, missing) if tares.in_progress else ()
         results = []
@@ -261,9 +264,6 @@ class BaselineTracker:
 
     def _discard_silent(self, reading: Codes, now_ns: int) -> None:
         """Discard the baseline of every leg that has been silent for too long, and start a new tare of the leg."""
-        if not np.count_nonzero(reading):
-            self._heard_ns.fill(now_ns)
-            return
         silent = np.isin(reading, SILENT).all(axis=1)
         self._heard_ns[~silent] = now_ns
         allowed_ns = np.where(

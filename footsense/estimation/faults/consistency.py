@@ -75,6 +75,9 @@ class ConsistencyTest:
         n_legs: Legs in a frame.
         moments: S, as of `Imputation`, shape (9, 9).
         settled_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
+
+    Attributes:
+        excluded: Elements excluded until their readings are consistent again, shape (legs, 9).
     """
 
     def __init__(self, n_legs: int, moments: Vector, settled_ns: int) -> None:
@@ -93,21 +96,16 @@ class ConsistencyTest:
         self._inconsistent = np.zeros(n_legs, bool)
         self._suspected = np.zeros(shape, bool)
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
-        self._excluded = np.zeros(shape, bool)
+        self.excluded = np.zeros(shape, bool)
         self._stuck = np.zeros(shape, bool)
         self._consistent_ns = np.zeros((n_legs, 3), np.int64)  # unloaded, loaded, in all
         self._t_ns = 0
         # Of each element's measured and predicted closures: the smallest and the largest.
         self._extremes = np.zeros((2, 2, *shape))
 
-    @property
-    def excluded(self) -> Mask:
-        """Mask of the elements excluded until their readings are consistent again, shape (legs, 9)."""
-        return self._excluded
-
     def reset(self, legs: Mask) -> None:
         """Readmit all elements of the legs in a mask, shape (legs,), after a change of foot or baseline."""
-        for marks in (self._excluded, self._suspected, self._stuck, self._inconsistent):
+        for marks in (self.excluded, self._suspected, self._stuck, self._inconsistent):
             marks[legs] = False
 
     def squared_residuals(self, closure_rel: Vector) -> Vector:
@@ -154,15 +152,15 @@ class ConsistencyTest:
                     leg, closure_rel[leg], float(motion_rel[leg]), missing[leg], now_ns
                 )
         self._t_ns = now_ns
-        self._all_trusted = not (self._suspected.any() or self._excluded.any())
-        if self._excluded.any():
-            self._stuck |= self._excluded & self._is_stuck()
+        self._all_trusted = not (self._suspected.any() or self.excluded.any())
+        if self.excluded.any():
+            self._stuck |= self.excluded & self._is_stuck()
         return ConsistencyResult(
             missing,
             inconsistency_rel,
             self._unexplained,
             self._stuck.copy(),
-            self._excluded & ~self._stuck,
+            self.excluded & ~self._stuck,
             ok=False,
         )
 
@@ -172,7 +170,7 @@ class ConsistencyTest:
         """Add the isolated elements to `missing`, shape (9,), and return the inconsistency [1]."""
         if not np.isfinite(closure_rel[~missing]).all():
             return 0.0
-        if self._excluded[leg].any():
+        if self.excluded[leg].any():
             self._readmit(leg, closure_rel, motion_rel, missing, now_ns)
             self._widen_ranges(leg, closure_rel, missing)
         excess = self._residual_over_limit(closure_rel, missing, motion_rel)
@@ -200,14 +198,14 @@ class ConsistencyTest:
         self._widen_ranges(leg, closure_rel, missing)
         if now_ns - self._suspected_since_ns[leg] < self._settled_ns:
             return inconsistency_rel
-        self._excluded[leg] |= suspected
+        self.excluded[leg] |= suspected
         self._suspected[leg] = False
         self._consistent_ns[leg] = 0
         return 0.0
 
     def _readmit(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int) -> None:
         """Count the time for which excluded elements have been consistent, and readmit them after a while."""
-        excluded = self._excluded[leg]
+        excluded = self.excluded[leg]
         if not np.isfinite(closure_rel[excluded]).all():
             return
         elapsed_ns = min(now_ns - self._t_ns, self._settled_ns)
@@ -226,7 +224,7 @@ class ConsistencyTest:
         *both_ns, all_ns = self._consistent_ns[leg].tolist()
         if min(both_ns) >= READMITTED_AFTER_NS or all_ns >= READMITTED_ALONE_AFTER_NS:
             missing &= ~excluded
-            self._excluded[leg] = self._stuck[leg] = False
+            self.excluded[leg] = self._stuck[leg] = False
 
     def _widen_ranges(self, leg: int, closure_rel: Vector, missing: Mask) -> None:
         """Widen the extremes of the measured and of the predicted closures."""

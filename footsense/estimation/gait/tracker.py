@@ -12,8 +12,13 @@ import numpy as np
 
 from footsense.estimation.baseline.contact import ContactDetector
 from footsense.estimation.gait.back_dating import KEPT, BackDated, Loads, lift_off, touchdown
-from footsense.estimation.gait.ground import NO_GROUND, ground_of
-from footsense.estimation.gait.slip import CONVERSIONS_PER_CHECK, Friction, SlipDetector
+from footsense.estimation.gait.friction import (
+    CONVERSIONS_PER_CHECK,
+    NO_GROUND,
+    Friction,
+    SlipDetector,
+    ground_of,
+)
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import Load
 

@@ -3,6 +3,7 @@
 One file carries weights and card (`metadata_props`, key `footsense_card`), so the two cannot drift apart. The file
 holds each weight once; Gather puts it in its eight places when the runtime loads the file, which folds all of it into
 plain matrices. The features of the readings are a part of the graph: a call takes readings and ages as they stand.
+The operators are written in ONNX's textual syntax, in `windowed_network.onnxtxt`.
 """
 
 import json
@@ -13,6 +14,7 @@ from typing import Any
 import jax
 import numpy as np
 import onnx
+import onnx.parser
 import onnxruntime
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
@@ -20,8 +22,8 @@ from onnx import TensorProto, helper, numpy_helper
 from footsense.errors import ModelError
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
-from footsense.frames import ELEMENTS
-from footsense.lab.training.snapshot.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.training.symmetric_layers import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
 from footsense.lab.training.windowed_network import (
     LN_SIGMA_BOUNDS,
     MAX_FEATURE,
@@ -37,12 +39,8 @@ from footsense.lab.training.windowed_network import (
 )
 from footsense.ports import Load, Window
 
-Vector = NDArray[np.float64]
-
 #: The format of onnxruntime 1.18; newer ones gain nothing for ten matrix products.
 IR_VERSION, OPSET = 8, 17
-
-_node = helper.make_node
 
 
 def _constants(weights: Weights) -> dict[str, NDArray[Any]]:
@@ -89,93 +87,13 @@ def _constants(weights: Weights) -> dict[str, NDArray[Any]]:
     }
 
 
-def _expansion_nodes() -> list[onnx.NodeProto]:
-    """Return the ONNX nodes that expand shared weights into full matrices, as `windowed_network.expand` does."""
-    return [
-        _node("Gather", ["w1", "seen_at"], ["w1_met"], axis=1),
-        _node("Reshape", ["w1_met", "w1_as"], ["w1_units"]),
-        _node("Transpose", ["w1_units"], ["w1_turned"], perm=[2, 1, 0]),
-        _node("Reshape", ["w1_turned", "w1_flat"], ["W1"]),
-        _node("Tile", ["b1", "eight"], ["B1"]),
-        _node("Reshape", ["w2", "w2_by"], ["w2_relative"]),
-        _node("Gather", ["w2_relative", "relative_at"], ["w2_met"], axis=1),
-        _node("Reshape", ["w2_met", "w2_as"], ["w2_units"]),
-        _node("Transpose", ["w2_units"], ["w2_turned"], perm=[2, 3, 1, 0]),
-        _node("Reshape", ["w2_turned", "w2_flat"], ["W2"]),
-        _node("Tile", ["b2", "eight"], ["B2"]),
-        _node("MatMul", ["out", "turns"], ["out_turned"]),
-        _node("Reshape", ["out_turned", "out_flat"], ["O"]),
-        _node("MatMul", ["sigma", "sizes"], ["sigma_turned"]),
-        _node("Reshape", ["sigma_turned", "out_flat"], ["S"]),
-        _node("Gather", ["sigma_offset", "sigma_axes"], ["Q"], axis=0),
-        *(
-            node
-            for name, matrix in (("level", "L"), ("slope", "M"))
-            for node in (
-                _node("MatMul", [f"{name}_of", "linear"], [f"{name}_weights"]),
-                _node("MatMul", [f"{name}_weights", "linear_basis"], [f"{name}_row"]),
-                _node("Reshape", [f"{name}_row", "linear_as"], [matrix]),
-            )
-        ),
-    ]
-
-
-def _feature_nodes() -> list[onnx.NodeProto]:
-    """Return the nodes of `windowed_network.features`."""
-    return [
-        _node("MatMul", ["age_s", "changes_of"], ["younger_s"]),
-        _node("Min", ["younger_s", "least_s"], ["between_s"]),  # both negative
-        _node("MatMul", ["between_s", "mean_of_first"], ["period_s"]),
-        _node("MatMul", ["closure_rel", "changes_of"], ["changes"]),
-        _node("Div", ["period_s", "between_s"], ["periods"]),
-        _node("Mul", ["changes", "periods"], ["slopes"]),
-        _node("Split", ["slopes", "each_nine"], ["d1", "before"], axis=1),
-        _node("Sub", ["d1", "before"], ["d2"]),
-        _node("Split", ["closure_rel", "all_three"], ["v0", "v1", "v2"], axis=1),
-        _node("Split", ["age_s", "all_three"], ["a0", "a1", "a2"], axis=1),
-        _node("Neg", ["period_s"], ["T"]),
-        _node("Div", ["a0", "T"], ["A"]),
-        _node("Mul", ["A", "d1"], ["A_d1"]),
-        _node("Mul", ["A", "d2"], ["A_d2"]),
-        _node("Mul", ["A", "A_d2"], ["A_A_d2"]),
-        _node("Add", ["v0", "A_d1"], ["now"]),
-        _node("Concat", ["v0", "now"], ["v0_now"], axis=1),
-        _node("Mul", ["v0_now", "v0_now"], ["squares"]),
-        _node("MatMul", ["squares", "both_means"], ["square"]),
-        _node("Add", ["square", "soft"], ["softened"]),
-        _node("Sqrt", ["softened"], ["size"]),
-        _node("Concat", ["v0", "d1", "A_d1", "d2", "A_d2", "A_A_d2"], ["planes"], axis=1),
-        _node("Div", ["planes", "size"], ["patterns"]),
-        _node("Clip", ["patterns", "lowest", "highest"], ["clipped"]),
-        _node("Mul", ["T", "per_period"], ["T_rel"]),
-        _node("Log", ["T_rel"], ["ln_T"]),
-        _node("Concat", ["clipped", "missing", "size", "ln_T"], ["seen"], axis=1),
-    ]
-
-
-def _layer_nodes() -> list[onnx.NodeProto]:
-    """Return the nodes of `windowed_network.run`."""
-    return [
-        _node("Gemm", ["seen", "W1", "B1"], ["sum1"]),
-        _node("Tanh", ["sum1"], ["hidden1"]),
-        _node("Gemm", ["hidden1", "W2", "B2"], ["sum2"]),
-        _node("Tanh", ["sum2"], ["hidden2"]),
-        _node("MatMul", ["hidden2", "O"], ["outputs"]),
-        _node("Split", ["outputs", "three_four"], ["shape", "contact"], axis=1),
-        _node("Mul", ["now", "now"], ["now_squares"]),
-        _node("MatMul", ["now_squares", "mean"], ["now_square"]),
-        _node("Div", ["now_square", "size"], ["scale"]),
-        _node("Mul", ["shape", "scale"], ["curved"]),
-        _node("MatMul", ["now", "L"], ["level"]),
-        _node("MatMul", ["A_d1", "M"], ["moving"]),
-        _node("Add", ["level", "moving"], ["straight"]),
-        _node("Add", ["straight", "curved"], ["force_n"]),
-        _node("Gemm", ["hidden2", "S", "Q"], ["ln_sigma_any"]),
-        _node("Clip", ["ln_sigma_any", "ln_lowest", "ln_highest"], ["ln_sigma"]),
-        _node("Exp", ["ln_sigma"], ["sigma_rel"]),
-        _node("Split", ["sigma_rel", "three_four"], ["sigma_force", "contact_sigma"], axis=1),
-        _node("Mul", ["sigma_force", "size"], ["sigma_n"]),
-    ]
+def _nodes() -> Sequence[onnx.NodeProto]:
+    """Return the operators of the graph, read from `windowed_network.onnxtxt`."""
+    operators = Path(__file__).with_name("windowed_network.onnxtxt").read_text(encoding="utf-8")
+    nodes: Sequence[onnx.NodeProto] = onnx.parser.parse_graph(f"operators () => () {{\n{operators}}}").node
+    for node in nodes:
+        node.ClearField("domain")  # the parser sets the default one
+    return nodes
 
 
 def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
@@ -192,7 +110,7 @@ def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
         ]
 
     graph = helper.make_graph(
-        _expansion_nodes() + _feature_nodes() + _layer_nodes(),
+        _nodes(),
         "footsense",
         tensor_infos(INPUTS),
         tensor_infos(OUTPUTS),

@@ -19,10 +19,9 @@ from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
+from footsense.frames import Vector
 from footsense.lab.geometry import LoadRange
 from footsense.lab.symmetry import SYMMETRIES, element_map
-
-Vector = NDArray[np.float64]
 
 #: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
 NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3

@@ -1,26 +1,25 @@
 """Training of the windowed network: Muon on random windows of random gaits and of loads at rest, from one seed.
 
 Every batch draws its windows and its missing elements. A share of the windows is of feet at rest, drawn
-from the wide loads of `load_cases`, whose readings differ by noise alone. Loss, whitening and linear start are those
-of `snapshot/train.py`; beside the force, contact point and friction ratio are learnt where the foot carries a load.
+from the wide loads of `load_cases`, whose readings differ by noise alone. Loss and linear start are those of `fit.py`;
+beside the force, contact point and friction ratio are learnt where the foot carries a load.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 
 from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import ELEMENTS
+from footsense.lab.training.fit import Protocol, fit, force_loss, linear_start, whitening
 from footsense.lab.training.gait_readings import ORDERS, PACE_REL, STEP_S, GaitReadings, usual_lead_s
 from footsense.lab.training.gait_windows import WINDOW, age_table, contact_of, whole_windows
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
-from footsense.lab.training.snapshot.network import linear_basis
-from footsense.lab.training.snapshot.train import MASKS
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     N_INPUTS,
@@ -38,9 +37,9 @@ _MISSING_SHARE, _REST_SHARE = 0.25, 0.45
 #: Share of the windows at rest that are read at any pace and in any order, and of those with friction: few of the loads
 #: at rest have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
 _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
-#: Tempering of the likelihood as in `snapshot/train.py`, and weight of the squared error over the squared force beside
-#: it: lower than there, as sudden steps, which nothing can tell, would dominate.
-_TEMPERING, _SQUARED_ERROR_WEIGHT = 0.25, 10.0
+#: Weight of the squared error over the squared force beside the likelihood: lower than that of `snapshot/train.py`, as
+#: sudden steps, which nothing can tell, would dominate.
+_SQUARED_ERROR_WEIGHT = 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
 #: Shares of the windows in the air, just after lift-off and long after, that are used.
@@ -50,28 +49,13 @@ _STEPS_PER_CALL = 500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WindowProtocol:
-    """How a windowed network is trained.
-
-    Attributes:
-        channels: Channels of each of the two hidden layers, eight units each.
-        steps: Steps, a multiple of 500.
-        batch: Windows in a step.
-        rate: Highest learning rate.
-        min_force_n: Force below which errors count absolutely [N].
-        seed: Seed of start weights, batches and masks.
-    """
+class WindowProtocol(Protocol):
+    """How a windowed network is trained; its cases are windows."""
 
     channels: int = 40
     steps: int = 200_000
     batch: int = 1024
     rate: float = 5e-3
-    min_force_n: float = 0.3
-    seed: int = 20090304
-
-    def card(self) -> dict[str, Any]:
-        """Return the protocol as JSON values."""
-        return {"optimiser": "muon, cosine one-cycle", **asdict(self)}
 
 
 class Batch(NamedTuple):
@@ -138,8 +122,8 @@ def _data(gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, impu
         rest_force_n=jnp.asarray(rest.force_n, single),
         rest_contact=jnp.asarray(rest_contact, single),
         rest_rough=jnp.asarray(np.flatnonzero(np.linalg.norm(rest_contact[:, 2:], axis=1) > _FRICTION_REL)),
-        fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MASKS]), single),
-        masks=jnp.asarray(MASKS, single),
+        fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), single),
+        masks=jnp.asarray(MISSING_SETS, single),
         noise_rel=jnp.asarray([s * design.gap_um / plates_um for s in (NOISE_PF, BASELINE_NOISE_PF)], single),
         film_rel=jnp.asarray(design.film_equivalent_um / design.gap_um, single),
     )
@@ -209,32 +193,6 @@ def _random_weights(key: jax.Array, c: int) -> Weights:
     )
 
 
-def _whitening(seen: Vector) -> tuple[jax.Array, jax.Array]:
-    """Return the matrix (SEEN, SEEN) and mean (SEEN,) that make all but the masks white, with the square's symmetry."""
-    index = seen_index()
-    covariance = np.cov(seen.T)
-    covariance = np.mean([covariance[np.ix_(row, row)] for row in index], axis=0)
-    mean = np.mean([seen.mean(axis=0)[row] for row in index], axis=0)
-    unmasked = (FEATURES_PER_ELEMENT - 1) * ELEMENTS
-    place = np.r_[0:unmasked, FEATURES_PER_ELEMENT * ELEMENTS : N_INPUTS]
-    variance, axes = np.linalg.eigh(covariance[np.ix_(place, place)])
-    whiten, shift = np.eye(N_INPUTS), np.zeros(N_INPUTS)
-    whiten[np.ix_(place, place)] = (axes / np.sqrt(np.maximum(variance, 3e-8))) @ axes.T
-    shift[place] = mean[place]
-    return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
-
-
-def _linear_start(seen: Features, force_n: Vector, min_force_n: float) -> jax.Array:
-    """Return the least-squares linear paths [N], shape (10,), weighted like the loss."""
-    weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + min_force_n**2)
-    now, newest = (np.asarray(part, np.float64) for part in (seen.now, seen.newest))
-    columns = [np.einsum("ne,beo->nob", part * weight, linear_basis()) for part in (now, now - newest)]
-    solution = np.linalg.lstsq(
-        np.concatenate(columns, axis=2).reshape(-1, 10), (force_n * weight).ravel(), rcond=None
-    )
-    return jnp.asarray(solution[0], jnp.float32)
-
-
 def train_windowed(
     gaits: GaitReadings,
     rest: LeaningCases,
@@ -260,8 +218,14 @@ def train_windowed(
     n_times = gaits.closure_rel.shape[1]
     first = jax.jit(_batch, static_argnums=(1, 2))(data, n_times, 60_000, jax.random.PRNGKey(0))
     carries = np.asarray(first.loaded[:, 0] > 0.0)
-    whiten, mean = _whitening(np.asarray(first.seen.seen, np.float64)[carries])
-    linear = _linear_start(first.seen, np.asarray(first.force_n, np.float64), protocol.min_force_n)
+    unmasked = (FEATURES_PER_ELEMENT - 1) * ELEMENTS
+    place = np.r_[0:unmasked, FEATURES_PER_ELEMENT * ELEMENTS : N_INPUTS]
+    seen = np.asarray(first.seen.seen, np.float64)[carries]
+    whiten, mean = whitening(seen, seen_index(), place, 3e-8)
+    now, newest, force_n = (
+        np.asarray(part, np.float64) for part in (first.seen.now, first.seen.newest, first.force_n)
+    )
+    linear = linear_start((now, now - newest), force_n, protocol.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
         w1 = free.w1 @ whiten
@@ -269,41 +233,13 @@ def train_windowed(
 
     def loss(free: Weights, batch: Batch) -> jax.Array:
         load = run(expand(fold_whitening(free)), batch.seen)
-        square = (load.force_n - batch.force_n) ** 2
-        scale = jnp.sqrt(jnp.sum(batch.force_n**2, axis=-1, keepdims=True) + protocol.min_force_n**2)
-        sigma = load.sigma_n
-        weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _TEMPERING)
-        total = jnp.mean(
-            weight * (jnp.log(sigma) + 0.5 * square / sigma**2)
-        ) + _SQUARED_ERROR_WEIGHT * jnp.mean(square / scale**2)
+        force = (load.force_n, load.sigma_n, batch.force_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
         apart, sigma = load.contact - batch.contact, load.contact_sigma
-        return total + _CONTACT_WEIGHT * jnp.mean(batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2))
+        likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)
+        return force_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
 
-    schedule = optax.cosine_onecycle_schedule(protocol.steps, protocol.rate, pct_start=0.1)
-    optimiser = optax.contrib.muon(schedule)
+    def random_batch(data: _Data, key: jax.Array) -> Batch:
+        return _batch(data, n_times, protocol.batch, key)
 
-    def train_chunk(
-        carry: tuple[Weights, Any], key: jax.Array, data: _Data
-    ) -> tuple[tuple[Weights, Any], jax.Array]:
-        def step(carry: tuple[Weights, Any], key: jax.Array) -> tuple[tuple[Weights, Any], jax.Array]:
-            free, state = carry
-            now, gradient = jax.value_and_grad(loss)(free, _batch(data, n_times, protocol.batch, key))
-            change, state = optimiser.update(gradient, state, free)
-            return (optax.apply_updates(free, change), state), now
-
-        after: tuple[tuple[Weights, Any], jax.Array] = jax.lax.scan(
-            step, carry, jax.random.split(key, _STEPS_PER_CALL)
-        )
-        return after
-
-    start, *rounds = jax.random.split(
-        jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_PER_CALL
-    )
-    free = _random_weights(start, protocol.channels)
-    carry = (free, optimiser.init(free))
-    compiled = jax.jit(train_chunk)
-    for number, key in enumerate(rounds, 1):
-        carry, losses = compiled(carry, key, data)
-        if number % 10 == 0 or number == len(rounds):
-            report(f"step {number * _STEPS_PER_CALL}: loss {float(losses.mean()):.4f}")
-    return fold_whitening(carry[0])
+    free = fit(_random_weights, loss, random_batch, data, protocol, _STEPS_PER_CALL, report)
+    return fold_whitening(free)

@@ -12,7 +12,7 @@ and beside them the mask of missing elements, r and ln T. Two hidden layers of t
     f = L x + M (x - v0) + (s / r) V h2,     s = |x|^2 / 9
     sigma_f = r exp(Q h2 + q),    contact point and friction ratio: C h2,    their sigma: exp(R h2 + c)
 
-No load gives exactly no force. The eight symmetries of the square are built in as in `snapshot/network.py`: a hidden
+No load gives exactly no force. The eight symmetries of the square are built in as in `symmetric_layers.py`: a hidden
 channel is eight units, one for each symmetry, that share their weights.
 
 Source:
@@ -26,8 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ELEMENTS
-from footsense.lab.symmetry import SYMMETRIES, element_map
-from footsense.lab.training.snapshot.network import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
+from footsense.lab.symmetry import SYMMETRIES
+from footsense.lab.training.symmetric_layers import (
+    N_SYMMETRIES,
+    SOFT_REL,
+    expand_hidden,
+    input_index,
+    linear_basis,
+)
 from footsense.ports import Load, Window
 
 #: Readings of an element in a window.
@@ -116,10 +122,7 @@ class Features(NamedTuple):
 
 def seen_index() -> NDArray[np.intp]:
     """Return which input of a channel meets input e of the layer in its unit g, shape (8, SEEN)."""
-    inverse = np.argsort(np.stack([element_map(g) for g in SYMMETRIES]), axis=1)
-    planes = [ELEMENTS * plane + inverse for plane in range(FEATURES_PER_ELEMENT)]
-    scalars = np.tile(np.arange(FEATURES_PER_ELEMENT * ELEMENTS, N_INPUTS), (N_SYMMETRIES, 1))
-    return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
+    return input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
 
 
 def output_turns() -> NDArray[np.float64]:
@@ -133,17 +136,11 @@ def output_turns() -> NDArray[np.float64]:
 
 def expand(weights: Weights) -> Matrices:
     """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
-    c = weights.channels
-    w1 = weights.w1[:, seen_index()]  # (c, 8, SEEN)
-    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_index()]  # (c of unit, g, h, c of input)
     turns = output_turns()
     return Matrices(
         level=jnp.tensordot(weights.linear[:5], linear_basis(), 1),
         slope=jnp.tensordot(weights.linear[5:], linear_basis(), 1),
-        w1=jnp.transpose(w1, (2, 1, 0)).reshape(N_INPUTS, -1),
-        b1=jnp.tile(weights.b1, N_SYMMETRIES),
-        w2=jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
-        b2=jnp.tile(weights.b2, N_SYMMETRIES),
+        **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT),
         out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS),
         sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS),
         sigma_offset=weights.sigma_offset[SIGMA_ROW_OF_OUTPUT],

@@ -10,8 +10,7 @@ from mcap.records import Channel, Message
 
 from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Vector
 from footsense.recording.container import event_messages, messages
-from footsense.recording.container.gait_messages import decode_gait
-from footsense.recording.container.reference_messages import decode_reference
+from footsense.recording.container.event_messages import decode_gait, decode_reference
 from footsense.recording.cycle_fields import Count
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
 

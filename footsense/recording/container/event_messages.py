@@ -1,14 +1,29 @@
-"""Commands, their results, losses and temperatures as JSON, each an object with the kind of the event."""
+"""Messages beside scans and forces, as JSON: commands, their results, losses, temperatures, reference samples, gait.
+
+Commands, results, losses and temperatures are objects with the kind of the event. Each sample of a reference and each
+event of the gait is a message of its own, so that they can be plotted.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 
-from footsense.frames import Command, CommandKind, CommandResult, Result, Vector
-from footsense.recording.container.messages import dump
+from footsense.frames import (
+    Command,
+    CommandKind,
+    CommandResult,
+    GaitEvent,
+    GaitEventKind,
+    GaitFrame,
+    Reference,
+    Result,
+    Vector,
+)
+from footsense.recording.container.messages import dump, field_array, leg_objects
+from footsense.recording.cycle_fields import GAIT_FIELDS, Count, gait_of
 
 
 def command_event(command: Command, legs: Sequence[str]) -> bytes:
@@ -53,3 +68,93 @@ def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResu
     """Decode an event message into the result of a command."""
     reason = msgspec.convert(event["reason"], str)
     return CommandResult(decode_command(event, legs), Result[event["result"]], reason)
+
+
+_FORCE_KEYS = ("fx_n", "fy_n", "fz_n")
+
+
+class _Sample(msgspec.Struct):
+    t_ns: Annotated[int, msgspec.Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
+    fx_n: float | None
+    fy_n: float | None
+    fz_n: float | None
+    saturated: bool
+
+
+def encode_reference(reference: Reference) -> list[tuple[int, bytes]]:
+    """Return each sample of a test stand's force sensor as a JSON object, with its time [ns]."""
+    rows = zip(reference.t_ns.tolist(), reference.force_n.tolist(), reference.saturated.tolist(), strict=True)
+    return [
+        (t_ns, dump({"t_ns": t_ns, **dict(zip(_FORCE_KEYS, force_n, strict=True)), "saturated": saturated}))
+        for t_ns, force_n, saturated in rows
+    ]
+
+
+def decode_reference(samples: Sequence[bytes]) -> Reference:
+    """Return the samples that `encode_reference` wrote."""
+    rows = msgspec.convert([json.loads(sample) for sample in samples], list[_Sample])
+    return Reference(
+        np.array([row.t_ns for row in rows], np.int64),
+        np.array([[row.fx_n, row.fy_n, row.fz_n] for row in rows], np.float64).reshape(-1, 3),
+        np.array([row.saturated for row in rows], np.bool_),
+    )
+
+
+def reference_schema() -> bytes:
+    """Return the JSON schema of a sample."""
+    properties = {
+        "t_ns": {"type": "integer"},
+        **{key: {"type": ["number", "null"]} for key in _FORCE_KEYS},
+        "saturated": {"type": "boolean"},
+    }
+    return json.dumps({"type": "object", "properties": properties}).encode()
+
+
+class _Gait(msgspec.Struct):
+    t_ns: Count
+    friction: float | None
+    all_in_air: bool
+
+
+class _Event(msgspec.Struct):
+    kind: str
+    leg: str
+    t_ns: int
+    sigma_s: float
+
+
+def encode_gait(gait: GaitFrame, legs: Sequence[str]) -> bytes:
+    """Return a gait without its events as a JSON object with one entry per leg."""
+    whole = {"t_ns": gait.t_ns, "friction": gait.friction, "all_in_air": gait.all_in_air}
+    return dump({**whole, **leg_objects(gait, legs, GAIT_FIELDS)})
+
+
+def encode_gait_events(gait: GaitFrame, legs: Sequence[str]) -> list[bytes]:
+    """Return the events of a gait as JSON objects."""
+    return [
+        dump(
+            {
+                "kind": GaitEventKind(event.kind).name,
+                "leg": legs[event.leg],
+                "t_ns": event.t_ns,
+                "sigma_s": event.sigma_s,
+            }
+        )
+        for event in gait.events
+    ]
+
+
+def decode_gait(data: bytes, events: Sequence[bytes], legs: Sequence[str]) -> GaitFrame:
+    """Return the gait that `encode_gait` and `encode_gait_events` wrote."""
+    message: Mapping[str, Any] = json.loads(data)
+    whole = msgspec.convert(message, _Gait)
+    rows = [message[leg] for leg in legs]
+    arrays = {path: field_array(field, rows) for path, field in GAIT_FIELDS.items()}
+    friction = float("nan") if whole.friction is None else whole.friction
+    found = tuple(_event(event, legs) for event in events)
+    return gait_of(whole.t_ns, friction, whole.all_in_air, found, arrays)
+
+
+def _event(data: bytes, legs: Sequence[str]) -> GaitEvent:
+    event = msgspec.convert(json.loads(data), _Event)
+    return GaitEvent(GaitEventKind[event.kind], legs.index(event.leg), event.t_ns, event.sigma_s)

@@ -14,9 +14,13 @@ from collections.abc import Mapping
 from mcap.writer import CompressionType, Writer
 
 from footsense.recording.container import event_messages, messages
-from footsense.recording.container.gait_messages import encode_gait, encode_gait_events
+from footsense.recording.container.event_messages import (
+    encode_gait,
+    encode_gait_events,
+    encode_reference,
+    reference_schema,
+)
 from footsense.recording.container.mcap_header import HEADER_CRC, METADATA, PROFILE, header_crc
-from footsense.recording.container.reference_messages import encode_reference, reference_schema
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
 
 #: Chunk size before compression [bytes]: about half a second of six legs.

@@ -14,7 +14,7 @@ from functools import cache
 from firmware_interface.chips import tca9548a
 from firmware_interface.wire_timing import nack_bits, transaction_bits, wire_time_ns
 from footsense.errors import NackError
-from footsense.ports import Transaction
+from footsense.ports import I2cBus, Transaction
 from footsense.sim.chips.chip import SimulatedChip
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
@@ -104,3 +104,38 @@ class SimulatedBus:
         ]
         connected = tuple(chip for chip in (self.mux, *behind) if chip.address == address)
         return self._connected.setdefault((self.mux.control, address), connected)
+
+
+class SimulatedKernelMuxLeg:
+    """One mux channel of an upstream bus, presented as a separate adapter.
+
+    A selection costs bits on the wire and no system call: the upstream bus has no host cost here, and each transaction
+    adds its own.
+
+    Args:
+        upstream: The upstream bus, made without a host cost.
+        clock: Clock of the upstream bus.
+        mux: The mux on the upstream bus.
+        channel: Channel of the leg.
+        host_cost_ns: Cost of a transaction on the host [ns].
+    """
+
+    def __init__(
+        self, upstream: I2cBus, clock: VirtualClock, mux: SimulatedMux, channel: int, host_cost_ns: int
+    ) -> None:
+        self._upstream = upstream
+        self._clock = clock
+        self._mux = mux
+        self._selection = tca9548a.select(channel)
+        self._host_cost_ns = host_cost_ns
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        """Select the channel where it is not selected, then do the transaction.
+
+        Raises:
+            BusError: As the upstream bus.
+        """
+        self._clock.advance_ns(self._host_cost_ns)
+        if self._mux.control != self._selection:
+            self._upstream.transfer(Transaction(self._mux.address, bytes((self._selection,))))
+        return self._upstream.transfer(transaction)

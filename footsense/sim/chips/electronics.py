@@ -12,7 +12,7 @@ from footsense.sim.chips.ad7746 import (
 from footsense.sim.chips.fdc1004 import CinCapacitance, SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.faults.damage import WiredFoot
-from footsense.sim.scene_effects import Effects
+from footsense.sim.scene import Effects
 
 #: Temperature of a scene that does not change it [deg C].
 ROOM_C = 25.0

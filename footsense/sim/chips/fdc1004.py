@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_interface.chips import fdc1004 as chip
-from footsense.sim.chips.leg_chip import LegChip
+from footsense.sim.chips.chip import LegChip
 from footsense.sim.faults.schedule import Span, in_any_span
 
 #: Random numbers are drawn so many at a time, which is the same sequence as one by one.

@@ -8,7 +8,7 @@ from collections import deque
 from typing import NamedTuple
 
 from firmware_interface.chips import adg715
-from footsense.sim.chips.leg_chip import LegChip
+from footsense.sim.chips.chip import LegChip
 from footsense.sim.faults.schedule import Span, in_any_span
 
 #: Capacitance to ground of a floating row line [pF]: the electrode and a few millimetres of trace.

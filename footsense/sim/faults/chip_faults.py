@@ -6,11 +6,30 @@ import numpy as np
 
 from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import SimulatedChip
-from footsense.sim.chips.eeprom import Eeprom
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.schedule import Schedule
+
+
+class Eeprom:
+    """Simulated 24C02: reads and writes advance a pointer; each byte initially holds its own address."""
+
+    def __init__(self) -> None:
+        self._pointer = 0
+        self._memory = bytearray(range(256))
+
+    def write(self, data: bytes) -> None:
+        """Receive a pointer, and the bytes from there on."""
+        self._pointer = data[0]
+        for value in data[1:]:
+            self._memory[self._pointer] = value
+            self._pointer = (self._pointer + 1) % 256
+
+    def read(self, n: int) -> bytes:
+        """Return `n` bytes from the pointer on."""
+        return bytes(self._memory[(self._pointer + k) % 256] for k in range(n))
+
 
 _ON_LINES = (scene_faults.NackAtRandom, scene_faults.CorruptReads)
 _ON_CONVERTER = (*_ON_LINES, scene_faults.WrongChip)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from footsense.frames import ELEMENTS
-from footsense.sim.scene_effects import Warming
+from footsense.sim.scene import Warming
 
 #: Thermal expansion of the spacer, 310 ppm/K, on an element of 5 pF [pF/K].
 DRIFT_PF_PER_K = -1.5e-3

@@ -14,8 +14,8 @@ from footsense.daemon.service import open_service
 from footsense.frames import Cycle
 from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import CanFault
-from footsense.sim.scene_effects import Effects
-from footsense.validation.faults.published_walk import WALK
+from footsense.sim.scene import Effects
+from footsense.validation.faults.fault_trial import WALK
 
 
 class CanFigures(NamedTuple):

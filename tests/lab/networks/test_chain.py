@@ -18,6 +18,7 @@ from footsense.daemon.models import load_models
 from footsense.daemon.service import open_service
 from footsense.errors import FootsenseError, ModelError
 from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.network import Network
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import METADATA_KEY, read_card
@@ -31,8 +32,9 @@ from footsense.lab.foot_file import load_foot
 from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork
-from footsense.lab.training.snapshot.network import N_INPUTS, N_SYMMETRIES, Weights
-from footsense.lab.training.snapshot.train import MASKS, predict
+from footsense.lab.training.snapshot.network import N_INPUTS, Weights
+from footsense.lab.training.snapshot.train import predict
+from footsense.lab.training.symmetric_layers import N_SYMMETRIES
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 from tests.lab.networks.windows import assert_symmetric, some_windows
@@ -125,13 +127,13 @@ def some_weights(channels: int = 3, seed: int = 0) -> Weights:
 def test_the_study_network_has_the_squares_symmetry_whatever_its_weights() -> None:
     """By construction: turned closures and masks give turned forces, and sigmas that follow."""
     weights, rng = some_weights(), np.random.default_rng(1)
-    closure_rel = rng.uniform(-0.05, 0.9, (len(MASKS), 9))
-    force_n, sigma_n = predict(weights, closure_rel, MASKS)
+    closure_rel = rng.uniform(-0.05, 0.9, (len(MISSING_SETS), 9))
+    force_n, sigma_n = predict(weights, closure_rel, MISSING_SETS)
     assert np.ptp(force_n, axis=0).min() > 0.01
     for symmetry in SYMMETRIES:
         image = element_map(symmetry)
-        closures, masks = np.empty_like(closure_rel), np.empty_like(MASKS)
-        closures[:, image], masks[:, image] = closure_rel, MASKS
+        closures, masks = np.empty_like(closure_rel), np.empty_like(MISSING_SETS)
+        closures[:, image], masks[:, image] = closure_rel, MISSING_SETS
         turned_n, turned_sigma_n = predict(weights, closures, masks)
         np.testing.assert_allclose(turned_n, force_n @ symmetry.T, atol=2e-5)
         np.testing.assert_allclose(turned_sigma_n, sigma_n @ np.abs(symmetry).T, rtol=1e-3, atol=2e-5)
@@ -179,8 +181,8 @@ def test_the_card_says_what_the_daemon_needs(built: Built, folder: Path) -> None
 def test_the_daemon_computes_what_the_lab_judges(built: Built, folder: Path) -> None:
     """The bound buffers of the robot and the plain session of the lab agree to the bit, masks included."""
     del built
-    daemon, judged = Network(folder / "network.onnx", len(MASKS)), OnnxNetwork(folder / "network.onnx")
-    window = some_windows(len(MASKS))
+    daemon, judged = Network(folder / "network.onnx", len(MISSING_SETS)), OnnxNetwork(folder / "network.onnx")
+    window = some_windows(len(MISSING_SETS))
     for one, other in zip(daemon.estimate(window), judged.estimate(window), strict=True):
         np.testing.assert_array_equal(one, other)
 

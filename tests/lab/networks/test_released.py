@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.rest import at_rest
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, coverage
@@ -12,7 +13,6 @@ from footsense.lab.evaluation.evaluate_models import evaluate_models, open_model
 from footsense.lab.evaluation.maximum_likelihood import ambiguous_loads
 from footsense.lab.model_card import readme
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
-from footsense.lab.training.snapshot.train import MASKS
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -36,7 +36,7 @@ def test_the_release_is_ten_times_better_than_the_paper() -> None:
 
 
 @pytest.mark.parametrize(
-    "mask", MASKS, ids=lambda mask: "".join(str(e) for e in np.flatnonzero(mask)) or "none"
+    "mask", MISSING_SETS, ids=lambda mask: "".join(str(e) for e in np.flatnonzero(mask)) or "none"
 )
 def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
     """Held-out loads with the converter's noise: nine errors in ten are within two sigma, and sigma is not idle."""

@@ -16,7 +16,7 @@ from footsense.estimation.rest import REST_AGE_S
 from footsense.foot.files.network_card import INPUTS, OUTPUTS
 from footsense.lab.symmetry import SYMMETRIES, element_map
 from footsense.lab.training.export import OnnxNetwork, onnx_model
-from footsense.lab.training.snapshot.network import linear_basis
+from footsense.lab.training.symmetric_layers import linear_basis
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     LN_SIGMA_BOUNDS,

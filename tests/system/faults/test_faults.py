@@ -24,8 +24,16 @@ from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.validation.faults.fault_trial import LEG, FaultFigures, fault_figures
-from footsense.validation.faults.published_walk import BREAKS_AT_S, PASSES_AT_S, WALK, PublishedWalk, walk
+from footsense.validation.faults.fault_trial import (
+    BREAKS_AT_S,
+    LEG,
+    PASSES_AT_S,
+    WALK,
+    FaultFigures,
+    PublishedWalk,
+    fault_figures,
+    walk,
+)
 
 DBC = Path(firmware_interface.__file__).parent / "can/footsense.dbc"
 

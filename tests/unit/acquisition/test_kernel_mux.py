@@ -19,8 +19,7 @@ from footsense.acquisition.transports import KernelMux
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus
-from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxLeg
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from tests.contract.boards import AD7746, DISTINCT_PF, FDC1004, Board, Capacitance, leg_chips

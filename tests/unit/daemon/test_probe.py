@@ -25,15 +25,14 @@ from footsense.daemon.probe.report import ProbedBus, ProbeResult
 from footsense.errors import BusError, BusTimeoutError, FootsenseError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus
-from footsense.sim.bus.kernel_mux import SimulatedKernelMuxLeg
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxLeg
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
-from footsense.sim.scene_effects import Effects
+from footsense.sim.scene import Effects
 from footsense.sim.scene_files import load_scene
 from footsense.sim.scene_loads import Constant
 from tests.support.feet import DESIGN

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.gait.ground import ground_of
+from footsense.estimation.gait.friction import ground_of
 from footsense.estimation.rest import at_rest
 from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters

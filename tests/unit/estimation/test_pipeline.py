@@ -20,6 +20,15 @@ def test_before_the_first_tare_there_is_no_force() -> None:
     assert states == [[State.STARTING] * 2] + [[State.TARING] * 2] * (WINDOW - 2) + [[State.VALID] * 2]
 
 
+def test_a_frame_of_other_legs_is_refused() -> None:
+    """One leg in place of two would pass for both of them."""
+    feet = Feet()
+    scan = feet.scan()
+    one = scan._replace(t_ns=scan.t_ns[:1], capacitance_pf=scan.capacitance_pf[:1], reading=scan.reading[:1])
+    with pytest.raises(ValueError, match="2, 9"):
+        feet.feed(one)
+
+
 @pytest.mark.parametrize("stray_pf", [0.0, 1.0])
 def test_the_force_is_the_network_s_of_normalised_closures(stray_pf: float) -> None:
     """5 um on all elements are 0.25 of the gap, also with a known stray."""

@@ -19,7 +19,7 @@ from footsense.sim.faults.line_capacitance import SHORT_PF, pin_capacitance_pf
 from footsense.sim.faults.scene_faults import OnChips, OnWires
 from footsense.sim.faults.wire_faults import WireFaults
 from footsense.sim.foot.warming import DRIFT_PF_PER_K, WarmingFoot
-from footsense.sim.scene_effects import Warming
+from footsense.sim.scene import Warming
 from footsense.sim.scene_files import load_scene
 
 MUX, SWITCH, CONVERTER = 0x71, 0x49, 0x50

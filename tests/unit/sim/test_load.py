@@ -6,8 +6,7 @@ import pytest
 from footsense.frames import LEGS
 from footsense.sim.loads.ground_load import Ramp
 from footsense.sim.loads.measured_walk import measured_strides, measured_walk
-from footsense.sim.loads.smooth_stance import smooth_stance
-from footsense.sim.loads.walk import Walk
+from footsense.sim.loads.walk import Walk, smooth_stance
 
 S = 1_000_000_000
 

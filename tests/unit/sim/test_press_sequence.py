@@ -13,9 +13,7 @@ from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
 from footsense.sim.foot.viscoelastic import CREEP_REL, CREEP_TIME_S, PLAY_N, PLAY_REL, ViscoelasticElement
 from footsense.sim.robot import SimulatedRobot, Wiring
-from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Effects
-from footsense.sim.scene_fabrication import Fabrication
+from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_files import load_scene
 from footsense.sim.scene_loads import Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses

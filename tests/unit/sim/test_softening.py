@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from footsense.config import DEFAULT
 from footsense.daemon.acquisition import open_scan_source
-from footsense.sim.scene import Scene
-from footsense.sim.scene_effects import Softening
+from footsense.sim.scene import Scene, Softening
 from footsense.sim.scene_files import load_scene
 from footsense.sim.scene_loads import Tripod
 from tests.support.feet import DESIGN

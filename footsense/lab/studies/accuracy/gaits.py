@@ -32,8 +32,7 @@ from footsense.ports import Load, Window
 from footsense.sim.loads.ground_load import ContactSource, Ramp
 from footsense.sim.loads.measured_walk import measured_walk
 from footsense.sim.loads.random_gait import Loads
-from footsense.sim.loads.smooth_stance import smooth_stance
-from footsense.sim.loads.walk import Walk
+from footsense.sim.loads.walk import Walk, smooth_stance
 
 #: Seed of the gaits that judge; training uses another.
 SEED = 990_001

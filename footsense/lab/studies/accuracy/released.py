@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.rest import at_rest
 from footsense.foot.force_errors import Errors, errors
 from footsense.frames import Vector
@@ -21,10 +22,9 @@ from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
-from footsense.lab.training.snapshot.train import MASKS
 from footsense.sim.foot.fabrication import fabricate
 
-#: Missing elements, as an index into `MASKS`.
+#: Missing elements, as an index into `MISSING_SETS`.
 MISSING_PATTERNS = {
     "nothing": 0,
     "a corner": 1,
@@ -105,7 +105,7 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     imputation = Imputation(np.array(network.card["moments"]))
     missing, missing_coverage = {}, {}
     for name, index in MISSING_PATTERNS.items():
-        mask = np.tile(MASKS[index], (len(closure_rel), 1))
+        mask = np.tile(MISSING_SETS[index], (len(closure_rel), 1))
         force_n, sigma_n = network.estimate(at_rest(imputation.impute(closure_rel, mask), mask))[:2]
         missing[name] = errors(cases.force_n[counted], force_n[counted])
         missing_coverage[name] = coverage(cases.force_n, force_n, sigma_n)

@@ -1,13 +1,9 @@
 """A network for one foot, trained by the paper's procedure on measured loads alone, without a model."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.frames import Vector
 from footsense.lab.training.load_cases import Cases, as_designed_um
 from footsense.lab.training.paper.procedure import EPOCHS, PaperTraining, starts_of
-
-Vector = NDArray[np.float64]
 
 
 def per_foot_force_n(

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
+from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import Readout
 from footsense.lab.training.load_cases import Cases, paper_training, paper_verification, sensed_closure_um
 from footsense.lab.training.paper.mlp import Layers, forward, stack, start_layers, train, unstack
@@ -54,7 +54,7 @@ class PaperTraining:
         self.inputs = fed / self._input_scale
         self.targets = training.force_n / self._force_scale_n
 
-    def _feed_of(self, closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _feed_of(self, closure_um: Vector) -> Vector:
         """Return capacitance changes [pF] or closures [um], shape (n, 9), of closures [um]."""
         if self._feed == "closure":
             return closure_um
@@ -63,7 +63,7 @@ class PaperTraining:
     def _readout(self, network: Layers) -> Readout:
         """Return a network as a read-out in newtons."""
 
-        def read(closure_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        def read(closure_um: Vector) -> Vector:
             inputs = (self._feed_of(closure_um) / self._input_scale).astype(np.float32)
             return np.asarray(forward(network, inputs), dtype=np.float64) * self._force_scale_n
 

@@ -14,13 +14,11 @@ m is linear in the load although gaps close, so a read-out fitted at 50 and 150 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.foot import gap_contact
 from footsense.foot.response_table import FootResponse
+from footsense.frames import Vector
 from footsense.lab.response import disc_normals
-
-Vector = NDArray[np.float64]
 
 #: Lowest elevation of the centred loads that the profile is fitted on [deg]: a little below the paper's lowest.
 _PROFILE_MIN_DEG = 38.0

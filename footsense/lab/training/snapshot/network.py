@@ -22,16 +22,13 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.frames import Vector
+from footsense.lab.symmetry import SYMMETRIES
+from footsense.lab.training.symmetric_layers import SOFT_REL, expand_hidden, linear_basis
 
-#: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
-SOFT_REL = 2e-3
 #: Inputs of the first hidden layer: nine closures, nine masks, the size.
 N_INPUTS = 19
-#: Symmetries of the square.
-N_SYMMETRIES = len(SYMMETRIES)
 
 
 class Weights(NamedTuple):
@@ -81,50 +78,14 @@ class Matrices(NamedTuple):
     sigma_offset: Any
 
 
-def seen_index() -> NDArray[np.intp]:
-    """Return which input of a channel meets input e of the layer in its unit g, shape (8, 19)."""
-    maps = np.stack([element_map(g) for g in SYMMETRIES])
-    inverse = np.argsort(maps, axis=1)
-    size = np.full((N_SYMMETRIES, 1), N_INPUTS - 1)
-    return np.concatenate([inverse, 9 + inverse, size], axis=1).astype(np.intp)
-
-
-def relative_index() -> NDArray[np.intp]:
-    """Return the place of inverse(g) h among the symmetries, shape (8 of g, 8 of h)."""
-    stack = np.stack(SYMMETRIES)
-    products = np.einsum("gji,hjk->ghik", stack, stack)
-    same = np.abs(products[:, :, None] - stack).max(axis=(3, 4)) == 0.0
-    place: NDArray[np.intp] = same.argmax(axis=2).astype(np.intp)
-    return place
-
-
-def linear_basis() -> NDArray[np.float64]:
-    """Return the five linear maps that have the square's symmetry, shape (5, 9, 3)."""
-    basis = np.zeros((5, 9, 3))
-    corners, edges = [0, 2, 6, 8], [1, 3, 5, 7]
-    basis[0, corners, 2] = basis[1, edges, 2] = basis[2, 4, 2] = 1.0
-    for g in SYMMETRIES:  # fx from row 0, turned in all directions
-        image = element_map(g)
-        for element, weight in ((0, 0.25), (2, 0.25)):
-            basis[3, image[element]] += weight * g @ [1.0, 0.0, 0.0]
-        basis[4, image[1]] += 0.5 * g @ [1.0, 0.0, 0.0]
-    return basis
-
-
 def expand(weights: Weights) -> Matrices:
     """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
-    c = weights.channels
-    w1 = weights.w1[:, seen_index()]  # (c, 8, 19)
-    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_index()]  # (c of unit, g, h, c of input)
     turns = np.stack(SYMMETRIES)
     force = jnp.einsum("gab,cb->gca", turns, weights.force)
     sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma)
     return Matrices(
         linear=jnp.tensordot(weights.linear, linear_basis(), 1),
-        w1=jnp.transpose(w1, (2, 1, 0)).reshape(N_INPUTS, -1),
-        b1=jnp.tile(weights.b1, N_SYMMETRIES),
-        w2=jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
-        b2=jnp.tile(weights.b2, N_SYMMETRIES),
+        **expand_hidden(weights, 2, 1),
         force=force.reshape(-1, 3),
         sigma=sigma.reshape(-1, 3),
         sigma_offset=weights.sigma_offset[np.array([0, 0, 1])],
@@ -149,7 +110,7 @@ def run(matrices: Matrices, closure_rel: Any, missing: Any) -> tuple[Any, Any]:
     return force, sigma
 
 
-def hidden_input(closure_rel: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return pattern and size of closures, shape (n, 10), by the formula of `run` in numpy."""
+def hidden_input(closure_rel: Vector) -> Vector:
+    """Return the inputs of the hidden layers for closures, none missing, shape (n, 19), as `run` in numpy."""
     size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + SOFT_REL**2)
-    return np.concatenate([closure_rel / size, size], axis=-1)
+    return np.concatenate([closure_rel / size, np.zeros_like(closure_rel), size], axis=-1)

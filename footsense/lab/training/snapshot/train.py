@@ -1,81 +1,46 @@
-"""Training of the network: Muon on random batches, one-cycle schedule, all random draws from one seed.
+"""Training of the snapshot network on load cases, by `training/fit.py`."""
 
-Muon orthogonalises the step of each matrix (the rest goes by Adam), so that weak patterns are learnt as fast as strong
-ones. Every batch draws its own noise and its own missing elements.
-
-The loss is the likelihood of the error under the network's sigma, so that cases which noise or a missing row makes
-ambiguous do not dominate it; tempered, and with a share of the plain squared error over the squared force, so that
-they still count. Inputs of the hidden layers are whitened while training, because the patterns that distinguish
-friction from inclination are a hundred times weaker than those of the force; the whitening is then folded into W1. The
-linear path starts at the least-squares read-out.
-
-Source:
-    Seitzer et al., On the pitfalls of heteroscedastic uncertainty estimation with probabilistic neural networks, ICLR
-    2022, for the tempering.
-"""
-
-from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
+from footsense.frames import Vector
 from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.training.fit import Protocol, fit, force_loss, linear_start, whitening
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Cases
-from footsense.lab.training.snapshot.network import N_INPUTS, Weights, expand, hidden_input, linear_basis, run
+from footsense.lab.training.snapshot.network import N_INPUTS, Weights, expand, hidden_input, run
+from footsense.lab.training.symmetric_layers import input_index
 
-Vector = NDArray[np.float64]
-
-#: Masks of missing elements: none, one element, a row, a column; shape (16, 9).
-MASKS: NDArray[np.bool_] = np.array(
-    [np.zeros(9, bool)]
-    + [np.arange(9) == e for e in range(9)]
-    + [np.arange(9) // 3 == row for row in range(3)]
-    + [np.arange(9) % 3 == column for column in range(3)]
-)
 #: Share of the training cases with something missing.
 _MISSING_SHARE = 0.15
-#: Tempering of the likelihood by a case's own sigma, the beta of Seitzer et al.: 0 is the likelihood, which neglects
-#: hard cases; 1 is the squared error, which they dominate.
-_TEMPERING = 0.25
-#: Weight of the squared error over the squared force beside it.
+#: Weight of the squared error over the squared force beside the likelihood.
 _SQUARED_ERROR_WEIGHT = 100.0
 #: Steps that are compiled into one call.
 _STEPS_PER_CALL = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Protocol:
-    """How a network is trained.
+class SnapshotProtocol(Protocol):
+    """How a snapshot network is trained.
 
     Attributes:
-        channels: Channels of each of the two hidden layers, eight units each.
-        steps: Steps, a multiple of 1000.
-        batch: Cases in a step.
-        rate: Highest learning rate.
-        min_force_n: Force below which errors count absolutely [N].
         noise_rel: Noise of the training inputs over the converter's [1].
         masked: Whether elements may be missing.
-        seed: Seed of start weights, batches, noise and masks.
     """
 
     channels: int = 14
     steps: int = 120_000
     batch: int = 512
     rate: float = 1e-2
-    min_force_n: float = 0.3
     noise_rel: float = 1.0
     masked: bool = True
-    seed: int = 20090304
-
-    def card(self) -> dict[str, Any]:
-        """Return the protocol as JSON values."""
-        return {"optimiser": "muon, cosine one-cycle", **asdict(self)}
 
 
 def moments(closure_rel: Vector) -> Vector:
@@ -85,14 +50,6 @@ def moments(closure_rel: Vector) -> Vector:
     maps = [element_map(g) for g in SYMMETRIES]
     even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(9)
     return even
-
-
-def linear_start(closure_rel: Vector, force_n: Vector, min_force_n: float) -> Vector:
-    """Return the least-squares linear path [N], shape (5,), weighted like the loss."""
-    weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + min_force_n**2)
-    columns = np.einsum("ne,beo->nob", closure_rel * weight, linear_basis())
-    solution: Vector = np.linalg.lstsq(columns.reshape(-1, 5), (force_n * weight).ravel(), rcond=None)[0]
-    return solution
 
 
 def _random_weights(key: jax.Array, c: int) -> Weights:
@@ -110,21 +67,6 @@ def _random_weights(key: jax.Array, c: int) -> Weights:
     )
 
 
-def _whitening(closure_rel: Vector) -> tuple[jax.Array, jax.Array]:
-    """Return the matrix (19, 19) and mean (19,) that make pattern and size white; both have the square's symmetry."""
-    seen = hidden_input(closure_rel)
-    maps = [np.append(element_map(g), 9) for g in SYMMETRIES]
-    mean = np.mean([seen.mean(axis=0)[m] for m in maps], axis=0)
-    covariance = np.cov(seen.T)
-    covariance = np.mean([covariance[np.ix_(m, m)] for m in maps], axis=0)
-    variance, axes = np.linalg.eigh(covariance)
-    square_root = (axes / np.sqrt(np.maximum(variance, 1e-8))) @ axes.T
-    place = np.r_[0:9, N_INPUTS - 1]
-    whiten, shift = np.eye(N_INPUTS), np.zeros(N_INPUTS)
-    whiten[np.ix_(place, place)], shift[place] = square_root, mean
-    return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
-
-
 class _Task(NamedTuple):
     """Constants of a training run: load cases, masks of missing elements and noise."""
 
@@ -136,22 +78,24 @@ class _Task(NamedTuple):
     film_rel: float
 
 
-def _task(cases: Cases, design: CapacitorDesign, protocol: Protocol, imputation: Imputation) -> _Task:
+def _task(cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imputation: Imputation) -> _Task:
     """Return the cases, their noise and their masks as JAX arrays."""
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * protocol.noise_rel
     return _Task(
         closure_rel=jnp.asarray(cases.closure_um / design.gap_um, jnp.float32),
         force_n=jnp.asarray(cases.force_n, jnp.float32),
-        fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MASKS]), jnp.float32),
-        masks=jnp.asarray(MASKS, jnp.float32),
+        fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), jnp.float32),
+        masks=jnp.asarray(MISSING_SETS, jnp.float32),
         # A noise of the capacitance is one of the distance by distance^2 / (eps0 A); all over the gap.
         noise_rel=float(noise_pf * design.gap_um / plates_um),
         film_rel=design.film_equivalent_um / design.gap_um,
     )
 
 
-def _random_batch(task: _Task, protocol: Protocol, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+def _random_batch(
+    task: _Task, protocol: SnapshotProtocol, key: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Return closures (noisy, filled), masks and forces of a random batch."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
     chosen = jax.random.randint(k1, (protocol.batch,), 0, len(task.force_n))
@@ -165,7 +109,7 @@ def _random_batch(task: _Task, protocol: Protocol, key: jax.Array) -> tuple[jax.
 
 
 def train(
-    cases: Cases, design: CapacitorDesign, protocol: Protocol, imputation: Imputation | None = None
+    cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imputation: Imputation | None = None
 ) -> Weights:
     """Train the equivariant network on random loads.
 
@@ -181,43 +125,23 @@ def train(
     closure_rel = cases.closure_um / design.gap_um
     imputation = imputation or Imputation(moments(closure_rel))
     task = _task(cases, design, protocol, imputation)
-    whiten, mean = _whitening(closure_rel)
-    linear = jnp.asarray(linear_start(closure_rel, cases.force_n, protocol.min_force_n), jnp.float32)
+    place = np.r_[0:9, N_INPUTS - 1]
+    whiten, mean = whitening(hidden_input(closure_rel), input_index(2, 1), place, 1e-8)
+    linear = linear_start((closure_rel,), cases.force_n, protocol.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
         w1 = free.w1 @ whiten
         return free._replace(linear=linear + free.linear, w1=w1, b1=free.b1 - w1 @ mean)
 
-    def loss(free: Weights, x: jax.Array, m: jax.Array, f: jax.Array) -> jax.Array:
-        force, sigma = run(expand(fold_whitening(free)), x, m)
-        square = (force - f) ** 2
-        scale = jnp.sqrt(jnp.sum(f**2, axis=-1, keepdims=True) + protocol.min_force_n**2)
-        weight = jax.lax.stop_gradient(sigma / scale) ** (2.0 * _TEMPERING)
-        likelihood = jnp.log(sigma) + 0.5 * square / sigma**2
-        return jnp.mean(weight * likelihood) + _SQUARED_ERROR_WEIGHT * jnp.mean(square / scale**2)
+    def loss(free: Weights, batch: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
+        closures, missing, true_n = batch
+        force_n, sigma_n = run(expand(fold_whitening(free)), closures, missing)
+        return force_loss(force_n, sigma_n, true_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
 
-    schedule = optax.cosine_onecycle_schedule(protocol.steps, protocol.rate, pct_start=0.1)
-    optimiser = optax.contrib.muon(schedule)
+    def random_batch(task: _Task, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+        return _random_batch(task, protocol, key)
 
-    def step(carry: tuple[Weights, Any], key: jax.Array) -> tuple[tuple[Weights, Any], None]:
-        free, state = carry
-        gradient = jax.grad(loss)(free, *_random_batch(task, protocol, key))
-        change, state = optimiser.update(gradient, state, free)
-        return (optax.apply_updates(free, change), state), None
-
-    def train_chunk(carry: tuple[Weights, Any], key: jax.Array) -> tuple[Weights, Any]:
-        after: tuple[Weights, Any] = jax.lax.scan(step, carry, jax.random.split(key, _STEPS_PER_CALL))[0]
-        return after
-
-    start, *rounds = jax.random.split(
-        jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // _STEPS_PER_CALL
-    )
-    free = _random_weights(start, protocol.channels)
-    carry = (free, optimiser.init(free))
-    compiled = jax.jit(train_chunk)
-    for key in rounds:
-        carry = compiled(carry, key)
-    return fold_whitening(carry[0])
+    return fold_whitening(fit(_random_weights, loss, random_batch, task, protocol, _STEPS_PER_CALL))
 
 
 def predict(

@@ -27,7 +27,9 @@ class Signal:
         """Observe values [N], and return the threshold [N]."""
         for value_n in values_n:
             self.t_s += STEP_S
-            self.noise.observe(value_n, round(self.t_s * 1e9))
+            self.noise.block_n.append(value_n)
+            if self.t_s * 1e9 >= self.noise.end_ns:
+                self.noise.end_block(round(self.t_s * 1e9))
         return self.noise.threshold_n
 
 

@@ -19,8 +19,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, LEGS, CapFrame, Cause, State, Vector
 from footsense.sim.foot.warming import softness_at
-from footsense.sim.loads.smooth_stance import smooth_stance
-from footsense.sim.loads.walk import Walk
+from footsense.sim.loads.walk import Walk, smooth_stance
 
 SCAN_NS, FRAMES = 24_400_000, 32
 PERIOD_NS = FRAMES * SCAN_NS

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from footsense.estimation.gait.ground import NO_GROUND
-from footsense.estimation.gait.slip import Friction, SlipDetector
+from footsense.estimation.gait.friction import NO_GROUND, Friction, SlipDetector
 from footsense.frames import Slip
 
 STEP_NS = 5_433_400

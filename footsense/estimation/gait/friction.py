@@ -1,4 +1,6 @@
-"""Slip detection from the friction ratio alone, and the coefficient of friction estimated from slips.
+"""Friction below the feet: use of friction, slips, and the coefficient of friction estimated from slips.
+
+The network gives the contact point, hence the normal of the ground, and the friction ratio. Slips show in that alone.
 
 A foot that sticks may have any ratio of tangential to normal force up to the coefficient of friction; one that slides
 has that of the ground, whatever load and direction do. So a slide begins as a kink: the ratio rises, and stays. A push
@@ -11,11 +13,16 @@ The ratio cannot distinguish a foot that sticks at the cone from one that slides
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 from footsense.estimation.gait.back_dating import BackDated
-from footsense.estimation.gait.ground import Ground
 from footsense.frames import Slip
+from footsense.ports import Load
 
+#: Most of the standard deviations with which a value is still given: direction [rad] and friction use [1].
+_MAX_NORMAL_SIGMA_RAD, _MAX_FRICTION_SIGMA = 0.3, 0.2
+#: Normal force from which the contact is learnt [N], and over its own standard deviation [1].
+_MIN_PRESSING_N, _MIN_PRESSING_SIGMAS = 0.03, 4.0
 #: Every second conversion is checked: the next one has mostly the same readings.
 CONVERSIONS_PER_CHECK = 2
 #: Checks of a plateau, and the longest mean time between two of them [ns].
@@ -35,11 +42,70 @@ _STATIC_OVER_KINETIC = 1.2
 #: Checks at the cone until a slip is reported, and away from it until it is over.
 _SLIP_STARTS_AFTER, _SLIP_ENDS_AFTER = 2, 3
 #: Normal force from which friction is learnt [N].
-_MIN_PRESSING_N = 0.15
+_MIN_LEARNT_N = 0.15
 #: From the beginning or end of a slip to the first estimate that shows it [ns].
 _LAG_NS = 9_600_000
 #: Standard deviation of the time of a slip [s].
 _TIME_SIGMA_S = 0.01
+
+
+class Ground(NamedTuple):
+    """The ground below one foot.
+
+    Attributes:
+        pressing_n: Normal force [N].
+        normal: Unit normal into the foot, foot frame.
+        normal_sigma_rad: Standard deviation of its direction [rad].
+        friction_use: Tangential over normal force [1].
+        friction_use_sigma: Standard deviation of it [1].
+    """
+
+    pressing_n: float
+    normal: tuple[float, float, float]
+    normal_sigma_rad: float
+    friction_use: float
+    friction_use_sigma: float
+
+
+_NAN = math.nan
+NO_GROUND = Ground(_NAN, (_NAN, _NAN, _NAN), _NAN, _NAN, _NAN)
+
+
+def ground_of(load: Load, row: int) -> Ground:
+    """Return normal and friction use of the ground under one foot; NaN where the load does not determine them.
+
+    In Python numbers: for six legs, numpy's calls take longer.
+
+    Args:
+        load: Loads of all legs.
+        row: Row of the foot's leg.
+    """
+    fx, fy, fz = load.force_n[row].tolist()
+    px, py, rx, ry = load.contact[row].tolist()
+    sigma_px, sigma_py, sigma_rx, sigma_ry = load.contact_sigma[row].tolist()
+    square = px * px + py * py
+    scale = 1.0 / (1.0 + square)
+    nx, ny, nz = 2.0 * px * scale, 2.0 * py * scale, (1.0 - square) * scale
+    pressing_n = fx * nx + fy * ny + fz * nz
+    if not (
+        pressing_n > _MIN_PRESSING_N
+        and pressing_n > _MIN_PRESSING_SIGMAS * load.sigma_n.item(row, 2)
+        and nz > 0.0
+    ):
+        return NO_GROUND
+    # The third component follows: the tangential force is perpendicular to the normal.
+    rz = -(nx * rx + ny * ry) / nz
+    use = math.sqrt(rx * rx + ry * ry + rz * rz)
+    normal_sigma = 2.0 * scale * math.hypot(sigma_px, sigma_py)
+    use_sigma = math.hypot(sigma_rx, sigma_ry) / math.sqrt(2.0)
+    known_normal, known_use = normal_sigma < _MAX_NORMAL_SIGMA_RAD, use_sigma < _MAX_FRICTION_SIGMA
+    return Ground(
+        pressing_n,
+        (nx, ny, nz) if known_normal else (_NAN, _NAN, _NAN),
+        normal_sigma if known_normal else _NAN,
+        use if known_use else _NAN,
+        use_sigma if known_use else _NAN,
+    )
 
 
 class Friction:
@@ -109,7 +175,7 @@ class SlipDetector:
             now_ns: Current time [ns].
         """
         use = ground.friction_use
-        if not ground.pressing_n > _MIN_PRESSING_N or math.isnan(use):
+        if not ground.pressing_n > _MIN_LEARNT_N or math.isnan(use):
             was_slipping = self.state is Slip.SLIPPING
             self.state, self._run = Slip.UNKNOWN, 0
             return BackDated(now_ns - _LAG_NS, _TIME_SIGMA_S) if was_slipping else None
@@ -124,8 +190,9 @@ class SlipDetector:
         ratios.append((now_ns, use))
         while ratios[0][0] < now_ns - _RISE_NS:
             ratios.popleft()
-        if tolerance <= _MAX_KINK_TOLERANCE:
-            self._find_kink(tolerance)
+        exceeds = use > self._friction.exceeding_ratio
+        if tolerance <= _MAX_KINK_TOLERANCE and (exceeds or not self._kinked):
+            self._find_kink(tolerance, exceeds=exceeds)
         cone = self._friction.coefficient
         at_cone = use > cone - _MIN_TOLERANCE
         if at_cone is not self._at_cone or not self._run:
@@ -140,11 +207,15 @@ class SlipDetector:
         self.state = Slip.SLIPPING if at_cone else Slip.NONE
         return BackDated(self._since_ns - _LAG_NS, _TIME_SIGMA_S)
 
-    def _find_kink(self, tolerance: float) -> None:
-        """Search the latest ratios for a kink, and for a ratio above the friction cone."""
+    def _find_kink(self, tolerance: float, *, exceeds: bool) -> None:
+        """Search the latest ratios for a kink.
+
+        Args:
+            tolerance: Tolerance of a ratio [1].
+            exceeds: Whether the newest ratio is above the friction cone.
+        """
         ratios = self._ratios
-        exceeds = ratios[-1][1] > self._friction.exceeding_ratio
-        if len(ratios) <= _PLATEAU_CHECKS or (self._kinked and not exceeds):
+        if len(ratios) <= _PLATEAU_CHECKS:
             return
         plateau = [ratios[place][1] for place in range(-_PLATEAU_CHECKS, 0)]
         if (
