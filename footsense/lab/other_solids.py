@@ -14,7 +14,7 @@ import numpy as np
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 from footsense.lab.fem.mesh import COARSE, MeshSize
-from footsense.lab.fem.whole import Imperfection, whole_table, with_change
+from footsense.lab.fem.whole import ASSEMBLED, Imperfection, whole_table, with_change
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import make_response
 
@@ -37,7 +37,7 @@ class OtherSolid:
     plate: float = 1.0
     pdms: float = 1.0
     poisson: float | None = None
-    own: Imperfection = Imperfection()
+    own: Imperfection = ASSEMBLED
     size: MeshSize | None = None
 
     def design(self, design: FootDesign) -> FootDesign:
@@ -80,16 +80,18 @@ def response_of(solid: OtherSolid, response: FootResponse, design: FootDesign, f
 def _solved(solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path) -> FootResponse:
     if solid.size is not None:
         return make_response(solid.design(design), solid.size)
-    if solid.own != Imperfection():
+    if solid.own != ASSEMBLED:
         series, compliance = _whole(design, solid.own, folder)
-        designed, designed_compliance = _whole(design, Imperfection(), folder)
+        designed, designed_compliance = _whole(design, ASSEMBLED, folder)
         return with_change(response, design, series - designed, compliance - designed_compliance)
     changed, coarse = (make_response(one, COARSE) for one in (solid.design(design), design))
     return replace(
         response,
         hertz_modulus_mpa=changed.hertz_modulus_mpa,
         quarter_series=response.quarter_series + changed.quarter_series - coarse.quarter_series,
-        quarter_compliance=response.quarter_compliance + changed.quarter_compliance - coarse.quarter_compliance,
+        quarter_compliance=response.quarter_compliance
+        + changed.quarter_compliance
+        - coarse.quarter_compliance,
     )
 
 
@@ -101,4 +103,3 @@ def _whole(design: FootDesign, own: Imperfection, folder: Path) -> tuple[Vector,
         np.savez(path, series=series, compliance=compliance)
     with np.load(path) as kept:
         return kept["series"], kept["compliance"]
-

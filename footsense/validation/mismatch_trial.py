@@ -6,7 +6,7 @@ readings of a press's dwell, fit, network, residual test. The bytes of the chips
 """
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from footsense.errors import CalibrationError
 from footsense.estimation.faults.consistency import ConsistencyTest
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.force_errors import GRAM_FORCE_N, errors
-from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import ELEMENTS, Vector
@@ -26,6 +25,9 @@ from footsense.sim.foot.fabrication import REMOUNT_DEG, FootTolerances, fabricat
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.test_stand.press_sequence import paper_presses
 from footsense.sim.test_stand.reference_sensor import STEP_GF, drawn_bow_gf, nonlinearity_gf
+
+if TYPE_CHECKING:
+    from footsense.foot.parameters import FootParameters
 
 #: Times of a press [s]: rise or fall, dwell, pause.
 _RISE_S, _DWELL_S, _PAUSE_S = 0.05, 0.5, 0.5
@@ -60,6 +62,10 @@ class Disturbance:
     touchdown_pf: float = 0.0
     microphonics_pf: float = 0.0
     reference_linearity_rel: float = 0.0
+
+
+#: As the calibration supposes.
+UNDISTURBED = Disturbance()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,11 +111,18 @@ class _OnTestStand:
     def __init__(
         self, response: FootResponse, own: Deviations, disturbance: Disturbance, rng: np.random.Generator
     ) -> None:
-        self._foot, self._mount, self._disturbance, self._rng = Foot(response, own), own.mount, disturbance, rng
+        self._foot, self._mount, self._disturbance, self._rng = (
+            Foot(response, own),
+            own.mount,
+            disturbance,
+            rng,
+        )
         self._flat_sine = 1.0 - disturbance.worn_mm / response.ball_radius_mm
         self._min_sine = np.sin(np.radians(response.min_elevation_deg))
         self._bow_gf = drawn_bow_gf(rng, disturbance.reference_linearity_rel)
-        self._touchdown_pf = disturbance.touchdown_pf * rng.uniform(0.25, 1.0) * rng.uniform(0.7, 1.0, ELEMENTS)
+        self._touchdown_pf = (
+            disturbance.touchdown_pf * rng.uniform(0.25, 1.0) * rng.uniform(0.7, 1.0, ELEMENTS)
+        )
 
     def press(self, loads: TestLoads, noise_pf: float, *, on_floor: bool) -> LoadSet:
         """Return the readings under loads, each pressed for a while and released.
@@ -151,7 +164,9 @@ class _OnTestStand:
         lowered[flat, :2] = np.sqrt(1.0 - self._flat_sine**2) * across
         lowered[flat, 2] = self._flat_sine
         low = lowered[:, 2] < self._min_sine
-        lowered[low, :2] *= np.sqrt(1.0 - self._min_sine**2) / np.linalg.norm(lowered[low, :2], axis=1)[:, None]
+        lowered[low, :2] *= (
+            np.sqrt(1.0 - self._min_sine**2) / np.linalg.norm(lowered[low, :2], axis=1)[:, None]
+        )
         lowered[low, 2] = self._min_sine
         return normalized(lowered) @ self._mount
 

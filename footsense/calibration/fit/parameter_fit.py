@@ -21,7 +21,6 @@ import numpy as np
 from footsense.calibration.fit.parameter_vector import (
     GAIN,
     GAP,
-    MOUNT,
     N_PARAMETERS,
     REFERENCE,
     STIFFNESS,
@@ -32,8 +31,8 @@ from footsense.calibration.loads.load_set import LoadSet
 from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
-#: [um], rubber of uncertain cure [1], a foot mounted by hand [rad], a sheet laid by hand, half a millimetre of 10 [1], and
-#: a reference with the paper's linearity, 1.5 % of a range that is hardly used [1].
+#: [um], rubber of uncertain cure [1], a foot mounted by hand [rad], a sheet laid by hand, half a millimetre of 10 [1],
+#: and a reference with the paper's linearity, 1.5 % of a range that is hardly used [1].
 _COUNTS = [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3, 2, 3]
 PRIOR_SIGMA = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0), 0.05, 0.02], _COUNTS)
 

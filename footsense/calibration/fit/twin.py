@@ -6,8 +6,8 @@ Element i with cells c, unloaded reading C0 and the closures that the design's r
 
 with the stray s, the closure gain a, and closures d_c <= g_i of a solid (1 + k) times as stiff as designed, under a
 load turned by the mount. A sheet off the balls' axis by o moves the contact as seen from the sheet, to first order in
-o / R: its normal is n + o / R, and the force stays. The reference reads (1 + r) f of a force f. The film does not appear:
-the unloaded distance D contains it.
+o / R: its normal is n + o / R, and the force stays. The reference reads (1 + r) f of a force f. The film does not
+appear: the unloaded distance D contains it.
 """
 
 from typing import NamedTuple

@@ -7,15 +7,16 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from footsense import calibration, estimation, foot
 from footsense.calibration.evaluation import DesignModels
+from footsense.calibration.fit.calibrate import MAX_DISTANCE
 from footsense.cli.lab.mismatch_rows import ROWS
 from footsense.errors import FootsenseError
 from footsense.foot.direction_sets import random_directions
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.frames import Vector
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
 from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
@@ -31,6 +32,9 @@ from footsense.validation.mismatch_trial import TestLoads, TrialPlan, run_mismat
 N_FEET, QUICK_N_FEET, EVERY, QUICK_EVERY = 20, 2, 2, 6
 QUICK_ROWS = ("none", "reference")
 SEED = 8
+#: Wanted direction and magnitude error after calibration.
+TARGET_DEG, TARGET_GF = 2.0, 3.0
+FIGURE = "mismatch.png"
 #: Where solved tables and finished feet are kept.
 KEPT = Path("build") / "mismatch"
 #: Test loads of the leaning sets, and the band of the full range [gf].
@@ -48,16 +52,18 @@ class MismatchResults:
         presses: Presses of a calibration.
         means: By row and figure: mean over the feet.
         worst: By row and figure: the largest over the feet.
+        scatter: By row: distance of each foot's loads, and its mean centred direction error [deg].
     """
 
     feet: int
     presses: int
     means: dict[str, dict[str, float]]
     worst: dict[str, dict[str, float]]
+    scatter: dict[str, list[tuple[float, float]]]
 
 
 def test_loads(loads: LoadRange) -> dict[str, TestLoads]:
-    """Return the test loads by name: the paper's centred ones, leaning ones of 100 gf, and leaning ones of all sizes."""
+    """Return test loads by name: the paper's centred ones, and leaning ones of 100 gf and of all sizes."""
     centred_n = paper_presses("verification")
     rng = np.random.default_rng(SEED)
     direction = random_directions(rng, 4 * _N_LEANING, _LOWEST_DEG)
@@ -137,7 +143,7 @@ def run_study(
     }
     work = partial(evaluate_job, models=context.models.resolve(), tables=kept.resolve(), plan=plan)
     run = workers or parallel(n_workers=1 if context.quick else LOCAL_WORKERS)
-    means, worst = {}, {}
+    means, worst, scatter = {}, {}, {}
     for name in names:
         jobs = [Job(Tolerances(), foot, case=name) for foot in range(n_feet)]
         digest = hashlib.sha256(f"{about} {ROWS[name]}".encode()).hexdigest()[:12]
@@ -146,9 +152,38 @@ def run_study(
         columns = {figure: np.array([one[figure] for one in made]) for figure in made[0]}
         means[name] = {figure: round(float(np.nanmean(values)), 3) for figure, values in columns.items()}
         worst[name] = {figure: round(float(np.nanmax(values)), 3) for figure, values in columns.items()}
+        scatter[name] = [(round(one["distance_all"], 2), round(one["centred_all_deg"], 3)) for one in made]
         context.say(f"{name}: {_progress(means[name])}")
     presses = len(paper_presses("training")[:: plan.every])
-    return MismatchResults(feet=n_feet, presses=presses, means=means, worst=worst), {}
+    results = MismatchResults(feet=n_feet, presses=presses, means=means, worst=worst, scatter=scatter)
+    return results, {FIGURE: _figure(results)}
+
+
+def _figure(results: MismatchResults) -> Figure:
+    """Draw the errors of each row after calibration, and the error of each foot over its distance."""
+    figure = Figure(figsize=(10.5, 0.28 * len(results.means) + 1.6), layout="constrained")
+    bars, dots = figure.subplots(1, 2, width_ratios=(3, 2))
+    places = np.arange(len(results.means))
+    for shift, test in ((-0.2, "centred"), (0.2, "leaning")):
+        errors_deg = [row[f"{test}_all_deg"] for row in results.means.values()]
+        bars.barh(places + shift, errors_deg, 0.4, label=f"{test}, 100 gf")
+    bars.axvline(TARGET_DEG, color="k", ls=":")
+    bars.set(
+        yticks=places,
+        yticklabels=[ROWS[name].title for name in results.means],
+        xlabel="direction error [deg]",
+    )
+    bars.invert_yaxis()
+    bars.legend()
+    for name, feet in results.scatter.items():
+        marker = "o" if ROWS[name].represented else "x"
+        dots.scatter(*np.array(feet).T, s=14, marker=marker)
+    dots.axvline(MAX_DISTANCE, color="k", ls=":")
+    dots.set(
+        xlabel="median distance of the loads from the fitted foot", ylabel="centred, after calibration [deg]"
+    )
+    dots.grid(alpha=0.3)
+    return figure
 
 
 def _progress(row: dict[str, float]) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from footsense.lab.fem.whole import Imperfection
 from footsense.lab.other_solids import AS_DESIGNED, OTHER_MESH, OtherSolid
 from footsense.sim.test_stand.reference_sensor import LINEARITY_REL
-from footsense.validation.mismatch_trial import Disturbance
+from footsense.validation.mismatch_trial import UNDISTURBED, Disturbance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +21,7 @@ class Row:
 
     title: str
     solid: OtherSolid = AS_DESIGNED
-    disturbance: Disturbance = Disturbance()
+    disturbance: Disturbance = UNDISTURBED
     represented: bool = True
 
 
@@ -37,12 +37,16 @@ ROWS = {
     "pdms": Row(title="PDMS 30 % stiffer", solid=OtherSolid(pdms=1.3)),
     "poisson": Row(title="Poisson's ratio of the rubber 0.47", solid=OtherSolid(poisson=0.47)),
     "offset": _assembled("sheet off centre by 0.6 mm", Imperfection(sheet_offset_mm=(0.6, 0.0))),
+    "offset-far": _assembled(
+        "sheet off centre by 1.5 mm", Imperfection(sheet_offset_mm=(1.5, 0.0)), represented=False
+    ),
     "turn": Row(title="sheet turned by 3 deg", disturbance=Disturbance(turn_deg=3.0)),
     "wedge": _assembled("wedge of glue, 0 to 0.1 mm", Imperfection(glue_wedge_mm=0.1)),
     "bubble": _assembled(
         "bubble of 1.5 mm in the rubber", Imperfection(bubble_mm=(2.5, -1.5, -2.0, 0.75)), represented=False
     ),
     "bar": _assembled("one bar bonded over half its width", Imperfection(bonded_rel=0.5), represented=False),
+    "bar-open": _assembled("one bar not bonded", Imperfection(bonded_rel=0.01), represented=False),
     "worn": Row(title="ball worn flat by 0.3 mm", disturbance=Disturbance(worn_mm=0.3), represented=False),
     "creep": Row(title="creep 3 times that assumed", disturbance=Disturbance(creep=3.0)),
     "play": Row(title="play 3 times that assumed", disturbance=Disturbance(play=3.0)),

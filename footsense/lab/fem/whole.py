@@ -26,7 +26,7 @@ from footsense.lab.fem.adjoint import SAMPLE_ORDER
 from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
 from footsense.lab.fem.mesh import COARSE, MeshSize, is_bar_edge, name_bars
 from footsense.lab.fem.solids import SIDES, curved_mesh, hemisphere, plate, square
-from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, UM_PER_MM, FootDesign, Material
+from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, UM_PER_MM, FootDesign
 from footsense.lab.response import DEGREE, PATCH_REL, disc_normals, patch_mean
 
 
@@ -48,6 +48,10 @@ class Imperfection:
     bonded_rel: float = 1.0
 
 
+#: Put together as designed.
+ASSEMBLED = Imperfection()
+
+
 def _mesh(design: FootDesign, size: MeshSize, own: Imperfection) -> Any:
     """Return the curved mesh of the whole foot; faces `cell0`.. in flat order, `bars`, `curved_ground`, `curved_leg`.
 
@@ -64,7 +68,10 @@ def _mesh(design: FootDesign, size: MeshSize, own: Imperfection) -> Any:
             ball = _with_bubble(design, own, ball)
         level_mm = (min(0.0, up * design.plate_mm), max(0.0, up * design.plate_mm))
         solids += [ball, plate(f"pdms_{side}", (-half, -half), half, level_mm, size.plate_mm)]
-    step, inside = design.electrode_mm / CELLS_PER_SIDE, (design.electrode_mm - design.electrode_mm / CELLS_PER_SIDE) / 2.0
+    step, inside = (
+        design.electrode_mm / CELLS_PER_SIDE,
+        (design.electrode_mm - design.electrode_mm / CELLS_PER_SIDE) / 2.0,
+    )
     for x_mm, y_mm in design.centres_mm:
         for cell in range(CELLS_PER_SIDE**2):
             forward, leftward = divmod(cell, CELLS_PER_SIDE)
@@ -99,11 +106,7 @@ def _with_bubble(design: FootDesign, own: Imperfection, ball: Any) -> Any:
     return ball - occ.Sphere(occ.Pnt(*centre_mm), radius_mm)
 
 
-
-
-def whole_table(
-    design: FootDesign, own: Imperfection, size: MeshSize = COARSE
-) -> tuple[Vector, Vector]:
+def whole_table(design: FootDesign, own: Imperfection, size: MeshSize = COARSE) -> tuple[Vector, Vector]:
     """Return series of G0 [um/N], shape (products, 324, 3), and compliance [um/N], (324, 324), of a whole foot.
 
     Args:
@@ -131,7 +134,9 @@ def whole_table(
     layer = Layer(design.pdms, design.spacer_mm)
     bonded = 1.0 - (1.0 - own.bonded_rel) * in_bar
     form += bonded * layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(layer.faces)
-    points = mesh.MapToAllElements(ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER), mesh.Boundaries("curved_ground"))
+    points = mesh.MapToAllElements(
+        ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER), mesh.Boundaries("curved_ground")
+    )
     rule = ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER)
     centre = ng.CF((-own.sheet_offset_mm[0], -own.sheet_offset_mm[1], -design.plate_mm))
     normal = -normalized(np.asarray((ng.CF((ng.x, ng.y, ng.z)) - centre)(points)))
@@ -179,7 +184,9 @@ def with_change(
     basis = series_basis(normal, DEGREE, FIT_ELEVATION_DEG)
     growth = (patch_mean(flat, normal, patch_mm, design) - basis @ flat) / patch_mm**2
     patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(series.shape)
-    whole = response.series.reshape(2, len(series), 3, ALL_CELLS).transpose(0, 1, 3, 2) + np.stack([series, patch])
+    whole = response.series.reshape(2, len(series), 3, ALL_CELLS).transpose(0, 1, 3, 2) + np.stack(
+        [series, patch]
+    )
     order = grid.ravel()
     stiff = (response.compliance_um_per_n + compliance)[np.ix_(order, order)]
     return replace(

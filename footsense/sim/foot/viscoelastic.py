@@ -65,7 +65,5 @@ class ViscoelasticElement:
         if force_n @ force_n > _MIN_LOAD_N**2:  # the memory of a load stays at its contact
             self._normal = normal
         return self._normal, (
-            self._elastic_rel * force_n
-            + self._play_rel @ self._played_n
-            + self._creep_rel @ self._crept_n
+            self._elastic_rel * force_n + self._play_rel @ self._played_n + self._creep_rel @ self._crept_n
         )

@@ -42,7 +42,8 @@ _BOW = 2.0 / (3.0 * math.sqrt(3.0))
 
 def drawn_bow_gf(random: np.random.Generator, linearity_rel: float) -> Vector:
     """Draw the bow of a specimen along x, y, z [gf], shape (3,): its nonlinearity is bow (u - u^3) of the share u."""
-    return linearity_rel / _BOW * RATED_GF * random.uniform(-1, 1, 3)
+    bow_gf: Vector = linearity_rel / _BOW * RATED_GF * random.uniform(-1, 1, 3)
+    return bow_gf
 
 
 def nonlinearity_gf(bow_gf: Vector, load_gf: Vector) -> Vector:
