@@ -1,6 +1,7 @@
 # make run       a six-legged robot walks in simulation; its foot forces, live
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
 # make test      format, lint, types, import contracts, tests: what CI runs
+# make fuzz      an hour of other and more examples for the tests in tests/fuzz
 # make lock      the newest packages for a robot: deploy/requirements.lock, with their hashes
 # make mutants ROOM=footsense/can   changes the code of a room or module in small ways, and lists what no test notices
 # make kernel-test         the service as deployed, on a Debian kernel in an emulator; needs Debian 12 and root
@@ -11,7 +12,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: run install test kernel-test kernel-test-short lock mutants format golden clean
+.PHONY: run install test kernel-test kernel-test-short fuzz lock mutants format golden clean
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --duration 10
@@ -30,6 +31,9 @@ kernel-test: $(VENV)/dev.stamp
 
 kernel-test-short: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.kernel --short
+
+fuzz: $(VENV)/dev.stamp
+	$(BIN)/python -m tests.fuzz $(ARGS)
 
 # One file for x86-64 and aarch64, of wheels alone: a source package would build itself with packages that have no hash
 # here. That is also why footsense's own build requirements are among them.

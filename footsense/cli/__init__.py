@@ -26,9 +26,12 @@ _INTERRUPTED = 130
 _COMMANDS = {
     "run": ("run.command", "Read the feet, estimate their forces, publish them on CAN."),
     "monitor": ("monitor.command", "Show the legs on CAN, as a consumer of their forces sees them."),
+    "view": ("view", "Serve the page of a running service to browsers."),
+    "ros2": ("ros2", "Publish the legs on CAN to ROS 2 nodes (needs footsense[ros2])."),
     "exporter": ("exporter", "Serve the metrics of a running service to Prometheus."),
     "replay": ("replay", "Run a recording through the pipeline again, or check it."),
     "recover": ("recover", "Rewrite a recording that was cut short."),
+    "export": ("export", "Convert a recording: ROS 2 bag, CSV, Parquet, picture."),
     "check-config": ("check_config", "Explain a configuration file, or name its first error."),
     "record": ("record.command", "Record presses of a foot on the test stand beside a force sensor."),
     "calibrate": ("calibrate", "Calibrate a foot from its recordings on a test stand."),

@@ -42,6 +42,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         calibrations: Folder of the feet's calibrations, relative to the file; every foot in `feet` needs one there,
             which brings its stray_pf, unloaded_pf and network. None assumes the foot as designed.
         metrics: Counters and where they are served; None for no metrics.
+        view: Last cycles in memory, and where their page is served; None for no page.
         realtime: Scheduling to request; None for none.
     """
 
@@ -69,6 +70,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     body_weight_n: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
     calibrations: Annotated[str, Meta(min_length=1)] | None = None
     metrics: sections.Metrics | None = None
+    view: sections.View | None = None
     realtime: sections.Realtime | None = None
 
     @property

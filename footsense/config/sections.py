@@ -228,6 +228,20 @@ class Metrics(Section, frozen=True, kw_only=True):
     port: Annotated[int, Meta(ge=1, le=65535)] = 9108
 
 
+class View(Section, frozen=True, kw_only=True):
+    """The service's last cycles in memory, and where `footsense view` serves their page.
+
+    Attributes:
+        cycles: File in memory through which the service hands its cycles to viewers.
+        address: Address that the page is served on; the loopback by default because the page has no password.
+        port: TCP port of the page and of Foxglove's protocol; 8765 is the one that Foxglove tries first.
+    """
+
+    cycles: str = "/dev/shm/footsense.cycles"  # noqa: S108 - a file of another user is not overwritten
+    address: str = "127.0.0.1"
+    port: Annotated[int, Meta(ge=1, le=65535)] = 8765
+
+
 class Realtime(Section, frozen=True, kw_only=True):
     """Scheduling that the loop requests from the kernel.
 

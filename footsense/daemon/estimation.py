@@ -83,6 +83,13 @@ def unloaded_capacitance_pf(models: Models) -> tuple[Vector, Vector]:
     return stray_pf, np.where(np.isnan(reading_pf), designed_pf, reading_pf - stray_pf)
 
 
+def distance_pf(models: Models) -> Vector:
+    """Return the distance of each element's plates over the gap, times capacitance [pF], shape (legs, 9)."""
+    design = models.network.card.trained_inputs.design
+    gain_rel = _per_leg(models, "gain_rel", {}, 1.0)
+    return design.plate_distance_um(np.ones(1)) / design.gap_um / gain_rel
+
+
 def _estimator(models: Models) -> tuple[Estimator, Callable[[Vector], None] | None]:
     """Return the estimator of these feet and the receiver of their temperature, None without calibrations."""
     if not models.calibrations:

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from footsense import __version__
-from footsense.clock import wall_time_iso
+from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
 from footsense.config.former_keys import with_present_keys
 from footsense.config.sections import Can
+from footsense.daemon.estimation import distance_pf, unloaded_capacitance_pf
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError
 from footsense.frames import Flag
@@ -20,15 +21,18 @@ if TYPE_CHECKING:
     from footsense.recording.replay import Replay  # a run needs no reader of recordings
 
 _CALIBRATIONS = "calibrations"
+#: Key of the element values, which older recordings lack.
+ELEMENTS_KEY = "elements"
 
 
-def recording_header(models: Models, scene: Scene | None, flags: Flag) -> dict[str, str]:
-    """Return the header of a recording that begins now."""
+def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: int) -> dict[str, str]:
+    """Return the header of a recording that begins now, at `now_ns` of the clock of its times."""
     config, network = models.config, models.network
     hashes = (f"{leg}={calibration.manifest.sha256}" for leg, calibration in models.calibrations.items())
     return {
         "footsense": __version__,
         "started": wall_time_iso(),
+        "wall_offset_ns": str(wall_time_ns() - now_ns),
         "config": msgspec.json.encode(config).decode(),
         "scene": msgspec.json.encode(scene).decode() if scene else "",
         "flags": str(int(flags)),
@@ -37,7 +41,26 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag) -> dict[s
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
         _CALIBRATIONS: ",".join(hashes),
         **platform_versions(),
+        ELEMENTS_KEY: msgspec.json.encode(element_values(models)).decode(),
     }
+
+
+class ElementValues(msgspec.Struct, frozen=True):
+    """What turns readings of the elements into closures of their gaps.
+
+    Attributes:
+        stray_pf: Capacitance in parallel with each element [pF], shape (legs, 9).
+        distance_pf: Distance of the plates over the gap, times capacitance without stray [pF], shape (legs, 9).
+    """
+
+    stray_pf: list[list[float]]
+    distance_pf: list[list[float]]
+
+
+def element_values(models: Models) -> ElementValues:
+    """Return what turns readings of a robot's elements into closures."""
+    stray_pf, _ = unloaded_capacitance_pf(models)
+    return ElementValues(stray_pf.tolist(), distance_pf(models).tolist())
 
 
 def recorded_flags(recording: "Replay") -> int:

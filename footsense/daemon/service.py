@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,9 +24,11 @@ from footsense.daemon.recording_header import recording_header
 from footsense.daemon.simulation import Paced, is_simulated
 from footsense.errors import ConfigError, FootsenseError
 from footsense.estimation.network import Network
+from footsense.estimation.pipeline import Pipeline
 from footsense.frames import Flag, Vector
 from footsense.ports import FrameSource, Observer, WakeupLatency
 from footsense.recording.recorder import Recorder, check_target
+from footsense.recording.shared_cycles import SharedCycles
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
@@ -144,12 +146,16 @@ def open_service(
 
             row = legs.index(test_stand.leg)
             reference = stack.enter_context(closing(open_sensor(test_stand.test_stand, row, scan)))
+        header: dict[str, str] = {}
+        if record is not None or config.view is not None:
+            header = recording_header(models, scene, flags, scan.clock.now_ns())
         if record is not None:
-            header = recording_header(models, scene, flags)
             header |= test_stand.header() if test_stand is not None else {}
             recorder = Recorder(record, legs, header, blocking=not real_time or test_stand is not None)
             observers.append(recorder)
+        pipeline = pipeline_for(models, flags)
         observers += _metrics(config, sink, scan, wakeups, recorder)
+        observers += _shared_cycles(config, header, pipeline, sink)
         for observer in observers:
             stack.enter_context(closing_at_end(observer.close))
         yield Service(
@@ -157,7 +163,7 @@ def open_service(
             true_force_at_time_n=scan.true_force_at_time_n,
             source=source,
             network=models.network,
-            pipeline=pipeline_for(models, flags),
+            pipeline=pipeline,
             sink=sink,
             observers=observers,
             clock=scan.clock,
@@ -192,6 +198,23 @@ def _metrics(
         _log.warning("%s; the forces go on without metrics", error)
         return []
     return [metrics]
+
+
+def _shared_cycles(
+    config: Config, header: Mapping[str, str], pipeline: Pipeline, sink: CanSink
+) -> list[SharedCycles]:
+    """Return the configured copy of the cycles for viewers; none if its file cannot be written."""
+    if config.view is None:
+        return []
+    try:
+        return [
+            SharedCycles(
+                Path(config.view.cycles), config.legs, header, lambda: pipeline.baseline_pf, sink.stats
+            )
+        ]
+    except FootsenseError as error:
+        _log.warning("%s; the forces go on without a view", error)
+        return []
 
 
 def _request_scheduling(config: Config, *, simulated: bool) -> Flag:

@@ -16,24 +16,22 @@ its buckets, the unbounded one, and the sum. The writer holds an exclusive flock
 lives, so a file without a lock is left over from a service that was killed.
 """
 
-import contextlib
-import fcntl
 import json
 import math
-import mmap
-import os
 import struct
-import tempfile
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import Literal
 
 import msgspec
 
 from footsense.errors import FootsenseError
+from footsense.shared_file import SharedFile, is_locked
 
 _MAGIC = b"FSCOUNT1"
 _HEAD = struct.Struct("<8sQ")
+#: Most that is read of a file of counters [bytes]; that of six legs has 14 thousand.
+_MAX_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -88,35 +86,13 @@ class SharedCounters:
         for family in families:
             self.first_cell[family.name] = n_cells
             n_cells += family.n_cells
-        start = _HEAD.size + len(description)
-        self._path = path
-        self._fd, unnamed = -1, path
-        try:
-            with contextlib.suppress(FileNotFoundError), path.open("rb") as present:
-                if _is_locked(present):
-                    raise FootsenseError(f"{path}: another running service counts into this file")
-            # Complete and locked before a reader can see it.
-            self._fd, name = tempfile.mkstemp(prefix=f"{path.name}.", dir=path.parent)
-            unnamed = Path(name)
-            fcntl.flock(self._fd, fcntl.LOCK_EX)
-            os.fchmod(self._fd, 0o644)
-            os.write(self._fd, _HEAD.pack(_MAGIC, len(description)) + description)
-            os.ftruncate(self._fd, start + 8 * n_cells)
-            self.cells = memoryview(mmap.mmap(self._fd, 0))[start:].cast("d")
-            unnamed.rename(path)
-        except OSError as error:
-            if self._fd >= 0:
-                os.close(self._fd)
-                unnamed.unlink()
-            raise FootsenseError(f"{path}: cannot be written: {error.strerror}") from error
+        self._file = SharedFile(path, _HEAD.pack(_MAGIC, len(description)) + description, 8 * n_cells)
+        self.cells = self._file.cells.cast("d")
 
     def close(self) -> None:
         """Remove the file; a second call does nothing."""
-        if self._fd >= 0:
-            self._path.unlink(missing_ok=True)
-            os.close(self._fd)
-            self._fd = -1
-            self.cells.release()
+        self.cells.release()
+        self._file.close()
 
 
 def read_counters(path: Path) -> tuple[list[MetricFamily], list[float]]:
@@ -127,7 +103,7 @@ def read_counters(path: Path) -> tuple[list[MetricFamily], list[float]]:
     """
     try:
         with path.open("rb") as file:
-            content = file.read() if _is_locked(file) else b""
+            content = file.read(_MAX_BYTES) if is_locked(file) else b""
         if not content:
             raise FootsenseError(f"{path}: its service has ended")
         magic, length = _HEAD.unpack_from(content)
@@ -141,12 +117,3 @@ def read_counters(path: Path) -> tuple[list[MetricFamily], list[float]]:
     if magic != _MAGIC or len(cells) != sum(family.n_cells for family in families):
         raise FootsenseError(f"{path} does not hold footsense's counters")
     return families, cells
-
-
-def _is_locked(file: BinaryIO) -> bool:
-    """Return whether another process, or another open file of this one, holds the writer's lock."""
-    try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    return False

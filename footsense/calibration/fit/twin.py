@@ -5,9 +5,9 @@ Element i with cells c, unloaded reading C0 and the closures that the design's r
     C_i = s_i + K mean_c 1 / (D_i - a_i d_c),     D_i = K / (C0_i - s_i),      K = eps0 A
 
 with the stray s, the closure gain a, and closures d_c <= g_i of a solid (1 + k) times as stiff as designed, under a
-load turned by the mount. A sheet off the balls' axis by o moves the contact as seen from the sheet, to first order in
-o / R: its normal is n + o / R, and the force stays. The reference reads (1 + r) f of a force f. The film does not
-appear: the unloaded distance D contains it.
+load turned by the mount; the air of closed cavities takes its part of them. A sheet off the balls' axis by o moves the
+contact as seen from the sheet, to first order in o / R: its normal is n + o / R, and the force stays. The reference
+reads (1 + r) f of a force f. The film does not appear: the unloaded distance D contains it.
 """
 
 from typing import NamedTuple
@@ -25,6 +25,7 @@ from footsense.calibration.fit.parameter_vector import (
     STRAY,
 )
 from footsense.foot import gap_contact
+from footsense.foot.cavity.pressures import CavityPressures
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
@@ -90,6 +91,11 @@ class FootTwin:
         force_n = (loads.force_n / reference_gains(parameters)) @ mount.T
         free_um = softness * response.free_closure_um(normal, force_n)
         gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS)
+        gas = response.cavity.gas
+        if gas is not None:
+            compliance = softness * response.compliance_um_per_n
+            air = CavityPressures(self.gap_um(parameters), compliance, response.design.electrode_area_mm2)
+            return air.closures_um(free_um, gas, contact=True)[0]
         if not (free_um > gap_um).any():  # scaling the compliance would take longer than the rest
             return free_um
         return gap_contact.contact_closures_um(free_um, gap_um, softness * response.compliance_um_per_n)

@@ -1,5 +1,6 @@
 """The study `mismatch`: feet whose physics the calibration does not know, read by the chain as shipped."""
 
+import dataclasses
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -96,7 +97,9 @@ def evaluate_job(job: Job, *, models: Path, tables: Path, plan: TrialPlan) -> di
         plan: What is done with it.
     """
     design, known, row = load_foot(models / FOOT_FILE), _models(models), ROWS[job.case]
-    truth = response_of(row.solid, known.response, design, tables)
+    truth = dataclasses.replace(
+        response_of(row.solid, known.response, design, tables), cavity=row.cavity
+    )
     return run_mismatch_trial(known, truth, row.disturbance, plan, job.foot)
 
 

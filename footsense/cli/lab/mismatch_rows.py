@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from footsense.foot.cavity.air import VENTED, Cavity
 from footsense.lab.fem.whole import Imperfection
 from footsense.lab.other_solids import AS_DESIGNED, OTHER_MESH, OtherSolid
 from footsense.sim.test_stand.reference_sensor import LINEARITY_REL
@@ -16,12 +17,14 @@ class Row:
         title: What differs, in words.
         solid: The true solid.
         disturbance: What else is true.
+        cavity: How its cavities hold their air.
         represented: Whether the parameters of a calibration can represent it; else a warning is wanted.
     """
 
     title: str
     solid: OtherSolid = AS_DESIGNED
     disturbance: Disturbance = UNDISTURBED
+    cavity: Cavity = VENTED
     represented: bool = True
 
 
@@ -59,5 +62,9 @@ ROWS = {
     "reference": Row(
         title="reference off by its linearity of 1.5 %",
         disturbance=Disturbance(reference_linearity_rel=LINEARITY_REL),
+    ),
+    "sealed": Row(title="cavities sealed", cavity=Cavity(kind="sealed"), represented=False),
+    "leaking": Row(
+        title="cavities leak in 1 s", cavity=Cavity(kind="leaking", leak_time_s=1.0), represented=False
     ),
 }

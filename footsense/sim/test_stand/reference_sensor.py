@@ -49,7 +49,8 @@ def drawn_bow_gf(random: np.random.Generator, linearity_rel: float) -> Vector:
 def nonlinearity_gf(bow_gf: Vector, load_gf: Vector) -> Vector:
     """Return by how much a specimen with a bow reads too much at loads [gf], shape (..., 3)."""
     share = np.clip(load_gf / RATED_GF, -1, 1)
-    return bow_gf * (share - share**3)
+    too_much_gf: Vector = bow_gf * (share - share**3)
+    return too_much_gf
 
 
 class SimulatedSensor:

@@ -328,7 +328,7 @@ def test_a_file_that_cannot_be_replaced_leaves_nothing_behind(
 def test_two_services_do_not_count_into_one_file(metrics: MetricsObserver, tmp_path: Path) -> None:
     """The second one is refused in one line, and the first one's counters stay."""
     metrics.observe(cycle(0, (State.VALID, State.VALID)))
-    with pytest.raises(FootsenseError, match="another running service counts into this file"):
+    with pytest.raises(FootsenseError, match="another running service writes this file"):
         MetricsObserver(LEGS, CanStatistics(), tmp_path / "counters")
     families, cells = read_counters(tmp_path / "counters")
     assert (

@@ -1,0 +1,231 @@
+"""The last cycles of the loop in shared memory, for viewers in processes of their own.
+
+The loop copies each cycle into the next slot of a ring and waits for nobody: a reader that is too slow finds newer
+cycles in the slots, and counts those that it missed. There is one writer, and any number of readers.
+
+The file::
+
+    8 bytes   "FSCYCLE1"
+    8 bytes   length n of the header, little-endian
+    n bytes   the header: a JSON object of strings as in a recording, padded with blanks to a multiple of 8
+    8 bytes   number of cycles so far
+    doubles   unloaded reading of every element without stray [pF], (legs, 9), then the counts of `CanStatistics`
+    slots     8 bytes number of the cycle + 1, or 0 while it is written; then the record of `cycle_records`
+"""
+
+import json
+import mmap
+import os
+import struct
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import astuple, fields
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from footsense.errors import FootsenseError, RecordingError
+from footsense.frames import ELEMENTS, CanStatistics, Cycle, Vector
+from footsense.ports import Observer
+from footsense.recording.cycle_pipe import pack_cycle
+from footsense.recording.cycle_records import NumberedCycle, unpack
+from footsense.shared_file import SharedFile, is_locked
+
+_MAGIC = b"FSCYCLE1"
+_HEAD = struct.Struct("<8sQ")
+_NUMBER = struct.Struct("<Q")
+#: Cycles in the ring: 1.4 s at the highest rate, so that a viewer that was not scheduled for a second misses nothing.
+SLOTS = 512
+#: Bytes of a slot: twice a cycle of six legs with its gait.
+SLOT_BYTES = 4096
+_N_COUNTS = len(fields(CanStatistics))
+_COPY_PERIOD_NS = 100_000_000
+
+
+class SharedCycles(Observer):
+    """An observer that copies every cycle into shared memory.
+
+    Args:
+        path: The file, in memory.
+        legs: Name of the leg in each row of the frames.
+        header: Entries of a recording's header.
+        baseline_pf: Returns the unloaded reading of each element, without stray [pF], shape (legs, 9); a new array
+            whenever it moves.
+        can: Counts of the CAN channel.
+
+    Raises:
+        FootsenseError: The file cannot be written, or belongs to another running service.
+
+    Timing:
+        3 us a cycle of six legs; no lock, no system call.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        legs: Sequence[str],
+        header: Mapping[str, str],
+        baseline_pf: Callable[[], Vector],
+        can: CanStatistics,
+    ) -> None:
+        text = json.dumps({**header, "legs": ",".join(legs)}).encode()
+        text += b" " * (-len(text) % 8)
+        n_doubles = len(legs) * ELEMENTS + _N_COUNTS
+        n_bytes = _NUMBER.size + 8 * n_doubles + SLOTS * SLOT_BYTES
+        self._file = SharedFile(path, _HEAD.pack(_MAGIC, len(text)) + text, n_bytes)
+        self._cells = self._file.cells
+        self._doubles = self._cells[_NUMBER.size : _NUMBER.size + 8 * n_doubles].cast("d")
+        self._first_slot = _NUMBER.size + 8 * n_doubles
+        self._baseline_pf = baseline_pf
+        self._baseline: Vector | None = None
+        self._can = can
+        self._copy_due_ns = 0
+        self._n = 0
+
+    def observe(self, cycle: Cycle) -> None:
+        """Copy one cycle into the next slot."""
+        baseline = self._baseline_pf()
+        if baseline is not self._baseline:
+            self._baseline = baseline
+            self._doubles[: baseline.size] = baseline.ravel().data
+        if cycle.forces.t_sent_ns >= self._copy_due_ns:
+            self._copy_due_ns = cycle.forces.t_sent_ns + _COPY_PERIOD_NS
+            self._doubles[-_N_COUNTS:] = array("d", astuple(self._can))
+        record = pack_cycle(self._n, cycle)
+        if len(record) > SLOT_BYTES - _NUMBER.size:  # a burst of a test stand's samples
+            record = pack_cycle(self._n, cycle._replace(reference=None))
+        start = self._first_slot + self._n % SLOTS * SLOT_BYTES
+        self._n += 1
+        _NUMBER.pack_into(self._cells, start, 0)
+        if len(record) <= SLOT_BYTES - _NUMBER.size:
+            self._cells[start + _NUMBER.size : start + _NUMBER.size + len(record)] = record
+            _NUMBER.pack_into(self._cells, start, self._n)
+        _NUMBER.pack_into(self._cells, 0, self._n)
+
+    def close(self) -> None:
+        """Remove the file."""
+        self._doubles.release()
+        self._cells.release()
+        self._file.close()
+
+
+class NewCycles(NamedTuple):
+    """Cycles since the last reading.
+
+    Attributes:
+        cycles: The cycles, oldest first.
+        n_missed: Cycles before and between them that were overwritten before they were read.
+    """
+
+    cycles: list[NumberedCycle]
+    n_missed: int
+
+
+class CycleReader:
+    """A reader of the shared cycles of a running service.
+
+    Args:
+        path: The file.
+
+    Attributes:
+        header: Entries of the header.
+        legs: Name of the leg in each row of the frames.
+
+    Raises:
+        FootsenseError: No running service writes the file, or `SharedCycles` did not create it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise FootsenseError(f"{path}: {error.strerror}") from error
+        try:
+            length = self._open()
+        except BaseException:
+            self._file.close()
+            raise
+        self._start = _HEAD.size + length
+        self._n_doubles = len(self.legs) * ELEMENTS + _N_COUNTS
+        self._first_slot = self._start + _NUMBER.size + 8 * self._n_doubles
+        self._next = max(0, self._n_written - SLOTS // 2)
+
+    def _open(self) -> int:
+        """Map the file, read its header, and return the length of the header.
+
+        Raises:
+            FootsenseError: Its service has ended, or it holds something else.
+        """
+        if not is_locked(self._file):
+            raise FootsenseError(f"{self._path}: its service has ended")
+        try:
+            self._map = mmap.mmap(self._file.fileno(), 0, prot=mmap.PROT_READ)
+            magic, length = _HEAD.unpack_from(self._map)
+            self.header: dict[str, str] = json.loads(self._map[_HEAD.size : _HEAD.size + length])
+            self.legs = tuple(self.header["legs"].split(","))
+        except (ValueError, LookupError, struct.error, OSError) as error:
+            raise FootsenseError(f"{self._path} does not hold footsense's cycles: {error}") from error
+        if magic != _MAGIC:
+            raise FootsenseError(f"{self._path} does not hold footsense's cycles")
+        return int(length)
+
+    @property
+    def _n_written(self) -> int:
+        number: int = _NUMBER.unpack_from(self._map, self._start)[0]
+        return number
+
+    def is_current(self) -> bool:
+        """Return whether its writer lives, and the file is still the one of its path."""
+        with suppress(OSError):
+            return self._path.stat().st_ino == os.fstat(self._file.fileno()).st_ino and is_locked(self._file)
+        return False
+
+    def read(self) -> NewCycles:
+        """Return the cycles since the last call, those in the ring at first.
+
+        Raises:
+            FootsenseError: A record is damaged.
+        """
+        n_written = self._n_written
+        first = max(self._next, n_written - SLOTS + 1)
+        cycles = list(self._cycles(first, n_written))
+        n_missed = n_written - self._next - len(cycles)
+        self._next = n_written
+        return NewCycles(cycles, n_missed)
+
+    def _cycles(self, first: int, end: int) -> Iterator[NumberedCycle]:
+        for number in range(first, end):
+            start = self._first_slot + number % SLOTS * SLOT_BYTES
+            record = self._map[start : start + SLOT_BYTES]
+            # Read again behind the copy: the writer may have come round to this slot.
+            after = _NUMBER.unpack_from(self._map, start)[0]
+            if not number + 1 == _NUMBER.unpack_from(record)[0] == after:
+                continue
+            length = 4 + int.from_bytes(record[_NUMBER.size : _NUMBER.size + 4], "little")
+            try:
+                for entry in unpack(bytearray(record[_NUMBER.size : _NUMBER.size + length]), len(self.legs)):
+                    if isinstance(entry, NumberedCycle) and entry.counter == number:
+                        yield entry
+            except RecordingError as error:
+                raise FootsenseError(f"{self._path}: {error}") from None
+
+    @property
+    def baseline_pf(self) -> Vector:
+        """Unloaded reading of each element, without stray [pF], shape (legs, 9), NaN where unknown."""
+        return self._doubles()[:-_N_COUNTS].reshape(len(self.legs), ELEMENTS)
+
+    @property
+    def can(self) -> CanStatistics:
+        """Counts of the CAN channel, at most 0.1 s old while cycles come."""
+        return CanStatistics(*self._doubles()[-_N_COUNTS:].astype(int).tolist())
+
+    def _doubles(self) -> Vector:
+        return np.frombuffer(self._map, np.float64, self._n_doubles, self._start + _NUMBER.size).copy()
+
+    def close(self) -> None:
+        """Release the file."""
+        self._map.close()
+        self._file.close()

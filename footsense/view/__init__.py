@@ -1,0 +1,8 @@
+"""The page of a robot, and the same data by Foxglove's protocol: a process of its own beside the service.
+
+    the loop ─ recording.shared_cycles ─▶ live ─┐                       ┌─▶ page_session ─▶ assets/ in a browser
+                                                ├─▶ signals, events ─ server
+    FILE.mcap ─ recording.replay ─▶ recorded  ──┘                       └─▶ foxglove_session ─▶ Foxglove, PlotJuggler
+
+Nothing here writes to the service but `tares`, which sends a tare on CAN where that was allowed.
+"""

@@ -1,0 +1,46 @@
+// The table of the legs: the numbers behind the picture.
+
+import { element, number, percent, setText } from "./format.js";
+
+const COLUMNS = [
+  ["state", "text", (get, words) => words.states[get("state")].name],
+  ["fx [N]", "", (get) => number(get("fx"), 3, true)],
+  ["fy [N]", "", (get) => number(get("fy"), 3, true)],
+  ["fz [N]", "", (get) => number(get("fz"), 3, true)],
+  ["σ [mN]", "opt", (get) => number(1e3 * Math.max(get("sigma_x"), get("sigma_y"), get("sigma_z")), 0)],
+  ["age [ms]", "", (get) => (Number.isNaN(get("fz")) ? "–" : number(get("age"), 1))],
+  ["contact", "opt", (get) => percent(get("probability"))],
+  ["share", "opt", (get) => percent(get("load_share"))],
+  ["friction", "opt", (get) => number(get("friction_use"), 2)],
+  ["of", "opt", (get) => number(get("friction"), 2)],
+  ["baseline", "opt text", (get, words) => words.baselines[get("baseline_status")]],
+  ["drift [fF]", "opt", (get) => number(get("baseline_mean"), 1, true)],
+];
+
+export class Legs {
+  constructor(parent, hello, tare) {
+    this.words = hello.words;
+    const columns = hello.commands ? [...COLUMNS, ["", "", null]] : COLUMNS;
+    const head = element("tr", {}, element("th", {}, "leg"),
+      ...columns.map(([title, kind]) => element("th", { class: kind }, title)));
+    this.rows = hello.legs.map((leg) => {
+      const cells = columns.map(([, kind]) => element("td", { class: kind }));
+      if (hello.commands) {
+        const button = element("button", { type: "button", title: `take ${leg}'s present readings as unloaded` }, "tare");
+        button.onclick = () => tare(leg);
+        cells.at(-1).append(button);
+      }
+      return { cells, row: element("tr", { "data-leg": leg }, element("td", {}, leg.toUpperCase()), ...cells) };
+    });
+    parent.replaceChildren(element("table", {}, element("thead", {}, head),
+      element("tbody", {}, ...this.rows.map(({ row }) => row))));
+  }
+
+  draw(sample) {
+    this.rows.forEach(({ cells }, leg) => {
+      const get = (name) => sample.get(leg, name);
+      COLUMNS.forEach(([, kind, text], column) => setText(cells[column], text(get, this.words) ?? "–"));
+      cells[0].className = `text ${this.words.states[get("state")].phase}`;
+    });
+  }
+}

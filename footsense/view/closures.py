@@ -1,0 +1,66 @@
+"""Closure of each gap from the readings and the baseline, as the estimation computes it."""
+
+from collections import deque
+
+import numpy as np
+
+from footsense.daemon.recording_header import ElementValues
+from footsense.frames import ELEMENTS, CommandKind, Cycle, Result, Vector
+
+
+class Closures:
+    """Closure of each gap of some legs.
+
+    Args:
+        elements: What turns their readings into closures.
+    """
+
+    def __init__(self, elements: ElementValues) -> None:
+        self.stray_pf = np.array(elements.stray_pf)
+        self._distance_pf = np.array(elements.distance_pf)
+
+    @np.errstate(divide="ignore", invalid="ignore")
+    def closure_rel(self, cycle: Cycle, baseline_pf: Vector) -> Vector:
+        """Return the closures over the gap [1], shape (legs, 9), NaN without a reading or a baseline.
+
+        Args:
+            cycle: The cycle with the readings.
+            baseline_pf: Unloaded reading of each element, without stray [pF], shape (legs, 9).
+        """
+        reading_pf = cycle.scan.capacitance_pf - self.stray_pf
+        closure_rel: Vector = self._distance_pf * (1.0 / baseline_pf - 1.0 / reading_pf)
+        return closure_rel
+
+
+class RecordedBaselines:
+    """Baselines of a recording, which holds tares and the mean drift since, but not the baselines themselves.
+
+    A tare is the mean of the scans before its result. Drift tracking moves the elements of a leg nearly alike: its
+    mean is added to each.
+
+    Args:
+        stray_pf: Capacitance in parallel with each element [pF], shape (legs, 9).
+        window_scans: Scans that a tare averages.
+    """
+
+    def __init__(self, stray_pf: Vector, window_scans: int) -> None:
+        n_legs = len(stray_pf)
+        self._stray_pf = stray_pf
+        self._tared_pf = np.full((n_legs, ELEMENTS), np.nan)
+        self._windows = [deque[Vector](maxlen=window_scans) for _ in range(n_legs)]
+        self._newest_ns = [0] * n_legs
+
+    def baseline_pf(self, cycle: Cycle) -> Vector:
+        """Return the baselines after the next cycle, without stray [pF], shape (legs, 9), NaN before the first tare."""
+        scan = cycle.scan
+        oldest, newest = scan.t_ns.min(axis=1).tolist(), scan.t_ns.max(axis=1).tolist()
+        for leg, window in enumerate(self._windows):
+            if oldest[leg] > self._newest_ns[leg]:  # every element has been read anew
+                self._newest_ns[leg] = newest[leg]
+                window.append(scan.capacitance_pf[leg] - self._stray_pf[leg])
+        for outcome in cycle.outcomes:
+            if outcome.command.kind is CommandKind.TARE and outcome.result is Result.DONE:
+                leg = outcome.command.leg
+                self._tared_pf[leg] = np.mean(self._windows[leg], axis=0)
+        drift_pf = np.nan_to_num(cycle.forces.baseline.mean_pf)
+        return self._tared_pf + drift_pf[:, None]

@@ -1,0 +1,155 @@
+"""The running service as a source of the page: follows its shared cycles, over its restarts."""
+
+from collections import deque
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from footsense.daemon.recording_header import ELEMENTS_KEY, ElementValues
+from footsense.errors import FootsenseError
+from footsense.frames import CanStatistics, Cycle
+from footsense.ports import Clock
+from footsense.recording.shared_cycles import CycleReader
+from footsense.view.closures import Closures
+from footsense.view.events import Event, EventLog
+from footsense.view.signals import SignalTable, Table
+
+#: Cycles that are kept for viewers [1]: a browser that comes back gets these, and no backlog.
+_KEPT = 512
+_KEPT_EVENTS = 200
+#: Period of looking for a new service, and whether the present one lives [ns].
+_LOOK_NS = 250_000_000
+
+
+class ViewedCycle(NamedTuple):
+    """One cycle for viewers.
+
+    Attributes:
+        number: Its number since this process began.
+        t_s: Time since the first cycle of the service that was seen [s].
+        cycle: The cycle.
+        table: Its signals.
+    """
+
+    number: int
+    t_s: float
+    cycle: Cycle
+    table: Table
+
+
+class Live:
+    """Follows the cycles of the running service.
+
+    Args:
+        path: File of the shared cycles.
+        clock: The machine's clock.
+
+    Attributes:
+        service: Number of the service that is followed; 0 before the first, one more with each restart.
+        header: Header of its cycles; empty before the first.
+        legs: Names of its legs.
+        cycles: The last cycles, oldest first.
+        events: Its last events, oldest first, each with its number since this process began.
+        n_missed: Cycles that were overwritten before they were read.
+        problem: Why no cycles come; empty while they do.
+        can: Counts of its CAN channel.
+    """
+
+    def __init__(self, path: Path, clock: Clock) -> None:
+        self._path = path
+        self._clock = clock
+        self._reader: CycleReader | None = None
+        self._look_ns = 0
+        self._n = self._n_events = 0
+        self._first_ns = 0
+        self.service = 0
+        self.header: dict[str, str] = {}
+        self.legs: tuple[str, ...] = ()
+        self.cycles: deque[ViewedCycle] = deque(maxlen=_KEPT)
+        self.events: deque[tuple[int, Event]] = deque(maxlen=_KEPT_EVENTS)
+        self.n_missed = 0
+        self.problem = ""
+        self.can = CanStatistics()
+
+    def poll(self) -> None:
+        """Read the new cycles; look for a service from time to time."""
+        now_ns = self._clock.now_ns()
+        if now_ns >= self._look_ns:
+            self._look_ns = now_ns + _LOOK_NS
+            self._look()
+        if self._reader is None:
+            return
+        try:
+            new = self._reader.read()
+        except FootsenseError as error:
+            self.problem = str(error)
+            self._close()
+            return
+        self.n_missed += new.n_missed if self.cycles else 0
+        baseline_pf = self._reader.baseline_pf
+        for _, cycle in new.cycles:
+            if not self._first_ns:
+                self._first_ns = cycle.forces.t_sent_ns
+            table = self._table.table(cycle, self._closures.closure_rel(cycle, baseline_pf))
+            t_s = (cycle.forces.t_sent_ns - self._first_ns) * 1e-9
+            self.cycles.append(ViewedCycle(self._n, t_s, cycle, table))
+            self._n += 1
+            for event in self._log.events(cycle):
+                self.events.append((self._n_events, event))
+                self._n_events += 1
+
+    def seconds(self, event: Event) -> float:
+        """Return the time of an event in the time of the cycles [s]."""
+        return (event.t_ns - self._first_ns) * 1e-9
+
+    def _look(self) -> None:
+        """Open the file of a service, or notice its end."""
+        if self._reader is not None and self._reader.is_current():
+            with suppress(ValueError):
+                self.can = self._reader.can
+            return
+        ended = self._reader is not None
+        self._close()
+        try:
+            reader = CycleReader(self._path)
+            elements = msgspec.json.decode(reader.header[ELEMENTS_KEY], type=ElementValues)
+        except (KeyError, msgspec.MsgspecError) as error:
+            self.problem = f"{self._path}: its header is of another version of footsense ({error})"
+            return
+        except FootsenseError as error:
+            self.problem = "the service has ended" if ended or self.service else f"no service runs: {error}"
+            return
+        self._reader = reader
+        self._closures = Closures(elements)
+        self._table = SignalTable(len(reader.legs))
+        self._log = EventLog(len(reader.legs))
+        self.header, self.legs = reader.header, reader.legs
+        self.cycles.clear()
+        self.events.clear()
+        self._first_ns, self.n_missed, self.problem = 0, 0, ""
+        self.service += 1
+
+    def _close(self) -> None:
+        if self._reader is not None:
+            self._reader.close()
+            self._reader = None
+
+    def status(self) -> dict[str, Any]:
+        """Return what a viewer has to know beside the cycles."""
+        can = self.can
+        return {
+            "problem": self.problem,
+            "n_missed": self.n_missed,
+            "can": {
+                "sent": can.sent,
+                "dropped": can.dropped,
+                "bus_off": can.bus_off,
+                "error_passive": can.error_passive,
+            },
+        }
+
+    def close(self) -> None:
+        """Release the file."""
+        self._close()

@@ -1,0 +1,120 @@
+"""Messages between the server and the page: JSON in text messages, cycles in binary ones.
+
+server -> page   hello, status, events, progress, answer    JSON objects with `type`
+                 cycles                                      binary, see `encode_cycles`
+page -> server   drawn, chunk, tare                          JSON objects with `type`
+"""
+
+import struct
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+
+from footsense import __version__
+from footsense.view.events import Event
+from footsense.view.signals import SIGNALS, Table
+from footsense.view.words import word_tables
+
+_HEAD = struct.Struct("<IIII")
+
+#: Longest message of a page [bytes].
+MAX_REQUEST_BYTES = 4096
+
+
+class Drawn(msgspec.Struct, tag="drawn", tag_field="type", forbid_unknown_fields=True):
+    """The page has drawn a message of cycles, and is ready for another."""
+
+
+class ChunkRequest(msgspec.Struct, tag="chunk", tag_field="type", forbid_unknown_fields=True):
+    """The page asks for a second of a recording, by its number."""
+
+    number: int
+
+
+class TareRequest(msgspec.Struct, tag="tare", tag_field="type", forbid_unknown_fields=True):
+    """The page asks for a tare of a leg, with the token that was printed at start."""
+
+    leg: str
+    token: str
+
+
+Request = Drawn | ChunkRequest | TareRequest
+_decoder: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
+
+
+def decode_request(message: str | bytes) -> Request:
+    """Return a page's message.
+
+    Raises:
+        ValueError: It is none of this protocol.
+    """
+    if isinstance(message, bytes):
+        raise ValueError("a binary message, and only text is meant")  # noqa: TRY004 - one error for all rubbish
+    return _decoder.decode(message)
+
+
+def hello(
+    mode: Literal["live", "replay"], title: str, legs: Sequence[str], *, simulated: bool, commands: bool
+) -> str:
+    """Return the first message: what is shown, the signals, and the words.
+
+    Args:
+        mode: Whether a service or a recording is shown.
+        title: Its name.
+        legs: Names of its legs.
+        simulated: Whether its feet are simulated.
+        commands: Whether tares are allowed.
+    """
+    values = {
+        "version": __version__,
+        "mode": mode,
+        "title": title,
+        "legs": list(legs),
+        "simulated": simulated,
+        "commands": commands,
+        "signals": [signal._asdict() for signal in SIGNALS],
+        "words": word_tables(),
+    }
+    return message("hello", values)
+
+
+def events_message(events: Sequence[tuple[float, Event]], legs: Sequence[str]) -> str:
+    """Return events with their times [s]."""
+    return message(
+        "events",
+        {
+            "events": [
+                {
+                    "t": t_s,
+                    "leg": None if event.leg is None else legs[event.leg],
+                    "kind": event.kind,
+                    "level": event.level,
+                    "text": event.text,
+                }
+                for t_s, event in events
+            ]
+        },
+    )
+
+
+def message(kind: str, values: dict[str, Any]) -> str:
+    """Return a JSON message of a type."""
+    return msgspec.json.encode({"type": kind, **values}).decode()
+
+
+def encode_cycles(kind: int, times_s: Sequence[float], tables: Sequence[Table]) -> bytes:
+    """Return cycles as one binary message.
+
+    Four little-endian u32: `kind`, cycles, legs, signals; then the time of each cycle as float64; then the tables as
+    float32.
+
+    Args:
+        kind: 0 for live cycles; 1 + number for a second of a recording.
+        times_s: Time of each cycle [s].
+        tables: Signals of each, shape (legs, signals).
+    """
+    n_legs, n_signals = tables[0].shape if tables else (0, len(SIGNALS))
+    head = _HEAD.pack(kind, len(tables), n_legs, n_signals)
+    return b"".join((head, np.array(times_s, "<f8").tobytes(), *(t.astype("<f4").tobytes() for t in tables)))

@@ -1,0 +1,149 @@
+"""One browser on the live page: sends it the newest cycles, as fast as it draws them.
+
+A page acknowledges each message of cycles when it has drawn it, and at most two are unacknowledged: a slow or hidden
+page is sent little or nothing, and then the newest cycles. Nothing waits for it, and no backlog grows.
+"""
+
+import asyncio
+from typing import Protocol
+
+import msgspec
+
+from footsense.view.live import Live
+from footsense.view.page_messages import encode_cycles, events_message, hello, message
+from footsense.view.recorded import Recorded
+
+#: Messages of cycles that a page may have ahead.
+_CREDITS = 2
+#: Cycles in one message at most: those of a page that has just come, or come back.
+_MAX_CYCLES = 256
+_STATUS_PERIOD_S = 0.5
+
+
+class Connection(Protocol):
+    """The sending side of a WebSocket."""
+
+    async def send(self, message: str | bytes) -> None:
+        """Send a message; wait while the peer does not read."""
+        ...
+
+
+class LivePage:
+    """The state of one page.
+
+    Args:
+        live: The followed service.
+        commands: Whether tares are allowed.
+    """
+
+    def __init__(self, live: Live, *, commands: bool) -> None:
+        self._live = live
+        self._commands = commands
+        self._credits = _CREDITS
+        self._service = -1
+        self._next = 0
+        self._next_event = 0
+        self._status = ""
+        self._status_due_s = 0.0
+
+    def acknowledge(self) -> None:
+        """Count a message as drawn."""
+        self._credits = min(self._credits + 1, _CREDITS)
+
+    async def send_new(self, connection: Connection, now_s: float) -> None:
+        """Send what is new and fits the credits.
+
+        Args:
+            connection: The page.
+            now_s: The time of the event loop [s].
+        """
+        live = self._live
+        if self._credits == 0:
+            return
+        if self._service != live.service:
+            self._service, self._status = live.service, ""
+            await connection.send(live_hello(live, commands=self._commands))
+        status = message("status", live.status())
+        if status != self._status and (now_s >= self._status_due_s or not self._status):
+            self._status, self._status_due_s = status, now_s + _STATUS_PERIOD_S
+            await connection.send(status)
+        events = [(number, event) for number, event in live.events if number >= self._next_event]
+        if events:
+            self._next_event = events[-1][0] + 1
+            timed = [(live.seconds(event), event) for _, event in events]
+            await connection.send(events_message(timed, live.legs))
+        if not live.cycles or live.cycles[-1].number < self._next:
+            return
+        n_new = min(live.cycles[-1].number + 1 - self._next, len(live.cycles), _MAX_CYCLES)
+        new = [live.cycles[-k] for k in range(n_new, 0, -1)]
+        self._next = new[-1].number + 1
+        self._credits -= 1
+        await connection.send(encode_cycles(0, [one.t_s for one in new], [one.table for one in new]))
+
+
+class RecordingPage:
+    """The state of one page that shows a recording; the page asks for each second of it.
+
+    Args:
+        recorded: The recording.
+    """
+
+    def __init__(self, recorded: Recorded) -> None:
+        self._recorded = recorded
+        self._n_events = 0
+        self._progress = ""
+
+    async def send_new(self, connection: Connection, now_s: float) -> None:
+        """Send how much has been read, and its events."""
+        del now_s
+        recorded = self._recorded
+        if not self._progress:
+            await connection.send(recording_hello(recorded))
+        events = recorded.events[self._n_events :]
+        if events:
+            self._n_events += len(events)
+            await connection.send(events_message(events, recorded.legs))
+        values = {
+            "end": recorded.end_s if recorded.done else float(recorded.n_seconds),
+            "total": recorded.total_s,
+            "damage": recorded.damage,
+            "done": recorded.done,
+        }
+        text = message("progress", values)
+        if text != self._progress:
+            self._progress = text
+            await connection.send(text)
+
+    async def send_second(self, connection: Connection, number: int) -> None:
+        """Send a second of the recording, if there is one of this number."""
+        if cycles := self._recorded.second(number):
+            await connection.send(cycles)
+
+
+def recording_hello(recorded: Recorded) -> str:
+    """Return the first message of the page of a recording."""
+    is_simulated = bool(recorded.header.get("scene"))
+    return hello("replay", recorded.path.name, recorded.legs, simulated=is_simulated, commands=False)
+
+
+def live_hello(live: Live, *, commands: bool) -> str:
+    """Return the first message of the page of a service."""
+    scene = msgspec.json.decode(live.header.get("scene") or "{}")
+    title = scene.get("description", "") if scene else "on the robot"
+    return hello("live", title, live.legs, simulated=bool(scene), commands=commands)
+
+
+class Pulse:
+    """Wakes all waiting tasks again and again."""
+
+    def __init__(self) -> None:
+        self._event = asyncio.Event()
+
+    def wake(self) -> None:
+        """Wake every task that waits."""
+        self._event.set()
+        self._event = asyncio.Event()
+
+    async def wait(self) -> None:
+        """Wait for the next wake-up."""
+        await self._event.wait()

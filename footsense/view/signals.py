@@ -1,0 +1,110 @@
+"""Signals of a cycle as one table of numbers, legs by signals: what the page draws and plots."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import ELEMENTS, Cycle, GaitFrame, Vector
+
+Table = NDArray[np.float32]
+
+#: Age from which contact and ground are unknown [ns]: three of their periods, as a consumer of CAN has it.
+_GAIT_LIMIT_NS = 300_000_000
+
+
+class Signal(NamedTuple):
+    """One column of the table.
+
+    Attributes:
+        name: Its name, the same in JSON and on the page.
+        unit: Its unit; empty for a ratio, a code or a mask.
+    """
+
+    name: str
+    unit: str
+
+
+_CLOSURES = tuple(Signal(f"closure_{element}", "") for element in range(ELEMENTS))
+
+#: The columns of the table in their order.
+SIGNALS = (
+    *(Signal("fx", "N"), Signal("fy", "N"), Signal("fz", "N")),
+    *(Signal("sigma_x", "N"), Signal("sigma_y", "N"), Signal("sigma_z", "N")),
+    *_CLOSURES,
+    Signal("age", "ms"),
+    *(Signal("state", ""), Signal("cause", ""), Signal("fault_mask", ""), Signal("flags", "")),
+    *(Signal("baseline_status", ""), Signal("baseline_mean", "fF"), Signal("baseline_worst", "fF")),
+    Signal("temperature", "degC"),
+    *(Signal("contact", ""), Signal("probability", ""), Signal("load_share", "")),
+    *(Signal("normal_x", ""), Signal("normal_y", ""), Signal("normal_z", ""), Signal("normal_sigma", "rad")),
+    *(Signal("friction_use", ""), Signal("friction_use_sigma", ""), Signal("friction", "")),
+    *(Signal("slip", ""), Signal("all_in_air", "")),
+)
+_COLUMN = {signal.name: column for column, signal in enumerate(SIGNALS)}
+_FORCE = slice(_COLUMN["fx"], _COLUMN["fx"] + 3)
+_SIGMA = slice(_COLUMN["sigma_x"], _COLUMN["sigma_x"] + 3)
+_CLOSURE = slice(_COLUMN["closure_0"], _COLUMN["closure_0"] + ELEMENTS)
+_NORMAL = slice(_COLUMN["normal_x"], _COLUMN["normal_x"] + 3)
+
+_FORCE_COLUMNS: tuple[tuple[int, Callable[[Any], Any]], ...] = (
+    (_COLUMN["age"], lambda forces: np.where(forces.t_ns > 0, forces.age_ns * 1e-6, np.nan)),
+    (_COLUMN["state"], lambda forces: forces.state),
+    (_COLUMN["cause"], lambda forces: forces.cause),
+    (_COLUMN["fault_mask"], lambda forces: forces.fault_mask),
+    (_COLUMN["flags"], lambda forces: forces.flags),
+    (_COLUMN["baseline_status"], lambda forces: forces.baseline.status),
+    (_COLUMN["baseline_mean"], lambda forces: forces.baseline.mean_pf * 1e3),
+    (_COLUMN["baseline_worst"], lambda forces: forces.baseline.worst_pf * 1e3),
+)
+_GAIT_COLUMNS = {
+    _COLUMN["contact"]: "contact",
+    _COLUMN["probability"]: "probability",
+    _COLUMN["load_share"]: "load_share",
+    _COLUMN["normal_sigma"]: "normal_sigma_rad",
+    _COLUMN["friction_use"]: "friction_use",
+    _COLUMN["friction_use_sigma"]: "friction_use_sigma",
+    _COLUMN["friction"]: "friction",
+    _COLUMN["slip"]: "slip",
+    _COLUMN["all_in_air"]: "all_in_air",
+}
+
+
+class SignalTable:
+    """Turns cycles into tables; remembers what not every cycle carries: gait and temperature.
+
+    Args:
+        n_legs: Rows of the frames.
+    """
+
+    def __init__(self, n_legs: int) -> None:
+        self._n_legs = n_legs
+        self._gait: GaitFrame | None = None
+        self._temperature_c = np.full(n_legs, np.nan)
+
+    def table(self, cycle: Cycle, closure_rel: Vector) -> Table:
+        """Return the signals of the next cycle, shape (legs, signals), NaN where unknown.
+
+        Args:
+            cycle: The cycle.
+            closure_rel: Closure of each gap over the gap [1], shape (legs, 9).
+        """
+        forces = cycle.forces
+        if forces.gait is not None:
+            self._gait = forces.gait
+        if cycle.temperature_c is not None:
+            self._temperature_c = cycle.temperature_c
+        table = np.full((self._n_legs, len(SIGNALS)), np.nan, np.float32)
+        table[:, _FORCE] = forces.force_n
+        table[:, _SIGMA] = forces.sigma_n
+        table[:, _CLOSURE] = closure_rel
+        for column, value in _FORCE_COLUMNS:
+            table[:, column] = value(forces)
+        table[:, _COLUMN["temperature"]] = self._temperature_c
+        gait = self._gait
+        if gait is not None and forces.t_sent_ns - gait.t_ns <= _GAIT_LIMIT_NS:
+            table[:, _NORMAL] = gait.normal
+            for column, name in _GAIT_COLUMNS.items():
+                table[:, column] = getattr(gait, name)
+        return table
