@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 #: Times of a press [s]: rise or fall, dwell, pause.
 _RISE_S, _DWELL_S, _PAUSE_S = 0.05, 0.5, 0.5
-#: Accuracy of the stick's rails [deg]; noise of a mean reading, of one reading and of a baseline [pF].
-_LEAN_DEG, _MEAN_PF, _ONE_PF, _BASELINE_PF = 1.0, 0.15e-3, 0.5e-3, 0.2e-3
-#: Noise of a mean force of the reference, dithered and averaged, over its step [1].
-_REFERENCE_STEPS = 0.07
+#: Noise of a mean reading, of one reading and of a baseline [pF].
+_MEAN_PF, _ONE_PF, _BASELINE_PF = 0.15e-3, 0.5e-3, 0.2e-3
+#: Noise of a mean force over the reference's resolution, as the session finds it [1].
+_MEAN_STEPS = 0.07
 _FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Time after which the residual test acts on what it sees [ns].
 _SETTLED_NS = 100_000_000
@@ -53,6 +53,8 @@ class Disturbance:
             between a quarter of it and all of it. The stick of the test stand adds none.
         microphonics_pf: Noise of the cables in motion, rms, the same during one dwell [pF].
         reference_linearity_rel: Nonlinearity of the reference over its rated value [1].
+        reference_steps: Scatter of a press's mean force, rms, over the reference's resolution [1].
+        lean_deg: Angle between the contact's normal and the force of a press of the calibration, rms [deg].
     """
 
     turn_deg: float = 0.0
@@ -62,6 +64,8 @@ class Disturbance:
     touchdown_pf: float = 0.0
     microphonics_pf: float = 0.0
     reference_linearity_rel: float = 0.0
+    reference_steps: float = 0.07
+    lean_deg: float = 1.0
 
 
 #: As the calibration supposes.
@@ -146,7 +150,7 @@ class _OnTestStand:
         at_pf = pf[:, 2] + noise_pf * noise[0] + self._disturbance.microphonics_pf * noise[1]
         return LoadSet(
             force_n=self._reference_n(loads.force_n, noise[3, :, :3]),
-            sigma_n=np.full(loads.force_n.shape, _REFERENCE_STEPS * STEP_GF * GRAM_FORCE_N),
+            sigma_n=np.full(loads.force_n.shape, _MEAN_STEPS * STEP_GF * GRAM_FORCE_N),
             capacitance_pf=at_pf + (self._touchdown_pf if on_floor else 0.0),
             baseline_pf=pf[:, 0] + _BASELINE_PF * noise[2],
         )
@@ -187,7 +191,8 @@ class _OnTestStand:
     def _reference_n(self, force_n: Vector, noise: Vector) -> Vector:
         """Return what the reference reads of forces [N], shape (n, 3)."""
         load_gf = -force_n / GRAM_FORCE_N
-        read_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf) + _REFERENCE_STEPS * STEP_GF * noise
+        read_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf)
+        read_gf += self._disturbance.reference_steps * STEP_GF * noise
         return -read_gf * GRAM_FORCE_N
 
 
@@ -218,7 +223,11 @@ def run_mismatch_trial(
     foot = _OnTestStand(truth, own, disturbance, rng)
     force_n = paper_presses("training")[:: plan.every]
     direction = normalized(force_n)
-    lean = np.radians(_LEAN_DEG) * np.sqrt(0.5) * np.cross(rng.normal(size=direction.shape), direction)
+    lean = (
+        np.radians(disturbance.lean_deg)
+        * np.sqrt(0.5)
+        * np.cross(rng.normal(size=direction.shape), direction)
+    )
     pressed = foot.press(TestLoads(normalized(direction + lean), force_n), _MEAN_PF, on_floor=False)
     loads = pressed.subset(pressed.capacitance_pf.max(axis=1) < _FULL_SCALE_PF)
     feet: dict[str, FootParameters | None] = {"design": None}

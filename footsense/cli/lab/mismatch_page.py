@@ -97,9 +97,7 @@ def evaluate_job(job: Job, *, models: Path, tables: Path, plan: TrialPlan) -> di
         plan: What is done with it.
     """
     design, known, row = load_foot(models / FOOT_FILE), _models(models), ROWS[job.case]
-    truth = dataclasses.replace(
-        response_of(row.solid, known.response, design, tables), cavity=row.cavity
-    )
+    truth = dataclasses.replace(response_of(row.solid, known.response, design, tables), cavity=row.cavity)
     return run_mismatch_trial(known, truth, row.disturbance, plan, job.foot)
 
 

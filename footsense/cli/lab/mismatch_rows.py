@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from footsense.foot.cavity.air import VENTED, Cavity
 from footsense.lab.fem.whole import Imperfection
+from footsense.lab.monte_carlo.sweeps import YARDSTICK
 from footsense.lab.other_solids import AS_DESIGNED, OTHER_MESH, OtherSolid
 from footsense.sim.test_stand.reference_sensor import LINEARITY_REL
 from footsense.validation.mismatch_trial import UNDISTURBED, Disturbance
@@ -62,6 +63,13 @@ ROWS = {
     "reference": Row(
         title="reference off by its linearity of 1.5 %",
         disturbance=Disturbance(reference_linearity_rel=LINEARITY_REL),
+    ),
+    "stand": Row(
+        title=f"test stand of the yardstick: stick {YARDSTICK.stick_deg:g} deg, reference "
+        f"{YARDSTICK.reference_resolutions:g} resolutions",
+        disturbance=Disturbance(
+            lean_deg=YARDSTICK.stick_deg, reference_steps=YARDSTICK.reference_resolutions
+        ),
     ),
     "sealed": Row(title="cavities sealed", cavity=Cavity(kind="sealed"), represented=False),
     "leaking": Row(
