@@ -57,7 +57,9 @@ def test_a_whole_table_without_change_is_the_quarter_mirrored(tmp_path: Path) ->
     assert len(kept.quarter_compliance) == SIDE
     normal = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
     for one in (whole, kept):
-        np.testing.assert_allclose(one.free_closure_um(normal, normal), RESPONSE.free_closure_um(normal, normal))
+        np.testing.assert_allclose(
+            one.free_closure_um(normal, normal), RESPONSE.free_closure_um(normal, normal)
+        )
     np.testing.assert_array_equal(kept.compliance_um_per_n, RESPONSE.compliance_um_per_n)
     other = replace(kept, quarter_series=1.1 * kept.quarter_series)
     assert other.closure_um(normal, normal)[0, 0] > kept.closure_um(normal, normal)[0, 0]

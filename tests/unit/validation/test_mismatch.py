@@ -1,4 +1,4 @@
-"""Feet of another physics through the whole chain: calibrated, judged on leaning loads, and refused where they must be."""
+"""Feet of another physics through the whole chain: calibrated, read under leaning loads, refused where necessary."""
 
 from dataclasses import replace
 
