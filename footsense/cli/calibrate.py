@@ -124,8 +124,8 @@ def _text(calibration: FootCalibration, result: CalibrationResult, took_s: float
         else "; more than usual: something differs from the design's kind"
     )
     lines.append(
-        f"  median distance of the loads from the fitted foot: {result.distance:.1f}, usual are 2 to {USUAL_DISTANCE:g}, "
-        f"refused from {MAX_DISTANCE:g}{doubt}"
+        f"  median distance of the loads from the fitted foot: {result.distance:.1f}, "
+        f"usual are 2 to {USUAL_DISTANCE:g}, refused from {MAX_DISTANCE:g}{doubt}"
     )
     if predicted.not_identified:
         lines.append(f"  not identified, near the design's value: {', '.join(predicted.not_identified)}")
