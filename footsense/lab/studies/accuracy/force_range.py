@@ -134,7 +134,7 @@ def _read(
     return (closure_um / gap_um).max(axis=1), read, load.force_n, load.sigma_n, said
 
 
-def _band_errors(inside: Mask, parts: tuple[Vector, ...]) -> BandErrors | None:
+def _band_errors(inside: Mask, parts: tuple[Any, ...]) -> BandErrors | None:
     """Return the errors of the loads of a band; None if there are none."""
     if not inside.any():
         return None
@@ -164,7 +164,7 @@ def _errors_by_band(context: StudyContext, feet: list[Deviations]) -> list[BandE
     """Return the errors by band over random leaning loads on some feet."""
     loads, trained = context.foot_design.loads, context.trained_inputs
     rng = np.random.default_rng(_SEED)
-    collected: list[tuple[Vector, ...]] = []
+    collected: list[tuple[Any, ...]] = []
     for own in feet:
         direction = random_directions(rng, 2 * _LOADS, _LOWEST_DEG)
         normal = leaning_normals(loads, rng, direction)
