@@ -1,4 +1,4 @@
-# make run       a six-legged robot walks in simulation; its foot forces, live
+# make run       a six-legged robot walks in simulation for half a minute; its foot forces, live; a page in the browser
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
 # make test      format, lint, types, import contracts, tests: what CI runs
 # make lock      the newest packages for a robot: deploy/requirements.lock, with their hashes
@@ -14,7 +14,7 @@ BIN    := $(VENV)/bin
 .PHONY: run install test kernel-test kernel-test-short lock mutants format golden clean
 
 run: $(VENV)/robot.stamp
-	$(BIN)/footsense run --duration 10
+	$(BIN)/footsense run --realtime --duration 30
 
 install: $(VENV)/robot.stamp
 
