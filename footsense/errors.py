@@ -24,6 +24,11 @@ class FootsenseError(Exception):
 
     exit_code = 1
 
+    def __str__(self) -> str:
+        """Return the message as one line without control characters: it may quote a forged file to a terminal."""
+        line = " ".join(super().__str__().split())
+        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
+
 
 class ConfigError(FootsenseError):
     """A configuration or scene contradicts its schema or itself."""

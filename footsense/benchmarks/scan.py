@@ -17,7 +17,7 @@ from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
-from footsense.frames import USABLE, Flag
+from footsense.frames import IS_USABLE, Flag
 from footsense.sim.scene import Scene
 from footsense.sim.scene_files import load_scene
 
@@ -109,8 +109,7 @@ def age_ms() -> dict[str, float]:
     ages_ns: list[int] = []
     with open_scan_source(config, scene) as scan_source:
         pipeline = pipeline_for(load_models(config), Flag.SIMULATED)
-        usable = np.array(sorted(USABLE), np.uint8)
         while len(ages_ns) < _AGES * len(config.legs):
             forces, _ = pipeline.process(scan_source.source.read(), scan_source.clock.now_ns())
-            ages_ns += forces.age_ns[np.isin(forces.state, usable)].tolist()
+            ages_ns += forces.age_ns[IS_USABLE[forces.state]].tolist()
     return {"p50": float(np.median(ages_ns)) * 1e-6, "p99": float(np.quantile(ages_ns, 0.99)) * 1e-6}

@@ -129,8 +129,9 @@ class SocketWire:
                 break
             if not frame:  # the other end of a socket pair is closed
                 break
-            if len(frame) == FD_FRAME_BYTES:  # older kernels do not set the flag
-                frame = frame[:5] + bytes([frame[5] | FD_FRAME]) + frame[6:]
+            # Older kernels do not set the flag, and in a classic frame the byte is whatever its sender left there.
+            flags = frame[5] | FD_FRAME if len(frame) == FD_FRAME_BYTES else 0
+            frame = frame[:5] + bytes([flags]) + frame[6:]
             arrived.append(frame)
         return arrived
 

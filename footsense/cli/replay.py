@@ -51,11 +51,11 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
     models = load_models(config)
-    difference = model_difference(recording.header, models)
-    if difference and check:
-        raise ModelError(f"{file}: {difference}")
-    if difference:
-        click.echo(f"warning: {file}: {difference}", err=True)
+    if difference := model_difference(recording.header, models):
+        error = ModelError(f"{file}: {difference}")
+        if check:
+            raise error
+        click.echo(f"warning: {error}", err=True)
     pipeline = pipeline_for(models, recorded_flags(recording))
     exact = same_machine(recording.header, platform_versions())
     n_frames = n_equal = 0

@@ -56,7 +56,11 @@ class Network:
                 content, options, providers=["CPUExecutionProvider"], enable_fallback=0
             )
             text = self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
-            inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+            # Here, as a name that is no UTF-8 raises when it is read.
+            inputs, outputs = (
+                [(value.name, value.type, value.shape) for value in values]
+                for values in (self._session.get_inputs(), self._session.get_outputs())
+            )
         except Exception as error:  # the library raises a dozen types without a common base
             raise ModelError(f"{path}: not a readable ONNX network ({_error_line(error)})") from error
         # Shapes first: read_card would only say that a card of another shape does not fit.
@@ -122,17 +126,17 @@ def _read_file(path: Path) -> bytes:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _check_shapes(path: Path, kind: str, values: list[Any], needed: Sequence[Signal]) -> None:
+def _check_shapes(
+    path: Path, kind: str, values: Sequence[tuple[str, str, Sequence[Any]]], needed: Sequence[Signal]
+) -> None:
     """Check names, types and shapes of the inputs or outputs.
 
     Raises:
         ModelError: They are others than the daemon's.
     """
-    found = [(value.name, value.type, value.shape[1:]) for value in values]
+    found = [(name, dtype, shape[1:]) for name, dtype, shape in values]
     if found != [(signal.name, "tensor(float)", [signal.width]) for signal in needed]:
-        shown = ", ".join(
-            f"{value.name} [{', '.join(map(str, value.shape))}] {value.type}" for value in values
-        )
+        shown = ", ".join(f"{name} [{', '.join(map(str, shape))}] {dtype}" for name, dtype, shape in values)
         wanted = ", ".join(f"{signal.name} [n, {signal.width}]" for signal in needed)
         raise ModelError(f"{path}: its {kind}s are {shown or 'missing'}; the daemon needs float32 {wanted}")
 

@@ -6,8 +6,9 @@ The solid is linear, so the closure of cell c under a force f whose contact lies
 
 G0 is the response to a point force, and a^2 G2 the effect of the contact patch of radius a. Both come from the adjoint
 solves of `footsense lab build`, as series in products of Chebyshev polynomials of the stereographic coordinates of n:
-smooth over the pole, and evaluated without a search. Closed gaps are solved in `gap_contact.py`, with the compliance B
-of the same solves. Cells of one quarter are stored, the others are their mirror images.
+smooth over the pole, and evaluated without a search. Closed gaps are solved in `gap_contact.py` and the air of closed
+cavities in `cavity/`, with the compliance B of the same solves. Cells of one quarter are stored, the others are their
+mirror images.
 """
 
 import hashlib
@@ -23,6 +24,7 @@ import numpy as np
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.cavity.air import VENTED, Cavity
 from footsense.foot.gap_contact import ALL_CELLS, element_means
 from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.symmetry import HALF_SIDE, SIDE, product_powers, whole_compliance, whole_series
@@ -31,11 +33,12 @@ from footsense.frames import Vector
 #: Version of the file's layout.
 FORMAT = 2
 
+#: Largest file that is read, and most that its arrays unpack to [bytes]; the released one has 0.6 million.
+MAX_BYTES = 1 << 26
+
 #: Largest deviation of a unit vector from length 1 [1].
 UNIT_TOLERANCE = 1e-6
 
-#: Errors by which numpy, json and the constructors reject a damaged file.
-_DAMAGE = (KeyError, TypeError, ValueError, AttributeError, OSError, EOFError, zipfile.BadZipFile)
 #: Arrays of the file, by the names of the fields.
 _ARRAYS = ("quarter_series", "quarter_compliance")
 #: Other fields of the file, beside the design.
@@ -43,6 +46,23 @@ _DESCRIPTION = (
     *("foot_type", "ball_radius_mm", "hertz_modulus_mpa", "min_elevation_deg"),
     *("fit_elevation_deg", "degree", "provenance"),
 )
+
+
+def _unpack(content: bytes) -> dict[str, Any]:
+    """Return the description of a file with its arrays.
+
+    Raises:
+        ValueError: It unpacks to too much, or is of another format.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        if sum(info.file_size for info in archive.infolist()) > MAX_BYTES:
+            raise ValueError(f"it unpacks to more than {MAX_BYTES} bytes")
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        about = json.loads(str(stored["description"]))
+        arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in _ARRAYS}
+    if about.pop("format") != FORMAT:
+        raise ValueError(f"it is not of format {FORMAT}")
+    return {**about, **arrays}
 
 
 def n_products(degree: int) -> int:
@@ -90,6 +110,7 @@ class FootResponse:
         series: The same for all cells, force component before cell: shape (2, products, 3 * 324).
         compliance_um_per_n: The matrix B of `gap_contact.py`, shape (324, 324).
         provenance: Mesh, order, unknowns and interpolation error, as JSON values.
+        cavity: How the cavities hold their air; vented in a file that does not state it.
         sha256: Hash of the file that it was loaded from, empty without one.
     """
 
@@ -103,6 +124,7 @@ class FootResponse:
     quarter_series: Vector
     quarter_compliance: Vector
     provenance: dict[str, Any]
+    cavity: Cavity = VENTED
     sha256: str = ""
     series: Vector = field(init=False)
     compliance_um_per_n: Vector = field(init=False)
@@ -144,25 +166,26 @@ class FootResponse:
         """
         rebuild = "rebuild it with `footsense lab build`"
         try:
-            content = path.read_bytes()
+            with path.open("rb") as file:
+                content = file.read(MAX_BYTES + 1)
         except OSError as error:
             raise ModelError(f"cannot read the foot response {path}: {error.strerror}; {rebuild}") from error
         try:
-            with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-                about = json.loads(str(stored["description"]))
-                arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in _ARRAYS}
-            if about.pop("format") != FORMAT:
-                raise ModelError(f"{path} is not a foot response of format {FORMAT}; {rebuild}")
-            about["design"] = CapacitorDesign(**about["design"])
-            digest = hashlib.sha256(content).hexdigest()
-            return cls(**{**about, **arrays}, sha256=digest)
-        except _DAMAGE as error:
+            parts = _unpack(content)
+            parts["design"] = CapacitorDesign(**parts["design"])
+            parts["cavity"] = Cavity(**parts.get("cavity", {}))
+            return cls(**parts, sha256=hashlib.sha256(content).hexdigest())
+        except Exception as error:  # zipfile, numpy and json raise a dozen types without a common base
             raise ModelError(f"{path} is no whole foot response ({error}); {rebuild}") from error
 
     def save(self, path: Path) -> None:
         """Write the table reproducibly: equal content gives equal bytes, as the dates in the archive are fixed."""
         about = {"format": FORMAT, "design": asdict(self.design)}
         about |= {name: getattr(self, name) for name in _DESCRIPTION}
+        # A vented foot's table has the bytes that it had before there were others.
+        if self.cavity != VENTED:
+            stated = asdict(self.cavity).items()
+            about["cavity"] = {name: value for name, value in stated if value != getattr(VENTED, name)}
         text = np.array(json.dumps(about, sort_keys=True))
         with path.open("wb") as stream:
             np.savez(stream, description=text, **{name: getattr(self, name) for name in _ARRAYS})

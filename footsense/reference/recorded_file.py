@@ -1,6 +1,7 @@
 """A recorded force sensor, played beside the scans from the first scan on."""
 
 import csv
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,9 @@ from footsense.frames import Reference, Vector
 from footsense.reference.record_columns import TIMES, largest_plausible
 from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.sensor_statistics import SensorStatistics
+
+#: Longest line that is read [characters]; a file without line ends would else be read whole.
+_MAX_LINE = 10_000
 
 
 class FileReference:
@@ -56,7 +60,7 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = csv.DictReader(file, skipinitialspace=True)
+            rows = csv.DictReader(iter(partial(file.readline, _MAX_LINE), ""), skipinitialspace=True)
             names = [name.strip() for name in rows.fieldnames or ()]
             time = next((name for name in TIMES if name in names), None)
             if time is None or not {"fx", "fy", "fz"} <= set(names):

@@ -47,16 +47,12 @@ def load(
         text = read_yaml(source)
     except YamlError as fault:
         place = where if fault.line is None else f"{where}:{fault.line}"
-        raise ConfigError(_printable_line(f"{place}: {fault}")) from None
+        raise ConfigError(f"{place}: {fault}") from None
     try:
         result = msgspec.convert(text.data, type_)
         problem = check(result) if check else None
     except msgspec.ValidationError as error:
         problem = locate_error(text.data, type_, str(error), former or {})
     if problem:
-        raise ConfigError(_printable_line(f"{where}:{text.line_of(problem.path)}: {problem}"))
+        raise ConfigError(f"{where}:{text.line_of(problem.path)}: {problem}")
     return result
-
-
-def _printable_line(text: str) -> str:
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))

@@ -100,9 +100,13 @@ def read_yaml(source: Path | str | bytes) -> PlainData:
 
 def _text(source: Path | str | bytes) -> str:
     try:
-        data = source.read_bytes() if isinstance(source, Path) else source
+        if isinstance(source, Path):
+            with source.open("rb") as file:
+                data: str | bytes = file.read(MAX_BYTES + 1)
+        else:
+            data = source
         if len(data) > MAX_BYTES:
-            raise YamlError(f"has {len(data)} bytes; at most {MAX_BYTES} are read")
+            raise YamlError(f"has more than the {MAX_BYTES} bytes that are read")
         return data.decode() if isinstance(data, bytes) else data
     except UnicodeDecodeError as error:
         raise YamlError(

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from footsense.foot.directions import angles_between_deg
-from footsense.frames import FAULT_FREE, USABLE, Cycle, Stamps, State, Vector
+from footsense.frames import FAULT_FREE, IS_USABLE, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
 
 #: Smallest true force of a loaded frame, whose direction is defined [N].
@@ -50,7 +50,7 @@ class RunStatistics(Observer):
         self._last_ns = forces.t_sent_ns
         self._cycles += 1
         self._states[np.arange(len(self._legs)), forces.state] += 1
-        valid = np.isin(forces.state, list(USABLE))
+        valid = IS_USABLE[forces.state]
         if not valid.any():
             return
         self._ages_ns.append((forces.t_sent_ns - forces.t_ns)[valid])

@@ -1,6 +1,7 @@
 """ONNX files: damaged, and forged with a checksum that is right."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx import ModelProto, TensorProto, helper
 
@@ -16,8 +17,8 @@ from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import read_card
-from tests.fuzz.outcome import TRIED, refusal
+from footsense.foot.files.network_card import INPUTS, OUTPUTS, read_card
+from tests.fuzz.outcome import EXAMPLES, TRIED, refusal
 from tests.support.networks import ALL_IN, ALL_OUT
 
 WHOLE = released_path("network.onnx").read_bytes()
@@ -72,9 +73,11 @@ def judge(files: list[Path]) -> list[str]:
     return lines
 
 
-def test_forged_files_hurt_nobody(tmp_path: Path) -> None:
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(TRIED, max_examples=1 + EXAMPLES // 100)
+def test_forged_files_hurt_nobody(tmp_path: Path, seed: int) -> None:
     """Bytes changed under a checksum that is made anew: the runtime takes them or refuses, and lives on."""
-    content, rng, files = WHOLE[:-86], np.random.default_rng(1), []
+    content, rng, files = WHOLE[:-86], np.random.default_rng(seed), []
     assert add_checksum(content) == WHOLE
     for n in range(150):
         changed = bytearray(content)
@@ -84,6 +87,16 @@ def test_forged_files_hurt_nobody(tmp_path: Path) -> None:
         files.append(tmp_path / f"{n}.onnx")
         files[-1].write_bytes(add_checksum(bytes(changed)))
     assert sum(" refused: " in line for line in judge(files)) > 10
+
+
+def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+    """Bytes that are no UTF-8, where the number of rows of an input or output is named."""
+    content, path = WHOLE[:-86], tmp_path / "network.onnx"
+    places = [match.start() for match in re.finditer(rb"\n\x03\x12\x01n", content)]
+    assert len(places) == len((*INPUTS, *OUTPUTS))
+    for at in places:
+        path.write_bytes(add_checksum(content[: at + 4] + b"\x87" + content[at + 5 :]))
+        assert refusal(lambda: Network(path, 1), ModelError)
 
 
 def network(tmp_path: Path, *nodes: Any, **constants: Any) -> Path:

@@ -65,7 +65,7 @@ _NOT_COPIED = (
     "drivers/staging",
     "sound",
 )
-_BOOT_MODULES = ("virtio_pci", "virtio_blk", "crc32c_generic", "ext4")
+_BOOT_MODULES = ("nfit", "nd_pmem", "crc32c_generic", "ext4")
 
 
 class LackingError(RuntimeError):
@@ -243,7 +243,7 @@ def _place_guest_files(root: Path) -> None:
     for name, text in {
         "etc/hostname": "robot\n",
         "etc/hosts": "127.0.0.1 localhost robot\n",
-        "etc/fstab": "/dev/vda / ext4 defaults 0 1\n",
+        "etc/fstab": "/dev/pmem0 / ext4 defaults 0 1\n",
         "etc/modules-load.d/machine.conf": "virtio_console\nfeet_adapter\n",
         "etc/systemd/network/70-can0.netdev": "[NetDev]\nName=can0\nKind=vcan\n",
     }.items():

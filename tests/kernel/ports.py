@@ -50,9 +50,13 @@ class Shell:
 
     Args:
         path: Socket of the port `agent`.
+
+    Attributes:
+        ended_s: When the last command that was waited for ended, by the machine's clock [s].
     """
 
     def __init__(self, path: Path) -> None:
+        self.ended_s = 0.0
         self._answers: dict[int, dict[str, Any]] = {}
         self._changed = threading.Condition()
         self._ids = count()
@@ -83,6 +87,7 @@ class Shell:
             if not self._changed.wait_for(lambda: number in self._answers, timeout_s):
                 raise GuestError(f"no answer from the machine for {timeout_s} s")
             answer = self._answers.pop(number)
+        self.ended_s = float(answer["t_s"])
         return answer["code"], answer["output"]
 
     def run(self, command: str, timeout_s: float = 1200) -> str:
@@ -118,9 +123,13 @@ class Chips:
 
     Args:
         path: Socket of the port `chips`.
+
+    Attributes:
+        ended_s: When the last command was executed, by the machine's clock [s].
     """
 
     def __init__(self, path: Path) -> None:
+        self.ended_s = 0.0
         self._answers: list[str] = []
         self._changed = threading.Condition()
         self.port = LinePort(path, self._take)
@@ -142,8 +151,11 @@ class Chips:
             if not self._changed.wait_for(lambda: self._answers, _ANSWER_S):
                 raise GuestError(f"chips: no answer to {command!r}")
             answer = self._answers[0]
-        if answer != "done" and command not in {"count", "time"}:
-            raise GuestError(f"chips: {command}: {answer}")
+        if command not in {"count", "time"}:
+            done, _, ended = answer.partition(" ")
+            if done != "done":
+                raise GuestError(f"chips: {command}: {answer}")
+            self.ended_s = float(ended)
         return answer
 
     @property
@@ -156,8 +168,3 @@ class Chips:
     def monotonic_s(self) -> float:
         """Time of the machine, on a clock that nobody steps [s]."""
         return float(self.do("time").split()[0])
-
-    @property
-    def real_s(self) -> float:
-        """Time of the machine as candump stamps frames [s]."""
-        return float(self.do("time").split()[1])

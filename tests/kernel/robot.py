@@ -157,12 +157,12 @@ class Trial:
         self.row = Row(did)
 
     def recovered(self, *legs: str) -> None:
-        """Wait until legs, or all, are valid, and note the time since now.
+        """Wait until legs, or all, are valid, and note the time since the last command ended.
 
         Raises:
             GuestError: They do not become valid.
         """
-        start_s = self.chips.real_s
+        start_s = max(self.chips.ended_s, self.machine.shell.ended_s)
         self.row.recovered_s = max(self.can.wait_for(State.VALID, legs or LEGS.values()) - start_s, 0.0)
 
     def end(self, *, passed: bool) -> None:

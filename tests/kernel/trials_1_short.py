@@ -53,9 +53,9 @@ def test_killed(trial: Trial) -> None:
 
 
 def test_can_goes_and_comes(trial: Trial) -> None:
-    """can0 deleted for 3 s."""
+    """can0 deleted for 2 s."""
     pid, cursor = trial.robot.pid, trial.machine.journal_cursor
-    trial.machine.run("ip link del can0; sleep 3; ip link add can0 type vcan; ip link set can0 up")
+    trial.machine.run("ip link del can0; sleep 2; ip link add can0 type vcan; ip link set can0 up")
     trial.recovered()
     assert trial.robot.pid == pid
     assert matching(trial.machine.journal(cursor), "can0")

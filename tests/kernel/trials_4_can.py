@@ -7,9 +7,9 @@ from tests.kernel.robot import Trial, matching
 
 
 def test_can_down_and_up(trial: Trial) -> None:
-    """`ip link set can0 down` for 3 s, then `up`."""
+    """`ip link set can0 down` for 2 s, then `up`."""
     pid, cursor = trial.robot.pid, trial.machine.journal_cursor
-    trial.machine.run("ip link set can0 down; sleep 3; ip link set can0 up")
+    trial.machine.run("ip link set can0 down; sleep 2; ip link set can0 up")
     trial.recovered()
     assert trial.robot.pid == pid
     lines = trial.machine.journal(cursor)
@@ -18,9 +18,9 @@ def test_can_down_and_up(trial: Trial) -> None:
 
 
 def test_can_away_for_long(trial: Trial) -> None:
-    """The interface can0 deleted for 10 s."""
+    """The interface can0 deleted for 6 s."""
     pid, cursor = trial.robot.pid, trial.machine.journal_cursor
-    trial.machine.run("ip link del can0; sleep 10; ip link add can0 type vcan; ip link set can0 up")
+    trial.machine.run("ip link del can0; sleep 6; ip link add can0 type vcan; ip link set can0 up")
     trial.recovered()
     assert trial.robot.pid == pid
     lines = trial.machine.journal(cursor)
@@ -42,7 +42,7 @@ def test_full_queue(trial: Trial) -> None:
     pid, cursor = trial.robot.pid, trial.machine.journal_cursor
     run = trial.machine.run
     run(
-        "set -e; tc qdisc replace dev can0 root netem delay 200ms limit 3; sleep 4; tc qdisc del dev can0 root"
+        "set -e; tc qdisc replace dev can0 root netem delay 200ms limit 3; sleep 3; tc qdisc del dev can0 root"
     )
     trial.recovered()
     assert trial.robot.pid == pid
@@ -55,9 +55,9 @@ def test_full_queue(trial: Trial) -> None:
 
 
 def test_foreign_frames(trial: Trial) -> None:
-    """Ten thousand frames of others, as fast as they go (`cangen`)."""
+    """Three thousand frames of others, as fast as they go (`cangen`)."""
     pid = trial.robot.pid
-    trial.machine.run("cangen can0 -g 0 -n 10000 -I 7A0 -L 8 -i")
+    trial.machine.run("cangen can0 -g 0 -n 3000 -I 7A0 -L 8 -i")
     trial.recovered()
     assert trial.robot.pid == pid
     assert State.ABSENT not in trial.can.all_states(trial.mark)

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from footsense.cli.leg_table import EMPTY, force_columns, leg_table, state_text
 from footsense.cli.live_view import LiveView
-from footsense.frames import USABLE, Cycle, State, Vector
+from footsense.frames import IS_USABLE, Cycle, State, Vector
 
 _PERIOD_NS = 66_000_000
 _BAR_CELLS = 10
@@ -45,7 +45,7 @@ class LiveTable(LiveView):
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
         """Return title and table; they fit 80 columns."""
         forces = cycle.forces
-        usable = np.isin(forces.state, list(USABLE))
+        usable = IS_USABLE[forces.state]
         force_n = np.where(usable[:, None], forces.force_n, np.nan)
         columns: dict[str, tuple[str, Callable[[int], RenderableType]]] = {
             "state": (f"<{_STATE_WIDTH}", lambda row: state_text(State(int(forces.state[row])))),

@@ -23,15 +23,14 @@ from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
 from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
-from footsense.frames import ELEMENTS, Reading
+from footsense.estimation.faults.causes import SILENT
+from footsense.frames import ELEMENTS
 from footsense.sim.scene import Scene
 
 #: Scans for the noise: they give its standard deviation to a sixth.
 _N_SCANS = 20
 #: Scans before them: converters that were just set up may still settle, and legs that fail are left out.
 _N_SETTLING = 4
-#: A foot with only such readings was not scanned.
-_SILENT = (Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP)
 
 
 def scan_adapters() -> list[ProbedAdapter]:
@@ -134,7 +133,7 @@ def _probe_legs(
     # By the configuration and the design alone, without the calibrations.
     stray_pf, unloaded_pf = unloaded_capacitance_pf(replace(load_models(config), calibrations={}))
     for row, place in enumerate(places):
-        scans = None if feet is None or np.isin(feet[row].reading, _SILENT).all() else feet[row]
+        scans = None if feet is None or np.isin(feet[row].reading, SILENT).all() else feet[row]
         faults: tuple[FootFault, ...] = ()
         if (
             scans is not None and not scans.is_intermittent

@@ -17,12 +17,10 @@ from footsense.estimation.faults.missing_sets import fault_mask, missing_element
 from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf
 from footsense.estimation.reading_window import Readings
 from footsense.foot.files.network_card import TrainedInputs
-from footsense.frames import USABLE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector
+from footsense.frames import IS_USABLE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector
 
 #: Least capacitance of an element over the range of an FDC1004 [pF].
 RANGE_END_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
-#: By state: to search the few usable ones for each leg costs ten times as much.
-_IS_USABLE = np.isin(np.arange(256), sorted(USABLE))
 
 
 class ElementStatus(NamedTuple):
@@ -207,7 +205,7 @@ class LegClassifier:
         faults = ElementFaults(elements.opened, shorted, consistency.stuck, consistency.drifting)
         return LegStatus(
             state=state,
-            usable=_IS_USABLE[state],
+            usable=IS_USABLE[state],
             fault_mask=fault_mask((reading != 0) | faulty | closed),
             cause=causes(reading, state, faults, drift_cause),
             t_ns=readings.newest_ns,

@@ -12,6 +12,7 @@ So a calibration has one hash, by which recordings name it, and every edit by ha
 """
 
 import hashlib
+from datetime import datetime
 from typing import Annotated
 
 import msgspec
@@ -82,6 +83,14 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     recordings: Annotated[dict[str, Sha256], Meta(min_length=1)]
     files: dict[str, Sha256] = {}
     sha256: str = ""
+
+    def __post_init__(self) -> None:
+        """Check that the date exists.
+
+        Raises:
+            ValueError: It does not.
+        """
+        datetime.fromisoformat(self.made)
 
     @property
     def own_sha256(self) -> str:

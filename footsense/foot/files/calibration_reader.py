@@ -132,15 +132,17 @@ def _read_file(path: Path) -> bytes:
         ModelError: It is missing, cannot be read, or is too large.
     """
     try:
-        if path.is_file() and path.stat().st_size > MAX_BYTES:
-            raise ModelError(f"{path}: has {path.stat().st_size} bytes, at most {MAX_BYTES} are read")
-        return path.read_bytes()
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
         raise ModelError(
             f"{path}: missing; a calibration is used whole or not at all, copy it again"
         ) from None
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
+    if len(content) > MAX_BYTES:
+        raise ModelError(f"{path}: has more than the {MAX_BYTES} bytes that are read")
+    return content
 
 
 def _decode_json(path: Path, content: bytes, kind: type[_Struct]) -> _Struct:

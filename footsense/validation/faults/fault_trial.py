@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
-from footsense.frames import USABLE, Cause, Codes, ContactFrame, Cycle, Stamps, State, Vector
+from footsense.frames import IS_USABLE, Cause, Codes, ContactFrame, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import Fault, Leg
 from footsense.sim.scene import Effects, Scene
@@ -92,7 +92,6 @@ def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effec
 
 #: The leg with the fault.
 LEG: Leg = "rm"
-_USABLE = [int(state) for state in USABLE]
 
 
 class FaultFigures(NamedTuple):
@@ -146,7 +145,7 @@ def fault_figures(
     recovered = bool(len(showing)) and not shows[-1]
     over_s = start_s if end_s is None else end_s
     error_n = np.abs(broken.force_n - broken.true_force_n)
-    affected = shows & np.isin(broken.state[:, row], _USABLE)
+    affected = shows & IS_USABLE[broken.state[:, row]]
     over_sigma = error_n[affected, row] / broken.sigma_n[affected, row]
     return FaultFigures(
         state=State(_most_frequent(broken.state[lasting, row], State.VALID)),
@@ -169,7 +168,7 @@ def _most_frequent(values: NDArray[np.unsignedinteger], otherwise: int) -> int:
 
 def _longest_gap_s(walked: PublishedWalk, row: int, from_s: float) -> float:
     """Return the longest time between two usable forces of a leg from the last one before a time on [s]."""
-    usable = np.isin(walked.state[:, row], _USABLE)
+    usable = IS_USABLE[walked.state[:, row]]
     t_s = walked.t_sent_ns[usable] * 1e-9
     before = t_s[t_s <= from_s][-1:]
     ends = np.concatenate((before, t_s[t_s > from_s], walked.t_sent_ns[-1:] * 1e-9))

@@ -14,7 +14,7 @@ _writing = threading.Lock()
 
 
 def answer(port: BinaryIO, asked: dict[str, Any]) -> None:
-    """Run one command and write its exit code and output."""
+    """Run one command and write its exit code, its output, and when it ended."""
     try:
         done = subprocess.run(
             ["bash", "-c", asked["command"]],
@@ -27,7 +27,8 @@ def answer(port: BinaryIO, asked: dict[str, Any]) -> None:
         code, output = done.returncode, done.stdout
     except subprocess.TimeoutExpired as expired:
         code, output = 124, expired.stdout or b""
-    reply = {"id": asked["id"], "code": code, "output": output.decode(errors="replace")}
+    text = output.decode(errors="replace")
+    reply = {"id": asked["id"], "code": code, "output": text, "t_s": time.time()}
     data = json.dumps(reply).encode() + b"\n"
     with _writing:
         while data:

@@ -137,7 +137,7 @@ class ChipServer:
                 return f"{self._n_transfers} {self._reset_pulses} {self._bus.mux.control:#04x}"
             case _:
                 return f"unknown command: {command}"
-        return "done"
+        return f"done {time.time()}"
 
 
 def listen(server: ChipServer, port_name: str) -> None:

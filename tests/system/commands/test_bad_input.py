@@ -24,7 +24,10 @@ def test_a_configuration_that_may_not_be_read(tmp_path: Path, monkeypatch: pytes
     """Exit 78 and one line, as for one that is wrong, and not the usage of the command."""
     config = robot(tmp_path)
     monkeypatch.setattr("os.access", lambda *_, **__: False)
-    monkeypatch.setattr(Path, "read_bytes", mock.Mock(side_effect=PermissionError(13, "Permission denied")))
+    monkeypatch.setattr(
+        "footsense.strict_yaml.plain_data.Path.open",
+        mock.Mock(side_effect=PermissionError(13, "Permission denied")),
+    )
     result = CliRunner().invoke(main, ["run", "--config", str(config)])
     assert (result.exit_code, result.stderr) == (
         78,

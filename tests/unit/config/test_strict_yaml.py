@@ -95,7 +95,7 @@ def test_reads_what_fits() -> None:
         ("mux: [", "is not valid YAML"),
         ("", "robot.yaml: is empty"),
         (b"mux: \xff", "robot.yaml: is not UTF-8 text: byte 5 is 0xff"),
-        (" " * (MAX_BYTES + 1), f"has {MAX_BYTES + 1} bytes; at most {MAX_BYTES} are read"),
+        (" " * (MAX_BYTES + 1), f"has more than the {MAX_BYTES} bytes that are read"),
     ],
 )
 def test_says_what_is_wrong_and_where(text: str | bytes, wanted: str) -> None:

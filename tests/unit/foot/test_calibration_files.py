@@ -101,6 +101,10 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
             lambda folder: change_byte(folder / "manifest.json", b'"n_loads"', b'"n_load"'),
             "manifest.json: does not fit: ",
         ),
+        (
+            lambda folder: change_byte(folder / "manifest.json", b"2026-", b"0000-"),
+            "manifest.json: does not fit: year 0 is out of range",
+        ),
         (lambda folder: (folder / "manifest.json").write_text("[" * 10_000), "manifest.json: does not fit: "),
         (
             lambda folder: reseal(folder, foot="foot-0008"),
