@@ -5,5 +5,5 @@
     session   one client: its subscriptions, and what it is sent
 
 Source:
-    github.com/foxglove/ws-protocol, its specification of `foxglove.websocket.v1`; `foxglove.sdk.v1` names the same messages.
+    github.com/foxglove/ws-protocol, specification of `foxglove.websocket.v1`; `foxglove.sdk.v1` has the same messages.
 """
