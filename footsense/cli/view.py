@@ -18,6 +18,7 @@ from footsense.clock import MonotonicClock
 from footsense.config import Config, load_config
 from footsense.config.sections import View
 from footsense.errors import ConfigError
+from footsense.progress import progress_bar
 
 if TYPE_CHECKING:
     from footsense.view.recorded import Recorded
@@ -144,10 +145,5 @@ def _open_tares(config: Config | None, file: Path | None) -> "Tares":
 
 def _read(recorded: "Recorded") -> None:
     """Read a recording, with a bar of progress on a terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("reading", total=recorded.total_s or None)
-        recorded.read(lambda end_s: progress.update(task, completed=end_s))
+    with progress_bar("reading", recorded.total_s) as seconds_read:
+        recorded.read(seconds_read)

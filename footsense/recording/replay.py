@@ -15,7 +15,7 @@ class Replay:
 
     Args:
         path: The recording, finished or not.
-        on_read: Receives the number of bytes read so far.
+        on_read: Receives the number of bytes read so far; None for nobody.
 
     Attributes:
         path: The recording.
@@ -26,9 +26,9 @@ class Replay:
         RecordingError: The file is missing, or not a recording, or its header is damaged.
     """
 
-    def __init__(self, path: Path, on_read: Callable[[int], None] = lambda _: None) -> None:
+    def __init__(self, path: Path, on_read: Callable[[int], None] | None = None) -> None:
         self.path = path
-        self._on_read = on_read
+        self._on_read = on_read or (lambda _: None)
         self.header = read_header(path)
         self.legs = tuple(self.header["legs"].split(","))
 

@@ -7,7 +7,7 @@ import click
 from rich.console import Console
 from rich.live import Live
 
-from footsense.cli.can_channel import channel_option, interface_option
+from footsense.cli.can.channel_options import channel_option, interface_option
 from footsense.cli.monitor.json_values import snapshot_json
 from footsense.cli.monitor.table import monitor_table
 from footsense.cli.options import StopRequest, duration_option, echo_json

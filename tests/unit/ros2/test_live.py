@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, Slip, State
 from firmware_interface.can.gait import Gait, Ground
-from footsense.cli.ros2 import ros2
+from footsense.cli.can.ros2 import ros2
 from footsense.client import LegEvent, LegForce, LegReport, LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
 from footsense.ros2 import participant

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from footsense.cli.can_channel import channel_option, interface_option
+from footsense.cli.can.channel_options import channel_option, interface_option
 from footsense.cli.options import FILE, StopRequest, duration_option
 from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock, wall_time_ns

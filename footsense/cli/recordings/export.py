@@ -7,8 +7,8 @@ import click
 
 from footsense.child_process import check_new_file
 from footsense.cli.options import FILE
+from footsense.cli.recordings.file_bar import file_bar
 from footsense.errors import RecordingError
-from footsense.progress import progress_bar
 from footsense.recording.replay import Replay
 
 _Write = Callable[[Replay, Path], int]
@@ -75,7 +75,7 @@ def _convert(file: Path, target: Path, write: _Write) -> None:
     Raises:
         RecordingError: It cannot be written, or the recording is cut short.
     """
-    with progress_bar(target.name, file.stat().st_size) as on_read:
+    with file_bar(target.name, file) as on_read:
         try:
             n_cycles = write(Replay(file, on_read), target)
         except RecordingError:
