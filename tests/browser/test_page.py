@@ -169,7 +169,7 @@ def test_a_recording_is_played_and_stepped(browser: Browser) -> None:
     """The golden walk: time bar, speed, events, keys."""
     with view(GOLDEN) as (_, url):
         browser.open(url)
-        browser.wait(f"{SIX_FEET} && window.footsense.replay?.t > 0.5")
+        browser.wait(f"{SIX_FEET} && window.footsense.replay?.t > 0.5 && footsense.replay.done")
         assert browser.text("#title") == "measured_walk.mcap"
         assert not browser.js("return document.querySelector('#replay').hidden")
         browser.js("document.querySelector('#play').click(); footsense.replay.seek(0)")
