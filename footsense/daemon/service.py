@@ -15,7 +15,7 @@ from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.config import Config
 from footsense.config.sections import Can
-from footsense.daemon.acquisition import ScanSource, open_scan_source
+from footsense.daemon.acquisition import ScanSource, check_adapters, open_scan_source
 from footsense.daemon.can_output import can_sink, closing_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
@@ -120,6 +120,9 @@ def open_service(
         if scene is not None and not is_simulated(config):
             # Simulated forces must not reach the controller of the real robot.
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
+        if scene is None:
+            # Before anything that takes time or a priority: another process may be reading these feet.
+            check_adapters(config)
         models = load_models(config)
         # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
         flags = _request_scheduling(config, simulated=scene is not None)
