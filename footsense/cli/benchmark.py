@@ -20,9 +20,12 @@ from footsense.benchmarks.scan import age_ms, conversion_limit_ms, scan_figures
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.cli.options import echo_json, json_option
 from footsense.errors import FootsenseError
+from footsense.progress import timed_bar
 
 _CYCLES, _QUICK_CYCLES = 800, 60
 _WAKEUP_S, _QUICK_WAKEUP_S = 10.0, 1.0
+#: Usual durations of the command [s].
+_USUAL_S, _QUICK_USUAL_S = 60.0, 15.0
 #: Figures of a scan, and their digits.
 _SCAN_COLUMNS = (
     ("period_ms", 2),
@@ -41,6 +44,16 @@ _SCAN_COLUMNS = (
 )
 def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
     """Measure scan, age, cycle, wake-up latency, start and memory, each beside its limit, C, or a naive program."""
+    with timed_bar("benchmark", _QUICK_USUAL_S if quick else _USUAL_S):
+        figures = _figures(cycles or (_QUICK_CYCLES if quick else _CYCLES), quick=quick)
+    if as_json:
+        echo_json(figures)
+    else:
+        _print(figures)
+
+
+def _figures(n_cycles: int, *, quick: bool) -> dict[str, Any]:
+    """Measure everything."""
     scan = scan_figures()
     figures: dict[str, Any] = {
         "conversion_limit_ms": conversion_limit_ms(),
@@ -49,19 +62,15 @@ def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
         "scan_over_best": {name: one["over_best"] for name, one in scan.items()},
         "age_ms": age_ms(),
     }
-    scans = recorded_frames(WARM_UP + (cycles or (_QUICK_CYCLES if quick else _CYCLES)))
+    scans = recorded_frames(WARM_UP + n_cycles)
     cycle = compare_cycle_durations(scans)
-    figures |= {
+    return figures | {
         "cycle_us": cycle,
         "cycle_over_c_floor": cycle.pop("cycle_over_c_floor"),
         "naive_over_cycle": cycle.pop("naive_over_cycle"),
         "wakeup_latency_us": wakeup_latency_figures(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
         **_start_figures(),
     }
-    if as_json:
-        echo_json(figures)
-    else:
-        _print(figures)
 
 
 def _start_figures() -> dict[str, float]:

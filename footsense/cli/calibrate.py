@@ -10,6 +10,7 @@ from footsense.calibration.fit.calibrate import CalibrationResult, calibrate_ses
 from footsense.calibration.session.recorded_session import read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.options import FOLDER, echo_json, json_option
+from footsense.cli.recordings.file_bar import file_bar
 from footsense.cli.test_stand_options import (
     design_models,
     foot_option,
@@ -52,7 +53,8 @@ def calibrate(
     """
     began_ns = stopwatch_ns()
     check_calibration_target(folder / foot, replace=replace)
-    sessions = read_sessions(recordings, foot)
+    with file_bar("read", *recordings) as on_read:
+        sessions = read_sessions(recordings, foot, on_read)
     for session in sessions:
         for line in session.warnings:
             click.echo(f"warning: {line}", err=True)

@@ -10,6 +10,7 @@ import click
 import msgspec
 
 from footsense.clock import stopwatch_ns
+from footsense.progress import progress_bar
 from footsense.validation.processes import in_processes
 from footsense.validation.soak import StretchResult, walk_stretch
 from footsense.validation.soak_plan import soak_stretches
@@ -46,9 +47,11 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
         else in_processes(walk_stretch, stretches, jobs or os.cpu_count() or 1, parts_per_process=1)
     )
     results: list[StretchResult] = []
-    for result in walks:
-        results.append(result)
-        click.echo(_stretch_line(result))
+    with progress_bar("walked", sum(stretch.hours for stretch in stretches)) as hours_done:
+        for result in walks:
+            results.append(result)
+            click.echo(_stretch_line(result))
+            hours_done(sum(one.stretch.hours for one in results))
     wall_s = (stopwatch_ns() - began_ns) * 1e-9
     n_violations = sum(sum(result.n_violations.values()) for result in results)
     click.echo(

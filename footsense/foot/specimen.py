@@ -1,6 +1,7 @@
 """A specimen of a foot: the response of its type, and its deviations from the design.
 
-The solid is the designed one but for its stiffness; gaps, films, strays and the mounting are each foot's own.
+The solid is the designed one but for its stiffness; gaps, films, strays, the mounting and, where named, the cavities
+are each foot's own.
 """
 
 from dataclasses import dataclass, field
@@ -8,6 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from footsense.foot import gap_contact
+from footsense.foot.cavity.air import Cavity, Gas
+from footsense.foot.cavity.pressures import CavityPressures
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Vector
 
@@ -22,6 +25,7 @@ class Deviations:
         stray_pf: Capacitance in parallel with each element [pF], shape (9,).
         stiffness_rel: Added to the stiffness of the whole foot [1]; the contact patch stays the designed one.
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
+        cavity: How its cavities hold their air, if other than those of its type; None for as its type.
     """
 
     gap_um: Vector = field(default_factory=lambda: np.zeros(ELEMENTS))
@@ -29,6 +33,7 @@ class Deviations:
     stray_pf: Vector = field(default_factory=lambda: np.zeros(ELEMENTS))
     stiffness_rel: float = 0.0
     mount: Vector = field(default_factory=lambda: np.eye(3))
+    cavity: Cavity | None = None
 
 
 class Foot:
@@ -41,6 +46,7 @@ class Foot:
 
     Attributes:
         response: Response of its type.
+        cavity: How its cavities hold their air.
         unloaded_pf: Capacitance of each element of the free foot, stray included [pF], shape (9,).
 
     Raises:
@@ -67,36 +73,62 @@ class Foot:
         self._stray_pf = own.stray_pf
         self._mount = own.mount
         self._contact = contact
-        self.unloaded_pf = self._capacitance_pf(np.zeros(gap_contact.ALL_CELLS))
+        self.cavity = own.cavity or response.cavity
+        self._pressures = CavityPressures(
+            self._gap_um, self._compliance_um_per_n, response.design.electrode_area_mm2
+        )
+        self.unloaded_pf = self._capacitance_pf(self._limited_um(np.zeros((1, gap_contact.ALL_CELLS)), None))[
+            0
+        ]
 
-    def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
+    def cells_um(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
         """Return the closure of each cell under n loads [um], shape (n, 324), limited to the cell's gap.
 
         Args:
             normal: Inward unit normals of the ball at the contacts, frame of the leg, shape (n, 3).
             force_n: Ground reactions on the foot [N], frame of the leg, shape (n, 3).
+            gas: Air in the cavities; None for that of an unloaded foot. Without meaning for a vented foot.
 
         Raises:
             ValueError: As `FootResponse.free_closure_um`.
         """
-        free_um = self.response.free_closure_um(normal @ self._mount.T, force_n @ self._mount.T)
-        return self._limited_um(self._softness * free_um)
+        return self._limited_um(self._free_um(normal, force_n), gas)
 
-    def _limited_um(self, free_um: Vector) -> Vector:
+    def after_step(self, normal: Vector, force_n: Vector, gas: Gas) -> tuple[Vector, Gas]:
+        """Return capacitances [pF], shape (n, 9), and air after a step of time; arguments as of `cells_um`.
+
+        Args:
+            normal: Contact normals at the end of the step.
+            force_n: Forces at the end of the step [N].
+            gas: Air before the step, and the step.
+        """
+        free_um = self._free_um(normal, force_n)
+        closure_um, excess_mpa = self._pressures.closures_um(free_um, gas, contact=self._contact)
+        return self._capacitance_pf(closure_um), gas.after_step(excess_mpa)
+
+    def _free_um(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return the closures of the cells of the empty foot without contact [um], shape (n, 324)."""
+        free_um = self.response.free_closure_um(normal @ self._mount.T, force_n @ self._mount.T)
+        return self._softness * free_um
+
+    def _limited_um(self, free_um: Vector, gas: Gas | None) -> Vector:
         """Return closures of the cells limited to the gaps [um], shape (n, 324), of free ones of that shape."""
+        gas = gas or self.cavity.gas
+        if gas is not None and self.cavity.kind != "vented":
+            return self._pressures.closures_um(free_um, gas, contact=self._contact)[0]
         if not self._contact:
             return np.minimum(free_um, self._gap_of_cell_um)
         return gap_contact.contact_closures_um(free_um, self._gap_of_cell_um, self._compliance_um_per_n)
 
-    def capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the capacitance of each element under loads as in `cells_um`, stray included [pF], shape (n, 9)."""
-        if not force_n.any():  # a foot in swing costs nothing
+    def capacitance_pf(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
+        """Return the capacitance of each element, stray included [pF], shape (n, 9); arguments as of `cells_um`."""
+        if gas is None and not force_n.any():  # a foot in swing costs nothing
             return np.tile(self.unloaded_pf, (len(force_n), 1))
-        return self._capacitance_pf(self.cells_um(normal, force_n))
+        return self._capacitance_pf(self.cells_um(normal, force_n, gas))
 
     def capacitance_of_free_pf(self, free_um: Vector) -> Vector:
-        """Return the capacitance [pF], shape (n, 9), of closures of the cells as if no gap could close, (n, 324)."""
-        return self._capacitance_pf(self._limited_um(free_um))
+        """Return the capacitance [pF], shape (n, 9), of closures in an empty foot without contact, shape (n, 324)."""
+        return self._capacitance_pf(self._limited_um(free_um, None))
 
     def _capacitance_pf(self, cells_um: Vector) -> Vector:
         """Return the capacitance of closures [um] of the cells, shapes (..., 324) and (..., 9)."""

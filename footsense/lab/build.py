@@ -44,6 +44,7 @@ from footsense.lab.training.snapshot.train import SnapshotProtocol, moments, tra
 from footsense.lab.training.snapshot.train import predict as predict_alone
 from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
 from footsense.lab.training.windowed_network import Weights, predict
+from footsense.progress import timed_bar
 
 #: Seed of the random loads of the training.
 TRAINING_SEED = 1
@@ -111,6 +112,8 @@ class Built:
     parity_n: float
 
 
+#: Usual time of the response table [s], as in the report.
+_SOLID_S = 56.0
 #: Conversions of a gait.
 _CONVERSIONS = 1100
 
@@ -216,7 +219,8 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         ModelError: The foot cannot be meshed or solved, or its loads are beyond the converter.
     """
     foot_design, description = load_foot(foot_file), foot_file.read_bytes()
-    made = make_response(foot_design, recipe.mesh, report)
+    with timed_bar("solid", 0.0 if recipe.quick else _SOLID_S):
+        made = make_response(foot_design, recipe.mesh, report)
     report(f"response table: {made.provenance}")
     output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=output) as temporary:

@@ -34,6 +34,7 @@ def _contradictions(design: FootDesign) -> Iterator[Problem]:
     """Yield the contradictions of a foot whose numbers are each right by themselves."""
     yield from _on_the_sheet(design)
     yield from _between_the_electrodes(design)
+    yield from _in_the_cavities(design)
     yield from _on_the_converter(design)
     loads, room_deg = design.loads, MIN_ELEVATION_DEG - FIT_ELEVATION_DEG
     if design.patch_deg(loads.max_n) > room_deg:
@@ -83,6 +84,20 @@ def _between_the_electrodes(design: FootDesign) -> Iterator[Problem]:
             "spacer_mm",
             f"a spacer of {spacer_um:g} um leaves room beside gap and film, which fill {filled_um:g} um; "
             f"use at most {filled_um / UM_PER_MM:g}",
+        )
+
+
+def _in_the_cavities(design: FootDesign) -> Iterator[Problem]:
+    if design.cavity == "leaking" and design.leak_time_s is None:
+        yield Problem(
+            "cavity", "a leaking cavity needs leak_time_s, the time in which an excess pressure falls to 1/e"
+        )
+    if design.cavity != "leaking" and design.leak_time_s is not None:
+        yield Problem("leak_time_s", f"is of a leaking cavity, this one is {design.cavity}; leave it out")
+    if design.cavity != "sealed" and design.gas_kpa is not None:
+        yield Problem(
+            "gas_kpa",
+            f"is of a sealed cavity, the air of a {design.cavity} one is the ambient air; leave it out",
         )
 
 

@@ -2,8 +2,7 @@
 
 The numbers of each foot stand in its `foot.yaml` alone, which `foot_file` reads. Lengths in mm and stresses in MPa
 inside the lab, so that forces are in N; closures leave it in um. Decided here for every foot: the cavities have the
-size of the electrodes, so that the spacer is four crossing bars, open to the edge of the sheet; the air in the cavities
-does not resist (it is vented).
+size of the electrodes, so that the spacer is four crossing bars, open to the edge of the sheet.
 
 Source:
     Aoyagi et al., sections III A (materials), III C and F (array), IV and Fig. 13 (layers).
@@ -15,6 +14,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.cavity.air import AMBIENT_KPA, VENTED, Cavity, CavityKind
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.hertz import contact_radius_mm
 from footsense.frames import Vector
@@ -117,6 +117,10 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         rubber: Material of the ball.
         pdms: Material of the sheet.
         loads: Range of the training loads.
+        cavity: Whether the air of the cavities comes and goes freely, stays, or leaks.
+        leak_time_s: Time constant of the excess pressure in a leaking cavity of constant volume [s].
+        gas_kpa: Pressure of sealed air in the unloaded gap at room temperature; the standard atmosphere's if None
+            [kPa].
     """
 
     foot_type: Annotated[
@@ -135,6 +139,22 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     rubber: Material
     pdms: Material
     loads: LoadRange
+    cavity: CavityKind
+    leak_time_s: (
+        Annotated[float, Meta(ge=1e-3, le=1e6, description="a millisecond to eleven days")] | None
+    ) = None
+    gas_kpa: Annotated[float, Meta(ge=10.0, le=1000.0, description="an absolute pressure in kPa")] | None = (
+        None
+    )
+
+    @property
+    def air(self) -> Cavity:
+        """How the cavities hold their air, for the response table."""
+        return Cavity(
+            kind=self.cavity,
+            leak_time_s=VENTED.leak_time_s if self.leak_time_s is None else self.leak_time_s,
+            gas_kpa=AMBIENT_KPA if self.gas_kpa is None else self.gas_kpa,
+        )
 
     @property
     def capacitor(self) -> CapacitorDesign:

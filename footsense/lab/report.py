@@ -19,6 +19,7 @@ from footsense.lab.code_hash import compute_sha256
 from footsense.lab.studies.page import Page, Study, StudyContext
 from footsense.lab.targets import targets
 from footsense.lab.template import render
+from footsense.progress import on_terminal, progress_bar
 
 _LAB_STUDIES = {
     "released": "accuracy.released",
@@ -143,15 +144,25 @@ def make_report(
             "quick": context.quick,
         }
         (folder / BUILD).write_text(json.dumps(built, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-    for name in studies:
-        if resume and not why_stale(name, folder, context, studies):
-            report(f"{name}: kept")
-            continue
-        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-            made = process.submit(_write_page, name, studies, context.models, folder, quick=context.quick)
-            seconds = made.result()
-        report(f"{name}: {seconds:.0f} s")
+    kept = [name for name in studies if resume and not why_stale(name, folder, context, studies)]
+    for name in kept:
+        report(f"{name}: kept")
+    missing = [name for name in studies if name not in kept]
+    usual_s = {name: usual_seconds(name, folder, quick=context.quick) for name in missing}
+    with progress_bar("pages", sum(usual_s.values()) or len(missing)) as done_so_far:
+        for at, name in enumerate(missing, 1):
+            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+                made = process.submit(_write_page, name, studies, context.models, folder, quick=context.quick)
+                seconds = made.result()
+            report(f"{name}: {seconds:.0f} s")
+            done_so_far(sum(usual_s[one] for one in missing[:at]) or at)
     return bind(folder, context)
+
+
+def usual_seconds(name: str, folder: Path, *, quick: bool) -> float:
+    """Return the time that the page of a study took the last time [s]; 0 if there is none of this kind."""
+    page = _json(folder / f"{name}.json")
+    return float(page["seconds"]) if page.get("quick") == quick else 0.0
 
 
 def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
@@ -162,7 +173,9 @@ def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Pat
 
 
 def _print_progress(line: str) -> None:
-    """Print a progress line of a study, indented."""
+    """Print a progress line of a study, indented; none beside the bar of the process that waits."""
+    if on_terminal():
+        return
     sys.stdout.write(f"    {line}\n")
     sys.stdout.flush()
 

@@ -177,6 +177,7 @@ def tabulate(
         degree=DEGREE,
         quarter_series=np.stack([point, _round_to_stored(patch)]),
         quarter_compliance=_round_to_stored(compliance),
+        cavity=foot_design.air,
         provenance={
             "mesh": asdict(size),
             **counts,

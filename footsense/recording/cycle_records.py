@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import RecordingError
-from footsense.frames import Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
+from footsense.frames import LEGS, Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
 from footsense.recording.cycle_fields import (
     FIELDS,
     GAIT_FIELDS,
@@ -111,7 +111,9 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
             record = _decode(bytes(buffer[LENGTH_BYTES:end]))
             del buffer[:end]
             if isinstance(record, Header):
-                n_legs = len(record.entries["legs"].split(","))
+                legs = record.entries["legs"].split(",")
+                n_legs = len(legs)
+                require(set(legs) <= set(LEGS) and len(set(legs)) == n_legs, f"legs {legs}")
                 yield record.entries
             elif isinstance(record, LostCycles):
                 yield record

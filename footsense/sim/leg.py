@@ -7,6 +7,7 @@ from footsense.sim.chips.electronics import electronics
 from footsense.sim.faults.chip_faults import failing_chips
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.faults.scene_faults import OnChips, OnFoot
+from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.foot.warming import WarmingFoot
 from footsense.sim.loads.gait_table import GaitTable
@@ -48,6 +49,7 @@ class SimulatedLeg:
         self._table = table
         self._foot = foot
         self._rubber = ViscoelasticElement() if effects.rubber else None
+        self._air = None if foot.cavity.gas is None else CavityAir(foot, effects.ambient_kpa)
         self._last: GroundContact | None = None
         self._last_pf: list[float] = []
         # Faults draw from a stream of their own, so that converters make the same noise with and without them.
@@ -76,9 +78,13 @@ class SimulatedLeg:
             contact = self._load.contact(self._leg, t_ns)
             if self._rubber is not None:
                 contact = GroundContact(*self._rubber.effective_load(t_ns, *contact))
-            if softness != 1.0:  # a stiffer solid yields as under a smaller load
-                contact = contact._replace(force_n=contact.force_n * softness)
-            element_pf = self._solid_pf(contact)
+            if self._air is None:
+                if softness != 1.0:  # a stiffer solid yields as under a smaller load
+                    contact = contact._replace(force_n=contact.force_n * softness)
+                element_pf = self._solid_pf(contact)
+            else:
+                kelvin = 0.0 if self._warming is None else self._warming.kelvin(t_ns)
+                element_pf = self._air.capacitance_pf(t_ns, *contact, softness, kelvin).tolist()
         if self._warming is not None:
             drift_pf = self._warming.drift_pf(t_ns)
             element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]

@@ -4,11 +4,13 @@ An effect that a scene does not name is not computed. `scene_files.py` reads sce
 """
 
 import dataclasses
+import math
 from typing import Annotated
 
 import msgspec
 from msgspec import Meta
 
+from footsense.foot.cavity.air import AMBIENT_KPA, Cavity, CavityKind
 from footsense.sim import scene_loads
 from footsense.sim.faults.scene_faults import Fault, Leg
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_DEG, FootTolerances
@@ -64,6 +66,34 @@ class Softening(_Gradual, frozen=True, kw_only=True):
         return 1.0 + self.softer_rel * self.elapsed_share(t_ns)
 
 
+class Cavities(ScenePart, frozen=True):
+    """Air of feet whose cavities are other than those of their type; `foot.cavity.air.Cavity` explains the fields.
+
+    Attributes:
+        kind: `vented`, `sealed` or `leaking`.
+        leak_time_s: Time constant of a leak [s].
+        gas_kpa: Pressure of sealed air [kPa].
+    """
+
+    kind: CavityKind
+    leak_time_s: Annotated[float, Meta(ge=1e-3, le=1e6)] | None = None
+    gas_kpa: Annotated[float, Meta(ge=10.0, le=1000.0)] = AMBIENT_KPA
+
+    def __post_init__(self) -> None:
+        """Check that the fields belong together.
+
+        Raises:
+            ValueError: They do not.
+        """
+        _ = self.air
+
+    @property
+    def air(self) -> Cavity:
+        """The cavities of a simulated foot."""
+        leak_time_s = math.inf if self.leak_time_s is None else self.leak_time_s
+        return Cavity(kind=self.kind, leak_time_s=leak_time_s, gas_kpa=self.gas_kpa)
+
+
 class Effects(ScenePart, frozen=True):
     """Deviations of the robot from the ideal.
 
@@ -76,6 +106,8 @@ class Effects(ScenePart, frozen=True):
         rubber: Whether the feet creep and show hysteresis (`sim/foot/viscoelastic.py`).
         warming: Change of temperature; None for none.
         softening: Ageing of one foot; None for none.
+        cavity: Air in the cavities of the feet; None for that of their type.
+        ambient_kpa: Pressure of the ambient air, felt by feet whose cavities are not vented [kPa]; 100 m up take 1.2.
         adapter_compares: Whether an I2C adapter compares SDA with what it sends, and times out where it is held; that
             of a Raspberry Pi 0 to 4 does not.
         adapter_timeout_ms: Timeout of an I2C adapter for a held line; 1000 where it cannot be set [ms].
@@ -89,6 +121,8 @@ class Effects(ScenePart, frozen=True):
     rubber: bool = False
     warming: Warming | None = None
     softening: Softening | None = None
+    cavity: Cavities | None = None
+    ambient_kpa: Annotated[float, Meta(ge=30.0, le=110.0, description="Everest has 34 kPa")] = AMBIENT_KPA
     adapter_compares: bool = True
     adapter_timeout_ms: Annotated[float, Meta(ge=10.0, le=10_000.0)] = 20.0
 
@@ -141,7 +175,7 @@ class Scene(ScenePart, frozen=True):
         host_cost_us: Cost of every I2C transaction on the host [us].
         seed: Seed of everything random.
         gait_table: Whether the capacitances over a gait cycle are computed once and interpolated, for long walks:
-            0.2 fF off as long as no gap closes.
+            0.2 fF off as long as no gap closes. Feet that enclose air are computed load by load.
         effects: Deviations from the ideal.
         fabrication: Deviations of the feet; None for feet as designed.
         faults: Faults.

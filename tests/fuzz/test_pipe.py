@@ -56,6 +56,13 @@ def test_a_flipped_byte(tmp_path: Path, data: st.DataObject) -> None:
         refusal(lambda: write(bytes(damaged), file.fileno()), RecordingError)
 
 
+@pytest.mark.parametrize("legs", ["lf,lf", "lf,", "", "body"])
+def test_legs_that_a_recording_cannot_have(legs: str) -> None:
+    """Twice, or none of a robot's: a reader would refuse the recording."""
+    stream = bytearray(pack_header({"legs": legs}))
+    assert refusal(lambda: list(unpack(stream, None)), RecordingError)
+
+
 def write(stream: bytes, fd: int) -> None:
     """Write a recording of what stands on the pipe."""
     writer = PipeWriter(fd)

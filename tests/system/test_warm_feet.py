@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from click.testing import CliRunner
 
-from footsense.cli.replay import replay
+from footsense.cli.recordings.replay import replay
 from footsense.config import Config
 from footsense.config.sections import Bus, Can
 from footsense.daemon.service import open_service

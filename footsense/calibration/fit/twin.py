@@ -5,7 +5,8 @@ Element i with cells c, unloaded reading C0 and the closures that the design's r
     C_i = s_i + K mean_c 1 / (D_i - a_i d_c),     D_i = K / (C0_i - s_i),      K = eps0 A
 
 with the stray s, the closure gain a, and closures d_c <= g_i of a solid (1 + k) times as stiff as designed, under a
-load turned by the mount. The film does not appear: the unloaded distance D contains it.
+load turned by the mount; the air of closed cavities takes its part of them. The film does not appear: the unloaded
+distance D contains it.
 """
 
 from typing import NamedTuple
@@ -14,6 +15,7 @@ import numpy as np
 
 from footsense.calibration.fit.parameter_vector import GAIN, GAP, MOUNT, N_PARAMETERS, STIFFNESS, STRAY
 from footsense.foot import gap_contact
+from footsense.foot.cavity.pressures import CavityPressures
 from footsense.foot.directions import rotation
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
@@ -68,6 +70,11 @@ class FootTwin:
         normal = self._lifted_to_rim(loads.normal @ mount.T)
         free_um = softness * response.free_closure_um(normal, loads.force_n @ mount.T)
         gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS)
+        gas = response.cavity.gas
+        if gas is not None:
+            compliance = softness * response.compliance_um_per_n
+            air = CavityPressures(self.gap_um(parameters), compliance, response.design.electrode_area_mm2)
+            return air.closures_um(free_um, gas, contact=True)[0]
         if not (free_um > gap_um).any():  # scaling the compliance would take longer than the rest
             return free_um
         return gap_contact.contact_closures_um(free_um, gap_um, softness * response.compliance_um_per_n)

@@ -2,8 +2,9 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from statistics import fmean
 
@@ -69,20 +70,25 @@ class RecordedSession:
         return tuple(warnings)
 
 
-def read_sessions(paths: Sequence[Path], foot: str) -> list[RecordedSession]:
+def read_sessions(
+    paths: Sequence[Path], foot: str, on_read: Callable[[int], None] | None = None
+) -> list[RecordedSession]:
     """Return the sessions of one foot.
 
     Args:
         paths: The recordings, at least one.
         foot: The foot that they have to be of.
+        on_read: Receives the number of bytes read so far, of all recordings; None for nobody.
 
     Raises:
         RecordingError: One is no recording.
         CalibrationError: One is of another foot or foot type, has no reference, or is given twice.
     """
     sessions: list[RecordedSession] = []
+    n_before = 0
     for path in paths:
-        session = read_session(path, foot)
+        session = read_session(path, foot, on_read and partial(_add, on_read, n_before))
+        n_before += path.stat().st_size
         for other in sessions:
             if session.sha256 == other.sha256:
                 raise CalibrationError(f"{path}: the same recording as {other.path}; name each one once")
@@ -99,18 +105,23 @@ def read_sessions(paths: Sequence[Path], foot: str) -> list[RecordedSession]:
     return sessions
 
 
-def read_session(path: Path, foot: str) -> RecordedSession:
+def _add(on_read: Callable[[int], None], n_before: int, n_read: int) -> None:
+    on_read(n_before + n_read)
+
+
+def read_session(path: Path, foot: str, on_read: Callable[[int], None] | None = None) -> RecordedSession:
     """Return the session in a recording; of a truncated one, the whole part.
 
     Args:
         path: The recording.
         foot: The foot that it has to be of.
+        on_read: Receives the number of bytes read so far; None for nobody.
 
     Raises:
         RecordingError: It is no recording.
         CalibrationError: It is of another foot, or has no reference.
     """
-    recording = Replay(path)
+    recording = Replay(path, on_read)
     header = recording.header
     leg_of = _leg_of_foot(header)
     if foot not in leg_of:

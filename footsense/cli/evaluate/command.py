@@ -11,6 +11,7 @@ from footsense.calibration.evaluation import evaluate as evaluate_sessions
 from footsense.calibration.session.recorded_session import RecordedSession, read_sessions
 from footsense.cli.evaluate.summary import evaluation_figures, text
 from footsense.cli.options import FOLDER, echo_json, json_option
+from footsense.cli.recordings.file_bar import file_bar
 from footsense.cli.test_stand_options import design_models, foot_option, foot_type_option, recordings_argument
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
@@ -45,7 +46,8 @@ def evaluate(
     """Compare a foot's forces with the reference of the test stand, with its calibration and without."""
     if out is not None:
         _require_figures(out)
-    sessions = read_sessions(recordings, foot)
+    with file_bar("read", *recordings) as on_read:
+        sessions = read_sessions(recordings, foot, on_read)
     foot_type = sessions[0].foot_type
     models, _ = design_models(foot_type, foot_type_folder)
     parameters = None

@@ -10,6 +10,7 @@ import click
 from footsense.cli.lab import options
 from footsense.cli.options import Decorator, echo_json, json_option
 from footsense.errors import FootsenseError
+from footsense.progress import timed_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,12 +48,16 @@ def write_study(
         bound: Whether the page becomes part of the report.
     """
     folder = options.report_folder(output, quick=quick)
-    from footsense.lab.report import STUDIES, bind, make_page
+    from footsense.lab.report import STUDIES, bind, make_page, usual_seconds
     from footsense.lab.studies.page import StudyContext
 
     say = (lambda _: None) if as_json else options.stopwatch_report()
     context = StudyContext(models=models or options.released_folder(), quick=quick, say=say)
-    page = make_page(study, context, STUDIES | DAEMON_STUDIES) if isinstance(study, str) else study(context)
+    usual_s = usual_seconds(study, folder, quick=quick) if isinstance(study, str) else 0.0
+    with timed_bar(str(study), usual_s):
+        page = (
+            make_page(study, context, STUDIES | DAEMON_STUDIES) if isinstance(study, str) else study(context)
+        )
     page.write(folder)
     if bound:
         bind(folder, context)

@@ -1,6 +1,7 @@
 """`footsense run`: the service, on a robot or in simulation."""
 
-from contextlib import ExitStack
+import math
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -96,6 +97,10 @@ def run(
             table = LiveTable(_console(), service.legs, title, service.true_force_at_time_n)
             stack.callback(table.close)
             service.observers.append(table)
+        if scene and not paced and math.isfinite(duration_s):
+            from footsense.cli.run.run_bar import RunBar
+
+            service.observers.append(stack.enter_context(closing(RunBar(service.clock.now_ns(), duration_s))))
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
     figures = {
         "scene": scene_name,

@@ -103,8 +103,12 @@ def require_same_foot(
         **asdict(foot_design.capacitor),
         "ball_radius_mm": foot_design.ball_radius_mm,
         "hertz_modulus_mpa": foot_design.rubber.hertz_mpa,
+        "cavity": foot_design.air.kind,
+        **{name: getattr(foot_design.air, name) for name in ("leak_time_s", "gas_kpa")},
     }
     tabled = {"foot_type": response.foot_type, **asdict(response.design)}
+    air = asdict(response.cavity)
+    tabled |= {"cavity": air.pop("kind"), **air}
     tabled |= {name: getattr(response, name) for name in ("ball_radius_mm", "hertz_modulus_mpa")}
     trained = card["training"]["random_loads"]
     described |= (loads := msgspec.structs.asdict(foot_design.loads))

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Self, TextIO
 
 import msgspec
-from rich.console import Console
-from rich.progress import Progress
 
 from footsense.errors import FootsenseError
+from footsense.progress import progress_bar
 from footsense.sim.foot.fabrication import FootTolerances
 
 
@@ -118,18 +117,17 @@ def _run_missing(
     missing: Sequence[Job], work: Work, workers: Workers, finished: dict[Job, Figures], ledger: TextIO | None
 ) -> None:
     """Evaluate feet and append each result to the file; a terminal shows a progress bar."""
-    console = Console(stderr=True)
     with (
-        Progress(console=console, disable=not console.is_terminal) as bar,
+        progress_bar("feet", len(finished) + len(missing)) as feet_done,
         closing(workers(work, missing)) as finishing,
     ):
-        task = bar.add_task("feet", total=len(finished) + len(missing), completed=len(finished))
+        feet_done(len(finished))
         for job, figures in finishing:
             finished[job] = figures
             if ledger is not None:
                 ledger.write(msgspec.json.encode(_Result(job, figures)).decode() + "\n")
                 ledger.flush()
-            bar.advance(task)
+            feet_done(len(finished))
 
 
 def _resume(file: Path, about: Mapping[str, str | int]) -> dict[Job, Figures]:

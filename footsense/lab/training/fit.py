@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from footsense.frames import Vector
 from footsense.lab.training.symmetric_layers import linear_basis
+from footsense.progress import progress_bar
 
 Weights = TypeVar("Weights")
 
@@ -150,8 +151,10 @@ def fit(
     free = random_weights(start, protocol.channels)
     carry = (free, optimiser.init(free))
     compiled = jax.jit(train_chunk)
-    for number, key in enumerate(rounds, 1):
-        carry, losses = compiled(carry, key, data)
-        if number % 10 == 0 or number == len(rounds):
-            report(f"step {number * steps_per_call}: loss {float(losses.mean()):.4f}")
+    with progress_bar("training", len(rounds)) as rounds_done:
+        for number, key in enumerate(rounds, 1):
+            carry, losses = compiled(carry, key, data)
+            if number % 10 == 0 or number == len(rounds):
+                report(f"step {number * steps_per_call}: loss {float(losses.mean()):.4f}")
+                rounds_done(number)  # after the loss was waited for
     return carry[0]

@@ -16,6 +16,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
+from footsense.progress import progress_bar
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.loads.random_gait import Loads, RandomGait
 
@@ -173,7 +174,12 @@ def random_gaits(
 ) -> GaitReadings:
     """Return m random gaits of n conversions each; the same seed gives the same, on any number of processes."""
     seeds = np.random.SeedSequence(seed).spawn(m)
-    made = Parallel(n_jobs=jobs)(
+    making = Parallel(n_jobs=jobs, return_as="generator")(
         delayed(one_gait)(response, np.random.default_rng(own), n, max_n) for own in seeds
     )
+    made: list[GaitReadings] = []
+    with progress_bar("gaits", m) as gaits_done:
+        for gait in making:
+            made.append(gait)
+            gaits_done(len(made))
     return joined(made)

@@ -35,6 +35,10 @@ class WarmingFoot:
         spread_rel = DRIFT_SPREAD_REL * rng.standard_normal(ELEMENTS)
         self._pf_per_k: list[float] = (DRIFT_PF_PER_K * (1.0 + spread_rel)).tolist()
 
+    def kelvin(self, t_ns: int) -> float:
+        """Return the change of temperature by a time [K]."""
+        return self._warming.kelvin_at(t_ns)
+
     def drift_pf(self, t_ns: int) -> list[float]:
         """Return the drift of the capacitance of each of the nine elements at a time [pF]."""
         kelvin = self._warming.kelvin_at(t_ns)

@@ -2,11 +2,11 @@
 
 Elastance gives the closure of a flat gap. A plate that bends into its cavity has a smaller distance in the middle,
 which dominates the capacitance, and where the middle closes, the rest carries. The response table has both: a cell's
-free closure follows the elements' mean closures m by a linear profile P (fitted on loads of the kind to be read),
-contact adds what `gaps.touch` says, and the cells' capacitances add up. Newton's method finds the nine m that explain
-the nine capacitances:
+free closure follows the elements' mean closures m by a linear profile P (fitted on loads of the kind to be read), the
+air of closed cavities and contact take away their part, and the cells' capacitances add up. Newton's method finds the
+nine m that explain the nine capacitances:
 
-    C(m) = sum over cells of eps0 dA / (g - d + t / eps_r),      d = touch(P m),      C(m) = C measured
+    C(m) = sum over cells of eps0 dA / (g - d + t / eps_r),      d = limited(P m),      C(m) = C measured
 
 m is linear in the load although gaps close, so a read-out fitted at 50 and 150 gf is right at 100 gf too.
 """
@@ -17,6 +17,7 @@ import numpy as np
 
 from footsense.foot import gap_contact
 from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.response import disc_normals
 
@@ -44,12 +45,7 @@ class ForwardModel:
 
     def capacitance_pf(self, mean_um: Vector) -> Vector:
         """Return the capacitances [pF], shape (n, 9), of mean closures of free gaps [um], shape (n, 9)."""
-        design = self.response.design
-        gap_um = np.full(gap_contact.ALL_CELLS, design.gap_um)
-        cells_um = gap_contact.contact_closures_um(
-            mean_um @ self.closure_per_mean, gap_um, self.response.compliance_um_per_n
-        )
-        return gap_contact.capacitance_pf(design, gap_um - cells_um + design.film_equivalent_um)
+        return Foot(self.response).capacitance_of_free_pf(mean_um @ self.closure_per_mean)
 
     def mean_um(self, closure_um: Vector) -> Vector:
         """Return the mean closures of free gaps [um], shape (n, 9).

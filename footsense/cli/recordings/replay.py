@@ -8,6 +8,7 @@ import msgspec
 
 from footsense.can.frame_log import check_log_target
 from footsense.cli.options import FILE, FOLDER, can_log_option
+from footsense.cli.recordings.file_bar import file_bar
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
@@ -41,10 +42,25 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     With --check, forces must be equal bit for bit where processor and library versions are those of the
     recording, else to 1 mN. A recording that is cut short is replayed as far as it is whole, and compared up to
     its first gap (exit 74).
-    """  # noqa: DOC501 - click shows this text
+    """
     if can_log is not None:
         check_log_target(can_log)
-    recording = Replay(file)
+    with ExitStack() as showing:
+        # At the speed of the recording there is nothing to wait for.
+        on_read = None if realtime else showing.enter_context(file_bar("replay", file))
+        _replay(Replay(file, on_read), folder, can_log, check=check, realtime=realtime)
+
+
+def _replay(
+    recording: Replay, folder: Path | None, can_log: Path | None, *, check: bool, realtime: bool
+) -> None:
+    """Run a recording through the pipeline.
+
+    Raises:
+        FootsenseError: A force differs.
+        ModelError: The forces cannot be compared: they are of another network.
+    """
+    file = recording.path
     source = ReplaySource(recording)
     clock = ReplayClock(source)
     config = recorded_config(recording)

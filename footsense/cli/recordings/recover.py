@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from footsense.cli.options import FILE
+from footsense.cli.recordings.file_bar import file_bar
 from footsense.recording.recover import recover as rewrite
 from footsense.recording.recover import recovered_path
 
@@ -15,7 +16,8 @@ from footsense.recording.recover import recovered_path
 def recover(file: Path, output: Path | None) -> None:
     """Rewrite the intact part of the recording FILE, with an index."""
     target = output or recovered_path(file)
-    recovered = rewrite(file, target)
+    with file_bar("recover", file) as on_read:
+        recovered = rewrite(file, target, on_read)
     click.echo(f"{target}: {recovered.n_cycles} cycles")
     if recovered.damage is not None:
         click.echo(f"footsense: {recovered.damage}", err=True)

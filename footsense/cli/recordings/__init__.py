@@ -1,0 +1,1 @@
+"""Commands that read recordings: `footsense export`, `recover` and `replay`."""

@@ -1,0 +1,1 @@
+"""The cavities between a foot's electrodes: the air in them."""

@@ -1,0 +1,88 @@
+"""Air in a foot's cavities: vented, sealed or leaking; its amount, and the ambient pressure."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from footsense.frames import ELEMENTS, Vector
+
+CavityKind = Literal["vented", "sealed", "leaking"]
+
+#: Pressure of the standard atmosphere [kPa], and in MPa.
+AMBIENT_KPA = 101.325
+AMBIENT_MPA = 1e-3 * AMBIENT_KPA
+#: Room temperature [K], at which a foot's `gas_kpa` is stated.
+ROOM_K = 296.15
+#: Exponent n of the gas law: walls and air at one temperature, and no heat exchanged (air).
+ISOTHERMAL, ADIABATIC = 1.0, 1.4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cavity:
+    """How a foot's cavities hold their air.
+
+    Attributes:
+        kind: `vented`: the air does not resist; `sealed`: its amount stays; `leaking`: it comes and goes.
+        leak_time_s: Time constant of an excess pressure at constant volume, for `leaking` [s].
+        gas_kpa: Pressure of sealed air in the unloaded gap at room temperature [kPa].
+    """
+
+    kind: CavityKind = "vented"
+    leak_time_s: float = math.inf
+    gas_kpa: float = AMBIENT_KPA
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ValueError: A value is impossible, or contradicts the kind.
+        """
+        if self.kind not in ("vented", "sealed", "leaking"):
+            raise ValueError(f"cavity: vented, sealed or leaking, got {self.kind!r}")
+        if not self.leak_time_s > 0.0 or (self.kind == "leaking") != math.isfinite(self.leak_time_s):
+            raise ValueError(
+                f"leak_time_s: a leaking cavity has one above 0 s, others have none, got {self.leak_time_s:g}"
+            )
+        if not (0.0 < self.gas_kpa < math.inf) or (self.kind != "sealed" and self.gas_kpa != AMBIENT_KPA):
+            raise ValueError(f"gas_kpa: above 0, and of a sealed cavity alone, got {self.gas_kpa:g}")
+
+    @property
+    def gas(self) -> "Gas | None":
+        """Air of an unloaded foot at room temperature and standard pressure; None where it does not resist."""
+        if self.kind == "vented":
+            return None
+        return Gas(np.full(ELEMENTS, 1e-3 * self.gas_kpa), AMBIENT_MPA)
+
+
+#: Cavities open to the ambient air, as of the released foot.
+VENTED = Cavity()
+
+
+class Gas(NamedTuple):
+    """Air in the nine cavities, and outside.
+
+    Attributes:
+        amount_mpa: Pressure that the air would have in the unloaded gap, the measure m of its amount, of each cavity
+            [MPa], shape (9,) or one row for each load, (n, 9).
+        ambient_mpa: Ambient pressure [MPa].
+        exponent: Exponent n of the gas law.
+        leaked: A step s of time over the time constant of the leak [1]; 0 where nothing leaks.
+    """
+
+    amount_mpa: Vector
+    ambient_mpa: float = AMBIENT_MPA
+    exponent: float = ISOTHERMAL
+    leaked: float = 0.0
+
+    def scaled(self, softness: float) -> "Gas":
+        """Return the air of a foot whose solid is softer by a factor, in a solid that keeps its compliance.
+
+        Closures stay equal if loads and pressures are multiplied in place of the compliance.
+        """
+        return self._replace(amount_mpa=softness * self.amount_mpa, ambient_mpa=softness * self.ambient_mpa)
+
+    def after_step(self, excess_mpa: Vector) -> "Gas":
+        """Return the air after a step of time that ended at an excess pressure [MPa], shape of the amount."""
+        return self._replace(amount_mpa=self.amount_mpa - self.leaked * excess_mpa, leaked=0.0)

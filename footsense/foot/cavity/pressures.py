@@ -1,0 +1,137 @@
+"""Air in the cavities: what it presses back with when a gap closes, and how it leaks away.
+
+A closure d of the gap leaves the share v = 1 - d/g of a cavity's volume, d and g being means over its area. The air in
+it then has the pressure p of the gas law, and presses on both plates by what it is above the ambient pressure p_a:
+
+    p v^n = m,        q = p - p_a,        d = d0 - B (l + A q)
+
+with d0 the closures of an empty foot, B the compliance, l the forces of closed gaps (`gap_contact.py`) and A the area
+of a cell. m is the pressure that the air would have in the unloaded gap: the measure of its amount. n is 1 where the
+air keeps the temperature of the walls, which a gap of 20 um does within microseconds, and 1.4 where it keeps its heat.
+
+Air that leaks does so in proportion to q: dm/dt = -q / tau, with tau the time in which an excess pressure falls to 1/e
+in a cavity of constant volume. One step of the implicit Euler method needs the same solution (n = 1), with v = m / p
+- s q / p and s = dt / tau: it is stable for any step, and a long one ends at a vented foot.
+
+Nine pressures are found by Newton's method. The problem is the gradient of a convex function, so it has one solution.
+"""
+
+import math
+
+import numpy as np
+
+from footsense.foot.cavity.air import Gas
+from footsense.foot.gap_contact import ALL_CELLS, CELLS, element_means, solve_contact_lcp
+from footsense.frames import ELEMENTS, Vector
+
+#: Newton steps at most; six are usual, eight with gaps in contact.
+_MAX_STEPS = 60
+#: Largest rest of a mean closure over the gap [1].
+_TOLERANCE_REL = 1e-10
+#: Least share of the absolute pressure that a step leaves [1], so that no pressure becomes negative.
+_LEAST_KEPT = 0.2
+
+
+class CavityPressures:
+    """Solver of the nine pressures for one specimen.
+
+    Args:
+        gap_um: Gap of each element [um], shape (9,).
+        compliance_um_per_n: B of the specimen, shape (324, 324).
+        element_mm2: Area of an element [mm2].
+    """
+
+    def __init__(self, gap_um: Vector, compliance_um_per_n: Vector, element_mm2: float) -> None:
+        self._gap_um = gap_um
+        self._gap_of_cell_um = np.repeat(gap_um, CELLS)
+        self._compliance = compliance_um_per_n
+        #: Opening of each cell under a unit pressure in each cavity [um/MPa], shape (324, 9).
+        self._opening: Vector = (
+            compliance_um_per_n.reshape(ALL_CELLS, ELEMENTS, CELLS).sum(axis=2) * element_mm2 / CELLS
+        )
+        self._mean_opening = element_means(self._opening.T).T
+
+    def closures_um(self, free_um: Vector, gas: Gas, *, contact: bool) -> tuple[Vector, Vector]:
+        """Return the closures of the cells [um], shape (n, 324), and the excess pressures [MPa], shape (n, 9).
+
+        Args:
+            free_um: Closures of an empty foot without contact [um], shape (n, 324).
+            gas: The air.
+            contact: Whether a closed gap carries load; else closures are only limited to the gap.
+
+        Raises:
+            ArithmeticError: Newton's method does not converge.
+        """
+        excess_mpa = self._without_contact(element_means(free_um), gas)
+        closure_um = free_um - excess_mpa @ self._opening.T
+        if not contact:
+            return np.minimum(closure_um, self._gap_of_cell_um), excess_mpa
+        amount_mpa = np.broadcast_to(gas.amount_mpa, excess_mpa.shape)
+        for load in np.flatnonzero((closure_um > self._gap_of_cell_um).any(axis=1)):
+            own = gas._replace(amount_mpa=amount_mpa[load])
+            closure_um[load], excess_mpa[load] = self._in_contact(free_um[load], excess_mpa[load], own)
+        return closure_um, excess_mpa
+
+    def _volume_and_slope(self, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
+        """Return v [1] and its negative slope [1/MPa], which the gas law gives at an excess pressure [MPa]."""
+        pressure_mpa = excess_mpa + gas.ambient_mpa
+        kept: Vector = (gas.amount_mpa / pressure_mpa) ** (1.0 / gas.exponent)
+        volume: Vector = kept - gas.leaked * excess_mpa / pressure_mpa
+        return volume, (kept / gas.exponent + gas.leaked * gas.ambient_mpa / pressure_mpa) / pressure_mpa
+
+    def _without_contact(self, free_um: Vector, gas: Gas) -> Vector:
+        """Return the excess pressures [MPa], shape (n, 9), at mean closures of an empty foot [um], shape (n, 9).
+
+        Raises:
+            ArithmeticError: Newton's method does not converge.
+        """
+        excess_mpa = np.zeros_like(free_um)
+        for _ in range(_MAX_STEPS):
+            volume, slope = self._volume_and_slope(excess_mpa, gas)
+            rest_um = free_um - excess_mpa @ self._mean_opening.T - self._gap_um * (1.0 - volume)
+            if (np.abs(rest_um) <= _TOLERANCE_REL * self._gap_um).all():
+                return excess_mpa
+            matrix = self._mean_opening + (self._gap_um * slope)[:, :, None] * np.eye(ELEMENTS)
+            step_mpa = np.asarray(np.linalg.solve(matrix, rest_um[:, :, None])[:, :, 0], np.float64)
+            excess_mpa = self._moved(excess_mpa, step_mpa, gas)
+        raise ArithmeticError(
+            "the pressures of the cavities do not converge: is the compliance positive definite?"
+        )
+
+    def _in_contact(self, free_um: Vector, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
+        """Return closures [um], shape (324,), and excess pressures [MPa], shape (9,), of one load that closes gaps.
+
+        Raises:
+            ArithmeticError: Newton's method does not converge.
+        """
+        largest_um, share = math.inf, 1.0
+        step_mpa = np.zeros(ELEMENTS)
+        for _ in range(_MAX_STEPS):
+            pressed_um = free_um - self._opening @ excess_mpa
+            closure_um = solve_contact_lcp(pressed_um, self._gap_of_cell_um, self._compliance).closure_um
+            volume, slope = self._volume_and_slope(excess_mpa, gas)
+            rest_um = element_means(closure_um) - self._gap_um * (1.0 - volume)
+            size_um = float(np.abs(rest_um).max())
+            if size_um <= _TOLERANCE_REL * self._gap_um.min():
+                return closure_um, excess_mpa
+            if (
+                size_um > largest_um and share > 1e-3
+            ):  # the set of closed cells changed too much: half of the step
+                share *= 0.5
+                excess_mpa = excess_mpa - share * step_mpa
+                continue
+            largest_um, share = size_um, 1.0
+            closed = np.flatnonzero(closure_um >= self._gap_of_cell_um)
+            carried = np.linalg.solve(self._compliance[np.ix_(closed, closed)], self._opening[closed])
+            opening = element_means((self._opening - self._compliance[:, closed] @ carried).T).T
+            stiffness = opening + np.diag(self._gap_um * slope)
+            newton_mpa = np.asarray(np.linalg.solve(stiffness, rest_um), np.float64)
+            moved = self._moved(excess_mpa, newton_mpa, gas)
+            step_mpa, excess_mpa = moved - excess_mpa, moved
+        raise ArithmeticError("the pressures of the cavities do not converge with gaps in contact")
+
+    @staticmethod
+    def _moved(excess_mpa: Vector, step_mpa: Vector, gas: Gas) -> Vector:
+        """Return excess pressures after a step [MPa], of which too much is left out where a vacuum would follow."""
+        least = _LEAST_KEPT * (excess_mpa + gas.ambient_mpa) - gas.ambient_mpa
+        return np.maximum(excess_mpa + step_mpa, least)

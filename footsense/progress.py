@@ -1,0 +1,81 @@
+"""Progress with the time left, for every command that may take more than two seconds; silent without a terminal."""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console, RenderableType
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+#: A task that takes longer than expected stays at this part of its bar.
+_ALMOST_REL = 0.99
+
+
+def on_terminal() -> bool:
+    """Return whether bars are shown."""
+    return sys.stderr is not None and sys.stderr.isatty()
+
+
+@contextmanager
+def progress_bar(title: str, total: float) -> Iterator[Callable[[float], None]]:
+    """Show a bar on the terminal of standard error while a task runs, and remove it at the end.
+
+    Args:
+        title: The task, in a word or two.
+        total: All of the work, in any unit.
+
+    Yields:
+        A function that takes the work done so far, in the same unit.
+    """
+    if not on_terminal():
+        yield lambda _: None
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def timed_bar(title: str, expected_s: float) -> Iterator[None]:
+    """Show a bar as `progress_bar`, for a task of which only the usual duration is known.
+
+    Args:
+        title: The task, in a word or two.
+        expected_s: Its usual duration [s]; 0 if nothing is known: then no bar is shown.
+
+    Yields:
+        Nothing.
+    """
+    if not (on_terminal() and expected_s):
+        yield
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), _TimeLeft())
+    with _TimedProgress(*columns, console=Console(stderr=True), transient=True) as bar:
+        bar.add_task(title, total=expected_s)
+        yield
+
+
+class _TimedProgress(Progress):
+    """Bars that follow the elapsed time."""
+
+    def get_renderables(self) -> Iterable[RenderableType]:
+        for task in self.tasks:
+            task.completed = min(task.elapsed or 0.0, _ALMOST_REL * (task.total or 0.0))
+        yield from super().get_renderables()
+
+
+class _TimeLeft(ProgressColumn):
+    def render(self, task: Task) -> Text:
+        left_s = (task.total or 0.0) - (task.elapsed or 0.0)
+        words = "longer than usual" if left_s < 0 else f"about {left_s // 60:.0f}:{left_s % 60:02.0f} left"
+        return Text(words, "progress.remaining")

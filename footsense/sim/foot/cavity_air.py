@@ -1,0 +1,53 @@
+"""Air in the cavities of one simulated foot: warmed, under the weather's pressure, and leaking over time."""
+
+import numpy as np
+
+from footsense.foot.cavity.air import AMBIENT_KPA, ROOM_K, Gas
+from footsense.foot.specimen import Foot
+from footsense.frames import ELEMENTS, Vector
+
+
+class CavityAir:
+    """State of the air of one foot whose cavities are not vented, advanced in the order of time.
+
+    Args:
+        foot: The foot.
+        ambient_kpa: Ambient pressure [kPa].
+
+    Raises:
+        ValueError: The cavities are vented.
+    """
+
+    def __init__(self, foot: Foot, ambient_kpa: float = AMBIENT_KPA) -> None:
+        gas = foot.cavity.gas
+        if gas is None:
+            raise ValueError("a vented foot has no air of its own")
+        self._foot = foot
+        self._ambient_mpa = 1e-3 * ambient_kpa
+        # Air that leaks has long taken the ambient pressure.
+        leaking = foot.cavity.kind == "leaking"
+        self._amount_mpa = np.full(ELEMENTS, self._ambient_mpa) if leaking else gas.amount_mpa
+        self._t_ns: int | None = None
+
+    def capacitance_pf(
+        self, t_ns: int, normal: Vector, force_n: Vector, softness: float = 1.0, kelvin: float = 0.0
+    ) -> Vector:
+        """Return the capacitance of each element under a load [pF], shape (9,), stray included.
+
+        Args:
+            t_ns: Time, not before that of the last call [ns].
+            normal: Inward normal of the contact, shape (3,).
+            force_n: Load since the last call [N], shape (3,).
+            softness: Closures of the solid over those at the start, under the same load [1].
+            kelvin: Temperature of the air over that at the start [K].
+        """
+        elapsed_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
+        self._t_ns = t_ns
+        warmth = 1.0 + kelvin / ROOM_K
+        leaked = elapsed_s / self._foot.cavity.leak_time_s
+        # A softer solid closes as far as the given one under a smaller load and smaller pressures.
+        gas = Gas(warmth * self._amount_mpa, self._ambient_mpa, leaked=leaked).scaled(softness)
+        element_pf, after = self._foot.after_step(normal[None], softness * force_n[None], gas)
+        self._amount_mpa = after.amount_mpa[0] / (warmth * softness)
+        capacitance_pf: Vector = element_pf[0]
+        return capacitance_pf
