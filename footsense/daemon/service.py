@@ -120,9 +120,6 @@ def open_service(
         if scene is not None and not is_simulated(config):
             # Simulated forces must not reach the controller of the real robot.
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
-        if scene is None:
-            # Before anything that takes time or a priority: another process may be reading these feet.
-            check_adapters(config)
         models = load_models(config)
         # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
         flags = _request_scheduling(config, simulated=scene is not None)
@@ -224,10 +221,12 @@ def _request_scheduling(config: Config, *, simulated: bool) -> Flag:
     """Request the configured scheduling, and return the flags of every frame.
 
     Raises:
+        HardwareError: An adapter is missing, or another process has locked it.
         ConfigError: The scheduling is required and denied.
     """
     if simulated:
         return Flag.SIMULATED
+    check_adapters(config)  # before this process could delay another one that reads these feet
     asked = config.realtime
     refusals = () if asked is None else request_realtime(asked.priority, asked.cpu)
     if asked is not None and asked.required and refusals:
