@@ -67,7 +67,7 @@ def test_the_service_may_do_little_else() -> None:
 
 @pytest.mark.parametrize(("unit", "command"), [(EXPORTER, "exporter"), (VIEW, "view")])
 def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, command: str) -> None:
-    """It restarts whatever ended it, takes no time of the loop's, and may reach nothing but loopback and shared memory."""
+    """Each restarts whatever ended it, takes no time of the loop, and reaches the loopback and shared memory alone."""
     exporter, service = parsed(unit)["Service"], parsed(UNIT)["Service"]
     assert exporter["Restart"] == "always"
     assert (
