@@ -18,8 +18,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from footsense.benchmarks.our_cycle import PRIORITY, our_cycle
@@ -91,25 +90,27 @@ def _viewer(cycles: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
 @contextlib.contextmanager
 def _clients(host: str) -> Iterator[None]:
     """Connect a viewer that draws, and clients that do not read."""
+    over = threading.Event()
+    drawing = threading.Thread(target=_draw, args=(host, over))
     with contextlib.ExitStack() as stack:
         for number in range(_SLOW_CLIENTS):
             protocol = _FOXGLOVE if number % 2 else _PAGE
-            slow = connect(f"ws://{host}/", subprotocols=[protocol], close_timeout=0.1, max_queue=1)
-            stack.callback(slow.close)
+            slow = stack.enter_context(
+                connect(f"ws://{host}/", subprotocols=[protocol], close_timeout=0.1, max_queue=1)
+            )
             if protocol is _FOXGLOVE:
                 topics = [{"id": channel, "channelId": channel} for channel in range(1, _CHANNELS)]
                 slow.send(json.dumps({"op": "subscribe", "subscriptions": topics}))
-        page = connect(f"ws://{host}/", subprotocols=[_PAGE], close_timeout=0.1)
-        drawing = threading.Thread(target=_draw, args=(page,))
         drawing.start()
         stack.callback(drawing.join)
-        stack.callback(page.close)
+        stack.callback(over.set)
         yield
 
 
-def _draw(page: ClientConnection) -> None:
+def _draw(host: str, over: threading.Event) -> None:
     """Acknowledge every message of cycles, as a browser does that draws them."""
-    with contextlib.suppress(ConnectionClosed):
-        for message in page:
-            if isinstance(message, bytes):
-                page.send('{"type": "drawn"}')
+    with connect(f"ws://{host}/", subprotocols=[_PAGE], close_timeout=0.1) as page:
+        while not over.is_set():
+            with contextlib.suppress(TimeoutError):
+                if isinstance(page.recv(timeout=0.2), bytes):
+                    page.send('{"type": "drawn"}')
