@@ -4,7 +4,7 @@ import asyncio
 import os
 import signal
 import threading
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -91,7 +91,8 @@ def view(
             settings, address=address or settings.address, cycles=str(cycles or settings.cycles)
         )
     drop_realtime()
-    os.nice(5)  # a viewer never competes with what else the robot's computer does
+    with suppress(OSError):  # its unit denies the call, and has set its own
+        os.nice(5)  # a viewer never competes with what else the robot's computer does
     with ExitStack() as stack:
         tares = stack.enter_context(closing(_open_tares(config, file))) if allow_commands else None
         _serve(stack, file, settings, settings.port if port is None else port, tares, origins)

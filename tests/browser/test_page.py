@@ -144,14 +144,14 @@ def test_the_service_and_the_viewer_start_again(browser: Browser, cycles: Path, 
     """The page says what is missing and what to do, keeps the last values, and goes on by itself."""
     with view("--cycles", cycles) as (viewer, url):
         browser.open(url)
-        browser.wait("document.querySelector('#banner')?.textContent.includes('no service runs')")
-        assert "Start it with `footsense run`" in browser.text("#banner")
+        browser.wait("document.querySelector('#banner')?.textContent.includes('No service runs')")
+        assert "Start it with footsense run" in browser.text("#banner")
         with ViewedService(cycles) as service:
             service.force_n[:, 2] = 0.4
             browser.wait(f"{SIX_FEET} && document.body.dataset.link === 'live'", service.publish)
             assert browser.js("return document.querySelector('#banner').hidden")
         browser.wait("document.body.dataset.link === 'ended'")
-        assert "the service has ended" in browser.text("#banner")
+        assert "The service has ended" in browser.text("#banner")
         assert browser.text("[data-leg=lm] .fz") == "0.40 N"
         with ViewedService(cycles) as service:
             service.force_n[:, 2] = 0.6

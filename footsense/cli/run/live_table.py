@@ -57,11 +57,8 @@ class LiveTable(LiveView):
             columns["true [N]"] = (">8", lambda row: Text(f"{true_n[row, 2]:.3f}", "dim"))
         columns["age [ms]"] = (">8", lambda row: f"{forces.age_ns[row] * 1e-6:.1f}" if usable[row] else EMPTY)
         table = leg_table({leg: row for row, leg in enumerate(self._legs)}, columns)
-        head = Text.assemble(
-            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   cycle {forces.sequence}", "dim")
-        )
-        if self._url:
-            head.append(f"   {self._url}", "cyan")
+        head = Text.assemble(("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s", "dim"))
+        head.append(*((f"   {self._url}", "cyan") if self._url else (f"   cycle {forces.sequence}", "dim")))
         return Group(head, Text(), table)
 
 

@@ -5,7 +5,7 @@ import { FLAG, css, number, setText, svg } from "./format.js";
 const PLACES = { lf: [112, 112], lm: [112, 306], lr: [112, 500], rf: [408, 112], rm: [408, 306], rr: [408, 500] };
 const CELL = 34, GAP = 3, HALF = (3 * CELL + 2 * GAP) / 2;
 const FULL_LOAD_N = 1.5; // of the bar; it grows with the largest load
-const REACH_PX = 88; // of the longest arrow, or the widest cone
+const REACH_PX = 74; // of the longest arrow, or the widest cone
 const STEPS = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
 
 export class Robot {
@@ -142,7 +142,7 @@ class Foot {
     setText(this.force, usable ? `${number(fz, 2)} N` : "– N");
     setText(this.state, state.name);
     this.state.setAttribute("class", state.phase);
-    setText(this.ground, slips ? "slips" : contact ? "contact" : usable ? "swing" : "");
+    setText(this.ground, slips ? "slips" : state.name.length > 8 ? "" : contact ? "contact" : usable ? "swing" : "");
   }
 
   // From above, x forward is up on the screen and y left is left.
