@@ -87,7 +87,8 @@ class Foot:
         Args:
             normal: Inward unit normals of the ball at the contacts, frame of the leg, shape (n, 3).
             force_n: Ground reactions on the foot [N], frame of the leg, shape (n, 3).
-            gas: Air in the cavities; None for that of an unloaded foot. Without meaning for a vented foot.
+            gas: Air in the cavities; None for that of a load that has lasted for `cavity.air.HELD_S`. Without meaning
+                for a vented foot.
 
         Raises:
             ValueError: As `FootResponse.free_closure_um`.
@@ -113,8 +114,9 @@ class Foot:
 
     def _limited_um(self, free_um: Vector, gas: Gas | None) -> Vector:
         """Return closures of the cells limited to the gaps [um], shape (n, 324), of free ones of that shape."""
-        gas = gas or self.cavity.gas
-        if gas is not None and self.cavity.kind != "vented":
+        if self.cavity.kind != "vented":
+            if gas is None:
+                return self._pressures.held_um(free_um, self.cavity, contact=self._contact)
             return self._pressures.closures_um(free_um, gas, contact=self._contact)[0]
         if not self._contact:
             return np.minimum(free_um, self._gap_of_cell_um)

@@ -131,7 +131,7 @@ def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
     designed = _estimates(models, loads, electrodes)
     read = designed.usable
     mount = rotation(fit.parameters[MOUNT])
-    physical = replace(electrodes, stiffness_rel=stiffness_rel, mount=mount)
+    physical = replace(electrodes, stiffness_rel=twin.felt_stiffness_rel(stiffness_rel), mount=mount)
     designed_n, force_n = designed.force_n[read], loads.force_n[read]
     correction = fit_correction(designed_n, designed_n @ physical.force_matrix.T, force_n)
     # An outlier counts as much as five medians.

@@ -84,7 +84,7 @@ def test_an_impossible_cavity_of_a_scene_is_refused(tmp_path: Path) -> None:
     """One line with the place."""
     path = tmp_path / "scene.yaml"
     path.write_text(
-        "description: leaks\nload: {type: constant, force_n: [0, 0, 1]}\neffects: {cavity: {kind: leaking}}\n"
+        "description: leaks\nload: {kind: constant, force_n: [0, 0, 1]}\neffects: {cavity: {kind: leaking}}\n"
     )
     with pytest.raises(
         ConfigError, match=r"effects\.cavity: leak_time_s: a leaking cavity has one above 0 s"
