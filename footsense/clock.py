@@ -146,6 +146,11 @@ def wall_time_iso() -> str:
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
 
 
+def wall_time_ns() -> int:
+    """Return the time since 1970 [ns]; it may step."""
+    return time.time_ns()
+
+
 def process_age_ns() -> int:
     """Return the time since the start of this process, interpreter start included [ns]. Linux only."""
     with open("/proc/self/stat", encoding="ascii") as stat:  # noqa: PTH123 - no path arithmetic here

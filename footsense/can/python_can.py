@@ -5,10 +5,12 @@ frames bypass it (`socketcan.py`). python-can neither checks its settings nor ig
 gets checked settings and no files.
 """
 
+import contextlib
 import errno
 import logging
 import os
 import socket
+import struct
 from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -160,7 +162,9 @@ class _BusWire:
             if message is None:
                 break
             pack = pack_fd_frame if message.is_fd else pack_frame
-            arrived.append(pack(_flagged_id(message), bytes(message.data)))
+            # python-can checks the ranges of a message's fields, not their types: an id of 1.5 passes.
+            with contextlib.suppress(TypeError, ValueError, struct.error):
+                arrived.append(pack(_flagged_id(message), bytes(message.data)))
         return arrived
 
     def close(self) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from footsense import __version__
-from footsense.clock import wall_time_iso
+from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
 from footsense.config.former_keys import with_present_keys
 from footsense.config.sections import Can
@@ -25,13 +25,14 @@ _CALIBRATIONS = "calibrations"
 ELEMENTS_KEY = "elements"
 
 
-def recording_header(models: Models, scene: Scene | None, flags: Flag) -> dict[str, str]:
-    """Return the header of a recording that begins now."""
+def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: int) -> dict[str, str]:
+    """Return the header of a recording that begins now, at `now_ns` of the clock of its times."""
     config, network = models.config, models.network
     hashes = (f"{leg}={calibration.manifest.sha256}" for leg, calibration in models.calibrations.items())
     return {
         "footsense": __version__,
         "started": wall_time_iso(),
+        "wall_offset_ns": str(wall_time_ns() - now_ns),
         "config": msgspec.json.encode(config).decode(),
         "scene": msgspec.json.encode(scene).decode() if scene else "",
         "flags": str(int(flags)),

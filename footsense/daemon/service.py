@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ from footsense.daemon.acquisition import ScanSource, open_scan_source
 from footsense.daemon.can_output import can_sink, closing_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
-from footsense.daemon.models import Models, load_models
+from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recording_header
 from footsense.daemon.simulation import Paced, is_simulated
 from footsense.errors import ConfigError, FootsenseError
@@ -146,14 +146,16 @@ def open_service(
 
             row = legs.index(test_stand.leg)
             reference = stack.enter_context(closing(open_sensor(test_stand.test_stand, row, scan)))
+        header: dict[str, str] = {}
+        if record is not None or config.view is not None:
+            header = recording_header(models, scene, flags, scan.clock.now_ns())
         if record is not None:
-            header = recording_header(models, scene, flags)
             header |= test_stand.header() if test_stand is not None else {}
             recorder = Recorder(record, legs, header, blocking=not real_time or test_stand is not None)
             observers.append(recorder)
         pipeline = pipeline_for(models, flags)
         observers += _metrics(config, sink, scan, wakeups, recorder)
-        observers += _shared_cycles(models, scene, flags, pipeline, sink)
+        observers += _shared_cycles(config, header, pipeline, sink)
         for observer in observers:
             stack.enter_context(closing_at_end(observer.close))
         yield Service(
@@ -199,13 +201,11 @@ def _metrics(
 
 
 def _shared_cycles(
-    models: Models, scene: Scene | None, flags: Flag, pipeline: Pipeline, sink: CanSink
+    config: Config, header: Mapping[str, str], pipeline: Pipeline, sink: CanSink
 ) -> list[SharedCycles]:
     """Return the configured copy of the cycles for viewers; none if its file cannot be written."""
-    config = models.config
     if config.view is None:
         return []
-    header = recording_header(models, scene, flags)
     try:
         return [
             SharedCycles(

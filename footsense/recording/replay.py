@@ -1,6 +1,6 @@
 """A recording as an iterable of its cycles, and as source of frames and clock for the loop of the service."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from footsense.errors import RecordingError
@@ -15,6 +15,7 @@ class Replay:
 
     Args:
         path: The recording, finished or not.
+        on_read: Receives the number of bytes read so far.
 
     Attributes:
         path: The recording.
@@ -25,8 +26,9 @@ class Replay:
         RecordingError: The file is missing, or not a recording, or its header is damaged.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, on_read: Callable[[int], None] = lambda _: None) -> None:
         self.path = path
+        self._on_read = on_read
         self.header = read_header(path)
         self.legs = tuple(self.header["legs"].split(","))
 
@@ -39,7 +41,7 @@ class Replay:
         Raises:
             RecordingError: The rest of the file is cut off or damaged.
         """
-        return read_entries(self.path, self.legs)
+        return read_entries(self.path, self.legs, self._on_read)
 
     def __iter__(self) -> Iterator[Cycle]:
         """Iterate over complete cycles in file order.

@@ -9,6 +9,7 @@ from typing import cast
 import pytest
 import smbus2
 
+from footsense.acquisition.linux import linux_i2c
 from footsense.acquisition.linux.linux_i2c import (
     LinuxI2cBus,
     adapters,
@@ -145,6 +146,17 @@ def test_behind_a_mux_of_the_kernel_the_outer_adapters_are_found(tmp_path: Path)
     (tmp_path / "i2c-12").symlink_to(inner)
     assert with_parents("/dev/i2c-12", tmp_path) == ["/dev/i2c-1", "/dev/i2c-11", "/dev/i2c-12"]
     assert with_parents("/dev/i2c-7", tmp_path) == ["/dev/i2c-7"]
+
+
+def test_an_adapter_that_is_opened_shortens_the_timeouts_of_those_it_is_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The child of a mux of the kernel waits as long as its parent: a second, and the watchdog ends the service."""
+    node, outer, shortened = Node(tmp_path / "i2c-11", monkeypatch), "/dev/i2c-1", list[str]()
+    monkeypatch.setattr(linux_i2c, "with_parents", lambda device: [outer, device])
+    monkeypatch.setattr(linux_i2c, "shorten_timeout", shortened.append)
+    LinuxI2cBus.open(str(node.path)).close()
+    assert shortened == [outer, str(node.path)]
 
 
 class Node:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import can
 import msgpack
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from firmware_interface.can.codes import NODE_IDS, CommandKind
@@ -127,6 +127,7 @@ messages = st.builds(
 )
 
 
+@example(datagrams=[msgpack.packb({**_FIELDS, "arbitration_id": 1.5})])
 @given(datagrams=st.lists(st.binary(max_size=200) | messages | anything.map(msgpack.packb), max_size=8))
 @TRIED
 def test_any_datagram_on_the_loopback(

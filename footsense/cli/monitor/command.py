@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 from contextlib import closing
-from ipaddress import AddressValueError, IPv4Address
 
 import click
 from rich.console import Console
 from rich.live import Live
 
+from footsense.cli.can_channel import channel_option, interface_option
 from footsense.cli.monitor.json_values import snapshot_json
 from footsense.cli.monitor.table import monitor_table
 from footsense.cli.options import StopRequest, duration_option, echo_json
@@ -15,22 +15,13 @@ from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_listener import Listener, open_listener
 
-#: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
-_CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
-
 _NS_PER_S = 1_000_000_000
 _DRAW_NS = 200_000_000
 
 
 @click.command()
-@click.option(
-    "--interface",
-    type=click.Choice(list(_CHANNELS)),
-    default="socketcan",
-    show_default=True,
-    help="udp_multicast: a simulation on this computer, without CAN.",
-)
-@click.option("--channel", help="Name of the channel. Default: can0, or 239.74.163.2.")
+@interface_option
+@channel_option
 @click.option(
     "--max-age-ms",
     type=click.IntRange(1, 10_000),
@@ -45,13 +36,11 @@ _DRAW_NS = 200_000_000
     is_flag=True,
     help="Print one line of JSON per leg and second; the default if the output is no terminal.",
 )
-def monitor(
-    interface: str, channel: str | None, max_age_ms: int, duration_s: float, *, as_json: bool
-) -> None:
+def monitor(interface: str, channel: str, max_age_ms: int, duration_s: float, *, as_json: bool) -> None:
     """Show the legs on CAN: state, force with its age and uncertainty, and the cause of a fault.
 
     Only listens. A force is shown if a consumer that accepts degraded legs may use it.
-    """  # noqa: DOC501 - click shows this text
+    """
     limit_ns = max_age_ms * 1_000_000
     limits = LinkLimits(max_age_ns=limit_ns, timeout_ns=limit_ns, accept_degraded=True)
     console = Console()
@@ -59,12 +48,7 @@ def monitor(
     stop = StopRequest()
     start_ns = clock.now_ns()
     end_ns = start_ns + duration_s * _NS_PER_S
-    name = channel or _CHANNELS[interface]
-    if interface == "udp_multicast" and not _is_multicast(name):
-        raise click.BadParameter(
-            f"{name} is no IPv4 multicast address; try {_CHANNELS[interface]}", param_hint="--channel"
-        )
-    with closing(open_listener(interface, name, clock, limits)) as listener:
+    with closing(open_listener(interface, channel, clock, limits)) as listener:
         if as_json or not console.is_terminal:
             for t_ns in _periods(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():
@@ -73,7 +57,7 @@ def monitor(
             return
         with Live(console=console, auto_refresh=False, screen=False) as live:
             for t_ns in _periods(listener, start_ns, end_ns, _DRAW_NS, stop):
-                title = f"{name}   {(t_ns - start_ns) * 1e-9:5.1f} s"
+                title = f"{channel}   {(t_ns - start_ns) * 1e-9:5.1f} s"
                 live.update(monitor_table(listener.snapshot(), title), refresh=True)
 
 
@@ -94,10 +78,3 @@ def _periods(
                 return
         yield t_ns
         start_ns = t_ns
-
-
-def _is_multicast(name: str) -> bool:
-    try:
-        return IPv4Address(name).is_multicast
-    except AddressValueError:
-        return False

@@ -5,7 +5,7 @@ missing checksums and lost chunks; so everything is counted and checked here, an
 byte.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +21,15 @@ from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
 _Record = Any  # the library is not typed
 
 
-def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[NumberedCycle | LostCycles]:
+def read_entries(
+    path: Path, legs: tuple[str, ...], on_read: Callable[[int], None]
+) -> Iterator[NumberedCycle | LostCycles]:
     """Yield every complete cycle and every recorded loss, in file order.
 
     Args:
         path: The recording.
         legs: Name of each row of the frames.
+        on_read: Receives the number of bytes read so far, after each chunk.
 
     Yields:
         Cycles and losses up to the end of the file or its first damage.
@@ -49,6 +52,7 @@ def read_entries(path: Path, legs: tuple[str, ...]) -> Iterator[NumberedCycle | 
                     require(record.data_section_crc != 0, "the checksum of the file is missing")
                     return
                 good = file.tell()
+                on_read(good)
         except DAMAGE as error:
             raise RecordingError(f"{path}: {_damage_text(assembly, good, bounded.size, error)}") from None
         raise RecordingError(

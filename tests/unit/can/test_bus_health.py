@@ -50,3 +50,23 @@ def test_each_illness_is_told_with_its_own_number_of_bus_offs(caplog: pytest.Log
     off = "CAN can0: bus-off: the wires are shorted, or the bit rates differ; frames are lost until the controller "
     assert lines[::2] == [off + "restarts"] * 2
     assert lines[1::2] == [f"CAN can0: no more errors; bus-off {n} times until then" for n in (3, 2)]
+
+
+def test_a_queue_that_is_full_now_and_then_is_told_once_and_at_its_end(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Half of the frames dropped for ten seconds are two lines, the second with their number; again, two more."""
+    stats = CanStatistics()
+    health = BusHealth("can0", stats)
+    for begin_ns, n_frames in ((0, 1000), (100 * S, 500)):
+        for n in range(n_frames):
+            if n % 2:
+                health.note_full(begin_ns + n * 10_000_000)
+                stats.dropped += 1
+            health.check_recovery(begin_ns + n * 10_000_000)
+        health.check_recovery(begin_ns + 50 * S)
+    lines = [record.getMessage() for record in caplog.records]
+    assert ["its queue is full" in line for line in lines] == [True, False] * 2
+    assert lines[1::2] == [
+        f"CAN can0: takes all frames again; {n} were dropped until then" for n in (500, 250)
+    ]

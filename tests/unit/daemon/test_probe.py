@@ -1,7 +1,7 @@
 """What a probe says of robots on which something is wrong: where, what, and what to check."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import msgspec
 import pytest
 from rich.console import Console
 
+from firmware_interface.chips.ad7746 import RESET_COMMAND
 from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan, scan_adapters, scan_bus
 from footsense.acquisition.scan_plan import scan_plan
@@ -26,6 +27,8 @@ from footsense.errors import BusError, BusTimeoutError, FootsenseError, NackErro
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxLeg
+from footsense.sim.chips.ad7746 import SimulatedAd7746
+from footsense.sim.chips.chip import LegChip
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.chips.mux import SimulatedMux
@@ -217,6 +220,37 @@ def test_a_mux_whose_selection_cannot_be_read_is_not_switched() -> None:
     scan = scan_bus(UpstreamBus(wires, 0x71), clock, scan_plan("lo_shu", 400), CHANNELS)
     assert scan.upstream is not None
     assert (scan.mux_answers, scan.channels, scan.timing) == (False, {}, None)
+
+
+MUX = 0x71
+
+
+class Watched(SimulatedBus):
+    """A bus that notes what is written to a converter or a line switch."""
+
+    def __init__(self, *wiring: Any) -> None:
+        super().__init__(*wiring)
+        self.written: list[bytes] = []
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        # A write before a read names a register, and an address scan writes nothing.
+        if transaction.address != MUX and transaction.write and not transaction.n_read:
+            self.written.append(transaction.write)
+        return super().transfer(transaction)
+
+
+@pytest.mark.parametrize(
+    ("board", "rate_sps", "converter", "written"),
+    [("fdc1004", 400, SimulatedFdc1004, []), ("ad7746", 91, SimulatedAd7746, [bytes([RESET_COMMAND])] * 2)],
+)
+def test_a_bus_is_scanned_without_a_write_but_the_reset_of_an_ad7746(
+    board: str, rate_sps: int, converter: Callable[..., LegChip], written: list[bytes]
+) -> None:
+    """An AD7746 has no other identity than its values after a reset."""
+    clock, mux = VirtualClock(), SimulatedMux(MUX)
+    wires = Watched(clock, 400_000, 0, mux, {n: (converter(lambda *_: 5.0, None),) for n in range(2)})
+    scan_bus(UpstreamBus(wires, MUX), clock, scan_plan("lo_shu", rate_sps, board), CHANNELS)
+    assert wires.written == written
 
 
 def test_adapters_of_a_kernel_mux_are_told_leg_by_leg() -> None:

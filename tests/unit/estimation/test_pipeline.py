@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from footsense.estimation.baseline.drift import DRIFT_PF2_PER_S
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.frames import USABLE, Command, CommandKind, Flag, Reading, Result, State
+from footsense.frames import USABLE, Cause, Command, CommandKind, Flag, Reading, Result, State
 from footsense.ports import Load, Window
 from tests.support.feet import DESIGN, MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, SumOfClosures
 
@@ -92,7 +92,8 @@ def test_an_old_measurement_is_stale() -> None:
     """The age limit counts from the oldest element to the sending."""
     feet = Feet().tared()
     assert feet.feed(feet.scan(), age_ns=MAX_AGE_NS).state[0] == State.VALID
-    assert feet.feed(feet.scan(), age_ns=MAX_AGE_NS + 1).state[0] == State.STALE
+    late = feet.feed(feet.scan(), age_ns=MAX_AGE_NS + 1)
+    assert (late.state[0], late.cause[0]) == (State.STALE, Cause.DELAYED)
 
 
 def test_a_tare_under_load_is_refused_with_numbers_and_tried_again_at_start() -> None:

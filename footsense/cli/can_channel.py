@@ -1,0 +1,48 @@
+"""Options of the commands that listen on CAN."""
+
+from collections.abc import Callable
+from ipaddress import AddressValueError, IPv4Address
+from typing import Any
+
+import click
+
+#: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
+_CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
+
+interface_option = click.option(
+    "--interface",
+    type=click.Choice(list(_CHANNELS)),
+    default="socketcan",
+    is_eager=True,  # the default of the channel depends on it
+    show_default=True,
+    help="udp_multicast: a simulation on this computer, without CAN.",
+)
+
+
+def _channel(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
+    """Return the channel, or the interface's default.
+
+    Raises:
+        BadParameter: It is no multicast address, and has to be one.
+    """
+    del param
+    interface = ctx.params["interface"]
+    name = value or _CHANNELS[interface]
+    if interface == "udp_multicast" and not _is_multicast(name):
+        raise click.BadParameter(
+            f"{name} is no IPv4 multicast address; try {_CHANNELS[interface]}", param_hint="--channel"
+        )
+    return name
+
+
+#: Stands below `interface_option`, whose value it needs.
+channel_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
+    "--channel", callback=_channel, help="Name of the channel. Default: can0, or 239.74.163.2."
+)
+
+
+def _is_multicast(name: str) -> bool:
+    try:
+        return IPv4Address(name).is_multicast
+    except AddressValueError:
+        return False

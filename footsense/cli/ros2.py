@@ -1,0 +1,54 @@
+"""`footsense ros2`: the forces on CAN as ROS 2 messages, live."""
+
+from contextlib import closing
+from pathlib import Path
+
+import click
+
+from footsense.cli.can_channel import channel_option, interface_option
+from footsense.cli.options import FILE, StopRequest, duration_option
+from footsense.client import LinkLimits
+from footsense.clock import MonotonicClock, wall_time_ns
+from footsense.daemon.can_listener import open_listener
+from footsense.frames import LEGS
+from footsense.ros2.live_samples import LiveMessages
+from footsense.ros2.participant import Participant
+from footsense.ros2.topics import Topics, load_frames
+
+#: Period of reading CAN and publishing [ns].
+_PERIOD_NS = 5_000_000
+_NS_PER_S = 1_000_000_000
+
+
+@click.command()
+@interface_option
+@channel_option
+@click.option(
+    "--domain",
+    type=click.IntRange(0, 232),
+    default=0,
+    envvar="ROS_DOMAIN_ID",
+    show_default=True,
+    help="Domain of the ROS 2 nodes; without it $ROS_DOMAIN_ID.",
+)
+@click.option("--tf", type=FILE, metavar="FRAMES.yaml", help="Frames of the feet; without it lf_foot etc.")
+@duration_option("Stop after this time.")
+def ros2(interface: str, channel: str, domain: int, tf: Path | None, duration_s: float) -> None:
+    """Publish the legs on CAN to ROS 2 nodes; ROS itself need not be installed (needs footsense[ros2]).
+
+    Only listens on CAN. A leg without a usable force sends no wrench; its contact state and /diagnostics say so.
+    """
+    topics = Topics(LEGS, None if tf is None else load_frames(tf))
+    participant = Participant(domain, topics.types)
+    messages = LiveMessages(topics)
+    clock, stop = MonotonicClock(), StopRequest()
+    start_ns = clock.now_ns()
+    n_published = 0
+    with closing(open_listener(interface, channel, clock, LinkLimits(accept_degraded=True))) as listener:
+        click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
+        while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
+            listener.listen(now_ns + _PERIOD_NS)
+            for message in messages.due(listener.snapshot(), wall_time_ns(), clock.now_ns()):
+                participant.publish(message)
+                n_published += 1
+    click.echo(f"{n_published} messages published")

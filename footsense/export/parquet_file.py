@@ -1,0 +1,63 @@
+"""A recording as Parquet, for pandas, Polars, DuckDB and Matlab; needs the extra `parquet`."""
+
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from footsense.errors import FootsenseError
+from footsense.export.table import COLUMNS, read_rows
+from footsense.recording.replay import Replay
+
+try:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    HAS_PYARROW = True
+except ImportError:
+    HAS_PYARROW = False
+
+#: Cycles in a group of rows: ten seconds of walking.
+_GROUP_CYCLES = 4_000
+_TEXTS = {"leg", "state", "cause", "baseline_status", "slip", "event"}
+_TRUTHS = {"contact", "contact_raw"}
+_WHOLES = {"sequence", "fault_mask", "flags"}
+
+
+def write_parquet(replay: Replay, path: Path) -> int:
+    """Write a recording as Parquet; return the number of cycles.
+
+    Args:
+        replay: The recording.
+        path: The new file.
+
+    Raises:
+        FootsenseError: The extra `parquet` is not installed.
+        OSError: The file cannot be written.
+        RecordingError: The recording is cut short; what is whole was written.
+    """
+    if not HAS_PYARROW:
+        raise FootsenseError("--parquet needs pyarrow: pip install 'footsense[parquet]'")
+    schema = pa.schema([(name, _type(name)) for name in COLUMNS])
+    cycles = read_rows(replay)
+    n_cycles = 0
+    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+        while group := list(islice(cycles, _GROUP_CYCLES)):
+            n_cycles += len(group)
+            columns = zip(*(row for rows in group for row in rows), strict=True)
+            # From pandas' point of view NaN is null, which is how an unknown value reads in every tool.
+            arrays = [
+                pa.array(column, type=field.type, from_pandas=True)
+                for column, field in zip(columns, schema, strict=True)
+            ]
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+    return n_cycles
+
+
+def _type(name: str) -> Any:  # noqa: ANN401 - the library is not typed
+    """Return the type of a column."""
+    if name in _TEXTS:
+        return pa.dictionary(pa.int8(), pa.string()) if name != "event" else pa.string()
+    if name in _TRUTHS:
+        return pa.bool_()
+    is_whole = name in _WHOLES or name.startswith("reading_") or name.endswith("_ns") or "t_ns_" in name
+    return pa.int64() if is_whole else pa.float64()

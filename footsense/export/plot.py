@@ -1,0 +1,182 @@
+"""A recording at a glance: forces, states and events of every leg; needs the extra `plot`."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footsense.errors import FootsenseError
+from footsense.export.plot_signals import Signals, collect_signals
+from footsense.frames import GaitEventKind, Mask, State, Vector
+from footsense.recording.replay import Replay
+
+try:
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    HAS_MATPLOTLIB = True
+except ImportError:
+    HAS_MATPLOTLIB = False
+
+_FORMATS = (".png", ".svg", ".pdf")
+#: Row and column of each leg, as on the robot from above.
+_PLACES = {"lf": (0, 0), "rf": (0, 1), "lm": (1, 0), "rm": (1, 1), "lr": (2, 0), "rr": (2, 1)}
+_SIDES = {"l": "left", "r": "right"}
+_POSITIONS = {"f": "front", "m": "middle", "r": "rear"}
+_NORMAL, _TANGENTIAL, _CONTACT = "#1f5fa8", "#d97706", "#dbeafe"
+_STATES = {
+    State.VALID: "#8cc08a",
+    State.DEGRADED: "#f2c14e",
+    State.STARTING: "#d9d9d9",
+    State.NO_BASELINE: "#bdbdbd",
+    State.TARING: "#9ecae1",
+    State.STOPPED: "#969696",
+    State.OUT_OF_RANGE: "#fdae6b",
+    State.SATURATED: "#e6550d",
+    State.STALE: "#b15fb5",
+    State.ELEMENT_FAULT: "#d62728",
+    State.CONVERTER_FAULT: "#8c1d18",
+    State.ABSENT: "#3b3b3b",
+}
+_MARKS = {
+    GaitEventKind.TOUCHDOWN: ("v", "#1b7837", "touchdown"),
+    GaitEventKind.LIFT_OFF: ("^", "#1b7837", "lift-off"),
+    GaitEventKind.SLIP: ("x", "#b2182b", "slip begins"),
+    GaitEventKind.SLIP_END: ("+", "#b2182b", "slip ends"),
+}
+#: Part of a panel's height below zero, where states and events stand.
+_STRIP_REL = 0.16
+#: A line with more points is drawn as its extremes within so many columns.
+_COLUMNS = 2_000
+
+
+def write_plot(replay: Replay, path: Path) -> int:
+    """Draw a recording; return the number of cycles.
+
+    Args:
+        replay: The recording.
+        path: The new file; its ending says its kind.
+
+    Raises:
+        FootsenseError: The extra `plot` is not installed, or there is no such kind of file.
+        OSError: The file cannot be written.
+        RecordingError: The recording is cut short; what is whole was drawn.
+    """
+    if not HAS_MATPLOTLIB:
+        raise FootsenseError("--plot needs matplotlib: pip install 'footsense[plot]'")
+    if path.suffix not in _FORMATS:
+        raise FootsenseError(f"{path}: a picture ends in {', '.join(_FORMATS)}")
+    signals, damage = collect_signals(replay)
+    figure = Figure(figsize=(12, 8.5), layout="constrained")
+    figure.suptitle(_title(replay, signals), fontsize=11, x=0.01, ha="left")
+    axes = figure.subplots(3, 2, sharex=True, sharey=True)
+    top_n = _top_n(signals)
+    for row, leg in enumerate(replay.legs):
+        _draw_leg(axes[_PLACES[leg]], signals, row, leg, top_n)
+    for leg, place in _PLACES.items():
+        if leg not in replay.legs:
+            axes[place].set_axis_off()
+    for axis in axes[:, 0]:
+        axis.set_ylabel("force [N]")
+        axis.set_yticks([tick for tick in axis.get_yticks() if 0 <= tick <= top_n])
+        axis.text(-0.01, 0.03, "state", transform=axis.transAxes, ha="right", fontsize=8)
+        axis.text(-0.01, 0.14, "events", transform=axis.transAxes, ha="right", fontsize=8)
+    for axis in axes[-1]:
+        axis.set_xlabel("time after the first cycle [s]")
+    figure.legend(handles=_legend(signals), loc="outside lower center", ncols=7, fontsize=8, frameon=False)
+    figure.savefig(path, dpi=150)
+    if damage is not None:
+        raise damage
+    return len(signals.t_s)
+
+
+def _title(replay: Replay, signals: Signals) -> str:
+    header = replay.header
+    span_s = signals.t_s[-1] if len(signals.t_s) else 0.0
+    source = "simulated" if header.get("scene") else "robot"
+    return (
+        f"{replay.path.name}   {header.get('started', '')}   {source}, foot type {header.get('foot_type', '?')}   "
+        f"{span_s:.1f} s, {len(signals.t_s)} cycles, {len(signals.events)} gait events"
+    )
+
+
+def _top_n(signals: Signals) -> float:
+    """Return the upper end of the force axis [N]."""
+    values = signals.normal_n[np.isfinite(signals.normal_n)]
+    return max(0.1, 1.15 * float(values.max(initial=0.0)))
+
+
+def _draw_leg(axis: Any, signals: Signals, row: int, leg: str, top_n: float) -> None:  # noqa: ANN401 - not typed
+    bottom_n = -_STRIP_REL * top_n
+    axis.set_title(f"{leg}  {_SIDES[leg[0]]} {_POSITIONS[leg[1]]}", loc="left", fontsize=9)
+    axis.set_ylim(2 * bottom_n, top_n)
+    axis.margins(x=0)
+    axis.axhline(0, color="#888888", linewidth=0.6)
+    for start_s, end_s in _spans(signals.contact_t_s, signals.contact[:, row]):
+        axis.axvspan(start_s, end_s, color=_CONTACT, linewidth=0)
+    normal_n, sigma_n = signals.normal_n[:, row], signals.sigma_n[:, row]
+    if _shows_sigma(signals):
+        axis.fill_between(
+            signals.t_s, normal_n - 2 * sigma_n, normal_n + 2 * sigma_n, color=_NORMAL, alpha=0.3, linewidth=0
+        )
+    axis.plot(*_thinned(signals.t_s, normal_n), color=_NORMAL, linewidth=1.0)
+    axis.plot(*_thinned(signals.t_s, signals.tangential_n[:, row]), color=_TANGENTIAL, linewidth=0.8)
+    for state, color in _STATES.items():
+        spans = _spans(signals.t_s, signals.state[:, row] == state)
+        widths = [(start_s, end_s - start_s) for start_s, end_s in spans]
+        axis.broken_barh(widths, (2 * bottom_n, -0.6 * bottom_n), facecolors=color, linewidth=0)
+    for kind, (mark, color, _) in _MARKS.items():
+        t_s = [
+            t_s
+            for t_s, event in zip(signals.event_t_s, signals.events, strict=True)
+            if event.leg == row and event.kind is kind
+        ]
+        axis.plot(t_s, [0.6 * bottom_n] * len(t_s), mark, color=color, markersize=4)
+
+
+def _shows_sigma(signals: Signals) -> bool:
+    """Return whether the recording is short enough for its uncertainty to be seen."""
+    return len(signals.t_s) <= 2 * _COLUMNS
+
+
+def _spans(t_s: Vector, holds: Mask) -> list[tuple[float, float]]:
+    """Return the stretches in which a condition holds; each lasts up to the next sample."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
+    ends = np.append(t_s, t_s[-1:])
+    return [(float(t_s[start]), float(ends[end])) for start, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _thinned(t_s: Vector, values: Vector) -> tuple[Vector, Vector]:
+    """Return a line, or of a long one its least and largest value within each column of the picture."""
+    if len(values) <= 2 * _COLUMNS:
+        return t_s, values
+    size = len(values) // _COLUMNS
+    n_whole = len(values) // size * size
+    columns = values[:n_whole].reshape(-1, size)
+    some = np.isfinite(columns).any(axis=1)
+    low = np.where(some, np.where(np.isnan(columns), np.inf, columns).min(axis=1), np.nan)
+    high = np.where(some, np.where(np.isnan(columns), -np.inf, columns).max(axis=1), np.nan)
+    return np.repeat(t_s[:n_whole:size], 2), np.stack([low, high], axis=1).ravel()
+
+
+def _legend(signals: Signals) -> list[Any]:
+    """Return the entries for what the picture shows."""
+    lines = [
+        Line2D([], [], color=_NORMAL, label="along the leg" + ", ±2 sigma" * _shows_sigma(signals)),
+        Line2D([], [], color=_TANGENTIAL, label="across the leg"),
+        Patch(color=_CONTACT, label="contact"),
+    ]
+    kinds = {event.kind for event in signals.events}
+    marks = [
+        Line2D([], [], marker=mark, color=color, linestyle="", label=label)
+        for kind, (mark, color, label) in _MARKS.items()
+        if kind in kinds
+    ]
+    codes = set(np.unique(signals.state).tolist())
+    states = [
+        Patch(color=color, label=state.name.lower().replace("_", " "))
+        for state, color in _STATES.items()
+        if state in codes
+    ]
+    return lines + marks + states

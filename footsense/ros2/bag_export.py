@@ -1,0 +1,72 @@
+"""A recording as a bag."""
+
+from pathlib import Path
+
+from footsense.errors import RecordingError
+from footsense.recording.replay import Replay
+from footsense.ros2.bag import Bag, create_bag
+from footsense.ros2.recorded_samples import RecordedSamples, recorded_samples
+from footsense.ros2.topics import DIAGNOSTICS_NS, FootFrame, Topics
+
+
+def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None = None) -> int:
+    """Write a recording as a folder that `ros2 bag play` takes; return the number of cycles.
+
+    A wrench for each new force, a contact state ten times a second and with each event, diagnostics once a second and
+    with each change of a state.
+
+    Args:
+        replay: The recording.
+        folder: The new folder.
+        frames: Frames of the feet by leg, see `load_frames`.
+
+    Raises:
+        RecordingError: The folder exists or cannot be written, or the recording is cut short; then what is whole was
+            written.
+    """
+    topics = Topics(replay.legs, frames)
+    damage: RecordingError | None = None
+    n_cycles = 0
+    with create_bag(folder, topics) as bag:
+        cycles = _Cycles(bag, topics)
+        try:
+            for cycle in recorded_samples(replay):
+                cycles.add(cycle)
+                n_cycles += 1
+        except RecordingError as error:
+            damage = error
+    if damage is not None:
+        raise damage
+    return n_cycles
+
+
+class _Cycles:
+    """Writes the messages of cycles to a bag."""
+
+    def __init__(self, bag: Bag, topics: Topics) -> None:
+        self._bag, self._topics = bag, topics
+        self._measured_ns: dict[str, int | None] = {}
+        self._states: list[object] = []
+        self._diagnosed_ns: int | None = None
+
+    def add(self, cycle: RecordedSamples) -> None:
+        """Write the messages of a cycle."""
+        t_ns, samples, has_gait = cycle
+        if self._diagnosed_ns is None:
+            for message in self._topics.transforms(t_ns):
+                self._bag.add(message, t_ns)
+        for sample in samples:
+            if sample.t_ns != self._measured_ns.get(sample.leg):
+                self._measured_ns[sample.leg] = sample.t_ns
+                for message in self._topics.wrench(sample):
+                    self._bag.add(message, t_ns)
+            if has_gait:
+                self._bag.add(self._topics.contact(sample), t_ns)
+        states = [(sample.state, sample.cause) for sample in samples]
+        if (
+            self._diagnosed_ns is None
+            or states != self._states
+            or t_ns - self._diagnosed_ns >= DIAGNOSTICS_NS
+        ):
+            self._bag.add(self._topics.diagnostics(samples, t_ns), t_ns)
+            self._states, self._diagnosed_ns = list(states), t_ns

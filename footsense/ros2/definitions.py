@@ -1,0 +1,83 @@
+"""Fields of the messages, and their definitions as text, as MCAP files carry them."""
+
+from dataclasses import fields
+from functools import cache
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
+
+from footsense.ros2.messages import PACKAGES
+
+_SEPARATOR = "=" * 80
+
+
+class Field(NamedTuple):
+    """One field of a message.
+
+    Attributes:
+        name: Its name.
+        is_list: Whether it holds any number of values.
+        kind: Class of a nested message; of a plain value, the ROS name of its type.
+    """
+
+    name: str
+    is_list: bool
+    kind: type | str
+
+
+@cache
+def fields_of(message: type) -> tuple[Field, ...]:
+    """Return the fields of a class of messages in their order."""
+    hints = get_type_hints(message, include_extras=True)
+    return tuple(_field(one.name, hints[one.name]) for one in fields(message))
+
+
+def _field(name: str, hint: Any) -> Field:  # noqa: ANN401 - a type
+    is_list = get_origin(hint) is list
+    kind = get_args(hint)[0] if is_list else hint
+    return Field(name, is_list, kind if kind in PACKAGES else get_args(kind)[1])
+
+
+def ros_name(message: type, middle: str = "/msg/") -> str:
+    """Return the name of a type.
+
+    Example:
+        >>> from footsense.ros2.messages import Wrench
+        >>> ros_name(Wrench)
+        'geometry_msgs/msg/Wrench'
+    """
+    return f"{PACKAGES[message]}{middle}{message.__name__}"
+
+
+def definition(message: type) -> str:
+    """Return the definition of a type and of all types within, in the form `ros2msg` of MCAP.
+
+    Example:
+        >>> from footsense.ros2.messages import Header
+        >>> print(definition(Header).replace(_SEPARATOR, "==="))
+        builtin_interfaces/Time stamp
+        string frame_id
+        ===
+        MSG: builtin_interfaces/Time
+        int32 sec
+        uint32 nanosec
+        <BLANKLINE>
+    """
+    parts = [_lines(message)]
+    parts += [f"{_SEPARATOR}\nMSG: {ros_name(one, '/')}\n{_lines(one)}" for one in nested(message)]
+    return "".join(parts)
+
+
+def nested(message: type) -> list[type]:
+    """Return the types within a type, each once, in the order in which they are met."""
+    found: dict[type, None] = {}
+    for field in fields_of(message):
+        if isinstance(field.kind, type):
+            found |= dict.fromkeys([field.kind, *nested(field.kind)])
+    return list(found)
+
+
+def _lines(message: type) -> str:
+    return "".join(
+        f"{field.kind if isinstance(field.kind, str) else ros_name(field.kind, '/')}"
+        f"{'[]' if field.is_list else ''} {field.name}\n"
+        for field in fields_of(message)
+    )
