@@ -33,6 +33,7 @@ _LAB_STUDIES = {
     "error-map": "accuracy.error_map",
     "beyond": "mechanics.beyond",
     "film": "mechanics.film",
+    "cavity": "mechanics.cavity",
     "tolerance": "accuracy.tolerance",
     "solid": "mechanics.solid",
     "floor": "mechanics.floor",

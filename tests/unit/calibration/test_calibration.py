@@ -192,7 +192,7 @@ def test_a_gap_is_identified_only_by_loads_that_close_it() -> None:
 
 @pytest.mark.parametrize("cavity", [Cavity(kind="sealed"), Cavity(kind="leaking", leak_time_s=0.2)])
 def test_the_twin_of_a_foot_that_holds_its_air(cavity: Cavity) -> None:
-    """It reads what the simulated foot reads; loads identify it, the strays less sharply than those of a vented foot."""
+    """It reads what the simulated foot reads; loads identify it, the strays less sharply than of a vented foot."""
     response, force_n = replace(design().response, cavity=cavity), _TRAINING[::6]
     own = replace(made(1), mount=np.eye(3))
     foot = Foot(response, own)

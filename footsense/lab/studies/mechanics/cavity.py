@@ -19,7 +19,12 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
-from footsense.lab.evaluation.evaluate import capacitance_readout, elastance_readout
+from footsense.lab.evaluation.evaluate import (
+    MEASURED_DIRECTION_DEG,
+    MEASURED_MAGNITUDE_GF,
+    capacitance_readout,
+    elastance_readout,
+)
 from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.monte_carlo.specimens import measure
@@ -27,8 +32,14 @@ from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import CAREFUL
 from footsense.lab.studies.page import Figures, Study, StudyContext
 from footsense.lab.studies.plots import panels
-from footsense.lab.training.load_cases import FULL_SCALE_PF, Cases, as_designed_um, paper_training, paper_verification
-from footsense.lab.training.paper_procedure import PaperTraining, starts_of
+from footsense.lab.training.load_cases import (
+    FULL_SCALE_PF,
+    Cases,
+    as_designed_um,
+    paper_training,
+    paper_verification,
+)
+from footsense.lab.training.paper.procedure import PaperTraining, starts_of
 from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances, fabricate
 
@@ -49,10 +60,15 @@ HOLD_N, HOLD_S, LEAKS_S = 1.0, 60.0, (0.1, 1.0, 10.0)
 AIR_PA_S = 1.8e-5
 #: PDMS: diffusivity of nitrogen [m2/s], and air dissolved, in volumes at 1 atm per volume and atmosphere [1].
 PDMS_M2_PER_S, PDMS_SOLUBILITY = 3.4e-9, 0.11
-#: Permeability of parylene C to air, nitrogen and oxygen by their shares [m3(STP) m / (m2 s Pa)], and its thickness [m].
+#: Permeability of parylene C to air, nitrogen and oxygen by their shares [m3(STP) m / (m2 s Pa)]; its thickness [m].
 PARYLENE_PERMEABILITY, PARYLENE_M = 1.04e-19, 1e-6
 #: Vent: a channel through a bar, as high as the gap; its width [mm].
 CHANNEL_MM = 0.2
+
+#: A hold read by hand, our assumption: first reading after this many seconds, evenly drawn, then one element each [s].
+FIRST_S, EACH_S = (5.0, 30.0), 3.0
+#: Leaks of that hold [s].
+HAND_LEAKS_S = (0.1, 1.0, 10.0, 100.0)
 
 _UP = np.array([[0.0, 0.0, 1.0]])
 
@@ -98,6 +114,7 @@ class Results:
 
     Attributes:
         kinds: Figures by kind.
+        by_hand: Errors of the paper's procedure on a leaking foot whose elements are read one by one, by leak [s].
         adiabatic_um_per_n: Closures of a sealed foot whose air keeps its heat [um/N].
         air_over_solid: Stiffness of the air over that of the solid, by pattern of closures, smallest and largest [1].
         drift_ff_per_kpa: Mean change of the unloaded readings per kPa less of ambient pressure, sealed [fF].
@@ -111,6 +128,7 @@ class Results:
     """
 
     kinds: dict[str, OneKind]
+    by_hand: dict[str, Errors]
     adiabatic_um_per_n: tuple[float, float, float]
     air_over_solid: tuple[float, float]
     drift_ff_per_kpa: float
@@ -129,9 +147,7 @@ def _corner_edge_middle(cells_um: Vector) -> tuple[float, float, float]:
     return corner, edge, middle
 
 
-def own_errors(
-    foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int
-) -> Errors:
+def own_errors(foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int) -> Errors:
     """Return the errors of the paper's procedure: a plain network trained on 362 cases of the foot, 180 asked.
 
     Args:
@@ -200,6 +216,40 @@ def one_kind(context: StudyContext, cavity: Cavity) -> OneKind:
     )
 
 
+def read_by_hand(foot: Foot, force_n: Vector, rng: np.random.Generator) -> Cases:
+    """Return the cases of centred loads on a leaking foot whose elements are read one after the other."""
+    normal, design = normalized(force_n), foot.response.design
+    first_s = rng.uniform(*FIRST_S, size=len(force_n))
+    read_s = first_s[:, None] + EACH_S * np.arange(ELEMENTS)
+    times_s = np.concatenate([[0.0], np.geomspace(1e-2, read_s.max(), 60)])
+    gas, sampled = Gas(np.full((len(force_n), ELEMENTS), AMBIENT_MPA)), []
+    for step_s in np.diff(times_s, prepend=0.0).tolist():
+        element_pf, gas = foot.after_step(
+            normal, force_n, gas._replace(leaked=step_s / foot.cavity.leak_time_s)
+        )
+        sampled.append(element_pf)
+    over_time = np.stack(sampled)
+    read_pf = np.array(
+        [
+            [np.interp(t_s, times_s, over_time[:, n, k]) for k, t_s in enumerate(row)]
+            for n, row in enumerate(read_s)
+        ]
+    )
+    return Cases(force_n, design.closure_um(read_pf, foot.unloaded_pf))
+
+
+def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> Errors:
+    """Return the errors of the paper's procedure on the exact foot with a leak [s], read by hand."""
+    foot = Foot(replace(context.response, cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
+    rng = np.random.default_rng(SEED)
+    training, test = (
+        read_by_hand(foot, cases.force_n, rng)
+        for cases in (paper_training(context.response), paper_verification(context.response))
+    )
+    read = PaperTraining(foot.response.design, training).train(starts_of(1), epochs)[0]
+    return errors(test.force_n, read(test.closure_um))
+
+
 def sorption_s(design: FootDesign) -> float:
     """Return when two bare plates of PDMS, thick beside the depth reached, have taken up half of a cavity's excess [s].
 
@@ -226,18 +276,27 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     """Compare vented, sealed and leaking cavities of the released foot."""
     response, design = context.response, context.response.design
     kinds = {name: one_kind(context, cavity) for name, cavity in KINDS.items()}
+    epochs = QUICK_EPOCHS if context.quick else EPOCHS
+    leaks_s = HAND_LEAKS_S[1:2] if context.quick else HAND_LEAKS_S
+    read = {f"{leak_s:g}": by_hand(context, leak_s, epochs) for leak_s in leaks_s}
+    context.say("cavity: holds read by hand")
     sealed = Foot(replace(response, cavity=SEALED))
     rest = Gas(np.full(ELEMENTS, AMBIENT_MPA))
     area_mm2 = design.electrode_area_mm2 / CELLS
     by_element = response.compliance_um_per_n.reshape(ELEMENTS, CELLS, ELEMENTS, CELLS)
-    stiffness = np.linalg.eigvalsh(by_element.mean(axis=1).sum(axis=2) * area_mm2) * AMBIENT_MPA / design.gap_um
+    stiffness = (
+        np.linalg.eigvalsh(by_element.mean(axis=1).sum(axis=2) * area_mm2) * AMBIENT_MPA / design.gap_um
+    )
     air = CavityAir(sealed, AMBIENT_KPA - 1.0)
     thin_pf = float((air.capacitance_pf(0, _UP[0], 0.0 * _UP[0]) - sealed.unloaded_pf).mean())
-    warm_pf = float((CavityAir(sealed).capacitance_pf(0, _UP[0], 0.0 * _UP[0], kelvin=1.0) - sealed.unloaded_pf).mean())
+    warm_pf = float(
+        (CavityAir(sealed).capacitance_pf(0, _UP[0], 0.0 * _UP[0], kelvin=1.0) - sealed.unloaded_pf).mean()
+    )
     small_pf = float((sealed.capacitance_pf(_UP, GRAM_FORCE_N * _UP) - sealed.unloaded_pf).mean())
     hot = Foot(response, Deviations(cavity=Cavity(kind="sealed", gas_kpa=AMBIENT_KPA * ROOM_K / 373.15)))
     results = Results(
         kinds=kinds,
+        by_hand=read,
         adiabatic_um_per_n=_corner_edge_middle(
             sealed.cells_um(_UP, 0.05 * _UP, rest._replace(exponent=ADIABATIC)) / 0.05
         ),
@@ -271,7 +330,9 @@ def _figure(response: FootResponse) -> Figure:
     loads_n = np.linspace(0.02, 3.0, 40)
     normal = normalized(np.repeat(_UP, len(loads_n), axis=0))
     for colour, (name, cavity) in zip(("C0", "C1"), KINDS.items(), strict=True):
-        means_um = element_means(Foot(response, Deviations(cavity=cavity)).cells_um(normal, loads_n[:, None] * normal))
+        means_um = element_means(
+            Foot(response, Deviations(cavity=cavity)).cells_um(normal, loads_n[:, None] * normal)
+        )
         for element, style, where in ((0, "-", "corner"), (4, "--", "middle")):
             over_load.plot(loads_n, means_um[:, element], style, color=colour, label=f"{name}, {where}")
     over_load.set(xlabel="upright force [N]", ylabel="mean closure [um]")
@@ -279,9 +340,20 @@ def _figure(response: FootResponse) -> Figure:
     times_s = np.concatenate([[0.0], np.geomspace(1e-3, HOLD_S, 200)])
     for leak_s in LEAKS_S:
         over_time.semilogx(times_s[1:], held_um(response, leak_s, times_s)[1:], label=f"leak of {leak_s:g} s")
-    over_time.set(xlabel=f"time under {HOLD_N:g} N [s]", ylabel="mean closure by elastance [um]", ylim=(0.0, None))
+    over_time.set(
+        xlabel=f"time under {HOLD_N:g} N [s]", ylabel="mean closure by elastance [um]", ylim=(0.0, None)
+    )
     over_time.legend(fontsize=8)
     return figure
 
 
-STUDY = Study(name="cavity", title="Air in the cavities", compute=compute, uses_network=False)
+STUDY = Study(
+    name="cavity",
+    title="Air in the cavities",
+    compute=compute,
+    names={
+        "MEASURED_DIRECTION_DEG": MEASURED_DIRECTION_DEG,
+        "MEASURED_MAGNITUDE_GF": MEASURED_MAGNITUDE_GF,
+    },
+    uses_network=False,
+)
