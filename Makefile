@@ -1,6 +1,7 @@
 # make run       a six-legged robot walks in simulation; its foot forces, live
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
 # make test      format, lint, types, import contracts, tests: what CI runs
+# make docs      the documentation site: build/site/docs/index.html
 # make fuzz      an hour of other and more examples for the tests in tests/fuzz
 # make lock      the newest packages for a robot: deploy/requirements.lock, with their hashes
 # make mutants ROOM=footsense/can   changes the code of a room or module in small ways, and lists what no test notices
@@ -12,7 +13,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: run install test kernel-test kernel-test-short fuzz lock mutants format golden clean
+.PHONY: run install test docs kernel-test kernel-test-short fuzz lock mutants format golden clean
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --duration 10
@@ -25,6 +26,12 @@ test: $(VENV)/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n auto --dist worksteal
+
+# A link that leads nowhere, or a page that is in no table of contents, ends it.
+docs: $(VENV)/robot.stamp
+	$(BIN)/python -m pip install --quiet --group docs
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs auto -c docs/site . build/site
+	@echo build/site/docs/index.html
 
 kernel-test: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.kernel

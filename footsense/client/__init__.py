@@ -1,9 +1,11 @@
 """The consumer's end of CAN: frames in, forces that may be used out.
 
-link         frames -> status, state, force, sigma, age of every leg              the same in C: firmware_interface/c
-gait_events  frames -> touchdowns, lift-offs and slips, each once                 the same in C
-reports      frames -> cause, baseline, heartbeat, contact, ground of every leg
-commands     tare, start, stop, and their results
+::
+
+    link         frames -> status, state, force, sigma, age of every leg     the same in C: firmware_interface/c
+    gait_events  frames -> touchdowns, lift-offs and slips, each once        the same in C
+    reports      frames -> cause, baseline, heartbeat, contact, ground of every leg
+    commands     tare, start, stop, and their results
 
 All is pure: nothing here opens a channel or reads a clock, and nothing but `firmware_interface` is imported.
 """

@@ -24,10 +24,11 @@ from dataclasses import astuple, fields
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from footsense.errors import FootsenseError, RecordingError
-from footsense.frames import ELEMENTS, CanStatistics, Cycle, Vector
+from footsense.frames import ELEMENTS, LEGS, CanStatistics, Cycle, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import pack_cycle
 from footsense.recording.cycle_records import NumberedCycle, unpack
@@ -149,7 +150,6 @@ class CycleReader:
             self._file.close()
             raise
         self._start = _HEAD.size + length
-        self._n_doubles = len(self.legs) * ELEMENTS + _N_COUNTS
         self._first_slot = self._start + _NUMBER.size + 8 * self._n_doubles
         self._next = max(0, self._n_written - SLOTS // 2)
 
@@ -164,11 +164,15 @@ class CycleReader:
         try:
             self._map = mmap.mmap(self._file.fileno(), 0, prot=mmap.PROT_READ)
             magic, length = _HEAD.unpack_from(self._map)
-            self.header: dict[str, str] = json.loads(self._map[_HEAD.size : _HEAD.size + length])
+            self.header = msgspec.json.decode(
+                self._map[_HEAD.size : _HEAD.size + length], type=dict[str, str]
+            )
             self.legs = tuple(self.header["legs"].split(","))
-        except (ValueError, LookupError, struct.error, OSError) as error:
+            self._n_doubles = len(self.legs) * ELEMENTS + _N_COUNTS
+        except (ValueError, LookupError, struct.error, OSError, RecursionError) as error:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles: {error}") from error
-        if magic != _MAGIC:
+        n_bytes = _HEAD.size + length + _NUMBER.size + 8 * self._n_doubles + SLOTS * SLOT_BYTES
+        if magic != _MAGIC or not set(self.legs) <= set(LEGS) or len(self._map) != n_bytes:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles")
         return int(length)
 
@@ -220,7 +224,7 @@ class CycleReader:
     @property
     def can(self) -> CanStatistics:
         """Counts of the CAN channel, at most 0.1 s old while cycles come."""
-        return CanStatistics(*self._doubles()[-_N_COUNTS:].astype(int).tolist())
+        return CanStatistics(*map(int, np.nan_to_num(self._doubles()[-_N_COUNTS:]).tolist()))
 
     def _doubles(self) -> Vector:
         return np.frombuffer(self._map, np.float64, self._n_doubles, self._start + _NUMBER.size).copy()

@@ -13,7 +13,14 @@ from footsense.config import Config, sections
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
     path.relative_to(ROOT)
-    for pattern in ("*.md", "deploy/*.md", "docs/*.md", "docs/adr/*.md", "firmware_interface/**/*.md")
+    for pattern in (
+        "*.md",
+        "deploy/*.md",
+        "docs/*.md",
+        "docs/[!r]*/*.md",
+        "docs/reference/*.md",
+        "firmware_interface/**/*.md",
+    )
     for path in ROOT.glob(pattern)
     if path.name != "CHANGELOG.md"
 )
@@ -56,6 +63,15 @@ def test_documents_that_code_refers_to_exist() -> None:
             if not made_by_a_command and not (ROOT / named).exists() and not list(ROOT.glob(f"{named}*")):
                 missing.append(f"{path.relative_to(ROOT)}: {named}")
     assert not missing
+
+
+def test_every_page_is_in_the_table_of_contents() -> None:
+    """`make docs` refuses a page that nobody finds; this says it without building."""
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^(?:.* <)?([\w./-]+?)>?$", index, re.MULTILINE))
+    folders = ("", "tutorial/", "reference/", "explanation/")
+    pages = {f"{folder}{path.stem}" for folder in folders for path in (ROOT / "docs" / folder).glob("*.md")}
+    assert pages - listed == {"index"}
 
 
 def commands(text: str) -> list[list[str]]:

@@ -1,0 +1,67 @@
+"""Topics and keys of a recording, from the table by which it is written and the frames whose arrays it holds."""
+
+import json
+import re
+
+from docstrings import attributes, table
+
+from footsense.frames import BaselineDrift, CapFrame, ContactFrame, GaitEvent, GaitFrame
+from footsense.recording.container import messages
+from footsense.recording.cycle_fields import FIELDS, GAIT_FIELDS, CycleField
+
+_FRAMES = {"scan": CapFrame, "forces": ContactFrame, "forces.baseline": BaselineDrift, "gait": GaitFrame}
+_TOPICS = {
+    messages.SCAN: ("With each cycle: the readings, for each leg", FIELDS, "scan"),
+    messages.FORCE: (
+        "With each cycle, beside `sequence` and `t_sent_ns`: the forces, for each leg",
+        FIELDS,
+        "forces",
+    ),
+    messages.GAIT: (
+        "Ten times a second and with each event, beside `t_ns`, `friction`, `all_in_air`, for each leg",
+        GAIT_FIELDS,
+        "gait",
+    ),
+}
+
+
+def markdown() -> str:
+    """Return a section for each topic."""
+    parts = [_section(topic, *about) for topic, about in _TOPICS.items()]
+    event = [[f"`{key}`", attributes(GaitEvent)[key]] for key in ("kind", "leg", "t_ns", "sigma_s")]
+    parts.append(
+        f"## `{messages.GAIT_EVENT}`\n\nOne message for each event.\n\n{table(['key', 'meaning'], event)}"
+    )
+    keys = json.loads(messages.schemas(["lf"])[messages.EVENT])["properties"]
+    names = ", ".join(f"`{key}`" for key in keys)
+    parts.append(
+        f"## `{messages.EVENT}`\n\nCommands, their results, lost cycles, changed temperatures; keys: {names}.\n"
+    )
+    parts.append(
+        f"## `{messages.REFERENCE}`\n\nOn a test stand: the samples of the force sensor, "
+        "`t_ns`, `fx_n`, `fy_n`, `fz_n`, `saturated`.\n"
+    )
+    return "\n".join(parts)
+
+
+def _section(topic: str, words: str, fields: dict[str, CycleField], start: str) -> str:
+    rows: list[list[object]] = []
+    for path, field in fields.items():
+        if path.startswith(start):
+            parent, _, name = path.rpartition(".")
+            keys = ", ".join(f"`{key}`" for key in field.keys)
+            rows.append([keys, _kind(field), _meaning(attributes(_FRAMES[parent])[name])])
+    return f"## `{topic}`\n\n{words}.\n\n{table(['key', 'type', 'meaning'], rows)}"
+
+
+def _meaning(words: str) -> str:
+    """Return the description of an array as that of a leg's entry."""
+    words = re.sub(r", shape \([^)]*\)|, (?:u?int\d+|float64)(?: of (?=`))?", "", words)
+    return re.sub(r"\bNaN\b", "null", words)
+
+
+def _kind(field: CycleField) -> str:
+    if field.names is not None:
+        return "one of " + ", ".join(f"`{code.name}`" for code in field.names)
+    kind = {"<f8": "number or null", "<i8": "integer"}.get(field.kind, f"0 to {field.most}")
+    return f"list of 9: {kind}" if field.shape == (9,) else kind
