@@ -46,10 +46,13 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
     """Return the first contradiction between parts that are each valid."""
     if (problem := _too_low(scene)) is not None:
         return problem
-    if scene.gait_table and scene.effects.rubber:
-        return strict_yaml.Problem(
-            "effects.rubber", "depends on the past, and a gait_table does not: choose one"
-        )
+    for past in ("rubber", "stiction_kpa"):
+        if scene.gait_table and getattr(scene.effects, past):
+            return strict_yaml.Problem(
+                f"effects.{past}", "depends on the past, and a gait_table does not: choose one"
+            )
+    if scene.effects.stiction_kpa and not scene.effects.gap_contact:
+        return strict_yaml.Problem("effects.stiction_kpa", "needs gaps that close: add gap_contact: true")
     if scene.gait_table and not isinstance(scene.load, scene_loads.Tripod | scene_loads.MeasuredWalk):
         return strict_yaml.Problem("gait_table", "is for walks: tripod or measured_walk")
     for n, stand in enumerate(scene.load.stands if isinstance(scene.load, scene_loads.Tripod) else ()):

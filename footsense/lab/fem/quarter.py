@@ -125,8 +125,9 @@ class Quarter:
             form += ng.Variation(energy(self.design.pdms, u) * ng.dx(f"pdms_{side}"))
         films = ((self.design.gold, (u_ground, u_leg)), (self.design.parylene, (u_ground,)))
         for film, covered in films:
-            for u in covered if film is not None else ():
-                form += ng.Variation(membrane_energy(film, u) * ng.ds("cell.*"))
+            if film is not None:
+                for u in covered:
+                    form += ng.Variation(membrane_energy(film, u) * ng.ds("cell.*"))
         form += self.layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(self.layer.faces)
         return form
 
