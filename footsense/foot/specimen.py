@@ -10,9 +10,10 @@ import numpy as np
 
 from footsense.foot import gap_contact
 from footsense.foot.cavity.air import Cavity, Gas
+from footsense.foot.cavity.fringe import fringe_pf
 from footsense.foot.cavity.pressures import CavityPressures
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,6 +26,7 @@ class Deviations:
         stray_pf: Capacitance in parallel with each element [pF], shape (9,).
         stiffness_rel: Added to the stiffness of the whole foot [1]; the contact patch stays the designed one.
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
+        fringe: Whether its electrodes have a fringe field at their edges.
         cavity: How its cavities hold their air, if other than those of its type; None for as its type.
     """
 
@@ -33,6 +35,7 @@ class Deviations:
     stray_pf: Vector = field(default_factory=lambda: np.zeros(ELEMENTS))
     stiffness_rel: float = 0.0
     mount: Vector = field(default_factory=lambda: np.eye(3))
+    fringe: bool = False
     cavity: Cavity | None = None
 
 
@@ -73,6 +76,7 @@ class Foot:
         self._stray_pf = own.stray_pf
         self._mount = own.mount
         self._contact = contact
+        self._film_um = np.repeat(film_um, gap_contact.CELLS) if own.fringe else None
         self.cavity = own.cavity or response.cavity
         self._pressures = CavityPressures(
             self._gap_um, self._compliance_um_per_n, response.design.electrode_area_mm2
@@ -87,7 +91,8 @@ class Foot:
         Args:
             normal: Inward unit normals of the ball at the contacts, frame of the leg, shape (n, 3).
             force_n: Ground reactions on the foot [N], frame of the leg, shape (n, 3).
-            gas: Air in the cavities; None for that of an unloaded foot. Without meaning for a vented foot.
+            gas: Air in the cavities; None for that of a load that has lasted for `cavity.air.HELD_S`. Without meaning
+                for a vented foot.
 
         Raises:
             ValueError: As `FootResponse.free_closure_um`.
@@ -106,6 +111,25 @@ class Foot:
         closure_um, excess_mpa = self._pressures.closures_um(free_um, gas, contact=self._contact)
         return self._capacitance_pf(closure_um), gas.after_step(excess_mpa)
 
+    def after_sticking(
+        self, normal: Vector, force_n: Vector, stuck: Mask, stiction_kpa: float
+    ) -> tuple[Vector, Mask]:
+        """Return capacitances [pF], shape (9,), and closed cells, shape (324,), of a vented foot whose gaps stick.
+
+        Args:
+            normal: Contact normal, shape (3,).
+            force_n: Force [N], shape (3,).
+            stuck: Cells that are closed before, shape (324,).
+            stiction_kpa: Largest pull on a closed cell over its area [kPa].
+        """
+        free_um = self._free_um(normal[None], force_n[None])[0]
+        cell_mm2 = self.response.design.electrode_area_mm2 / gap_contact.CELLS
+        borne_n: Vector = np.where(stuck, 1e-3 * stiction_kpa * cell_mm2, 0.0)
+        solution = gap_contact.solve_contact_lcp(
+            free_um, self._gap_of_cell_um, self._compliance_um_per_n, borne_n
+        )
+        return self._capacitance_pf(solution.closure_um), solution.closure_um >= self._gap_of_cell_um
+
     def _free_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the closures of the cells of the empty foot without contact [um], shape (n, 324)."""
         free_um = self.response.free_closure_um(normal @ self._mount.T, force_n @ self._mount.T)
@@ -113,8 +137,9 @@ class Foot:
 
     def _limited_um(self, free_um: Vector, gas: Gas | None) -> Vector:
         """Return closures of the cells limited to the gaps [um], shape (n, 324), of free ones of that shape."""
-        gas = gas or self.cavity.gas
-        if gas is not None and self.cavity.kind != "vented":
+        if self.cavity.kind != "vented":
+            if gas is None:
+                return self._pressures.held_um(free_um, self.cavity, contact=self._contact)
             return self._pressures.closures_um(free_um, gas, contact=self._contact)[0]
         if not self._contact:
             return np.minimum(free_um, self._gap_of_cell_um)
@@ -133,4 +158,8 @@ class Foot:
     def _capacitance_pf(self, cells_um: Vector) -> Vector:
         """Return the capacitance of closures [um] of the cells, shapes (..., 324) and (..., 9)."""
         distance_um = self._gap_of_cell_um - cells_um + self._film_of_cell_um
-        return gap_contact.capacitance_pf(self.response.design, distance_um) + self._stray_pf
+        capacitance_pf = gap_contact.capacitance_pf(self.response.design, distance_um) + self._stray_pf
+        if self._film_um is not None:
+            spacing_um = self._gap_of_cell_um - cells_um + self._film_um
+            capacitance_pf += fringe_pf(self.response.design, spacing_um)
+        return capacitance_pf

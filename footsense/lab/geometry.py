@@ -64,6 +64,20 @@ class Material(Struct, frozen=True, forbid_unknown_fields=True):
         return self.youngs_mpa / (1.0 - self.poisson**2)
 
 
+class ThinFilm(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A film on a plate, so thin that it resists stretching and not bending.
+
+    Attributes:
+        thickness_um: Thickness [um].
+        youngs_mpa: Young's modulus [MPa].
+        poisson: Poisson's ratio [1].
+    """
+
+    thickness_um: Annotated[float, Meta(ge=0.001, le=20.0, description="a thickness in um")]
+    youngs_mpa: Annotated[float, Meta(ge=0.01, le=1e6, description="gold has 79000 MPa, parylene C 2800")]
+    poisson: Annotated[float, Meta(gt=0.0, lt=0.5, description="gold has 0.42, parylene C 0.4")]
+
+
 class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Range of the random loads that a foot's network is trained for.
 
@@ -117,6 +131,8 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         rubber: Material of the ball.
         pdms: Material of the sheet.
         loads: Range of the training loads.
+        gold: Electrodes on both plates, as large as the cavities; None where they do not stiffen the plates.
+        parylene: Lining of the cavities on the side of the film; None for none.
         cavity: Whether the air of the cavities comes and goes freely, stays, or leaks.
         leak_time_s: Time constant of the excess pressure in a leaking cavity of constant volume [s].
         gas_kpa: Pressure of sealed air in the unloaded gap at room temperature; the standard atmosphere's if None
@@ -140,6 +156,8 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pdms: Material
     loads: LoadRange
     cavity: CavityKind
+    gold: ThinFilm | None = None
+    parylene: ThinFilm | None = None
     leak_time_s: (
         Annotated[float, Meta(ge=1e-3, le=1e6, description="a millisecond to eleven days")] | None
     ) = None

@@ -36,6 +36,7 @@ _LAB_STUDIES = {
     "film": "mechanics.film",
     "force-range": "accuracy.force_range",
     "yardstick": "accuracy.yardstick",
+    "cavity": "mechanics.cavity",
     "tolerance": "accuracy.tolerance",
     "solid": "mechanics.solid",
     "floor": "mechanics.floor",

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from footsense.foot.directions import tangent_frame
@@ -180,12 +181,19 @@ def tabulate(
         cavity=foot_design.air,
         provenance={
             "mesh": asdict(size),
+            **films_of(foot_design),
             **counts,
             "mesh_asymmetry_rel": _relative_rms(basis @ raw.reshape(len(raw), -1) - on_disc, on_disc),
             "fit_residual_rel": max(_residual(field) for field in fields.values()),
             "interpolation_rel": _relative_rms(shorter - on_disc, on_disc),
         },
     )
+
+
+def films_of(foot_design: FootDesign) -> dict[str, dict[str, float]]:
+    """Return the thin films that stiffen a foot's plates, by name, as a table's provenance keeps them."""
+    films = {"gold": foot_design.gold, "parylene": foot_design.parylene}
+    return {name: msgspec.structs.asdict(film) for name, film in films.items() if film is not None}
 
 
 def _residual(field: ClassField) -> float:

@@ -8,6 +8,7 @@ from footsense.sim.faults.chip_faults import failing_chips
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.faults.scene_faults import OnChips, OnFoot
 from footsense.sim.foot.cavity_air import CavityAir
+from footsense.sim.foot.sticking_gaps import StickingGaps
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.foot.warming import WarmingFoot
 from footsense.sim.loads.gait_table import GaitTable
@@ -50,6 +51,8 @@ class SimulatedLeg:
         self._foot = foot
         self._rubber = ViscoelasticElement() if effects.rubber else None
         self._air = None if foot.cavity.gas is None else CavityAir(foot, effects.ambient_kpa)
+        sticks = effects.stiction_kpa > 0.0 and self._air is None  # compressed air lets no gap close
+        self._gaps = StickingGaps(foot, effects.stiction_kpa) if sticks else None
         self._last: GroundContact | None = None
         self._last_pf: list[float] = []
         # Faults draw from a stream of their own, so that converters make the same noise with and without them.
@@ -94,5 +97,9 @@ class SimulatedLeg:
         """Return the capacitances under a load [pF], nine; a load that stays is computed once."""
         if self._last is None or not all(map(np.array_equal, contact, self._last)):
             normal, force_n = self._last = contact
-            self._last_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0].tolist()
+            if self._gaps is None:
+                element_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0]
+            else:
+                element_pf = self._gaps.capacitance_pf(normal, force_n)
+            self._last_pf = element_pf.tolist()
         return self._last_pf

@@ -51,12 +51,14 @@ def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str
     made, contact = scene.fabrication, scene.effects.gap_contact
     cavity = None if scene.effects.cavity is None else scene.effects.cavity.air
     if made is None:
-        return dict.fromkeys(legs, Foot(response, Deviations(cavity=cavity), contact=contact))
+        own = Deviations(cavity=cavity, fringe=scene.effects.fringe)
+        return dict.fromkeys(legs, Foot(response, own, contact=contact))
     feet = {}
     for number, leg in enumerate(legs, made.first):
         own = fabricate(response, made.tolerances, made.seed, number)
         own = remounted(own, made.remount_deg, made.seed, number, made.mounting)
-        feet[leg] = Foot(response, replace(own, cavity=cavity), contact=contact)
+        own = replace(own, cavity=cavity, fringe=scene.effects.fringe)
+        feet[leg] = Foot(response, own, contact=contact)
     return feet
 
 

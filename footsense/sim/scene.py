@@ -106,6 +106,8 @@ class Effects(ScenePart, frozen=True):
         rubber: Whether the feet creep and show hysteresis (`sim/foot/viscoelastic.py`).
         warming: Change of temperature; None for none.
         softening: Ageing of one foot; None for none.
+        stiction_kpa: Pull that a closed gap bears before it opens again [kPa], with `gap_contact` and vented cavities.
+        fringe: Whether electrodes have a fringe field at their edges, 0.46 pF for each element of the released foot.
         cavity: Air in the cavities of the feet; None for that of their type.
         ambient_kpa: Pressure of the ambient air, felt by feet whose cavities are not vented [kPa]; 100 m up take 1.2.
         adapter_compares: Whether an I2C adapter compares SDA with what it sends, and times out where it is held; that
@@ -121,6 +123,8 @@ class Effects(ScenePart, frozen=True):
     rubber: bool = False
     warming: Warming | None = None
     softening: Softening | None = None
+    stiction_kpa: Annotated[float, Meta(ge=0.0, le=1000.0)] = 0.0
+    fringe: bool = False
     cavity: Cavities | None = None
     ambient_kpa: Annotated[float, Meta(ge=30.0, le=110.0, description="Everest has 34 kPa")] = AMBIENT_KPA
     adapter_compares: bool = True

@@ -44,12 +44,9 @@ def load_scene(name_or_path: str) -> Scene:
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
     """Return the first contradiction between parts that are each valid."""
-    if (problem := _too_low(scene)) is not None:
+    problem = _too_low(scene) or _effect_without_its_cause(scene)
+    if problem is not None:
         return problem
-    if scene.gait_table and scene.effects.rubber:
-        return strict_yaml.Problem(
-            "effects.rubber", "depends on the past, and a gait_table does not: choose one"
-        )
     if scene.gait_table and not isinstance(scene.load, scene_loads.Tripod | scene_loads.MeasuredWalk):
         return strict_yaml.Problem("gait_table", "is for walks: tripod or measured_walk")
     for n, stand in enumerate(scene.load.stands if isinstance(scene.load, scene_loads.Tripod) else ()):
@@ -59,6 +56,18 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
         until_s = getattr(fault, "until_s", None)
         if until_s is not None and until_s <= fault.at_s:
             return strict_yaml.Problem(f"faults[{n}].until_s", "must be later than at_s")
+    return None
+
+
+def _effect_without_its_cause(scene: Scene) -> strict_yaml.Problem | None:
+    """Return the first effect that lacks what it depends on."""
+    for past in ("rubber", "stiction_kpa"):
+        if scene.gait_table and getattr(scene.effects, past):
+            return strict_yaml.Problem(
+                f"effects.{past}", "depends on the past, and a gait_table does not: choose one"
+            )
+    if scene.effects.stiction_kpa and not scene.effects.gap_contact:
+        return strict_yaml.Problem("effects.stiction_kpa", "needs gaps that close: add gap_contact: true")
     return None
 
 

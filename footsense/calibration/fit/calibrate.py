@@ -157,7 +157,8 @@ def fit_foot(models: DesignModels, loads: LoadSet) -> CalibrationResult:
     designed = _estimates(models, loads, electrodes)
     read = designed.usable
     mount = rotation(fit.parameters[MOUNT])
-    physical = replace(electrodes, stiffness_rel=float(fit.parameters[STIFFNESS][0]), mount=mount)
+    stiffness_rel = float(fit.parameters[STIFFNESS][0])
+    physical = replace(electrodes, stiffness_rel=twin.felt_stiffness_rel(stiffness_rel), mount=mount)
     # The reference's own error, as far as the foot shows it, is not to be learnt.
     designed_n, force_n = designed.force_n[read], loads.force_n[read] / reference_gains(fit.parameters)
     correction = fit_correction(designed_n, designed_n @ physical.force_matrix.T, force_n)

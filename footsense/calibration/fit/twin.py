@@ -32,6 +32,8 @@ from footsense.frames import Vector
 
 #: Smallest distance of the electrodes [um]; the designed film is as thick as 6.3 um of air.
 _MIN_DISTANCE_UM = 1.0
+#: A load under which a foot is linear [N].
+_SMALL_N = 0.05
 
 
 def reference_gains(parameters: Vector) -> Vector:
@@ -91,14 +93,31 @@ class FootTwin:
         force_n = (loads.force_n / reference_gains(parameters)) @ mount.T
         free_um = softness * response.free_closure_um(normal, force_n)
         gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS)
-        gas = response.cavity.gas
-        if gas is not None:
+        if response.cavity.kind != "vented":
             compliance = softness * response.compliance_um_per_n
             air = CavityPressures(self.gap_um(parameters), compliance, response.design.electrode_area_mm2)
-            return air.closures_um(free_um, gas, contact=True)[0]
+            unloaded_um = air.held_um(np.zeros((1, gap_contact.ALL_CELLS)), response.cavity, contact=True)
+            return air.held_um(free_um, response.cavity, contact=True) - unloaded_um
         if not (free_um > gap_um).any():  # scaling the compliance would take longer than the rest
             return free_um
         return gap_contact.contact_closures_um(free_um, gap_um, softness * response.compliance_um_per_n)
+
+    def felt_stiffness_rel(self, stiffness_rel: float) -> float:
+        """Return the load that closes the gaps as far over that of the design, upright, minus one [1].
+
+        It is the stiffness where the solid alone resists; air that resists is as stiff in every foot.
+
+        Args:
+            stiffness_rel: Stiffness over the design's, minus one [1].
+        """
+        if self._response.cavity.kind == "vented":
+            return stiffness_rel
+        parameters = np.zeros(N_PARAMETERS)
+        parameters[STIFFNESS] = stiffness_rel
+        up = ContactLoads.centred(np.array([[0.0, 0.0, _SMALL_N]]))
+        closures_um = (self.cells_um(vector, up).mean() for vector in (np.zeros(N_PARAMETERS), parameters))
+        designed_um, own_um = closures_um
+        return float(designed_um / own_um) - 1.0
 
     def reading_pf(self, parameters: Vector, cells_um: Vector) -> Vector:
         """Return the reading of each element [pF], shape (n, 9), at cell closures [um], shape (n, 324)."""

@@ -20,12 +20,14 @@ import math
 
 import numpy as np
 
-from footsense.foot.cavity.air import Gas
+from footsense.foot.cavity.air import HELD_S, Cavity, Gas
 from footsense.foot.gap_contact import ALL_CELLS, CELLS, element_means, solve_contact_lcp
 from footsense.frames import ELEMENTS, Vector
 
 #: Newton steps at most; six are usual, eight with gaps in contact.
 _MAX_STEPS = 60
+#: Steps of time in which air leaks from a foot under a load that stays.
+_HELD_STEPS = 6
 #: Largest rest of a mean closure over the gap [1].
 _TOLERANCE_REL = 1e-10
 #: Least share of the absolute pressure that a step leaves [1], so that no pressure becomes negative.
@@ -71,6 +73,21 @@ class CavityPressures:
             own = gas._replace(amount_mpa=amount_mpa[load])
             closure_um[load], excess_mpa[load] = self._in_contact(free_um[load], excess_mpa[load], own)
         return closure_um, excess_mpa
+
+    def held_um(self, free_um: Vector, cavity: Cavity, *, contact: bool) -> Vector:
+        """Return the closures of the cells [um], shape (n, 324), of a foot under loads that have lasted for `HELD_S`.
+
+        Args:
+            free_um: Closures of an empty foot without contact [um], shape (n, 324).
+            cavity: How the cavities hold their air, not vented.
+            contact: Whether a closed gap carries load.
+        """
+        gas = Gas(np.full(ELEMENTS, 1e-3 * cavity.gas_kpa))
+        if cavity.kind == "leaking":
+            for _ in range(_HELD_STEPS):
+                gas = gas._replace(leaked=HELD_S / _HELD_STEPS / cavity.leak_time_s)
+                gas = gas.after_step(self.closures_um(free_um, gas, contact=contact)[1])
+        return self.closures_um(free_um, gas, contact=contact)[0]
 
     def _volume_and_slope(self, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
         """Return v [1] and its negative slope [1/MPa], which the gas law gives at an excess pressure [MPa]."""

@@ -19,6 +19,7 @@ from footsense.lab.evaluation.evaluate import (
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign, LoadRange
+from footsense.lab.response import films_of
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import (
     Cases,
@@ -109,6 +110,9 @@ def require_same_foot(
     tabled = {"foot_type": response.foot_type, **asdict(response.design)}
     air = asdict(response.cavity)
     tabled |= {"cavity": air.pop("kind"), **air}
+    films = films_of(foot_design)
+    described |= {name: films.get(name) for name in ("gold", "parylene")}
+    tabled |= {name: response.provenance.get(name) for name in ("gold", "parylene")}
     tabled |= {name: getattr(response, name) for name in ("ball_radius_mm", "hertz_modulus_mpa")}
     trained = card["training"]["random_loads"]
     described |= (loads := msgspec.structs.asdict(foot_design.loads))

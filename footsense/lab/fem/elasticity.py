@@ -20,7 +20,7 @@ from typing import Any
 import ngsolve as ng
 
 from footsense.frames import Vector
-from footsense.lab.geometry import Material
+from footsense.lab.geometry import Material, ThinFilm
 
 
 def _shear_and_volume(material: Material, u: Any, *, finite_strain: bool) -> tuple[Any, Any]:
@@ -65,6 +65,19 @@ class Layer:
         shear, confined = self.material.shear_mpa, self.material.confined_mpa
         across = (shear, shear, confined)
         return ng.CF(tuple(across[k] / self.thickness_mm * jump[k] for k in range(3)))
+
+
+def membrane_energy(film: ThinFilm, u: Any) -> Any:
+    """Return the stored energy of a thin film in a plane of constant z per area [N/mm] that moves with u [mm].
+
+    Plane stress, W = E t / (2 (1 - nu^2)) (e_xx^2 + e_yy^2 + 2 nu e_xx e_yy + 2 (1 - nu) e_xy^2).
+    """
+    gradient = ng.Grad(u).Trace()
+    along_x, along_y = gradient[0, 0], gradient[1, 1]
+    shear = 0.5 * (gradient[0, 1] + gradient[1, 0])
+    stiffness = 1e-3 * film.thickness_um * film.youngs_mpa / (1.0 - film.poisson**2)
+    squares = along_x**2 + along_y**2 + 2.0 * film.poisson * along_x * along_y
+    return 0.5 * stiffness * (squares + 2.0 * (1.0 - film.poisson) * shear**2)
 
 
 def hertz_shape(centre_mm: Vector, radius_mm: float) -> Any:

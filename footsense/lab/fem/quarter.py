@@ -23,7 +23,7 @@ from typing import Any
 import ngsolve as ng
 
 from footsense.errors import ModelError
-from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
+from footsense.lab.fem.elasticity import Layer, energy, membrane_energy, mixed_energy
 from footsense.lab.fem.mesh import MeshSize, build_mesh
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign
@@ -123,6 +123,11 @@ class Quarter:
         for side, u, p in (("ground", u_ground, p_ground), ("leg", u_leg, p_leg)):
             form += ng.Variation(mixed_energy(self.design.rubber, u, p) * ng.dx(f"rubber_{side}"))
             form += ng.Variation(energy(self.design.pdms, u) * ng.dx(f"pdms_{side}"))
+        films = ((self.design.gold, (u_ground, u_leg)), (self.design.parylene, (u_ground,)))
+        for film, covered in films:
+            if film is not None:
+                for u in covered:
+                    form += ng.Variation(membrane_energy(film, u) * ng.ds("cell.*"))
         form += self.layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(self.layer.faces)
         return form
 

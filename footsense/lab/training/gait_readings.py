@@ -17,6 +17,7 @@ from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.progress import progress_bar
+from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.loads.random_gait import Loads, RandomGait
 
@@ -75,6 +76,20 @@ def _with_rubber(t_s: Vector, normal: Vector, force_n: Vector, amount: float) ->
     return normals, forces
 
 
+def _closures_um(foot: Foot, t_s: Vector, normal: Vector, force_n: Vector) -> Vector:
+    """Return the closures of every element at the times [um], shape (n, 9); air that leaks is followed in time."""
+    if foot.cavity.kind == "leaking":
+        air = CavityAir(foot)
+        loads = zip((t_s * 1e9).astype(np.int64).tolist(), normal, force_n, strict=True)
+        capacitance_pf = np.array([air.capacitance_pf(*load) for load in loads])
+        return foot.response.design.closure_um(capacitance_pf, foot.unloaded_pf)
+    closure_um = np.zeros((len(t_s), ELEMENTS))
+    loaded = force_n.any(axis=1)
+    if loaded.any():
+        closure_um[loaded] = sensed_closure_um(foot, normal[loaded], force_n[loaded])
+    return closure_um
+
+
 def usual_lead_s(step_s: Any) -> Any:
     """Return the usual time from the middle of a conversion to sending [s], of the time of a conversion [s]."""
     return LEAD_S + 0.6 * (step_s - STEP_S)
@@ -119,10 +134,7 @@ def read_gait(
     t_s: Vector = np.asarray(timing.step_s * np.arange(1.0, n + 1), np.float64)
     read, sent = loads(t_s), loads(t_s + lead_s)
     normal, force_n = _with_rubber(t_s, *read, timing.viscous_rel) if timing.viscous_rel else read
-    closure_um = np.zeros((n, ELEMENTS))
-    loaded = force_n.any(axis=1)
-    if loaded.any():
-        closure_um[loaded] = sensed_closure_um(Foot(response), normal[loaded], force_n[loaded])
+    closure_um = _closures_um(Foot(response), t_s, normal, force_n)
     element = elements_of(timing.order, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)

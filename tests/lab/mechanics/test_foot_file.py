@@ -62,6 +62,11 @@ TEXT = (RELEASED / FOOT_FILE).read_text()
         ("cavity: vented", "cavity: vented\ngas_kpa: 80", ":15: gas_kpa: is of a sealed cavity"),
         ("cavity: vented", "cavity: sealed\ngas_kpa: 0", ":15: gas_kpa: Expected float >= 10.0, got 0"),
         (
+            "cavity: vented",
+            "cavity: vented\ngold: {thickness_um: 0.1, youngs_mpa: 79000, poisson: 0.6}",
+            ":15: gold.poisson: Expected float < 0.5, got 0.6 .*gold has 0.42",
+        ),
+        (
             "foot_type: aoyagi-3x3",
             "foot_type: Aoyagi 3x3",
             ":2: foot_type: .*small letters, digits and hyphens",

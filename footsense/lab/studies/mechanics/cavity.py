@@ -1,0 +1,359 @@
+"""Study `cavity`: what air in the cavities does to closures, errors and limits, and how to vent or seal them.
+
+Source:
+    Aoyagi et al., section IV: "each sealed concave space". Gas in PDMS: Merkel et al., Journal of Polymer Science B 38,
+    415, 2000. Parylene C: data sheet of Specialty Coating Systems, at 25 degC. Air between walls: Poiseuille flow.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from footsense.foot.cavity.air import ADIABATIC, AMBIENT_KPA, AMBIENT_MPA, ROOM_K, VENTED, Cavity, Gas
+from footsense.foot.direction_sets import paper_directions
+from footsense.foot.directions import normalized
+from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.gap_contact import CELLS, element_means
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Deviations, Foot
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
+from footsense.lab.evaluation.evaluate import (
+    MEASURED_DIRECTION_DEG,
+    MEASURED_MAGNITUDE_GF,
+    capacitance_readout,
+    elastance_readout,
+)
+from footsense.lab.geometry import FootDesign
+from footsense.lab.monte_carlo.resumable_run import Tolerances
+from footsense.lab.monte_carlo.specimens import measure
+from footsense.lab.monte_carlo.statistics import MeanStd
+from footsense.lab.monte_carlo.sweeps import CAREFUL
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.plots import panels
+from footsense.lab.training.load_cases import (
+    FULL_SCALE_PF,
+    Cases,
+    as_designed_um,
+    paper_training,
+    paper_verification,
+)
+from footsense.lab.training.paper.procedure import PaperTraining, starts_of
+from footsense.sim.foot.cavity_air import CavityAir
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances, fabricate
+
+SEALED = Cavity(kind="sealed")
+#: The compared cavities.
+KINDS = {"vented": VENTED, "sealed": SEALED}
+#: Feet of each kind, training epochs of their networks, and seed.
+FEET, QUICK_FEET = 8, 2
+EPOCHS, QUICK_EPOCHS = 3000, 300
+SEED = 20090304
+#: Magnitudes of the bound [gf].
+BOUND_GF = (20.0, 50.0, 100.0, 150.0)
+#: Loads of the search for the range [N].
+LOADS_N = np.geomspace(0.2, 40.0, 120)
+#: Load of the figure on leaking [N], its hold [s], and the time constants [s].
+HOLD_N, HOLD_S, LEAKS_S = 1.0, 60.0, (0.1, 1.0, 10.0)
+#: Viscosity of air [Pa s].
+AIR_PA_S = 1.8e-5
+#: PDMS: diffusivity of nitrogen [m2/s], and air dissolved, in volumes at 1 atm per volume and atmosphere [1].
+PDMS_M2_PER_S, PDMS_SOLUBILITY = 3.4e-9, 0.11
+#: Permeability of parylene C to air, nitrogen and oxygen by their shares [m3(STP) m / (m2 s Pa)]; its thickness [m].
+PARYLENE_PERMEABILITY, PARYLENE_M = 1.04e-19, 1e-6
+#: Vent: a channel through a bar, as high as the gap; its width [mm].
+CHANNEL_MM = 0.2
+
+#: A hold read by hand, our assumption: first reading after this many seconds, evenly drawn, then one element each [s].
+FIRST_S, EACH_S = (5.0, 30.0), 3.0
+#: Leaks of that hold [s].
+HAND_LEAKS_S = (0.1, 1.0, 10.0, 100.0)
+
+_UP = np.array([[0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneKind:
+    """Figures of a foot with one kind of cavity.
+
+    Attributes:
+        closure_um_per_n: Mean closure of a corner, an edge and the middle under a small upright force [um/N].
+        range_n: Largest upright force within the converter's range [N].
+        contact_n: Upright force that closes the first cell [N].
+        linear_change: Errors of a linear read-out of capacitance changes, exact foot, the paper's cases.
+        linear_elastance: The same of elastance.
+        bound_deg: Rms of the least direction error at each of `BOUND_GF` [deg].
+        bound_gf: Rms of the least magnitude error [gf].
+        own_deg: Direction errors of the paper's procedure on exact feet, each with a network of its own.
+        own_gf: Magnitude errors of it.
+        made_deg: The same on feet of the paper's fabrication tolerances on a careful test stand.
+        made_gf: Magnitude errors of it.
+        read_as_vented_deg: Errors of a network trained on the design, vented, on such a foot without deviations.
+        read_as_vented_gf: Magnitude errors of it.
+    """
+
+    closure_um_per_n: tuple[float, float, float]
+    range_n: float
+    contact_n: float
+    linear_change: Errors
+    linear_elastance: Errors
+    bound_deg: list[float]
+    bound_gf: list[float]
+    own_deg: MeanStd
+    own_gf: MeanStd
+    made_deg: MeanStd
+    made_gf: MeanStd
+    read_as_vented_deg: float
+    read_as_vented_gf: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """Air in the cavities: stiffness, errors, drift and leaks.
+
+    Attributes:
+        kinds: Figures by kind.
+        by_hand: Errors of the paper's procedure on a leaking foot whose elements are read one by one, by leak [s].
+        adiabatic_um_per_n: Closures of a sealed foot whose air keeps its heat [um/N].
+        air_over_solid: Stiffness of the air over that of the solid, by pattern of closures, smallest and largest [1].
+        drift_ff_per_kpa: Mean change of the unloaded readings per kPa less of ambient pressure, sealed [fF].
+        drift_gf_per_kpa: Upright load that changes the mean closure as much [gf].
+        drift_ff_per_k: Mean change of the unloaded readings per kelvin, sealed [fF].
+        hot_sealed_um: Mean closure at rest of a foot whose air was sealed in at 100 degC [um].
+        sorption_s: Time in which the bare plates take up half of a cavity's excess air [s].
+        parylene_s: Time constant of a wall of parylene as large as the cavity [s].
+        channel_s: Time constant of a channel of `CHANNEL_MM` through a bar [s].
+        factor: By how much closures relax slower than pressures, softest and stiffest pattern [1].
+    """
+
+    kinds: dict[str, OneKind]
+    by_hand: dict[str, Errors]
+    adiabatic_um_per_n: tuple[float, float, float]
+    air_over_solid: tuple[float, float]
+    drift_ff_per_kpa: float
+    drift_gf_per_kpa: float
+    drift_ff_per_k: float
+    hot_sealed_um: float
+    sorption_s: float
+    parylene_s: float
+    channel_s: float
+    factor: tuple[float, float]
+
+
+def _corner_edge_middle(cells_um: Vector) -> tuple[float, float, float]:
+    """Return the mean closures of elements 0, 1 and 4 [um] of one load's cells, shape (1, 324)."""
+    corner, edge, middle = element_means(cells_um)[0, [0, 1, 4]].tolist()
+    return corner, edge, middle
+
+
+def own_errors(foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int) -> Errors:
+    """Return the errors of the paper's procedure: a plain network trained on 362 cases of the foot, 180 asked.
+
+    Args:
+        foot: The foot.
+        mount: Rotation on its leg.
+        stand: Errors of the test stand.
+        seed: Seed of the stand's errors and of the start weights.
+        epochs: Training epochs.
+    """
+    design, rng = foot.response.design, np.random.default_rng((SEED, seed))
+    measured = [
+        measure(foot, mount, cases.force_n, stand, rng)
+        for cases in (paper_training(foot.response), paper_verification(foot.response))
+    ]
+    training, test = (Cases(one.force_n, as_designed_um(design, one.change_pf)) for one in measured)
+    read = PaperTraining(design, training).train(starts_of(seed + 1)[-1:], epochs)[0]
+    return errors(test.force_n, read(test.closure_um))
+
+
+def over_feet(
+    response: FootResponse, tolerances: FootTolerances, stand: Tolerances, feet: int, epochs: int
+) -> tuple[MeanStd, MeanStd]:
+    """Return direction [deg] and magnitude errors [gf] of the paper's procedure over feet of some tolerances."""
+    rows = []
+    for number in range(feet):
+        own = fabricate(response, tolerances, SEED, number)
+        rows.append(own_errors(Foot(response, own), own.mount, stand, number, epochs))
+    return MeanStd.over(row.direction_deg for row in rows), MeanStd.over(row.magnitude_gf for row in rows)
+
+
+def one_kind(context: StudyContext, cavity: Cavity) -> OneKind:
+    """Return the figures of the released foot with one kind of cavity."""
+    response = replace(context.response, cavity=cavity)
+    foot, design = Foot(response), response.design
+    feet, epochs = (QUICK_FEET, QUICK_EPOCHS) if context.quick else (FEET, EPOCHS)
+    training, test = paper_training(response), paper_verification(response)
+    small_n = 0.05 * _UP
+    up, loads_n = np.repeat(_UP, len(LOADS_N), axis=0), LOADS_N[:, None] * _UP
+    cells_um = foot.cells_um(up, loads_n)
+    beyond = foot.capacitance_pf(up, loads_n).max(axis=1) >= FULL_SCALE_PF
+    closed = cells_um.max(axis=1) >= design.gap_um
+    direction = paper_directions("verification")
+    bounds = [
+        force_bound(foot, direction, gf * GRAM_FORCE_N * direction, Unknowns.LEANING) for gf in BOUND_GF
+    ]
+    own_deg, own_gf = over_feet(response, FootTolerances(), Tolerances(), feet, epochs)
+    made_deg, made_gf = over_feet(response, PAPER_TOLERANCES, CAREFUL, feet, epochs)
+    vented = replace(context.response, cavity=VENTED)
+    designed = PaperTraining(design, paper_training(vented)).train(starts_of(1), epochs)[0]
+    misread = errors(test.force_n, designed(test.closure_um))
+    context.say(f"cavity: {cavity.kind} measured")
+    return OneKind(
+        closure_um_per_n=_corner_edge_middle(foot.cells_um(_UP, small_n) / 0.05),
+        range_n=float(LOADS_N[beyond.argmax()] if beyond.any() else LOADS_N[-1]),
+        contact_n=float(LOADS_N[closed.argmax()] if closed.any() else LOADS_N[-1]),
+        linear_change=errors(test.force_n, capacitance_readout(design, training)(test.closure_um)),
+        linear_elastance=errors(test.force_n, elastance_readout(training)(test.closure_um)),
+        bound_deg=[float(np.sqrt(np.mean(bound.direction_rms_deg**2))) for bound in bounds],
+        bound_gf=[float(np.sqrt(np.mean(bound.magnitude_gf**2))) for bound in bounds],
+        own_deg=own_deg,
+        own_gf=own_gf,
+        made_deg=made_deg,
+        made_gf=made_gf,
+        read_as_vented_deg=misread.direction_deg,
+        read_as_vented_gf=misread.magnitude_gf,
+    )
+
+
+def read_by_hand(foot: Foot, force_n: Vector, rng: np.random.Generator) -> Cases:
+    """Return the cases of centred loads on a leaking foot whose elements are read one after the other."""
+    normal, design = normalized(force_n), foot.response.design
+    first_s = rng.uniform(*FIRST_S, size=len(force_n))
+    read_s = first_s[:, None] + EACH_S * np.arange(ELEMENTS)
+    times_s = np.concatenate([[0.0], np.geomspace(1e-2, read_s.max(), 60)])
+    gas, sampled = Gas(np.full((len(force_n), ELEMENTS), AMBIENT_MPA)), []
+    for step_s in np.diff(times_s, prepend=0.0).tolist():
+        element_pf, gas = foot.after_step(
+            normal, force_n, gas._replace(leaked=step_s / foot.cavity.leak_time_s)
+        )
+        sampled.append(element_pf)
+    over_time = np.stack(sampled)
+    read_pf = np.array(
+        [
+            [np.interp(t_s, times_s, over_time[:, n, k]) for k, t_s in enumerate(row)]
+            for n, row in enumerate(read_s)
+        ]
+    )
+    return Cases(force_n, design.closure_um(read_pf, foot.unloaded_pf))
+
+
+def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> Errors:
+    """Return the errors of the paper's procedure on the exact foot with a leak [s], read by hand."""
+    foot = Foot(replace(context.response, cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
+    rng = np.random.default_rng(SEED)
+    training, test = (
+        read_by_hand(foot, cases.force_n, rng)
+        for cases in (paper_training(context.response), paper_verification(context.response))
+    )
+    read = PaperTraining(foot.response.design, training).train(starts_of(1), epochs)[0]
+    return errors(test.force_n, read(test.closure_um))
+
+
+def sorption_s(design: FootDesign) -> float:
+    """Return when two bare plates of PDMS, thick beside the depth reached, have taken up half of a cavity's excess [s].
+
+    A half-space takes up S sqrt(4 D t / pi) of the concentration at its surface.
+    """
+    depth_m = 0.5 * 1e-6 * design.gap_um / (2.0 * PDMS_SOLUBILITY)
+    return float(np.pi * depth_m**2 / (4.0 * PDMS_M2_PER_S))
+
+
+def parylene_s(design: FootDesign) -> float:
+    """Return the time constant of a cavity behind an intact wall of parylene [s]: content over permeance."""
+    held_per_pa = 1e-6 * design.gap_um / 101325.0 * 273.15 / ROOM_K
+    return held_per_pa * PARYLENE_M / PARYLENE_PERMEABILITY
+
+
+def channel_s(design: FootDesign) -> float:
+    """Return the time constant of a channel through a bar, as high as the gap, by flow between two plates [s]."""
+    height_m, length_m = 1e-6 * design.gap_um, 1e-3 * (design.pitch_mm - design.electrode_mm)
+    per_pa = 1e-3 * CHANNEL_MM * height_m**3 / (12.0 * AIR_PA_S * length_m)
+    return 1e-6 * design.electrode_mm**2 * height_m / (1e3 * AMBIENT_KPA * per_pa)
+
+
+def compute(context: StudyContext) -> tuple[Results, Figures]:
+    """Compare vented, sealed and leaking cavities of the released foot."""
+    response, design = context.response, context.response.design
+    kinds = {name: one_kind(context, cavity) for name, cavity in KINDS.items()}
+    epochs = QUICK_EPOCHS if context.quick else EPOCHS
+    leaks_s = HAND_LEAKS_S[1:2] if context.quick else HAND_LEAKS_S
+    read = {f"{leak_s:g}": by_hand(context, leak_s, epochs) for leak_s in leaks_s}
+    context.say("cavity: holds read by hand")
+    sealed = Foot(replace(response, cavity=SEALED))
+    rest = Gas(np.full(ELEMENTS, AMBIENT_MPA))
+    area_mm2 = design.electrode_area_mm2 / CELLS
+    by_element = response.compliance_um_per_n.reshape(ELEMENTS, CELLS, ELEMENTS, CELLS)
+    stiffness = (
+        np.linalg.eigvalsh(by_element.mean(axis=1).sum(axis=2) * area_mm2) * AMBIENT_MPA / design.gap_um
+    )
+    air = CavityAir(sealed, AMBIENT_KPA - 1.0)
+    thin_pf = float((air.capacitance_pf(0, _UP[0], 0.0 * _UP[0]) - sealed.unloaded_pf).mean())
+    warm_pf = float(
+        (CavityAir(sealed).capacitance_pf(0, _UP[0], 0.0 * _UP[0], kelvin=1.0) - sealed.unloaded_pf).mean()
+    )
+    small_pf = float((sealed.capacitance_pf(_UP, GRAM_FORCE_N * _UP) - sealed.unloaded_pf).mean())
+    hot = Foot(response, Deviations(cavity=Cavity(kind="sealed", gas_kpa=AMBIENT_KPA * ROOM_K / 373.15)))
+    results = Results(
+        kinds=kinds,
+        by_hand=read,
+        adiabatic_um_per_n=_corner_edge_middle(
+            sealed.cells_um(_UP, 0.05 * _UP, rest._replace(exponent=ADIABATIC)) / 0.05
+        ),
+        air_over_solid=(float(stiffness.min()), float(stiffness.max())),
+        drift_ff_per_kpa=1e3 * thin_pf,
+        drift_gf_per_kpa=thin_pf / small_pf,
+        drift_ff_per_k=1e3 * warm_pf,
+        hot_sealed_um=float(hot.cells_um(_UP, 0.0 * _UP).mean()),
+        sorption_s=sorption_s(context.foot_design),
+        parylene_s=parylene_s(context.foot_design),
+        channel_s=channel_s(context.foot_design),
+        factor=(1.0 + float(stiffness.min()), 1.0 + float(stiffness.max())),
+    )
+    return results, {"cavity.png": _figure(response)}
+
+
+def held_um(response: FootResponse, leak_time_s: float, times_s: Vector) -> Vector:
+    """Return the mean closure of a leaking foot at times since an upright load was put on [um], shape (n,)."""
+    foot = Foot(response, Deviations(cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
+    air, unloaded_um = CavityAir(foot), response.design.plate_distance_um(foot.unloaded_pf)
+    closures = []
+    for t_s in times_s.tolist():
+        pf = air.capacitance_pf(round(1e9 * t_s), _UP[0], HOLD_N * _UP[0])
+        closures.append(float((unloaded_um - response.design.plate_distance_um(pf)).mean()))
+    return np.array(closures)
+
+
+def _figure(response: FootResponse) -> Figure:
+    """Draw closures over the load, and over the time of a hold."""
+    figure, (over_load, over_time) = panels(2, 8.6, 3.9)
+    loads_n = np.linspace(0.02, 3.0, 40)
+    normal = normalized(np.repeat(_UP, len(loads_n), axis=0))
+    for colour, (name, cavity) in zip(("C0", "C1"), KINDS.items(), strict=True):
+        means_um = element_means(
+            Foot(response, Deviations(cavity=cavity)).cells_um(normal, loads_n[:, None] * normal)
+        )
+        for element, style, where in ((0, "-", "corner"), (4, "--", "middle")):
+            over_load.plot(loads_n, means_um[:, element], style, color=colour, label=f"{name}, {where}")
+    over_load.set(xlabel="upright force [N]", ylabel="mean closure [um]")
+    over_load.legend(fontsize=8)
+    times_s = np.concatenate([[0.0], np.geomspace(1e-3, HOLD_S, 200)])
+    for leak_s in LEAKS_S:
+        over_time.semilogx(times_s[1:], held_um(response, leak_s, times_s)[1:], label=f"leak of {leak_s:g} s")
+    over_time.set(
+        xlabel=f"time under {HOLD_N:g} N [s]", ylabel="mean closure by elastance [um]", ylim=(0.0, None)
+    )
+    over_time.legend(fontsize=8)
+    return figure
+
+
+STUDY = Study(
+    name="cavity",
+    title="Air in the cavities",
+    compute=compute,
+    names={
+        "MEASURED_DIRECTION_DEG": MEASURED_DIRECTION_DEG,
+        "MEASURED_MAGNITUDE_GF": MEASURED_MAGNITUDE_GF,
+    },
+    uses_network=False,
+)
