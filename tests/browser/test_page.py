@@ -182,6 +182,22 @@ def test_the_service_and_the_viewer_start_again(browser: Browser, cycles: Path, 
             assert "The viewer does not answer" in browser.text("#banner")
 
 
+def test_a_run_ends_its_first_line_with_the_page(browser: Browser) -> None:
+    """The page shows that run, and both end together."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "footsense", "run", "--realtime", "--duration", "60"],
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as run:
+        assert run.stdout is not None
+        first = run.stdout.readline()
+        assert re.match(r"footsense  tripod, simulated  http://127\.0\.0\.1:\d+\n", first)
+        browser.open(first.split()[-1])
+        browser.wait(f"{SIX_FEET} && document.querySelectorAll('#robot .valid').length === 6")
+        run.kill()
+        browser.wait("document.body.dataset.link === 'lost'")
+
+
 def test_a_recording_is_played_and_stepped(browser: Browser) -> None:
     """The golden walk: time bar, speed, events, keys."""
     with view(GOLDEN) as (_, url):
