@@ -24,9 +24,11 @@ from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
+from footsense.daemon.recording_header import recording_header
 from footsense.frames import ELEMENTS, CapFrame, Cycle, Flag, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import CyclePipe
+from footsense.recording.shared_cycles import SharedCycles
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.journal import Journal
@@ -88,37 +90,48 @@ class OurCycle(NamedTuple):
         run: Processes a scan at a time [ns].
         baseline_pf: Returns the baselines at the start of the next cycle [pF], shape (legs, 9).
         counters: File of its metrics.
+        cycles: File of its shared cycles, if it shares them.
         loopback: Receiver of its frames and records.
     """
 
     run: Callable[[CapFrame, int], Cycle]
     baseline_pf: Callable[[], Vector]
     counters: Path
+    cycles: Path
     loopback: Loopback
 
 
 @contextmanager
-def our_cycle() -> Iterator[OurCycle]:
+def our_cycle(*, shared: bool = False) -> Iterator[OurCycle]:
     """Compose the cycle of the service.
+
+    Args:
+        shared: Whether it copies its cycles into shared memory, as with a section `view`.
 
     Yields:
         The cycle; its counters exist until the end.
     """
     clock, loopback = VirtualClock(), Loopback()
-    pipeline = pipeline_for(load_models(DEFAULT), Flag.SIMULATED)
+    models = load_models(DEFAULT)
+    pipeline = pipeline_for(models, Flag.SIMULATED)
     wire = SocketWire(loopback.socket, lambda: None)
     with (
         TemporaryDirectory(dir="/dev/shm") as folder,
         can_sink(ROBOT, clock, None, connect=lambda: wire) as sink,
     ):
-        counters = Path(folder) / "counters"
+        counters, cycles = Path(folder) / "counters", Path(folder) / "cycles"
         metrics = MetricsObserver(DEFAULT.legs, sink.stats, counters)
-        observers = (
+        observers: list[Observer] = [
             Journal(DEFAULT.legs),
             SystemdObserver(DEFAULT.legs, {}),
             metrics,
             _Recording(loopback.pipe, DEFAULT.legs),
-        )
+        ]
+        if shared:
+            header = recording_header(models, None, Flag.SIMULATED, clock.now_ns())
+            observers.append(
+                SharedCycles(cycles, DEFAULT.legs, header, lambda: pipeline.baseline_pf, sink.stats)
+            )
 
         loop = Loop(pipeline, sink, observers, clock)
 
@@ -127,9 +140,10 @@ def our_cycle() -> Iterator[OurCycle]:
             return loop.step(scan, tuple(sink.commands()))
 
         try:
-            yield OurCycle(run, lambda: pipeline.baseline_pf, counters, loopback)
+            yield OurCycle(run, lambda: pipeline.baseline_pf, counters, cycles, loopback)
         finally:
-            metrics.close()
+            for observer in observers:
+                observer.close()
     loopback.close()
 
 

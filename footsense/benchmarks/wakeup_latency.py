@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -22,12 +22,21 @@ from typing import Any
 import numpy as np
 
 from footsense.benchmarks.c_floor import has_c_floor, round_ns
-from footsense.benchmarks.our_cycle import PRIORITY, WARM_UP, Loopback, our_cycle, sent_ns, tared_floor
+from footsense.benchmarks.our_cycle import (
+    PRIORITY,
+    WARM_UP,
+    Loopback,
+    OurCycle,
+    our_cycle,
+    sent_ns,
+    tared_floor,
+)
 from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame
 
-_PERIOD_NS = 2_000_000
+#: Period of the loop [ns].
+PERIOD_NS = 2_000_000
 _BLOCKS = 4
 _SCRAPE_PERIOD_S = 0.2
 _SPIN = "while True: pass"
@@ -47,12 +56,12 @@ def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
     Raises:
         FootsenseError: A loop ended by itself.
     """
-    n = max(1, round(seconds * 1e9 / _PERIOD_NS / _BLOCKS))
+    n = max(1, round(seconds * 1e9 / PERIOD_NS / _BLOCKS))
     serve: dict[str, _Serve] = {"ours": _serve_ours} | ({"c": _serve_c} if has_c_floor() else {})
     figures: dict[str, Any] = {}
     with contextlib.ExitStack() as stack:
-        loops = {name: stack.enter_context(_child_process(target, scans)) for name, target in serve.items()}
-        (port, refusals), *_ = [_receive(loop) for loop in loops.values()]
+        loops = {name: stack.enter_context(child_process(target, scans)) for name, target in serve.items()}
+        (port, refusals), *_ = [receive(loop) for loop in loops.values()]
         over = threading.Event()
         scraper = threading.Thread(target=_scrape, args=(port, over))
         scraper.start()
@@ -68,22 +77,27 @@ def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
             late_ns: dict[str, list[int]] = {name: [] for name in loops}
             for _, (name, loop) in itertools.product(range(_BLOCKS), loops.items()):
                 loop.send(n)
-                late_ns[name] += _receive(loop)
+                late_ns[name] += receive(loop)
             figures[case] = _latency_figures(late_ns)
     return figures
 
 
 def _latency_figures(late_ns: dict[str, list[int]]) -> dict[str, Any]:
-    tails = {
-        name: {tail: float(np.quantile(late, q)) * 1e-3 for tail, q in _QUANTILES.items()}
-        for name, late in late_ns.items()
-    }
+    tails = latency_tails(late_ns)
     ours, c = tails["ours"]["p999"], tails.get("c", {}).get("p999")
     return {"ours": ours, "c": c, "ratio": ours / c if c else None, "tails": tails}
 
 
+def latency_tails(late_ns: Mapping[str, list[int]]) -> dict[str, dict[str, float]]:
+    """Return median and tails [us] of some latencies [ns]."""
+    return {
+        name: {tail: float(np.quantile(late, q)) * 1e-3 for tail, q in _QUANTILES.items()}
+        for name, late in late_ns.items()
+    }
+
+
 @contextlib.contextmanager
-def _child_process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
+def child_process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
     """Run a loop in a child process, and close the connection to end the loop.
 
     Yields:
@@ -101,7 +115,12 @@ def _child_process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection
         process.join()
 
 
-def _receive(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
+def receive(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
+    """Return the next answer of a loop.
+
+    Raises:
+        FootsenseError: It ended by itself.
+    """
     try:
         return loop.recv()
     except EOFError:
@@ -156,24 +175,34 @@ def _serve_ours(connection: Connection, scans: list[CapFrame]) -> None:
     logging.disable()  # a walk that begins anew is reported as a jump
     with our_cycle() as cycle, _exporter(cycle.counters) as port:
         refusals = request_realtime(PRIORITY, None)
-        for scan in scans[:WARM_UP]:
-            cycle.run(scan, sent_ns(scan))
-            cycle.loopback.drain()
+        warm_up(cycle, scans)
         connection.send((port, refusals))
-        clock = MonotonicClock()
-        rounds = _repeat_scans([(scan, sent_ns(scan)) for scan in scans[WARM_UP:]])
-        for n in _requests(connection):
-            late_ns = [0] * n
-            with gc_disabled():
-                deadline_ns = clock.now_ns()
-                for i in range(n):
-                    # The next deadline that is still to come: missed ones are not made up for.
-                    deadline_ns += _PERIOD_NS * max(1, 1 + (clock.now_ns() - deadline_ns) // _PERIOD_NS)
-                    clock.sleep_until_ns(deadline_ns)
-                    late_ns[i] = clock.now_ns() - deadline_ns
-                    cycle.run(*next(rounds))
-                    cycle.loopback.drain()
-            connection.send(late_ns)
+        paced_blocks(connection, cycle, scans)
+
+
+def warm_up(cycle: OurCycle, scans: list[CapFrame]) -> None:
+    """Run the cycles in which the feet are tared."""
+    for scan in scans[:WARM_UP]:
+        cycle.run(scan, sent_ns(scan))
+        cycle.loopback.drain()
+
+
+def paced_blocks(connection: Connection, cycle: OurCycle, scans: list[CapFrame]) -> None:
+    """Answer each number of cycles with the wake-up latency of each [ns], until the peer closes the connection."""
+    clock = MonotonicClock()
+    rounds = _repeat_scans([(scan, sent_ns(scan)) for scan in scans[WARM_UP:]])
+    for n in _requests(connection):
+        late_ns = [0] * n
+        with gc_disabled():
+            deadline_ns = clock.now_ns()
+            for i in range(n):
+                # The next deadline that is still to come: missed ones are not made up for.
+                deadline_ns += PERIOD_NS * max(1, 1 + (clock.now_ns() - deadline_ns) // PERIOD_NS)
+                clock.sleep_until_ns(deadline_ns)
+                late_ns[i] = clock.now_ns() - deadline_ns
+                cycle.run(*next(rounds))
+                cycle.loopback.drain()
+        connection.send(late_ns)
 
 
 def _serve_c(connection: Connection, scans: list[CapFrame]) -> None:
@@ -182,4 +211,4 @@ def _serve_c(connection: Connection, scans: list[CapFrame]) -> None:
         connection.send((0, request_realtime(PRIORITY, None)))
         played = [(scan, sent_ns(scan)) for scan in scans[WARM_UP:]]
         for n in _requests(connection):
-            connection.send(floor.pace(_PERIOD_NS, played, n, loopback.fds).tolist())
+            connection.send(floor.pace(PERIOD_NS, played, n, loopback.fds).tolist())

@@ -17,6 +17,7 @@ from rich.table import Table
 from footsense.benchmarks.cycle import compare_cycle_durations
 from footsense.benchmarks.our_cycle import WARM_UP, recorded_frames
 from footsense.benchmarks.scan import age_ms, conversion_limit_ms, scan_figures
+from footsense.benchmarks.viewed_latency import viewed_latency_figures
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.cli.options import echo_json, json_option
 from footsense.errors import FootsenseError
@@ -25,7 +26,7 @@ from footsense.progress import timed_bar
 _CYCLES, _QUICK_CYCLES = 800, 60
 _WAKEUP_S, _QUICK_WAKEUP_S = 10.0, 1.0
 #: Usual durations of the command [s].
-_USUAL_S, _QUICK_USUAL_S = 60.0, 15.0
+_USUAL_S, _QUICK_USUAL_S = 80.0, 20.0
 #: Figures of a scan, and their digits.
 _SCAN_COLUMNS = (
     ("period_ms", 2),
@@ -69,6 +70,7 @@ def _figures(n_cycles: int, *, quick: bool) -> dict[str, Any]:
         "cycle_over_c_floor": cycle.pop("cycle_over_c_floor"),
         "naive_over_cycle": cycle.pop("naive_over_cycle"),
         "wakeup_latency_us": wakeup_latency_figures(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
+        "viewed_latency_us": viewed_latency_figures(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
         **_start_figures(),
     }
 
@@ -148,6 +150,18 @@ def _print(figures: dict[str, Any]) -> None:
             ),
         ),
         "; ".join(wakeup["not_granted"]) or "under SCHED_FIFO, memory locked, metrics scraped over HTTP",
+        _table(
+            "\nthe same loop, its page served to a viewer and to five clients that do not read",
+            ("p50 [us]", "p99 [us]", "p99.9 [us]", "viewed / alone"),
+            (
+                [
+                    case,
+                    *(f"{tail:.0f}" for tail in tails.values()),
+                    _number(figures["viewed_latency_us"]["ratio"], 2) if case == "viewed" else "",
+                ]
+                for case, tails in figures["viewed_latency_us"]["tails"].items()
+            ),
+        ),
         f"\nstart {figures['start_s']:.2f} s to the first frame, {figures['resident_mib']:.0f} MiB resident",
         sep="\n",
     )

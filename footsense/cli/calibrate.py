@@ -6,7 +6,12 @@ from typing import Any
 import click
 
 import footsense
-from footsense.calibration.fit.calibrate import CalibrationResult, calibrate_sessions
+from footsense.calibration.fit.calibrate import (
+    MAX_DISTANCE,
+    USUAL_DISTANCE,
+    CalibrationResult,
+    calibrate_sessions,
+)
 from footsense.calibration.session.recorded_session import read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.options import FOLDER, echo_json, json_option
@@ -95,6 +100,7 @@ def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: fl
         "temperature_c": result.temperature_c,
         **{name: getattr(parameters, name) for name in ("stiffness_rel", "stray_pf", "gap_um", "gain_rel")},
         "corrected": bool(parameters.correction.any()),
+        "distance": result.distance,
         "predicted": {"direction_deg": predicted.direction_deg, "magnitude_rel": predicted.magnitude_rel},
         "not_identified": predicted.not_identified,
         "held_out": result.held_out,
@@ -112,6 +118,15 @@ def _text(calibration: FootCalibration, result: CalibrationResult, took_s: float
         f"  stiffness {1.0 + parameters.stiffness_rel:.3f} of the design's, {strays}, {gaps}",
         f"  predicted uncertainty: {predicted.direction_deg:.2f} deg, {predicted.magnitude_rel:.1%} of the force",
     ]
+    doubt = (
+        ""
+        if result.distance <= USUAL_DISTANCE
+        else "; more than usual: something differs from the design's kind"
+    )
+    lines.append(
+        f"  median distance of the loads from the fitted foot: {result.distance:.1f}, "
+        f"usual are 2 to {USUAL_DISTANCE:g}, refused from {MAX_DISTANCE:g}{doubt}"
+    )
     if predicted.not_identified:
         lines.append(f"  not identified, near the design's value: {', '.join(predicted.not_identified)}")
     if held_out is None:

@@ -34,6 +34,7 @@ _LAB_STUDIES = {
     "error-map": "accuracy.error_map",
     "beyond": "mechanics.beyond",
     "film": "mechanics.film",
+    "force-range": "accuracy.force_range",
     "yardstick": "accuracy.yardstick",
     "tolerance": "accuracy.tolerance",
     "solid": "mechanics.solid",

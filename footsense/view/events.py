@@ -61,7 +61,7 @@ class EventLog:
         if forces.gait is not None:
             for event in forces.gait.events:
                 kind, level, text = _GAIT_TEXTS[GaitEventKind(event.kind)]
-                text += f" (+-{event.sigma_s * 1e3:.1f} ms)" if event.sigma_s > 0 else ""
+                text += f" (\u00b1{event.sigma_s * 1e3:.1f} ms)" if event.sigma_s > 0 else ""
                 events.append(Event(event.t_ns, event.leg, kind, level, text))
         present = forces.state.tobytes(), forces.cause.tobytes(), forces.flags.tobytes()
         if present != self._present:

@@ -36,6 +36,8 @@ MIN_LOADS = 5
 #: Median Mahalanobis distance of nine readings above which the loads are of no foot of the type: feet of the type have
 #: 2 to 4, one with its sheet 0.6 mm off centre 6 (study `mismatch`).
 MAX_DISTANCE = 8.0
+#: Distance up to which nothing is said.
+USUAL_DISTANCE = 4.0
 #: Stiffness over the design's outside of which a foot is not made of that rubber.
 _MIN_STIFFNESS, _MAX_STIFFNESS = 0.25, 4.0
 #: Share of the loads of a single session that is held out: one in so many.

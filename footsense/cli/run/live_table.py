@@ -25,6 +25,7 @@ class LiveTable(LiveView):
         legs: Names of the legs in the order of the frames' rows.
         title: Source of the frames.
         true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        url: Address of the page; empty without one.
     """
 
     def __init__(
@@ -33,11 +34,13 @@ class LiveTable(LiveView):
         legs: tuple[str, ...],
         title: str,
         true_force_at_time_n: Callable[[int], Vector] | None,
+        url: str = "",
     ) -> None:
         super().__init__(console, _PERIOD_NS)
         self._legs = legs
         self._title = title
         self._true_force_at_time_n = true_force_at_time_n
+        self._url = url
 
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
         """Return title and table; they fit 80 columns."""
@@ -54,9 +57,8 @@ class LiveTable(LiveView):
             columns["true [N]"] = (">8", lambda row: Text(f"{true_n[row, 2]:.3f}", "dim"))
         columns["age [ms]"] = (">8", lambda row: f"{forces.age_ns[row] * 1e-6:.1f}" if usable[row] else EMPTY)
         table = leg_table({leg: row for row, leg in enumerate(self._legs)}, columns)
-        head = Text.assemble(
-            ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   cycle {forces.sequence}", "dim")
-        )
+        head = Text.assemble(("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s", "dim"))
+        head.append(*((f"   {self._url}", "cyan") if self._url else (f"   cycle {forces.sequence}", "dim")))
         return Group(head, Text(), table)
 
 

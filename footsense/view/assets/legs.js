@@ -2,6 +2,12 @@
 
 import { element, number, percent, setText } from "./format.js";
 
+// The use of the ground's friction, and its coefficient where that is known.
+function friction(get) {
+  const use = number(get("friction_use"), 2);
+  return get("friction_use") >= 0 && get("friction") > 0 ? `${use} of ${number(get("friction"), 2)}` : use;
+}
+
 const COLUMNS = [
   ["state", "text", (get, words) => words.states[get("state")].name],
   ["fx [N]", "", (get) => number(get("fx"), 3, true)],
@@ -11,10 +17,9 @@ const COLUMNS = [
   ["age [ms]", "", (get) => (Number.isNaN(get("fz")) ? "–" : number(get("age"), 1))],
   ["contact", "opt", (get) => percent(get("probability"))],
   ["share", "opt", (get) => percent(get("load_share"))],
-  ["friction", "opt", (get) => number(get("friction_use"), 2)],
-  ["of", "opt", (get) => number(get("friction"), 2)],
+  ["friction", "opt", friction],
   ["baseline", "opt text", (get, words) => words.baselines[get("baseline_status")]],
-  ["drift [fF]", "opt", (get) => number(get("baseline_mean"), 1, true)],
+  ["drift [fF]", "opt wide", (get) => number(get("baseline_mean"), 1, true)],
 ];
 
 export class Legs {

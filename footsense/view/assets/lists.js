@@ -51,7 +51,7 @@ export class Events {
   constructor(parent, onPick) {
     this.parent = parent;
     this.list = parent.querySelector("ol");
-    this.all = [];
+    Object.assign(this, { all: [], first: null, place: null });
     const gait = parent.querySelector("#gait-events");
     gait.onchange = () => parent.classList.toggle("no-gait", !gait.checked);
     this.list.onclick = (event) => {
@@ -60,14 +60,37 @@ export class Events {
     };
   }
 
-  clear() { this.all = []; this.list.replaceChildren(); }
+  clear() { this.all = []; this.first = null; this.list.replaceChildren(); }
 
-  // Adds events; those of a recording come in order of time, and all are kept.
-  add(events, keep) {
+  // Adds events. Those of a recording are all kept, and shown around its time; of live ones the newest are shown.
+  add(events, recorded) {
     this.all.push(...events);
-    if (!keep && this.all.length > 1000) this.all.splice(0, this.all.length - 1000);
+    this.first = null;
+    if (recorded) {
+      this.all.sort((a, b) => a.t - b.t);
+      return;
+    }
+    if (this.all.length > 1000) this.all.splice(0, this.all.length - 1000);
     this.list.prepend(...events.slice(-SHOWN_EVENTS).reverse().map((event) => this.#item(event)));
-    if (!keep) while (this.list.childElementCount > SHOWN_EVENTS) this.list.lastElementChild.remove();
+    while (this.list.childElementCount > SHOWN_EVENTS) this.list.lastElementChild.remove();
+  }
+
+  // Shows the events of a recording around a time, the last one before it marked.
+  show(t) {
+    const place = this.all.findLastIndex((event) => event.t <= t + 1e-4);
+    if (this.first === null || place < this.first || place >= this.first + SHOWN_EVENTS) {
+      this.first = Math.max(0, Math.min(place - SHOWN_EVENTS / 2, this.all.length - SHOWN_EVENTS));
+      this.place = null;
+      const shown = this.all.slice(this.first, this.first + SHOWN_EVENTS);
+      this.list.replaceChildren(...shown.map((event) => this.#item(event)));
+    }
+    if (place === this.place) return;
+    this.place = place;
+    this.list.querySelector(".now")?.classList.remove("now");
+    const item = this.list.children[place - this.first];
+    if (!item) return;
+    item.classList.add("now");
+    this.list.scrollTop = item.offsetTop - this.list.offsetTop - this.list.clientHeight / 2;
   }
 
   #item({ t, leg, kind, level, text }) {

@@ -64,7 +64,7 @@ export class Plot {
       ...this.#size(), series, legend: { show: false }, cursor: { y: false, drag: { x: false, y: false } }, pxAlign: 0,
       scales: { x: { time: false }, ...Object.fromEntries(units.map((unit) => [unit || "1", {}])) },
       axes: [
-        { ...axis, values: (_, ticks) => ticks.map((t) => `${+t.toFixed(3)} s`) },
+        { ...axis, size: 26, values: (_, ticks) => ticks.map((t) => (t < 0 ? "" : `${+t.toFixed(3)} s`)) },
         ...units.map((unit, k) => ({ ...axis, scale: unit || "1", side: k % 2 ? 1 : 3, size: 52,
           grid: { ...axis.grid, show: k === 0 },
           values: (_, ticks) => ticks.map((value, n) => `${+value.toFixed(3)}${n === ticks.length - 1 && unit ? ` ${unit}` : ""}`) })),

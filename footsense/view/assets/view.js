@@ -1,6 +1,7 @@
 // The page: connects to the server, keeps the cycles, and draws the newest, or those of a recording.
 
 import { Connection } from "./connection.js";
+import { element } from "./format.js";
 import { Legs } from "./legs.js";
 import { Events, Problems, problems } from "./lists.js";
 import { Plot } from "./plot.js";
@@ -14,7 +15,7 @@ const STALE_MS = 500; // without a new cycle for so long, the picture is old
 const $ = (id) => document.getElementById(id);
 const page = {
   hello: null, store: null, frames: 0, fps: 0, rate: 0, drawn: NaN, paused: null, problem: "", offline: false,
-  arrived: 0, n: 0,
+  arrived: 0, n: 0, cost: 0,
 };
 window.footsense = page; // for the console, and for tests
 
@@ -33,6 +34,7 @@ const connection = new Connection({
     document.body.classList.toggle("replay", message.mode === "replay");
     $("replay").hidden = message.mode !== "replay";
     $("pause").hidden = message.mode === "replay";
+    document.body.classList.toggle("empty", !message.legs.length);
     if (!message.legs.length) return;
     page.robot = new Robot($("robot"), message);
     page.legs = new Legs($("legs"), message, tare);
@@ -41,7 +43,7 @@ const connection = new Connection({
   },
   status(message) { page.problem = message.problem; page.status = message; },
   progress(message) { page.replay?.progress(message); },
-  events(message) { events.add(message.events, page.replay); page.replay?.marks(); },
+  events(message) { events.add(message.events, Boolean(page.replay)); page.replay?.marks(); },
   answer(message) { banner(message.text); },
   cycles(kind, t, v) {
     page.arrived = performance.now();
@@ -53,8 +55,13 @@ const connection = new Connection({
 });
 
 function banner(text) {
-  $("banner").hidden = !text;
-  if (text !== $("banner").textContent) $("banner").textContent = text;
+  const node = $("banner");
+  node.hidden = !text;
+  if (text === node.dataset.text) return;
+  node.dataset.text = text;
+  // Commands stand between backticks.
+  const parts = `${text.slice(0, 1).toUpperCase()}${text.slice(1)}`.split("`");
+  node.replaceChildren(...parts.map((part, k) => (k % 2 ? element("code", {}, part) : part)));
 }
 
 function tare(leg) {
@@ -73,6 +80,12 @@ let textDue = 0, plotDue = 0, fpsDue = 0, frames = 0, cycles = 0;
 function frame(now) {
   requestAnimationFrame(frame);
   frames++;
+  const start = performance.now();
+  draw(now);
+  page.cost = 0.95 * page.cost + 0.05 * (performance.now() - start);
+}
+
+function draw(now) {
   if (now >= fpsDue) {
     const seconds = (now - fpsDue + 1000) / 1000;
     Object.assign(page, { fps: frames / seconds, rate: (page.n - cycles) / seconds });
@@ -95,6 +108,7 @@ function frame(now) {
     textDue = now + TEXT_MS;
     page.legs.draw(sample);
     problemList.draw(problems(sample, page.hello));
+    if (page.replay) events.show(t);
   }
   if (now >= plotDue) {
     plotDue = now + PLOT_MS;
@@ -115,12 +129,12 @@ function status() {
   } else if (page.problem) {
     [link, text] = ["ended", page.store?.segments.length ? "ended" : "no service"];
     problem = `${page.problem}. ${page.store?.segments.length ? "The values are the last ones. " : ""}`
-      + "Start it with `footsense run`, or look into its log: journalctl -u footsense.";
+      + "Start it with `footsense run`, or look into its log: `journalctl -u footsense`.";
   } else if (page.paused !== null) {
     [link, text] = ["paused", "paused"];
   } else if (old || !page.arrived) {
     [link, text] = [page.arrived ? "ended" : "connecting", page.arrived ? "no new cycles" : "connecting"];
-    if (page.arrived) problem = "The service runs, but its loop has stopped: look into its log, journalctl -u footsense.";
+    if (page.arrived) problem = "The service runs, but its loop has stopped: look into its log, `journalctl -u footsense`.";
   } else if (page.status?.can.bus_off && !page.status.can.sent) {
     problem = "CAN: the controller is off the bus. Check its termination, its bit rate and whether another node is on.";
   }

@@ -5,6 +5,7 @@ import pytest
 from footsense.benchmarks.c_floor import has_c_floor
 from footsense.benchmarks.cycle import compare_cycle_durations
 from footsense.benchmarks.our_cycle import WARM_UP, recorded_frames
+from footsense.benchmarks.viewed_latency import viewed_latency_figures
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.frames import CapFrame
 
@@ -32,3 +33,10 @@ def test_both_loops_answer_for_every_deadline(scans: list[CapFrame]) -> None:
         assert set(figures[case]["tails"]) == {"ours", "c"}
         assert all(tail > 0 for tails in figures[case]["tails"].values() for tail in tails.values())
     assert figures["fifo"] == (not figures["not_granted"])
+
+
+def test_the_loop_is_timed_alone_and_while_somebody_looks(scans: list[CapFrame]) -> None:
+    """In one run, beside a viewer and clients that do not read."""
+    figures = viewed_latency_figures(scans, seconds=0.05)
+    assert set(figures["tails"]) == {"alone", "viewed"}
+    assert all(tail > 0 for tails in figures["tails"].values() for tail in tails.values())

@@ -14,6 +14,7 @@ from footsense.sim.can.interface import AS_DEPLOYED
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 UNIT, EXPORTER = DEPLOY / "footsense.service", DEPLOY / "footsense-exporter.service"
+VIEW = DEPLOY / "footsense-view.service"
 
 
 def parsed(path: Path) -> RawConfigParser:
@@ -64,13 +65,14 @@ def test_the_service_may_do_little_else() -> None:
         assert service[key] == "yes"
 
 
-def test_the_exporter_always_comes_back_and_may_do_little() -> None:
-    """It restarts whatever ended it, takes no time of the loop's, and may reach nothing but loopback and counters."""
-    exporter, service = parsed(EXPORTER)["Service"], parsed(UNIT)["Service"]
+@pytest.mark.parametrize(("unit", "command"), [(EXPORTER, "exporter"), (VIEW, "view")])
+def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, command: str) -> None:
+    """Each restarts whatever ended it, takes no time of the loop, and reaches the loopback and shared memory alone."""
+    exporter, service = parsed(unit)["Service"], parsed(UNIT)["Service"]
     assert exporter["Restart"] == "always"
     assert (
         exporter["ExecStart"]
-        == "/opt/footsense/bin/footsense exporter --config /etc/footsense/footsense.yaml"
+        == f"/opt/footsense/bin/footsense {command} --config /etc/footsense/footsense.yaml"
     )
     assert exporter["User"] == service["User"]
     assert exporter["RestrictRealtime"] == "yes"
@@ -83,7 +85,7 @@ def test_the_exporter_always_comes_back_and_may_do_little() -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-@pytest.mark.parametrize("unit", [UNIT, EXPORTER])
+@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW])
 def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
     """The supervisor knows every key, once the program stands where the unit says."""
     copy = tmp_path / unit.name
@@ -98,7 +100,7 @@ def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-@pytest.mark.parametrize("unit", [UNIT, EXPORTER])
+@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW])
 def test_a_service_that_was_taken_over_may_do_little(unit: Path) -> None:
     """By systemd's own measure: an exposure of 10 is an ordinary service, and these have at most 1.5."""
     done = subprocess.run(

@@ -1,0 +1,116 @@
+"""Part of `footsense benchmark`: wake-up latency of the loop while its page is looked at, beside the loop alone.
+
+The loop is a process of its own with the scheduling of the service, and copies every cycle into shared memory. Another
+process serves the page to one viewer that draws everything, and to five clients that connect and read nothing more. It
+is stopped and continued in turns, block by block: both figures come from one run.
+"""
+
+import contextlib
+import itertools
+import json
+import logging
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
+
+from footsense.benchmarks.our_cycle import PRIORITY, our_cycle
+from footsense.benchmarks.wakeup_latency import (
+    PERIOD_NS,
+    child_process,
+    latency_tails,
+    paced_blocks,
+    receive,
+    warm_up,
+)
+from footsense.clock import request_realtime
+from footsense.frames import CapFrame
+
+_BLOCKS = 4
+_SLOW_CLIENTS = 5
+_PAGE, _FOXGLOVE = Subprotocol("footsense.view.v1"), Subprotocol("foxglove.websocket.v1")
+#: More channels than there are: one client of Foxglove's protocol subscribes to all topics.
+_CHANNELS = 20
+
+
+def viewed_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, Any]:
+    """Return the wake-up latency alone and viewed [us], median and tails, and the ratio of the 99th percentiles.
+
+    Args:
+        scans: Scans to process, those of the tare first.
+        seconds: Run time of each of the two cases [s].
+
+    Raises:
+        FootsenseError: The loop ended by itself.
+    """
+    n = max(1, round(seconds * 1e9 / PERIOD_NS / _BLOCKS))
+    late_ns: dict[str, list[int]] = {"alone": [], "viewed": []}
+    with child_process(_serve_shared, scans) as loop:
+        cycles, refusals = receive(loop)
+        with _viewer(Path(cycles)) as (viewer, host), _clients(host):
+            for _, (case, do) in itertools.product(
+                range(_BLOCKS), (("alone", signal.SIGSTOP), ("viewed", signal.SIGCONT))
+            ):
+                viewer.send_signal(do)
+                loop.send(n)
+                late_ns[case] += receive(loop)
+    tails = latency_tails(late_ns)
+    return {"fifo": not refusals, "tails": tails, "ratio": tails["viewed"]["p99"] / tails["alone"]["p99"]}
+
+
+def _serve_shared(connection: Connection, scans: list[CapFrame]) -> None:
+    logging.disable()  # a walk that begins anew is reported as a jump
+    with our_cycle(shared=True) as cycle:
+        refusals = request_realtime(PRIORITY, None)
+        warm_up(cycle, scans)
+        connection.send((str(cycle.cycles), refusals))
+        paced_blocks(connection, cycle, scans)
+
+
+@contextlib.contextmanager
+def _viewer(cycles: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Run `footsense view`, and yield its process and its host and port."""  # noqa: DOC402 - one line
+    command = ["-P", "-m", "footsense", "view", "--cycles", str(cycles), "--port", "0"]
+    with subprocess.Popen([sys.executable, *command], stdout=subprocess.PIPE, text=True) as process:  # noqa: S603
+        assert process.stdout is not None
+        try:
+            yield process, process.stdout.readline().strip().removeprefix("http://")
+        finally:
+            process.send_signal(signal.SIGCONT)
+            process.terminate()
+
+
+@contextlib.contextmanager
+def _clients(host: str) -> Iterator[None]:
+    """Connect a viewer that draws, and clients that do not read."""
+    over = threading.Event()
+    drawing = threading.Thread(target=_draw, args=(host, over))
+    with contextlib.ExitStack() as stack:
+        for number in range(_SLOW_CLIENTS):
+            protocol = _FOXGLOVE if number % 2 else _PAGE
+            slow = stack.enter_context(
+                connect(f"ws://{host}/", subprotocols=[protocol], close_timeout=0.1, max_queue=1)
+            )
+            if protocol is _FOXGLOVE:
+                topics = [{"id": channel, "channelId": channel} for channel in range(1, _CHANNELS)]
+                slow.send(json.dumps({"op": "subscribe", "subscriptions": topics}))
+        drawing.start()
+        stack.callback(drawing.join)
+        stack.callback(over.set)
+        yield
+
+
+def _draw(host: str, over: threading.Event) -> None:
+    """Acknowledge every message of cycles, as a browser does that draws them."""
+    with connect(f"ws://{host}/", subprotocols=[_PAGE], close_timeout=0.1) as page:
+        while not over.is_set():
+            with contextlib.suppress(TimeoutError):
+                if isinstance(page.recv(timeout=0.2), bytes):
+                    page.send('{"type": "drawn"}')

@@ -1,0 +1,215 @@
+"""Study `force-range`: the largest force that a foot can tell, over its direction, and what is said beyond it.
+
+With growing force a gap begins to close at its middle, reads as closed, or the converter ends. Where gaps are closed in
+part, different loads have nearly the same closures: an ambiguous region, in which the network is used, too.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.estimation.faults.consistency import ConsistencyTest
+from footsense.estimation.rest import at_rest
+from footsense.foot.capacitor import GAP_CLOSED_REL
+from footsense.foot.direction_sets import direction_grid, random_directions
+from footsense.foot.directions import angles_between_deg
+from footsense.foot.files.network_card import TrainedInputs
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.gap_contact import ALL_CELLS
+from footsense.foot.parameters import FootParameters
+from footsense.foot.specimen import Deviations, Foot
+from footsense.frames import Mask, Vector
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.training.load_cases import FULL_SCALE_PF, leaning_normals
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES, fabricate
+
+#: Azimuths over an eighth of the square, elevations [deg] and forces of the map [N].
+AZIMUTHS_DEG, ELEVATIONS_DEG = (0.0, 15.0, 30.0, 45.0), tuple(float(e) for e in range(35, 91, 5))
+_STEP_N = 0.02
+#: Borders of the bands of the largest closure over the element's own gap [1].
+BANDS = (0.0, 0.5, 0.7, 0.8, 0.9, GAP_CLOSED_REL, np.inf)
+#: Feet made like the paper's, loads of each, their lowest elevation [deg] and the seed.
+_FEET, _QUICK_FEET, _LOADS, _LOWEST_DEG, _SEED = 20, 2, 600, 32.0, 8
+#: Lower border of the ambiguous region [1], and an error that is too large to be used [deg].
+AMBIGUOUS_REL, TOO_LARGE_DEG = 0.8, 5.0
+_FIGURE = "force-range.png"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BandErrors:
+    """Errors of the loads whose largest closure over the gap lies in a band.
+
+    Attributes:
+        share: Of all loads [1].
+        force_gf: Mean force [gf].
+        read: Share of them with a force [1].
+        direction_deg: Mean direction error of those [deg].
+        direction_p95_deg: 95th percentile [deg].
+        sigma_deg: Median sigma as an angle [deg].
+        within_2: Share of the components within two sigma [1].
+        too_large: Share with an error above `TOO_LARGE_DEG` [1].
+        said: Share of these that the residual test finds inconsistent [1]; None if there are none.
+    """
+
+    share: float
+    force_gf: float
+    read: float
+    direction_deg: float = 0.0
+    direction_p95_deg: float = 0.0
+    sigma_deg: float = 0.0
+    within_2: float = 0.0
+    too_large: float = 0.0
+    said: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceRangeResults:
+    """Limits of the designed foot under centred loads, and errors over the range.
+
+    Attributes:
+        limits_n: By limit (`contact`, `closed`, `saturated`): lowest force of it over the elevations [N], the smallest
+            over the azimuths.
+        feet: Feet made like the paper's.
+        max_n: Largest force of the network's training [N].
+        design: Errors of the designed foot, in the order of the bands.
+        made: Errors of made feet whose parameters are known exactly.
+    """
+
+    limits_n: dict[str, list[float]]
+    feet: int
+    max_n: float
+    design: list[BandErrors | None]
+    made: list[BandErrors | None]
+
+
+def _limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
+    """Return the lowest force of each limit [N], shape (azimuths, elevations); 2 `max_n` where it is not reached."""
+    direction = direction_grid(AZIMUTHS_DEG, ELEVATIONS_DEG)
+    design = foot.response.design
+    reached = {name: np.full(len(direction), 2.0 * max_n) for name in ("contact", "closed", "saturated")}
+    for force_n in np.arange(_STEP_N, 2.0 * max_n, _STEP_N)[::-1]:
+        loads_n = force_n * direction
+        free_um = foot.response.free_closure_um(direction, loads_n).reshape(-1, ALL_CELLS)
+        pf = foot.capacitance_pf(direction, loads_n)
+        closure_um = design.closure_um(pf, foot.unloaded_pf).max(axis=1)
+        for name, beyond in (
+            ("contact", free_um.max(axis=1) > design.gap_um),
+            ("closed", closure_um > GAP_CLOSED_REL * design.gap_um),
+            ("saturated", pf.max(axis=1) > FULL_SCALE_PF),
+        ):
+            reached[name][beyond] = force_n
+    shape = (len(AZIMUTHS_DEG), len(ELEVATIONS_DEG))
+    return {name: force.reshape(shape) for name, force in reached.items()}
+
+
+def _read(
+    context: StudyContext, trained: TrainedInputs, own: Deviations, normal: Vector, force_n: Vector
+) -> tuple[Vector, Mask, Vector, Vector, Mask]:
+    """Return closure over the gap, readable loads, estimates and sigma [N], and the inconsistent loads of a foot."""
+    foot, design = Foot(context.response, own), trained.design
+    gap_um = design.gap_um + own.gap_um
+    known = FootParameters(
+        stray_pf=own.stray_pf,
+        unloaded_pf=foot.unloaded_pf,
+        gap_um=gap_um,
+        stiffness_rel=own.stiffness_rel,
+        mount=own.mount,
+    )
+    pf = foot.capacitance_pf(normal, force_n)
+    closure_um = design.closure_um(pf - own.stray_pf, foot.unloaded_pf - own.stray_pf)
+    closure_rel = closure_um / design.gap_um
+    read = (closure_rel <= trained.usable_max_rel(gap_um)).all(axis=1) & (pf.max(axis=1) < FULL_SCALE_PF)
+    inputs = np.where(read[:, None], closure_rel, 0.0)
+    load = CalibratedFeet(context.network, [known], len(pf)).estimate(at_rest(inputs))
+    test = ConsistencyTest(len(pf), trained.moments, 1)
+    none, still = np.zeros(inputs.shape, bool), np.zeros(len(pf))
+    result: Any = None
+    for t_ns in range(4):
+        result = test.test(inputs, still, none, t_ns)
+    said = result.unexplained | result.missing.any(axis=1)
+    return (closure_um / gap_um).max(axis=1), read, load.force_n, load.sigma_n, said
+
+
+def _band_errors(inside: Mask, parts: tuple[Any, ...]) -> BandErrors | None:
+    """Return the errors of the loads of a band; None if there are none."""
+    if not inside.any():
+        return None
+    read, true_n, force_n, sigma_n, said = (part[inside] for part in parts)
+    size_n = np.linalg.norm(true_n, axis=1)
+    known = np.flatnonzero(read)
+    share, force_gf = float(inside.mean()), float(size_n.mean() / GRAM_FORCE_N)
+    if len(known) == 0:
+        return BandErrors(share=share, force_gf=force_gf, read=0.0)
+    angle_deg = angles_between_deg(true_n[known], force_n[known])
+    sigma_deg = np.degrees(np.linalg.norm(sigma_n[known], axis=1) / size_n[known])
+    large = angle_deg > TOO_LARGE_DEG
+    return BandErrors(
+        share=share,
+        force_gf=force_gf,
+        read=len(known) / len(read),
+        direction_deg=float(angle_deg.mean()),
+        direction_p95_deg=float(np.percentile(angle_deg, 95)),
+        sigma_deg=float(np.median(sigma_deg)),
+        within_2=float((np.abs(force_n - true_n) <= 2.0 * sigma_n)[known].mean()),
+        too_large=float(large.mean()),
+        said=float(said[known][large].mean()) if large.any() else None,
+    )
+
+
+def _errors_by_band(context: StudyContext, feet: list[Deviations]) -> list[BandErrors | None]:
+    """Return the errors by band over random leaning loads on some feet."""
+    loads, trained = context.foot_design.loads, context.trained_inputs
+    rng = np.random.default_rng(_SEED)
+    collected: list[tuple[Any, ...]] = []
+    for own in feet:
+        direction = random_directions(rng, 2 * _LOADS, _LOWEST_DEG)
+        normal = leaning_normals(loads, rng, direction)
+        reached = np.flatnonzero(normal[:, 2] >= np.sin(np.radians(_LOWEST_DEG)))[:_LOADS]
+        force_n = direction[reached] * rng.uniform(0.1 * loads.max_n, loads.max_n, (len(reached), 1))
+        rel, read, estimate_n, sigma_n, said = _read(context, trained, own, normal[reached], force_n)
+        collected.append((rel, read, force_n, estimate_n, sigma_n, said))
+    rel, *parts = (np.concatenate(part) for part in zip(*collected, strict=True))
+    return [_band_errors((rel >= low) & (rel < high), tuple(parts)) for low, high in pairwise(BANDS)]
+
+
+def _figure(limits_n: dict[str, Vector], max_n: float) -> Figure:
+    """Draw the limits over the elevation, from the least to the most favourable azimuth."""
+    figure = Figure(figsize=(7.5, 4.2), layout="constrained")
+    axes = figure.subplots()
+    words = {
+        "contact": "a gap begins to close",
+        "closed": "a gap reads as closed",
+        "saturated": "converter at its end",
+    }
+    for name, label in words.items():
+        low, high = limits_n[name].min(axis=0), limits_n[name].max(axis=0)
+        axes.fill_between(ELEVATIONS_DEG, low, high, alpha=0.4, label=label)
+    axes.axhline(max_n, color="k", ls=":", label="largest force of the training")
+    axes.set(xlabel="elevation of a centred force [deg]", ylabel="force [N]", ylim=(0.0, 1.5 * max_n))
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    return figure
+
+
+def compute(context: StudyContext) -> tuple[ForceRangeResults, Figures]:
+    """Find the limits of the designed foot, and the errors by closure on it and on made feet."""
+    loads = context.foot_design.loads
+    limits_n = _limits_n(Foot(context.response), loads.max_n)
+    feet = _QUICK_FEET if context.quick else _FEET
+    made = [fabricate(context.response, PAPER_TOLERANCES, _SEED, number) for number in range(feet)]
+    results = ForceRangeResults(
+        limits_n={name: [round(float(v), 2) for v in force.min(axis=0)] for name, force in limits_n.items()},
+        feet=feet,
+        max_n=loads.max_n,
+        design=_errors_by_band(context, [Deviations()] * feet),
+        made=_errors_by_band(context, made),
+    )
+    context.say(f"force-range: a gap begins to close at {min(results.limits_n['contact']):.2f} N")
+    return results, {_FIGURE: _figure(limits_n, loads.max_n)}
+
+
+STUDY = Study(name="force-range", title="The force that a foot can tell", compute=compute)
