@@ -1,6 +1,7 @@
 """Child processes of the loop: start a writer of a file, read its pipe, and drop the inherited real-time scheduling."""
 
 import contextlib
+import ctypes
 import fcntl
 import os
 import select
@@ -16,6 +17,8 @@ from footsense.errors import RecordingError
 #: waking. At 370 cycles a second the pipe has room for five times as many.
 _GATHER_MS = 200
 _READ_BYTES = 1 << 18
+#: prctl(2).
+_PR_SET_PDEATHSIG = 1
 #: Processors of this process before the loop takes one of them: those that the unit allows.
 _CPUS = os.sched_getaffinity(0)
 #: So many bytes at once come only from a loop in virtual time, which waits for room [bytes].
@@ -100,6 +103,11 @@ def read_batches(pipe: int) -> Iterator[bytes]:
         n_read = len(data)
         if data:
             yield data
+
+
+def end_with_parent() -> None:
+    """Let the kernel send SIGTERM to this process when the one that started it ends, even if that was killed."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def drop_realtime() -> None:

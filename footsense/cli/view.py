@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from footsense.child_process import drop_realtime
+from footsense.child_process import drop_realtime, end_with_parent
 from footsense.cli.options import FILE, config_option
 from footsense.clock import MonotonicClock
 from footsense.config import Config, load_config
@@ -64,6 +64,9 @@ def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     metavar="URL",
     help="Let web pages of this origin read by Foxglove's protocol, such as http://robot:8080 for a Lichtblick there.",
 )
+@click.option(
+    "--with-parent", is_flag=True, hidden=True, help="End when the process that started this one ends."
+)
 def view(
     file: Path | None,
     config_file: Path | None,
@@ -73,6 +76,7 @@ def view(
     origins: tuple[str, ...],
     *,
     allow_commands: bool,
+    with_parent: bool,
 ) -> None:
     """Serve the page of a running service, or of the recording FILE, until it is stopped.
 
@@ -90,6 +94,8 @@ def view(
         settings = msgspec.structs.replace(
             settings, address=address or settings.address, cycles=str(cycles or settings.cycles)
         )
+    if with_parent:
+        end_with_parent()
     drop_realtime()
     with suppress(OSError):  # its unit denies the call, and has set its own
         os.nice(5)  # a viewer never competes with what else the robot's computer does

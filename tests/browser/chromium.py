@@ -75,6 +75,12 @@ class Browser:
 
         return WebDriverWait(self.driver, _TIMEOUT_S, 0.03).until(found, condition)
 
+    def cpu_s(self) -> float:
+        """Return the processor time that the page's thread has taken [s]: scripts, layout and painting."""
+        self.driver.execute_cdp_cmd("Performance.enable", {"timeDomain": "threadTicks"})
+        metrics = self.driver.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
+        return float(next(metric["value"] for metric in metrics if metric["name"] == "TaskDuration"))
+
     def keys(self, keys: str) -> None:
         """Press keys, one after the other."""
         pressed = (

@@ -118,6 +118,23 @@ def test_a_press_is_seen_within_a_tenth_of_a_second(browser: Browser, cycles: Pa
         assert statistics.median(took_ms) < 100.0
 
 
+def test_a_picture_costs_less_than_a_sixtieth_of_a_second(browser: Browser, cycles: Path, url: str) -> None:
+    """Of the time of the page's own thread, with new cycles in each picture and five seconds in the plot."""
+    with ViewedService(cycles) as service:
+        browser.open(url)
+        browser.wait(f"{SIX_FEET} && footsense.n > 1800", lambda: service.publish(250))
+        before_s, frames = browser.cpu_s(), browser.js("return footsense.frames")
+        service.force_n[:, 2] = 0.5
+
+        def walk() -> None:
+            service.force_n += 0.01
+            service.publish(12)
+
+        browser.wait(f"footsense.frames > {frames + 20}", walk)
+        spent_s = browser.cpu_s() - before_s
+        assert spent_s / (browser.js("return footsense.frames") - frames) < 1 / 60
+
+
 def test_a_broken_leg_says_what_to_do(browser: Browser, cycles: Path, url: str) -> None:
     """An open row is crossed out, a silent leg is empty; both have a cause and a remedy; the others go on."""
     with ViewedService(cycles) as service:
@@ -163,6 +180,22 @@ def test_the_service_and_the_viewer_start_again(browser: Browser, cycles: Path, 
             viewer.terminate()
             browser.wait("document.body.dataset.link === 'lost'", service.publish)
             assert "The viewer does not answer" in browser.text("#banner")
+
+
+def test_a_run_ends_its_first_line_with_the_page(browser: Browser) -> None:
+    """The page shows that run, and both end together."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "footsense", "run", "--realtime", "--duration", "60"],
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as run:
+        assert run.stdout is not None
+        first = run.stdout.readline()
+        assert re.match(r"footsense  tripod, simulated  http://127\.0\.0\.1:\d+\n", first)
+        browser.open(first.split()[-1])
+        browser.wait(f"{SIX_FEET} && document.querySelectorAll('#robot .valid').length === 6")
+        run.kill()
+        browser.wait("document.body.dataset.link === 'lost'")
 
 
 def test_a_recording_is_played_and_stepped(browser: Browser) -> None:

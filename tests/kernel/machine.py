@@ -22,6 +22,7 @@ from tests.kernel.ports import Chips, GuestError, Shell
 _PORTS = ("agent", "chips", "can")
 #: Longest boot [s], of the host's time.
 _BOOT_S = 600.0
+_JOURNAL = "journalctl -u footsense"
 _BOOT_ID = "cat /proc/sys/kernel/random/boot_id"
 
 
@@ -64,15 +65,15 @@ class Machine:
         """Return when a unit became active, from the start of the kernel [s]."""
         return int(self.run(f"systemctl show -P ActiveEnterTimestampMonotonic {unit}")) / 1e6
 
-    def journal(self, since: str, unit: str = "footsense") -> list[str]:
-        """Return the lines of a unit since a cursor of the journal."""
-        text = self.run(f"journalctl -u {unit} --no-pager -o cat --after-cursor '{since}'")
+    def journal(self, since: str) -> list[str]:
+        """Return the service's lines since a cursor of the journal."""
+        text = self.run(f"{_JOURNAL} --no-pager -o cat --after-cursor '{since}'")
         return [line for line in text.splitlines() if line]
 
     @property
     def journal_cursor(self) -> str:
-        """Cursor at the present end of the journal."""
-        return self.run("journalctl --sync; journalctl -n 0 --show-cursor").split("-- cursor: ")[-1].strip()
+        """Cursor at the service's last line: at that of another unit, journalctl would leave out the next line."""
+        return self.run(f"journalctl --sync; {_JOURNAL} -n 0 --show-cursor").split("-- cursor: ")[-1].strip()
 
 
 @contextlib.contextmanager

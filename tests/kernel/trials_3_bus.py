@@ -65,7 +65,6 @@ def test_held_line_with_reset(trial: Trial) -> None:
     """A leg, lm, holds SDA; RESET of the multiplexer on a GPIO."""
     run = trial.machine.run
     run(
-        "groupadd --system --force gpio; udevadm control --reload; udevadm trigger --settle\n"
         "mkdir -p /etc/systemd/system/footsense.service.d\n"
         "printf '[Service]\\nSupplementaryGroups=i2c gpio\\nDeviceAllow=char-gpiochip rw\\n'"
         " > /etc/systemd/system/footsense.service.d/reset.conf; systemctl daemon-reload\n"

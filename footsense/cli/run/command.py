@@ -10,7 +10,7 @@ import click
 from msgspec.structs import replace
 
 from footsense.cli import options
-from footsense.cli.run.page import page_of
+from footsense.cli.run.page import own_view, page_of
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
@@ -96,8 +96,9 @@ def run(
     with ExitStack() as stack:
         page = None
         if opens_view or (config_file is None and paced):
-            config = replace(config, view=config.view or View())
-            page = stack.enter_context(page_of(config.view or View()))
+            own = own_view(config.view or View())
+            config = replace(config, view=own)
+            page = stack.enter_context(page_of(own))
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )

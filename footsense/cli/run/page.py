@@ -1,11 +1,25 @@
 """The page of a run: `footsense view` as a child process beside the loop."""
 
 import contextlib
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
+
+from msgspec.structs import replace
 
 from footsense.config.sections import View
+from footsense.shared_file import is_locked
+
+
+def own_view(view: View) -> View:
+    """Return the section with a file of this run: its own, or another one where a running service has taken it."""
+    path = Path(view.cycles)
+    with contextlib.suppress(OSError), path.open("rb") as taken:
+        if is_locked(taken):
+            return replace(view, cycles=f"{path}.{os.getpid()}")
+    return view
 
 
 @contextlib.contextmanager
@@ -38,7 +52,7 @@ class Page:
 
     def _start(self, port: int) -> subprocess.Popen[str]:
         view = self._view
-        arguments = ["--cycles", view.cycles, "--address", view.address, "--port", str(port)]
+        arguments = ["--cycles", view.cycles, "--address", view.address, "--port", str(port), "--with-parent"]
         return subprocess.Popen(  # noqa: S603 - our own module
             [sys.executable, "-P", "-m", "footsense", "view", *arguments],
             stdin=subprocess.DEVNULL,

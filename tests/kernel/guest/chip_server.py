@@ -4,7 +4,7 @@ Commands, one a line, come on a virtio port; each is answered with one line:
 
     press LEG NEWTON            one foot is pressed from now on: (0.05, 0, NEWTON) N
     lift                        all feet are in the air from now on
-    fail LEG|all|mux ERROR      every transfer that reaches it alone fails with this errno; SILENT: none answers
+    fail LEG|all|mux ERROR      every transfer to it alone fails with this errno; SILENT: none answers
     hold LEG                    the leg holds SDA low while its channel is connected: nothing on the bus answers
     clear                       neither fails nor holds
     mux ADDRESS                 strap of the multiplexer
@@ -37,6 +37,7 @@ _REQUEST = struct.Struct("=III")
 _MESSAGE = struct.Struct("=HHHH")
 _ANSWER = struct.Struct("=Ii")
 _READ = 1  # I2C_M_RD
+_NOBODY = 0x7F  # the address with which footsense gives nine clocks
 _REQUEST_BYTES = 4096
 
 
@@ -104,7 +105,7 @@ class ChipServer:
         reached = ["mux"] if address == self._bus.mux.address else connected
         for target in ("all", *reached):
             # Of several connected legs the others acknowledge in its place.
-            if target in self._fails and (target == "all" or len(reached) == 1):
+            if target in self._fails and (target == "all" or (len(reached) == 1 and address != _NOBODY)):
                 return self._fails[target]
         try:
             if written or n_read:

@@ -107,3 +107,21 @@ def test_a_log_of_an_unknown_kind(tmp_path: Path) -> None:
     """The suffixes that are known are named."""
     line = one_line_error(footsense("run", "--duration", "1", "--can-log", tmp_path / "walk.txt"), 78)
     assert ".log, .asc, .blf" in line
+
+
+@pytest.mark.parametrize(
+    ("options", "says", "code"),
+    [
+        (("none.mcap",), "none.mcap", 74),
+        (("--config", "robot.yaml"), "robot.yaml: has no section view", 78),
+        (("--allow-commands",), "--allow-commands needs a running service and --config", 78),
+        (("--address", "192.0.2.1"), "the page cannot be served on 192.0.2.1", 78),
+    ],
+)
+def test_a_page_that_cannot_be_served(
+    tmp_path: Path, options: tuple[str, ...], says: str, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One line says what is missing."""
+    robot(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert says in one_line_error(footsense("view", "--port", "0", *options), code)
