@@ -1,4 +1,4 @@
-# make run       a six-legged robot walks in simulation; its foot forces, live
+# make run       a six-legged robot walks in simulation for half a minute; its foot forces, live; a page in the browser
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
 # make test      format, lint, types, import contracts, tests: what CI runs
 # make docs      the documentation site: build/site/docs/index.html
@@ -16,7 +16,7 @@ BIN    := $(VENV)/bin
 .PHONY: run install test docs kernel-test kernel-test-short fuzz lock mutants format golden clean
 
 run: $(VENV)/robot.stamp
-	$(BIN)/footsense run --duration 10
+	$(BIN)/footsense run --realtime --duration 30
 
 install: $(VENV)/robot.stamp
 

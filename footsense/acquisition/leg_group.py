@@ -20,7 +20,7 @@ from footsense.acquisition.chip_timing import chip_timing
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
-from footsense.errors import BusError, BusTimeoutError, NackError
+from footsense.errors import BusError, BusTimeoutError
 from footsense.frames import Codes, Reading, Stamps, Vector
 from footsense.ports import Clock, Transaction
 
@@ -56,14 +56,12 @@ class Conversion(NamedTuple):
         t_start_ns: Time at the end of its trigger [ns].
         legs: Legs that convert; none if a transaction failed, or if no leg is active.
         selected: Whether lines were selected for it, or left from the step before.
-        unread: Reading of a leg that does not take part.
     """
 
     step: Step
     t_start_ns: int
     legs: Legs
     selected: bool
-    unread: Reading
 
 
 class LegGroup:
@@ -149,7 +147,7 @@ class LegGroup:
             legs, selection = self.active()
         select = following.changes if finished.legs else following.select
         running = self._begin(legs, selection, following, select)
-        self._latest.discard((self._rows, step.element), finished.unread)
+        self._latest.discard((self._rows, step.element), Reading.NO_ANSWER)
         for leg, outcome in failed.items():
             # A check in the last step, or in turn, covers all elements before it.
             since_check = ends or leg is alone or (in_turn and outcome is Reading.MISCONFIGURED)
@@ -217,7 +215,6 @@ class LegGroup:
 
     def _begin(self, legs: Legs, selection: int, step: Step, select: tuple[Transaction, ...]) -> Conversion:
         """Start one conversion on the active legs at once."""
-        unread = Reading.NO_ANSWER
         for _ in range(_TRIES if legs else 0):
             try:
                 bus = self._transport.connect(selection)
@@ -226,10 +223,9 @@ class LegGroup:
             except BusError as error:
                 self._raise_if_stuck(error)
                 self._transport.invalidate()  # a mux that has lost its selection connects no leg
-                unread = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.DELAYED
             else:
-                return Conversion(step, self._clock.now_ns(), legs, bool(select), Reading.NO_ANSWER)
-        return Conversion(step, self._clock.now_ns(), (), bool(select), unread)
+                return Conversion(step, self._clock.now_ns(), legs, bool(select))
+        return Conversion(step, self._clock.now_ns(), (), bool(select))
 
     def _read_out(self, step: Step, legs: Legs, t_start_ns: int, *, all_done: bool) -> None:
         """Read the result of the finished conversion from each given leg, while the next conversion runs."""
@@ -286,7 +282,7 @@ class LegGroup:
             except BusError as error:
                 self._raise_if_stuck(error)
                 self._transport.invalidate()
-                reading = Reading.NO_ANSWER if isinstance(error, NackError) else Reading.DELAYED
+                reading = Reading.NO_ANSWER
         return reading, _NAN
 
     def _check(self, running: Conversion, *, always: bool) -> None:

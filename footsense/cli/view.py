@@ -2,68 +2,148 @@
 
 import asyncio
 import os
+import signal
 import threading
 from contextlib import ExitStack, closing
+from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+import msgspec
 
 from footsense.child_process import drop_realtime
 from footsense.cli.options import FILE, config_option
 from footsense.clock import MonotonicClock
-from footsense.config import load_config
+from footsense.config import Config, load_config
 from footsense.config.sections import View
 from footsense.errors import ConfigError
+from footsense.progress import progress_bar
 
 if TYPE_CHECKING:
     from footsense.view.recorded import Recorded
+    from footsense.view.tares import Tares
+
+
+def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Return an IP address.
+
+    Raises:
+        BadParameter: It is none.
+    """
+    del ctx, param
+    try:
+        return None if value is None else str(ip_address(value))
+    except ValueError:
+        raise click.BadParameter(
+            f"{value!r} is no IP address; 127.0.0.1 serves this computer alone"
+        ) from None
 
 
 @click.command()
 @click.argument("file", type=FILE, required=False)
 @config_option("all defaults of its section `view`")
 @click.option("--cycles", type=FILE, help="File of the shared cycles, instead of view.cycles.")
-@click.option("--address", help="IP address to serve on, instead of view.address.")
+@click.option(
+    "--address",
+    callback=_address,
+    help="IP address to serve on, instead of view.address; 0.0.0.0 for every network.",
+)
 @click.option(
     "--port", type=click.IntRange(0, 65_535), help="TCP port, instead of view.port; 0: any free one."
 )
+@click.option(
+    "--allow-commands",
+    is_flag=True,
+    help="Let pages tare legs over CAN, with a token that is printed; needs --config.",
+)
+@click.option(
+    "--origin",
+    "origins",
+    multiple=True,
+    metavar="URL",
+    help="Let web pages of this origin read by Foxglove's protocol, such as http://robot:8080 for a Lichtblick there.",
+)
 def view(
-    file: Path | None, config_file: Path | None, cycles: Path | None, address: str | None, port: int | None
+    file: Path | None,
+    config_file: Path | None,
+    cycles: Path | None,
+    address: str | None,
+    port: int | None,
+    origins: tuple[str, ...],
+    *,
+    allow_commands: bool,
 ) -> None:
     """Serve the page of a running service, or of the recording FILE, until it is stopped.
 
-    The service may start, end and start again meanwhile.
+    The service may start, end and start again meanwhile. Foxglove, Lichtblick and PlotJuggler connect to the same port,
+    with ws:// in place of http://. Who can reach the port can read; only the loopback is served unless an address says
+    otherwise.
     """  # noqa: DOC501 - click shows this text
-    settings = load_config(config_file).view if config_file else View()
+    config = load_config(config_file) if config_file else None
+    settings = View() if config is None else config.view
     if settings is None:
-        raise ConfigError(f"{config_file}: has no section view, so the service shares no cycles")
+        raise ConfigError(
+            f"{config_file}: has no section view, so the service shares no cycles; add `view: {{}}`"
+        )
+    if address is not None or cycles is not None:
+        settings = msgspec.structs.replace(
+            settings, address=address or settings.address, cycles=str(cycles or settings.cycles)
+        )
+    drop_realtime()
+    os.nice(5)  # a viewer never competes with what else the robot's computer does
+    with ExitStack() as stack:
+        tares = stack.enter_context(closing(_open_tares(config, file))) if allow_commands else None
+        _serve(stack, file, settings, settings.port if port is None else port, tares, origins)
+
+
+def _serve(
+    stack: ExitStack,
+    file: Path | None,
+    settings: View,
+    port: int,
+    tares: "Tares | None",
+    origins: tuple[str, ...],
+) -> None:
     from footsense.view.live import Live
     from footsense.view.recorded import Recorded
     from footsense.view.server import ViewServer
 
-    drop_realtime()
-    os.nice(5)  # a viewer never competes with what else the robot's computer does
-    with ExitStack() as stack:
-        source: Live | Recorded
-        if file is None:
-            source = Live(cycles or Path(settings.cycles), MonotonicClock())
-        else:
-            source = Recorded(file)
-            threading.Thread(target=_read, args=(source,), daemon=True).start()
-        stack.enter_context(closing(source))
-        server = ViewServer(source)
-        asyncio.run(
-            server.run(address or settings.address, settings.port if port is None else port, click.echo)
+    source: Live | Recorded
+    source = Live(Path(settings.cycles), MonotonicClock()) if file is None else Recorded(file)
+    stack.enter_context(closing(source))
+
+    async def serve() -> None:
+        loop, stop = asyncio.get_running_loop(), asyncio.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, stop.set)
+        async with ViewServer(source, tares, origins).serving(settings.address, port) as url:
+            click.echo(url)
+            if tares is not None:
+                click.echo(f"token for commands: {tares.token}")
+            if isinstance(source, Recorded):
+                threading.Thread(target=_read, args=(source,), daemon=True).start()
+            await stop.wait()
+
+    asyncio.run(serve())
+
+
+def _open_tares(config: Config | None, file: Path | None) -> "Tares":
+    """Open the channel for commands.
+
+    Raises:
+        ConfigError: There is nobody to command.
+    """
+    if config is None or file is not None:
+        raise ConfigError(
+            "--allow-commands needs a running service and --config, which names its CAN channel"
         )
+    from footsense.view.tares import open_tares
+
+    return open_tares(config, MonotonicClock())
 
 
 def _read(recorded: "Recorded") -> None:
     """Read a recording, with a bar of progress on a terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("reading", total=recorded.total_s or None)
-        recorded.read(lambda end_s: progress.update(task, completed=end_s))
+    with progress_bar("reading", recorded.total_s) as seconds_read:
+        recorded.read(seconds_read)

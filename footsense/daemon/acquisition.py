@@ -107,6 +107,17 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
     return opened
 
 
+def check_adapters(config: Config) -> None:
+    """Open and close every I2C adapter of a robot.
+
+    Raises:
+        HardwareError: One is missing, or another process has locked it.
+    """
+    for bus in config.buses:
+        for device in bus.adapters.values() or [bus.device]:
+            LinuxI2cBus.open(device).close()
+
+
 def _transport(bus: Bus, stack: ExitStack) -> Transport:
     """Open a bus's I2C adapters and its reset line, and return the transport."""
     adapters = []

@@ -15,7 +15,7 @@ from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.config import Config
 from footsense.config.sections import Can
-from footsense.daemon.acquisition import ScanSource, open_scan_source
+from footsense.daemon.acquisition import ScanSource, check_adapters, open_scan_source
 from footsense.daemon.can_output import can_sink, closing_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
@@ -221,10 +221,12 @@ def _request_scheduling(config: Config, *, simulated: bool) -> Flag:
     """Request the configured scheduling, and return the flags of every frame.
 
     Raises:
+        HardwareError: An adapter is missing, or another process has locked it.
         ConfigError: The scheduling is required and denied.
     """
     if simulated:
         return Flag.SIMULATED
+    check_adapters(config)  # before this process could delay another one that reads these feet
     asked = config.realtime
     refusals = () if asked is None else request_realtime(asked.priority, asked.cpu)
     if asked is not None and asked.required and refusals:

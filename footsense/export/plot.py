@@ -68,20 +68,25 @@ def write_plot(replay: Replay, path: Path) -> int:
     if path.suffix not in _FORMATS:
         raise FootsenseError(f"{path}: a picture ends in {', '.join(_FORMATS)}")
     signals, damage = collect_signals(replay)
-    figure = Figure(figsize=(12, 8.5), layout="constrained")
+    # Rows and columns without a leg are left out: a test stand has one leg.
+    lines, columns = (sorted({_PLACES[leg][part] for leg in replay.legs}) for part in (0, 1))
+    figure = Figure(figsize=(12, 1.3 + 2.4 * len(lines)), layout="constrained")
     figure.suptitle(_title(replay, signals), fontsize=11, x=0.01, ha="left")
-    axes = figure.subplots(3, 2, sharex=True, sharey=True)
+    axes = figure.subplots(len(lines), len(columns), sharex=True, sharey=True, squeeze=False)
+    for axis in axes.flat:
+        axis.set_axis_off()
     top_n = _top_n(signals)
     for row, leg in enumerate(replay.legs):
-        _draw_leg(axes[_PLACES[leg]], signals, row, leg, top_n)
-    for leg, place in _PLACES.items():
-        if leg not in replay.legs:
-            axes[place].set_axis_off()
+        line, column = _PLACES[leg]
+        axis = axes[lines.index(line), columns.index(column)]
+        axis.set_axis_on()
+        _draw_leg(axis, signals, row, leg, top_n)
     for axis in axes[:, 0]:
         axis.set_ylabel("force [N]")
         axis.set_yticks([tick for tick in axis.get_yticks() if 0 <= tick <= top_n])
-        axis.text(-0.01, 0.03, "state", transform=axis.transAxes, ha="right", fontsize=8)
-        axis.text(-0.01, 0.14, "events", transform=axis.transAxes, ha="right", fontsize=8)
+        if axis.axison:
+            axis.text(-0.01, 0.03, "state", transform=axis.transAxes, ha="right", fontsize=8)
+            axis.text(-0.01, 0.14, "events", transform=axis.transAxes, ha="right", fontsize=8)
     for axis in axes[-1]:
         axis.set_xlabel("time after the first cycle [s]")
     figure.legend(handles=_legend(signals), loc="outside lower center", ncols=7, fontsize=8, frameon=False)

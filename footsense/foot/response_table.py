@@ -105,8 +105,10 @@ class FootResponse:
         min_elevation_deg: Lowest elevation of the contact normal [deg].
         fit_elevation_deg: Elevation of the rim of the disc on which the series was fitted [deg].
         degree: Total degree of the series.
-        quarter_series: Series of G0 [um/N] and G2 [um/(N mm2)] of a quarter's cells, shape (2, products, 9, 9, 3).
-        quarter_compliance: Closure of all cells under a force on a cell of the quarter [um/N], shape (9, 9, 18, 18).
+        quarter_series: Series of G0 [um/N] and G2 [um/(N mm2)] of a quarter's cells, shape (2, products, 9, 9, 3); of
+            all cells, 18 in place of 9, for a foot that is not symmetric.
+        quarter_compliance: Closure of all cells under a force on a cell of the quarter [um/N], shape (9, 9, 18, 18);
+            on any cell, (18, 18, 18, 18), for a foot that is not symmetric.
         series: The same for all cells, force component before cell: shape (2, products, 3 * 324).
         compliance_um_per_n: The matrix B of `gap_contact.py`, shape (324, 324).
         provenance: Mesh, order, unknowns and interpolation error, as JSON values.
@@ -137,9 +139,10 @@ class FootResponse:
         Raises:
             ValueError: The arrays do not fit the degree, or are not finite.
         """
+        side = SIDE if len(self.quarter_compliance) == SIDE else HALF_SIDE
         wanted = {
-            "quarter_series": (2, n_products(self.degree), HALF_SIDE, HALF_SIDE, 3),
-            "quarter_compliance": (HALF_SIDE, HALF_SIDE, SIDE, SIDE),
+            "quarter_series": (2, n_products(self.degree), side, side, 3),
+            "quarter_compliance": (side, side, SIDE, SIDE),
         }
         for name, shape in wanted.items():
             array = getattr(self, name)

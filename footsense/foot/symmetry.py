@@ -59,12 +59,16 @@ def whole_series(quarter: Vector, degree: int) -> Vector:
     """Return the series of all cells in flat order, shape (products, 324, 3), from one quarter of the foot.
 
     Args:
-        quarter: Coefficients of the cells of the quarter x > 0, y > 0, shape (products, 9, 9, 3).
+        quarter: Coefficients of the cells of the quarter x > 0, y > 0, shape (products, 9, 9, 3), or of all cells of a
+            foot that is not symmetric, shape (products, 18, 18, 3).
         degree: Degree of the series.
     """
+    flat = np.empty((len(quarter), ALL_CELLS, 3))
+    if quarter.shape[1] == SIDE:
+        flat[:, flat_of_grid()] = quarter
+        return flat
     half = np.concatenate([quarter, mirrored_series(quarter, degree, 0)[:, ::-1]], axis=1)
     whole = np.concatenate([half, mirrored_series(half, degree, 1)[:, :, ::-1]], axis=2)
-    flat = np.empty((len(quarter), ALL_CELLS, 3))
     flat[:, flat_of_grid()] = whole
     return flat
 
@@ -73,10 +77,13 @@ def whole_compliance(quarter: Vector) -> Vector:
     """Return the compliance of all cells in flat order, shape (324, 324), from the rows of a quarter.
 
     Args:
-        quarter: Closure of every cell of the grid under a force on a cell of the quarter, shape (9, 9, 18, 18).
+        quarter: Closure of every cell of the grid under a force on a cell of the quarter, shape (9, 9, 18, 18), or on
+            any cell of a foot that is not symmetric, shape (18, 18, 18, 18).
     """
-    half = np.concatenate([quarter, quarter[::-1, :, ::-1]], axis=0)
-    whole = np.concatenate([half, half[:, ::-1, :, ::-1]], axis=1)
+    whole = quarter
+    if quarter.shape[0] == HALF_SIDE:
+        half = np.concatenate([quarter, quarter[::-1, :, ::-1]], axis=0)
+        whole = np.concatenate([half, half[:, ::-1, :, ::-1]], axis=1)
     order = flat_of_grid().ravel()
     flat = np.empty((ALL_CELLS, ALL_CELLS))
     flat[np.ix_(order, order)] = whole.reshape(ALL_CELLS, ALL_CELLS)

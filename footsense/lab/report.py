@@ -34,6 +34,7 @@ _LAB_STUDIES = {
     "error-map": "accuracy.error_map",
     "beyond": "mechanics.beyond",
     "film": "mechanics.film",
+    "yardstick": "accuracy.yardstick",
     "tolerance": "accuracy.tolerance",
     "solid": "mechanics.solid",
     "floor": "mechanics.floor",
@@ -45,7 +46,7 @@ _LAB_STUDIES = {
 #: The studies in the order of the report, each with its module.
 STUDIES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDIES.items()}
 #: Pages about the daemon, which the lab does not import: `footsense.cli.lab` makes them.
-OTHERS = ("tradeoff", "touchdown", "faults", "experiment")
+OTHERS = ("tradeoff", "touchdown", "faults", "experiment", "mismatch")
 #: Former names of studies.
 _RENAMED = {
     "shipped": "released",

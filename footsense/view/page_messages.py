@@ -19,9 +19,6 @@ from footsense.view.words import word_tables
 
 _HEAD = struct.Struct("<IIII")
 
-#: Longest message of a page [bytes].
-MAX_REQUEST_BYTES = 4096
-
 
 class Drawn(msgspec.Struct, tag="drawn", tag_field="type", forbid_unknown_fields=True):
     """The page has drawn a message of cycles, and is ready for another."""

@@ -10,8 +10,18 @@ from typing import Protocol
 import msgspec
 
 from footsense.view.live import Live
-from footsense.view.page_messages import encode_cycles, events_message, hello, message
+from footsense.view.page_messages import (
+    ChunkRequest,
+    Drawn,
+    TareRequest,
+    decode_request,
+    encode_cycles,
+    events_message,
+    hello,
+    message,
+)
 from footsense.view.recorded import Recorded
+from footsense.view.tares import Tares
 
 #: Messages of cycles that a page may have ahead.
 _CREDITS = 2
@@ -33,12 +43,12 @@ class LivePage:
 
     Args:
         live: The followed service.
-        commands: Whether tares are allowed.
+        tares: Sends tares; None if none are allowed.
     """
 
-    def __init__(self, live: Live, *, commands: bool) -> None:
+    def __init__(self, live: Live, tares: Tares | None = None) -> None:
         self._live = live
-        self._commands = commands
+        self._tares = tares
         self._credits = _CREDITS
         self._service = -1
         self._next = 0
@@ -46,9 +56,22 @@ class LivePage:
         self._status = ""
         self._status_due_s = 0.0
 
-    def acknowledge(self) -> None:
-        """Count a message as drawn."""
-        self._credits = min(self._credits + 1, _CREDITS)
+    def request(self, text: str | bytes) -> list[str | bytes]:
+        """Process a message of the page, and return the answers.
+
+        Raises:
+            ValueError: It is none of this protocol.
+        """
+        request = decode_request(text)
+        if isinstance(request, Drawn):
+            self._credits = min(self._credits + 1, _CREDITS)
+        elif isinstance(request, TareRequest):
+            tares = self._tares
+            answer = "no commands: start `footsense view` with --allow-commands"
+            if tares is not None:
+                answer = tares.command(request.leg, request.token)
+            return [message("answer", {"text": answer})]
+        return []
 
     async def send_new(self, connection: Connection, now_s: float) -> None:
         """Send what is new and fits the credits.
@@ -62,7 +85,7 @@ class LivePage:
             return
         if self._service != live.service:
             self._service, self._status = live.service, ""
-            await connection.send(live_hello(live, commands=self._commands))
+            await connection.send(live_hello(live, commands=self._tares is not None))
         status = message("status", live.status())
         if status != self._status and (now_s >= self._status_due_s or not self._status):
             self._status, self._status_due_s = status, now_s + _STATUS_PERIOD_S
@@ -114,10 +137,16 @@ class RecordingPage:
             self._progress = text
             await connection.send(text)
 
-    async def send_second(self, connection: Connection, number: int) -> None:
-        """Send a second of the recording, if there is one of this number."""
-        if cycles := self._recorded.second(number):
-            await connection.send(cycles)
+    def request(self, text: str | bytes) -> list[str | bytes]:
+        """Process a message of the page, and return the answers: the second that it asks for, if there is one.
+
+        Raises:
+            ValueError: It is none of this protocol.
+        """
+        request = decode_request(text)
+        if isinstance(request, ChunkRequest) and (cycles := self._recorded.second(request.number)):
+            return [cycles]
+        return []
 
 
 def recording_hello(recorded: Recorded) -> str:
@@ -129,7 +158,7 @@ def recording_hello(recorded: Recorded) -> str:
 def live_hello(live: Live, *, commands: bool) -> str:
     """Return the first message of the page of a service."""
     scene = msgspec.json.decode(live.header.get("scene") or "{}")
-    title = scene.get("description", "") if scene else "on the robot"
+    title = scene.get("description", "") if scene else "on the robot" if live.legs else "no service"
     return hello("live", title, live.legs, simulated=bool(scene), commands=commands)
 
 

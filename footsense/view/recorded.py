@@ -109,7 +109,7 @@ class Recorded:
         if self._first_ns is None:
             self._first_ns = cycle.forces.t_sent_ns
         t_s = (cycle.forces.t_sent_ns - self._first_ns) * 1e-9
-        while math.floor(t_s) > len(self._places):
+        while math.floor(t_s) > len(self._places) and not self._stopped:
             self._store_second()
             on_progress(self.end_s)
         baseline_pf = self._baselines.baseline_pf(cycle)
@@ -126,6 +126,8 @@ class Recorded:
     def _store_second(self) -> None:
         packed = self._compressor.compress(encode_cycles(1 + len(self._places), self._times_s, self._tables))
         with self._lock:
+            if self._stopped:
+                return
             place = self._file.seek(0, 2)
             self._file.write(packed)
         self._places.append((place, len(packed)))
@@ -148,7 +150,9 @@ class Recorded:
 
     def close(self) -> None:
         """Stop reading, and remove the temporary file."""
-        self._stopped = True
+        with self._lock:
+            self._stopped = True
+            self._file.close()
 
 
 def _length_s(path: Path) -> float:

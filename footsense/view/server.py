@@ -6,10 +6,11 @@ All runs in one thread. The cycles are polled; nothing in the service wakes, wai
 import asyncio
 import errno
 import logging
-import signal
-from collections.abc import Callable
-from contextlib import suppress
+import os
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
 from http import HTTPStatus
+from typing import Protocol
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
@@ -17,13 +18,18 @@ from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
 from footsense.errors import ConfigError
-from footsense.view.access import MAX_CLIENTS, is_allowed_origin, is_own_host, own_names
+from footsense.view.access import FOXGLOVE_ORIGINS, MAX_CLIENTS, is_allowed_origin, is_own_host, own_names
 from footsense.view.assets import Assets, text_response
+from footsense.view.foxglove.session import (
+    FOXGLOVE_PROTOCOLS,
+    MAX_REQUEST_BYTES,
+    FoxgloveClient,
+    FoxgloveRefusal,
+)
 from footsense.view.live import Live
-from footsense.view.page_messages import MAX_REQUEST_BYTES, ChunkRequest, Drawn, decode_request
-from footsense.view.page_messages import Request as PageRequest
-from footsense.view.page_session import LivePage, Pulse, RecordingPage
+from footsense.view.page_session import Connection, LivePage, Pulse, RecordingPage
 from footsense.view.recorded import Recorded
+from footsense.view.tares import Tares
 
 _log = logging.getLogger(__name__)
 
@@ -31,6 +37,8 @@ _log = logging.getLogger(__name__)
 _POLL_S = 0.015
 #: Bytes towards a client that waits, from which the sender waits too.
 _WRITE_LIMIT = 32_768
+#: Time in which a connection has to ask for something [s].
+_OPEN_TIMEOUT_S = 5.0
 #: WebSocket's close code for a message that breaks the rules.
 _POLICY_VIOLATION = 1008
 
@@ -42,22 +50,31 @@ class ViewServer:
 
     Args:
         source: The followed service, or a recording.
+        tares: Sends tares; None if none are allowed.
+        origins: Origins of pages that may read by Foxglove's protocol, besides our own and Foxglove's.
     """
 
-    def __init__(self, source: Live | Recorded) -> None:
+    def __init__(
+        self, source: Live | Recorded, tares: Tares | None = None, origins: Sequence[str] = ()
+    ) -> None:
         self._source = source
+        self._tares = tares
+        self._origins = {*FOXGLOVE_ORIGINS, *origins}
         self._assets = Assets()
         self._names = own_names()
         self._pulse = Pulse()
         self._n_clients = 0
 
-    async def run(self, address: str, port: int, on_ready: Callable[[str], None]) -> None:
-        """Serve until SIGINT or SIGTERM.
+    @asynccontextmanager
+    async def serving(self, address: str, port: int) -> AsyncIterator[str]:
+        """Serve as long as the context lasts.
 
         Args:
             address: IP address to listen on.
             port: TCP port; 0 for any free one.
-            on_ready: Called with the address of the page.
+
+        Yields:
+            The address of the page.
 
         Raises:
             ConfigError: The port is in use or needs privileges, or the address is not of this machine.
@@ -65,24 +82,21 @@ class ViewServer:
         logging.getLogger("websockets").setLevel(
             logging.CRITICAL
         )  # a failed handshake is the client's affair
-        loop, stop = asyncio.get_running_loop(), asyncio.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stop.set)
         try:
             server = await self._serve(address, port)
         except OSError as error:
             remedy = "view.address has to be an address of this machine, such as 127.0.0.1"
             if error.errno in {errno.EADDRINUSE, errno.EACCES}:
                 remedy = "choose another port: --port, or view.port"
-            raise ConfigError(
-                f"the page cannot be served on {address}:{port}: {error.strerror}; {remedy}"
-            ) from error
+            why = os.strerror(error.errno) if error.errno else str(error)
+            raise ConfigError(f"the page cannot be served on {address}:{port}: {why}; {remedy}") from error
         async with server:
-            host = f"[{address}]" if ":" in address else address
-            on_ready(f"http://{host}:{server.sockets[0].getsockname()[1]}")
             poller = asyncio.create_task(self._poll())
-            await stop.wait()
-            poller.cancel()
+            host = f"[{address}]" if ":" in address else address
+            try:
+                yield f"http://{host}:{server.sockets[0].getsockname()[1]}"
+            finally:
+                poller.cancel()
 
     async def _serve(self, address: str, port: int) -> Server:
         return await serve(
@@ -90,7 +104,8 @@ class ViewServer:
             address,
             port,
             process_request=self._answer,
-            subprotocols=[PAGE_PROTOCOL],
+            subprotocols=[PAGE_PROTOCOL, *FOXGLOVE_PROTOCOLS],
+            open_timeout=_OPEN_TIMEOUT_S,
             compression=None,
             max_size=MAX_REQUEST_BYTES,
             max_queue=4,
@@ -118,7 +133,10 @@ class ViewServer:
             )
         if request.headers.get("Upgrade", "").lower() != "websocket":
             return self._assets.response(request.path)
-        if not is_allowed_origin(request.headers.get("Origin"), host):
+        # A page of ours may send commands, so only our own pages get its protocol.
+        asked = [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",")]
+        others = () if PAGE_PROTOCOL in asked else self._origins
+        if not is_allowed_origin(request.headers.get("Origin"), host, others):
             return text_response(
                 HTTPStatus.FORBIDDEN, "footsense view: pages of other origins may not read this"
             )
@@ -130,39 +148,60 @@ class ViewServer:
 
     async def _session(self, connection: ServerConnection) -> None:
         self._n_clients += 1
+        if isinstance(self._source, Live):
+            self._source.poll()
         try:
             with suppress(ConnectionClosed):
-                await self._serve_page(connection)
+                await self._serve_client(connection)
         finally:
             self._n_clients -= 1
 
-    async def _serve_page(self, connection: ServerConnection) -> None:
+    def _client(self, connection: ServerConnection) -> "Client":
         source = self._source
-        page = LivePage(source, commands=False) if isinstance(source, Live) else RecordingPage(source)
-        sender = asyncio.create_task(self._send(connection, page))
+        if connection.subprotocol in FOXGLOVE_PROTOCOLS:
+            return FoxgloveRefusal(source.path) if isinstance(source, Recorded) else FoxgloveClient(source)
+        return RecordingPage(source) if isinstance(source, Recorded) else LivePage(source, self._tares)
+
+    async def _serve_client(self, connection: ServerConnection) -> None:
+        client = self._client(connection)
+        sender = asyncio.create_task(self._send(connection, client))
         try:
             async for text in connection:
                 try:
-                    await self._execute(decode_request(text), connection, page)
+                    answers = client.request(text)
                 except ValueError as error:
-                    _log.warning("a viewer sent no message of this protocol, and was dismissed: %s", error)
+                    _log.warning("a viewer sent no message of its protocol, and was dismissed: %s", error)
                     await connection.close(_POLICY_VIOLATION, "no message of this protocol")
                     return
+                for answer in answers:
+                    await connection.send(answer)
         finally:
             sender.cancel()
 
-    async def _execute(
-        self, request: PageRequest, connection: ServerConnection, page: LivePage | RecordingPage
-    ) -> None:
-        """Execute a page's request; ignore one for the other kind of page."""
-        if isinstance(request, Drawn) and isinstance(page, LivePage):
-            page.acknowledge()
-        elif isinstance(request, ChunkRequest) and isinstance(page, RecordingPage):
-            await page.send_second(connection, request.number)
-
-    async def _send(self, connection: ServerConnection, page: LivePage | RecordingPage) -> None:
+    async def _send(self, connection: ServerConnection, client: "Client") -> None:
         loop = asyncio.get_running_loop()
         with suppress(ConnectionClosed):
             while True:
-                await page.send_new(connection, loop.time())
+                await client.send_new(connection, loop.time())
                 await self._pulse.wait()
+
+
+class Client(Protocol):
+    """The state of one client: a page, or a program that speaks Foxglove's protocol."""
+
+    def request(self, text: str | bytes) -> Sequence[str | bytes]:
+        """Process a message of the client, and return the answers.
+
+        Raises:
+            ValueError: It is none of its protocol.
+        """
+        ...
+
+    async def send_new(self, connection: Connection, now_s: float) -> None:
+        """Send what is new.
+
+        Args:
+            connection: The client.
+            now_s: The time of the event loop [s].
+        """
+        ...

@@ -45,7 +45,8 @@ SIGNALS = (
 _COLUMN = {signal.name: column for column, signal in enumerate(SIGNALS)}
 _FORCE = slice(_COLUMN["fx"], _COLUMN["fx"] + 3)
 _SIGMA = slice(_COLUMN["sigma_x"], _COLUMN["sigma_x"] + 3)
-_CLOSURE = slice(_COLUMN["closure_0"], _COLUMN["closure_0"] + ELEMENTS)
+#: The columns of the closures.
+CLOSURE_COLUMNS = slice(_COLUMN["closure_0"], _COLUMN["closure_0"] + ELEMENTS)
 _NORMAL = slice(_COLUMN["normal_x"], _COLUMN["normal_x"] + 3)
 
 _FORCE_COLUMNS: tuple[tuple[int, Callable[[Any], Any]], ...] = (
@@ -98,7 +99,7 @@ class SignalTable:
         table = np.full((self._n_legs, len(SIGNALS)), np.nan, np.float32)
         table[:, _FORCE] = forces.force_n
         table[:, _SIGMA] = forces.sigma_n
-        table[:, _CLOSURE] = closure_rel
+        table[:, CLOSURE_COLUMNS] = closure_rel
         for column, value in _FORCE_COLUMNS:
             table[:, column] = value(forces)
         table[:, _COLUMN["temperature"]] = self._temperature_c

@@ -276,14 +276,9 @@ def test_another_program_that_switches_the_mux_makes_no_wrong_number(
 
 
 @both
-@pytest.mark.parametrize(
-    ("error", "reading"),
-    [(NackError("none"), Reading.NO_ANSWER), (BusError("arbitration lost"), Reading.DELAYED)],
-)
-def test_a_conversion_that_cannot_be_started_says_why(
-    board: Board, error: BusError, reading: Reading
-) -> None:
-    """No acknowledge is a miss, for which legs are left out; arbitration that is lost is none."""
+@pytest.mark.parametrize("error", [NackError("none"), BusError("input/output error")])
+def test_a_conversion_that_cannot_be_started_is_a_miss(board: Board, error: BusError) -> None:
+    """Legs are left out after three, and tried again later: whatever the adapter calls the failure, but no timeout."""
     robot = Robot(distinct, board)
     robot.read(2)
     steps = scan_plan("lo_shu", board.rates_sps[0], board.name).steps
@@ -291,9 +286,9 @@ def test_a_conversion_that_cannot_be_started_says_why(
     robot.saboteurs[0].arm(lambda transaction, n: error if transaction in triggers else None)
     frame = robot.read()
     assert (frame.reading[:, steps[0].element] == Reading.OK).all()  # it was running before
-    assert (np.delete(frame.reading, steps[0].element, axis=1) == reading).all()
+    assert (np.delete(frame.reading, steps[0].element, axis=1) == Reading.NO_ANSWER).all()
     robot.read(3)
-    assert [leg.in_scan for leg in robot.buses[0].legs] == [reading is Reading.DELAYED] * 6
+    assert not any(leg.in_scan for leg in robot.buses[0].legs)
 
 
 @both

@@ -1,5 +1,6 @@
 """One machine for all trials: booted, deployed, and whole again before each."""
 
+import contextlib
 from collections.abc import Generator, Iterator
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from tests.kernel import table
 from tests.kernel.image import image
 from tests.kernel.machine import running
+from tests.kernel.ports import GuestError
 from tests.kernel.robot import Robot, Row, Trial
 
 _rows: list[Row] = []
@@ -24,6 +26,11 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     del call
     report = yield
+    trial = getattr(item, "funcargs", {}).get("trial")
+    if report.failed and trial:
+        with contextlib.suppress(GuestError):
+            journal = trial.machine.run("journalctl --no-pager -o short-monotonic -u footsense -n 25")
+            report.sections.append(("journal", journal))
     if report.when == "call":
         item.stash[_passed] = report.passed
     return report

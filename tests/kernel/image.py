@@ -235,11 +235,11 @@ def _place_guest_files(root: Path) -> None:
     library, units = root / "usr/local/lib", root / "etc/systemd/system"
     for program in ("agent.py", "chip_server.py"):
         shutil.copy(HERE / "guest" / program, library)
-    wanted = units / "multi-user.target.wants"
-    wanted.mkdir(parents=True, exist_ok=True)
-    for unit in ("agent.service", "candump.service", "chips.service"):
-        shutil.copy(HERE / "guest" / unit, units)
-        (wanted / unit).symlink_to(f"../{unit}")
+    for unit, target in (("agent", "multi-user"), ("candump", "multi-user"), ("chips", "basic")):
+        wanted = units / f"{target}.target.wants"
+        wanted.mkdir(parents=True, exist_ok=True)
+        shutil.copy(HERE / "guest" / f"{unit}.service", units)
+        (wanted / f"{unit}.service").symlink_to(f"../{unit}.service")
     for name, text in {
         "etc/hostname": "robot\n",
         "etc/hosts": "127.0.0.1 localhost robot\n",

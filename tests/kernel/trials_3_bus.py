@@ -7,6 +7,7 @@ from tests.kernel.robot import CONFIG, Trial, matching
 
 #: SILENT: the transfer ends with the adapter's timeout.
 _ERRORS = ("ENXIO", "EREMOTEIO", "ETIMEDOUT", "EAGAIN", "EIO", "SILENT")
+_TIMEOUTS = {"ETIMEDOUT", "EAGAIN", "SILENT"}
 _PLUGGED = "/sys/module/feet_adapter/parameters/plugged"
 _ADAPTER = "/sys/bus/i2c/devices/i2c-1"
 
@@ -20,7 +21,10 @@ def test_one_leg_fails(trial: Trial, error: str) -> None:
     trial.can.wait_for(State.VALID, set(NODE_IDS) - {"rm"})
     trial.chips.do("clear")
     trial.recovered()
-    assert set(trial.can.causes(trial.mark)) == {"rm"}
+    causes = trial.can.causes(trial.mark)
+    assert causes.pop("rm") & {Cause.NO_ANSWER, Cause.BUS_STUCK}
+    # A timeout costs time that the others miss, once.
+    assert set().union(*causes.values()) <= ({Cause.DELAYED, Cause.NONE} if error in _TIMEOUTS else set())
     assert trial.robot.pid == pid
 
 
@@ -61,7 +65,7 @@ def test_held_line_with_reset(trial: Trial) -> None:
     """A leg, lm, holds SDA; RESET of the multiplexer on a GPIO."""
     run = trial.machine.run
     run(
-        "groupadd --system --force gpio; udevadm trigger --subsystem-match=gpio; udevadm settle\n"
+        "groupadd --system --force gpio; udevadm control --reload; udevadm trigger --settle\n"
         "mkdir -p /etc/systemd/system/footsense.service.d\n"
         "printf '[Service]\\nSupplementaryGroups=i2c gpio\\nDeviceAllow=char-gpiochip rw\\n'"
         " > /etc/systemd/system/footsense.service.d/reset.conf; systemctl daemon-reload\n"

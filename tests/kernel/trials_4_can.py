@@ -41,8 +41,9 @@ def test_full_queue(trial: Trial) -> None:
     """A queue of can0 that is full half of the time (netem, 3 frames)."""
     pid, cursor = trial.robot.pid, trial.machine.journal_cursor
     run = trial.machine.run
-    run(
-        "set -e; tc qdisc replace dev can0 root netem delay 200ms limit 3; sleep 3; tc qdisc del dev can0 root"
+    queue = run(
+        "set -e; tc qdisc replace dev can0 root netem delay 200ms limit 3; sleep 3\n"
+        "tc -s qdisc show dev can0; tc qdisc del dev can0 root"
     )
     trial.recovered()
     assert trial.robot.pid == pid
@@ -50,7 +51,7 @@ def test_full_queue(trial: Trial) -> None:
     dropped = matching(metrics, "^footsense_can_dropped_frames_total")
     assert float(dropped[0].split()[-1]) > 0
     lines = trial.machine.journal(cursor)
-    assert matching(lines, "can0.*queue is full"), (lines, dropped)
+    assert matching(lines, "can0.*queue is full"), (lines, dropped, queue)
     trial.row.shown = f"{trial.can.shown(trial.mark)}; {dropped[0].split()[-1]} frames dropped"
 
 

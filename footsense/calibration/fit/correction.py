@@ -2,7 +2,10 @@
 
 Ridge regression of the relative errors of the physical forces M p, with the reference f and the network's forces p:
 
-    (f - M p) / |f| = C phi(p) / |f|
+    P (f - M p) / |f| = C phi(p) / |f|
+
+P leaves out the part along f: creep and play change a magnitude by a share that depends on the loads before, and which
+does not come again in another session.
 
 The penalty is chosen by cross-validation over sectors of the ball and halves of the magnitude: neighbouring loads share
 errors, so leaving out single loads would overfit. Within half a standard error of the best score the largest penalty
@@ -32,7 +35,8 @@ class Correction(NamedTuple):
 
     Attributes:
         matrix: C above, shape (3, N_CORRECTION_TERMS); zeros for none.
-        residual_rel: Cross-validated error of each load over its magnitude [1], shape (n, 3).
+        residual_rel: Cross-validated error of each load over its magnitude [1], shape (n, 3), its part along the force
+            included.
     """
 
     matrix: Vector
@@ -48,12 +52,14 @@ def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> C
         force_n: Forces of the reference [N], shape (n, 3).
     """
     magnitude_n = np.linalg.norm(force_n, axis=1, keepdims=True)
-    target = (force_n - physical_n) / magnitude_n
+    error_rel = (force_n - physical_n) / magnitude_n
+    along = np.einsum("ni,ni->n", error_rel, force_n)[:, None] * force_n / magnitude_n**2
+    target = error_rel - along
     terms = correction_terms(designed_n) / magnitude_n
     scale = np.sqrt((terms**2).mean(axis=0))
     terms = terms / scale
     group = _groups(force_n)
-    none = Correction(np.zeros((3, N_CORRECTION_TERMS)), target)
+    none = Correction(np.zeros((3, N_CORRECTION_TERMS)), error_rel)
     if len(force_n) < _MIN_LOADS or len(np.unique(group)) < _MIN_GROUPS:
         return none
     tried = []
@@ -66,7 +72,7 @@ def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> C
     if best + standard_error > _score(target)[0]:
         return none
     penalty, residual, _ = next(one for one in reversed(tried) if one[2][0] <= best + 0.5 * standard_error)
-    return Correction(_ridge(terms, target, penalty).T / scale, residual)
+    return Correction(_ridge(terms, target, penalty).T / scale, residual + along)
 
 
 def _ridge(terms: Vector, target: Vector, penalty: float) -> Vector:

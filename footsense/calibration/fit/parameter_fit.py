@@ -18,14 +18,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_vector import GAIN, GAP, MOUNT, N_PARAMETERS, STIFFNESS, STRAY
+from footsense.calibration.fit.parameter_vector import (
+    GAIN,
+    GAP,
+    N_PARAMETERS,
+    REFERENCE,
+    STIFFNESS,
+    STRAY,
+)
 from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
-#: [um], rubber of uncertain cure [1], a foot mounted by hand [rad].
-PRIOR_SIGMA = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0)], [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3])
+#: [um], rubber of uncertain cure [1], a foot mounted by hand [rad], a sheet laid by hand, half a millimetre of 10 [1],
+#: and a reference with the paper's linearity, 1.5 % of a range that is hardly used [1].
+_COUNTS = [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3, 2, 3]
+PRIOR_SIGMA = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0), 0.05, 0.02], _COUNTS)
 
 #: Errors of a test stand: lean of the stick [deg], share of a force that creep makes uncertain [1], share of a change
 #: of capacitance that no model explains [1], noise of a mean reading [pF].
@@ -34,7 +43,7 @@ _STICK_LEAN_DEG, _CREEP_UNCERTAINTY_REL, _MODEL_ERROR_REL, _READING_NOISE_PF = 1
 _MIN_SIGMA_N = 0.003
 
 #: Steps of the finite differences, by parameter, by normal [rad] and by force [1].
-_STEP = np.repeat([0.01, 1e-3, 0.02, 0.005, 2e-3], [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3])
+_STEP = np.repeat([0.01, 1e-3, 0.02, 0.005, 2e-3, 2e-3, 1e-3], _COUNTS)
 _NORMAL_STEP, _FORCE_STEP_REL = 2e-3, 1e-3
 #: Distance to the gap within which a cell counts as closed [um].
 _CLOSED_WITHIN_UM = 1e-6
@@ -163,7 +172,7 @@ class _State:
             cells_um = self._twin.cells_um(moved, self._contact) if kind is GAP else self._cells_um
             slope_pf = (self._twin.reading_pf(moved, cells_um) - self._model_pf) / _STEP[kind]
             slopes_pf[:, diagonal, kind.start + diagonal] = slope_pf
-        for number in (*range(N_PARAMETERS)[STIFFNESS], *range(N_PARAMETERS)[MOUNT]):
+        for number in range(STIFFNESS.start, REFERENCE.stop):
             slopes_pf[..., number] = self._slope_pf(number, slice(None))
         for element in () if shared_gap else range(ELEMENTS):
             at_gap = self._twin.gap_um(self.parameters)[element] - _CLOSED_WITHIN_UM

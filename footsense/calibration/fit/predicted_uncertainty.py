@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.calibration.fit.parameter_fit import PRIOR_SIGMA, ParameterFit
-from footsense.calibration.fit.parameter_vector import KINDS, parameter_names
+from footsense.calibration.fit.parameter_vector import KINDS, REFERENCE, parameter_names
 from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.errors import CalibrationError
 from footsense.foot.direction_sets import direction_grid
@@ -52,15 +52,17 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
     # From all sides down to 50 deg of elevation, of 50 and 120 gf.
     directions = np.vstack([direction_grid(30.0 * np.arange(12), [50.0, 70.0]), [0.0, 0.0, 1.0]])
     force_n = np.concatenate([size * GRAM_FORCE_N * directions for size in (50.0, 120.0)])
-    closure_um = element_means(twin.cells_um(fit.parameters, ContactLoads.centred(force_n)))
-    force_n = force_n[closure_um.max(axis=1) < _OPEN_REL * twin.gap_um(fit.parameters).min()]
+    fitted = fit.parameters.copy()
+    fitted[REFERENCE] = 0.0  # these forces are true ones
+    closure_um = element_means(twin.cells_um(fitted, ContactLoads.centred(force_n)))
+    force_n = force_n[closure_um.max(axis=1) < _OPEN_REL * twin.gap_um(fitted).min()]
     if not len(force_n):
         return PredictedUncertainty(np.inf, np.inf, "gap", ())
     loads, magnitude_n = ContactLoads.centred(force_n), np.linalg.norm(force_n, axis=1)
-    at_pf = twin.capacitance_pf(fit.parameters, loads)
+    at_pf = twin.capacitance_pf(fitted, loads)
     step_n = 1e-3 * magnitude_n[:, None]
     by_force = [
-        (twin.capacitance_pf(fit.parameters, ContactLoads.centred(force_n + step_n * axis)) - at_pf) / step_n
+        (twin.capacitance_pf(fitted, ContactLoads.centred(force_n + step_n * axis)) - at_pf) / step_n
         for axis in np.eye(3)
     ]
     force_per_pf = np.linalg.pinv(np.stack(by_force, axis=2))
@@ -71,9 +73,10 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
         root = np.linalg.cholesky(fit.covariance[which, which])
         angles_deg, magnitudes_rel = [], []
         for _ in range(n_draws):
-            drawn = fit.parameters.copy()
+            drawn = fitted.copy()
             deviation = root @ rng.normal(size=len(root))
             drawn[which] += np.clip(deviation, -2.0 * PRIOR_SIGMA[which], 2.0 * PRIOR_SIGMA[which])
+            drawn[REFERENCE] = 0.0
             change_pf = twin.capacitance_pf(np.clip(drawn, *twin.bounds()), loads) - at_pf
             estimate_n = force_n + np.einsum("nij,nj->ni", force_per_pf, change_pf)
             angles_deg.append(angles_between_deg(force_n, estimate_n))

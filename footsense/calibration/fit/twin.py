@@ -5,18 +5,28 @@ Element i with cells c, unloaded reading C0 and the closures that the design's r
     C_i = s_i + K mean_c 1 / (D_i - a_i d_c),     D_i = K / (C0_i - s_i),      K = eps0 A
 
 with the stray s, the closure gain a, and closures d_c <= g_i of a solid (1 + k) times as stiff as designed, under a
-load turned by the mount; the air of closed cavities takes its part of them. The film does not appear: the unloaded
-distance D contains it.
+load turned by the mount; the air of closed cavities takes its part of them. A sheet off the balls' axis by o moves the
+contact as seen from the sheet, to first order in o / R: its normal is n + o / R, and the force stays. The reference
+reads (1 + r) f of a force f. The film does not appear: the unloaded distance D contains it.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_vector import GAIN, GAP, MOUNT, N_PARAMETERS, STIFFNESS, STRAY
+from footsense.calibration.fit.parameter_vector import (
+    GAIN,
+    GAP,
+    MOUNT,
+    N_PARAMETERS,
+    OFFSET,
+    REFERENCE,
+    STIFFNESS,
+    STRAY,
+)
 from footsense.foot import gap_contact
 from footsense.foot.cavity.pressures import CavityPressures
-from footsense.foot.directions import rotation
+from footsense.foot.directions import normalized, rotation
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 
@@ -24,8 +34,14 @@ from footsense.frames import Vector
 _MIN_DISTANCE_UM = 1.0
 
 
+def reference_gains(parameters: Vector) -> Vector:
+    """Return the gains of the reference along x, y, z, shape (3,), of mean one: no foot tells it from a stiffness."""
+    gains: Vector = 1.0 + parameters[REFERENCE] - parameters[REFERENCE].mean()
+    return gains
+
+
 class ContactLoads(NamedTuple):
-    """Loads in the leg's frame: contact normals, shape (n, 3), and forces [N], shape (n, 3)."""
+    """Loads in the leg's frame: contact normals, shape (n, 3), and forces of the reference [N], shape (n, 3)."""
 
     normal: Vector
     force_n: Vector
@@ -56,6 +72,8 @@ class FootTwin:
         lower[GAIN], upper[GAIN] = -0.5, 1.0
         lower[GAP] = -0.9 * self._response.design.gap_um
         lower[STIFFNESS], upper[STIFFNESS] = -0.9, 20.0
+        lower[OFFSET], upper[OFFSET] = -0.3, 0.3
+        lower[REFERENCE], upper[REFERENCE] = -0.1, 0.1
         return lower, upper
 
     def gap_um(self, parameters: Vector) -> Vector:
@@ -67,8 +85,11 @@ class FootTwin:
         """Return the closure of each cell [um], shape (n, 324), limited to the cell's gap; ignores stray and gain."""
         response, mount = self._response, rotation(parameters[MOUNT])
         softness = 1.0 / (1.0 + float(parameters[STIFFNESS][0]))
-        normal = self._lifted_to_rim(loads.normal @ mount.T)
-        free_um = softness * response.free_closure_um(normal, loads.force_n @ mount.T)
+        moved = loads.normal @ mount.T
+        moved[:, :2] += parameters[OFFSET]
+        normal = self._lifted_to_rim(normalized(moved))
+        force_n = (loads.force_n / reference_gains(parameters)) @ mount.T
+        free_um = softness * response.free_closure_um(normal, force_n)
         gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS)
         gas = response.cavity.gas
         if gas is not None:

@@ -37,6 +37,7 @@ def _require_extra() -> None:
         study.gaits,
         study.tradeoff,
         study.tolerance,
+        study.mismatch,
         study.faults,
         experiment.experiment,
         report.report,

@@ -24,8 +24,11 @@ DAEMON_STUDIES = {
     "faults": "footsense.cli.lab.faults_page",
 }
 
-#: The study that is too long for the report, with its module.
-EXPERIMENT = {"experiment": "footsense.cli.lab.experiment_page"}
+#: The studies that are too long for the report, with their modules.
+EXPERIMENT = {
+    "experiment": "footsense.cli.lab.experiment_page",
+    "mismatch": "footsense.cli.lab.mismatch_page",
+}
 
 
 def write_study(
@@ -67,6 +70,52 @@ def write_study(
     click.echo(page.markdown)
     into = f", and bound it into {folder / 'README.md'}" if bound else ""
     click.echo(f"wrote {folder / page.name}.md{into}")
+
+
+@click.command()
+@click.option("--rows", help="Names of rows, separated by commas; all without it.")
+@click.option("--feet", "n_feet", type=click.IntRange(min=1), help="Feet of each row; 20, 2 if quick.")
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Of a dask cluster, such as tcp://host:8786; without it two processes on this machine.",
+)
+@click.option(
+    "--kept",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder of solved tables and finished feet, to go on with; build/mismatch.",
+)
+@options.models_option
+@options.output_option
+@options.quick_option
+@json_option
+def mismatch(
+    *,
+    rows: str | None,
+    n_feet: int | None,
+    scheduler: str | None,
+    kept: Path | None,
+    models: Path | None,
+    output: Path | None,
+    quick: bool,
+    as_json: bool,
+) -> None:
+    """Calibrate and read feet whose physics the calibration does not know, on this machine or a cluster, resumable."""
+    from footsense.cli.lab.mismatch_page import KEPT, STUDY, run_study
+    from footsense.lab.monte_carlo.workers import parallel
+
+    given = tuple(rows.split(",")) if rows else ()
+    own = replace(
+        STUDY,
+        compute=partial(
+            run_study,
+            workers=parallel(scheduler) if scheduler else None,
+            rows=given,
+            n_feet=n_feet,
+            kept=kept or KEPT,
+        ),
+    )
+    write_study(own.page, models, output, quick=quick, as_json=as_json, bound=not given)
 
 
 @click.command()

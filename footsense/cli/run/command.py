@@ -1,16 +1,20 @@
 """`footsense run`: the service, on a robot or in simulation."""
 
 import math
+import webbrowser
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from msgspec.structs import replace
 
 from footsense.cli import options
+from footsense.cli.run.page import page_of
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
+from footsense.config.sections import View
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import Cycle
@@ -58,6 +62,12 @@ class FirstFrameTime(Observer):
     "--summary", type=click.Choice(["text", "json"]), help="Print figures at the end; no live table."
 )
 @options.pace_option
+@click.option(
+    "--view",
+    "opens_view",
+    is_flag=True,
+    help="Serve the page of the robot (footsense view), and open it in the browser; paces a simulation.",
+)
 def run(
     config_file: Path | None,
     scene_name: str | None,
@@ -68,6 +78,7 @@ def run(
     summary: str | None,
     *,
     realtime: bool | None,
+    opens_view: bool,
 ) -> None:
     """Read the feet, estimate their forces, publish them on CAN.
 
@@ -80,9 +91,13 @@ def run(
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None
     live = summary is None and _console().is_terminal
-    paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live)
+    paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live or opens_view)
     stop = options.StopRequest()
     with ExitStack() as stack:
+        page = None
+        if opens_view or (config_file is None and paced):
+            config = replace(config, view=config.view or View())
+            page = stack.enter_context(page_of(config.view or View()))
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
@@ -90,11 +105,16 @@ def run(
         service.observers.append(statistics)
         first = FirstFrameTime()
         service.observers.append(first)
+        title = f"{scene_name}, simulated" if scene else "on the robot"
+        url = page.url if page is not None else ""
+        if page is not None and not live:
+            click.echo(f"footsense  {title}  {url}", err=summary == "json")
+        if opens_view and url:
+            webbrowser.open(url)
         if live:
             from footsense.cli.run.live_table import LiveTable
 
-            title = f"{scene_name}, simulated" if scene else "on the robot"
-            table = LiveTable(_console(), service.legs, title, service.true_force_at_time_n)
+            table = LiveTable(_console(), service.legs, title, service.true_force_at_time_n, url)
             stack.callback(table.close)
             service.observers.append(table)
         if scene and not paced and math.isfinite(duration_s):

@@ -25,6 +25,7 @@ class LiveTable(LiveView):
         legs: Names of the legs in the order of the frames' rows.
         title: Source of the frames.
         true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        url: Address of the page; empty without one.
     """
 
     def __init__(
@@ -33,11 +34,13 @@ class LiveTable(LiveView):
         legs: tuple[str, ...],
         title: str,
         true_force_at_time_n: Callable[[int], Vector] | None,
+        url: str = "",
     ) -> None:
         super().__init__(console, _PERIOD_NS)
         self._legs = legs
         self._title = title
         self._true_force_at_time_n = true_force_at_time_n
+        self._url = url
 
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
         """Return title and table; they fit 80 columns."""
@@ -57,6 +60,8 @@ class LiveTable(LiveView):
         head = Text.assemble(
             ("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s   cycle {forces.sequence}", "dim")
         )
+        if self._url:
+            head.append(f"   {self._url}", "cyan")
         return Group(head, Text(), table)
 
 

@@ -135,21 +135,21 @@ def name_mirrors(shape: Any, size: MeshSize) -> None:
             face.maxh = size.surface_mm
 
 
-def _name_bars(shape: Any) -> None:
+def name_bars(shape: Any) -> None:
     """Name the faces that join the plates: those in the plane of the spacer that are no cells."""
     for face in shape.faces:
         if lies_in(face, "z") and not (face.name or "").startswith("cell"):
             face.name = "bars"
 
 
-def _is_bar_edge(design: FootDesign, edge: Any) -> bool:
+def is_bar_edge(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the border of a bar against a cavity, and not inside the crossing of two bars."""
     low, high = edge.bounding_box
     borders = (design.electrode_mm / 2.0, design.pitch_mm - design.electrode_mm / 2.0)
     for axis, along in (("x", "y"), ("y", "x")):
         across = (getattr(low, axis), getattr(high, axis))
-        on_border = any(abs(value - border) < NEAR_MM for border in borders for value in across)
-        middle = getattr(edge.center, along)
+        on_border = any(abs(abs(value) - border) < NEAR_MM for border in borders for value in across)
+        middle = abs(getattr(edge.center, along))
         crossing = borders[0] < middle < borders[1]
         if on_border and abs(across[0] - across[1]) < NEAR_MM and not crossing:
             return lies_in(edge, "z")
@@ -186,10 +186,10 @@ def build_mesh(design: FootDesign, size: MeshSize) -> Any:
     size, step = size.in_foot(design), design.electrode_mm / CELLS_PER_SIDE
     solids = bodies(design, size.plate_mm, quarter=True)
     shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in quarter_cells(design))])
-    _name_bars(shape)
+    name_bars(shape)
     name_mirrors(shape, size)
     for edge in shape.edges:
-        if _is_bar_edge(design, edge):
+        if is_bar_edge(design, edge):
             edge.maxh = size.bar_mm
             edge.hpref = 1
         elif _is_rim(design, edge):

@@ -54,11 +54,13 @@ class Job:
         tolerances: The rms values of its distribution.
         foot: Number of the foot: the same number is the same foot, at other tolerances with the same pattern.
         with_network: Whether to train a network on its own cases, which takes longer than all the rest.
+        case: What else distinguishes it, by name.
     """
 
     tolerances: Tolerances
     foot: int
     with_network: bool = False
+    case: str = ""
 
 
 #: Errors of the read-outs on one foot, by name such as `network_deg`.

@@ -21,6 +21,19 @@ EXACT = Tolerances()
 TYPICAL = Tolerances(gap_um=1.0, film_um=1.0, stray_pf=0.05, stiffness_rel=0.1, mount_deg=2.0)
 #: A careful test stand: the paper's meter and reference sensor, and a stick set by hand.
 CAREFUL = Tolerances(reading_pf=0.001, repeatability_rel=0.02, reference_resolutions=0.5, stick_deg=1.0)
+#: Feet and test stand on which the paper's own procedure errs as in the paper's experiment (study `yardstick`): the
+#: feet of the study `experiment`; a stick set by hand; a reference and a meter that are read once, one after the other.
+YARDSTICK = Tolerances(
+    gap_um=2.0,
+    film_um=1.0,
+    stray_pf=0.34,
+    stiffness_rel=0.2,
+    mount_deg=3.0,
+    reading_pf=0.001,
+    repeatability_rel=0.02,
+    reference_resolutions=1.1,
+    stick_deg=2.15,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,16 +26,21 @@ CREEP_TIME_S = np.array([0.1, 1.0, 10.0])
 PLAY_REL = np.array([0.05, 0.05, 0.05])
 PLAY_N = np.array([0.02, 0.06, 0.12])
 
-_ELASTIC_REL = 1.0 - PLAY_REL.sum()
-
 #: A load below this is none [N].
 _MIN_LOAD_N = 1e-6
 
 
 class ViscoelasticElement:
-    """State of the rubber of one foot, advanced in the order of time."""
+    """State of the rubber of one foot, advanced in the order of time.
 
-    def __init__(self) -> None:
+    Args:
+        creep: Creep over that assumed above [1].
+        play: Weight of the play operators over that assumed above [1].
+    """
+
+    def __init__(self, creep: float = 1.0, play: float = 1.0) -> None:
+        self._creep_rel, self._play_rel = creep * CREEP_REL, play * PLAY_REL
+        self._elastic_rel = 1.0 - self._play_rel.sum()
         self._crept_n = np.zeros((len(CREEP_REL), 3))
         self._played_n = np.zeros((len(PLAY_REL), 3))
         self._normal = np.array([0.0, 0.0, 1.0])
@@ -59,4 +64,6 @@ class ViscoelasticElement:
         self._played_n += moved[:, None] * behind_n
         if force_n @ force_n > _MIN_LOAD_N**2:  # the memory of a load stays at its contact
             self._normal = normal
-        return self._normal, (_ELASTIC_REL * force_n + PLAY_REL @ self._played_n + CREEP_REL @ self._crept_n)
+        return self._normal, (
+            self._elastic_rel * force_n + self._play_rel @ self._played_n + self._creep_rel @ self._crept_n
+        )

@@ -40,6 +40,19 @@ _MAX_CLOCK_ERROR_REL = 50e-6
 _BOW = 2.0 / (3.0 * math.sqrt(3.0))
 
 
+def drawn_bow_gf(random: np.random.Generator, linearity_rel: float) -> Vector:
+    """Draw the bow of a specimen along x, y, z [gf], shape (3,): its nonlinearity is bow (u - u^3) of the share u."""
+    bow_gf: Vector = linearity_rel / _BOW * RATED_GF * random.uniform(-1, 1, 3)
+    return bow_gf
+
+
+def nonlinearity_gf(bow_gf: Vector, load_gf: Vector) -> Vector:
+    """Return by how much a specimen with a bow reads too much at loads [gf], shape (..., 3)."""
+    share = np.clip(load_gf / RATED_GF, -1, 1)
+    too_much_gf: Vector = bow_gf * (share - share**3)
+    return too_much_gf
+
+
 class SimulatedSensor:
     """One simulated specimen of a force sensor, with its errors, at the end of a serial line.
 
@@ -64,7 +77,7 @@ class SimulatedSensor:
         self._true_force_at_time_n = true_force_at_time_n
         self._clock = clock
         self._random = np.random.default_rng((seed, 6))
-        self._bow_gf = linearity_rel / _BOW * RATED_GF * self._random.uniform(-1, 1, 3)
+        self._bow_gf = drawn_bow_gf(self._random, linearity_rel)
         self._offset_gf = STEP_GF * self._random.uniform(-_MAX_OFFSET_STEPS, _MAX_OFFSET_STEPS, 3)
         self._period_ns = _PERIOD_NS * (1 + self._random.uniform(-_MAX_CLOCK_ERROR_REL, _MAX_CLOCK_ERROR_REL))
         self._t_first_us = int(self._random.integers(0, 1_000_000_000))
@@ -99,8 +112,7 @@ class SimulatedSensor:
 
     def _counted_gf(self, t_ns: int) -> list[int]:
         load_gf = -self._true_force_at_time_n(t_ns) / GRAM_FORCE_N
-        share = np.clip(load_gf / RATED_GF, -1, 1)
         noise_gf = _NOISE_STEPS * STEP_GF * self._random.normal(size=3)
-        reading_gf = load_gf + self._bow_gf * (share - share**3) + self._offset_gf + noise_gf
+        reading_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf) + self._offset_gf + noise_gf
         counted_gf = STEP_GF * np.rint(reading_gf / STEP_GF)
         return [int(value) for value in np.clip(counted_gf, -RATED_GF, RATED_GF)]

@@ -8,7 +8,7 @@ const $ = (id) => document.getElementById(id);
 
 export class Replay {
   constructor(store, connection, events) {
-    Object.assign(this, { store, connection, events, t: 0, end: 0, known: 0, playing: true, speed: 1, damage: "" });
+    Object.assign(this, { store, connection, events, t: 0, end: 0, known: 0, done: false, playing: true, speed: 1, damage: "" });
     this.asked = new Set();
     $("play").onclick = () => this.toggle();
     $("previous").onclick = () => this.step(-1);
@@ -21,9 +21,10 @@ export class Replay {
   }
 
   // How much of the file has been read.
-  progress({ end, total, damage }) {
+  progress({ end, total, damage, done }) {
     this.known = end;
-    this.end = Math.max(total, end);
+    this.done = done;
+    this.end = done ? end : Math.max(total, end);
     this.damage = damage;
     $("seek").max = this.end;
     this.marks();
@@ -36,7 +37,7 @@ export class Replay {
     this.#fetch();
     if (this.playing && this.store.has(Math.floor(this.t))) {
       this.t = Math.min(this.t + elapsed * this.speed, this.known);
-      if (this.t >= this.known && this.known >= this.end - 1e-3) this.toggle();
+      if (this.t >= this.known && this.done) this.toggle();
     }
     const shown = `${number(this.t, 2)} / ${number(this.end, 1)} s`;
     if ($("time").textContent !== shown) {
@@ -50,7 +51,7 @@ export class Replay {
     const second = Math.floor(this.t), last = Math.floor(this.known);
     for (let n = second, k = 0; k < AHEAD_S + BEHIND_S; k++) {
       n = k < AHEAD_S ? second + k : second - (k - AHEAD_S) - 1;
-      if (n < 0 || n > last || this.asked.has(n) || (n === last && this.known < this.end)) continue;
+      if (n < 0 || n > last || this.asked.has(n) || (n === last && !this.done)) continue;
       this.asked.add(n);
       this.connection.send({ type: "chunk", number: n });
     }

@@ -5,14 +5,14 @@ import { FLAG, css, number, setText, svg } from "./format.js";
 const PLACES = { lf: [112, 112], lm: [112, 306], lr: [112, 500], rf: [408, 112], rm: [408, 306], rr: [408, 500] };
 const CELL = 34, GAP = 3, HALF = (3 * CELL + 2 * GAP) / 2;
 const FULL_LOAD_N = 1.5; // of the bar; it grows with the largest load
-const ARROW_PX = 78; // length of the arrow of the largest tangential force
+const REACH_PX = 88; // of the longest arrow, or the widest cone
 const STEPS = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
 
 export class Robot {
   constructor(parent, hello) {
     this.words = hello.words;
     this.loads = FULL_LOAD_N;
-    this.tangential = 0.1;
+    this.reach = 0.1;
     const root = svg("svg", { viewBox: "0 0 520 612", role: "img", "aria-label": "six feet from above" });
     root.append(
       svg("path", { class: "body", d: "M260 40 L304 92 L304 520 L260 572 L216 520 L216 92 Z" }),
@@ -53,11 +53,13 @@ export class Robot {
   draw(sample) {
     // Scales that only ever grow: a picture that jumps cannot be read.
     this.feet.forEach((_, leg) => {
-      const across = Math.hypot(sample.get(leg, "fx"), sample.get(leg, "fy"));
-      if (across > this.tangential) this.tangential = across;
-      if (sample.get(leg, "fz") > this.loads) this.loads = sample.get(leg, "fz");
+      const fz = sample.get(leg, "fz"), across = Math.hypot(sample.get(leg, "fx"), sample.get(leg, "fy"));
+      const cone = sample.get(leg, "friction") * fz;
+      if (across > this.reach) this.reach = across;
+      if (cone > this.reach) this.reach = cone;
+      if (fz > this.loads) this.loads = fz;
     });
-    const scale = ARROW_PX / this.tangential;
+    const scale = REACH_PX / this.reach;
     const step = STEPS.findLast((n) => n * scale <= 70) ?? STEPS[0];
     if (step !== this.step || scale !== this.scale) {
       Object.assign(this, { step, scale });
@@ -132,7 +134,7 @@ class Foot {
       this.shown.fill(-1);
     }
     this.#arrow(usable && Math.hypot(fx, fy) * scale > 2, -fy * scale, -fx * scale, get, scale);
-    const radius = contact && friction > 0 ? Math.min(friction * fz * scale, 140) : 0;
+    const radius = contact && friction > 0 ? friction * fz * scale : 0;
     this.cone.setAttribute("r", Math.max(0, radius));
     const height = usable ? 2 * this.side * Math.min(1, Math.max(0, fz / robot.loads)) : 0;
     this.load.setAttribute("y", this.y + this.side - height);

@@ -14,6 +14,7 @@ Commands, one a line, come on a virtio port; each is answered with one line:
 
 import errno
 import os
+import socket
 import struct
 import sys
 import threading
@@ -162,6 +163,8 @@ def main() -> None:
     """Serve chips and commands."""
     server = ChipServer()
     threading.Thread(target=listen, args=(server, sys.argv[1]), daemon=True).start()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.sendto(b"READY=1", os.environ["NOTIFY_SOCKET"])
     server.serve()
 
 

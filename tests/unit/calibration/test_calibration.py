@@ -9,14 +9,21 @@ from numpy.typing import NDArray
 from footsense.calibration.fit.calibrate import calibrate
 from footsense.calibration.fit.correction import fit_correction
 from footsense.calibration.fit.parameter_fit import fit_parameters
-from footsense.calibration.fit.parameter_vector import GAP, MOUNT, N_PARAMETERS, STIFFNESS, STRAY
-from footsense.calibration.fit.twin import ContactLoads, FootTwin
+from footsense.calibration.fit.parameter_vector import (
+    GAP,
+    MOUNT,
+    N_PARAMETERS,
+    OFFSET,
+    STIFFNESS,
+    STRAY,
+)
+from footsense.calibration.fit.twin import ContactLoads, FootTwin, reference_gains
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.rest import at_rest
 from footsense.foot.correction_terms import correction_terms
-from footsense.foot.directions import rotation
+from footsense.foot.directions import angles_between_deg, normalized, rotation
 from footsense.foot.force_errors import errors
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Foot
@@ -96,7 +103,27 @@ def test_twenty_loads_make_a_foot_several_times_better() -> None:
         assert after.direction_deg < 0.25 * before.direction_deg
         assert after.direction_deg < 3.0
         assert after.magnitude_gf < 4.0
-        assert found.predicted.direction_deg < 1.0
+        assert found.predicted.direction_deg < 1.5
+
+
+def test_an_offset_sheet_and_a_crooked_reference_are_told_from_the_foot() -> None:
+    """Loads of an offset sheet are loads that lean; the gains of the reference do not go into the foot."""
+    own, force_n, offset = made(1), _TRAINING[::4], np.array([0.06, -0.03])
+    inside = normalized(force_n) @ own.mount.T
+    inside[:, :2] += offset
+    reached = inside[:, 2] > 0.5
+    normal = (normalized(inside) @ own.mount)[reached]
+    foot, force_n = Foot(design().response, own), force_n[reached]
+    loads = LoadSet(
+        force_n=force_n * (1.02, 0.99, 0.98),
+        sigma_n=np.full(force_n.shape, 0.003),
+        capacitance_pf=foot.capacitance_pf(normal, force_n),
+        baseline_pf=np.tile(foot.unloaded_pf, (len(force_n), 1)),
+    )
+    found = fit_parameters(FootTwin(design().response, loads.unloaded_pf), loads)
+    np.testing.assert_allclose(found.parameters[OFFSET], offset, atol=0.006)
+    np.testing.assert_allclose(reference_gains(found.parameters), [1.0233, 0.9933, 0.9833], atol=0.01)
+    assert np.median(found.distance) < 1.0
 
 
 def test_a_foot_as_designed_is_left_as_it_is() -> None:
@@ -119,7 +146,7 @@ def test_a_load_that_slipped_does_not_count_much() -> None:
 
 
 def test_the_correction_learns_what_is_there_and_nothing_else() -> None:
-    """A cross-axis share is taken out; noise leaves no correction behind, nor do few loads."""
+    """A cross-axis share is taken out of the direction; noise leaves no correction behind, nor do few loads."""
     rng = np.random.default_rng(3)
     force_n = _TRAINING
     noise_n = 0.01 * rng.normal(size=force_n.shape)
@@ -127,7 +154,7 @@ def test_the_correction_learns_what_is_there_and_nothing_else() -> None:
     skewed = force_n @ skew + noise_n
     layer = fit_correction(force_n, force_n, skewed)
     corrected_n = force_n + correction_terms(force_n) @ layer.matrix.T
-    assert np.abs(corrected_n - force_n @ skew).max() < 0.02  # of 0.12
+    assert angles_between_deg(corrected_n, force_n @ skew).max() < 1.0  # of 4.6
     assert not fit_correction(force_n, force_n, force_n + noise_n).matrix.any()
     assert not fit_correction(force_n[::20], force_n[::20], skewed[::20]).matrix.any()
 

@@ -1,0 +1,217 @@
+"""The study `mismatch`: feet whose physics the calibration does not know, read by the chain as shipped."""
+
+import dataclasses
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from footsense import calibration, estimation, foot
+from footsense.calibration.evaluation import DesignModels
+from footsense.calibration.fit.calibrate import MAX_DISTANCE
+from footsense.cli.lab.mismatch_rows import ROWS
+from footsense.errors import FootsenseError
+from footsense.foot.direction_sets import random_directions
+from footsense.foot.directions import normalized
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.lab.foot_file import FOOT_FILE, load_foot
+from footsense.lab.geometry import LoadRange
+from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
+from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, parallel
+from footsense.lab.other_solids import response_of
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.training.load_cases import leaning_normals
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES
+from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.validation.mismatch_trial import TestLoads, TrialPlan, run_mismatch_trial
+
+#: Feet, presses used and rows of a full run and of a quick one.
+N_FEET, QUICK_N_FEET, EVERY, QUICK_EVERY = 20, 2, 2, 6
+QUICK_ROWS = ("none", "reference")
+SEED = 8
+#: Wanted direction and magnitude error after calibration.
+TARGET_DEG, TARGET_GF = 2.0, 3.0
+FIGURE = "mismatch.png"
+#: Where solved tables and finished feet are kept.
+KEPT = Path("build") / "mismatch"
+#: Test loads of the leaning sets, and the band of the full range [gf].
+_N_LEANING, FULL_RANGE_GF = 180, (20.0, 200.0)
+#: Lowest elevation of a leaning load [deg] with a mount turned by several degrees.
+_LOWEST_DEG = 32.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MismatchResults:
+    """Figures of all rows.
+
+    Attributes:
+        feet: Feet of each row.
+        presses: Presses of a calibration.
+        means: By row and figure: mean over the feet.
+        worst: By row and figure: the largest over the feet.
+        scatter: By row: distance of each foot's loads, and its mean centred direction error [deg].
+    """
+
+    feet: int
+    presses: int
+    means: dict[str, dict[str, float]]
+    worst: dict[str, dict[str, float]]
+    scatter: dict[str, list[tuple[float, float]]]
+
+
+def test_loads(loads: LoadRange) -> dict[str, TestLoads]:
+    """Return test loads by name: the paper's centred ones, and leaning ones of 100 gf and of all sizes."""
+    centred_n = paper_presses("verification")
+    rng = np.random.default_rng(SEED)
+    direction = random_directions(rng, 4 * _N_LEANING, _LOWEST_DEG)
+    normal = leaning_normals(loads, rng, direction)
+    reached = normal[:, 2] >= np.sin(np.radians(_LOWEST_DEG))
+    direction, normal = direction[reached][:_N_LEANING], normal[reached][:_N_LEANING]
+    sizes_gf = rng.uniform(*FULL_RANGE_GF, (_N_LEANING, 1))
+    return {
+        "centred": TestLoads(normalized(centred_n), centred_n),
+        "leaning": TestLoads(normal, 100.0 * GRAM_FORCE_N * direction),
+        "range": TestLoads(normal, sizes_gf * GRAM_FORCE_N * direction),
+    }
+
+
+test_loads.__test__ = False  # type: ignore[attr-defined]  # no test for pytest
+
+
+@lru_cache(maxsize=1)
+def _models(folder: Path) -> DesignModels:
+    return DesignModels.load(folder)
+
+
+def evaluate_job(job: Job, *, models: Path, tables: Path, plan: TrialPlan) -> dict[str, float]:
+    """Return the figures of one foot of one row.
+
+    Args:
+        job: Foot and row.
+        models: Folder of the released models.
+        tables: Folder of the solved tables.
+        plan: What is done with it.
+    """
+    design, known, row = load_foot(models / FOOT_FILE), _models(models), ROWS[job.case]
+    truth = dataclasses.replace(response_of(row.solid, known.response, design, tables), cavity=row.cavity)
+    return run_mismatch_trial(known, truth, row.disturbance, plan, job.foot)
+
+
+def run_study(
+    context: StudyContext,
+    workers: Workers | None = None,
+    *,
+    rows: Sequence[str] = (),
+    n_feet: int | None = None,
+    kept: Path = KEPT,
+) -> tuple[MismatchResults, Figures]:
+    """Evaluate the feet of all rows that are not finished yet.
+
+    Args:
+        context: The models.
+        workers: Run the feet; processes on this machine if None.
+        rows: Names of rows; all, or those of a quick run, if empty.
+        n_feet: Feet of each row.
+        kept: Folder of solved tables and finished feet.
+
+    Raises:
+        FootsenseError: There is no such row.
+    """
+    if unknown := [name for name in rows if name not in ROWS]:
+        raise FootsenseError(f"no row {unknown[0]!r}: there are {', '.join(ROWS)}")
+    names = tuple(rows) or (QUICK_ROWS if context.quick else tuple(ROWS))
+    n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
+    plan = TrialPlan(
+        tolerances=PAPER_TOLERANCES,
+        seed=SEED,
+        every=QUICK_EVERY if context.quick else EVERY,
+        tests=test_loads(context.foot_design.loads),
+    )
+    for name in names:  # solved once, not by each worker
+        response_of(ROWS[name].solid, context.response, context.foot_design, kept)
+        context.say(f"{name}: table ready")
+    about: dict[str, str | int] = {
+        "study": "mismatch",
+        "seed": SEED,
+        "every": plan.every,
+        "models": context.network_sha256,
+        "tolerances": str(plan.tolerances),
+        "code": _code_digest(),
+    }
+    work = partial(evaluate_job, models=context.models.resolve(), tables=kept.resolve(), plan=plan)
+    run = workers or parallel(n_workers=1 if context.quick else LOCAL_WORKERS)
+    means, worst, scatter = {}, {}, {}
+    for name in names:
+        jobs = [Job(Tolerances(), foot, case=name) for foot in range(n_feet)]
+        digest = hashlib.sha256(f"{about} {ROWS[name]}".encode()).hexdigest()[:12]
+        file = kept / f"{name}-{digest}.jsonl"
+        made = list(run_resumable(about, jobs, work, workers=run, file=file).values())
+        columns = {figure: np.array([one[figure] for one in made]) for figure in made[0]}
+        means[name] = {figure: round(float(np.nanmean(values)), 3) for figure, values in columns.items()}
+        worst[name] = {figure: round(float(np.nanmax(values)), 3) for figure, values in columns.items()}
+        scatter[name] = [(round(one["distance_all"], 2), round(one["centred_all_deg"], 3)) for one in made]
+        context.say(f"{name}: {_progress(means[name])}")
+    presses = len(paper_presses("training")[:: plan.every])
+    results = MismatchResults(feet=n_feet, presses=presses, means=means, worst=worst, scatter=scatter)
+    return results, {FIGURE: _figure(results)}
+
+
+def _figure(results: MismatchResults) -> Figure:
+    """Draw the errors of each row after calibration, and the error of each foot over its distance."""
+    figure = Figure(figsize=(10.5, 0.28 * len(results.means) + 1.6), layout="constrained")
+    bars, dots = figure.subplots(1, 2, width_ratios=(3, 2))
+    places = np.arange(len(results.means))
+    for shift, test in ((-0.2, "centred"), (0.2, "leaning")):
+        errors_deg = [row[f"{test}_all_deg"] for row in results.means.values()]
+        bars.barh(places + shift, errors_deg, 0.4, label=f"{test}, 100 gf")
+    bars.axvline(TARGET_DEG, color="k", ls=":")
+    bars.set(
+        yticks=places,
+        yticklabels=[ROWS[name].title for name in results.means],
+        xlabel="direction error [deg]",
+    )
+    bars.invert_yaxis()
+    bars.legend()
+    for name, feet in results.scatter.items():
+        marker = "o" if ROWS[name].represented else "x"
+        dots.scatter(*np.array(feet).T, s=14, marker=marker)
+    dots.axvline(MAX_DISTANCE, color="k", ls=":")
+    dots.set(
+        xlabel="median distance of the loads from the fitted foot", ylabel="centred, after calibration [deg]"
+    )
+    dots.grid(alpha=0.3)
+    return figure
+
+
+def _progress(row: dict[str, float]) -> str:
+    """Return a line of progress of a row."""
+    return (
+        f"design {row['centred_design_deg']:.1f} deg, calibrated {row['centred_all_deg']:.2f} deg "
+        f"{row['centred_all_gf']:.2f} gf, leaning {row['leaning_all_deg']:.2f} deg {row['leaning_all_gf']:.2f} gf; "
+        f"few {row['centred_few_deg']:.2f} deg; distance {row['distance_all']:.1f}, refused {row['refused_all']:.0%}, "
+        f"within 2 sigma {row['leaning_all_within_2']:.0%}"
+    )
+
+
+def _code_digest() -> str:
+    """Return a hash of the code of the chain: results of other code are not continued."""
+    rooms = [Path(str(room.__file__)).parent for room in (calibration, foot, estimation)]
+    files = sorted(file for room in rooms for file in room.rglob("*.py"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
+
+
+def compute(context: StudyContext) -> tuple[MismatchResults, Figures]:
+    """Evaluate the feet by processes on this machine."""
+    return run_study(context)
+
+
+STUDY = Study(
+    name="mismatch",
+    title="Feet that the calibration does not know",
+    compute=compute,
+    command="mismatch",
+)

@@ -1,0 +1,197 @@
+"""Finite elements of a whole foot that is not symmetric: what `quarter` cannot hold.
+
+The sheet stays where it is, the balls move. What an imperfection changes is added to the released table, so that the
+error of the coarse mesh of a whole foot cancels:
+
+    table of the imperfect foot = released table + (imperfect - as designed), both on meshes of that size
+
+Bonds are linear: a bar that is not bonded also bears no pressure.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+from netgen import occ
+from netgen.meshing import MeshingParameters
+
+from footsense.errors import ModelError
+from footsense.foot.directions import normalized
+from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE
+from footsense.foot.response_table import FootResponse, series_basis
+from footsense.foot.symmetry import SIDE, flat_of_grid
+from footsense.frames import Vector
+from footsense.lab.fem.adjoint import SAMPLE_ORDER
+from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
+from footsense.lab.fem.mesh import COARSE, MeshSize, is_bar_edge, name_bars
+from footsense.lab.fem.solids import SIDES, curved_mesh, hemisphere, plate, square
+from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, UM_PER_MM, FootDesign
+from footsense.lab.response import DEGREE, PATCH_REL, disc_normals, patch_mean
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imperfection:
+    """How a foot is put together other than designed.
+
+    Attributes:
+        sheet_offset_mm: Centre of the sheet from the axis of the balls, along x and y [mm].
+        glue_wedge_mm: Thickness of the glue, as soft as the plate, under the front edge of the ground-side plate [mm];
+            none under the rear edge. It stiffens the plate by the cube of the thickness.
+        bubble_mm: Centre x, y, z of a void in the ground-side ball, and its radius [mm]; radius 0 for none.
+        bonded_rel: Share of its width over which the bar between front and middle row is bonded [1].
+    """
+
+    sheet_offset_mm: tuple[float, float] = (0.0, 0.0)
+    glue_wedge_mm: float = 0.0
+    bubble_mm: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    bonded_rel: float = 1.0
+
+
+#: Put together as designed.
+ASSEMBLED = Imperfection()
+
+
+def _mesh(design: FootDesign, size: MeshSize, own: Imperfection) -> Any:
+    """Return the curved mesh of the whole foot; faces `cell0`.. in flat order, `bars`, `curved_ground`, `curved_leg`.
+
+    Raises:
+        ModelError: The mesher gives up, or the bubble is not inside the ground-side ball.
+    """
+    size, half = size.in_foot(design), design.sheet_mm / 2.0
+    offset_x, offset_y = own.sheet_offset_mm
+    solids = []
+    for side, up in SIDES:
+        ball = hemisphere(design, side, up * design.plate_mm, quarter=False)
+        ball = ball.Move(occ.Vec(-offset_x, -offset_y, 0.0))
+        if side == "ground" and own.bubble_mm[3] > 0.0:
+            ball = _with_bubble(design, own, ball)
+        level_mm = (min(0.0, up * design.plate_mm), max(0.0, up * design.plate_mm))
+        solids += [ball, plate(f"pdms_{side}", (-half, -half), half, level_mm, size.plate_mm)]
+    step, inside = (
+        design.electrode_mm / CELLS_PER_SIDE,
+        (design.electrode_mm - design.electrode_mm / CELLS_PER_SIDE) / 2.0,
+    )
+    for x_mm, y_mm in design.centres_mm:
+        for cell in range(CELLS_PER_SIDE**2):
+            forward, leftward = divmod(cell, CELLS_PER_SIDE)
+            face = square(x_mm + inside - forward * step, y_mm + inside - leftward * step, step)
+            face.name = f"cell{len(solids) - 4}"
+            solids.append(face)
+    shape = occ.Glue(solids)
+    name_bars(shape)
+    for face in shape.faces:
+        if face.name == "curved_ground":
+            face.maxh = size.surface_mm
+    for edge in shape.edges:
+        if is_bar_edge(design, edge):
+            edge.maxh, edge.hpref = size.bar_mm, 1
+    parameters = MeshingParameters(maxh=size.ball_mm, grading=size.grading)
+    return curved_mesh(shape, parameters, size.order, layers=size.layers, layer_rel=size.layer_rel)
+
+
+def _with_bubble(design: FootDesign, own: Imperfection, ball: Any) -> Any:
+    """Return the ground-side ball with the bubble cut out.
+
+    Raises:
+        ModelError: The bubble is not inside the ball.
+    """
+    *centre_mm, radius_mm = own.bubble_mm
+    from_centre = np.add(centre_mm, (*own.sheet_offset_mm, design.plate_mm))
+    if not (radius_mm < -from_centre[2] and np.linalg.norm(from_centre) + radius_mm < design.ball_radius_mm):
+        raise ModelError(
+            f"a bubble of {radius_mm:g} mm at {centre_mm} mm is not inside the ground-side ball, which begins at "
+            f"z = {-design.plate_mm:g} mm and has a radius of {design.ball_radius_mm:g} mm"
+        )
+    return ball - occ.Sphere(occ.Pnt(*centre_mm), radius_mm)
+
+
+def whole_table(design: FootDesign, own: Imperfection, size: MeshSize = COARSE) -> tuple[Vector, Vector]:
+    """Return series of G0 [um/N], shape (products, 324, 3), and compliance [um/N], (324, 324), of a whole foot.
+
+    Args:
+        design: The foot.
+        own: Its imperfections.
+        size: Resolution of the mesh.
+
+    Raises:
+        ModelError: The foot cannot be meshed.
+    """
+    mesh = _mesh(design, size, own)
+    order = size.order
+    ground = ng.VectorH1(mesh, order=order, definedon="rubber_ground|pdms_ground")
+    leg = ng.VectorH1(mesh, order=order, definedon="rubber_leg|pdms_leg", dirichlet="curved_leg")
+    p_ground, p_leg = (ng.H1(mesh, order=order - 1, definedon=f"rubber_{side}") for side, _ in SIDES)
+    space = ground * leg * p_ground * p_leg
+    (u_ground, u_leg, p_g, p_l), (v_ground, v_leg, *_) = space.TnT()
+    form = ng.BilinearForm(space, symmetric=True)
+    thicker = 1.0 + own.glue_wedge_mm / design.plate_mm * (0.5 + ng.x / design.sheet_mm)
+    for side, u, p, stiffer in (("ground", u_ground, p_g, thicker**3), ("leg", u_leg, p_l, ng.CF(1.0))):
+        form += ng.Variation(mixed_energy(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
+        form += ng.Variation(stiffer * energy(design.pdms, u) * ng.dx(f"pdms_{side}"))
+    inner, outer = design.electrode_mm / 2.0, design.pitch_mm - design.electrode_mm / 2.0
+    in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
+    layer = Layer(design.pdms, design.spacer_mm)
+    bonded = 1.0 - (1.0 - own.bonded_rel) * in_bar
+    form += bonded * layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(layer.faces)
+    points = mesh.MapToAllElements(
+        ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER), mesh.Boundaries("curved_ground")
+    )
+    rule = ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER)
+    centre = ng.CF((-own.sheet_offset_mm[0], -own.sheet_offset_mm[1], -design.plate_mm))
+    normal = -normalized(np.asarray((ng.CF((ng.x, ng.y, ng.z)) - centre)(points)))
+    jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
+    area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)
+    weight = area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights))
+    with ng.TaskManager():
+        form.Assemble()
+        inverse = form.mat.Inverse(space.FreeDofs(), "sparsecholesky")
+        functionals = []
+        for cell in range(ALL_CELLS):
+            functional = ng.LinearForm(space)
+            functional += (v_ground[2] - v_leg[2]) / design.cell_mm2 * ng.ds(f"cell{cell}")
+            functionals.append(functional.Assemble())
+        rows = np.stack([functional.vec.FV().NumPy() for functional in functionals])
+        field = ng.GridFunction(space)
+        influence, compliance = [], []
+        for functional in functionals:
+            field.vec.data = inverse * functional.vec
+            influence.append(np.asarray(field.components[0](points)))
+            compliance.append(rows @ field.vec.FV().NumPy())
+    used = normal[:, 2] >= np.sin(np.radians(FIT_ELEVATION_DEG))
+    root = np.sqrt(weight[used])[:, None]
+    basis = series_basis(normal[used], DEGREE, FIT_ELEVATION_DEG) * root
+    sampled = np.stack(influence, axis=1)[used] * root[:, :, None] * UM_PER_MM
+    series = np.linalg.lstsq(basis, sampled.reshape(len(basis), -1), rcond=1e-10)[0]
+    whole = np.stack(compliance) * UM_PER_MM
+    return series.reshape(-1, ALL_CELLS, 3), (whole + whole.T) / 2.0
+
+
+def with_change(
+    response: FootResponse, design: FootDesign, series: Vector, compliance: Vector
+) -> FootResponse:
+    """Return a response table with changes added.
+
+    Args:
+        response: The released table.
+        design: Its foot.
+        series: Change of the series of G0 [um/N], shape (products, 324, 3).
+        compliance: Change of the compliance [um/N], shape (324, 324).
+    """
+    grid = flat_of_grid()
+    flat = series.reshape(len(series), -1)
+    normal, patch_mm = disc_normals(MIN_ELEVATION_DEG), PATCH_REL * design.ball_radius_mm
+    basis = series_basis(normal, DEGREE, FIT_ELEVATION_DEG)
+    growth = (patch_mean(flat, normal, patch_mm, design) - basis @ flat) / patch_mm**2
+    patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(series.shape)
+    whole = response.series.reshape(2, len(series), 3, ALL_CELLS).transpose(0, 1, 3, 2) + np.stack(
+        [series, patch]
+    )
+    order = grid.ravel()
+    stiff = (response.compliance_um_per_n + compliance)[np.ix_(order, order)]
+    return replace(
+        response,
+        quarter_series=whole[:, :, grid],
+        quarter_compliance=stiff.reshape(SIDE, SIDE, SIDE, SIDE),
+        sha256="",
+    )

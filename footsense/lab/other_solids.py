@@ -1,0 +1,105 @@
+"""Response tables of feet whose solid is another than the released one's: the truths of the study `mismatch`.
+
+A change of a thickness, a modulus or the assembly is solved twice on one coarse mesh size, as designed and changed. The
+difference is added to the released table, so that the error of the coarse mesh cancels to first order.
+"""
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from footsense.foot.response_table import FootResponse
+from footsense.frames import Vector
+from footsense.lab.fem.mesh import COARSE, MeshSize
+from footsense.lab.fem.whole import ASSEMBLED, Imperfection, whole_table, with_change
+from footsense.lab.geometry import FootDesign
+from footsense.lab.response import make_response
+
+#: Mesh of the row `mesh`: as fine as the released one, with other elements.
+OTHER_MESH = MeshSize(ball_mm=6.0, plate_mm=2.5, surface_mm=3.5, bar_mm=0.6, grading=0.7, layer_rel=0.12)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherSolid:
+    """A solid that is not the released one.
+
+    Attributes:
+        plate: Thickness of the plates over that designed [1].
+        pdms: Young's modulus of the sheet over that designed [1].
+        poisson: Poisson's ratio of the rubber; None for that designed.
+        own: How it is put together other than designed.
+        size: Mesh that the whole table is solved on; None for a difference on coarse meshes.
+    """
+
+    plate: float = 1.0
+    pdms: float = 1.0
+    poisson: float | None = None
+    own: Imperfection = ASSEMBLED
+    size: MeshSize | None = None
+
+    def design(self, design: FootDesign) -> FootDesign:
+        """Return the description of a foot with this solid."""
+        stiffer = msgspec.structs.replace(design.pdms, youngs_mpa=design.pdms.youngs_mpa * self.pdms)
+        poisson = design.rubber.poisson if self.poisson is None else self.poisson
+        softer = msgspec.structs.replace(design.rubber, poisson=poisson)
+        plate_mm = design.plate_mm * self.plate
+        return msgspec.structs.replace(design, plate_mm=plate_mm, pdms=stiffer, rubber=softer)
+
+
+#: The released solid.
+AS_DESIGNED = OtherSolid()
+
+
+def response_of(solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path) -> FootResponse:
+    """Return the response table of a solid, from a file or solved and kept there.
+
+    Args:
+        solid: The solid.
+        response: The released table.
+        design: Its foot.
+        folder: Where solved tables are kept.
+
+    Raises:
+        ModelError: The foot cannot be meshed.
+    """
+    if solid == AS_DESIGNED:
+        return response
+    digest = hashlib.sha256(f"{solid} {response.sha256}".encode()).hexdigest()[:16]
+    path = folder / f"response-{digest}.npz"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(".partial")
+        _solved(solid, response, design, folder).save(part)
+        part.replace(path)
+    return FootResponse.load(path)
+
+
+def _solved(solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path) -> FootResponse:
+    if solid.size is not None:
+        return make_response(solid.design(design), solid.size)
+    if solid.own != ASSEMBLED:
+        series, compliance = _whole(design, solid.own, folder)
+        designed, designed_compliance = _whole(design, ASSEMBLED, folder)
+        return with_change(response, design, series - designed, compliance - designed_compliance)
+    changed, coarse = (make_response(one, COARSE) for one in (solid.design(design), design))
+    return replace(
+        response,
+        hertz_modulus_mpa=changed.hertz_modulus_mpa,
+        quarter_series=response.quarter_series + changed.quarter_series - coarse.quarter_series,
+        quarter_compliance=response.quarter_compliance
+        + changed.quarter_compliance
+        - coarse.quarter_compliance,
+    )
+
+
+def _whole(design: FootDesign, own: Imperfection, folder: Path) -> tuple[Vector, Vector]:
+    """Return series and compliance of a whole foot, kept in a file."""
+    path = folder / f"whole-{hashlib.sha256(f'{design} {own}'.encode()).hexdigest()[:16]}.npz"
+    if not path.exists():
+        series, compliance = whole_table(design, own)
+        np.savez(path, series=series, compliance=compliance)
+    with np.load(path) as kept:
+        return kept["series"], kept["compliance"]

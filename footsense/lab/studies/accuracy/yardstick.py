@@ -1,0 +1,139 @@
+"""Study `yardstick`: the causes of the paper's measured error, by the paper's own procedure.
+
+The paper trained a plain network on changes of capacitance of the very foot that it then tested (section V C): 362
+presses, 180 test loads. Fabrication and test stand are chosen so that this procedure errs on simulated feet as it did
+on the paper's, and the share of each cause is shown: alone, and as what remains without it.
+
+Source:
+    Aoyagi et al., section V C; tables I and II.
+"""
+
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from footsense.foot.force_errors import errors
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.lab.evaluation import evaluate
+from footsense.lab.monte_carlo.resumable_run import Tolerances
+from footsense.lab.monte_carlo.specimens import measure
+from footsense.lab.monte_carlo.statistics import MeanStd
+from footsense.lab.monte_carlo.sweeps import EXACT, SEED, YARDSTICK
+from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.training.load_cases import paper_training, paper_verification
+from footsense.lab.training.paper.per_foot_network import per_foot_force_n
+from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS
+from footsense.sim.foot.fabrication import fabricate
+
+#: Feet of a full run and of a quick one; processes.
+N_FEET, QUICK_N_FEET, _PROCESSES = 20, 2, 2
+#: The causes by the names of the tolerances, in words with a unit, and the factor to that unit.
+CAUSES = {
+    "gap_um": ("gap of each element [um]", 1.0),
+    "film_um": ("film of each element [um]", 1.0),
+    "stray_pf": ("stray of each element [pF]", 1.0),
+    "stiffness_rel": ("stiffness of the foot [%]", 100.0),
+    "mount_deg": ("mount [deg]", 1.0),
+    "reading_pf": ("reading [fF]", 1e3),
+    "repeatability_rel": ("creep while nine elements are read one by one [% of ΔC]", 100.0),
+    "reference_resolutions": ("reference, read once [resolutions of 4, 4, 12 gf]", 1.0),
+    "stick_deg": ("stick set by hand [deg]", 1.0),
+}
+#: Names of the rows that are no cause.
+NONE, ALL = "none", "all"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CauseErrors:
+    """Errors over the feet with a set of causes.
+
+    Attributes:
+        direction_deg: Mean angle [deg].
+        magnitude_gf: Mean magnitude error [gf].
+    """
+
+    direction_deg: MeanStd
+    magnitude_gf: MeanStd
+
+
+@dataclass(frozen=True, kw_only=True)
+class YardstickResults:
+    """Errors of the paper's procedure.
+
+    Attributes:
+        feet: Feet of each row.
+        alone: By cause: errors with that cause alone; also `none` and `all`.
+        without: By cause: errors with all others.
+    """
+
+    feet: int
+    alone: dict[str, CauseErrors]
+    without: dict[str, CauseErrors]
+
+
+def own_network_errors(
+    response: FootResponse, tolerances: Tolerances, number: int, epochs: int
+) -> tuple[float, float]:
+    """Return direction [deg] and magnitude error [gf] of a plain network trained on a foot's own presses.
+
+    Args:
+        response: Response of the type.
+        tolerances: Of foot and test stand.
+        number: Number of the foot.
+        epochs: Training epochs.
+    """
+    own = fabricate(response, tolerances, SEED, number)
+    foot, rng = Foot(response, own), np.random.default_rng((SEED, number, 1))
+    training, test = (
+        measure(foot, own.mount, cases(response).force_n, tolerances, rng)
+        for cases in (paper_training, paper_verification)
+    )
+    estimate_n = per_foot_force_n(
+        response.design, training.change_pf, training.force_n, test.change_pf, epochs
+    )
+    row = errors(test.force_n, estimate_n)
+    return row.direction_deg, row.magnitude_gf
+
+
+def compute(context: StudyContext) -> tuple[YardstickResults, Figures]:
+    """Train a network for each foot and each set of causes."""
+    n_feet, epochs = (QUICK_N_FEET, QUICK_EPOCHS) if context.quick else (N_FEET, EPOCHS)
+    exact, whole = asdict(EXACT), asdict(YARDSTICK)
+    alone = {NONE: EXACT, ALL: YARDSTICK} | {name: replace(EXACT, **{name: whole[name]}) for name in CAUSES}
+    without = {name: replace(YARDSTICK, **{name: exact[name]}) for name in CAUSES}
+    sets = [*alone.values(), *without.values()]
+    run = Parallel(n_jobs=1 if context.quick else _PROCESSES)
+    found: list[tuple[float, float]] = run(
+        delayed(own_network_errors)(context.response, one, number, epochs)
+        for one in sets
+        for number in range(n_feet)
+    )
+
+    def row(number: int) -> CauseErrors:
+        feet = found[number * n_feet : (number + 1) * n_feet]
+        directions, magnitudes = zip(*feet, strict=True)
+        return CauseErrors(direction_deg=MeanStd.over(directions), magnitude_gf=MeanStd.over(magnitudes))
+
+    rows = [row(number) for number in range(len(sets))]
+    results = YardstickResults(
+        feet=n_feet,
+        alone=dict(zip(alone, rows, strict=False)),
+        without=dict(zip(without, rows[len(alone) :], strict=True)),
+    )
+    reached = results.alone[ALL]
+    context.say(
+        f"yardstick: {reached.direction_deg} deg, {reached.magnitude_gf} gf; the paper "
+        f"{evaluate.MEASURED_DIRECTION_DEG} deg, {evaluate.MEASURED_MAGNITUDE_GF} gf"
+    )
+    return results, {}
+
+
+STUDY = Study(
+    name="yardstick",
+    title="The yardstick: the paper's procedure on simulated feet",
+    compute=compute,
+    names={"YARDSTICK": YARDSTICK},
+    uses_network=False,
+)

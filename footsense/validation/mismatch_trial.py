@@ -1,0 +1,279 @@
+"""One foot whose physics its calibration may not know: pressed, calibrated, and read under centred and leaning loads.
+
+The truth is a response table of its own and disturbances of foot, test stand and floor. The chain is the shipped one:
+readings of a press's dwell, fit, network, residual test. The bytes of the chips are left out: twenty feet of the study
+`experiment` take as long as the whole matrix.
+"""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from firmware_interface.chips import fdc1004
+from footsense.calibration.evaluation import DesignModels, Estimates
+from footsense.calibration.fit.calibrate import CalibrationResult, fit_foot, require_plausible
+from footsense.calibration.loads.load_set import LoadSet
+from footsense.errors import CalibrationError
+from footsense.estimation.faults.consistency import ConsistencyTest
+from footsense.foot.directions import normalized, rotation
+from footsense.foot.force_errors import GRAM_FORCE_N, errors
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Deviations, Foot
+from footsense.frames import ELEMENTS, Vector
+from footsense.sim.foot.fabrication import REMOUNT_DEG, FootTolerances, fabricate, remounted
+from footsense.sim.foot.viscoelastic import ViscoelasticElement
+from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.sim.test_stand.reference_sensor import STEP_GF, drawn_bow_gf, nonlinearity_gf
+
+if TYPE_CHECKING:
+    from footsense.foot.parameters import FootParameters
+
+#: Times of a press [s]: rise or fall, dwell, pause.
+_RISE_S, _DWELL_S, _PAUSE_S = 0.05, 0.5, 0.5
+#: Noise of a mean reading, of one reading and of a baseline [pF].
+_MEAN_PF, _ONE_PF, _BASELINE_PF = 0.15e-3, 0.5e-3, 0.2e-3
+#: Noise of a mean force over the reference's resolution, as the session finds it [1].
+_MEAN_STEPS = 0.07
+_FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
+#: Time after which the residual test acts on what it sees [ns].
+_SETTLED_NS = 100_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disturbance:
+    """How foot, test stand and floor differ from what the calibration supposes, beside the foot's response.
+
+    Attributes:
+        turn_deg: Turn of the sheet about the axis of the balls [deg].
+        worn_mm: Height of the cap that the ball has lost at its pole [mm].
+        creep: Creep over that assumed [1].
+        play: Play over that assumed [1].
+        touchdown_pf: Largest capacitance that the floor adds to every element of a foot in contact [pF]; a foot has
+            between a quarter of it and all of it. The stick of the test stand adds none.
+        microphonics_pf: Noise of the cables in motion, rms, the same during one dwell [pF].
+        reference_linearity_rel: Nonlinearity of the reference over its rated value [1].
+        reference_steps: Scatter of a press's mean force, rms, over the reference's resolution [1].
+        lean_deg: Angle between the contact's normal and the force of a press of the calibration, rms [deg].
+    """
+
+    turn_deg: float = 0.0
+    worn_mm: float = 0.0
+    creep: float = 1.0
+    play: float = 1.0
+    touchdown_pf: float = 0.0
+    microphonics_pf: float = 0.0
+    reference_linearity_rel: float = 0.0
+    reference_steps: float = 0.07
+    lean_deg: float = 1.0
+
+
+#: As the calibration supposes.
+UNDISTURBED = Disturbance()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TestLoads:
+    """Loads on a calibrated foot: contact normals, shape (n, 3), and forces [N], shape (n, 3), frame of the leg."""
+
+    normal: Vector
+    force_n: Vector
+
+    #: No test class for pytest.
+    __test__ = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialPlan:
+    """What is done with each foot.
+
+    Attributes:
+        tolerances: Fabrication tolerances.
+        seed: Seed of all feet.
+        every: Use one of so many of the paper's 362 presses.
+        few: Loads of a second calibration; 0 for none.
+        tests: Test loads by name.
+    """
+
+    tolerances: FootTolerances
+    seed: int
+    every: int = 3
+    few: int = 20
+    tests: dict[str, TestLoads] = field(default_factory=dict)
+
+
+class _OnTestStand:
+    """A foot with its rubber, in the order of time.
+
+    Args:
+        response: Its response.
+        own: Its deviations.
+        disturbance: Its disturbances.
+        rng: Source of the noise.
+    """
+
+    def __init__(
+        self, response: FootResponse, own: Deviations, disturbance: Disturbance, rng: np.random.Generator
+    ) -> None:
+        self._foot, self._mount, self._disturbance, self._rng = (
+            Foot(response, own),
+            own.mount,
+            disturbance,
+            rng,
+        )
+        self._flat_sine = 1.0 - disturbance.worn_mm / response.ball_radius_mm
+        self._min_sine = np.sin(np.radians(response.min_elevation_deg))
+        self._bow_gf = drawn_bow_gf(rng, disturbance.reference_linearity_rel)
+        self._touchdown_pf = (
+            disturbance.touchdown_pf * rng.uniform(0.25, 1.0) * rng.uniform(0.7, 1.0, ELEMENTS)
+        )
+
+    def press(self, loads: TestLoads, noise_pf: float, *, on_floor: bool) -> LoadSet:
+        """Return the readings under loads, each pressed for a while and released.
+
+        Args:
+            loads: The loads.
+            noise_pf: Noise of a reading [pF].
+            on_floor: Whether the floor adds its capacitance.
+        """
+        rubber = ViscoelasticElement(self._disturbance.creep, self._disturbance.play)
+        step_ns = [round(1e9 * part) for part in (_PAUSE_S, _RISE_S, _DWELL_S / 2, _DWELL_S / 2, _RISE_S)]
+        t_ns, normals, forces = 0, [], []
+        for normal, force_n in zip(self._touched(loads.normal), loads.force_n, strict=True):
+            for duration_ns, share in zip(step_ns, (0.0, 1.0, 1.0, 1.0, 0.0), strict=True):
+                t_ns += duration_ns
+                effective = rubber.effective_load(t_ns, normal, share * force_n)
+                normals.append(effective[0])
+                forces.append(effective[1])
+        pf = self._capacitance_pf(np.array(normals), np.array(forces), step_ns).reshape(-1, 5, ELEMENTS)
+        noise = self._rng.normal(size=(4, len(pf), ELEMENTS))
+        at_pf = pf[:, 2] + noise_pf * noise[0] + self._disturbance.microphonics_pf * noise[1]
+        return LoadSet(
+            force_n=self._reference_n(loads.force_n, noise[3, :, :3]),
+            sigma_n=np.full(loads.force_n.shape, _MEAN_STEPS * STEP_GF * GRAM_FORCE_N),
+            capacitance_pf=at_pf + (self._touchdown_pf if on_floor else 0.0),
+            baseline_pf=pf[:, 0] + _BASELINE_PF * noise[2],
+        )
+
+    def _capacitance_pf(self, normal: Vector, force_n: Vector, step_ns: list[int]) -> Vector:
+        """Return the capacitances at the ends of steps of time [pF], shape (n, 9); air that leaks has a memory."""
+        cavity = self._foot.cavity
+        gas = cavity.gas
+        if gas is None or cavity.kind != "leaking":
+            return self._foot.capacitance_pf(normal, force_n)
+        leaked = [1e-9 * step / cavity.leak_time_s for step in step_ns]
+        found = []
+        for number in range(len(normal)):
+            step = gas._replace(leaked=leaked[number % len(leaked)])
+            one_pf, gas = self._foot.after_step(normal[[number]], force_n[[number]], step)
+            found.append(one_pf[0])
+        return np.array(found)
+
+    def _touched(self, normal: Vector) -> Vector:
+        """Return the normals at which the ball is touched, shape (n, 3): at the edge of a worn pole, not inside it.
+
+        A flat of radius a under a force f has its pressure in the middle only for tilts below f / (4/3 E* a^2), half
+        a degree at 1 N: the centre of pressure of all others lies at its edge.
+        """
+        inside = normal @ self._mount.T
+        lowered = inside.copy()
+        flat = inside[:, 2] > self._flat_sine
+        across = inside[flat, :2] / np.maximum(np.linalg.norm(inside[flat, :2], axis=1, keepdims=True), 1e-12)
+        lowered[flat, :2] = np.sqrt(1.0 - self._flat_sine**2) * across
+        lowered[flat, 2] = self._flat_sine
+        low = lowered[:, 2] < self._min_sine
+        lowered[low, :2] *= (
+            np.sqrt(1.0 - self._min_sine**2) / np.linalg.norm(lowered[low, :2], axis=1)[:, None]
+        )
+        lowered[low, 2] = self._min_sine
+        return normalized(lowered) @ self._mount
+
+    def _reference_n(self, force_n: Vector, noise: Vector) -> Vector:
+        """Return what the reference reads of forces [N], shape (n, 3)."""
+        load_gf = -force_n / GRAM_FORCE_N
+        read_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf)
+        read_gf += self._disturbance.reference_steps * STEP_GF * noise
+        return -read_gf * GRAM_FORCE_N
+
+
+def run_mismatch_trial(
+    models: DesignModels, truth: FootResponse, disturbance: Disturbance, plan: TrialPlan, number: int
+) -> dict[str, float]:
+    """Calibrate one foot of another physics, and return its figures.
+
+    Args:
+        models: Models that the calibration knows.
+        truth: The foot's true response.
+        disturbance: Its true disturbances.
+        plan: Feet and loads.
+        number: Number of the foot.
+
+    Returns:
+        For each calibration, `all` and `few`: `refused_<c>` 0 or 1, `distance_<c>`; for each of these and `design`, and
+        each test: `<test>_<c>_deg` and `_gf` against truth, `_within_2` the share of components within two sigma,
+        `_unread` of the loads without a force, `_unexplained` of those that the residual test finds inconsistent.
+    """
+    rng = np.random.default_rng((plan.seed, number, 4))
+    own = fabricate(truth, plan.tolerances, plan.seed, number)
+    turned = rotation(np.array([0.0, 0.0, np.radians(disturbance.turn_deg)]))
+    own = Deviations(
+        **{name: getattr(own, name) for name in ("gap_um", "film_um", "stray_pf", "stiffness_rel")},
+        mount=turned @ own.mount,
+    )
+    foot = _OnTestStand(truth, own, disturbance, rng)
+    force_n = paper_presses("training")[:: plan.every]
+    direction = normalized(force_n)
+    lean = (
+        np.radians(disturbance.lean_deg)
+        * np.sqrt(0.5)
+        * np.cross(rng.normal(size=direction.shape), direction)
+    )
+    pressed = foot.press(TestLoads(normalized(direction + lean), force_n), _MEAN_PF, on_floor=False)
+    loads = pressed.subset(pressed.capacitance_pf.max(axis=1) < _FULL_SCALE_PF)
+    feet: dict[str, FootParameters | None] = {"design": None}
+    figures: dict[str, float] = {}
+    for name, used in {"all": loads, "few": loads.subset(loads.spread_order()[: plan.few])}.items():
+        if len(used) == 0:
+            continue
+        fit = fit_foot(models, used)
+        feet[name] = fit.parameters
+        figures |= {f"refused_{name}": float(_refused(fit)), f"distance_{name}": fit.distance}
+    again = remounted(own, REMOUNT_DEG, plan.seed, number, 2)
+    remade = _OnTestStand(truth, again, disturbance, np.random.default_rng((plan.seed, number, 5)))
+    for test, test_loads in plan.tests.items():
+        read = remade.press(test_loads, _ONE_PF, on_floor=True)
+        for name, parameters in feet.items():
+            estimates = models.estimate(read, parameters)
+            judged = _judged(models, estimates, test_loads.force_n)
+            figures |= {f"{test}_{name}_{figure}": value for figure, value in judged.items()}
+    return figures
+
+
+def _refused(fit: CalibrationResult) -> bool:
+    """Return whether `footsense calibrate` would refuse the foot."""
+    try:
+        require_plausible(fit)
+    except CalibrationError:
+        return True
+    return False
+
+
+def _judged(models: DesignModels, estimates: Estimates, true_n: Vector) -> dict[str, float]:
+    """Return the figures of the estimates of some loads."""
+    usable = estimates.usable
+    if not usable.any():
+        return {"deg": np.nan, "gf": np.nan, "within_2": np.nan, "unread": 1.0, "unexplained": np.nan}
+    force_n, true_n, sigma_n = estimates.force_n[usable], true_n[usable], estimates.sigma_n[usable]
+    row = errors(true_n, force_n)
+    test = ConsistencyTest(len(force_n), models.network(1).card.trained_inputs.moments, _SETTLED_NS)
+    closure_rel, missing = estimates.closure_rel[usable], np.zeros((len(force_n), ELEMENTS), bool)
+    for t_ns in range(0, 2 * _SETTLED_NS, _SETTLED_NS // 4):
+        consistency: Any = test.test(closure_rel, np.zeros(len(force_n)), missing, t_ns)
+    noticed = consistency.unexplained | consistency.missing.any(axis=1)
+    return {
+        "deg": row.direction_deg,
+        "gf": row.magnitude_gf,
+        "within_2": float((np.abs(force_n - true_n) <= 2.0 * sigma_n).mean()),
+        "unread": float(1.0 - usable.mean()),
+        "unexplained": float(noticed.mean()),
+    }

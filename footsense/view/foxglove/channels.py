@@ -1,0 +1,94 @@
+"""The topics of a service: name, schema, and the messages of a cycle."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footsense.recording.container import event_messages, messages
+from footsense.view.foxglove.scene import closure_grid, foot_transforms, scene_update
+from footsense.view.live import ViewedCycle
+from footsense.view.signals import CLOSURE_COLUMNS
+
+#: Least time between two pictures of the scene [ns]: 30 in a second.
+PICTURE_NS = 33_000_000
+
+
+class Channel(NamedTuple):
+    """One topic.
+
+    Attributes:
+        topic: Its name.
+        schema_name: Name of its schema.
+        schema: Its JSON schema.
+        messages: Returns the messages of a cycle on it.
+        is_picture: Whether a few messages a second are enough.
+    """
+
+    topic: str
+    schema_name: str
+    schema: str
+    messages: Callable[[ViewedCycle], list[bytes]]
+    is_picture: bool = False
+
+
+def channels(legs: Sequence[str]) -> list[Channel]:
+    """Return the topics of a robot with these legs, those of a recording first."""
+    return [*_recorded(legs), *_pictures(legs)]
+
+
+def _recorded(legs: Sequence[str]) -> Iterator[Channel]:
+    """Yield the topics of a recording, with the same messages and schemas."""
+    encoders: dict[str, Callable[[ViewedCycle], list[bytes]]] = {
+        messages.SCAN: lambda viewed: [messages.encode_scan(viewed.cycle.scan, legs)],
+        messages.FORCE: lambda viewed: [messages.encode_force(viewed.cycle.forces, legs)],
+        messages.GAIT: lambda viewed: _gait(viewed, legs),
+        messages.GAIT_EVENT: lambda viewed: _gait_events(viewed, legs),
+        messages.EVENT: lambda viewed: _events(viewed, legs),
+    }
+    for topic, schema in messages.schemas(legs).items():
+        yield Channel(topic, f"footsense.{topic[1:]}", schema.decode(), encoders[topic])
+
+
+def _gait(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
+    gait = viewed.cycle.forces.gait
+    return [] if gait is None else [event_messages.encode_gait(gait, legs)]
+
+
+def _gait_events(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
+    gait = viewed.cycle.forces.gait
+    return [] if gait is None else event_messages.encode_gait_events(gait, legs)
+
+
+def _events(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
+    cycle = viewed.cycle
+    found = [event_messages.command_event(command, legs) for command in cycle.commands]
+    found += [event_messages.outcome_event(outcome, legs) for outcome in cycle.outcomes]
+    if cycle.temperature_c is not None:
+        found.append(event_messages.temperature_event(cycle.temperature_c, legs))
+    return found
+
+
+def _pictures(legs: Sequence[str]) -> Iterator[Channel]:
+    """Yield the topics in Foxglove's own schemas."""
+    schemas = json.loads(files(__package__).joinpath("schemas.json").read_bytes())
+
+    def picture(topic: str, schema_name: str, values: Callable[[ViewedCycle], dict[str, Any]]) -> Channel:
+        def encoded(viewed: ViewedCycle) -> list[bytes]:
+            return [json.dumps(values(viewed), separators=(",", ":")).encode()]
+
+        return Channel(topic, schema_name, json.dumps(schemas[schema_name]), encoded, is_picture=True)
+
+    def closures(viewed: ViewedCycle, row: int) -> dict[str, Any]:
+        closure_rel = viewed.table[row, CLOSURE_COLUMNS].astype(np.float64)
+        return closure_grid(closure_rel, legs[row], viewed.cycle.forces.t_sent_ns)
+
+    yield picture("/feet", "foxglove.SceneUpdate", lambda viewed: scene_update(viewed.cycle.forces, legs))
+    for row, leg in enumerate(legs):
+        yield picture(f"/closure/{leg}", "foxglove.Grid", partial(closures, row=row))
+    yield picture(
+        "/tf", "foxglove.FrameTransforms", lambda viewed: foot_transforms(legs, viewed.cycle.forces.t_sent_ns)
+    )

@@ -1,0 +1,143 @@
+"""Forces as arrows, closures of the gaps as grids, and the places of the feet, in Foxglove's own schemas.
+
+The feet stand where they do in the page's picture, not where the robot puts them: their places are not known here.
+"""
+
+import base64
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from firmware_interface.can.codes import Phase, phase_of
+from footsense.frames import ContactFrame, State, Vector
+
+#: Frame of the feet, and place of each in it [m]: x forward, y left.
+FRAME = "robot"
+PLACES_M = {
+    leg: (x_m, y_m, 0.0)
+    for side, y_m in (("l", 0.15), ("r", -0.15))
+    for leg, x_m in zip((f"{side}f", f"{side}m", f"{side}r"), (0.2, 0.0, -0.2), strict=True)
+}
+#: Length of the arrow of a newton [m].
+_M_PER_N = 0.1
+_CELL_M = 0.02
+_FLOAT32 = 7
+#: Parts of an entity that ours does not have.
+_UNUSED = ("metadata", "cubes", "spheres", "cylinders", "lines", "triangles", "models")
+_UPRIGHT = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+_COLOURS = {
+    Phase.VALID: (0.06, 0.49, 0.54),
+    Phase.DEGRADED: (0.89, 0.6, 0.1),
+    Phase.TARING: (0.89, 0.6, 0.1),
+    Phase.STARTING: (0.89, 0.6, 0.1),
+}
+_FAULT_COLOUR = (0.75, 0.15, 0.1)
+
+
+def scene_update(forces: ContactFrame, legs: Sequence[str]) -> dict[str, Any]:
+    """Return a `foxglove.SceneUpdate`: the force on each foot as an arrow, and its name with state or load."""
+    stamp = _time(forces.t_sent_ns)
+    entities = []
+    for row, leg in enumerate(legs):
+        state = State(int(forces.state[row]))
+        colour = dict(zip("rgba", (*_COLOURS.get(phase_of(state), _FAULT_COLOUR), 1.0), strict=True))
+        force_n = forces.force_n[row]
+        is_known = bool(np.isfinite(force_n).all())
+        name = f"{leg} {force_n[2]:.2f} N" if is_known else f"{leg} {state.name.lower().replace('_', ' ')}"
+        above = {"position": _point(PLACES_M[leg], above_m=0.02), "orientation": _UPRIGHT}
+        entities.append(
+            {
+                **{key: [] for key in _UNUSED},
+                "timestamp": stamp,
+                "frame_id": FRAME,
+                "id": leg,
+                "lifetime": {"sec": 1, "nsec": 0},
+                "frame_locked": False,
+                "arrows": [_arrow(leg, force_n, colour)] if is_known and force_n.any() else [],
+                "texts": [
+                    {
+                        "pose": above,
+                        "billboard": True,
+                        "font_size": 14.0,
+                        "scale_invariant": True,
+                        "color": colour,
+                        "text": name,
+                    }
+                ],
+            }
+        )
+    return {"deletions": [], "entities": entities}
+
+
+def _arrow(leg: str, force_n: Vector, colour: dict[str, float]) -> dict[str, Any]:
+    length_m = max(float(np.linalg.norm(force_n)) * _M_PER_N, 1e-6)
+    return {
+        "pose": {"position": _point(PLACES_M[leg]), "orientation": orientation(force_n)},
+        "shaft_length": 0.8 * length_m,
+        "shaft_diameter": 0.006,
+        "head_length": 0.2 * length_m,
+        "head_diameter": 0.015,
+        "color": colour,
+    }
+
+
+def orientation(direction: Vector) -> dict[str, float]:
+    """Return the quaternion that turns the x axis into a direction, shape (3,), not zero.
+
+    Example:
+        >>> {axis: round(part, 3) for axis, part in orientation(np.array([0.0, 0.0, 2.0])).items()}
+        {'x': 0.0, 'y': -0.707, 'z': 0.0, 'w': 0.707}
+    """
+    x, y, z = (direction / np.linalg.norm(direction)).tolist()
+    # 1 + x, without its cancellation near -1.
+    w = math.sqrt(((y * y + z * z) / (1.0 - x) if x < 0.0 else 1.0 + x) / 2.0)
+    if w == 0.0:
+        return {"x": 0.0, "y": 0.0, "z": 1.0, "w": 0.0}
+    return {"x": 0.0, "y": -z / (2.0 * w), "z": y / (2.0 * w), "w": w}
+
+
+def closure_grid(closure_rel: Vector, leg: str, t_ns: int) -> dict[str, Any]:
+    """Return a `foxglove.Grid` of the closures of a foot over the gap [1], shape (9,), NaN where unknown.
+
+    A grid's columns go along x, forward, and its rows along y, to the left; ours run the other way.
+    """
+    cells = closure_rel.reshape(3, 3)[::-1, ::-1].T.astype("<f4")
+    x_m, y_m, z_m = PLACES_M[leg]
+    corner = (x_m - 1.5 * _CELL_M, y_m - 1.5 * _CELL_M, z_m)
+    return {
+        "timestamp": _time(t_ns),
+        "frame_id": FRAME,
+        "pose": {"position": _point(corner), "orientation": _UPRIGHT},
+        "column_count": 3,
+        "cell_size": {"x": _CELL_M, "y": _CELL_M},
+        "row_stride": 12,
+        "cell_stride": 4,
+        "fields": [{"name": "closure", "offset": 0, "type": _FLOAT32}],
+        "data": base64.b64encode(cells.tobytes()).decode(),
+    }
+
+
+def foot_transforms(legs: Sequence[str], t_ns: int) -> dict[str, Any]:
+    """Return `foxglove.FrameTransforms` from the robot to each foot."""
+    return {
+        "transforms": [
+            {
+                "timestamp": _time(t_ns),
+                "parent_frame_id": FRAME,
+                "child_frame_id": leg,
+                "translation": _point(PLACES_M[leg]),
+                "rotation": _UPRIGHT,
+            }
+            for leg in legs
+        ]
+    }
+
+
+def _point(place_m: tuple[float, float, float], above_m: float = 0.0) -> dict[str, float]:
+    return {"x": place_m[0], "y": place_m[1], "z": place_m[2] + above_m}
+
+
+def _time(t_ns: int) -> dict[str, int]:
+    return {"sec": t_ns // 1_000_000_000, "nsec": t_ns % 1_000_000_000}

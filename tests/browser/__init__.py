@@ -1,0 +1,1 @@
+"""The page of `footsense view` in a real browser: Debian's Chromium, without a window."""

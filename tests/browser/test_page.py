@@ -1,0 +1,208 @@
+"""What somebody sees: six feet, a pressed one at once, a broken leg with its remedy, a restart, a recording."""
+
+import re
+import statistics
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from footsense.clock import MonotonicClock
+from footsense.frames import Cause, State
+from tests.browser.chromium import MISSING, Browser
+from tests.support.viewed_service import LEGS, ViewedService
+
+GOLDEN = Path(__file__).parents[1] / "golden/measured_walk.mcap"
+SIX_FEET = "window.footsense?.robot && document.querySelectorAll('#robot .foot').length === 6"
+pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+
+
+@contextmanager
+def view(*options: str | Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Run `footsense view` on a free port; yield the process and the address of its page."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "footsense", "view", "--port", "0", *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.terminate()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with Browser() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def cycles(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("shared") / "cycles"
+
+
+@pytest.fixture(scope="module")
+def url(cycles: Path) -> Iterator[str]:
+    with view("--cycles", cycles) as (_, url):
+        yield url
+
+
+def cell_colour(browser: Browser, leg: str, element: int) -> str:
+    return str(
+        browser.js(
+            "return getComputedStyle(document.querySelectorAll(`[data-leg=${arguments[0]}] .cell`)[arguments[1]]).fill",
+            leg,
+            element,
+        )
+    )
+
+
+def test_six_feet_and_the_pressed_one(browser: Browser, cycles: Path, url: str) -> None:
+    """With its closures, arrow, bar, cone, and the numbers beside it."""
+    with ViewedService(cycles) as service:
+        service.force_n[4] = 0.2, 0.1, 1.2
+        browser.look()
+        browser.open(url)
+        browser.wait(
+            f"{SIX_FEET} && document.querySelector('[data-leg=rm].contact')", lambda: service.publish(5)
+        )
+        assert browser.text("#title") == "six feet under a thumb"
+        assert browser.text("[data-leg=rm] .fz") == "1.20 N"
+        assert browser.text("tr[data-leg=rm]").startswith("RMvalid+0.200+0.100+1.20020")
+        assert browser.text("[data-leg=lf] .fz") == "0.00 N"
+        assert cell_colour(browser, "rm", 8) != cell_colour(browser, "rm", 0) != cell_colour(browser, "lf", 0)
+        # Forward is up and left is left: the arrow of a force forwards and to the left.
+        arrow = browser.js(
+            "const a = document.querySelector('[data-leg=rm] .arrow').attributes;"
+            "return ['x1', 'x2', 'y1', 'y2'].map((name) => Number(a[name].value))"
+        )
+        assert arrow[1] < arrow[0]
+        assert arrow[3] < arrow[2]
+        cone, tip = browser.js(
+            "const foot = document.querySelector('[data-leg=rm]');"
+            "const [cone, sigma] = [foot.querySelector('.cone'), foot.querySelector('.sigma')];"
+            "return [cone.r.baseVal.value, Math.hypot(sigma.cx.baseVal.value - cone.cx.baseVal.value,"
+            "sigma.cy.baseVal.value - cone.cy.baseVal.value)]"
+        )
+        assert tip / cone == pytest.approx(np.hypot(0.2, 0.1) / (0.4 * 1.2), rel=1e-3)
+        assert browser.text("#problems .fine") == "Nothing is wrong."
+        assert browser.errors() == []
+
+
+def test_a_press_is_seen_within_a_tenth_of_a_second(browser: Browser, cycles: Path, url: str) -> None:
+    """From the cycle in shared memory to the picture, half of ten times; the way through Selenium included."""
+    clock = MonotonicClock()
+    with ViewedService(cycles) as service:
+        browser.open(url)
+        browser.wait(SIX_FEET, service.publish)
+        took_ms = []
+        for press in range(10):
+            service.force_n[press % 6, 2] = force_n = 0.3 + 0.1 * press
+            start_ns = clock.now_ns()
+            service.publish()
+            browser.driver.execute_async_script(
+                "const [leg, wanted, done] = arguments;"
+                "const node = document.querySelector(`[data-leg=${leg}] .fz`);"
+                "const look = () => node.textContent === wanted ? done() : requestAnimationFrame(look); look()",
+                LEGS[press % 6],
+                f"{force_n:.2f} N",
+            )
+            took_ms.append((clock.now_ns() - start_ns) * 1e-6)
+        assert statistics.median(took_ms) < 100.0
+
+
+def test_a_broken_leg_says_what_to_do(browser: Browser, cycles: Path, url: str) -> None:
+    """An open row is crossed out, a silent leg is empty; both have a cause and a remedy; the others go on."""
+    with ViewedService(cycles) as service:
+        service.force_n[:, 2] = 0.5
+        browser.open(url)
+        browser.wait(SIX_FEET, service.publish)
+        service.state[0], service.cause[0], service.fault_mask[0] = State.DEGRADED, Cause.ROW_OPEN, 0b111
+        service.state[5], service.cause[5] = State.ABSENT, Cause.NO_ANSWER
+        browser.wait("document.querySelectorAll('#problems li').length === 2", service.publish)
+        first, second = (browser.text(f"#problems li:nth-child({n})") for n in (1, 2))
+        assert first.startswith("LFdegraded: row open — the line of a row is interrupted. Check the plug")
+        assert second == (
+            "RRabsent: no answer — its chips do not answer. "
+            "Check its plug, its 3.3 V, and whether this is its channel."
+        )
+        assert browser.js("return document.querySelectorAll('[data-leg=lf] .dead.on').length") == 3
+        assert browser.text("[data-leg=rr] .fz") == "\N{EN DASH} N"
+        assert browser.text("[data-leg=lm] .fz") == "0.50 N"
+        assert "absent: no answer" in browser.text("#events")
+        assert browser.errors() == []
+
+
+def test_the_service_and_the_viewer_start_again(browser: Browser, cycles: Path, tmp_path: Path) -> None:
+    """The page says what is missing and what to do, keeps the last values, and goes on by itself."""
+    with view("--cycles", cycles) as (viewer, url):
+        browser.open(url)
+        browser.wait("document.querySelector('#banner')?.textContent.includes('no service runs')")
+        assert "Start it with `footsense run`" in browser.text("#banner")
+        with ViewedService(cycles) as service:
+            service.force_n[:, 2] = 0.4
+            browser.wait(f"{SIX_FEET} && document.body.dataset.link === 'live'", service.publish)
+            assert browser.js("return document.querySelector('#banner').hidden")
+        browser.wait("document.body.dataset.link === 'ended'")
+        assert "the service has ended" in browser.text("#banner")
+        assert browser.text("[data-leg=lm] .fz") == "0.40 N"
+        with ViewedService(cycles) as service:
+            service.force_n[:, 2] = 0.6
+            browser.wait(
+                "document.body.dataset.link === 'live'"
+                " && document.querySelector('[data-leg=lm] .fz').textContent === '0.60 N'",
+                service.publish,
+            )
+            viewer.terminate()
+            browser.wait("document.body.dataset.link === 'lost'", service.publish)
+            assert "The viewer does not answer" in browser.text("#banner")
+
+
+def test_a_recording_is_played_and_stepped(browser: Browser) -> None:
+    """The golden walk: time bar, speed, events, keys."""
+    with view(GOLDEN) as (_, url):
+        browser.open(url)
+        browser.wait(f"{SIX_FEET} && window.footsense.replay?.t > 0.5 && footsense.replay.done")
+        assert browser.text("#title") == "measured_walk.mcap"
+        assert not browser.js("return document.querySelector('#replay').hidden")
+        browser.js("document.querySelector('#play').click(); footsense.replay.seek(0)")
+        browser.keys("nnnn")
+        browser.wait("footsense.drawn > 0.1")
+        t = browser.js("return footsense.replay.t")
+        assert browser.js("return footsense.replay.events.all.some((event) => event.t === arguments[0])", t)
+        assert not browser.js("return footsense.replay.playing")
+        browser.js("window.footsense.replay.seek(2.0)")
+        browser.wait("Math.abs(window.footsense.drawn - 2.0) < 0.004")
+        browser.wait("document.querySelectorAll('#robot .contact').length >= 3")
+        assert re.match(r"2\.00 / 4\.0 s", browser.text("#time"))
+        assert t < 2.0
+        assert browser.errors() == []
+
+
+def test_a_phone_and_a_hidden_page(browser: Browser, cycles: Path, url: str) -> None:
+    """Nothing is wider than a phone; a page that does not draw is sent no more, and then the newest."""
+    with ViewedService(cycles) as service:
+        browser.look(390, 844, dark=True)
+        browser.open(url)
+        browser.wait(SIX_FEET, service.publish)
+        assert browser.js("return document.documentElement.scrollWidth") <= 390
+        hide = "footsense.kept = requestAnimationFrame; requestAnimationFrame = (next) => { footsense.next = next; }"
+        browser.js(hide)
+        browser.wait("Boolean(footsense.next)", service.publish)
+        before = browser.js("return footsense.n")
+        for _ in range(20):
+            service.publish(20)
+            browser.js("return 1")
+        assert browser.js("return footsense.n") - before <= 2 * 256
+        service.force_n[:, 2] = 0.9
+        service.publish()
+        browser.js("window.requestAnimationFrame = footsense.kept; requestAnimationFrame(footsense.next)")
+        browser.wait("document.querySelector('[data-leg=lm] .fz').textContent === '0.90 N'")
+        browser.look()

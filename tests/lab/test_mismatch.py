@@ -1,0 +1,65 @@
+"""The command `lab mismatch` in its quick form, and what it refuses."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from footsense.cli import main
+from footsense.errors import ModelError
+from footsense.foot.response_table import FootResponse
+from footsense.foot.symmetry import SIDE
+from footsense.lab.fem.whole import Imperfection, whole_table, with_change
+from tests.lab.released import FOOT_DESIGN, RELEASED
+
+pytestmark = pytest.mark.lab
+
+RESPONSE = FootResponse.load(RELEASED / "response.npz")
+
+
+def test_a_row_is_made_and_resumed(tmp_path: Path) -> None:
+    """Finished feet are not done again; the page has the row's figures."""
+    command = ["lab", "mismatch", "--quick", "--rows", "none", "--json", "--kept", str(tmp_path / "kept")]
+    command += ["--output", str(tmp_path)]
+    first, again = (CliRunner().invoke(main, command, catch_exceptions=False) for _ in range(2))
+    assert first.exit_code == again.exit_code == 0
+    values, resumed = json.loads(first.stdout), json.loads(again.stdout)
+    assert values["means"] == resumed["means"]
+    assert resumed["seconds"] < 0.5 * values["seconds"]
+    row = values["means"]["none"]
+    assert row["centred_all_deg"] < 0.25 * row["centred_design_deg"]
+    assert "none: the foot that the calibration supposes" in (tmp_path / "mismatch.md").read_text("utf-8")
+
+
+def test_an_unknown_row_is_answered_with_those_that_are(tmp_path: Path) -> None:
+    """One line with the names."""
+    command = ["lab", "mismatch", "--rows", "x", "--output", str(tmp_path)]
+    done = CliRunner().invoke(main, command)
+    assert done.exit_code != 0
+    assert "no row 'x': there are none, mesh, plate" in done.output
+
+
+def test_a_bubble_that_leaves_the_ball_is_one_clear_line() -> None:
+    """A mismatch that the mesh cannot hold is refused before it is meshed."""
+    with pytest.raises(ModelError, match="is not inside the ground-side ball"):
+        whole_table(FOOT_DESIGN, Imperfection(bubble_mm=(0.0, 0.0, -1.0, 0.75)))
+
+
+def test_a_whole_table_without_change_is_the_quarter_mirrored(tmp_path: Path) -> None:
+    """A foot that is not symmetric has a table of all cells; without a change it reads the same, after a file, too."""
+    none = np.zeros((RESPONSE.series.shape[1], 324, 3))
+    whole = with_change(RESPONSE, FOOT_DESIGN, none, np.zeros((324, 324)))
+    whole.save(tmp_path / "whole.npz")
+    kept = FootResponse.load(tmp_path / "whole.npz")
+    assert len(kept.quarter_compliance) == SIDE
+    normal = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
+    for one in (whole, kept):
+        np.testing.assert_allclose(
+            one.free_closure_um(normal, normal), RESPONSE.free_closure_um(normal, normal)
+        )
+    np.testing.assert_array_equal(kept.compliance_um_per_n, RESPONSE.compliance_um_per_n)
+    other = replace(kept, quarter_series=1.1 * kept.quarter_series)
+    assert other.closure_um(normal, normal)[0, 0] > kept.closure_um(normal, normal)[0, 0]

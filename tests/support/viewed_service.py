@@ -1,0 +1,134 @@
+"""A service as viewers see it: cycles of six standing feet, whose loads and faults a test sets."""
+
+from pathlib import Path
+from typing import Self
+
+import msgspec
+import numpy as np
+
+from footsense.daemon.recording_header import ELEMENTS_KEY, ElementValues
+from footsense.frames import (
+    BaselineDrift,
+    BaselineStatus,
+    CanStatistics,
+    CapFrame,
+    Cause,
+    ContactFrame,
+    Cycle,
+    Flag,
+    GaitFrame,
+    Reading,
+    Slip,
+    State,
+    Vector,
+)
+from footsense.recording.shared_cycles import SharedCycles
+
+LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
+PERIOD_NS = 2_700_000
+#: Readings of the unloaded foot, and plate distance over the gap times capacitance [pF].
+UNLOADED_PF, DISTANCE_PF = 5.387, 7.083
+HEADER = {
+    "scene": '{"description": "six feet under a thumb"}',
+    ELEMENTS_KEY: msgspec.json.encode(
+        ElementValues(np.zeros((6, 9)).tolist(), np.full((6, 9), DISTANCE_PF).tolist())
+    ).decode(),
+}
+
+
+def closed_pf(closure_rel: Vector) -> Vector:
+    """Return the capacitance [pF] at a closure over the gap [1], of any shape."""
+    return 1.0 / (1.0 / UNLOADED_PF - closure_rel / DISTANCE_PF)
+
+
+class ViewedService:
+    """Writes shared cycles as the loop does.
+
+    Attributes:
+        force_n: Force on each foot [N], shape (6, 3); its closures follow fz.
+        state: State of each leg, shape (6,).
+        cause: Cause of each, shape (6,).
+        fault_mask: Elements out of each, shape (6,).
+    """
+
+    def __init__(self, path: Path, header: dict[str, str] = HEADER) -> None:
+        self._baseline_pf = np.full((6, 9), UNLOADED_PF)
+        self._shared = SharedCycles(path, LEGS, header, lambda: self._baseline_pf, CanStatistics())
+        self._n = 0
+        self.force_n = np.zeros((6, 3))
+        self.state = np.full(6, State.VALID, np.uint8)
+        self.cause = np.full(6, Cause.NONE, np.uint8)
+        self.fault_mask = np.zeros(6, np.uint16)
+
+    def publish(self, n: int = 1) -> None:
+        """Publish some cycles with the present values."""
+        for _ in range(n):
+            self._n += 1
+            self._shared.observe(self.cycle(self._n))
+
+    def cycle(self, number: int) -> Cycle:
+        """Return a cycle with the present values."""
+        t_ns = 1_000_000_000 + number * PERIOD_NS
+        force_n = np.where(np.isin(self.state, [State.VALID, State.DEGRADED])[:, None], self.force_n, np.nan)
+        load_n = np.nan_to_num(force_n[:, 2])
+        closure_rel = np.clip(load_n[:, None] * np.linspace(0.2, 0.7, 9), 0.0, 0.95)
+        capacitance_pf = closed_pf(closure_rel)
+        capacitance_pf[self.state == State.ABSENT] = np.nan
+        stamps = np.full((6, 9), t_ns - 3_000_000)
+        scan = CapFrame(number, stamps, capacitance_pf, np.full((6, 9), Reading.OK, np.uint8))
+        contact = load_n > 0.03
+        baseline = BaselineDrift(
+            np.where(contact, BaselineStatus.HELD, BaselineStatus.TRACKING).astype(np.uint8),
+            *(np.zeros(6), np.zeros(6)),
+            np.full(6, 1, np.int64),
+        )
+        forces = ContactFrame(
+            number,
+            t_ns,
+            t_ns - np.full(6, 3_100_000),
+            force_n,
+            np.where(np.isnan(force_n), np.nan, 0.02),
+            self.state.copy(),
+            self.fault_mask.copy(),
+            np.where(contact, int(Flag.CONTACT | Flag.SIMULATED), int(Flag.SIMULATED)).astype(np.uint8),
+            self.cause.copy(),
+            baseline,
+            self._gait(t_ns, force_n, contact) if number % 36 == 1 else None,
+        )
+        return Cycle(scan, (), forces, ())
+
+    def _gait(
+        self, t_ns: int, force_n: Vector, contact: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    ) -> GaitFrame:
+        load_n = np.where(contact, force_n[:, 2], np.nan)
+        return GaitFrame(
+            t_ns=t_ns,
+            contact=contact,
+            contact_raw=contact,
+            probability=np.where(contact, 1.0, 0.0),
+            touchdown_ns=np.zeros(6, np.int64),
+            touchdown_sigma_s=np.full(6, np.nan),
+            lift_off_ns=np.zeros(6, np.int64),
+            lift_off_sigma_s=np.full(6, np.nan),
+            load_share=load_n / max(np.nansum(load_n), 1e-9),
+            normal=np.tile([0.0, 0.0, 1.0], (6, 1)),
+            normal_sigma_rad=np.full(6, 0.05),
+            friction_use=np.hypot(force_n[:, 0], force_n[:, 1]) / load_n,
+            friction_use_sigma=np.full(6, 0.02),
+            slip=np.where(contact, Slip.NONE, Slip.UNKNOWN).astype(np.uint8),
+            friction=0.4,
+            all_in_air=not contact.any(),
+            events=(),
+        )
+
+    def __enter__(self) -> Self:
+        """Return the running service."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the service."""
+        self.close()
+
+    def close(self) -> None:
+        """End the service: its file goes."""
+        self._shared.close()

@@ -1,0 +1,76 @@
+"""Feet of another physics through the whole chain: calibrated, read under leaning loads, refused where necessary."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from footsense.foot.cavity.air import Cavity
+from footsense.foot.direction_sets import random_directions
+from footsense.foot.directions import normalized
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES
+from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.validation.mismatch_trial import (
+    UNDISTURBED,
+    Disturbance,
+    TestLoads,
+    TrialPlan,
+    run_mismatch_trial,
+)
+from tests.support.test_stand_loads import design
+
+
+def _plan() -> TrialPlan:
+    """Return a plan with centred and leaning test loads of 60 gf, at which no gap closes."""
+    rng = np.random.default_rng(3)
+    centred = 0.6 * paper_presses("verification")[::5]
+    direction = random_directions(rng, 60, 50.0)
+    normal = normalized(direction + np.radians(12.0) * rng.normal(size=direction.shape))
+    leaning = TestLoads(normal, 60.0 * GRAM_FORCE_N * direction)
+    tests = {"centred": TestLoads(normalized(centred), centred), "leaning": leaning}
+    return TrialPlan(tolerances=PAPER_TOLERANCES, seed=8, every=6, tests=tests)
+
+
+@pytest.mark.parametrize("disturbance", [UNDISTURBED, Disturbance(turn_deg=3.0)], ids=["known", "turned"])
+def test_a_calibrated_foot_reads_leaning_loads(disturbance: Disturbance) -> None:
+    """It reads them several times better than the design's network, and says by how much it may err."""
+    found = run_mismatch_trial(design(), design().response, disturbance, _plan(), 1)
+    assert found["refused_all"] == 0.0
+    for test in ("centred", "leaning"):
+        assert found[f"{test}_all_deg"] < min(2.0, 0.25 * found[f"{test}_design_deg"])
+        assert found[f"{test}_all_gf"] < 3.0
+        assert found[f"{test}_all_within_2"] > 0.8
+
+
+def test_more_loads_are_not_worse() -> None:
+    """Of a reference that is off by its linearity, sixty loads teach the foot no more than twenty."""
+    plan, off = _plan(), Disturbance(reference_linearity_rel=0.015)
+    plan = replace(plan, tests={"centred": plan.tests["centred"]})
+    feet = [run_mismatch_trial(design(), design().response, off, plan, number) for number in (1, 2)]
+    for figure in ("deg", "gf"):
+        many, few = (np.mean([foot[f"centred_{n}_{figure}"] for foot in feet]) for n in ("all", "few"))
+        assert many < 1.1 * few
+
+
+def test_a_foot_with_sealed_cavities_is_refused() -> None:
+    """A calibration that knows vented cavities does not fit it."""
+    sealed = replace(design().response, cavity=Cavity(kind="sealed"))
+    found = run_mismatch_trial(design(), sealed, UNDISTURBED, _plan(), 1)
+    assert found["refused_all"] == 1.0
+    assert found["centred_all_deg"] > 2.0
+
+
+def test_the_rubber_and_the_worn_pole_change_what_is_read() -> None:
+    """Each disturbance reaches the readings: none is a row without effect."""
+    plan, models = replace(_plan(), every=15, few=0), design()
+    plain = run_mismatch_trial(models, models.response, UNDISTURBED, plan, 2)
+    for disturbance in (
+        Disturbance(worn_mm=0.3),
+        Disturbance(creep=3.0),
+        Disturbance(play=3.0),
+        Disturbance(touchdown_pf=0.2),
+        Disturbance(microphonics_pf=5e-3),
+    ):
+        other = run_mismatch_trial(models, models.response, disturbance, plan, 2)
+        assert abs(other["centred_all_deg"] - plain["centred_all_deg"]) > 1e-3

@@ -1,0 +1,337 @@
+"""The server: who may connect, what rubbish does, and that a slow page gets the newest."""
+
+import asyncio
+import json
+import socket
+import struct
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from footsense.clock import MonotonicClock
+from footsense.errors import ConfigError
+from footsense.ports import CanWire
+from footsense.view.access import MAX_CLIENTS
+from footsense.view.live import Live
+from footsense.view.recorded import Recorded
+from footsense.view.server import PAGE_PROTOCOL, ViewServer
+from footsense.view.signals import SIGNALS
+from footsense.view.tares import Tares
+from tests.support.viewed_service import LEGS, ViewedService
+
+GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
+COLUMN = {signal.name: column for column, signal in enumerate(SIGNALS)}
+TIMEOUT_S = 20
+
+
+@asynccontextmanager
+async def served(path: Path, tares: Tares | None = None) -> AsyncIterator[str]:
+    """Serve the service of a path; yield host and port."""
+    live = Live(path, MonotonicClock())
+    async with ViewServer(live, tares).serving("127.0.0.1", 0) as url:
+        yield url.removeprefix("http://")
+    live.close()
+
+
+def page(host: str, **options: Any) -> connect:
+    """Open a connection as the page does."""
+    return connect(f"ws://{host}/", subprotocols=[PAGE_PROTOCOL], **options)
+
+
+def run(test: Callable[[], Awaitable[None]]) -> None:
+    asyncio.run(asyncio.wait_for(test(), TIMEOUT_S))
+
+
+async def text_of(connection: ClientConnection, kind: str) -> dict[str, object]:
+    """Return the next text message of a type."""
+    async for message in connection:
+        if isinstance(message, str) and (values := json.loads(message))["type"] == kind:
+            return dict(values)
+    raise AssertionError(f"no {kind}")
+
+
+async def cycles_of(connection: ClientConnection) -> tuple[list[float], np.ndarray]:
+    """Return times and tables of the next message of cycles."""
+    async for message in connection:
+        if isinstance(message, bytes):
+            _, n, legs, signals = struct.unpack_from("<IIII", message)
+            times = np.frombuffer(message, "<f8", n, 16).tolist()
+            return times, np.frombuffer(message, "<f4", n * legs * signals, 16 + 8 * n).reshape(
+                n, legs, signals
+            )
+    raise AssertionError("no cycles")
+
+
+async def drain(connection: ClientConnection) -> None:
+    """Read until the connection ends."""
+    while True:
+        await connection.recv()
+
+
+def test_the_page_shows_forces_and_closures(tmp_path: Path) -> None:
+    """Of the running service, with names, words and events."""
+
+    async def test() -> None:
+        with ViewedService(tmp_path / "cycles") as service:
+            service.force_n[2] = 0.1, -0.2, 1.0
+            service.publish(40)
+            async with served(tmp_path / "cycles") as host, page(host) as browser:
+                hello = await text_of(browser, "hello")
+                assert (hello["mode"], hello["title"], hello["legs"]) == (
+                    "live",
+                    "six feet under a thumb",
+                    list(LEGS),
+                )
+                times, tables = await cycles_of(browser)
+                assert len(times) == 40
+                last = tables[-1, 2]
+                assert last[:3] == pytest.approx([0.1, -0.2, 1.0])
+                closures = last[COLUMN["closure_0"] : COLUMN["closure_0"] + 9]
+                assert closures == pytest.approx(np.linspace(0.2, 0.7, 9), abs=1e-5)
+                assert tables[-1, :, COLUMN["friction"]] == pytest.approx(0.4)
+
+    run(test)
+
+
+def test_a_slow_page_is_sent_the_newest_and_no_backlog(tmp_path: Path) -> None:
+    """Without acknowledgements nothing more comes than two messages; then the newest cycles in one."""
+
+    async def test() -> None:
+        with ViewedService(tmp_path / "cycles") as service:
+            service.publish()
+            async with served(tmp_path / "cycles") as host, page(host) as browser:
+                await cycles_of(browser)
+                service.publish()
+                await cycles_of(browser)
+                service.publish(400)
+                with pytest.raises(TimeoutError):
+                    async with asyncio.timeout(0.2):
+                        await cycles_of(browser)
+                await browser.send('{"type": "drawn"}')
+                times, _ = await cycles_of(browser)
+                assert len(times) == 256
+                assert times[-1] == pytest.approx(401 * 0.0027, abs=1e-6)
+
+    run(test)
+
+
+def test_a_service_that_ends_and_starts_again(tmp_path: Path) -> None:
+    """The page is told, and then greeted by the next service, which may have waited for it."""
+
+    async def test() -> None:
+        path = tmp_path / "cycles"
+        async with served(path) as host, page(host) as browser:
+            status = await text_of(browser, "status")
+            assert "no service runs" in str(status["problem"])
+            for force_n in (0.5, 0.7):
+                with ViewedService(path) as service:
+                    service.force_n[:, 2] = force_n
+                    service.publish(3)
+                    assert (await text_of(browser, "hello"))["legs"] == list(LEGS)
+                    _, tables = await cycles_of(browser)
+                    assert tables[-1, 0, 2] == pytest.approx(force_n)
+                    await browser.send('{"type": "drawn"}')
+                while "has ended" not in str((await text_of(browser, "status"))["problem"]):
+                    pass
+
+    run(test)
+
+
+def test_other_names_and_origins_are_refused(tmp_path: Path) -> None:
+    """A site whose name points here, and a page of another origin; Foxglove's own pages may read its protocol."""
+
+    async def status_of(opening: connect) -> int:
+        try:
+            async with opening:
+                return 101
+        except InvalidStatus as refused:
+            return refused.response.status_code
+
+    async def test() -> None:
+        async with served(tmp_path / "cycles") as host:
+            ours, foxglove = f"http://{host}", "https://app.foxglove.dev"
+            url, protocols = f"ws://{host}/", ["foxglove.websocket.v1"]
+            assert await status_of(page(host, origin=ours)) == 101
+            assert await status_of(page(host, origin="https://evil.example")) == 403
+            assert await status_of(page(host, origin=foxglove)) == 403
+            assert await status_of(connect(url, subprotocols=protocols, origin=foxglove)) == 101  # type: ignore[arg-type]
+            assert await status_of(connect(url, subprotocols=protocols, origin="https://evil.example")) == 403  # type: ignore[arg-type]
+            port = int(host.rpartition(":")[2])
+            opening = connect(
+                f"ws://evil.example:{port}/", subprotocols=[PAGE_PROTOCOL], host="127.0.0.1", port=port
+            )
+            assert await status_of(opening) == 421
+
+    run(test)
+
+
+def test_clients_are_bounded(tmp_path: Path) -> None:
+    """One viewer too many is refused in words, and the others go on."""
+
+    async def test() -> None:
+        async with served(tmp_path / "cycles") as host:
+            browsers = [await page(host) for _ in range(MAX_CLIENTS)]
+            with pytest.raises(InvalidStatus) as refused:
+                await page(host)
+            assert refused.value.response.status_code == 503
+            assert b"16 viewers are connected already" in refused.value.response.body
+            await browsers.pop().close()
+            while True:
+                try:
+                    browsers.append(await page(host))
+                    break
+                except InvalidStatus:
+                    await asyncio.sleep(0)
+            for browser in browsers:
+                await browser.close()
+
+    run(test)
+
+
+RUBBISH: list[str | bytes] = [
+    "",
+    "null",
+    "{",
+    "[]",
+    '{"type": "drawn", "more": 1}',
+    '{"type": "chunk", "number": "one"}',
+    '{"type": "tare"}',
+    b"\x00\xff",
+    "x" * 100_000,
+    "\N{SNOWMAN}" * 100,
+]
+
+
+def test_rubbish_ends_the_connection_and_nothing_else(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Each in one line of the log, and a reason for the page."""
+
+    async def test() -> None:
+        async with served(tmp_path / "cycles") as host, page(host) as other:
+            for rubbish in RUBBISH:
+                async with page(host) as browser:
+                    await browser.send(rubbish)
+                    with pytest.raises(ConnectionClosed):
+                        await drain(browser)
+            await other.send('{"type": "drawn"}')
+            assert (await text_of(other, "hello"))["mode"] == "live"
+
+    run(test)
+    lines = [record.getMessage() for record in caplog.records if record.name.startswith("footsense")]
+    assert len(lines) == len(RUBBISH) - 1  # the longest is refused before it is read
+    assert all("\n" not in line and "was dismissed" in line for line in lines)
+
+
+class FakeWire(CanWire):
+    """A CAN channel that keeps what is sent."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+
+    def send(self, frames: bytes, t_ns: int) -> int:
+        """Keep a frame."""
+        del t_ns
+        self.sent.append(frames)
+        return 1
+
+    def receive(self) -> list[bytes]:
+        """Return nothing."""
+        return []
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def test_a_tare_needs_the_token(tmp_path: Path) -> None:
+    """Without it, or without the option, no frame goes out."""
+
+    async def test() -> None:
+        wire = FakeWire()
+        tares = Tares(wire, MonotonicClock())
+        for given, token, wanted in (
+            (None, "", "no commands: start `footsense view` with --allow-commands"),
+            (tares, "guessed", "no tare: the token is not the one that was printed at start"),
+            (tares, tares.token, ""),
+        ):
+            async with served(tmp_path / "cycles", given) as host, page(host) as browser:
+                await browser.send(json.dumps({"type": "tare", "leg": "lm", "token": token}))
+                assert (await text_of(browser, "answer"))["text"] == wanted
+            assert len(wire.sent) == (wanted == "")
+        assert wire.sent[0][:4] == (0x202).to_bytes(4, "little")
+
+    run(test)
+
+
+def test_a_recording_comes_second_by_second(tmp_path: Path) -> None:
+    """All cycles of the golden walk, its events, and its length."""
+
+    async def test() -> None:
+        recorded = Recorded(GOLDEN)
+        recorded.read()
+        async with (
+            ViewServer(recorded).serving("127.0.0.1", 0) as url,
+            page(url.removeprefix("http://")) as browser,
+        ):
+            assert (await text_of(browser, "hello"))["title"] == "measured_walk.mcap"
+            events = await text_of(browser, "events")
+            kinds = {event["kind"] for event in events["events"]}  # type: ignore[attr-defined]
+            assert kinds == {"touchdown", "lift-off", "state", "command"}
+            assert (await text_of(browser, "progress"))["end"] == pytest.approx(3.975, abs=1e-3)
+            n = 0
+            for number in range(4):
+                await browser.send(json.dumps({"type": "chunk", "number": number}))
+                times, _ = await cycles_of(browser)
+                assert number <= times[0] <= times[-1] < number + 1
+                n += len(times)
+            assert n == 1448
+        recorded.close()
+
+    run(test)
+
+
+def test_a_busy_port_is_one_line(tmp_path: Path) -> None:
+    """With the remedy."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+
+        async def test() -> None:
+            server = ViewServer(Live(tmp_path / "cycles", MonotonicClock()))
+            wanted = f"127.0.0.1:{port}: Address already in use; choose another port: --port, or view.port"
+            with pytest.raises(ConfigError, match=wanted):
+                async with server.serving("127.0.0.1", port):
+                    pass
+
+        run(test)
+
+
+def test_files_of_the_page_and_nothing_else(tmp_path: Path) -> None:
+    """They may load nothing from elsewhere; all of them are small."""
+
+    async def test() -> None:
+        async with served(tmp_path / "cycles") as host:
+
+            def get(path: str) -> tuple[int, str, bytes]:
+                with urlopen(f"http://{host}{path}", timeout=TIMEOUT_S) as answer:
+                    return answer.status, answer.headers["Content-Security-Policy"], answer.read()
+
+            status, policy, page_html = await asyncio.to_thread(get, "/")
+            assert status == 200
+            assert "default-src 'none'" in policy
+            assert b"http" not in page_html
+            for path in ("/view.js", "/uPlot.js", "/uPlot.LICENSE.txt"):
+                assert (await asyncio.to_thread(get, path))[2]
+            for path in ("/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/nothing"):
+                with pytest.raises(OSError, match="404"):
+                    await asyncio.to_thread(get, path)
+
+    run(test)
+    assets = Path(__file__).parents[3] / "footsense/view/assets"
+    assert sum(path.stat().st_size for path in assets.iterdir()) < 500_000
