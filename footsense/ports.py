@@ -189,14 +189,14 @@ class Load(NamedTuple):
     Attributes:
         force_n: Ground reaction on the foot [N], foot frame, shape (rows, 3).
         sigma_n: Standard deviation of each component [N], same shape.
-        contact: Contact point on the ball, stereographic (normal_x, normal_y) / (1 + normal_z), and tangential over
-            normal force, both forward and to the left [1], shape (rows, 4).
+        contact_coordinates: Contact point on the ball, stereographic (normal_x, normal_y) / (1 + normal_z), and
+            tangential over normal force, both forward and to the left [1], shape (rows, 4).
         contact_sigma: Standard deviation of each [1], same shape.
     """
 
     force_n: Vector
     sigma_n: Vector
-    contact: Vector
+    contact_coordinates: Vector
     contact_sigma: Vector
 
 

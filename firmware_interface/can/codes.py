@@ -33,39 +33,6 @@ USABLE = frozenset({State.VALID, State.DEGRADED})
 FAULT_FREE = frozenset({State.VALID, State.STARTING, State.TARING, State.STOPPED})
 
 
-class Phase(IntEnum):
-    """Phase of a leg from power-up to forces: a coarse grouping of the leg's states for people and dashboards."""
-
-    ABSENT = 0  #: its chips do not answer
-    STARTING = 1  #: they answer, but readings or a tare are missing for a force
-    TARING = 2  #: a tare is being taken
-    VALID = 3  #: forces come
-    DEGRADED = 4  #: forces come from fewer elements
-    FAULTED = 5  #: something is broken, delayed or out of range
-    STOPPED = 6  #: the leg was stopped by command
-
-
-_PHASES = {
-    State.ABSENT: Phase.ABSENT,
-    State.STARTING: Phase.STARTING,
-    State.NO_BASELINE: Phase.STARTING,
-    State.TARING: Phase.TARING,
-    State.VALID: Phase.VALID,
-    State.DEGRADED: Phase.DEGRADED,
-    State.SATURATED: Phase.FAULTED,
-    State.ELEMENT_FAULT: Phase.FAULTED,
-    State.CONVERTER_FAULT: Phase.FAULTED,
-    State.STALE: Phase.FAULTED,
-    State.OUT_OF_RANGE: Phase.FAULTED,
-    State.STOPPED: Phase.STOPPED,
-}
-
-
-def phase_of(state: State) -> Phase:
-    """Return the phase of a state."""
-    return _PHASES[state]
-
-
 class Flag(IntFlag):
     """Flags of a force that qualify the value but do not forbid using the force."""
 

@@ -15,7 +15,7 @@ import contextlib
 
 import numpy as np
 
-from footsense.acquisition.bus_timing import Timing, time_for_checks, timing
+from footsense.acquisition.bus_timing import BusTiming, time_for_checks, timing
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.leg_group import BusReadings, BusStuckError, LegGroup
 from footsense.acquisition.leg_search import probe, probe_due
@@ -71,7 +71,7 @@ class BusScanner:
         self._timing_due_ns = 0
         self._timed: LegConnection | None = None  # last
         self._last_row = -1  # of the last one that was timed in its turn
-        self.timing: Timing | None = None
+        self.timing: BusTiming | None = None
         self.missed_deadlines = 0
 
     @property
@@ -133,7 +133,7 @@ class BusScanner:
 
     def stop(self) -> None:
         """Disconnect all legs from the bus."""
-        self._transport.close()
+        self._transport.disconnect_legs()
 
     def _start_missing(self) -> None:
         """Restart groups without a conversion; all groups if one is so old that the loop must have been delayed."""

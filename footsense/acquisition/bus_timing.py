@@ -75,7 +75,7 @@ def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
     return BusCosts(1e9 / bit_ns, max(host_cost_ns, 0.0))
 
 
-class Timing(NamedTuple):
+class BusTiming(NamedTuple):
     """Cost and limits of a bus.
 
     Attributes:
@@ -103,7 +103,7 @@ class Timing(NamedTuple):
         )
 
 
-def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) -> Timing:
+def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) -> BusTiming:
     """Return the transaction costs, the scan limits and the conversion time of a bus.
 
     Args:
@@ -121,7 +121,7 @@ def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) ->
         kernel_mux=kernel_mux,
         traffic=plan.board.traffic,
     )
-    return Timing(costs, limits, len(plan.steps) * plan.conversion_ns)
+    return BusTiming(costs, limits, len(plan.steps) * plan.conversion_ns)
 
 
 def time_for_checks(costs: BusCosts, plan: ScanPlan, n_legs: int) -> tuple[bool, bool]:

@@ -148,7 +148,7 @@ class UpstreamBus:
             except BusError as error:  # of this leg alone, and met by the scan too
                 _log.debug("leg %s: %s", leg.name, error)
 
-    def close(self) -> None:
+    def disconnect_legs(self) -> None:
         """Disconnect every leg from the bus."""
         try:
             self.connect(0)
@@ -195,7 +195,7 @@ class KernelMux:
         for leg in legs:
             leg.leave(Reading.BUS_STUCK, clock.now_ns())
 
-    def close(self) -> None:
+    def disconnect_legs(self) -> None:
         """Do nothing: the kernel owns the mux."""
 
 

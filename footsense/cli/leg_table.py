@@ -10,16 +10,17 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from firmware_interface.can.codes import Phase, State, phase_of
+from firmware_interface.can.codes import State
+from footsense.leg_phase import LegPhase, phase_of
 
 _PHASE_STYLES = {
-    Phase.ABSENT: "bold red",
-    Phase.STARTING: "yellow",
-    Phase.TARING: "yellow",
-    Phase.VALID: "green",
-    Phase.DEGRADED: "yellow",
-    Phase.FAULTED: "bold red",
-    Phase.STOPPED: "dim",
+    LegPhase.ABSENT: "bold red",
+    LegPhase.STARTING: "yellow",
+    LegPhase.TARING: "yellow",
+    LegPhase.VALID: "green",
+    LegPhase.DEGRADED: "yellow",
+    LegPhase.FAULTED: "bold red",
+    LegPhase.STOPPED: "dim",
 }
 
 #: Cell without a value.

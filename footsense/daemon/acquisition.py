@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.bus_scanner import BusScanner
-from footsense.acquisition.bus_timing import Timing
+from footsense.acquisition.bus_timing import BusTiming
 from footsense.acquisition.linux.linux_i2c import LinuxI2cBus
 from footsense.acquisition.linux.serial_port import SerialLink
 from footsense.acquisition.mcu_source import McuSource
@@ -136,7 +136,7 @@ def _transport(bus: Bus, stack: ExitStack) -> Transport:
     return UpstreamBus(adapters[0], bus.mux.address, line, reads_back=bus.mux.read_back)
 
 
-def _log_timing(bus: Bus, timing: Timing | None) -> None:
+def _log_timing(bus: Bus, timing: BusTiming | None) -> None:
     """Log the limits of a bus, and whether it is slower than configured."""
     if timing is None:
         return

@@ -98,14 +98,18 @@ class Recorder:
         self._writer, fd = _start_writer(self._path)
         header = {**header, "legs": ",".join(legs)}
         self._pipe = CyclePipe(fd, header, blocking=blocking, on_broken=self._log_failure)
-        self._n_written: int | None = None
+        self._n_cycles_written: int | None = None
         self._report = b""
         self.observe = self._pipe.send  # the loop calls it every cycle
 
     @property
     def lost(self) -> int:
         """Number of cycles known to be missing in the recording; final after `close`."""
-        return self._pipe.lost if self._n_written is None else self._pipe.n_cycles - self._n_written
+        return (
+            self._pipe.lost
+            if self._n_cycles_written is None
+            else self._pipe.n_cycles - self._n_cycles_written
+        )
 
     def _log_failure(self) -> None:
         """Log why the writer has ended, from the report that it left."""
@@ -122,9 +126,9 @@ class Recorder:
         Raises:
             RecordingError: It is incomplete; what was written is in `FILE.partial`.
         """
-        if self._n_written is not None:
+        if self._n_cycles_written is not None:
             return
-        self._n_written = 0
+        self._n_cycles_written = 0
         self._pipe.close(DRAIN_TIMEOUT_S)
         try:
             report = self._writer.communicate(timeout=FINISH_TIMEOUT_S)[1]
@@ -133,7 +137,7 @@ class Recorder:
                 f"{self._path}: not whole yet, its writer goes on; the disk is slow"
             ) from None
         parsed = _parse_report(self._report + report)
-        self._n_written = int(parsed["n_cycles"])
+        self._n_cycles_written = int(parsed["n_cycles"])
         if parsed["failure"]:
             raise RecordingError(
                 f"{self._path}: {parsed['failure']}; {self.lost} of {self._pipe.n_cycles} cycles are missing, "

@@ -61,12 +61,12 @@ class PipeWriter:
 
     def _add(self, file: McapFile, entry: NumberedCycle | LostCycles) -> None:
         """Write a cycle or a loss; close the chunk where it is due."""
-        n_written = file.n_written
+        n_bytes_written = file.n_bytes_written
         file.add(entry)
         if isinstance(entry, LostCycles):
             return
         # A chunk was full and is written; the force of this cycle may be in the next one.
-        if file.n_written > n_written:
+        if file.n_bytes_written > n_bytes_written:
             self.n_cycles = self._n_added
         self._n_added += 1
         t_ns = entry.cycle.forces.t_sent_ns

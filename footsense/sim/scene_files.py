@@ -73,7 +73,7 @@ def _effect_without_its_cause(scene: Scene) -> strict_yaml.Problem | None:
 
 def _too_low(scene: Scene) -> strict_yaml.Problem | None:
     """Return the first force that leans more than the response table covers."""
-    forces: dict[str, scene_loads.Pressing] = {}
+    forces: dict[str, scene_loads.ReactionForce] = {}
     if isinstance(scene.load, scene_loads.Constant):
         forces = {"load.force_n": scene.load.force_n}
     elif isinstance(scene.load, scene_loads.CalibrationLoads) and not isinstance(scene.load.presses, str):

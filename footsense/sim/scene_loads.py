@@ -13,8 +13,8 @@ from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 Force = Annotated[float, Meta(ge=0.0, le=2.0)]
 Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
-#: A force with a part along the leg [N].
-Pressing = tuple[float, float, Annotated[float, Meta(gt=0.0, le=2.0)]]
+#: Constant ground reaction x, y, z on a foot [N]; z presses the foot along its leg.
+ReactionForce = tuple[float, float, Annotated[float, Meta(gt=0.0, le=2.0)]]
 
 #: Words of earlier versions of `CalibrationLoads`, each with what replaces it.
 FORMER_LOADS = {
@@ -53,7 +53,7 @@ class Constant(_Load, frozen=True, kw_only=True, tag="constant"):
         force_n: The force [N].
     """
 
-    force_n: Pressing
+    force_n: ReactionForce
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load from a time on [ns]."""
@@ -146,7 +146,7 @@ class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"
         seed: Seed of these angles.
     """
 
-    presses: Literal["training", "verification"] | Annotated[tuple[Pressing, ...], Meta(min_length=1)]
+    presses: Literal["training", "verification"] | Annotated[tuple[ReactionForce, ...], Meta(min_length=1)]
     rise_s: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.1
     dwell_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.6
     pause_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.4

@@ -9,11 +9,11 @@ from firmware_interface.can.codes import (
     BaselineStatus,
     Cause,
     GaitEventKind,
-    Phase,
     Result,
     Slip,
     State,
 )
+from footsense.leg_phase import LegPhase
 from footsense.telemetry.shared_counters import MetricFamily
 
 #: Close together around one conversion of 2.5, 5, 10 and 11 ms.
@@ -49,7 +49,7 @@ FAULTS = [state for state in State if state not in FAULT_FREE]
 #: Gauges of which exactly one series per leg is 1, as Prometheus enums are: label, codes, meaning.
 STATE_SETS: dict[str, tuple[str, type[IntEnum], str]] = {
     "footsense_leg_state": ("state", State, "1 for the state of the leg."),
-    "footsense_leg_phase": ("phase", Phase, "1 for the phase of the leg."),
+    "footsense_leg_phase": ("phase", LegPhase, "1 for the phase of the leg."),
     "footsense_leg_cause": ("cause", Cause, "1 for the cause of the leg's state."),
     "footsense_baseline_status": (
         "status",

@@ -11,7 +11,6 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from firmware_interface.can.codes import phase_of
 from footsense.frames import (
     CanStatistics,
     CommandKind,
@@ -23,6 +22,7 @@ from footsense.frames import (
     Result,
     State,
 )
+from footsense.leg_phase import phase_of
 from footsense.ports import Observer, WakeupLatency
 from footsense.telemetry.metric_families import (
     AGE_BOUNDS_S,

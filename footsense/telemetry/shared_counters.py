@@ -36,13 +36,13 @@ _MAX_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class MetricFamily:
-    """One metric family: name, help, kind, and all label values.
+    """Declaration of one metric family, without its numbers: name, help, kind, and the values that labels can have.
 
     Attributes:
         name: Name in Prometheus, with its unit; a counter's ends in `_total`.
         kind: Type in Prometheus.
         help: One sentence for readers of the metrics.
-        labels: Values of each label, in order.
+        labels: Values that each label can have, in order.
         bounds: Upper bounds of a histogram's buckets, rising, without infinity.
     """
 

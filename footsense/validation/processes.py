@@ -10,29 +10,29 @@ Part = TypeVar("Part")
 PartResult = TypeVar("PartResult")
 
 
-def in_processes(
+def map_unordered(
     work: Callable[[Part], PartResult],
     parts: Iterable[Part],
     n_processes: int,
-    parts_per_process: int | None = None,
+    max_parts_per_process: int | None = None,
 ) -> Iterator[PartResult]:
-    """Work on parts side by side, without the daemon's warnings: simulated faults are on purpose.
+    """Run `work` on every part in child processes, in any order, without warnings: simulated faults are on purpose.
 
     Args:
         work: Works on one part; picklable.
         parts: The parts.
         n_processes: Processes at a time.
-        parts_per_process: Parts after which a new process replaces one; None for no limit.
+        max_parts_per_process: Parts that a process works on before a new one replaces it; None for no limit.
 
     Yields:
-        Each result as it is complete.
+        Each result as it is complete, not in the order of the parts.
     """
     with ProcessPoolExecutor(
         n_processes,
         get_context("spawn"),
         logging.disable,
         (logging.WARNING,),
-        max_tasks_per_child=parts_per_process,
+        max_tasks_per_child=max_parts_per_process,
     ) as processes:
         for done in as_completed([processes.submit(work, part) for part in parts]):
             yield done.result()

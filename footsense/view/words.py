@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from firmware_interface.can.codes import phase_of
 from footsense.frames import FAULT_FREE, BaselineStatus, Cause, Slip, State
+from footsense.leg_phase import phase_of
 from footsense.view.events import words
 
 #: Meaning of each state, and what to do where a cause says nothing better.

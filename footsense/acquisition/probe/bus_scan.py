@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.bus_timing import Timing, measure, timing
+from footsense.acquisition.bus_timing import BusTiming, measure, timing
 from footsense.acquisition.probe.address_scan import AddressProbe, probe_addresses
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus, release_sda
@@ -50,7 +50,7 @@ class BusScan(NamedTuple):
     upstream: AddressProbe | None
     mux_answers: bool
     channels: dict[int, ChannelScan]
-    timing: Timing | None
+    timing: BusTiming | None
 
 
 def leg_chip_addresses(plan: ScanPlan) -> tuple[int, ...]:

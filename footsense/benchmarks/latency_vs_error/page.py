@@ -23,7 +23,7 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
 from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_truth
 from footsense.benchmarks.latency_vs_error.publishing import published_forces
 from footsense.foot.specimen import Foot
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 
 #: Publishing methods that the text of the page compares.
 EVERY, SKEWED = "every conversion", "newest readings as they are"
@@ -131,7 +131,7 @@ def _load_result(load: LoadCase, context: StudyContext) -> LoadResult:
     return LoadResult(title=load.title, n_feet=len(truth.feet), methods=methods)
 
 
-def compute(context: StudyContext) -> tuple[TradeoffResults, Figures]:
+def compute(context: StudyContext) -> tuple[TradeoffResults, Plots]:
     """Publish the forces of all loads by every method, and of the walk at every operating point."""
     size = QUICK if context.quick else FULL
     loads = {}

@@ -9,7 +9,7 @@ from footsense.benchmarks.latency_vs_error.chain import pace
 from footsense.benchmarks.touchdown.run import Run, run
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TOUCHDOWNS, TREMOR_N, Steps
 from footsense.frames import Mask, Vector
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 
 #: Feet of each manner, and length of the run [s].
@@ -140,7 +140,7 @@ def _figure(latencies: dict[str, _Each]) -> Figure:
     return figure
 
 
-def compute(context: StudyContext) -> tuple[TouchdownResults, Figures]:
+def compute(context: StudyContext) -> tuple[TouchdownResults, Plots]:
     """Simulate touchdowns, estimate after every conversion, and measure the latencies."""
     n_feet, until_s = _QUICK if context.quick else _FULL
     steps = Steps(n_feet, until_s, np.random.default_rng(_SEED))

@@ -14,11 +14,11 @@ from msgspec.structs import asdict
 
 from footsense.cli.lab.experiment_figure import errors_over_loads
 from footsense.errors import FootsenseError
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
 from footsense.lab.training.paper.procedure import EPOCHS
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances
-from footsense.validation.processes import in_processes
+from footsense.validation.processes import map_unordered
 from footsense.validation.test_stand_trial import FootBatch
 from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult, evaluate_foot
 
@@ -97,7 +97,7 @@ def _progress_line(one: FootResult) -> str:
 
 def compute(
     context: StudyContext, batch: FootBatch = _BATCH, n_feet: int | None = None, jobs: int | None = None
-) -> tuple[Results, Figures]:
+) -> tuple[Results, Plots]:
     """Load, calibrate and read feet.
 
     Args:
@@ -114,7 +114,7 @@ def compute(
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
     evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every)
-    for one in in_processes(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
+    for one in map_unordered(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
         context.say(_progress_line(one))
     if not feet:

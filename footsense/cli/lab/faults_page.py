@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from footsense.frames import ELEMENTS
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.validation.faults.fault_table import can_rows, fault_rows
 from footsense.validation.faults.fault_trial import BREAKS_AT_S, DURATION_S, PASSES_AT_S
 
@@ -22,7 +22,7 @@ class FaultResults:
     can: dict[str, dict[str, Any]]
 
 
-def compute(context: StudyContext) -> tuple[FaultResults, Figures]:
+def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     """Simulate a walk for every fault; return the figures of each, by the description of the fault."""
     legs = {
         words: f._asdict() | {"state": f.state.name.lower(), "cause": f.cause.name.lower()}

@@ -23,7 +23,7 @@ from footsense.lab.geometry import LoadRange
 from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
 from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, parallel
 from footsense.lab.other_solids import response_of
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES
 from footsense.sim.test_stand.press_sequence import paper_presses
@@ -108,7 +108,7 @@ def run_study(
     rows: Sequence[str] = (),
     n_feet: int | None = None,
     kept: Path = KEPT,
-) -> tuple[MismatchResults, Figures]:
+) -> tuple[MismatchResults, Plots]:
     """Evaluate the feet of all rows that are not finished yet.
 
     Args:
@@ -204,7 +204,7 @@ def _code_digest() -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 
-def compute(context: StudyContext) -> tuple[MismatchResults, Figures]:
+def compute(context: StudyContext) -> tuple[MismatchResults, Plots]:
     """Evaluate the feet by processes on this machine."""
     return run_study(context)
 

@@ -3,9 +3,10 @@
 import math
 from typing import Any
 
-from firmware_interface.can.codes import Flag, phase_of
+from firmware_interface.can.codes import Flag
 from footsense.cli.monitor.table import cause_text
 from footsense.daemon.can_listener import LegSnapshot
+from footsense.leg_phase import phase_of
 
 
 def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:

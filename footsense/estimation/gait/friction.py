@@ -81,7 +81,7 @@ def ground_of(load: Load, row: int) -> Ground:
         row: Row of the foot's leg.
     """
     fx, fy, fz = load.force_n[row].tolist()
-    px, py, rx, ry = load.contact[row].tolist()
+    px, py, rx, ry = load.contact_coordinates[row].tolist()
     sigma_px, sigma_py, sigma_rx, sigma_ry = load.contact_sigma[row].tolist()
     square = px * px + py * py
     scale = 1.0 / (1.0 + square)

@@ -200,7 +200,7 @@ class ContactFilter:
         far &= np.linalg.norm(network.force_n, axis=1) > _SEEDING_N
         self._apart = np.where(far, self._apart + 1, 0)
         seeded = self._apart >= _PATIENCE
-        start = coordinates_of(network.force_n[seeded], network.contact[seeded])
+        start = coordinates_of(network.force_n[seeded], network.contact_coordinates[seeded])
         sigma = np.tile(_PRIOR, (len(start), 1))
         sigma[:, 0] = 2.0 * network.sigma_n[seeded].max(axis=1) + 0.01
         sigma[:, RATIO] = 2.0 * network.contact_sigma[seeded, 2:] + 0.01

@@ -9,7 +9,7 @@ from footsense.estimation.baseline.contact import ContactDetector, ContactLimits
 from footsense.estimation.gait.tracker import GaitTracker
 from footsense.foot.response_table import FootResponse
 from footsense.frames import LEGS, GaitEvent, Mask, Stamps, Vector
-from footsense.lab.training.gait_readings import STEP_S, GaitReadings, Timing, joined, read_gait
+from footsense.lab.training.gait_readings import STEP_S, GaitReadings, ReadingConditions, joined, read_gait
 from footsense.lab.training.gait_windows import whole_windows, windows_of
 from footsense.ports import Estimator, Load, Window
 from footsense.sim.loads.rough_gait import FRICTION, RoughGait, Slides
@@ -72,8 +72,8 @@ def walk(
     rng = np.random.default_rng(seed)
     friction = rng.uniform(*FRICTION)
     gaits = [RoughGait(rng, max_n, n * STEP_S, friction) for _ in LEGS]
-    timing = Timing(drift_pf=0.3e-3)
-    readings = joined([read_gait(response, gait.loads, timing, rng, n) for gait in gaits])
+    conditions = ReadingConditions(drift_pf=0.3e-3)
+    readings = joined([read_gait(response, gait.loads, conditions, rng, n) for gait in gaits])
     t_s = STEP_S * np.arange(1.0, n + 1) + readings.lead_s.mean(axis=0)
     found = _run_gait_tracker(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64))
     return RoughWalk(

@@ -70,7 +70,7 @@ def fitted(model: ContactModel, window: Window, network: Load, rounds: int) -> t
         rounds: Rounds of Gauss-Newton.
     """
     rows = _rows(model, window)
-    start = coordinates_of(network.force_n, network.contact)
+    start = coordinates_of(network.force_n, network.contact_coordinates)
     unknown, prior_sigma = np.zeros((2, len(start), _UNKNOWNS))
     unknown[:, :COORDINATES] = start
     prior = unknown.copy()

@@ -75,8 +75,8 @@ FINEST = MeshSize(
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
-    """One square cell of a cavity in the quarter.
+class CavityCell:
+    """One of the square cells into which the cavity of an element is divided, in the quarter.
 
     Attributes:
         name: Name of its face in the mesh.
@@ -95,17 +95,17 @@ class Cell:
     y_mm: float
 
 
-def quarter_cells(design: FootDesign) -> list[Cell]:
+def quarter_cells(design: FootDesign) -> list[CavityCell]:
     """Return the cells of the quarter x > 0, y > 0: a quarter of the middle element, halves of two, a corner."""
     step = design.electrode_mm / CELLS_PER_SIDE
-    cells: list[Cell] = []
+    cells: list[CavityCell] = []
     for element, (x_mm, y_mm) in enumerate(design.centres_mm):
         for i in range(CELLS_PER_SIDE):
             for j in range(CELLS_PER_SIDE):
                 x = x_mm + design.electrode_mm / 2.0 - (i + 0.5) * step
                 y = y_mm + design.electrode_mm / 2.0 - (j + 0.5) * step
                 if x > 0.0 and y > 0.0:
-                    cells.append(Cell(f"cell{len(cells)}", element, i, j, x, y))
+                    cells.append(CavityCell(f"cell{len(cells)}", element, i, j, x, y))
     return cells
 
 
@@ -118,7 +118,7 @@ def quarter_grid(per_cell: Vector, design: FootDesign, axis: int) -> Vector:
     return np.take(per_cell, order, axis=axis)
 
 
-def _cell_face(cell: Cell, side_mm: float) -> Any:
+def _cell_face(cell: CavityCell, side_mm: float) -> Any:
     """Return a cell as a named face in the plane of the spacer."""
     face = square(cell.x_mm, cell.y_mm, side_mm)
     face.name = cell.name

@@ -63,8 +63,8 @@ class Job:
     case: str = ""
 
 
-#: Figures of a foot, by name.
-Figures = dict[str, float]
+#: Errors of the read-outs on one foot, by name such as `network_deg`.
+ReadoutErrors = dict[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +72,13 @@ class _Result:
     """A line of the file."""
 
     job: Job
-    figures: Figures
+    figures: ReadoutErrors
 
 
 #: Evaluates one foot; picklable, the same result each time.
-Work = Callable[[Job], Figures]
+Work = Callable[[Job], ReadoutErrors]
 #: Runs the jobs, and yields each as it is finished.
-Workers = Callable[[Work, Sequence[Job]], Generator[tuple[Job, Figures], None, None]]
+Workers = Callable[[Work, Sequence[Job]], Generator[tuple[Job, ReadoutErrors], None, None]]
 
 
 def run_resumable(
@@ -88,7 +88,7 @@ def run_resumable(
     *,
     workers: Workers,
     file: Path | None = None,
-) -> dict[Job, Figures]:
+) -> dict[Job, ReadoutErrors]:
     """Evaluate all feet that are not in the file yet.
 
     Args:
@@ -116,7 +116,11 @@ def run_resumable(
 
 
 def _run_missing(
-    missing: Sequence[Job], work: Work, workers: Workers, finished: dict[Job, Figures], ledger: TextIO | None
+    missing: Sequence[Job],
+    work: Work,
+    workers: Workers,
+    finished: dict[Job, ReadoutErrors],
+    ledger: TextIO | None,
 ) -> None:
     """Evaluate feet and append each result to the file; a terminal shows a progress bar."""
     with (
@@ -132,7 +136,7 @@ def _run_missing(
             feet_done(len(finished))
 
 
-def _resume(file: Path, about: Mapping[str, str | int]) -> dict[Job, Figures]:
+def _resume(file: Path, about: Mapping[str, str | int]) -> dict[Job, ReadoutErrors]:
     """Return the figures of finished feet from a result file, and prepare the file for appending.
 
     Raises:

@@ -19,7 +19,7 @@ from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import Readout, capacitance_readout, elastance_readout
 from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.lab.monte_carlo.resumable_run import Figures, Job, Tolerances
+from footsense.lab.monte_carlo.resumable_run import Job, ReadoutErrors, Tolerances
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import Cases, as_designed_um, paper_training, paper_verification
 from footsense.lab.training.paper.mlp import start_layers
@@ -118,7 +118,7 @@ def _plain_network(design: CapacitorDesign, cases: Cases, rng: np.random.Generat
     return PaperTraining(design, cases).train([start_layers(rng, (9, *HIDDEN, 3))], epochs)[0]
 
 
-def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Figures:
+def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> ReadoutErrors:
     """Return the errors of all read-outs on one foot, means over the 180 cases, and the coverage of sigma.
 
     Args:
@@ -154,7 +154,7 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Figures
     if job.with_network:
         rng = np.random.default_rng((seed, job.foot, 2))
         estimates["own_network"] = _plain_network(design, own_changes, rng, epochs)(changed_um)
-    figures: Figures = {}
+    figures: ReadoutErrors = {}
     for name, estimate in estimates.items():
         row = errors(test.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}

@@ -28,8 +28,8 @@ from footsense.lab.geometry import FootDesign
 from footsense.lab.template import render
 from footsense.lab.training.export import OnnxNetwork
 
-#: Drawings by file name, such as `sensors.png`.
-Figures = dict[str, Figure]
+#: Figures of matplotlib by file name, such as `sensors.png`.
+Plots = dict[str, Figure]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +99,7 @@ class Page:
     name: str
     title: str
     body: str
-    figures: Figures
+    figures: Plots
     values: dict[str, Any]
     command: str = ""
 
@@ -140,7 +140,7 @@ class Study:
 
     name: str
     title: str
-    compute: Callable[[StudyContext], tuple[Any, Figures]]
+    compute: Callable[[StudyContext], tuple[Any, Plots]]
     names: dict[str, Any] = field(default_factory=dict)
     command: str = ""
     uses_network: bool = True
@@ -163,7 +163,7 @@ class Study:
         """The function behind `compute`, which may be partial."""
         return getattr(self.compute, "func", self.compute)
 
-    def rendered(self, values: dict[str, Any], figures: Figures | None = None) -> Page:
+    def rendered(self, values: dict[str, Any], figures: Plots | None = None) -> Page:
         """Render the page from stored JSON values, without computing."""
         results_type, _ = get_args(get_type_hints(self._function)["return"])
         results: Any = msgspec.convert(values, results_type, str_keys=True)

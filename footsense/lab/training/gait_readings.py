@@ -95,8 +95,8 @@ def usual_lead_s(step_s: Any) -> Any:
     return LEAD_S + 0.6 * (step_s - STEP_S)
 
 
-class Timing(NamedTuple):
-    """How a gait is read.
+class ReadingConditions(NamedTuple):
+    """Conditions under which the capacitances of a gait are read, the rubber's and the baselines' included.
 
     Attributes:
         order: Row of `ORDERS`.
@@ -116,7 +116,7 @@ class Timing(NamedTuple):
 def read_gait(
     response: FootResponse,
     loads: Callable[[Vector], Loads],
-    timing: Timing,
+    conditions: ReadingConditions,
     rng: np.random.Generator,
     n: int,
 ) -> GaitReadings:
@@ -125,25 +125,25 @@ def read_gait(
     Args:
         response: Response of the foot.
         loads: Returns the loads at some times [s].
-        timing: How it is read.
+        conditions: How it is read.
         rng: Source of the noise.
         n: Number of conversions.
     """
     design = response.design
-    lead_s = timing.lead_s + _JITTER_S * rng.normal(size=n)
-    t_s: Vector = np.asarray(timing.step_s * np.arange(1.0, n + 1), np.float64)
+    lead_s = conditions.lead_s + _JITTER_S * rng.normal(size=n)
+    t_s: Vector = np.asarray(conditions.step_s * np.arange(1.0, n + 1), np.float64)
     read, sent = loads(t_s), loads(t_s + lead_s)
-    normal, force_n = _with_rubber(t_s, *read, timing.viscous_rel) if timing.viscous_rel else read
+    normal, force_n = _with_rubber(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
     closure_um = _closures_um(Foot(response), t_s, normal, force_n)
-    element = elements_of(timing.order, n)
+    element = elements_of(conditions.order, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)
-    off_pf = float(np.hypot(BASELINE_NOISE_PF, timing.drift_pf))
+    off_pf = float(np.hypot(BASELINE_NOISE_PF, conditions.drift_pf))
     baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=ELEMENTS)
     closure_rel = design.closure_um(measured_pf, baseline_pf[element]) / design.gap_um
     return GaitReadings(
-        order=np.array([timing.order]),
-        step_s=np.array([timing.step_s]),
+        order=np.array([conditions.order]),
+        step_s=np.array([conditions.step_s]),
         lead_s=lead_s[None],
         closure_rel=closure_rel[None].astype(np.float32),
         in_range=(measured_pf < FULL_SCALE_PF)[None],
@@ -153,7 +153,7 @@ def read_gait(
 
 
 def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: float) -> GaitReadings:
-    """Return the readings of one random gait at a random timing, as `read_gait`.
+    """Return the readings of one random gait under random conditions, as `read_gait`.
 
     Args:
         response: Response of the foot.
@@ -165,14 +165,14 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
     pace_rel = float(np.exp(rng.uniform(*np.log(PACE_REL)))) if rng.random() < _PACED_SHARE else 1.0
     step_s = STEP_S * pace_rel * (1.0 + _CLOCK_REL * rng.normal())
     late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
-    timing = Timing(
+    conditions = ReadingConditions(
         order=order,
         step_s=step_s,
         lead_s=usual_lead_s(step_s) + late_s,
         viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
         drift_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
     )
-    return read_gait(response, RandomGait(rng, max_n, n * step_s).loads, timing, rng, n)
+    return read_gait(response, RandomGait(rng, max_n, n * step_s).loads, conditions, rng, n)
 
 
 def joined(gaits: list[GaitReadings]) -> GaitReadings:

@@ -234,7 +234,7 @@ def train_windowed(
     def loss(free: Weights, batch: Batch) -> jax.Array:
         load = run(expand(fold_whitening(free)), batch.seen)
         force = (load.force_n, load.sigma_n, batch.force_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
-        apart, sigma = load.contact - batch.contact, load.contact_sigma
+        apart, sigma = load.contact_coordinates - batch.contact, load.contact_sigma
         likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)
         return force_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
 

@@ -181,7 +181,7 @@ def run(matrices: Matrices, seen: Features) -> Load:
     return Load(
         force_n=seen.now @ matrices.level + (seen.now - seen.newest) @ matrices.slope + curved,
         sigma_n=seen.size * sigma[:, :3],
-        contact=out[:, 3:],
+        contact_coordinates=out[:, 3:],
         contact_sigma=sigma[:, 3:],
     )
 

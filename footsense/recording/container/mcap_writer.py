@@ -32,20 +32,20 @@ class _UnbufferedFile:
 
     def __init__(self, fd: int) -> None:
         self._fd = fd
-        self.n_written = 0
+        self.n_bytes_written = 0
 
     def write(self, data: bytes) -> int:
         """Write all of `data` and return the number of bytes."""
         rest = memoryview(data)
         while rest:
             n = os.write(self._fd, rest)
-            self.n_written += n
+            self.n_bytes_written += n
             rest = rest[n:]
         return len(data)
 
     def tell(self) -> int:
         """Return the number of written bytes."""
-        return self.n_written
+        return self.n_bytes_written
 
     def flush(self) -> None:
         """Do nothing: there is no buffer."""
@@ -73,9 +73,9 @@ class McapFile:
         self.flush()
 
     @property
-    def n_written(self) -> int:
+    def n_bytes_written(self) -> int:
         """Number of bytes handed to the kernel."""
-        return self._stream.n_written
+        return self._stream.n_bytes_written
 
     def add(self, entry: NumberedCycle | LostCycles) -> None:
         """Write the messages of one cycle, or that cycles are missing at this place."""

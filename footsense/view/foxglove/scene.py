@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from firmware_interface.can.codes import Phase, phase_of
 from footsense.frames import ContactFrame, State, Vector
+from footsense.leg_phase import LegPhase, phase_of
 
 #: Frame of the feet, and place of each in it [m]: x forward, y left.
 FRAME = "robot"
@@ -28,10 +28,10 @@ _FLOAT32 = 7
 _UNUSED = ("metadata", "cubes", "spheres", "cylinders", "lines", "triangles", "models")
 _UPRIGHT = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 _COLOURS = {
-    Phase.VALID: (0.06, 0.49, 0.54),
-    Phase.DEGRADED: (0.89, 0.6, 0.1),
-    Phase.TARING: (0.89, 0.6, 0.1),
-    Phase.STARTING: (0.89, 0.6, 0.1),
+    LegPhase.VALID: (0.06, 0.49, 0.54),
+    LegPhase.DEGRADED: (0.89, 0.6, 0.1),
+    LegPhase.TARING: (0.89, 0.6, 0.1),
+    LegPhase.STARTING: (0.89, 0.6, 0.1),
 }
 _FAULT_COLOUR = (0.75, 0.15, 0.1)
 

@@ -13,7 +13,7 @@ from footsense.lab.training.gait_readings import (
     ORDERS,
     STEP_S,
     GaitReadings,
-    Timing,
+    ReadingConditions,
     elements_of,
     random_gaits,
     read_gait,
@@ -56,7 +56,7 @@ def test_a_reading_is_of_its_own_time_and_the_truth_of_the_sending(
     response: FootResponse, order: int
 ) -> None:
     """One element in each conversion, in the order of the scan, to within the noise; the force is a lead later."""
-    gait = read_gait(response, rising, Timing(order=order), np.random.default_rng(1), N)
+    gait = read_gait(response, rising, ReadingConditions(order=order), np.random.default_rng(1), N)
     t_s = STEP_S * np.arange(1.0, N + 1)
     np.testing.assert_allclose(gait.force_n[0], rising(t_s + gait.lead_s[0]).force_n, rtol=1e-6)
     np.testing.assert_allclose(gait.lead_s, LEAD_S, atol=2e-4)
@@ -71,7 +71,9 @@ def test_a_reading_is_of_its_own_time_and_the_truth_of_the_sending(
 
 def test_in_the_air_a_reading_is_noise_about_a_baseline(response: FootResponse) -> None:
     """Of the converter's size, with an offset of each element that stays."""
-    gait = read_gait(response, lambda t_s: rising(0.0 * t_s), Timing(), np.random.default_rng(2), 9 * 300)
+    gait = read_gait(
+        response, lambda t_s: rising(0.0 * t_s), ReadingConditions(), np.random.default_rng(2), 9 * 300
+    )
     of_elements = np.empty((300, ELEMENTS))
     of_elements[:, elements_of(0, ELEMENTS)] = gait.closure_rel[0].reshape(300, ELEMENTS)
     per_pf = 37.0 / 20.0 / response.design.unloaded_pf
@@ -84,7 +86,7 @@ def test_a_reading_beyond_the_range_is_its_end(response: FootResponse) -> None:
     gait = read_gait(
         response,
         lambda t_s: Loads(*(part * scale for part, scale in zip(rising(t_s), (1.0, 3.0), strict=True))),
-        Timing(),
+        ReadingConditions(),
         np.random.default_rng(3),
         N,
     )
@@ -137,6 +139,6 @@ def test_a_short_training_learns_and_is_the_same_twice(response: FootResponse, g
     assert np.sqrt(np.square(error_n).mean()) < 0.3 * np.sqrt(np.square(judged.force_n[loaded]).mean())
     assert (error_n < 2.0 * load.sigma_n[loaded]).mean() > 0.7
     contact, _ = contact_of(judged.force_n[loaded], judged.normal[loaded])
-    assert np.abs(load.contact[loaded] - contact).mean() < 0.8 * np.abs(contact).mean()
+    assert np.abs(load.contact_coordinates[loaded] - contact).mean() < 0.8 * np.abs(contact).mean()
     resting = Window(np.zeros((1, 3, ELEMENTS)), judged.age_s[:1], whole[:1])
     assert not predict(weights, resting).force_n.any()

@@ -116,7 +116,7 @@ def test_the_paper_the_file_and_jax_compute_the_same(tmp_path: Path, seed: int) 
         # Differences of readings lose digits: a few units of the last place of the largest.
         assert (np.abs(found.force_n - exact.force_n) < 3e-5 * (size_n + 0.1)).all()
         np.testing.assert_allclose(found.sigma_n, exact.sigma_n, rtol=3e-4)
-        np.testing.assert_allclose(found.contact, exact.contact, atol=2e-4)
+        np.testing.assert_allclose(found.contact_coordinates, exact.contact_coordinates, atol=2e-4)
         np.testing.assert_allclose(found.contact_sigma, exact.contact_sigma, rtol=3e-4)
 
 
@@ -131,7 +131,7 @@ def test_no_load_is_exactly_no_force(tmp_path: Path) -> None:
     ):
         assert not load.force_n.any()
         assert (load.sigma_n > 0.0).all()
-        assert np.isfinite(load.contact).all()
+        assert np.isfinite(load.contact_coordinates).all()
         assert (load.contact_sigma > 0.0).all()
 
 

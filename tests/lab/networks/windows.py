@@ -42,7 +42,7 @@ def assert_symmetric(estimate: Callable[[Window], Load], atol: float) -> None:
         for found, known, turn in (
             (again.force_n, load.force_n, symmetry),
             (again.sigma_n, load.sigma_n, np.abs(symmetry)),
-            (again.contact, load.contact, plane),
+            (again.contact_coordinates, load.contact_coordinates, plane),
             (again.contact_sigma, load.contact_sigma, np.abs(plane)),
         ):
             np.testing.assert_allclose(found, known @ turn.T, rtol=atol, atol=atol)

@@ -34,7 +34,9 @@ class _Sharp(_Linear):
     def estimate(self, window: Window) -> Load:
         """Return the load with other deviations of the contact."""
         load = super().estimate(window)
-        return load._replace(contact_sigma=np.tile([0.01, 0.02, 0.03, 0.04], (len(load.contact), 1)))
+        return load._replace(
+            contact_sigma=np.tile([0.01, 0.02, 0.03, 0.04], (len(load.contact_coordinates), 1))
+        )
 
 
 def _foot(**own: object) -> FootParameters:
@@ -53,7 +55,7 @@ def test_a_foot_as_designed_is_read_as_the_network_says() -> None:
     read = CalibratedFeet(_Linear(), [None, _foot()], 2).estimate(at_rest(closures))
     np.testing.assert_array_equal(read.force_n, plain.force_n)
     np.testing.assert_allclose(read.sigma_n, plain.sigma_n)
-    np.testing.assert_array_equal(read.contact, plain.contact)
+    np.testing.assert_array_equal(read.contact_coordinates, plain.contact_coordinates)
     np.testing.assert_array_equal(read.contact_sigma, plain.contact_sigma)
 
 

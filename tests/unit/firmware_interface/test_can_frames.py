@@ -16,10 +16,8 @@ from firmware_interface.can.codes import (
     Cause,
     CommandKind,
     NmtState,
-    Phase,
     Result,
     State,
-    phase_of,
 )
 from firmware_interface.can.commands import (
     ANSWER_ID,
@@ -210,13 +208,6 @@ def test_no_offset_has_its_own_code() -> None:
     zero = decode_baseline(0x381, encode_baseline(1, 0, BaselineStatus.NONE, math.nan, 0.0, None))
     assert math.isnan(zero.mean_pf)
     assert (zero.worst_pf, zero.age_ns) == (0.0, None)
-
-
-def test_every_state_has_a_phase_and_forces_come_in_two_of_them() -> None:
-    """A new state has to be put somewhere."""
-    phases = {state: phase_of(state) for state in State}
-    assert {state for state in State if phases[state] in {Phase.VALID, Phase.DEGRADED}} == USABLE
-    assert set(phases.values()) == set(Phase)
 
 
 def test_a_command_needs_the_word_that_fits_its_kind() -> None:

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry
 
-from firmware_interface.can.codes import Phase
 from footsense.errors import FootsenseError
 from footsense.frames import (
     BaselineDrift,
@@ -32,6 +31,7 @@ from footsense.frames import (
     Slip,
     State,
 )
+from footsense.leg_phase import LegPhase
 from footsense.ports import WakeupLatency
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metric_families import STATE_SETS
@@ -223,8 +223,8 @@ def test_a_leg_is_shown_with_phase_cause_contact_and_baseline(
     metrics.observe(plain._replace(forces=told))
     get = scraped.get_sample_value
     lf, rr = {"leg": "lf"}, {"leg": "rr"}
-    assert codes_set(scraped, "footsense_leg_phase", "lf", Phase) == [Phase.VALID]
-    assert codes_set(scraped, "footsense_leg_phase", "rr", Phase) == [Phase.FAULTED]
+    assert codes_set(scraped, "footsense_leg_phase", "lf", LegPhase) == [LegPhase.VALID]
+    assert codes_set(scraped, "footsense_leg_phase", "rr", LegPhase) == [LegPhase.FAULTED]
     assert codes_set(scraped, "footsense_leg_cause", "rr", Cause) == [Cause.ELEMENT_SHORTED]
     assert (get("footsense_leg_contact", lf), get("footsense_leg_contact", rr)) == (1, 0)
     assert get("footsense_degraded_timing") == 1

@@ -27,7 +27,7 @@ from footsense.lab.evaluation.maximum_likelihood import (
     lifted_normals,
     maximum_likelihood,
 )
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
@@ -133,7 +133,7 @@ def _noiseless_deg(context: StudyContext, magnitude_gf: float) -> float:
     return rms(angles_between_deg(direction, estimate))
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Compare the network, and fits started at the network's estimate, with the Cramer-Rao bound."""
     quick, foot, loads = context.quick, Foot(context.response), context.foot_design.loads
     magnitudes, draws = ((20.0, 50.0, 100.0), 8) if quick else (MAGNITUDES_GF, 64)

@@ -24,7 +24,7 @@ from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
 )
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
@@ -151,7 +151,7 @@ def _histogram_figure(readings: dict[str, tuple[Vector, Vector]]) -> Figure:
     return figure
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Read centred loads from all over the ball, and the 180 verification cases."""
     points, draws = (_POINTS_QUICK, _DRAWS_QUICK) if context.quick else (_POINTS, _DRAWS)
     along = np.linspace(-map_radius(_LOWEST_DEG), map_radius(_LOWEST_DEG), points)

@@ -23,7 +23,7 @@ from footsense.foot.gap_contact import ALL_CELLS
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Mask, Vector
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import FULL_SCALE_PF, leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, fabricate
 
@@ -195,7 +195,7 @@ def _figure(limits_n: dict[str, Vector], max_n: float) -> Figure:
     return figure
 
 
-def compute(context: StudyContext) -> tuple[ForceRangeResults, Figures]:
+def compute(context: StudyContext) -> tuple[ForceRangeResults, Plots]:
     """Find the limits of the designed foot, and the errors by closure on it and on made feet."""
     loads = context.foot_design.loads
     limits_n = _limits_n(Foot(context.response), loads.max_n)

@@ -10,7 +10,7 @@ from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import GaitEventKind, Mask, Vector
 from footsense.lab.evaluation.rough_walks import RoughWalk, walk
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 
 #: Seed of the walks.
 SEED = 990_308
@@ -176,7 +176,7 @@ def _slide_reports(one: RoughWalk, leg: int) -> _SlideReports:
     return _SlideReports(ways_mm, beyond, false, at_cone)
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Walk robots over rough ground, and compare the reported events with the truth."""
     n_per_rel = sensitivity(context.network, 1, context.trained_inputs.moments).load_n
     n = QUICK_CONVERSIONS if context.quick else CONVERSIONS

@@ -17,11 +17,11 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import LEGS, Mask, Vector
 from footsense.lab.evaluation.contact_model import normals
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_SEED
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.gait_readings import (
     STEP_S,
     GaitReadings,
-    Timing,
+    ReadingConditions,
     joined,
     random_gaits,
     read_gait,
@@ -147,7 +147,7 @@ def walks() -> tuple[ContactSource, ContactSource]:
 
 
 def _walked(
-    context: StudyContext, source: ContactSource, legs: tuple[str, ...], timing: Timing
+    context: StudyContext, source: ContactSource, legs: tuple[str, ...], timing: ReadingConditions
 ) -> GaitReadings:
     """Return the readings of some legs in a gait."""
     n = 400 if context.quick else _WALK_CONVERSIONS
@@ -191,8 +191,8 @@ def _errors(
     direction_deg = angles_between_deg(load.force_n[loaded], force_n[loaded])
     true_contact, pressing_n = contact_of(force_n, normal)
     firm, firmer = pressing_n > FRICTION_N, pressing_n > NORMAL_N
-    found = normals(load.contact[:, :2])
-    friction = _friction(load.contact[:, 2:], found) - _friction(true_contact[:, 2:], normal)
+    found = normals(load.contact_coordinates[:, :2])
+    friction = _friction(load.contact_coordinates[:, 2:], found) - _friction(true_contact[:, 2:], normal)
     return GaitErrors(
         name=name,
         direction_deg=float(direction_deg.mean()),
@@ -222,7 +222,7 @@ def _at_rest(context: StudyContext) -> list[RestErrors]:
         judged = np.linalg.norm(cases.force_n, axis=1) >= loads.min_judged_n
         force_n, closure_um = cases.force_n[judged], cases.closure_um[judged]
         readings = [measured_closure_rel(response.design, closure_um, rng) for _ in range(3)]
-        timing = windows_of(_walked(context, Ramp((0.0, 0.0, 0.5), 0), ("rf",), Timing()))
+        timing = windows_of(_walked(context, Ramp((0.0, 0.0, 0.5), 0), ("rf",), ReadingConditions()))
         age_s = timing.age_s[np.arange(len(force_n)) % len(timing.age_s)]
         window = Window(np.stack(readings, axis=1), age_s, np.zeros((len(force_n), 9), bool))
         found_n = estimated(context, window).force_n
@@ -239,7 +239,7 @@ def _at_rest(context: StudyContext) -> list[RestErrors]:
     return rows
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Judge the network on random gaits, on walks, on walks of imperfect feet, and at rest."""
     n_gaits = N_QUICK if context.quick else N_GAITS
     random = random_gaits(context.response, SEED, n_gaits, CONVERSIONS, context.foot_design.loads.max_n)
@@ -248,15 +248,17 @@ def compute(context: StudyContext) -> tuple[Results, Figures]:
     context.say("gaits: random gaits read")
     walk, tripod = walks()
     sides = ("rf", "lf")
-    walked = _walked(context, walk, sides, Timing())
+    walked = _walked(context, walk, sides, ReadingConditions())
     middle, row = np.arange(9) == 4, np.arange(9) < 3
     rows = [
         _errors(context, "random gaits", usual),
         _errors(context, "random gaits at another pace", _those(random, ~at_usual_pace)),
         _errors(context, "measured walk", walked),
-        _errors(context, "tripod", _walked(context, tripod, ("rf",), Timing())),
+        _errors(context, "tripod", _walked(context, tripod, ("rf",), ReadingConditions())),
         _errors(
-            context, "walk, rubber creeps and lags", _walked(context, walk, sides, Timing(viscous_rel=1.0))
+            context,
+            "walk, rubber creeps and lags",
+            _walked(context, walk, sides, ReadingConditions(viscous_rel=1.0)),
         ),
         _errors(context, "walk, middle element missing", walked, _Change(middle)),
         _errors(context, "walk, row 0 missing", walked, _Change(row)),

@@ -24,7 +24,7 @@ from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.studies.accuracy.hard_inputs import Case, network_cases, pipeline_cases
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 
 _UP = np.array([[0.0, 0.0, 1.0]])
 #: A mesh for statements that hold on any mesh.
@@ -151,7 +151,7 @@ class Results:
     groups: dict[str, list[Case]]
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Run every case; the quick form leaves out the cases that need a finite element solve."""
     response = context.response
     groups: dict[str, Iterable[Case]] = {

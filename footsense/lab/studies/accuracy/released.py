@@ -19,7 +19,7 @@ from footsense.lab.evaluation.evaluate_models import (
     evaluate_models,
 )
 from footsense.lab.monte_carlo.resumable_run import Tolerances
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.sim.foot.fabrication import fabricate
@@ -93,7 +93,7 @@ def _on_other_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -
     return coverage(truth, force_n, sigma_n)
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Read held-out loads on the designed foot, with missing elements, and on other feet."""
     network, loads = context.network, context.foot_design.loads
     cases = random_loads(context.response, loads, 2000 if context.quick else HELD_OUT_CASES, HELD_OUT_SEED)

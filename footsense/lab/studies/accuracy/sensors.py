@@ -20,7 +20,7 @@ from footsense.lab.fem.symmetry_classes import add_series, transposed_series
 from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
 from footsense.lab.response import DEGREE, fit_class, patch_mean
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.paper.mlp import forward, stack, train, unstack
 from footsense.lab.training.paper.procedure import HIDDEN, starts_of
@@ -172,7 +172,7 @@ class Results:
     noisy_deg: dict[str, MeanStd]
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Solve the block under every sensor, train networks on the sensor patterns, and return the errors."""
     foot_design, quick = context.foot_design, context.quick
     sensors = [sensor for sensor in SENSORS if not quick or sensor.name in QUICK_NAMES]

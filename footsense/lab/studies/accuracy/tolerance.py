@@ -17,7 +17,7 @@ from footsense.lab.monte_carlo import sweeps
 from footsense.lab.monte_carlo.resumable_run import Tolerances, Workers
 from footsense.lab.monte_carlo.sweeps import Plan, Sweep, SweepResults, sweep_results
 from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, parallel
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import plot_band
 
 #: Read-outs by the names of `specimens.readout_errors`: trained on the design, and trained on the foot.
@@ -59,7 +59,7 @@ def _figure(results: SweepResults, some: tuple[Sweep, ...], readouts: dict[str, 
 
 def run_study(
     context: StudyContext, workers: Workers, file: Path | None = None
-) -> tuple[SweepResults, Figures]:
+) -> tuple[SweepResults, Plots]:
     """Evaluate the feet of the full or the quick plan.
 
     Args:
@@ -79,7 +79,7 @@ def run_study(
     return results, figures
 
 
-def compute(context: StudyContext) -> tuple[SweepResults, Figures]:
+def compute(context: StudyContext) -> tuple[SweepResults, Plots]:
     """Evaluate the feet by processes on this machine."""
     return run_study(context, parallel(n_workers=1 if context.quick else LOCAL_WORKERS))
 

@@ -18,12 +18,12 @@ from footsense.lab.evaluation.contact_filter import ContactFilter
 from footsense.lab.evaluation.contact_model import ContactModel
 from footsense.lab.evaluation.window_fit import at_rest, fitted
 from footsense.lab.studies.accuracy.gaits import LEAST_N, SEED, estimated, loads_of, walks
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.gait_readings import (
     LEAD_S,
     STEP_S,
     GaitReadings,
-    Timing,
+    ReadingConditions,
     elements_of,
     joined,
     read_gait,
@@ -131,7 +131,7 @@ def _readings(context: StudyContext) -> tuple[GaitReadings, list[str]]:
     for k in range(N_STEPS):
         rng = np.random.default_rng((SEED, N_STEPS + k))
         sources.append((LOADS[3], _steps(rng), rng))
-    gaits = [read_gait(context.response, loads, Timing(), rng, n) for _, loads, rng in sources]
+    gaits = [read_gait(context.response, loads, ReadingConditions(), rng, n) for _, loads, rng in sources]
     return joined(gaits), [name for name, _, _ in sources]
 
 
@@ -252,7 +252,7 @@ def qualifies(results: Results, method: str) -> bool:
     return gained and results.six_legs_us[method] <= MOST_US and not long_errors(results.errors, method)
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Judge network, fits and filter on the same windows."""
     model = ContactModel(context.response)
     readings, names = _readings(context)

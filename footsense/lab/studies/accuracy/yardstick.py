@@ -21,7 +21,7 @@ from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.monte_carlo.specimens import measure
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import EXACT, SEED, YARDSTICK
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
 from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS
@@ -97,7 +97,7 @@ def own_network_errors(
     return row.direction_deg, row.magnitude_gf
 
 
-def compute(context: StudyContext) -> tuple[YardstickResults, Figures]:
+def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
     """Train a network for each foot and each set of causes."""
     n_feet, epochs = (QUICK_N_FEET, QUICK_EPOCHS) if context.quick else (N_FEET, EPOCHS)
     exact, whole = asdict(EXACT), asdict(YARDSTICK)

@@ -17,7 +17,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Mask, Vector
 from footsense.lab.evaluation.evaluate import Readout, elastance_readout
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
@@ -176,7 +176,7 @@ def _by_distance(tested: _ReadoutsUnderTest, second: _SecondLoads) -> dict[str, 
     return found
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Read leaning loads, and second loads beside the floor's."""
     tested = _ReadoutsUnderTest(context)
     lean, within = leaning(tested)

@@ -30,7 +30,7 @@ from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.monte_carlo.specimens import measure
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import CAREFUL
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
@@ -272,7 +272,7 @@ def channel_s(design: FootDesign) -> float:
     return 1e-6 * design.electrode_mm**2 * height_m / (1e3 * AMBIENT_KPA * per_pa)
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Compare vented, sealed and leaking cavities of the released foot."""
     response, design = context.response, context.response.design
     kinds = {name: one_kind(context, cavity) for name, cavity in KINDS.items()}

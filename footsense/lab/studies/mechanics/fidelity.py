@@ -19,7 +19,7 @@ from footsense.lab.fidelity.levels import (
     half_space,
 )
 from footsense.lab.fidelity.loads import Loads, mirrored_loads, paper_loads
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 
 #: Loads of the full solve: elevation of contact normal and of force [deg], magnitude [gf]. The load of the
 #: paper's Fig. 17, one that leans away from the normal, and two that close gaps.
@@ -137,7 +137,7 @@ def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstF
     )
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Time and compare the models; the quick form leaves out the full solve."""
     ng.ngsglobals.msg_level = 0
     loads, foot_design = paper_loads(context.response), context.foot_design

@@ -23,7 +23,7 @@ from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.geometry import Material
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.response import make_response
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
@@ -202,7 +202,7 @@ def measured(context: StudyContext, sensor: Sensor) -> Measured:
     )
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Solve the foot with the film, and measure both designs."""
     foot_design = context.foot_design
     film = GelLayerDesign(layer_mm=foot_design.spacer_mm)

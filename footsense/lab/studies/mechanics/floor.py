@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from footsense.lab.contact.full_solve import FullFoot
 from footsense.lab.contact.mesh import ContactMeshSize
 from footsense.lab.fidelity.loads import mirrored_loads
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 
 #: Differences on one mesh need no fine one.
@@ -69,7 +69,7 @@ class Results:
     loads: list[Solved]
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Solve every load with everything, and with each part left out."""
     size = _QUICK_SIZE if context.quick else _SIZE
     solved = []

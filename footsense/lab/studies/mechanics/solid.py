@@ -20,7 +20,7 @@ from footsense.lab.fem.mesh import COARSE, FINEST, SHIPPED, MeshSize
 from footsense.lab.fem.strip import strip_closure_um
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.response import make_response
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import paper_training, paper_verification
 
@@ -46,7 +46,7 @@ _QUICK_MESHES = ("quadratic, no layers", "COARSE")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Timing:
+class ComputeTime:
     """Wall and processor time of one step.
 
     Attributes:
@@ -59,7 +59,7 @@ class Timing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mesh(Timing):
+class Mesh(ComputeTime):
     """Size, time and errors of one mesh.
 
     Attributes:
@@ -131,8 +131,8 @@ class Results:
     """
 
     meshes: list[Mesh]
-    response: Timing | None
-    cases: Timing
+    response: ComputeTime | None
+    cases: ComputeTime
     n_cases: int
     floors: dict[str, HertzContact]
     ground_change_rel: float
@@ -144,13 +144,13 @@ class Results:
     cell_um: float
 
 
-def _timed(step: Callable[[], Measured]) -> tuple[Measured, Timing]:
+def _timed(step: Callable[[], Measured]) -> tuple[Measured, ComputeTime]:
     """Run a step; return the result, and the wall-clock and processor time [s]."""
     before = os.times()
     result = step()
     after = os.times()
     processor_s = after.user + after.system - before.user - before.system
-    return result, Timing(wall_s=after.elapsed - before.elapsed, processor_s=processor_s)
+    return result, ComputeTime(wall_s=after.elapsed - before.elapsed, processor_s=processor_s)
 
 
 def _worst_rel(closure_um: Vector, best_um: Vector) -> float:
@@ -228,7 +228,7 @@ def _cells(response: FootResponse) -> tuple[float, float]:
     return float(np.sqrt(variance.max())), float(lost.max())
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Measure the errors of mesh, ground, spacer and electrodes; the quick form omits fine meshes and response."""
     foot_design, response = context.foot_design, context.response
     meshes, taken = _meshes(context), None

@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from footsense.foot.force_errors import errors
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels, plot_band
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.paper.mlp import start_layers
-from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS, PaperTraining, verification_at
+from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS, PaperTraining, verification_cases
 
 #: Neurons of each hidden layer.
 NEURONS, QUICK_NEURONS = (3, 5, 8, 12, 18, 27, 40), (3, 12, 40)
@@ -71,13 +71,13 @@ def n_weights(depth: int, neurons: int) -> int:
     return int(((widths[:-1] + 1) * widths[1:]).sum())
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Train and test networks of every size; networks of one depth run in one program, padded to the largest."""
     response = context.response
     neurons, seeds = (QUICK_NEURONS, QUICK_SEEDS) if context.quick else (NEURONS, SEEDS)
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
     training = PaperTraining(response.design, paper_training(response))
-    paper, *others = [paper_verification(response), *(verification_at(response, m) for m in TRAINING_GF)]
+    paper, *others = [paper_verification(response), *(verification_cases(response, m) for m in TRAINING_GF)]
     measured: dict[str, ByDepth] = {name: {} for name, _, _ in MEASURED}
     for depth, words in _DEPTHS.items():
         room = (9, *[max(neurons)] * int(depth), 3)

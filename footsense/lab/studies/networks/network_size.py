@@ -12,7 +12,7 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.rest import at_rest
 from footsense.foot.force_errors import Errors, errors
 from footsense.frames import ELEMENTS
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
@@ -90,7 +90,7 @@ def run_us(models: list[bytes]) -> list[float]:
     return [1e6 * float(seconds) / RUNS for seconds in fastest]
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Train, test and time a network of every size."""
     response, loads = context.response, context.foot_design.loads
     design = response.design

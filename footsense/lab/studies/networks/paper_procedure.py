@@ -17,7 +17,7 @@ from footsense.lab.evaluation.evaluate import (
     elastance_readout,
 )
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels, plot_band
 from footsense.lab.training.load_cases import paper_training
 from footsense.lab.training.paper.procedure import (
@@ -26,7 +26,7 @@ from footsense.lab.training.paper.procedure import (
     QUICK_EPOCHS,
     Feed,
     paper_networks,
-    verification_at,
+    verification_cases,
 )
 
 #: Magnitudes of the 180 directions [gf]; the training cases have the first and the last, the paper's test the middle.
@@ -66,10 +66,10 @@ class Results:
     by_feed: dict[str, FeedErrors]
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Train and test networks on capacitance changes and on closures."""
     response = context.response
-    tests = [verification_at(response, magnitude_gf) for magnitude_gf in MAGNITUDES_GF]
+    tests = [verification_cases(response, magnitude_gf) for magnitude_gf in MAGNITUDES_GF]
     training = paper_training(response)
     linear = {
         "capacitance": capacitance_readout(response.design, training),

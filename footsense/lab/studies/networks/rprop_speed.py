@@ -13,7 +13,7 @@ import optax
 from matplotlib.figure import Figure
 
 from footsense.frames import Vector
-from footsense.lab.studies.page import Figures, Study, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import paper_training
 from footsense.lab.training.paper.mlp import Layers, Trained, stack, train
@@ -124,7 +124,7 @@ def _epoch_s(trained: Trained) -> float:
     return trained.processor_s / trained.losses.size
 
 
-def compute(context: StudyContext) -> tuple[Results, Figures]:
+def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Train the same networks by gradient descent, with and without momentum, and by Rprop."""
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if context.quick else (SEEDS, EPOCHS)
     training = PaperTraining(context.response.design, paper_training(context.response))

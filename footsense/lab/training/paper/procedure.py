@@ -75,8 +75,8 @@ class PaperTraining:
         return [self._readout(network) for network in unstack(trained.layers)]
 
 
-def verification_at(response: FootResponse, magnitude_gf: float) -> Cases:
-    """Return the 180 directions of the verification cases at a magnitude [gf] other than the paper's 100."""
+def verification_cases(response: FootResponse, magnitude_gf: float) -> Cases:
+    """Return the paper's 180 verification cases, at 100 gf, with forces of another magnitude [gf] instead."""
     direction = paper_verification(response).force_n
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     force_n = direction * magnitude_gf * GRAM_FORCE_N
