@@ -96,7 +96,13 @@ def _clients(host: str) -> Iterator[None]:
         for number in range(_SLOW_CLIENTS):
             protocol = _FOXGLOVE if number % 2 else _PAGE
             slow = stack.enter_context(
-                connect(f"ws://{host}/", subprotocols=[protocol], close_timeout=0.1, max_queue=1)
+                connect(
+                    f"ws://{host}/",
+                    subprotocols=[protocol],
+                    close_timeout=0.1,
+                    max_queue=1,
+                    ping_interval=None,
+                )
             )
             if protocol is _FOXGLOVE:
                 topics = [{"id": channel, "channelId": channel} for channel in range(1, _CHANNELS)]
@@ -109,7 +115,7 @@ def _clients(host: str) -> Iterator[None]:
 
 def _draw(host: str, over: threading.Event) -> None:
     """Acknowledge every message of cycles, as a browser does that draws them."""
-    with connect(f"ws://{host}/", subprotocols=[_PAGE], close_timeout=0.1) as page:
+    with connect(f"ws://{host}/", subprotocols=[_PAGE], close_timeout=0.1, ping_interval=None) as page:
         while not over.is_set():
             with contextlib.suppress(TimeoutError):
                 if isinstance(page.recv(timeout=0.2), bytes):
