@@ -14,7 +14,7 @@ from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.config import Config
-from footsense.config.sections import Can
+from footsense.config.sections import Can, Realtime
 from footsense.daemon.acquisition import ScanSource, check_adapters, open_scan_source
 from footsense.daemon.can_output import can_sink, closing_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
@@ -122,7 +122,7 @@ def open_service(
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
         models = load_models(config)
         # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
-        flags = _request_scheduling(config, simulated=scene is not None)
+        flags = _prepare_hardware(config) if scene is None else Flag.SIMULATED
         scan = stack.enter_context(open_scan_source(config, scene))
         if scan.response_sha256 not in {None, models.network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
@@ -217,17 +217,23 @@ def _shared_cycles(
         return []
 
 
-def _request_scheduling(config: Config, *, simulated: bool) -> Flag:
-    """Request the configured scheduling, and return the flags of every frame.
+def _prepare_hardware(config: Config) -> Flag:
+    """Check the adapters, request the configured scheduling, and return the flags of every frame.
 
     Raises:
         HardwareError: An adapter is missing, or another process has locked it.
         ConfigError: The scheduling is required and denied.
     """
-    if simulated:
-        return Flag.SIMULATED
     check_adapters(config)  # before this process could delay another one that reads these feet
-    asked = config.realtime
+    return request_scheduling(config.realtime)
+
+
+def request_scheduling(asked: Realtime | None) -> Flag:
+    """Request the configured scheduling, and return the flags of every frame.
+
+    Raises:
+        ConfigError: The scheduling is required and denied.
+    """
     refusals = () if asked is None else request_realtime(asked.priority, asked.cpu)
     if asked is not None and asked.required and refusals:
         raise ConfigError(f"realtime.required: {'; '.join(refusals)}; or take `required` away")

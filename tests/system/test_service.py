@@ -143,10 +143,3 @@ def test_an_exporter_of_a_service_without_metrics_is_one_line(tmp_path: Path) ->
     """Nothing would ever be shown."""
     line = one_line_error(footsense("exporter", "--config", robot(tmp_path)), 78)
     assert line.endswith("has no section metrics, so the service counts nothing")
-
-
-def test_a_service_that_requires_its_place_refuses_to_start_without(tmp_path: Path) -> None:
-    """One line says what was not granted and which key asks for it, before any bus is opened; exit 78."""
-    asked = "realtime: {cpu: 1023, required: true}\n"
-    line = one_line_error(footsense("run", "--config", robot(tmp_path, device="/dev/i2c-77", more=asked)), 78)
-    assert line.startswith("realtime.required: processor 1023 was not granted: this process may use ")

@@ -73,3 +73,17 @@ def test_what_is_not_granted_is_said_line_by_line() -> None:
     assert processor.startswith("processor 1023 was not granted: this process may use ")
     assert "SCHED_FIFO 40 was not granted: raise LimitRTPRIO" in priority
     assert "memory was not locked: LimitMEMLOCK" in memory
+
+
+def test_a_service_that_requires_its_processor_refuses_to_start_without() -> None:
+    """One line says what was not granted, and which key asks for it."""
+    (line,) = answer("""
+from footsense.config.sections import Realtime
+from footsense.daemon.service import request_scheduling
+from footsense.errors import ConfigError
+try:
+    request_scheduling(Realtime(cpu=1023, required=True))
+except ConfigError as error:
+    print(error)
+""")
+    assert line.startswith("realtime.required: processor 1023 was not granted: this process may use ")
