@@ -106,7 +106,9 @@ def pytest_terminal_summary(
 ) -> None:
     if not _rows:
         return
-    rows = [row for _, row in sorted(_rows, key=itemgetter(0))]  # files in turn, each in the order of its trials
+    rows = [
+        row for _, row in sorted(_rows, key=itemgetter(0))
+    ]  # files in turn, each in the order of its trials
     terminalreporter.write("\n" + table.markdown(rows))
     if config.getoption("--write-page") and exitstatus == pytest.ExitCode.OK:
         table.write(rows, _kernel[0])
