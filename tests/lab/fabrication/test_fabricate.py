@@ -1,0 +1,168 @@
+"""The files for a workshop, read back; a wrong file is found, a foot that cannot be made is refused in one line."""
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from msgspec.structs import replace
+
+from footsense.cli.lab.group import lab
+from footsense.errors import ConfigError, FootsenseError
+from footsense.lab.fabrication import checks, gerber, solids
+from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.flex import flexes
+from footsense.lab.fabrication.limits import require_makeable
+from footsense.lab.fabrication.package import Package, fabricate
+from footsense.lab.foot_file import FOOT_FILE
+from tests.lab.released import FOOT_DESIGN, RELEASED
+
+pytestmark = pytest.mark.lab
+
+ARRAY = ElementArray.of(FOOT_DESIGN)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("foot")
+
+
+@pytest.fixture(scope="module")
+def package(folder: Path) -> Package:
+    return fabricate(FOOT_DESIGN, folder)
+
+
+def test_the_files_of_the_released_foot_pass_every_check(package: Package) -> None:
+    assert len(package.checks) > 20
+    assert all(check.passed for check in package.checks)
+    assert all(tolerance.kept for tolerance in package.tolerances)
+    # Plates of 5.387 pF, as the daemon assumes, and the fringe field beside them.
+    element = package.elements["row1", "col1"]
+    assert element.plates_pf == pytest.approx(FOOT_DESIGN.capacitor.unloaded_pf, rel=1e-4)
+    assert element.lowest_pf < element.plates_pf + element.fringe_pf < element.highest_pf
+
+
+def test_the_same_foot_gives_the_same_bytes(package: Package, folder: Path, tmp_path: Path) -> None:
+    fabricate(FOOT_DESIGN, tmp_path)
+    files = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
+    assert len(files) > 15
+    assert [f for f in files if (folder / f).read_bytes() != (tmp_path / f).read_bytes()] == []
+
+
+def wider_trace(text: str) -> str:
+    return text.replace("C,0.200000", "C,0.450000")
+
+
+def thinner_trace(text: str) -> str:
+    return text.replace("C,0.200000", "C,0.050000")
+
+
+def swapped_nets(text: str) -> str:
+    return text.replace("row1", "x").replace("row2", "row1").replace("x", "row2")
+
+
+def lost_electrode(text: str) -> str:
+    return text.replace("X0Y0D03*\n", "", 1)
+
+
+def smaller_electrodes(text: str) -> str:
+    return text.replace("R,4.000000X4.000000", "R,4.000000X3.990000")
+
+
+def broken_trace(text: str) -> str:
+    return text.replace("X7600000Y0D01*", "X7600000Y0D02*").replace("X-5000000Y0D02*", "X7000000Y0D02*")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "what"),
+    [
+        (wider_trace, "least distance"),
+        (thinner_trace, "narrowest"),
+        (swapped_nets, "conductors"),
+        (lost_electrode, "electrodes"),
+        (smaller_electrodes, "electrodes"),
+        (broken_trace, "conductors"),
+    ],
+)
+def test_a_spoilt_flex_is_found(
+    package: Package, folder: Path, tmp_path: Path, spoil: Callable[[str], str], what: str
+) -> None:
+    flex = package.flexes[0]
+    shutil.copytree(folder / flex.name, tmp_path / flex.name)
+    copper = tmp_path / flex.name / "copper.gbr"
+    spoilt = spoil(copper.read_text())
+    assert spoilt != copper.read_text()
+    copper.write_text(spoilt)
+    assert [c.what for c in checks.check_flex(tmp_path, flex) if not c.passed and what in c.what]
+
+
+def test_a_hemisphere_of_another_size_is_found(package: Package, folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder / "step", tmp_path / "step")
+    larger = solids.hemispheres(replace(FOOT_DESIGN, ball_radius_mm=10.05))[1]
+    solids.write_step(larger, tmp_path / "step" / "hemisphere-leg.step")
+    failed = {c.what for c in checks.check_solids(tmp_path, FOOT_DESIGN, package.parts) if not c.passed}
+    assert failed == {"volume", "adhesive around the hemisphere"}
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(2, 2), (4, 4), (2, 4)])
+def test_any_array_is_routed(tmp_path: Path, rows: int, columns: int) -> None:
+    lines = {n: tuple(3.5 * ((n - 1) / 2 - k) for k in range(n)) for n in (rows, columns)}
+    array = ElementArray(row_x_mm=lines[rows], column_y_mm=lines[columns], electrode_mm=3.0, sheet_mm=14.0)
+    require_makeable(FOOT_DESIGN, array)
+    for flex in flexes(array, 10.0):
+        (tmp_path / flex.name).mkdir()
+        files = {"copper": (gerber.COPPER, flex.copper), "profile": (gerber.PROFILE, flex.profile)}
+        for name, (function, shapes) in files.items():
+            (tmp_path / flex.name / f"{name}.gbr").write_text(gerber.gerber_text(function, "", shapes))
+        (tmp_path / flex.name / "drill.drl").write_text(gerber.drill_text("", flex.holes))
+        assert [check for check in checks.check_flex(tmp_path, flex) if not check.passed] == []
+    assert [c for c in checks.check_overlaps(tmp_path, flexes(array, 10.0)) if not c.passed] == []
+
+
+def test_more_rows_than_the_board_addresses_are_refused() -> None:
+    five = ElementArray(row_x_mm=(4, 2, 0, -2, -4), column_y_mm=(1, -1), electrode_mm=1.5, sheet_mm=14)
+    with pytest.raises(ConfigError, match=r"rows: 5 rows do not fit the converter board.*at most 4"):
+        require_makeable(FOOT_DESIGN, five)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        (
+            "pitch_mm: 5",
+            "pitch_mm: 4.2",
+            "electrode_mm: electrodes of 4 mm at a pitch of 4.2 mm leave bars of 0.2 mm .*use at most 3.9",
+        ),
+        (
+            "pitch_mm: 5",
+            "pitch_mm: 4.04",
+            "electrode_mm: .* leave 0.04 mm between the nets, a flex needs 0.075 .*use at most 3.74",
+        ),
+        (
+            "gap_um: 20\nfilm_um: 17",
+            "gap_um: 4\nfilm_um: 33",
+            "gap_um: a layer of 4 um cannot be .*at least 5",
+        ),
+        ("spacer_mm: 0.037", "spacer_mm: 0.03", "spacer_mm: film and spacer are two layers .*use 0.037"),
+        ("cavity: vented", "cavity: sealed", "cavity: sealed cavities need a rim of 0.5 mm .*sheet_mm: 15"),
+    ],
+)
+def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
+    tmp_path: Path, old: str, new: str, line: str
+) -> None:
+    text = (RELEASED / FOOT_FILE).read_text()
+    assert old in text
+    (tmp_path / FOOT_FILE).write_text(text.replace(old, new))
+    result = CliRunner().invoke(lab, ["fabricate", str(tmp_path), "--out", str(tmp_path / "out")])
+    assert isinstance(result.exception, FootsenseError)
+    assert str(result.exception).startswith(str(tmp_path / FOOT_FILE))
+    assert len(str(result.exception).splitlines()) == 1
+    assert re.search(line, str(result.exception)), str(result.exception)
+
+
+def test_an_unknown_foot_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    result = CliRunner().invoke(lab, ["fabricate", "aoyagi-9x9", "--out", str(tmp_path)])
+    assert "no foot aoyagi-9x9" in str(result.exception)
+    assert "aoyagi-3x3" in str(result.exception)
