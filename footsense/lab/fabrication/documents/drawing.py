@@ -258,8 +258,6 @@ def _sheet(view: View, array: ElementArray, ball_radius_mm: float, name: str) ->
     if name == "spacer":
         x, y = array.row_x_mm[0], array.column_y_mm[0]
         side = array.electrode_mm
-        view.dimension(
-            [(half, y - side / 2.0), (half, y + side / 2.0)], 8.0, f"{side:g} +-0.05"
-        )
+        view.dimension([(half, y - side / 2.0), (half, y + side / 2.0)], 8.0, f"{side:g} +-0.05")
         bar = array.column_y_mm[0] - side / 2.0
         view.note((x, bar - array.bar_mm / 2.0), (34.0, -8.0), f"bars {array.bar_mm:g}")
