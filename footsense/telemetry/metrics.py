@@ -52,7 +52,7 @@ class MetricsObserver(Observer):
         can: Counts of the CAN channel.
         path: File of the counters, from which `footsense exporter` reads them.
         wakeups: Wake-up latency of each thread's clock; none in virtual time, and then no metrics of it.
-        late_discards: Returns how often readings were discarded because the loop or a record came too late, since start.
+        late_discards: Returns how often readings were discarded since start, as the loop or a record came too late.
         n_lost_cycles: Returns how many cycles are missing in the recording, since start.
         n_lost_lines: Returns how many lines the log has dropped, since start.
 

@@ -14,7 +14,12 @@ from mcap.reader import make_reader
 
 from footsense.config import Config
 from footsense.daemon.models import load_models
-from footsense.daemon.recording_header import ELEMENTS_KEY, ClosureConversion, closure_conversion, recorded_config
+from footsense.daemon.recording_header import (
+    ELEMENTS_KEY,
+    ClosureConversion,
+    closure_conversion,
+    recorded_config,
+)
 from footsense.errors import FootsenseError, RecordingError
 from footsense.frames import ELEMENTS, Cycle
 from footsense.recording.cycle_records import LostCycles

@@ -170,7 +170,9 @@ def _batch(data: _Data, times_per_gait: int, n: int, key: jax.Array) -> Batch:
     """Return a random batch."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
     n_rest = round(_REST_SHARE * n)
-    parts = zip(_gait_windows(data, times_per_gait, k1, n - n_rest), _rest_windows(data, k2, n_rest), strict=True)
+    parts = zip(
+        _gait_windows(data, times_per_gait, k1, n - n_rest), _rest_windows(data, k2, n_rest), strict=True
+    )
     closure_rel, age_s, force_n, contact, loaded = (jnp.concatenate(pair) for pair in parts)
     which = jax.random.randint(k3, (n,), 1, len(data.masks))
     which = jnp.where(jax.random.uniform(k4, (n,)) < _MISSING_SHARE, which, 0)
