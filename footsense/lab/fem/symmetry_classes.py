@@ -62,8 +62,8 @@ def transposed_series(series: Vector, degree: int) -> Vector:
 def single_cell_series(classes: dict[Parity, Vector], degree: int) -> Vector:
     """Superpose the symmetry classes to the response to a load on one cell alone, shape (products, 9, 9, 3).
 
-    A load on a single cell is a quarter of the sum of the four loads that put it and its mirror images together with the signs
-    of each class.
+    A load on a single cell is a quarter of the sum of the four loads that put it and its mirror images together with
+    the signs of each class.
     """
     even_odd = classes[Parity(1, -1)]
     total = sum(classes.values()) + transposed_series(even_odd, degree)
