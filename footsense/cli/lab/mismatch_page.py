@@ -187,10 +187,13 @@ def _draw_trust(dots: Axes, results: MismatchResults) -> None:
     marks = {True: ("o", "C0", "a calibration can represent it"), False: ("x", "C3", "it cannot")}
     for name, feet in results.scatter.items():
         marker, color, _ = marks[ROWS[name].represented]
-        dots.scatter(*np.array(feet).T, s=12, marker=marker, color=color, alpha=0.7, linewidths=1.0)
+        distance, error_deg = np.array(feet).T
+        dots.scatter(distance, error_deg, s=12, marker=marker, color=color, alpha=0.7, linewidths=1.0)
         middle, highest = np.median(feet, axis=0)[0], np.max(feet, axis=0)[1]
         if middle > USUAL_DISTANCE:
-            dots.annotate(ROWS[name].title, (middle, highest), (0, 5), textcoords="offset points", ha="center")
+            dots.annotate(
+                ROWS[name].title, (middle, highest), (0, 5), textcoords="offset points", ha="center"
+            )
     for marker, color, label in marks.values():
         dots.scatter([], [], marker=marker, color=color, label=label)
     last = 1.1 * max(MAX_DISTANCE, *(foot[0] for feet in results.scatter.values() for foot in feet))
