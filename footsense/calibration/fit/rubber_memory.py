@@ -1,16 +1,17 @@
 """Unloaded readings of a session without what the rubber remembers of the presses before.
 
 Rubber that creeps and has play still pushes after a release, where the foot was pressed last: with a force a u in that
-press's direction u, b f of its force f, and c m of the mean m of the last presses. Half a second after a press of 100 gf that is 0.02 N,
-or 40 fF. Taken for drift, it is subtracted from the next press, and the fit explains what is missing by strays of
-0.3 pF. A robot tares rested feet, and its baseline follows 0.15 fF/s at most.
+press's direction u, b f of its force f, and c m of the mean m of the last presses. Half a second after a press of
+100 gf that is 0.02 N, or 40 fF. Taken for drift, it is subtracted from the next press, and the fit explains what is
+missing by strays of 0.3 pF. A robot tares rested feet, and its baseline follows 0.15 fF/s at most.
 
 The unloaded distance of the plates of each element at press i is, with the closures by force S of the designed foot,
 
     D_i = D + drift - k sum_j S_j (a_j u_j + b_j f_j + c_j m_j),        j: the press before, and the press itself
 
 since the reading is interpolated between both ends of the press. The scale k of each element contains its stray. Least
-squares over a session find a_j, b_j and c_j and the scales, in turn, beside the mean and a linear drift of each element.
+squares over a session find a_j, b_j and c_j, and the scales, in turn, beside the mean and a linear drift of each
+element.
 """
 
 from collections.abc import Sequence
