@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from msgspec.structs import asdict
@@ -34,6 +35,8 @@ ESTIMATORS = {
     "linear_per_foot": "linear in ΔC, the foot's own loads",
     "network_per_foot": "network on ΔC, the foot's own loads",
 }
+#: Where the loads of pressed feet are kept.
+KEPT = Path("build") / "experiment"
 _FIGURE = "experiment.png"
 _BATCH = FootBatch()
 
@@ -68,7 +71,9 @@ class Results:
         training_loads: Accepted loads of the training session.
         test_loads: Loads of the test session that all estimators can read.
         unread_loads: Loads of the test session that some estimator cannot read.
-        calibrate_s: Time of a calibration [s].
+        press_s: Time to press, record and read a foot [s].
+        read_s: Time to read the recording of its first session [s].
+        fit_s: Time from its loads to the parameters, with all of them [s].
         refused: Reasons of refused calibrations, by foot and estimator.
     """
 
@@ -81,7 +86,9 @@ class Results:
     training_loads: OverFeet
     test_loads: OverFeet
     unread_loads: OverFeet
-    calibrate_s: OverFeet
+    press_s: OverFeet
+    read_s: OverFeet
+    fit_s: OverFeet
     refused: dict[str, dict[str, str]]
 
 
@@ -96,7 +103,11 @@ def _progress_line(one: FootResult) -> str:
 
 
 def compute(
-    context: StudyContext, batch: FootBatch = _BATCH, n_feet: int | None = None, jobs: int | None = None
+    context: StudyContext,
+    batch: FootBatch = _BATCH,
+    n_feet: int | None = None,
+    jobs: int | None = None,
+    kept: Path | None = None,
 ) -> tuple[Results, Plots]:
     """Load, calibrate and read feet.
 
@@ -105,6 +116,7 @@ def compute(
         batch: Seed and type of the feet.
         n_feet: How many; without it as many as a full or a quick run has.
         jobs: Feet at a time; without it one for each processor.
+        kept: Folder of the loads of pressed feet; without it `build/experiment`, and none if quick.
 
     Raises:
         FootsenseError: No foot could be read.
@@ -113,7 +125,8 @@ def compute(
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
-    evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every)
+    kept = kept or (None if context.quick else KEPT)
+    evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every, kept=kept)
     for one in map_unordered(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
         context.say(_progress_line(one))
@@ -134,7 +147,9 @@ def compute(
         training_loads=over_feet(lambda one: one.n_training),
         test_loads=over_feet(lambda one: one.n_test),
         unread_loads=over_feet(lambda one: one.n_unread),
-        calibrate_s=over_feet(lambda one: one.calibrate_s),
+        press_s=over_feet(lambda one: one.press_s),
+        read_s=over_feet(lambda one: one.read_s),
+        fit_s=over_feet(lambda one: one.fit_s),
         refused={one.foot: one.refused for one in feet if one.refused},
     )
     return results, {_FIGURE: errors_over_loads(feet)}

@@ -27,6 +27,7 @@ from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES
 from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.validation.code_digest import code_digest
 from footsense.validation.mismatch_trial import TestLoads, TrialPlan, run_mismatch_trial
 
 #: Feet, presses used and rows of a full run and of a quick one.
@@ -140,7 +141,7 @@ def run_study(
         "every": plan.every,
         "models": context.network_sha256,
         "tolerances": str(plan.tolerances),
-        "code": _code_digest(),
+        "code": code_digest(calibration, foot, estimation),
     }
     work = partial(evaluate_job, models=context.models.resolve(), tables=kept.resolve(), plan=plan)
     run = workers or parallel(n_workers=1 if context.quick else LOCAL_WORKERS)
@@ -195,13 +196,6 @@ def _progress(row: dict[str, float]) -> str:
         f"few {row['centred_few_deg']:.2f} deg; distance {row['distance_all']:.1f}, refused {row['refused_all']:.0%}, "
         f"within 2 sigma {row['leaning_all_within_2']:.0%}"
     )
-
-
-def _code_digest() -> str:
-    """Return a hash of the code of the chain: results of other code are not continued."""
-    rooms = [Path(str(room.__file__)).parent for room in (calibration, foot, estimation)]
-    files = sorted(file for room in rooms for file in room.rglob("*.py"))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 
 def compute(context: StudyContext) -> tuple[MismatchResults, Plots]:
