@@ -3,7 +3,7 @@
 import hashlib
 import tempfile
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -69,7 +69,7 @@ class PressedFoot(NamedTuple):
         with np.load(path) as arrays:
             return cls.of_arrays(arrays)
 
-    def arrays(self) -> dict[str, Vector]:
+    def arrays(self) -> dict[str, Any]:
         """Return the loads as arrays by name."""
         sets = {"training": self.training, "test": self.test}
         fields = {f"{one}.{name}": getattr(sets[one], name) for one in sets for name in LoadSet.__slots__}
