@@ -10,10 +10,11 @@ import shapely
 from shapely import affinity
 
 from footsense.foot.cavity.air import CavityKind
-from footsense.lab.fabrication import process, sheets, solids
+from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.flex import GUARD, Flex
-from footsense.lab.fabrication.readback import (
+from footsense.lab.fabrication.parts import sheets, solids
+from footsense.lab.fabrication.parts.flex import GUARD, Flex
+from footsense.lab.fabrication.parts.readback import (
     Shape,
     narrowest_mm,
     pieces,

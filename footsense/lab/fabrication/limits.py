@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from footsense.errors import ConfigError
 from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.flex import flexes
-from footsense.lab.fabrication.solids import socket_radius_mm
+from footsense.lab.fabrication.parts.flex import flexes
+from footsense.lab.fabrication.parts.solids import socket_radius_mm
 from footsense.lab.fabrication.tolerances import Budget
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 

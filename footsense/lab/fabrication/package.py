@@ -4,11 +4,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from footsense.errors import FootsenseError
-from footsense.lab.fabrication import checks, gerber, papers, sheets, solids
+from footsense.lab.fabrication import checks
 from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.documents import papers
+from footsense.lab.fabrication.documents.drawing import drawn_sheets, write_drawing
+from footsense.lab.fabrication.documents.picture import draw_parts
 from footsense.lab.fabrication.expected import Expected, expected
-from footsense.lab.fabrication.flex import Flex, flexes
 from footsense.lab.fabrication.limits import require_makeable
+from footsense.lab.fabrication.parts import gerber, sheets, solids
+from footsense.lab.fabrication.parts.flex import Flex, flexes
 from footsense.lab.fabrication.tolerances import Tolerance, printed
 from footsense.lab.geometry import FootDesign
 
@@ -50,8 +54,7 @@ def fabricate(design: FootDesign, folder: Path) -> Package:
     array = ElementArray.of(design)
     require_makeable(design, array)
     both = flexes(array, design.ball_radius_mm)
-    rows, columns = both
-    parts = solids.all_parts(design, (2.0 * columns.tail_half_mm, 2.0 * rows.tail_half_mm))
+    parts = solids.all_parts(design)
     (folder / "step").mkdir(parents=True, exist_ok=True)
     for part in parts:
         solids.write_step(part, folder / "step" / f"{part.name}.step")
@@ -81,6 +84,8 @@ def fabricate(design: FootDesign, folder: Path) -> Package:
         checks=found,
         elements={pair: expected(design, area) for pair, area in overlaps.items()},
     )
+    write_drawing(folder, design.foot_type, drawn_sheets(folder, design, both, package.tolerances))
+    draw_parts(folder, design, both)
     papers.write(folder, design, both, found, package.tolerances, package.elements)
     wrong = next((check for check in found if not check.passed), None)
     if wrong is not None:

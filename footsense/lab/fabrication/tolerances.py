@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.solids import socket_radius_mm
+from footsense.lab.fabrication.parts.solids import socket_radius_mm
 from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.sweeps import TYPICAL
 from footsense.sim.foot.fabrication import FootTolerances

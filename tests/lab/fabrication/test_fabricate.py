@@ -11,11 +11,14 @@ from msgspec.structs import replace
 
 from footsense.cli.lab.group import lab
 from footsense.errors import ConfigError, FootsenseError
-from footsense.lab.fabrication import checks, gerber, solids
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Deviations, Foot
+from footsense.lab.fabrication import checks
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.flex import flexes
 from footsense.lab.fabrication.limits import require_makeable
 from footsense.lab.fabrication.package import Package, fabricate
+from footsense.lab.fabrication.parts import gerber, sheets, solids
+from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.foot_file import FOOT_FILE
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
@@ -49,6 +52,22 @@ def test_the_same_foot_gives_the_same_bytes(package: Package, folder: Path, tmp_
     files = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
     assert len(files) > 15
     assert [f for f in files if (folder / f).read_bytes() != (tmp_path / f).read_bytes()] == []
+
+
+def test_a_foot_with_its_fringe_field_reads_as_expected(package: Package) -> None:
+    foot = Foot(FootResponse.load(RELEASED / "response.npz"), Deviations(fringe=True))
+    readings = [element.unloaded_pf for element in package.elements.values()]
+    assert readings == pytest.approx(foot.unloaded_pf, rel=1e-3)
+
+
+def test_a_spacer_without_vents_is_found(package: Package, tmp_path: Path) -> None:
+    for name, shape in (
+        ("film", sheets.film(ARRAY, 10.0)),
+        ("spacer", sheets.film(ARRAY, 10.0).difference(sheets.cavities(ARRAY))),
+    ):
+        sheets.write_dxf(tmp_path / f"{name}.dxf", shape, name)
+    failed = [check.what for check in checks.check_sheets(tmp_path, ARRAY, "vented") if not check.passed]
+    assert failed == ["open area in the sheet: cavities and vents"]
 
 
 def wider_trace(text: str) -> str:

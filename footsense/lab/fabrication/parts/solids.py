@@ -13,6 +13,8 @@ from typing import Any
 from netgen import occ
 
 from footsense.lab.fabrication import process
+from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.fem.solids import NEAR_MM, SIDES, hemisphere
 from footsense.lab.geometry import FootDesign
 
@@ -85,20 +87,21 @@ def socket_radius_mm(design: FootDesign) -> float:
     return design.ball_radius_mm + process.ADHESIVE_MM + process.SOCKET_WALL_MM
 
 
-def socket(design: FootDesign, tail_mm: tuple[float, float]) -> Part:
-    """Return the leg's socket: it holds the whole curved surface of the leg hemisphere.
+def tail_mm(design: FootDesign) -> tuple[float, float]:
+    """Return the widths of the tails of columns (forward) and rows (to the left) [mm]."""
+    rows, columns = flexes(ElementArray.of(design), design.ball_radius_mm)
+    return 2.0 * columns.tail_half_mm, 2.0 * rows.tail_half_mm
 
-    Args:
-        design: The foot.
-        tail_mm: Widths of the tails of columns (forward) and rows (to the left) [mm].
-    """
+
+def socket(design: FootDesign) -> Part:
+    """Return the leg's socket: it holds the whole curved surface of the leg hemisphere."""
     outer, hollow = socket_radius_mm(design), design.ball_radius_mm + process.ADHESIVE_MM
     rim = design.plate_mm
     top = rim + design.ball_radius_mm + process.SOCKET_TOP_MM
     solid = _bore(0.0, 0.0, 2.0 * outer, (rim, top)) - occ.Sphere(occ.Pnt(0, 0, rim), hollow)
     solid -= _bore(0.0, 0.0, process.AIR_MM, (rim, top + 1.0))  # excess adhesive leaves here
     inside = outer - process.CHANNEL_MM
-    for width, forward in zip(tail_mm, (True, False), strict=True):
+    for width, forward in zip(tail_mm(design), (True, False), strict=True):
         half = width / 2.0 + process.CHANNEL_PLAY_MM
         corners = [(inside, -half), (outer + 1.0, half)]
         if not forward:
@@ -110,17 +113,17 @@ def socket(design: FootDesign, tail_mm: tuple[float, float]) -> Part:
         place = (circle * math.cos(angle), circle * math.sin(angle), process.CORE_MM)
         solid -= _bore(*place, (top - process.CORE_DEPTH_MM, top + 1.0))
     solid -= _bore(0.85 * inside, 0.0, process.AIR_MM, (top - 1.0, top + 1.0))  # marks forward
-    return Part(name="leg-socket", solid=solid, volume_mm3=_socket_mm3(design, tail_mm))
+    return Part(name="leg-socket", solid=solid, volume_mm3=_socket_mm3(design))
 
 
-def _socket_mm3(design: FootDesign, tail_mm: tuple[float, float]) -> float:
+def _socket_mm3(design: FootDesign) -> float:
     """Return the volume of the socket by formula [mm3]."""
     outer, hollow = socket_radius_mm(design), design.ball_radius_mm + process.ADHESIVE_MM
     height, air = design.ball_radius_mm + process.SOCKET_TOP_MM, process.AIR_MM / 2.0
     volume: float = math.pi * outer**2 * height - 2.0 / 3.0 * math.pi * hollow**3
     # What the bore for the adhesive cuts beyond the hollow.
     volume -= math.pi * air**2 * height - 2.0 / 3.0 * math.pi * (hollow**3 - (hollow**2 - air**2) ** 1.5)
-    for width in tail_mm:
+    for width in tail_mm(design):
         half = width / 2.0 + process.CHANNEL_PLAY_MM
         segment = half * math.sqrt(outer**2 - half**2) + outer**2 * math.asin(half / outer)
         volume -= height * (segment - 2.0 * half * (outer - process.CHANNEL_MM))
@@ -128,9 +131,9 @@ def _socket_mm3(design: FootDesign, tail_mm: tuple[float, float]) -> float:
     return volume - math.pi * air**2  # the forward mark is 1 mm deep
 
 
-def all_parts(design: FootDesign, tail_mm: tuple[float, float]) -> list[Part]:
-    """Return all solids of a foot; arguments as of `socket`."""
-    return [*hemispheres(design), *mould(design), socket(design, tail_mm)]
+def all_parts(design: FootDesign) -> list[Part]:
+    """Return all solids of a foot."""
+    return [*hemispheres(design), *mould(design), socket(design)]
 
 
 def casting(design: FootDesign) -> Any:

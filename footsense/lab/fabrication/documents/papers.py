@@ -9,7 +9,7 @@ from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.checks import Check
 from footsense.lab.fabrication.expected import Expected
-from footsense.lab.fabrication.flex import GUARD, Flex
+from footsense.lab.fabrication.parts.flex import GUARD, Flex
 from footsense.lab.fabrication.tolerances import Tolerance, shore_a
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 from footsense.lab.template import render
@@ -53,7 +53,7 @@ def write(
         "UM_PER_MM": UM_PER_MM,
     }
     for name in ("README", "assembly", "checklist"):
-        text = render(f"footsense.lab.fabrication.{name.lower()}", names)
+        text = render(f"footsense.lab.fabrication.documents.{name.lower()}", names)
         (folder / f"{name}.md").write_text(text + "\n")
     with (folder / "bill-of-materials.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -69,7 +69,7 @@ def bill(design: FootDesign, flexes: tuple[Flex, Flex]) -> list[tuple[float | in
     dowel_mm = 2.0 * process.DOWEL_MM + process.MOULD_WALL_MM
     rows: list[tuple[float | int, str, str, str, str]] = [
         (round(rubber_g(design), 1), "g", "rubber for two hemispheres", rubber, "step/hemisphere-*.step"),
-        (2, "piece", "plate", pdms, ""),
+        (2, "piece", "plate", pdms, "drawing.pdf"),
         (1, "piece", "spacer", f"{design.gap_um:g} um of PDMS, laser-cut", "spacer.dxf"),
         (1, "piece", "film", f"{design.film_um:g} um, permittivity {design.film_eps_r:g}", "film.dxf"),
         (1, "set", "mould", "aluminium or acrylic, hollows polished; serves all feet", "step/mould-*.step"),

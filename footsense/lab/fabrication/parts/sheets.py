@@ -16,7 +16,7 @@ from footsense.errors import ConfigError
 from footsense.foot.cavity.air import CavityKind
 from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.flex import ear
+from footsense.lab.fabrication.parts.flex import ear
 
 
 def holes(ball_radius_mm: float) -> list[tuple[float, float]]:

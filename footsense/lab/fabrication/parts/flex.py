@@ -14,7 +14,7 @@ import shapely
 
 from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.gerber import Pad, Point, Trace
+from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 
 Kind = Literal["row", "column"]
 #: Reference of the contacts in the Gerber files.
