@@ -31,7 +31,6 @@ class PressedFoot(NamedTuple):
         test: Accepted loads of the second, in which it is mounted anew.
         true_force_n: True forces of `test` [N], shape (n, 3).
         n_rejected: Presses of the second session that are not accepted.
-        press_s: Time that pressing, recording and reading took [s].
         read_s: Time to read the recording of the first session [s].
     """
 
@@ -39,7 +38,6 @@ class PressedFoot(NamedTuple):
     test: LoadSet
     true_force_n: Vector
     n_rejected: int
-    press_s: float
     read_s: float
 
     @classmethod
@@ -73,7 +71,7 @@ class PressedFoot(NamedTuple):
         """Return the loads as arrays by name."""
         sets = {"training": self.training, "test": self.test}
         fields = {f"{one}.{name}": getattr(sets[one], name) for one in sets for name in LoadSet.__slots__}
-        own = {name: np.array(getattr(self, name)) for name in ("n_rejected", "press_s", "read_s")}
+        own = {name: np.array(getattr(self, name)) for name in ("n_rejected", "read_s")}
         return {**fields, **own, "true_force_n": self.true_force_n}
 
     @classmethod
@@ -83,14 +81,12 @@ class PressedFoot(NamedTuple):
             LoadSet(**{name: arrays[f"{one}.{name}"] for name in LoadSet.__slots__})
             for one in ("training", "test")
         )
-        times_s = (float(arrays[name]) for name in ("press_s", "read_s"))
-        return cls(training, test, arrays["true_force_n"], int(arrays["n_rejected"]), *times_s)
+        n_rejected, read_s = int(arrays["n_rejected"]), float(arrays["read_s"])
+        return cls(training, test, arrays["true_force_n"], n_rejected, read_s)
 
     @classmethod
     def _pressed(cls, batch: test_stand_trial.FootBatch, number: int, every: int) -> Self:
         with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
             trial = test_stand_trial.run_trial(batch, number, Path(folder), every=every)
         training, test = LoadSet.of(trial.training.loads), LoadSet.of(trial.test.loads)
-        return cls(
-            training, test, trial.true_force_n, trial.test.rejected.total(), trial.press_s, trial.read_s
-        )
+        return cls(training, test, trial.true_force_n, trial.test.rejected.total(), trial.read_s)

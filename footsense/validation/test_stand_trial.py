@@ -62,14 +62,12 @@ class FootTrial(NamedTuple):
         training: Session for the calibration, 362 presses.
         test: Session for the evaluation, 180 presses.
         true_force_n: True force of each accepted load of `test` [N], shape (n, 3).
-        press_s: Time that pressing, recording and reading took [s].
         read_s: Time to read the recording of the first session [s].
     """
 
     training: RecordedSession
     test: RecordedSession
     true_force_n: Vector
-    press_s: float
     read_s: float
 
 
@@ -86,12 +84,10 @@ def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) ->
         FootsenseError: The daemon cannot be started, or a recording exists.
     """
     config = _config(batch, number)
-    began_ns = stopwatch_ns()
     training, _, read_ns = _session(batch, number, config, "training", folder, every)
     test, presses, _ = _session(batch, number, config, "verification", folder, every)
     true_force_n = np.array([presses.contact(LEG, sum(load.dwell_ns) // 2).force_n for load in test.loads])
-    press_s = (stopwatch_ns() - began_ns) * 1e-9
-    return FootTrial(training, test, true_force_n, press_s, read_ns * 1e-9)
+    return FootTrial(training, test, true_force_n, read_ns * 1e-9)
 
 
 def foot_name(number: int) -> str:

@@ -57,9 +57,7 @@ class FootResult(msgspec.Struct, frozen=True, kw_only=True):
         n_unread: Loads of the test session for which some estimator has no force.
         errors: Errors by estimator: `design_only`, `calibrated_<n>`, `linear_per_foot`, `network_per_foot`.
         refused: Why a calibration was refused, by estimator.
-        press_s: Time that pressing, recording and reading took, in the run that did it [s].
-        read_s: Time to read the recording of the first session [s].
-        fit_s: Time from its loads to the parameters, with all of them [s].
+        calibrate_s: Time from the recording to the parameters, with all loads [s].
     """
 
     foot: str
@@ -68,9 +66,7 @@ class FootResult(msgspec.Struct, frozen=True, kw_only=True):
     n_unread: int
     errors: dict[str, FootErrors]
     refused: dict[str, str]
-    press_s: float
-    read_s: float
-    fit_s: float
+    calibrate_s: float
 
 
 def evaluate_foot(
@@ -121,9 +117,7 @@ def evaluate_foot(
             for name, force_n in estimates_n.items()
         },
         refused=refused,
-        press_s=pressed.press_s,
-        read_s=pressed.read_s,
-        fit_s=fit_s,
+        calibrate_s=pressed.read_s + fit_s,
     )
 
 

@@ -71,9 +71,7 @@ class Results:
         training_loads: Accepted loads of the training session.
         test_loads: Loads of the test session that all estimators can read.
         unread_loads: Loads of the test session that some estimator cannot read.
-        press_s: Time to press, record and read a foot [s].
-        read_s: Time to read the recording of its first session [s].
-        fit_s: Time from its loads to the parameters, with all of them [s].
+        calibrate_s: Time of a calibration [s].
         refused: Reasons of refused calibrations, by foot and estimator.
     """
 
@@ -86,9 +84,7 @@ class Results:
     training_loads: OverFeet
     test_loads: OverFeet
     unread_loads: OverFeet
-    press_s: OverFeet
-    read_s: OverFeet
-    fit_s: OverFeet
+    calibrate_s: OverFeet
     refused: dict[str, dict[str, str]]
 
 
@@ -147,9 +143,7 @@ def compute(
         training_loads=over_feet(lambda one: one.n_training),
         test_loads=over_feet(lambda one: one.n_test),
         unread_loads=over_feet(lambda one: one.n_unread),
-        press_s=over_feet(lambda one: one.press_s),
-        read_s=over_feet(lambda one: one.read_s),
-        fit_s=over_feet(lambda one: one.fit_s),
+        calibrate_s=over_feet(lambda one: one.calibrate_s),
         refused={one.foot: one.refused for one in feet if one.refused},
     )
     return results, {_FIGURE: errors_over_loads(feet)}

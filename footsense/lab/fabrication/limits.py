@@ -7,7 +7,6 @@ from footsense.errors import ConfigError
 from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import flexes
-from footsense.lab.fabrication.parts.solids import socket_radius_mm
 from footsense.lab.fabrication.tolerances import Budget
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
@@ -26,12 +25,18 @@ def require_makeable(design: FootDesign, array: ElementArray) -> None:
     Raises:
         ConfigError: They cannot, or it cannot; the message begins with the key.
     """
-    problem = next(_problems(design, array), None)
+    problem = next(problems(design, array), None)
     if problem is not None:
         raise ConfigError(problem)
 
 
-def _problems(design: FootDesign, array: ElementArray) -> Iterator[str]:
+def problems(design: FootDesign, array: ElementArray) -> Iterator[str]:
+    """Yield why a foot cannot be made, each with its key first and what would be right last.
+
+    Args:
+        design: The foot.
+        array: Its array.
+    """
     for lines, word in ((array.row_x_mm, "rows"), (array.column_y_mm, "columns")):
         if len(lines) > BOARD_LINES:
             yield (
@@ -42,7 +47,7 @@ def _problems(design: FootDesign, array: ElementArray) -> Iterator[str]:
     yield from _between_the_plates(design, array)
     tail_half, socket_mm = (
         _widest_tail_mm(design, array) / 2.0 + process.CHANNEL_PLAY_MM,
-        socket_radius_mm(design),
+        process.socket_radius_mm(design.ball_radius_mm),
     )
     inside = socket_mm - process.CHANNEL_MM
     if tail_half > inside / math.sqrt(2.0) - 1.0:
@@ -68,11 +73,13 @@ def _in_the_sheet(design: FootDesign, array: ElementArray) -> Iterator[str]:
             f"use at most {pitch - process.MIN_BAR_MM:g}"
         )
     for flex in flexes(array, design.ball_radius_mm):
-        if flex.tail_from_mm > socket_radius_mm(design):
-            most = array.sheet_mm - 2.0 * (flex.tail_from_mm - socket_radius_mm(design))
+        if not 0.0 <= flex.steepest <= process.MAX_SLOPE:
+            least = (max(flex.line_v_mm) - flex.contact_v_mm[-2]) / process.MAX_SLOPE - flex.fan_mm
+            radius = math.ceil(10.0 * (design.ball_radius_mm + least)) / 10.0
             yield (
-                f"sheet_mm: the {len(flex.line_v_mm)} traces of the {flex.kind}s do not converge to the tail inside "
-                f"the socket's {socket_radius_mm(design):g} mm; use sheet_mm at most {most:.2f}, or a larger ball"
+                f"ball_radius_mm: the {len(flex.line_v_mm)} traces of the {flex.kind}s do not converge to the tail "
+                f"between a sheet of {array.sheet_mm:g} mm and the socket of a ball of {design.ball_radius_mm:g} mm; "
+                f"use at least {radius:g}"
             )
     if array.rim_mm < process.MIN_RIM_MM - _ROUNDING and design.cavity != "vented":
         closed_mm = array.sheet_mm + 2.0 * (process.MIN_RIM_MM - array.rim_mm)
@@ -96,9 +103,11 @@ def _between_the_plates(design: FootDesign, array: ElementArray) -> Iterator[str
         )
     budget = Budget(design, array)
     if budget.gap_limit_um() <= 0.0:
+        least = array.electrode_mm * budget.area_um / budget.most_area_um()
         yield (
             f"electrode_mm: an offset of {process.REGISTRATION_MM:g} mm of electrodes of {array.electrode_mm:g} mm "
-            f"counts as {budget.area_um:.1f} um of gap, more than the design assumes; use larger electrodes"
+            f"counts as {budget.area_um:.2f} um of gap, more than the design assumes; "
+            f"use at least {math.ceil(100.0 * least) / 100.0:g}"
         )
 
 

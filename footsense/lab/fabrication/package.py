@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from footsense.errors import FootsenseError
-from footsense.lab.fabrication import checks
+from footsense.lab.fabrication import checks, fits
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.documents import papers
 from footsense.lab.fabrication.documents.drawing import drawn_sheets, write_drawing
@@ -41,7 +41,25 @@ class Package:
 
 
 def fabricate(design: FootDesign, folder: Path) -> Package:
-    """Write the files of a foot, read them back, and check them.
+    """Write files and documents of a foot; arguments and errors as of `write_parts`.
+
+    Raises:
+        FootsenseError: A written file is not as it should be.
+    """
+    package = write_parts(design, folder)
+    write_drawing(folder, design.foot_type, drawn_sheets(folder, design, package.flexes, package.tolerances))
+    draw_parts(folder, design, package.flexes)
+    papers.write(folder, design, package.flexes, package.checks, package.tolerances, package.elements)
+    wrong = next((check for check in package.checks if not check.passed), None)
+    if wrong is not None:
+        raise FootsenseError(
+            f"{folder / wrong.file}: {wrong.what}: {wrong.measured}, should be {wrong.wanted}; do not order from it"
+        )
+    return package
+
+
+def write_parts(design: FootDesign, folder: Path) -> Package:
+    """Write the files that parts are made from, read them back, and check them.
 
     Args:
         design: The foot.
@@ -49,7 +67,6 @@ def fabricate(design: FootDesign, folder: Path) -> Package:
 
     Raises:
         ConfigError: It cannot be made; the message begins with the key.
-        FootsenseError: A written file is not as it should be.
     """
     array = ElementArray.of(design)
     require_makeable(design, array)
@@ -68,31 +85,25 @@ def fabricate(design: FootDesign, folder: Path) -> Package:
         sheets.write_dxf(
             folder / f"{name}.dxf", shape, f"{design.foot_type} {name}, {thickness_um:g} um thick"
         )
+    tolerances = printed(design)
     found = [
         *(check for flex in both for check in checks.check_flex(folder, flex)),
-        *checks.check_overlaps(folder, both),
         *checks.check_sheets(folder, array, design.cavity),
-        *checks.check_solids(folder, design, parts),
+        *checks.check_solids(folder, parts),
+        *fits.check_overlaps(folder, both),
+        *fits.check_sheets_on_flexes(folder, both),
+        *fits.check_ball(folder, design, both),
+        *checks.check_tolerances(tolerances),
     ]
-    overlaps = checks.overlaps_mm2(folder, both)
-    package = Package(
+    return Package(
         design=design,
         array=array,
         flexes=both,
         parts=parts,
-        tolerances=printed(design),
+        tolerances=tolerances,
         checks=found,
-        elements={pair: expected(design, area) for pair, area in overlaps.items()},
+        elements={pair: expected(design, area) for pair, area in fits.overlaps_mm2(folder, both).items()},
     )
-    write_drawing(folder, design.foot_type, drawn_sheets(folder, design, both, package.tolerances))
-    draw_parts(folder, design, both)
-    papers.write(folder, design, both, found, package.tolerances, package.elements)
-    wrong = next((check for check in found if not check.passed), None)
-    if wrong is not None:
-        raise FootsenseError(
-            f"{folder / wrong.file}: {wrong.what}: {wrong.measured}, should be {wrong.wanted}; do not order from it"
-        )
-    return package
 
 
 def _write_flex(folder: Path, flex: Flex) -> None:

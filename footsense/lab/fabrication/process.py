@@ -11,6 +11,8 @@ MIN_GAP_MM = 0.075
 EDGE_MM = 0.3
 #: Width of the traces [mm]: thin, since they are stray capacitance, and well above what can be made.
 TRACE_MM = 0.2
+#: Steepest trace on its way to the tail, across over along [1]: traces 1 mm apart then keep 0.17 mm.
+MAX_SLOPE = 2.5
 #: Deviation of an electrode's side by etching [mm].
 ETCH_MM = 0.02
 #: Radius of inner corners [mm], so that the polymer does not tear.
@@ -62,3 +64,8 @@ CORE_MM, CORE_DEPTH_MM, SCREWS = 2.05, 5.0, 4
 #: Play of a tail in its channel on the socket on either side, and depth of the channel [mm].
 CHANNEL_PLAY_MM = 0.25
 CHANNEL_MM = 0.8
+
+
+def socket_radius_mm(ball_radius_mm: float) -> float:
+    """Return the outer radius of the socket of a ball [mm]."""
+    return ball_radius_mm + ADHESIVE_MM + SOCKET_WALL_MM

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.parts.solids import socket_radius_mm
 from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.sweeps import TYPICAL
 from footsense.sim.foot.fabrication import FootTolerances
 
 #: Printed limit over the assumed rms [1]: 95 % of normal deviates lie within.
 LIMIT_OVER_RMS = 2.0
+#: Step to which the limit of the spacer is rounded [um].
+_STEP_UM = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +82,11 @@ class Budget:
     def gap_limit_um(self, assumed: FootTolerances = TYPICAL) -> float:
         """Return the limit of the gap that is left to the spacer [um], rounded down; 0 if there is none."""
         left = (LIMIT_OVER_RMS * assumed.gap_um) ** 2 - self.area_um**2
-        return math.floor(10.0 * math.sqrt(max(left, 0.0))) / 10.0
+        return math.floor(math.sqrt(max(left, 0.0)) / _STEP_UM) * _STEP_UM
+
+    def most_area_um(self, assumed: FootTolerances = TYPICAL) -> float:
+        """Return the largest `area_um` that leaves the spacer a limit [um]."""
+        return math.sqrt((LIMIT_OVER_RMS * assumed.gap_um) ** 2 - _STEP_UM**2)
 
 
 def shore_a(youngs_mpa: float) -> float:
@@ -110,7 +115,7 @@ def printed(design: FootDesign, assumed: FootTolerances = TYPICAL) -> list[Toler
     gap_text, limit_um = f"gap +-{gap:g} um", budget.gap_limit_um(assumed)
     with_area = math.hypot(limit_um, budget.area_um)
     mount_deg, stiffness = LIMIT_OVER_RMS * assumed.mount_deg, LIMIT_OVER_RMS * assumed.stiffness_rel
-    play_deg = math.degrees(process.CHANNEL_PLAY_MM / socket_radius_mm(design))
+    play_deg = math.degrees(process.CHANNEL_PLAY_MM / process.socket_radius_mm(design.ball_radius_mm))
     softest = shore_a(design.rubber.youngs_mpa * (1.0 - stiffness))
     hardest = shore_a(design.rubber.youngs_mpa * (1.0 + stiffness))
     shore = shore_a(design.rubber.youngs_mpa)
@@ -124,11 +129,11 @@ def printed(design: FootDesign, assumed: FootTolerances = TYPICAL) -> list[Toler
         ),
         Tolerance(
             name="electrode side", nominal=design.electrode_mm, limit=process.ETCH_MM, unit="mm",
-            counts=budget.etch_rel * budget.distance_um, allowed=gap, assumed=f"a part of {gap_text}",
+            counts=budget.etch_rel * budget.distance_um, allowed=gap, assumed=gap_text,
         ),
         Tolerance(
             name="offset of row flex and column flex", nominal=0.0, limit=process.REGISTRATION_MM, unit="mm",
-            counts=budget.offset_rel * budget.distance_um, allowed=gap, assumed=f"a part of {gap_text}",
+            counts=budget.offset_rel * budget.distance_um, allowed=gap, assumed=gap_text,
         ),
         Tolerance(
             name="film", nominal=design.film_um, limit=film, unit="um",

@@ -4,6 +4,7 @@ import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -13,10 +14,10 @@ from footsense.cli.lab.group import lab
 from footsense.errors import ConfigError, FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
-from footsense.lab.fabrication import checks
+from footsense.lab.fabrication import checks, fits
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.limits import require_makeable
-from footsense.lab.fabrication.package import Package, fabricate
+from footsense.lab.fabrication.limits import problems, require_makeable
+from footsense.lab.fabrication.package import Package, fabricate, write_parts
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.foot_file import FOOT_FILE
@@ -67,7 +68,7 @@ def test_a_spacer_without_vents_is_found(package: Package, tmp_path: Path) -> No
     ):
         sheets.write_dxf(tmp_path / f"{name}.dxf", shape, name)
     failed = [check.what for check in checks.check_sheets(tmp_path, ARRAY, "vented") if not check.passed]
-    assert failed == ["open area in the sheet: cavities and vents"]
+    assert failed == ["open area in the sheet: cavities and vents", "cavities that outer air reaches"]
 
 
 def wider_trace(text: str) -> str:
@@ -118,11 +119,39 @@ def test_a_spoilt_flex_is_found(
 
 
 def test_a_hemisphere_of_another_size_is_found(package: Package, folder: Path, tmp_path: Path) -> None:
-    shutil.copytree(folder / "step", tmp_path / "step")
+    shutil.copytree(folder, tmp_path / "foot")
     larger = solids.hemispheres(replace(FOOT_DESIGN, ball_radius_mm=10.05))[1]
-    solids.write_step(larger, tmp_path / "step" / "hemisphere-leg.step")
-    failed = {c.what for c in checks.check_solids(tmp_path, FOOT_DESIGN, package.parts) if not c.passed}
-    assert failed == {"volume", "adhesive around the hemisphere"}
+    solids.write_step(larger, tmp_path / "foot" / "step" / "hemisphere-leg.step")
+    found = [
+        *checks.check_solids(tmp_path / "foot", package.parts),
+        *fits.check_ball(tmp_path / "foot", FOOT_DESIGN, package.flexes),
+    ]
+    assert {check.what for check in found if not check.passed} == {"volume", "adhesive around the hemisphere"}
+
+
+def test_the_flexes_face_each_other_with_their_tails_to_the_left_and_forward(package: Package) -> None:
+    rows, columns = package.flexes
+    # From above, copper that faces up is seen as it is; copper that faces down is mirrored.
+    for flex, seen in ((rows, 1.0), (columns, -1.0)):
+        (a, d), (b, e) = flex.to_foot((1.0, 0.0)), flex.to_foot((0.0, 1.0))
+        assert a * e - b * d == seen
+    assert rows.to_foot((1.0, 0.0)) == (0.0, 1.0)
+    assert columns.to_foot((1.0, 0.0)) == (1.0, 0.0)
+    assert rows.to_foot((0.0, rows.line_v_mm[0]))[0] == ARRAY.row_x_mm[0]
+    assert columns.to_foot((0.0, columns.line_v_mm[0]))[1] == ARRAY.column_y_mm[0]
+
+
+@pytest.mark.parametrize("radius_mm", [12.0, 20.0, 40.0])
+def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_mm: float) -> None:
+    size = radius_mm / 10.0
+    foot = replace(
+        FOOT_DESIGN,
+        ball_radius_mm=radius_mm,
+        sheet_mm=14.0 * size,
+        pitch_mm=4.6 * size,
+        electrode_mm=3.6 * size,
+    )
+    assert all(check.passed for check in write_parts(foot, tmp_path).checks)
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(2, 2), (4, 4), (2, 4)])
@@ -137,7 +166,7 @@ def test_any_array_is_routed(tmp_path: Path, rows: int, columns: int) -> None:
             (tmp_path / flex.name / f"{name}.gbr").write_text(gerber.gerber_text(function, "", shapes))
         (tmp_path / flex.name / "drill.drl").write_text(gerber.drill_text("", flex.holes))
         assert [check for check in checks.check_flex(tmp_path, flex) if not check.passed] == []
-    assert [c for c in checks.check_overlaps(tmp_path, flexes(array, 10.0)) if not c.passed] == []
+    assert [c for c in fits.check_overlaps(tmp_path, flexes(array, 10.0)) if not c.passed] == []
 
 
 def test_more_rows_than_the_board_addresses_are_refused() -> None:
@@ -179,6 +208,35 @@ def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
     assert str(result.exception).startswith(str(tmp_path / FOOT_FILE))
     assert len(str(result.exception).splitlines()) == 1
     assert re.search(line, str(result.exception)), str(result.exception)
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        {"pitch_mm": 4.2},
+        {"gap_um": 3.0, "spacer_mm": 0.02},
+        {"spacer_mm": 0.03},
+        {"cavity": "sealed", "ball_radius_mm": 12.0},
+        {
+            "ball_radius_mm": 2.9,
+            "sheet_mm": 4.0,
+            "pitch_mm": 1.35,
+            "electrode_mm": 1.2,
+            "gap_um": 5.0,
+            "spacer_mm": 0.022,
+        },
+    ],
+)
+def test_the_value_that_an_error_names_works(wish: dict[str, Any]) -> None:
+    design, keys = replace(FOOT_DESIGN, **wish), []
+    while problem := next(problems(design, ElementArray.of(design)), None):
+        found = re.search(r"use (?:(\w+): |at least |at most |)([\d.]*\d)", problem)
+        assert found is not None, problem
+        key = found[1] or problem.partition(":")[0]
+        assert key not in keys, problem  # no problem comes back
+        design = replace(design, **{key: float(found[2])})
+        keys.append(key)
+    assert keys
 
 
 def test_an_unknown_foot_is_refused_with_the_known_ones(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def _assembly(
     page: PaperSheet, design: FootDesign, parts: dict[str, Any], tolerances: list[Tolerance]
 ) -> PaperSheet:
     radius, plate, half = design.ball_radius_mm, design.plate_mm, design.sheet_mm / 2.0
-    outer, top = solids.socket_radius_mm(design), plate + radius + process.SOCKET_TOP_MM
+    outer, top = process.socket_radius_mm(design.ball_radius_mm), plate + radius + process.SOCKET_TOP_MM
     scale = scale_for((2.0 * outer, top + radius + plate), (150.0, 165.0))
     view = page.view(
         (110.0, 160.0), scale, (-outer, -radius - plate, outer, top), "Section, forward to the right, *"
@@ -156,7 +156,7 @@ def _machined(page: PaperSheet, design: FootDesign, parts: dict[str, Any]) -> Pa
     body.dimension([(half_x, -deep), (half_x, 0.0)], 10.0, f"{deep:g}")
     body.note((off - 0.7 * radius, -0.7 * radius), (-10.0, 34.0), f"2 x R {radius:g} +-0.05, polished")
     outer, top, rim = (
-        solids.socket_radius_mm(design),
+        process.socket_radius_mm(design.ball_radius_mm),
         design.plate_mm + radius + process.SOCKET_TOP_MM,
         design.plate_mm,
     )

@@ -70,10 +70,22 @@ class Flex:
         return self.contact_v_mm[-1] + process.CONTACT_PITCH_MM
 
     @property
+    def fan_mm(self) -> float:
+        """Length along u on which the traces converge [mm]: at 45 degrees, or steeper where the socket is near."""
+        pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
+        room = process.socket_radius_mm(self.ball_radius_mm) - process.CORNER_MM - self.fan_from_mm
+        return min(max(abs(v - w) for v, w in pairs), room)
+
+    @property
     def tail_from_mm(self) -> float:
         """Coordinate u from which the tail is straight [mm]: the traces have reached the places of the contacts."""
+        return self.fan_from_mm + self.fan_mm + process.CORNER_MM
+
+    @property
+    def steepest(self) -> float:
+        """Slope of the steepest trace, across over along the tail [1]."""
         pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
-        return self.fan_from_mm + max(abs(v - w) for v, w in pairs) + process.CORNER_MM
+        return max(abs(v - w) for v, w in pairs) / max(self.fan_mm, 1e-9)
 
     @property
     def fan_from_mm(self) -> float:
@@ -106,7 +118,7 @@ class Flex:
             way = [
                 (self.element_u_mm[-1], v),
                 (self.fan_from_mm, v),
-                (self.fan_from_mm + abs(v - w), w),
+                (self.fan_from_mm + self.fan_mm, w),
                 (contact_u, w),
             ]
             shapes.append(Trace(points=way, width_mm=width, function="Conductor", net=net))

@@ -82,11 +82,6 @@ def mould_centres_mm(design: FootDesign) -> tuple[float, float]:
     return -off, off
 
 
-def socket_radius_mm(design: FootDesign) -> float:
-    """Return the outer radius of the socket [mm]."""
-    return design.ball_radius_mm + process.ADHESIVE_MM + process.SOCKET_WALL_MM
-
-
 def tail_mm(design: FootDesign) -> tuple[float, float]:
     """Return the widths of the tails of columns (forward) and rows (to the left) [mm]."""
     rows, columns = flexes(ElementArray.of(design), design.ball_radius_mm)
@@ -95,7 +90,10 @@ def tail_mm(design: FootDesign) -> tuple[float, float]:
 
 def socket(design: FootDesign) -> Part:
     """Return the leg's socket: it holds the whole curved surface of the leg hemisphere."""
-    outer, hollow = socket_radius_mm(design), design.ball_radius_mm + process.ADHESIVE_MM
+    outer, hollow = (
+        process.socket_radius_mm(design.ball_radius_mm),
+        design.ball_radius_mm + process.ADHESIVE_MM,
+    )
     rim = design.plate_mm
     top = rim + design.ball_radius_mm + process.SOCKET_TOP_MM
     solid = _bore(0.0, 0.0, 2.0 * outer, (rim, top)) - occ.Sphere(occ.Pnt(0, 0, rim), hollow)
@@ -118,7 +116,10 @@ def socket(design: FootDesign) -> Part:
 
 def _socket_mm3(design: FootDesign) -> float:
     """Return the volume of the socket by formula [mm3]."""
-    outer, hollow = socket_radius_mm(design), design.ball_radius_mm + process.ADHESIVE_MM
+    outer, hollow = (
+        process.socket_radius_mm(design.ball_radius_mm),
+        design.ball_radius_mm + process.ADHESIVE_MM,
+    )
     height, air = design.ball_radius_mm + process.SOCKET_TOP_MM, process.AIR_MM / 2.0
     volume: float = math.pi * outer**2 * height - 2.0 / 3.0 * math.pi * hollow**3
     # What the bore for the adhesive cuts beyond the hollow.
