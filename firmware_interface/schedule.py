@@ -36,7 +36,7 @@ FDC1004 = Traffic(3, 3, (1, 2), (1, 2), fdc1004.CLOCK_TOLERANCE_REL)
 AD7746 = Traffic(9, 2, None, (1, 4), ad7746.CLOCK_TOLERANCE_REL)
 
 
-class ScanLimits(NamedTuple):
+class ScanLowerBounds(NamedTuple):
     """The shortest scans that two limits allow; the longer one holds.
 
     Attributes:
@@ -58,22 +58,22 @@ class ScanLimits(NamedTuple):
         return "conversion" if self.conversion_ns >= self.readout_ns else "read-out"
 
 
-def scan_limits(
+def scan_lower_bounds(
     *,
     n_legs: int,
     conversion_ns: int,
-    rate_hz: float,
+    bus_hz: float,
     host_cost_ns: float,
     n_result_reads: int = 1,
     kernel_mux: bool = False,
     traffic: Traffic = FDC1004,
-) -> ScanLimits:
-    """Return the limits of a scan of nine elements of all legs on one bus.
+) -> ScanLowerBounds:
+    """Return lower bounds on the time of a scan of nine elements of all legs on one bus.
 
     Args:
         n_legs: Legs on the bus.
         conversion_ns: Nominal conversion time [ns].
-        rate_hz: Clock of the bus [Hz].
+        bus_hz: Clock of the bus [Hz].
         host_cost_ns: Time that the host adds to every transaction [ns].
         n_result_reads: Transactions that read a result: 1 or 2.
         kernel_mux: Whether the kernel switches the mux: each leg is then triggered and read by itself, and the
@@ -81,23 +81,23 @@ def scan_limits(
         traffic: The board's transactions.
 
     Example:
-        >>> limits = scan_limits(n_legs=6, conversion_ns=2_500_000, rate_hz=400_000, host_cost_ns=40_000)
+        >>> limits = scan_lower_bounds(n_legs=6, conversion_ns=2_500_000, bus_hz=400_000, host_cost_ns=40_000)
         >>> limits.limiting_factor, round(limits.scan_ns / 22.5e6, 3)
         ('conversion', 1.087)
-        >>> limits = scan_limits(
-        ...     n_legs=6, conversion_ns=2_500_000, rate_hz=400_000, host_cost_ns=40_000, kernel_mux=True
+        >>> limits = scan_lower_bounds(
+        ...     n_legs=6, conversion_ns=2_500_000, bus_hz=400_000, host_cost_ns=40_000, kernel_mux=True
         ... )
         >>> limits.limiting_factor, round(limits.scan_ns / 22.5e6, 3)
         ('read-out', 1.298)
-        >>> limits = scan_limits(
-        ...     n_legs=6, conversion_ns=11_000_000, rate_hz=400_000, host_cost_ns=40_000, traffic=AD7746
+        >>> limits = scan_lower_bounds(
+        ...     n_legs=6, conversion_ns=11_000_000, bus_hz=400_000, host_cost_ns=40_000, traffic=AD7746
         ... )
         >>> limits.limiting_factor, round(limits.scan_ns * 1e-6, 1)
         ('conversion', 102.8)
     """
 
     def transaction_ns(n_write: int, n_read: int = 0) -> int:
-        return round(wire_time_ns(transaction_bits(n_write, n_read), round(rate_hz)) + host_cost_ns)
+        return round(wire_time_ns(transaction_bits(n_write, n_read), round(bus_hz)) + host_cost_ns)
 
     select, start = transaction_ns(1), transaction_ns(traffic.n_start)
     ask = transaction_ns(*traffic.done) if traffic.done else 0
@@ -106,7 +106,7 @@ def scan_limits(
     lines = traffic.n_switches * select  # a line switch takes a byte, as the selection of a channel does
     if not kernel_mux:
         readout = select + start + ask + n_legs * (select + read)
-        return ScanLimits(_ELEMENTS * (wait + start) + lines, _ELEMENTS * readout + lines)
+        return ScanLowerBounds(_ELEMENTS * (wait + start) + lines, _ELEMENTS * readout + lines)
     switch = round(select - host_cost_ns)
     leg = _ELEMENTS * (switch + start) + lines
-    return ScanLimits(_ELEMENTS * wait + leg, n_legs * (leg + _ELEMENTS * (ask + read)))
+    return ScanLowerBounds(_ELEMENTS * wait + leg, n_legs * (leg + _ELEMENTS * (ask + read)))

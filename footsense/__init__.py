@@ -9,4 +9,8 @@ import os
 # writes a device id and a database under ~/.cache.
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
+# OpenBLAS reads it when numpy is imported. Its threads wait for work by spinning, and the matrices here are small: on a
+# busy machine the fit of a calibration took five times the processor time with two threads. One that is set wins.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 __version__ = "0.1.0"

@@ -4,6 +4,8 @@ import os
 
 from hypothesis import settings
 
+import footsense  # noqa: F401 - before any test imports numpy: it limits numpy's threads
+
 settings.register_profile("dev", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "dev")

@@ -46,7 +46,7 @@ class BusScanner:
         legs: The connections to the legs, in the order of the rows.
         latest: Their latest readings, written over element by element.
         timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
-        missed_deadlines: Number of times that the loop was delayed for so long that conversions were discarded.
+        late_discards: Number of times that the loop was delayed for so long that conversions were discarded.
     """
 
     def __init__(self, transport: Transport, clock: Clock, channels: dict[str, int], plan: ScanPlan) -> None:
@@ -72,7 +72,7 @@ class BusScanner:
         self._timed: LegConnection | None = None  # last
         self._last_row = -1  # of the last one that was timed in its turn
         self.timing: BusTiming | None = None
-        self.missed_deadlines = 0
+        self.late_discards = 0
 
     @property
     def wait_ns(self) -> int:
@@ -140,7 +140,7 @@ class BusScanner:
         now_ns, late = self.clock.now_ns(), False
         for group in self._groups:
             late |= group.running is not None and now_ns > group.running.t_start_ns + self._late_ns
-        self.missed_deadlines += late
+        self.late_discards += late
         for group in self._groups:
             if late or group.running is None:
                 group.restart(self._plan.steps[self._position])

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from statistics import median
 from typing import NamedTuple
 
-from firmware_interface.schedule import ScanLimits, scan_limits
+from firmware_interface.schedule import ScanLowerBounds, scan_lower_bounds
 from firmware_interface.wire_timing import BUS_FREE_NS, transaction_bits
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import NackError
@@ -85,7 +85,7 @@ class BusTiming(NamedTuple):
     """
 
     costs: BusCosts
-    limits: ScanLimits
+    limits: ScanLowerBounds
     conversions_ns: int
 
     @property
@@ -112,10 +112,10 @@ def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) ->
         n_legs: Legs on it.
         kernel_mux: Whether the kernel drives its mux.
     """
-    limits = scan_limits(
+    limits = scan_lower_bounds(
         n_legs=n_legs,
         conversion_ns=plan.conversion_ns,
-        rate_hz=costs.rate_hz,
+        bus_hz=costs.rate_hz,
         host_cost_ns=costs.host_cost_ns,
         n_result_reads=len(plan.steps[0].read),
         kernel_mux=kernel_mux,

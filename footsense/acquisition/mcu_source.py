@@ -47,7 +47,7 @@ class McuSource:
         wire_ns: Time of a record on the line [ns].
 
     Attributes:
-        missed_deadlines: Frames that were returned without the record of a leg that had sent before.
+        late_discards: Frames that were returned without the record of a leg that had sent before.
         n_unused: Records that fit into no frame: of legs that the robot does not have, of a scan that was returned
             already, or between two scans, which happens if the controller scans at twice the rate or more.
     """
@@ -55,7 +55,7 @@ class McuSource:
     def __init__(
         self, port: SerialPort, clock: Clock, legs: Sequence[str], *, rate_hz: float, wire_ns: int = 0
     ) -> None:
-        self.missed_deadlines = 0
+        self.late_discards = 0
         self.n_unused = 0
         self._port = port
         self._clock = clock
@@ -173,7 +173,7 @@ class McuSource:
             t_ns[rows], capacitance_pf[rows], reading[rows] = readings(self._scan, now_ns)
             self._last_t_us, self._scan = self._scan.t_us, None
             if not sending <= set(rows):
-                self.missed_deadlines += 1
+                self.late_discards += 1
         self._expected = sending or frozenset(self._rows.values())
         self._frames.append(CapFrame(self._sequence, t_ns, capacitance_pf, reading))
         self._sequence += 1

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from firmware_interface import schedule
-from firmware_interface.schedule import scan_limits
+from firmware_interface.schedule import scan_lower_bounds
 from footsense.benchmarks.naive import sequential_scan
 from footsense.config import DEFAULT, Config
 from footsense.config.sections import Bus
@@ -92,10 +92,10 @@ def _naive_ns(config: Config, scene: Scene) -> int:
 
 def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
     """Return the lower bound of the scan period on this bus, independent of the program [ns]."""
-    return scan_limits(
+    return scan_lower_bounds(
         n_legs=len(bus.legs),
         conversion_ns=config.rate.conversion_ns,
-        rate_hz=bus.rate_hz,
+        bus_hz=bus.rate_hz,
         host_cost_ns=host_cost_us * 1e3,
         kernel_mux=bool(bus.adapters),
         traffic=schedule.AD7746 if config.board == "ad7746" else schedule.FDC1004,

@@ -12,6 +12,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from footsense.calibration.fit.rubber_memory import rested_loads
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
@@ -162,7 +163,7 @@ def evaluate(
     Raises:
         CalibrationError: Too few loads are there, or have a force.
     """
-    loads = LoadSet.of([load for session in sessions for load in session.loads])
+    loads = rested_loads(models.response, sessions)
     if len(loads) < _MIN_LOADS:
         raise CalibrationError(
             f"{len(loads)} accepted loads in {len(sessions)} recordings; "

@@ -41,11 +41,11 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
         _CALIBRATIONS: ",".join(hashes),
         **platform_versions(),
-        ELEMENTS_KEY: msgspec.json.encode(element_values(models)).decode(),
+        ELEMENTS_KEY: msgspec.json.encode(closure_conversion(models)).decode(),
     }
 
 
-class ElementValues(msgspec.Struct, frozen=True):
+class ClosureConversion(msgspec.Struct, frozen=True):
     """What turns readings of the elements into closures of their gaps.
 
     Attributes:
@@ -57,10 +57,10 @@ class ElementValues(msgspec.Struct, frozen=True):
     distance_pf: list[list[float]]
 
 
-def element_values(models: Models) -> ElementValues:
+def closure_conversion(models: Models) -> ClosureConversion:
     """Return what turns readings of a robot's elements into closures."""
     stray_pf, _ = unloaded_capacitance_pf(models)
-    return ElementValues(stray_pf.tolist(), distance_pf(models).tolist())
+    return ClosureConversion(stray_pf.tolist(), distance_pf(models).tolist())
 
 
 def recorded_flags(recording: "Replay") -> int:

@@ -190,7 +190,7 @@ def _metrics(
             sink.stats,
             Path(config.metrics.counters),
             wakeups=wakeups,
-            missed_deadlines=lambda: scan.source.missed_deadlines,
+            late_discards=lambda: scan.source.late_discards,
             n_lost_cycles=lambda: recorder.lost if recorder else 0,
             n_lost_lines=n_lost_lines,
         )

@@ -1,4 +1,4 @@
-"""Hertz contact of the ball with a rigid floor."""
+"""Radius of the Hertz contact of the ball with a rigid floor."""
 
 import numpy as np
 

@@ -26,7 +26,13 @@ from footsense.lab.fem.adjoint import ClassField, class_field
 from footsense.lab.fem.elasticity import Layer
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_grid
 from footsense.lab.fem.quarter import Quarter
-from footsense.lab.fem.symmetry_classes import SOLVED, Parity, add_compliance, add_series, transposed_series
+from footsense.lab.fem.symmetry_classes import (
+    SOLVED,
+    Parity,
+    add_compliance,
+    single_cell_series,
+    transposed_series,
+)
 from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign
 
 #: Total degree of the series. Higher ones fit the mesh's noise; see `interpolation_rel` in the provenance.
@@ -146,7 +152,7 @@ def tabulate(
     """
 
     def table_of_degree(degree: int) -> Vector:
-        return add_series(
+        return single_cell_series(
             {p: quarter_grid(fit_class(f, degree), foot_design, 1) for p, f in fields.items()}, degree
         )
 

@@ -14,7 +14,7 @@ import numpy as np
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Vector
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxLeg
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.faults.scene_faults import OnWires, StuckSda
@@ -108,7 +108,7 @@ class SimulatedRobot:
         tables = _gait_tables(scene, self._load, self.feet) if scene.gait_table else {}
         self.legs: dict[str, SimulatedLeg] = {}
         self.buses: list[SimulatedBus] = []
-        self.adapters: list[dict[str, SimulatedKernelMuxLeg]] = []
+        self.adapters: list[dict[str, SimulatedKernelMuxChannel]] = []
         for number, wiring in enumerate(buses):
             for leg in wiring.channels:
                 index, foot, table = self._legs.index(leg), self.feet[leg], tables.get(leg)
@@ -138,7 +138,7 @@ class SimulatedRobot:
             self.buses.append(bus)
             self.adapters.append(
                 {
-                    leg: SimulatedKernelMuxLeg(bus, bus.clock, bus.mux, channel, leg_cost_ns)
+                    leg: SimulatedKernelMuxChannel(bus, bus.clock, bus.mux, channel, leg_cost_ns)
                     for leg, channel in wiring.channels.items()
                     if wiring.kernel_mux
                 }

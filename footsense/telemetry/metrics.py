@@ -52,7 +52,7 @@ class MetricsObserver(Observer):
         can: Counts of the CAN channel.
         path: File of the counters, from which `footsense exporter` reads them.
         wakeups: Wake-up latency of each thread's clock; none in virtual time, and then no metrics of it.
-        missed_deadlines: Returns how many conversions were given up because a wake-up came too late, since start.
+        late_discards: Returns how often readings were discarded since start, as the loop or a record came too late.
         n_lost_cycles: Returns how many cycles are missing in the recording, since start.
         n_lost_lines: Returns how many lines the log has dropped, since start.
 
@@ -70,7 +70,7 @@ class MetricsObserver(Observer):
         path: Path,
         *,
         wakeups: Sequence[WakeupLatency] = (),
-        missed_deadlines: Callable[[], int] = int,
+        late_discards: Callable[[], int] = int,
         n_lost_cycles: Callable[[], int] = int,
         n_lost_lines: Callable[[], int] = int,
     ) -> None:
@@ -78,7 +78,7 @@ class MetricsObserver(Observer):
         self._first = self._counters.first_cell
         self._can = can
         self._wakeups = wakeups
-        self._missed_deadlines = missed_deadlines
+        self._late_discards = late_discards
         self._n_lost_cycles = n_lost_cycles
         self._n_lost_lines = n_lost_lines
         self._t_sent_ns: int | None = None
@@ -176,7 +176,7 @@ class MetricsObserver(Observer):
                 "footsense_wakeup_latency_seconds", [sum(cell) for cell in zip(*histograms, strict=True)]
             )
             self._set("footsense_overruns_total", [sum(wakeups.overruns for wakeups in self._wakeups)])
-            self._set("footsense_missed_deadlines_total", [self._missed_deadlines()])
+            self._set("footsense_missed_deadlines_total", [self._late_discards()])
 
     def _set_states(self, name: str, states: Sequence[int]) -> None:
         """Set each leg's series of a state set: 1 for its present code, 0 for the one before."""

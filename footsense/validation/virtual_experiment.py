@@ -14,6 +14,7 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.fit.calibrate import calibrate
+from footsense.calibration.fit.rubber_memory import rested_loads
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import read_session
 from footsense.clock import stopwatch_ns
@@ -84,7 +85,7 @@ def evaluate_foot(
     with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
         trial = run_trial(batch, number, Path(folder), every=every)
         began_ns = stopwatch_ns()
-        training = LoadSet.of(read_session(trial.training.path, foot_name(number)).loads)
+        training = rested_loads(models.response, [read_session(trial.training.path, foot_name(number))])
         refused: dict[str, str] = {}
         calibrated = {}
         order = training.spread_order()
@@ -96,7 +97,7 @@ def evaluate_foot(
                 refused[f"calibrated_{wanted}"] = str(error)
             if wanted == ALL_LOADS:
                 calibrate_s = (stopwatch_ns() - began_ns) * 1e-9
-    test = LoadSet.of(trial.test.loads)
+    test = rested_loads(models.response, [trial.test])
     estimates_n = {
         name: models.estimate(test, foot).force_n
         for name, foot in ({"design_only": None} | calibrated).items()

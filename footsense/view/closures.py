@@ -4,7 +4,7 @@ from collections import deque
 
 import numpy as np
 
-from footsense.daemon.recording_header import ElementValues
+from footsense.daemon.recording_header import ClosureConversion
 from footsense.frames import ELEMENTS, CommandKind, Cycle, Result, Vector
 
 
@@ -15,7 +15,7 @@ class Closures:
         elements: What turns their readings into closures.
     """
 
-    def __init__(self, elements: ElementValues) -> None:
+    def __init__(self, elements: ClosureConversion) -> None:
         self.stray_pf = np.array(elements.stray_pf)
         self._distance_pf = np.array(elements.distance_pf)
 

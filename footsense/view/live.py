@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from footsense.daemon.recording_header import ELEMENTS_KEY, ElementValues
+from footsense.daemon.recording_header import ELEMENTS_KEY, ClosureConversion
 from footsense.errors import FootsenseError
 from footsense.frames import CanStatistics, Cycle
 from footsense.ports import Clock
@@ -114,7 +114,7 @@ class Live:
         self._close()
         try:
             reader = CycleReader(self._path)
-            elements = msgspec.json.decode(reader.header[ELEMENTS_KEY], type=ElementValues)
+            elements = msgspec.json.decode(reader.header[ELEMENTS_KEY], type=ClosureConversion)
         except (KeyError, msgspec.MsgspecError) as error:
             self.problem = f"{self._path}: its header is of another version of footsense ({error})"
             return

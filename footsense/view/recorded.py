@@ -14,7 +14,12 @@ from mcap.reader import make_reader
 
 from footsense.config import Config
 from footsense.daemon.models import load_models
-from footsense.daemon.recording_header import ELEMENTS_KEY, ElementValues, element_values, recorded_config
+from footsense.daemon.recording_header import (
+    ELEMENTS_KEY,
+    ClosureConversion,
+    closure_conversion,
+    recorded_config,
+)
 from footsense.errors import FootsenseError, RecordingError
 from footsense.frames import ELEMENTS, Cycle
 from footsense.recording.cycle_records import LostCycles
@@ -71,17 +76,17 @@ class Recorded:
         self._first_ns: int | None = None
         self._stopped = False
 
-    def _elements(self, config: Config) -> ElementValues:
+    def _elements(self, config: Config) -> ClosureConversion:
         """Return the element values of the header; those of the models for recordings from before these were stored."""
         if ELEMENTS_KEY in self.header:
             with suppress(msgspec.MsgspecError):
-                return msgspec.json.decode(self.header[ELEMENTS_KEY], type=ElementValues)
+                return msgspec.json.decode(self.header[ELEMENTS_KEY], type=ClosureConversion)
         try:
-            return element_values(load_models(config))
+            return closure_conversion(load_models(config))
         except FootsenseError as error:
             self.damage = f"the closures of the gaps are unknown: {error}"
             unknown = np.full((len(self.legs), ELEMENTS), np.nan)
-            return ElementValues(np.zeros_like(unknown).tolist(), unknown.tolist())
+            return ClosureConversion(np.zeros_like(unknown).tolist(), unknown.tolist())
 
     def read(self, on_progress: Callable[[float], None] = lambda _: None) -> None:
         """Read the recording to its end, or its first damage.

@@ -1,8 +1,15 @@
 """A recorded walk still gives the forces that it gave when it was recorded."""
 
+import json
+from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+from mcap.reader import make_reader
 
 from footsense.frames import State
+from footsense.recording.container import messages
 from footsense.recording.replay import Replay
 from tests.system.command import footsense
 
@@ -24,3 +31,28 @@ def test_the_golden_walk_gives_the_same_forces() -> None:
     result = footsense("replay", GOLDEN, "--check")
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout.startswith(f"{len(list(Replay(GOLDEN)))} cycles equal")
+
+
+def paths(value: object) -> Iterator[str]:
+    """Yield the path of every entry of nested objects."""
+    if isinstance(value, dict):
+        for key, entry in value.items():
+            yield key
+            yield from (f"{key}.{path}" for path in paths(entry))
+
+
+def properties(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the properties of a schema, and theirs."""
+    return {key: properties(entry) for key, entry in schema.get("properties", {}).items()}
+
+
+def test_every_message_has_the_keys_of_its_schema() -> None:
+    """A viewer that reads the schema finds each field, and none that no message has; events differ by their kind."""
+    told: dict[str, set[str]] = defaultdict(set)
+    with GOLDEN.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            told[channel.topic] |= set(paths(json.loads(message.data)))
+    legs = Replay(GOLDEN).legs
+    for topic, schema in messages.schemas(legs).items():
+        listed = set(paths(properties(json.loads(schema))))
+        assert told[topic] <= listed if topic == messages.EVENT else told[topic] == listed, topic

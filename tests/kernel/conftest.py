@@ -1,7 +1,10 @@
-"""One machine for all trials: booted, deployed, and whole again before each."""
+"""One machine for the trials of a process: booted, deployed, and whole again before each trial."""
 
 import contextlib
+import re
 from collections.abc import Generator, Iterator
+from dataclasses import asdict
+from operator import itemgetter
 
 import pytest
 
@@ -11,7 +14,8 @@ from tests.kernel.machine import running
 from tests.kernel.ports import GuestError
 from tests.kernel.robot import Robot, Row, Trial
 
-_rows: list[Row] = []
+#: Rows of the table and the file of each trial; releases of the kernel.
+_rows: list[tuple[str, Row]] = []
 _kernel: list[str] = []
 _passed = pytest.StashKey[bool]()
 
@@ -40,15 +44,15 @@ def pytest_runtest_makereport(
 def robot() -> Iterator[Robot]:
     """Return the booted machine, on which nothing of deploy/README.md has been done but its installation."""
     with running(image()) as machine:
-        _kernel.append(machine.run("uname -r").strip())
         yield Robot(machine)
 
 
 @pytest.fixture(scope="session")
-def deployed(robot: Robot) -> Robot:
-    """Return the robot after sections 3 to 5 of deploy/README.md."""
+def deployed(robot: Robot) -> Iterator[Robot]:
+    """Return the robot after sections 3 to 5 of deploy/README.md, and judge its journal after all trials."""
     robot.deploy()
-    return robot
+    yield robot
+    check_journal(robot.machine.run("journalctl -u footsense --no-pager -o cat").splitlines())
 
 
 @pytest.fixture
@@ -69,11 +73,32 @@ def _rowed(robot: Robot, request: pytest.FixtureRequest) -> Iterator[Trial]:
     trial = Trial(robot, doc.strip().splitlines()[0].rstrip("."))
     yield trial
     trial.end(passed=request.node.stash.get(_passed, False))
-    _rows.append(trial.row)
+    request.node.user_properties += [
+        ("row", asdict(trial.row)),
+        ("kernel", robot.machine.run("uname -r").strip()),
+    ]
+
+
+def check_journal(lines: list[str]) -> None:
+    """Check that no leg's state changed to itself, and none to `stale` without a cause."""
+    found = (re.search(r"leg \w\w: (\w+) -> (\w+)(?: \((.+)\))?$", line) for line in lines)
+    changes = [match.groups() for match in found if match]
+    assert changes
+    assert [change for change in changes if change[0] == change[1]] == []
+    assert [change for change in changes if change[1] == "stale" and not change[2]] == []
 
 
 class _NoParameters:
     params: dict[str, object] = {}  # noqa: RUF012
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Collect the rows, which trials in other processes send with their reports."""
+    if report.when == "teardown":
+        found = dict(report.user_properties)
+        if isinstance(row := found.get("row"), dict):
+            _rows.append((report.nodeid.partition("::")[0], Row(**row)))
+            _kernel.append(str(found["kernel"]))
 
 
 def pytest_terminal_summary(
@@ -81,6 +106,9 @@ def pytest_terminal_summary(
 ) -> None:
     if not _rows:
         return
-    terminalreporter.write("\n" + table.markdown(_rows))
+    rows = [
+        row for _, row in sorted(_rows, key=itemgetter(0))
+    ]  # files in turn, each in the order of its trials
+    terminalreporter.write("\n" + table.markdown(rows))
     if config.getoption("--write-page") and exitstatus == pytest.ExitCode.OK:
-        table.write(_rows, _kernel[0])
+        table.write(rows, _kernel[0])

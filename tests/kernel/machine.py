@@ -80,9 +80,10 @@ class Machine:
 def running(image: Image) -> Iterator[Machine]:
     """Boot a machine, and end it. What it writes to its disk is gone with it.
 
-    The folder of its console is `build/kernel/machine`, kept until the next one.
+    The folder of its console is `build/kernel/machine`, with the name of the process that runs trials beside others;
+    kept until the next one.
     """
-    log = CACHE / "machine"
+    log = CACHE / f"machine{os.environ.get('PYTEST_XDIST_WORKER', '')}"
     shutil.rmtree(log, ignore_errors=True)
     log.mkdir()
     with tempfile.TemporaryDirectory(

@@ -31,6 +31,10 @@ def test_a_row_is_made_and_resumed(tmp_path: Path) -> None:
     assert resumed["seconds"] < 0.5 * values["seconds"]
     row = values["means"]["none"]
     assert row["centred_all_deg"] < 0.25 * row["centred_design_deg"]
+    for test in ("leaning", "range"):
+        assert row[f"{test}_all_deg"] < 2.0
+        assert row[f"{test}_all_gf"] < 1.9
+        assert 0.93 < row[f"{test}_all_within_2"] < 0.985
     assert "none: the foot that the calibration supposes" in (tmp_path / "mismatch.md").read_text("utf-8")
 
 

@@ -6,7 +6,7 @@ from typing import Self
 import msgspec
 import numpy as np
 
-from footsense.daemon.recording_header import ELEMENTS_KEY, ElementValues
+from footsense.daemon.recording_header import ELEMENTS_KEY, ClosureConversion
 from footsense.frames import (
     BaselineDrift,
     BaselineStatus,
@@ -31,7 +31,7 @@ UNLOADED_PF, DISTANCE_PF = 5.387, 7.083
 HEADER = {
     "scene": '{"description": "six feet under a thumb"}',
     ELEMENTS_KEY: msgspec.json.encode(
-        ElementValues(np.zeros((6, 9)).tolist(), np.full((6, 9), DISTANCE_PF).tolist())
+        ClosureConversion(np.zeros((6, 9)).tolist(), np.full((6, 9), DISTANCE_PF).tolist())
     ).decode(),
 }
 

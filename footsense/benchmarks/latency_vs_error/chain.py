@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.chips import fdc1004
-from firmware_interface.schedule import scan_limits
+from firmware_interface.schedule import scan_lower_bounds
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Stamps, Vector
@@ -57,10 +57,10 @@ def pace(rate_sps: int) -> Pace:
         Pace(step_ns=2716733, lead_ns=3234933)
     """
     conversion_ns = fdc1004.RATES[rate_sps].conversion_ns
-    limits = scan_limits(
+    limits = scan_lower_bounds(
         n_legs=len(NODE_IDS),
         conversion_ns=conversion_ns,
-        rate_hz=BUS_HZ,
+        bus_hz=BUS_HZ,
         host_cost_ns=HOST_COST_NS,
         n_result_reads=1 if rate_sps == _ONE_REGISTER_SPS else 2,
     )

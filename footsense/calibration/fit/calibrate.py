@@ -20,6 +20,7 @@ from footsense.calibration.fit.predicted_uncertainty import (
     predict_uncertainty,
     require_identified,
 )
+from footsense.calibration.fit.rubber_memory import rested_loads
 from footsense.calibration.fit.session_checks import require_consistent_reference, require_one_foot
 from footsense.calibration.fit.twin import FootTwin, reference_gains
 from footsense.calibration.loads.load_set import LoadSet
@@ -85,7 +86,7 @@ def calibrate_sessions(
     """
     require_one_foot(sessions)
     require_consistent_reference(models, sessions)
-    loads = LoadSet.of([load for session in sessions for load in session.loads])
+    loads = rested_loads(models.response, sessions)
     result = calibrate(models, loads)
     out, protocol = _held_out(sessions, loads, hold_out)
     held_out = None

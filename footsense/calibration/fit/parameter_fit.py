@@ -28,7 +28,8 @@ from footsense.calibration.fit.parameter_vector import (
 )
 from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.calibration.loads.load_set import LoadSet
-from footsense.frames import ELEMENTS, Mask, Vector
+from footsense.foot.directions import normalized
+from footsense.frames import ELEMENTS, Vector
 
 #: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
 #: [um], rubber of uncertain cure [1], a foot mounted by hand [rad], a sheet laid by hand, half a millimetre of 10 [1],
@@ -45,11 +46,11 @@ _MIN_SIGMA_N = 0.003
 #: Steps of the finite differences, by parameter, by normal [rad] and by force [1].
 _STEP = np.repeat([0.01, 1e-3, 0.02, 0.005, 2e-3, 2e-3, 1e-3], _COUNTS)
 _NORMAL_STEP, _FORCE_STEP_REL = 2e-3, 1e-3
-#: Distance to the gap within which a cell counts as closed [um].
-_CLOSED_WITHIN_UM = 1e-6
 #: Mahalanobis distance of nine readings above which a load counts less: 99th percentile of chi with 9 degrees.
 _HUBER_DISTANCE = 4.65
-_MAX_ITERATIONS, _TOLERANCE_REL, _MAX_DAMPING = 25, 1e-5, 1e8
+_MAX_ITERATIONS, _MAX_DAMPING = 25, 1e8
+#: Gain of the cost below which a fit ends, and one that is only the start of another.
+_TOLERANCE_REL, _ROUGH_TOLERANCE_REL = 1e-5, 1e-3
 #: Iteration before which the covariance is evaluated again, at parameters that are nearly right.
 _REWHITEN_ITERATION = 3
 #: Light loads needed for a first fit, and how many of them are used.
@@ -77,7 +78,7 @@ class ParameterFit(NamedTuple):
 
 
 def fit_parameters(twin: FootTwin, loads: LoadSet) -> ParameterFit:
-    """ParameterFit a foot's parameters to calibration loads.
+    """Fit a foot's parameters to calibration loads.
 
     If there are enough, light loads from all sides come first: they close no gap, and the problem is nearly linear.
 
@@ -100,7 +101,7 @@ def fit_parameters(twin: FootTwin, loads: LoadSet) -> ParameterFit:
 def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -> ParameterFit:
     """Return the optimum that Levenberg-Marquardt reaches from `start`; `shared_gap` as of `_State.slopes`."""
     state = _State(twin, loads, _whitening(twin, start, loads), start)
-    damping = 1e-3
+    damping, tolerance_rel = 1e-3, _ROUGH_TOLERANCE_REL if shared_gap else _TOLERANCE_REL
     for iteration in range(_MAX_ITERATIONS):
         if iteration == _REWHITEN_ITERATION:
             state = state.with_parameters(state.parameters, _whitening(twin, state.parameters, loads))
@@ -108,15 +109,18 @@ def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -
         curvature, gradient = slopes.T @ slopes, slopes.T @ state.residual
         while damping < _MAX_DAMPING:
             step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), -gradient)
+            if -(2.0 * gradient + curvature @ step) @ step < tolerance_rel * state.cost:
+                damping = _MAX_DAMPING  # a step as short as this gains nothing
+                break
             tried = state.with_parameters(np.clip(state.parameters + step, *twin.bounds()))
             if tried.cost < state.cost:
                 break
             damping *= 10.0
-        else:
+        if damping >= _MAX_DAMPING:
             break
         gain_rel = 1.0 - tried.cost / state.cost
         state, damping = tried, max(damping / 10.0, 1e-9)
-        if gain_rel < _TOLERANCE_REL and iteration > _REWHITEN_ITERATION:
+        if gain_rel < tolerance_rel and iteration > _REWHITEN_ITERATION:
             break
     slopes = state.slopes(shared_gap=shared_gap)
     covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), np.float64)
@@ -166,47 +170,56 @@ class _State:
         """
         slopes_pf = np.zeros((*self._model_pf.shape, N_PARAMETERS))
         diagonal = np.arange(ELEMENTS)
-        for kind in (STRAY, GAIN, GAP) if shared_gap else (STRAY, GAIN):
-            moved = self.parameters.copy()
-            moved[kind] += _STEP[kind]
-            cells_um = self._twin.cells_um(moved, self._contact) if kind is GAP else self._cells_um
-            slope_pf = (self._twin.reading_pf(moved, cells_um) - self._model_pf) / _STEP[kind]
+        for kind in (STRAY, GAIN):
+            slope_pf = self._reading_slope_pf(kind, self._cells_um)
             slopes_pf[:, diagonal, kind.start + diagonal] = slope_pf
-        for number in range(STIFFNESS.start, REFERENCE.stop):
-            slopes_pf[..., number] = self._slope_pf(number, slice(None))
-        for element in () if shared_gap else range(ELEMENTS):
-            at_gap = self._twin.gap_um(self.parameters)[element] - _CLOSED_WITHIN_UM
-            cells_um = self._cells_um.reshape(len(self.distance), ELEMENTS, -1)[:, element]
-            closed = (cells_um >= at_gap).any(axis=1)
-            if closed.any():
-                number = GAP.start + element
-                slopes_pf[closed, :, number] = self._slope_pf(number, closed)
+        moved = [slice(number, number + 1) for number in range(STIFFNESS.start, REFERENCE.stop)]
+        moved += [GAP] if shared_gap else [slice(number, number + 1) for number in range(GAP.start, GAP.stop)]
+        closed = self._twin.closed(self.parameters, self._cells_um)
+        nearby_um = self._twin.cells_nearby_um([(self._moved(one), self._contact) for one in moved], closed)
+        for which, cells_um in zip(moved, nearby_um, strict=True):
+            slope_pf = self._reading_slope_pf(which, cells_um)
+            if which == GAP:
+                slopes_pf[:, diagonal, GAP.start + diagonal] = slope_pf
+            else:
+                slopes_pf[..., which.start] = slope_pf
         white = self._weight[:, None, None] * (self._whitening @ slopes_pf)
         return np.concatenate([white.reshape(-1, N_PARAMETERS), np.diag(1.0 / PRIOR_SIGMA)])
 
-    def _slope_pf(self, number: int, rows: slice | Mask) -> Vector:
-        """Return the derivative of the modelled readings by one parameter [pF per unit], shape (rows, 9)."""
+    def _moved(self, which: slice) -> Vector:
+        """Return the parameters with these moved by a step."""
         moved = self.parameters.copy()
-        moved[number] += _STEP[number]
-        contact = ContactLoads(self._contact.normal[rows], self._contact.force_n[rows])
-        slope_pf: Vector = (self._twin.capacitance_pf(moved, contact) - self._model_pf[rows]) / _STEP[number]
+        moved[which] += _STEP[which]
+        return moved
+
+    def _reading_slope_pf(self, which: slice, cells_um: Vector) -> Vector:
+        """Return the derivative of the readings by parameters that move together [pF per unit], shape (n, 9).
+
+        Args:
+            which: The parameters, all of one kind.
+            cells_um: Closures of the cells with them moved by a step [um], shape (n, 324).
+        """
+        moved_pf = self._twin.reading_pf(self._moved(which), cells_um)
+        slope_pf: Vector = (moved_pf - self._model_pf) / _STEP[which]
         return slope_pf
 
 
 def _whitening(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
     """Return one whitening matrix per load, shape (n, 9, 9): the inverse Cholesky factor of the covariance S."""
     contact = ContactLoads.centred(loads.force_n)
-    model_pf = twin.capacitance_pf(parameters, contact)
+    cells_um = twin.cells_um(parameters, contact)
+    model_pf = twin.reading_pf(parameters, cells_um)
     step_n = _FORCE_STEP_REL * np.linalg.norm(contact.force_n, axis=1, keepdims=True)
-    by_normal, by_force = [], []
-    for axis in np.eye(3):
-        leaning = contact.normal + _NORMAL_STEP * axis  # normalised, only its part across the normal remains
-        leaning /= np.linalg.norm(leaning, axis=1, keepdims=True)
-        leaning_pf = twin.capacitance_pf(parameters, ContactLoads(leaning, contact.force_n))
-        by_normal.append((leaning_pf - model_pf) / _NORMAL_STEP)
-        pushed = ContactLoads(contact.normal, contact.force_n + step_n * axis)
-        by_force.append((twin.capacitance_pf(parameters, pushed) - model_pf) / step_n)
-    slope_pf = np.stack(by_force, axis=2)
+    # Of the contact's normal moved along an axis, and normalised, only the part across the normal remains.
+    leaning = [
+        ContactLoads(normalized(contact.normal + _NORMAL_STEP * axis), contact.force_n) for axis in np.eye(3)
+    ]
+    pushed = [ContactLoads(contact.normal, contact.force_n + step_n * axis) for axis in np.eye(3)]
+    nearby = [(parameters, one) for one in (*leaning, *pushed)]
+    nearby_um = twin.cells_nearby_um(nearby, twin.closed(parameters, cells_um))
+    changes_pf = [twin.reading_pf(parameters, one_um) - model_pf for one_um in nearby_um]
+    by_normal = [change_pf / _NORMAL_STEP for change_pf in changes_pf[:3]]
+    slope_pf = np.stack([change_pf / step_n for change_pf in changes_pf[3:]], axis=2)
     lean = np.stack(by_normal, axis=2) * np.radians(_STICK_LEAN_DEG) * np.sqrt(0.5)
     force = slope_pf * np.maximum(loads.sigma_n, _MIN_SIGMA_N)[:, None, :]
     creep = np.einsum("nij,nj->ni", slope_pf, contact.force_n)[:, :, None] * _CREEP_UNCERTAINTY_REL

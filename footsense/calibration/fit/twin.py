@@ -10,6 +10,7 @@ contact as seen from the sheet, to first order in o / R: its normal is n + o / R
 reads (1 + r) f of a force f. The film does not appear: the unloaded distance D contains it.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,18 +29,24 @@ from footsense.foot import gap_contact
 from footsense.foot.cavity.pressures import CavityPressures
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.response_table import FootResponse
-from footsense.frames import Vector
+from footsense.frames import Mask, Vector
 
 #: Smallest distance of the electrodes [um]; the designed film is as thick as 6.3 um of air.
 _MIN_DISTANCE_UM = 1.0
 #: A load under which a foot is linear [N].
 _SMALL_N = 0.05
+#: Distance to the gap within which a cell counts as closed [um].
+_CLOSED_WITHIN_UM = 1e-6
 
 
 def reference_gains(parameters: Vector) -> Vector:
     """Return the gains of the reference along x, y, z, shape (3,), of mean one: no foot tells it from a stiffness."""
     gains: Vector = 1.0 + parameters[REFERENCE] - parameters[REFERENCE].mean()
     return gains
+
+
+def _softness(parameters: Vector) -> float:
+    return 1.0 / (1.0 + float(parameters[STIFFNESS][0]))
 
 
 class ContactLoads(NamedTuple):
@@ -85,22 +92,54 @@ class FootTwin:
 
     def cells_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the closure of each cell [um], shape (n, 324), limited to the cell's gap; ignores stray and gain."""
-        response, mount = self._response, rotation(parameters[MOUNT])
-        softness = 1.0 / (1.0 + float(parameters[STIFFNESS][0]))
-        moved = loads.normal @ mount.T
-        moved[:, :2] += parameters[OFFSET]
-        normal = self._lifted_to_rim(normalized(moved))
-        force_n = (loads.force_n / reference_gains(parameters)) @ mount.T
-        free_um = softness * response.free_closure_um(normal, force_n)
+        response, free_um = self._response, self._free_um(parameters, loads)
         gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS)
         if response.cavity.kind != "vented":
-            compliance = softness * response.compliance_um_per_n
+            compliance = _softness(parameters) * response.compliance_um_per_n
             air = CavityPressures(self.gap_um(parameters), compliance, response.design.electrode_area_mm2)
             unloaded_um = air.held_um(np.zeros((1, gap_contact.ALL_CELLS)), response.cavity, contact=True)
             return air.held_um(free_um, response.cavity, contact=True) - unloaded_um
         if not (free_um > gap_um).any():  # scaling the compliance would take longer than the rest
             return free_um
-        return gap_contact.contact_closures_um(free_um, gap_um, softness * response.compliance_um_per_n)
+        compliance = _softness(parameters) * response.compliance_um_per_n
+        return gap_contact.contact_closures_um(free_um, gap_um, compliance)
+
+    def closed(self, parameters: Vector, cells_um: Vector) -> Mask:
+        """Return which cells are closed, shape (n, 324), at these closures [um]."""
+        closed: Mask = cells_um >= np.repeat(self.gap_um(parameters), gap_contact.CELLS) - _CLOSED_WITHIN_UM
+        return closed
+
+    def cells_nearby_um(self, nearby: Sequence[tuple[Vector, ContactLoads]], closed: Mask) -> Vector:
+        """Return the closures of the cells for derivatives [um], shape (k, n, 324): contact problems are not solved.
+
+        Args:
+            nearby: Parameters and n loads, k times, all near those of the closed cells.
+            closed: Cells that are closed, shape (n, 324); all others are open. Air is not held to them.
+        """
+        if self._response.cavity.kind != "vented":
+            return np.stack([self.cells_um(*one) for one in nearby])
+        # Gaps and stiffness leave a load where it is: one evaluation of the table for all of them.
+        places = [(parameters[MOUNT.start :].tobytes(), id(loads)) for parameters, loads in nearby]
+        one_of = dict(zip(places, nearby, strict=True))
+        designed_um = {place: self._designed_um(*one) for place, one in one_of.items()}
+        free_um = np.stack(
+            [_softness(p) * designed_um[place] for place, (p, _) in zip(places, nearby, strict=True)]
+        )
+        gap_um = np.stack([np.repeat(self.gap_um(parameters), gap_contact.CELLS) for parameters, _ in nearby])
+        # A softer solid is pushed as far back by less force: the closures do not depend on the compliance's scale.
+        return gap_contact.closures_of_closed_um(free_um, gap_um, self._response.compliance_um_per_n, closed)
+
+    def _free_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
+        """Return the closure of each cell as if no gap could close [um], shape (n, 324)."""
+        return _softness(parameters) * self._designed_um(parameters, loads)
+
+    def _designed_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
+        """Return the same closures of a solid as stiff as designed."""
+        mount = rotation(parameters[MOUNT])
+        moved = loads.normal @ mount.T
+        moved[:, :2] += parameters[OFFSET]
+        force_n = (loads.force_n / reference_gains(parameters)) @ mount.T
+        return self._response.free_closure_um(self._lifted_to_rim(normalized(moved)), force_n)
 
     def felt_stiffness_rel(self, stiffness_rel: float) -> float:
         """Return the load that closes the gaps as far over that of the design, upright, minus one [1].

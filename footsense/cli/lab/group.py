@@ -4,7 +4,7 @@ import importlib.util
 
 import click
 
-from footsense.cli.lab import experiment, models, report, response, study
+from footsense.cli.lab import experiment, fabricate, models, report, response, study
 from footsense.errors import FootsenseError
 
 #: Libraries of the extra.
@@ -30,6 +30,7 @@ def _require_extra() -> None:
         models.build,
         models.evaluate,
         models.compare,
+        fabricate.fabricate,
         response.response,
         study.study,
         study.fidelity,

@@ -33,10 +33,10 @@ from footsense.frames import (
 )
 
 #: Silence after which a baseline is discarded: the foot may have been swapped (a swap takes longer).
-_DISCARD_AFTER_NS = 250_000_000
+_MAX_SILENCE_NS = 250_000_000
 #: The same while a line of the leg's bus is stuck, which may be another leg's fault: a robot that stands would lose all
 #: its forces until each foot's next swing.
-_DISCARD_AFTER_STUCK_NS = 3_000_000_000
+_MAX_SILENCE_STUCK_BUS_NS = 3_000_000_000
 
 #: Frames in which every leg gets its turn to follow: two of six legs in one frame, of opposite tripods.
 _FRAMES_PER_ROUND = 3
@@ -267,7 +267,7 @@ class BaselineTracker:
         silent = np.isin(reading, SILENT).all(axis=1)
         self._heard_ns[~silent] = now_ns
         allowed_ns = np.where(
-            (reading == Reading.BUS_STUCK).any(axis=1), _DISCARD_AFTER_STUCK_NS, _DISCARD_AFTER_NS
+            (reading == Reading.BUS_STUCK).any(axis=1), _MAX_SILENCE_STUCK_BUS_NS, _MAX_SILENCE_NS
         )
         for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
             if leg not in self._tares.untared:

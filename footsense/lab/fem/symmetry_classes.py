@@ -59,11 +59,11 @@ def transposed_series(series: Vector, degree: int) -> Vector:
     return series[_transposed_products(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
 
 
-def add_series(classes: dict[Parity, Vector], degree: int) -> Vector:
-    """Return the series of single cells from the solved symmetry classes, shapes (products, 9, 9, 3).
+def single_cell_series(classes: dict[Parity, Vector], degree: int) -> Vector:
+    """Superpose the symmetry classes to the response to a load on one cell alone, shape (products, 9, 9, 3).
 
-    A single cell is a quarter of the sum of the four loads that put it and its mirror images together with the signs
-    of each class.
+    A load on a single cell is a quarter of the sum of the four loads that put it and its mirror images together with
+    the signs of each class.
     """
     even_odd = classes[Parity(1, -1)]
     total = sum(classes.values()) + transposed_series(even_odd, degree)

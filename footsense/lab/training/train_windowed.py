@@ -129,10 +129,10 @@ def _data(gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, impu
     )
 
 
-def _gait_windows(data: _Data, n_times: int, key: jax.Array, n: int) -> tuple[Any, ...]:
+def _gait_windows(data: _Data, times_per_gait: int, key: jax.Array, n: int) -> tuple[Any, ...]:
     """Return closures and ages, shape (n, 3, 9), and the truth of random windows of gaits."""
     at = data.where[jax.random.randint(key, (n,), 0, len(data.where))]
-    gait, time = at // n_times, at % n_times
+    gait, time = at // times_per_gait, at % times_per_gait
     since = data.ages[data.order[gait], time % ELEMENTS][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
     closure_rel = data.closure_rel[at[:, None, None] - since]
     age_s = since * data.step_s[gait][:, None, None] + data.lead_s[at][:, None, None]
@@ -166,11 +166,13 @@ def _rest_windows(data: _Data, key: jax.Array, n: int) -> tuple[Any, ...]:
     )
 
 
-def _batch(data: _Data, n_times: int, n: int, key: jax.Array) -> Batch:
+def _batch(data: _Data, times_per_gait: int, n: int, key: jax.Array) -> Batch:
     """Return a random batch."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
     n_rest = round(_REST_SHARE * n)
-    parts = zip(_gait_windows(data, n_times, k1, n - n_rest), _rest_windows(data, k2, n_rest), strict=True)
+    parts = zip(
+        _gait_windows(data, times_per_gait, k1, n - n_rest), _rest_windows(data, k2, n_rest), strict=True
+    )
     closure_rel, age_s, force_n, contact, loaded = (jnp.concatenate(pair) for pair in parts)
     which = jax.random.randint(k3, (n,), 1, len(data.masks))
     which = jnp.where(jax.random.uniform(k4, (n,)) < _MISSING_SHARE, which, 0)
@@ -215,8 +217,8 @@ def train_windowed(
         The weights, float32.
     """
     data = _data(gaits, rest, design, imputation)
-    n_times = gaits.closure_rel.shape[1]
-    first = jax.jit(_batch, static_argnums=(1, 2))(data, n_times, 60_000, jax.random.PRNGKey(0))
+    times_per_gait = gaits.closure_rel.shape[1]
+    first = jax.jit(_batch, static_argnums=(1, 2))(data, times_per_gait, 60_000, jax.random.PRNGKey(0))
     carries = np.asarray(first.loaded[:, 0] > 0.0)
     unmasked = (FEATURES_PER_ELEMENT - 1) * ELEMENTS
     place = np.r_[0:unmasked, FEATURES_PER_ELEMENT * ELEMENTS : N_INPUTS]
@@ -239,7 +241,7 @@ def train_windowed(
         return force_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
 
     def random_batch(data: _Data, key: jax.Array) -> Batch:
-        return _batch(data, n_times, protocol.batch, key)
+        return _batch(data, times_per_gait, protocol.batch, key)
 
     free = fit(_random_weights, loss, random_batch, data, protocol, _STEPS_PER_CALL, report)
     return fold_whitening(free)

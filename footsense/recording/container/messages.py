@@ -89,7 +89,7 @@ def leg_objects(
     frame: CapFrame | ContactFrame | GaitFrame, legs: Sequence[str], fields: Mapping[str, CycleField]
 ) -> dict[str, dict[str, Any]]:
     """Return the fields of each leg by their keys."""
-    objects: dict[str, dict[str, Any]] = {leg_schema: {} for leg_schema in legs}
+    objects: dict[str, dict[str, Any]] = {leg: {} for leg in legs}
     for path, field in fields.items():
         column = attrgetter(path.partition(".")[2])(frame).astype(field.kind, copy=False).tolist()
         for entries, value in zip(objects.values(), column, strict=True):
@@ -103,7 +103,7 @@ def leg_objects(
 def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
     """Return the scan that `encode_scan` wrote."""
     message = json.loads(data)
-    rows = [message[leg_schema] for leg_schema in legs]
+    rows = [message[leg] for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in _SCAN_FIELDS.items()}
     return scan_of(msgspec.convert(message["sequence"], Count), arrays)
 
@@ -111,7 +111,7 @@ def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
 def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
     """Return the forces that `encode_force` wrote."""
     message = json.loads(data)
-    rows = [{**_NOT_YET_RECORDED, **_with_present_names(message[leg_schema])} for leg_schema in legs]
+    rows = [{**_NOT_YET_RECORDED, **_with_present_names(message[leg])} for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in _FORCE_FIELDS.items()}
     sequence, t_sent_ns = (msgspec.convert(message[key], Count) for key in ("sequence", "t_sent_ns"))
     return forces_of(sequence, t_sent_ns, arrays)
@@ -129,13 +129,13 @@ def field_array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
     if field.names is not None:
         codes = _CODES[field.names]
         return np.array([codes[name] for (name,) in values], field.kind)
-    checked = msgspec.convert(values, _json_type(field))
+    checked = msgspec.convert(values, _decoded_type(field))
     return np.array(checked, field.kind).reshape(len(rows), *field.shape)
 
 
 @cache
-def _json_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
-    """Return the type of the numbers of a field, by leg and key."""
+def _decoded_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
+    """Return the type that a field must have in decoded JSON, by leg and key."""
     entry: Any = float | None
     if field.most is not None:
         entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.most))]
@@ -192,7 +192,7 @@ def schemas(legs: Sequence[str]) -> dict[str, bytes]:
             all_in_air={"type": "boolean"},
             **dict.fromkeys(legs, leg_schema(GAIT_FIELDS)),
         ),
-        GAIT_EVENT: object_schema(kind=text, leg_schema=text, t_ns=whole, sigma_s=number),
+        GAIT_EVENT: object_schema(kind=text, leg=text, t_ns=whole, sigma_s=number),
         EVENT: object_schema(
             **dict.fromkeys(("event", "command", "leg", "result", "reason"), text),
             n_cycles=whole,

@@ -106,7 +106,7 @@ class SimulatedBus:
         return self._connected.setdefault((self.mux.control, address), connected)
 
 
-class SimulatedKernelMuxLeg:
+class SimulatedKernelMuxChannel:
     """One mux channel of an upstream bus, presented as a separate adapter.
 
     A selection costs bits on the wire and no system call: the upstream bus has no host cost here, and each transaction

@@ -120,7 +120,7 @@ class SimulatedFdc1004(LegChip):
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the register at the pointer, and ones behind it: no chip drives the line then."""
         self._finish_by(t_ns)
-        word = self._register(self._pointer).to_bytes(2, "big")
+        word = self._read_register(self._pointer).to_bytes(2, "big")
         return word if n == len(word) else word[:n] + b"\xff" * (n - 2)
 
     def _configure(self, word: int, t_ns: int) -> None:
@@ -154,7 +154,7 @@ class SimulatedFdc1004(LegChip):
         capacitance_pf += conversion.noise_pf * next(self._noise)
         return min(max(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN), chip.CODE_MAX)
 
-    def _register(self, address: int) -> int:
+    def _read_register(self, address: int) -> int:
         if address == _FDC_CONF:
             return self._conf | chip.CONF_DONE.encode(self._done)
         if _MEAS1_MSB <= address <= _MEAS4_LSB:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_interface import schedule
-from firmware_interface.schedule import scan_limits
+from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import scan_plan
@@ -19,7 +19,7 @@ from footsense.acquisition.transports import KernelMux
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxLeg
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from tests.contract.boards import AD7746, DISTINCT_PF, FDC1004, Board, Capacitance, leg_chips
@@ -27,7 +27,7 @@ from tests.contract.boards import AD7746, DISTINCT_PF, FDC1004, Board, Capacitan
 both = pytest.mark.parametrize("board", [FDC1004, AD7746], ids=lambda board: board.name)
 
 
-class FailingLeg(SimulatedKernelMuxLeg):
+class FailingLeg(SimulatedKernelMuxChannel):
     """A leg whose transactions fail as they are told to.
 
     Attributes:
@@ -102,10 +102,10 @@ def test_the_period_is_near_the_best(board: Board, host_cost_us: int) -> None:
     robot.read(2)
     start_ns = robot.clock.now_ns()
     robot.read(18)
-    limits = scan_limits(
+    limits = scan_lower_bounds(
         n_legs=6,
         conversion_ns=board.conversion_ns,
-        rate_hz=400_000,
+        bus_hz=400_000,
         host_cost_ns=host_cost_us * 1000,
         kernel_mux=True,
         traffic=schedule.FDC1004 if board is FDC1004 else schedule.AD7746,
@@ -195,7 +195,7 @@ def test_conversions_are_discarded_after_a_delay_of_the_loop_and_not_before() ->
     for delay_ns, missed in ((5_000_000, 0), (200_000_000, 1)):
         robot.clock.advance_ns(delay_ns)
         frame = robot.read()
-        assert robot.scanner.missed_deadlines == missed
+        assert robot.scanner.late_discards == missed
         assert (frame.reading == Reading.OK).all()
 
 

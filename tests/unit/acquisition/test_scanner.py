@@ -9,7 +9,7 @@ import pytest
 
 from firmware_interface import schedule
 from firmware_interface.chips.fdc1004 import Register
-from firmware_interface.schedule import scan_limits
+from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.leg_group import BusReadings
@@ -44,8 +44,8 @@ T_CONV_NS = FDC1004.conversion_ns
 def test_the_scan_period_is_near_the_best(order: str, host_cost_us: int, n_buses: int, limit: float) -> None:
     """Within 3 % of the best that bus and chips allow, and so near to nine conversions; the scanner knows it too."""
     robot = Robot(distinct, n_buses=n_buses, host_cost_ns=host_cost_us * 1000, order=order)
-    best = scan_limits(
-        n_legs=6 // n_buses, conversion_ns=T_CONV_NS, rate_hz=400_000, host_cost_ns=host_cost_us * 1000
+    best = scan_lower_bounds(
+        n_legs=6 // n_buses, conversion_ns=T_CONV_NS, bus_hz=400_000, host_cost_ns=host_cost_us * 1000
     )
     period_ns = robot.period_ns(18)  # in which every check has had its turn
     assert 9 * T_CONV_NS < period_ns < min(limit * 9 * T_CONV_NS, 1.03 * best.scan_ns)
@@ -221,10 +221,10 @@ def test_the_scan_period_of_the_second_board_is_near_the_best(
     """Within 1 % of the best, whose limit is always the conversion; the scanner knows it too."""
     robot = Robot(distinct, AD7746, host_cost_ns=host_cost_us * 1000, order=order, rate_sps=rate_sps)
     plan = scan_plan(order, rate_sps, "ad7746")
-    best = scan_limits(
+    best = scan_lower_bounds(
         n_legs=6,
         conversion_ns=plan.conversion_ns,
-        rate_hz=400_000,
+        bus_hz=400_000,
         host_cost_ns=host_cost_us * 1000,
         traffic=schedule.AD7746,
     )

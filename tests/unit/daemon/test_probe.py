@@ -26,7 +26,7 @@ from footsense.daemon.probe.report import ProbedBus, ProbeResult
 from footsense.errors import BusError, BusTimeoutError, FootsenseError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxLeg
+from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
 from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import LegChip
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
@@ -260,7 +260,7 @@ def test_adapters_of_a_kernel_mux_are_told_leg_by_leg() -> None:
         n: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch())[: 1 + (n > 0)] for n in range(3)
     }
     upstream = WithOthers(SimulatedBus(clock, 400_000, 0, mux, chips), 0x40)
-    legs = [SimulatedKernelMuxLeg(upstream, clock, mux, channel, 0) for channel in range(3)]
+    legs = [SimulatedKernelMuxChannel(upstream, clock, mux, channel, 0) for channel in range(3)]
     scan = scan_adapters(legs, clock, scan_plan("lo_shu", 400), claimed=(0x71,))
     assert (scan.upstream, scan.mux_answers) == (AddressProbe((0x40,)), True)
     why = "no line switch answers at 0x49, though a converter does at 0x50"
@@ -270,14 +270,14 @@ def test_adapters_of_a_kernel_mux_are_told_leg_by_leg() -> None:
     assert scan.timing.costs.rate_hz == pytest.approx(400_000, rel=1e-3)
 
 
-class HeldLow(SimulatedKernelMuxLeg):
+class HeldLow(SimulatedKernelMuxChannel):
     """An adapter whose leg holds a line."""
 
     def transfer(self, transaction: Transaction) -> bytes:
         raise BusTimeoutError(f"held low at {transaction.address:#04x}")
 
 
-def scanned_legs(*kinds: type[SimulatedKernelMuxLeg]) -> BusScan:
+def scanned_legs(*kinds: type[SimulatedKernelMuxChannel]) -> BusScan:
     """Return the scan of sound legs, or of legs that hold a line, with a chip at 0x40 on the upstream bus."""
     clock, mux = VirtualClock(), SimulatedMux(0x71)
     chips = {n: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()) for n in range(len(kinds))}
@@ -288,7 +288,7 @@ def scanned_legs(*kinds: type[SimulatedKernelMuxLeg]) -> BusScan:
 
 def test_a_stuck_channel_does_not_hide_the_chips_of_the_upstream_bus() -> None:
     """The text of its error is in the scan; the other adapters are scanned, and show what is on the upstream bus."""
-    scan = scanned_legs(HeldLow, SimulatedKernelMuxLeg, SimulatedKernelMuxLeg)
+    scan = scanned_legs(HeldLow, SimulatedKernelMuxChannel, SimulatedKernelMuxChannel)
     assert scan.upstream == AddressProbe((0x40,))
     assert scan.channels[0].outcome is Reading.BUS_STUCK
     assert scan.channels[0].why.startswith("held low at 0x")

@@ -7,7 +7,7 @@ import numpy as np
 
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
-from footsense.daemon.recording_header import element_values, recorded_config, recorded_flags
+from footsense.daemon.recording_header import closure_conversion, recorded_config, recorded_flags
 from footsense.recording.replay import Replay
 from footsense.view.closures import Closures, RecordedBaselines
 
@@ -20,7 +20,7 @@ def test_the_baselines_of_a_recording_are_found_again() -> None:
     config = recorded_config(recording)
     models = load_models(config)
     pipeline = pipeline_for(models, recorded_flags(recording))
-    closures = Closures(element_values(models))
+    closures = Closures(closure_conversion(models))
     baselines = RecordedBaselines(closures.stray_pf, config.tare.window_scans)
     largest = 0.0
     for cycle in islice(recording, 900):

@@ -16,7 +16,7 @@ from footsense.foot.symmetry import mirrored_series
 from footsense.frames import Vector
 from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields, half_thickness_mm
 from footsense.lab.fem.mesh import MeshSize
-from footsense.lab.fem.symmetry_classes import add_series, transposed_series
+from footsense.lab.fem.symmetry_classes import single_cell_series, transposed_series
 from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
 from footsense.lab.response import DEGREE, fit_class, patch_mean
@@ -109,7 +109,7 @@ def sensor_series(foot_design: FootDesign, sensors: Sequence[Sensor], size: Mesh
         m = len(sensor.halves_mm())
         own = {parity: part[:, first : first + m * m].reshape(-1, m, m, 3) for parity, part in fitted.items()}
         first += m * m
-        raw = add_series(own, DEGREE)
+        raw = single_cell_series(own, DEGREE)
         series[sensor.name] = _series_of_all_elements(
             (raw + transposed_series(raw, DEGREE)) / 2.0, sensor.per_side
         )

@@ -37,13 +37,13 @@ LEANS_DEG = tuple(np.arange(0.0, 41.0, 5.0).tolist())
 #: Elevations of the leaning forces [deg]: at a lean of 40 deg the table still reaches the contact.
 LEANING_ELEVATIONS_DEG = (65.0, 75.0, 85.0)
 #: The second load over that of the floor [1].
-SHARES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
+SECOND_LOADS_REL = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 #: Lowest contact of the second load, as elevation of its normal [deg].
 SECOND_MIN_ELEVATION_DEG = 30.0
 #: Angle between both contacts, seen from the centre [deg]: borders of the classes.
 DISTANCES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
-#: Share of the table by distance [1].
-DISTANCE_SHARE = 0.5
+#: Second load over that of the floor, in the table by the angle between both contacts [1].
+SECOND_LOAD_REL_BY_ANGLE = 0.5
 #: Draws of the second load for each floor force; random loads that the second linear read-out is fitted to.
 DRAWS, QUICK_DRAWS = 6, 1
 RANDOM_LOADS, QUICK_RANDOM_LOADS = 10_000, 1000
@@ -108,8 +108,8 @@ class Results:
         friction_deg: Largest lean in the network's training [deg].
         lean: At each of `LEANS_DEG`.
         in_range_rel: Share of the loads of `PAPER_GF` within the converter's range at each lean [1].
-        second: At each of `SHARES`.
-        distance: At `DISTANCE_SHARE`, by the angle between the contacts [deg].
+        second: At each of `SECOND_LOADS_REL`.
+        distance: At `SECOND_LOAD_REL_BY_ANGLE`, by the angle between the contacts [deg].
     """
 
     arm_mm: float
@@ -167,7 +167,7 @@ class _SecondLoads:
 
 def _by_distance(tested: _ReadoutsUnderTest, second: _SecondLoads) -> dict[str, dict[str, Errors]]:
     """Return the errors by the angle between the contacts."""
-    measured_um, truth_n, inside = second.measured(DISTANCE_SHARE)
+    measured_um, truth_n, inside = second.measured(SECOND_LOAD_REL_BY_ANGLE)
     found = {}
     for low, high in pairwise(DISTANCES_DEG):
         here = inside & (second.distance_deg >= low) & (second.distance_deg < high)
@@ -183,7 +183,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     context.say(f"beyond: {len(LEANS_DEG)} leans read")
     second = _SecondLoads(tested, QUICK_DRAWS if context.quick else DRAWS)
     shared = []
-    for share in SHARES:
+    for share in SECOND_LOADS_REL:
         measured_um, truth_n, inside = second.measured(share)
         shared.append(tested.errors(measured_um[inside], truth_n[inside]))
     results = Results(
@@ -196,7 +196,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     )
     figures = {
         "beyond-lean.png": _curves(LEANS_DEG, "lean of the contact normal [deg]", lean),
-        "beyond-second.png": _curves(SHARES, "second load over the floor's", shared),
+        "beyond-second.png": _curves(SECOND_LOADS_REL, "second load over the floor's", shared),
     }
     return results, figures
 

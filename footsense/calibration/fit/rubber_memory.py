@@ -1,0 +1,95 @@
+"""Unloaded readings of a session without what the rubber remembers of the presses before.
+
+Rubber that creeps and has play still pushes after a release, where the foot was pressed last: with a force a u in that
+press's direction u, and c m of the mean m of the last presses. Half a second after a press of 100 gf that is 0.02 N,
+or 40 fF. Taken for drift, it is subtracted from the next press, and the fit explains what is missing by strays of
+0.3 pF. A robot tares rested feet, and its baseline follows 0.15 fF/s at most.
+
+The unloaded distance of the plates of each element at press i is, with the closures by force S of the designed foot,
+
+    D_i = D + drift - sum_j S_j (a_j u_j + c_j m_j),        j: the press before, and the press itself
+
+since the reading is interpolated between both ends of the press. Least squares over a session find a_j and c_j beside
+the mean and a linear drift of each element.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from footsense.calibration.fit.parameter_vector import N_PARAMETERS
+from footsense.calibration.fit.twin import ContactLoads, FootTwin
+from footsense.calibration.loads.load_set import LoadSet
+from footsense.calibration.session.recorded_session import RecordedSession
+from footsense.foot.directions import normalized
+from footsense.foot.gap_contact import element_means
+from footsense.foot.response_table import FootResponse
+from footsense.frames import ELEMENTS, Vector
+
+#: Weight of the newest press in the mean of the last ones [1]: creep of ten seconds, presses of one.
+_NEWEST_WEIGHT = 0.1
+#: Force that stays after a release [N], which gives the slopes.
+_STAYING_N = 0.02
+#: Square of the scatter of an unloaded distance [um] over that of a_j [N] and c_j [1] before they are known.
+_RIDGE = (0.01 / 0.02) ** 2
+
+
+def rested_loads(response: FootResponse, sessions: Sequence[RecordedSession]) -> LoadSet:
+    """Return the loads of all sessions, with the unloaded readings of a rested foot.
+
+    Args:
+        response: Response table of the foot type.
+        sessions: Sessions with loads.
+    """
+    loads = []
+    for session in sessions:
+        rested_pf = without_memory(response, LoadSet.of(session.loads)).baseline_pf
+        loads += [load._replace(baseline_pf=pf) for load, pf in zip(session.loads, rested_pf, strict=True)]
+    return LoadSet.of(loads)
+
+
+def without_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
+    """Return the loads with the unloaded readings that a rested foot would have had.
+
+    Args:
+        response: Response table of the foot type.
+        loads: Loads of one session in the order of time, at least one.
+    """
+    after_um = _memory_um(FootTwin(response, loads.unloaded_pf), loads.force_n)
+    before_um = np.concatenate([np.zeros_like(after_um[:1]), after_um[:-1]])
+    memory_um = np.concatenate([before_um, after_um], axis=2)
+    distance_um = response.design.plate_distance_um(loads.baseline_pf)
+    n = len(loads)
+    steady = np.linalg.qr(np.column_stack([np.ones(n), np.linspace(-1.0, 1.0, n)]))[0]
+
+    def unsteady(values: Vector) -> Vector:
+        """Return values over the presses, shape (n, ...), without their mean and linear drift."""
+        flat = values.reshape(n, -1)
+        left: Vector = flat - steady @ (steady.T @ flat)
+        return left
+
+    slopes = unsteady(memory_um).reshape(n * ELEMENTS, -1)
+    curvature = slopes.T @ slopes + _RIDGE * np.eye(slopes.shape[1])
+    staying = np.linalg.solve(curvature, -slopes.T @ unsteady(distance_um).ravel())
+    return replace(loads, baseline_pf=loads.baseline_pf * distance_um / (distance_um + memory_um @ staying))
+
+
+def _memory_um(twin: FootTwin, force_n: Vector) -> Vector:
+    """Return the closures after each press per newton and per mean of the last presses, shape (n, 9, 2) [um]."""
+    mean_n, means_n = np.zeros(3), []
+    for one_n in force_n:
+        mean_n = mean_n + _NEWEST_WEIGHT * (one_n - mean_n)
+        means_n.append(mean_n)
+    normal = normalized(force_n)
+    designed = np.zeros(N_PARAMETERS)
+    unit_um = [
+        element_means(
+            twin.cells_um(designed, ContactLoads(normal, np.tile(_STAYING_N * axis, (len(normal), 1))))
+        )
+        / _STAYING_N
+        for axis in np.eye(3)
+    ]
+    directions = np.stack([normal, np.array(means_n)], axis=2)
+    closures_um: Vector = np.stack(unit_um, axis=2) @ directions
+    return closures_um

@@ -1,0 +1,69 @@
+"""`footsense lab fabricate`: the files from which a workshop makes a foot."""
+
+import importlib.util
+from pathlib import Path
+
+import click
+
+from footsense.cli.lab import options
+from footsense.cli.options import FOLDER
+from footsense.daemon.foot_types import released_path
+from footsense.errors import ConfigError, FootsenseError, ModelError
+
+#: Libraries of the extra `fabrication`.
+_EXTRA = ("ezdxf", "gerbonara", "shapely")
+
+
+@click.command()
+@click.argument("foot")
+@click.option("--out", type=FOLDER, required=True, help="Folder for the files.")
+def fabricate(*, foot: str, out: Path) -> None:
+    """Write what a workshop needs to make a foot: STEP, Gerber, DXF, drawing, parts, steps, checks.
+
+    FOOT is a foot.yaml, a folder with one, or the name of a released foot type. Every file is read back and measured;
+    README.md in the folder lists the figures.
+    """  # noqa: DOC501 - click shows this text
+    missing = [name for name in _EXTRA if importlib.util.find_spec(name) is None]
+    if missing:
+        raise FootsenseError(
+            f"lab fabricate needs {', '.join(missing)}: pip install 'footsense[lab,fabrication]'"
+        )
+    from footsense.lab.fabrication.package import fabricate as write_package
+    from footsense.lab.foot_file import load_foot
+
+    path = _description(foot)
+    design = load_foot(path)
+    options.require_writable(out)
+    try:
+        package = write_package(design, out)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    element = next(iter(package.elements.values()))
+    click.echo(
+        f"wrote {out}: {len(package.elements)} elements of {element.unloaded_pf:.2f} pF "
+        f"({element.lowest_pf:.2f} to {element.highest_pf:.2f}); {len(package.checks)} checks of the files passed"
+    )
+
+
+def _description(foot: str) -> Path:
+    """Return the path of a foot's description.
+
+    Raises:
+        ModelError: There is none.
+    """
+    from footsense.lab.foot_file import FOOT_FILE
+
+    path = Path(foot)
+    released = released_path(FOOT_FILE, foot)
+    if path.is_file():
+        return path
+    if (path / FOOT_FILE).is_file():
+        return path / FOOT_FILE
+    if "/" not in foot and released.is_file():
+        return released
+    known = sorted(
+        folder.name for folder in released_path(FOOT_FILE).parent.parent.iterdir() if folder.is_dir()
+    )
+    raise ModelError(
+        f"no foot {foot}: neither a file, nor a folder with {FOOT_FILE}, nor a released foot type ({', '.join(known)})"
+    )

@@ -1,0 +1,185 @@
+"""The written files read back and measured: what they should be, what they are."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import shapely
+
+from footsense.foot.cavity.air import CavityKind
+from footsense.lab.fabrication import process
+from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.parts import sheets, solids
+from footsense.lab.fabrication.parts.flex import GUARD, Flex
+from footsense.lab.fabrication.parts.readback import (
+    Shape,
+    narrowest_mm,
+    pieces,
+    read_holes,
+    read_layer,
+    read_outline,
+)
+from footsense.lab.fabrication.tolerances import Tolerance
+
+#: Coordinates and areas of the files are rounded [mm, mm2]; volumes are integrated numerically [1].
+ROUNDING_MM, _VOLUME_REL = 2e-3, 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One figure of a file.
+
+    Attributes:
+        file: The file, in the folder of the foot.
+        what: What was measured.
+        wanted: What it should be.
+        measured: What it is.
+        passed: Whether it is.
+    """
+
+    file: str
+    what: str
+    wanted: str
+    measured: str
+    passed: bool
+
+
+def check_flex(folder: Path, flex: Flex) -> Iterator[Check]:
+    """Yield the checks of one flex.
+
+    Args:
+        folder: Folder of the files.
+        flex: The flex, for what they should be.
+    """
+    file = f"{flex.name}/copper.gbr"
+    shapes = read_layer(folder / file)
+    electrodes = [shape.area.area for shape in shapes if shape.function == "Other,Electrode"]
+    side, elements = flex.array.electrode_mm, len(flex.line_v_mm) * len(flex.element_u_mm)
+    yield Check(
+        file,
+        "electrodes and area of each",
+        f"{elements} of {side**2:.3f} mm2",
+        f"{len(electrodes)} of {min(electrodes):.3f} to {max(electrodes):.3f} mm2",
+        len(electrodes) == elements and max(abs(area - side**2) for area in electrodes) < ROUNDING_MM,
+    )
+    conductors = pieces(shapes)
+    yield _nets(file, flex, conductors)
+    narrowest = min(narrowest_mm([shape.area for shape in one]) for one in conductors)
+    yield at_least(file, "narrowest conductor", process.MIN_TRACE_MM, narrowest)
+    whole = [shapely.union_all([shape.area for shape in one]) for one in conductors]
+    gap = min(a.distance(b) for k, a in enumerate(whole) for b in whole[:k])
+    yield at_least(file, "least distance of two nets", process.MIN_GAP_MM, gap)
+    outline = read_outline(folder / flex.name / "profile.gbr")
+    inner = [shape.area for shape in shapes if shape.function != "ConnectorPad"]
+    to_edge = min(_depth_mm(outline, area) for area in inner)
+    yield at_least(
+        f"{flex.name}/profile.gbr", "copper to the cut edge, contacts apart", process.EDGE_MM, to_edge
+    )
+    holes = read_holes(folder / flex.name / "drill.drl")
+    to_copper = min(shapely.Point(u, v).distance(area) - d / 2.0 for u, v, d in holes for area in whole)
+    yield at_least(
+        f"{flex.name}/drill.drl", f"{len(holes)} holes, distance to copper", process.EDGE_MM, to_copper
+    )
+
+
+def _nets(file: str, flex: Flex, conductors: list[list[Shape]]) -> Check:
+    """Compare each conductor, found as connected copper, with the line that it should be."""
+    wanted = set()
+    for k, net in enumerate(flex.nets):
+        places = frozenset((round(u, 3), round(flex.line_v_mm[k], 3)) for u in flex.element_u_mm)
+        wanted.add((net, places, frozenset({str(2 * k + 2)})))
+    for number in range(1, len(flex.contact_v_mm) + 1, 2):
+        wanted.add((GUARD, frozenset(), frozenset({str(number)})))
+    found = set()
+    for one in conductors:
+        places = frozenset(
+            (round(shape.area.centroid.x, 3) + 0.0, round(shape.area.centroid.y, 3) + 0.0)
+            for shape in one
+            if shape.function == "Other,Electrode"
+        )
+        pins = frozenset(shape.pin for shape in one if shape.pin)
+        found.add((" and ".join(sorted({shape.net for shape in one})), places, pins))
+    right = wanted & found
+    return Check(
+        file,
+        "conductors with their own electrodes and contact, and no other",
+        f"{len(wanted)}: {', '.join(flex.nets)}, guards",
+        f"{len(right)} of {len(conductors)}",
+        found == wanted and len(conductors) == len(wanted),
+    )
+
+
+def check_sheets(folder: Path, array: ElementArray, cavity: CavityKind) -> Iterator[Check]:
+    """Yield the checks of spacer and film."""
+    spacer, film = (sheets.read_dxf(folder / f"{name}.dxf") for name in ("spacer", "film"))
+    half = array.sheet_mm / 2.0
+    in_sheet = shapely.box(-half, -half, half, half)
+    drilled = 2.0 * math.pi / 4.0 * process.HOLE_MM**2
+    yield near("film.dxf", "area in the sheet", array.sheet_mm**2, film.intersection(in_sheet).area, "mm2")
+    filled = shapely.Polygon(film.exterior).area - film.area
+    yield Check(
+        "film.dxf",
+        "alignment holes, area of both",
+        f"{drilled:.2f} mm2",
+        f"{filled:.2f} mm2",
+        abs(filled - drilled) < 0.02 * drilled,
+    )
+    opened = in_sheet.difference(spacer)
+    channels = shapely.union_all(sheets.vents(array)).intersection(in_sheet) if cavity == "vented" else None
+    wanted = len(array.centres_mm) * array.electrode_mm**2
+    wanted += channels.difference(sheets.cavities(array)).area if channels is not None else 0.0
+    yield near("spacer.dxf", "open area in the sheet: cavities and vents", wanted, opened.area, "mm2")
+    open_air = [
+        part for part in shapely.get_parts(opened) if part.intersection(in_sheet.exterior).length > 0.0
+    ]
+    reached = sum(any(part.contains(shapely.Point(c)) for part in open_air) for c in array.centres_mm)
+    aired = len(array.centres_mm) if cavity == "vented" else 0
+    yield Check("spacer.dxf", "cavities that outer air reaches", str(aired), str(reached), reached == aired)
+    yield Check(
+        "spacer.dxf", "pieces", "1", str(len(shapely.get_parts(spacer))), spacer.geom_type == "Polygon"
+    )
+
+
+def check_solids(folder: Path, made: list[solids.Part]) -> Iterator[Check]:
+    """Yield the volumes of the STEP files."""
+    for part in made:
+        measured = solids.read_step(folder / "step" / f"{part.name}.step").mass
+        yield Check(
+            f"step/{part.name}.step",
+            "volume",
+            f"{part.volume_mm3:.3f} mm3",
+            f"{measured:.3f} mm3",
+            abs(measured / part.volume_mm3 - 1.0) < _VOLUME_REL,
+        )
+
+
+def _depth_mm(outline: Any, area: Any) -> float:
+    """Return the least distance of a shape from the edge of an outline [mm], negative outside."""
+    distance = float(outline.exterior.distance(area))
+    return distance if outline.contains(area) else -distance
+
+
+def check_tolerances(tolerances: list[Tolerance]) -> Iterator[Check]:
+    """Yield what the limits of the drawing use up of the deviations that the lab assumed."""
+    for row in tolerances:
+        what = f"{row.name} +-{row.limit:g} {row.unit}, against {row.assumed}"
+        yield Check("drawing.pdf", what, f"at most {row.allowed:.3g}", f"{row.counts:.3g}", row.kept)
+
+
+def at_least(file: str, what: str, least_mm: float, measured_mm: float) -> Check:
+    """Return the check that a length is not below another."""
+    return Check(
+        file,
+        what,
+        f"at least {least_mm:g} mm",
+        f"{measured_mm:.3f} mm",
+        measured_mm > least_mm - ROUNDING_MM,
+    )
+
+
+def near(file: str, what: str, wanted: float, measured: float, unit: str) -> Check:
+    """Return the check that a figure is as it should be."""
+    near = abs(measured - wanted) < ROUNDING_MM
+    return Check(file, what, f"{wanted:.3f} {unit}", f"{measured:.3f} {unit}", near)

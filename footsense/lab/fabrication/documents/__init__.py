@@ -1,0 +1,1 @@
+"""Documents for people: drawing, picture, bill of materials, steps, checklist."""

@@ -1,0 +1,263 @@
+"""The drawing: the foot in its socket, the machined parts, flexes and layers; A3, dimensions and tolerances."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from matplotlib.backends.backend_pdf import PdfPages
+
+from footsense.lab.fabrication import process
+from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.documents.paper_sheet import PaperSheet, View, scale_for
+from footsense.lab.fabrication.documents.views import edges, section
+from footsense.lab.fabrication.parts import sheets, solids
+from footsense.lab.fabrication.parts.flex import GUARD, Flex
+from footsense.lab.fabrication.parts.readback import read_holes, read_layer, read_outline
+from footsense.lab.fabrication.tolerances import Tolerance
+from footsense.lab.fem.solids import NEAR_MM
+from footsense.lab.geometry import FootDesign
+
+_COPPER, _POLYMER, _PDMS, _RUBBER, _METAL = "#d98c3f", "#f3e3b3", "#cfe3ee", "#9aa5ad", "#d5d5d5"
+
+
+def write_drawing(folder: Path, name: str, pages: list[PaperSheet]) -> None:
+    """Write `drawing.pdf`, without the time of writing.
+
+    Args:
+        folder: Where it is written.
+        name: Name of the foot.
+        pages: Its sheets.
+    """
+    metadata = {"Title": f"{name}, drawing", "Creator": "footsense", "CreationDate": None}
+    with PdfPages(folder / "drawing.pdf", metadata=metadata) as file:
+        for one in pages:
+            file.savefig(one.figure)
+
+
+def drawn_sheets(
+    folder: Path, design: FootDesign, flexes: tuple[Flex, Flex], tolerances: list[Tolerance]
+) -> list[PaperSheet]:
+    """Return the sheets of the drawing, drawn from the files of a foot.
+
+    Args:
+        folder: Folder of the files.
+        design: The foot.
+        flexes: Row flex and column flex.
+        tolerances: Tolerances of the drawing.
+    """
+    about = [
+        design.about,
+        "All dimensions in mm unless stated. Where no limit is given: ISO 2768-m.",
+        "Foot frame: x forward, y left, z up the leg.",
+    ]
+    parts = {path.stem: solids.read_step(path) for path in sorted((folder / "step").glob("*.step"))}
+    name = design.foot_type
+    return [
+        _assembly(PaperSheet(f"{name}: assembly", [*about, "Sheet 1 of 3"]), design, parts, tolerances),
+        _machined(PaperSheet(f"{name}: mould and socket", [*about, "Sheet 2 of 3"]), design, parts),
+        _layers(PaperSheet(f"{name}: flexes and layers", [*about, "Sheet 3 of 3"]), folder, design, flexes),
+    ]
+
+
+def _assembly(
+    page: PaperSheet, design: FootDesign, parts: dict[str, Any], tolerances: list[Tolerance]
+) -> PaperSheet:
+    radius, plate, half = design.ball_radius_mm, design.plate_mm, design.sheet_mm / 2.0
+    outer, top = process.socket_radius_mm(design.ball_radius_mm), plate + radius + process.SOCKET_TOP_MM
+    scale = scale_for((2.0 * outer, top + radius + plate), (150.0, 165.0))
+    view = page.view(
+        (110.0, 160.0), scale, (-outer, -radius - plate, outer, top), "Section, forward to the right, *"
+    )
+    for name, colour, hatch in (
+        ("hemisphere-ground", _RUBBER, None),
+        ("hemisphere-leg", _RUBBER, None),
+        ("leg-socket", _METAL, "////"),
+    ):
+        view.area(section(parts[name]), colour, hatch)
+    for level in (-plate, 0.0):
+        view.area(shapely.box(-half, level, half, level + plate), _PDMS)
+    rise = outer - process.CHANNEL_MM / 2.0
+    view.line([(-half, 0.0), (rise, 0.0), (rise, top)], color=_COPPER, lw=1.6)
+    view.centre([(0.0, -radius - plate - 2.0), (0.0, top + 0.8)])
+    view.dimension([(-outer, top), (outer, top)], 8.0, f"dia. {2.0 * outer:.1f}")
+    view.dimension([(-outer, plate), (-outer, top)], -8.0, f"{top - plate:g}")
+    view.note((-0.6 * radius, -plate - 0.6 * radius), (-14.0, -22.0), f"R {radius:g} +-0.1")
+    hollow = radius + process.ADHESIVE_MM
+    place = (-0.71 * hollow, plate + 0.71 * hollow)
+    view.note(
+        place,
+        (-2.0, scale * (top - place[1]) + 18.0),
+        f"R {hollow:.1f} +-0.05, adhesive {process.ADHESIVE_MM:g}",
+        "right",
+    )
+    view.note((rise, 0.55 * top), (12.0, 0.0), "tail of the columns,\nin its channel")
+    view.note(
+        (0.9 * half, -0.6 * plate),
+        (scale * (outer - 0.9 * half) + 8.0, -16.0),
+        "plates and flexes:\nsee stack",
+    )
+    _stack(page, design)
+    rows = [["dimension", "nominal and limit", "the design assumed"]]
+    rows += [[t.name, f"{t.nominal:g} +-{t.limit:g} {t.unit}", t.assumed] for t in tolerances]
+    page.table((215.0, 140.0), (58.0, 42.0, 90.0), rows)
+    return page
+
+
+def _stack(page: PaperSheet, design: FootDesign) -> None:
+    """Draw the layers, thickened."""
+    layers = [
+        ("hemisphere of the leg", "rubber", _RUBBER, 10.0),
+        ("plate", f"PDMS, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
+        ("column flex, copper down", "polyimide and copper, or gold on the plate", _COPPER, 4.0),
+        (
+            "spacer",
+            f"gap {design.gap_um:g} um; cavities {design.electrode_mm:g} x {design.electrode_mm:g} mm",
+            "w",
+            7.0,
+        ),
+        ("film", f"{design.film_um:g} um, permittivity {design.film_eps_r:g}", "#bfe0c4", 6.0),
+        ("row flex, copper up", "polyimide and copper, or gold on the plate", _COPPER, 4.0),
+        ("plate", f"PDMS, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
+        ("hemisphere of the ground", "rubber", _RUBBER, 10.0),
+    ]
+    height = sum(thickness for *_, thickness in layers)
+    view = page.view((258.0, 225.0), 1.0, (0.0, 0.0, 80.0, height), "Stack, not to scale", 6.0)
+    z = height
+    for name, what, colour, thickness in layers:
+        z -= thickness
+        view.area(shapely.box(0.0, z, 80.0, z + thickness), colour)
+        if name == "spacer":
+            for x in (0.0, 22.0, 48.0, 70.0):
+                view.area(shapely.box(x, z, x + 10.0, z + thickness), "#bfe0c4")
+        page.text((304.0, 225.0 - height / 2.0 + z + thickness / 2.0), f"{name}: {what}", va="center")
+
+
+def _machined(page: PaperSheet, design: FootDesign, parts: dict[str, Any]) -> PaperSheet:
+    radius, wall = design.ball_radius_mm, process.MOULD_WALL_MM
+    half_x, half_y, deep = 2.0 * radius + 1.5 * wall, radius + wall, radius + wall
+    off = solids.mould_centres_mm(design)[1]
+    scale = scale_for((2.0 * half_x, 2.0 * half_y), (150.0, 75.0))
+    lid = page.view(
+        (105.0, 240.0), scale, (-half_x, -half_y, half_x, half_y), "Lid of the mould from above, *"
+    )
+    _from_above(lid, parts["mould-lid"])
+    lid.dimension([(-half_x, half_y), (half_x, half_y)], 6.0, f"{2.0 * half_x:g}")
+    lid.dimension([(half_x, -half_y), (half_x, half_y)], 10.0, f"{2.0 * half_y:g}")
+    lid.dimension([(-off, 0.0), (off, 0.0)], -scale * half_y - 6.0, f"{2.0 * off:g} +-0.05")
+    lid.note((-off, 0.0), (-34.0, 8.0), f"2 x dia. {process.SPRUE_MM:g}")
+    lid.note((-off, radius - process.AIR_MM), (-34.0, 6.0), f"4 x dia. {process.AIR_MM:g}")
+    inset = process.DOWEL_MM
+    lid.note(
+        (half_x - inset, half_y - inset), (18.0, 12.0), f"2 x dia. {process.DOWEL_MM:g} H7, {wall:g} thick"
+    )
+    body = page.view((105.0, 130.0), scale, (-half_x, -deep, half_x, 0.0), "Section of the body, *", 8.0)
+    body.area(section(parts["mould-body"]), _METAL, "////")
+    body.dimension([(half_x, -deep), (half_x, 0.0)], 10.0, f"{deep:g}")
+    body.note((off - 0.7 * radius, -0.7 * radius), (-10.0, 34.0), f"2 x R {radius:g} +-0.05, polished")
+    outer, top, rim = (
+        process.socket_radius_mm(design.ball_radius_mm),
+        design.plate_mm + radius + process.SOCKET_TOP_MM,
+        design.plate_mm,
+    )
+    scale = scale_for((2.0 * outer, 2.0 * outer), (120.0, 110.0))
+    socket = page.view(
+        (305.0, 205.0), scale, (-outer, -outer, outer, outer), "Socket from above, forward to the right, *"
+    )
+    _from_above(socket, parts["leg-socket"])
+    socket.centre([(-outer - 2.0, 0.0), (outer + 2.0, 0.0)])
+    socket.centre([(0.0, -outer - 0.8), (0.0, outer + 2.0)])
+    socket.dimension([(-outer, -outer), (outer, -outer)], -6.0, f"dia. {2.0 * outer:.1f}")
+    place = 0.65 * outer * np.sqrt(0.5)
+    socket.note(
+        (-place, place), (-30.0, 24.0),
+        f"{process.SCREWS} x M2.5, {process.CORE_DEPTH_MM:g} deep,\non dia. {1.3 * outer:.1f}",
+    )  # fmt: skip
+    for k, at in enumerate(((outer - process.CHANNEL_MM, 0.0), (0.0, outer - process.CHANNEL_MM))):
+        width = 2.0 * process.CHANNEL_PLAY_MM + solids.tail_mm(design)[k]
+        socket.note(
+            at, ((24.0, -22.0), (26.0, 16.0))[k], f"channel {width:g} +0.1/0\nx {process.CHANNEL_MM:g}"
+        )
+    socket.note((0.0, 0.0), (-42.0, -38.0), f"bore dia. {process.AIR_MM:g}")
+    socket.note((0.85 * (outer - process.CHANNEL_MM), 0.0), (20.0, 24.0), "mark: forward")
+    hollow = f"Hollow: R {radius + process.ADHESIVE_MM:.1f} +-0.05 around the middle of the lower face; "
+    hollow += f"height {top - rim:g}."
+    page.text((305.0, 112.0), hollow, ha="center")
+    return page
+
+
+def _from_above(view: View, solid: Any) -> None:
+    """Draw the level edges of a solid: those of its upper face, and dashed those below."""
+    _, high = solid.bounding_box
+    for points in edges(solid):
+        if np.ptp(points[:, 2]) < NEAR_MM:
+            seen = points[0, 2] > high.z - NEAR_MM
+            style = {"lw": 1.0} if seen else {"lw": 0.5, "ls": (0, (6, 4)), "zorder": 1}
+            view.line([(x, y) for x, y, _ in points], **style)
+
+
+def _layers(page: PaperSheet, folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> PaperSheet:
+    for flex, height in zip(flexes, (228.0, 112.0), strict=True):
+        outline = read_outline(folder / flex.name / "profile.gbr")
+        low_x, low_y, high_x, high_y = outline.bounds
+        scale = scale_for((high_x - low_x, high_y - low_y), (195.0, 76.0))
+        side = "up, tail to the left" if flex.kind == "row" else "down, tail forward"
+        title = (
+            f"{flex.kind.capitalize()} flex from its copper side, *; in the foot: copper {side} of the foot"
+        )
+        view = page.view((118.0, height), scale, outline.bounds, title, 26.0)
+        _flex(view, folder, flex, outline)
+    array = ElementArray.of(design)
+    ball = design.ball_radius_mm
+    drawn = ("spacer", design.gap_um, 235.0), ("film", design.film_um, 120.0)
+    for name, thickness, height in drawn:
+        shape = sheets.read_dxf(folder / f"{name}.dxf")
+        low_x, low_y, high_x, high_y = shape.bounds
+        scale = scale_for((high_x - low_x, high_y - low_y), (110.0, 75.0))
+        view = page.view(
+            (310.0, height), scale, shape.bounds, f"{name.capitalize()}, {thickness:g} um, from above, *"
+        )
+        view.area(shape, "#bfe0c4")
+        _sheet(view, array, ball, name)
+    return page
+
+
+def _flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
+    view.area(outline, _POLYMER)
+    for shape in read_layer(folder / flex.name / "copper.gbr"):
+        view.area(shape.area, _COPPER, edge=False)
+    for x, y, diameter in read_holes(folder / flex.name / "drill.drl"):
+        view.area(shapely.Point(x, y).buffer(diameter / 2.0), "w")
+    half, tail, side = flex.half_mm, flex.tail_half_mm, flex.array.electrode_mm
+    *_, end, _ = outline.bounds
+    u, v = flex.element_u_mm, flex.line_v_mm
+    ends = (u[0] - side / 2.0, v[0] - side / 2.0), (u[0] + side / 2.0, v[0] - side / 2.0)
+    view.dimension(ends, -7.0, f"{side:g} +-{process.ETCH_MM:g}")
+    view.dimension([(-half, -half), (half, -half)], -13.0, f"{2.0 * half:g}")
+    view.dimension([(0.0, -half), (end, -half)], -19.0, f"{end:g}")
+    view.dimension([(end, -tail), (end, tail)], 7.0, f"{2.0 * tail:g} +-0.05")
+    if len(v) > 1:
+        left = outline.bounds[0]
+        view.dimension([(left, v[0]), (left, v[1])], -6.0, f"{v[1] - v[0]:g}")
+    size = f"{process.CONTACT_WIDTH_MM:g} x {process.CONTACT_MM:g}, pitch {process.CONTACT_PITCH_MM:g}"
+    contacts = f"{len(flex.contact_v_mm)} contacts {size}; contact 1 is the lowest;\n"
+    contacts += f"even: {', '.join(flex.nets)}; odd: {GUARD}"
+    view.note((flex.end_mm - process.CONTACT_MM / 2.0, tail), (-30.0, 16.0), contacts, "center")
+    stiff = f"stiffener {process.STIFFENER_MM:g}, other side; 0.3 thick with it"
+    view.note((flex.end_mm - process.STIFFENER_MM, -tail), (-30.0, -10.0), stiff, "center")
+
+
+def _sheet(view: View, array: ElementArray, ball_radius_mm: float, name: str) -> None:
+    half = array.sheet_mm / 2.0
+    far = ball_radius_mm + process.EAR_MM
+    view.dimension([(-half, half), (half, half)], 6.0, f"{array.sheet_mm:g} +-0.05")
+    view.dimension(
+        [(-far, 0.0), (0.0, 0.0)], -view.scale * (far + process.EAR_RADIUS_MM) - 6.0, f"{far:g} +-0.05"
+    )
+    view.note((0.0, -far), (22.0, 0.0), f"2 x dia. {process.HOLE_MM:g} +0.05/0")
+    if name == "spacer":
+        x, y = array.row_x_mm[0], array.column_y_mm[0]
+        side = array.electrode_mm
+        view.dimension([(half, y - side / 2.0), (half, y + side / 2.0)], 8.0, f"{side:g} +-0.05")
+        bar = array.column_y_mm[0] - side / 2.0
+        view.note((x, bar - array.bar_mm / 2.0), (34.0, -8.0), f"bars {array.bar_mm:g}")

@@ -1,0 +1,116 @@
+"""The papers of a foot: overview with the figures of the checks, bill of materials, assembly, checklist."""
+
+import csv
+import math
+from pathlib import Path
+from typing import Any
+
+from footsense.lab.fabrication import process
+from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.checks import Check
+from footsense.lab.fabrication.expected import Expected
+from footsense.lab.fabrication.parts.flex import GUARD, Flex
+from footsense.lab.fabrication.tolerances import Tolerance, shore_a
+from footsense.lab.geometry import UM_PER_MM, FootDesign
+from footsense.lab.template import render
+
+#: Density of the rubbers and of PDMS, for the amounts to weigh [g/cm3]; the paper's butadiene rubber has 0.91.
+_DENSITY = 1.1
+#: What is weighed over what ends up in the part [1].
+_EXCESS = 1.3
+
+
+def write(
+    folder: Path,
+    design: FootDesign,
+    flexes: tuple[Flex, Flex],
+    found: list[Check],
+    tolerances: list[Tolerance],
+    elements: dict[tuple[str, str], Expected],
+) -> None:
+    """Write the papers of a foot.
+
+    Args:
+        folder: Where they are written.
+        design: The foot.
+        flexes: Row flex and column flex.
+        found: Figures of the files.
+        tolerances: Tolerances of the drawing.
+        elements: Expected reading of each element, by row and column net.
+    """
+    names: dict[str, Any] = {
+        "design": design,
+        "array": ElementArray.of(design),
+        "process": process,
+        "flexes": flexes,
+        "GUARD": GUARD,
+        "contacts": {flex.kind: contacts(flex) for flex in flexes},
+        "checks": found,
+        "tolerances": tolerances,
+        "elements": list(elements.items()),
+        "shore": shore_a(design.rubber.youngs_mpa),
+        "rubber_g": rubber_g(design),
+        "UM_PER_MM": UM_PER_MM,
+    }
+    for name in ("README", "assembly", "checklist"):
+        text = render(f"footsense.lab.fabrication.documents.{name.lower()}", names)
+        (folder / f"{name}.md").write_text(text + "\n")
+    with (folder / "bill-of-materials.csv").open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["quantity", "unit", "part", "specification", "file"])
+        writer.writerows(bill(design, flexes))
+
+
+def bill(design: FootDesign, flexes: tuple[Flex, Flex]) -> list[tuple[float | int, str, str, str, str]]:
+    """Return the bill of materials of one foot: quantity, unit, part, specification, file."""
+    shore, side, plate = shore_a(design.rubber.youngs_mpa), design.sheet_mm, design.plate_mm
+    rubber = f"Shore A {shore:.0f}, {design.rubber.youngs_mpa:g} MPa, cures at room temperature, shrinks below 0.5 %"
+    pdms = f"PDMS of {design.pdms.youngs_mpa:g} MPa, {side:g} x {side:g} x {plate:g} mm"
+    dowel_mm = 2.0 * process.DOWEL_MM + process.MOULD_WALL_MM
+    rows: list[tuple[float | int, str, str, str, str]] = [
+        (round(rubber_g(design), 1), "g", "rubber for two hemispheres", rubber, "step/hemisphere-*.step"),
+        (2, "piece", "plate", pdms, "drawing.pdf"),
+        (1, "piece", "spacer", f"{design.gap_um:g} um of PDMS, laser-cut", "spacer.dxf"),
+        (1, "piece", "film", f"{design.film_um:g} um, permittivity {design.film_eps_r:g}", "film.dxf"),
+        (1, "set", "mould", "aluminium or acrylic, hollows polished; serves all feet", "step/mould-*.step"),
+        (2, "piece", "dowel pin of the mould", f"{process.DOWEL_MM:g} x {dowel_mm:g} mm", ""),
+        (2, "piece", "dowel pin of the stack", "2 x 10 mm", ""),
+        (1, "piece", "socket of the leg", "aluminium or printed resin", "step/leg-socket.step"),
+        (process.SCREWS, "piece", "screw of the socket", "M2.5 x 6", ""),
+        (1, "g", "adhesive", "silicone, flexible, cures at room temperature; primer for the rubber", ""),
+        (1, "piece", "FDC1004", "capacitance-to-digital converter of the leg", ""),
+        (1, "piece", "ADG715", "row switch of the leg", ""),
+    ]
+    for flex in flexes:
+        lines, count = len(flex.nets), len(flex.contact_v_mm)
+        layers = f"one layer of copper on polyimide, {lines} lines, {count} contacts, 0.3 mm at the contacts"
+        plug = f"zero insertion force, pitch {process.CONTACT_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
+        rows += [
+            (1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"),
+            (1, "piece", f"connector of the {flex.kind}s", plug, ""),
+        ]
+    return rows
+
+
+def rubber_g(design: FootDesign) -> float:
+    """Return the rubber to weigh for both hemispheres of a foot [g]."""
+    return _EXCESS * 2.0 * 2.0 / 3.0 * math.pi * design.ball_radius_mm**3 / 1000.0 * _DENSITY
+
+
+def contacts(flex: Flex) -> list[dict[str, str]]:
+    """Return where each contact of a flex goes on either converter board: number, net, fdc1004, ad7746."""
+    lines = len(flex.nets)
+    rows = []
+    for number in range(1, len(flex.contact_v_mm) + 1):
+        k = number // 2 - 1
+        if number % 2:
+            row = {"net": GUARD, "fdc1004": "SHLD", "ad7746": "GND"}
+        elif flex.kind == "row":
+            pair = f"S{k + 1} (to GND), S{lines + k + 1} (to SHLD)"
+            other = f"S{k + 1} (to EXCA), S{lines + k + 1} (to GND)"
+            row = {"net": flex.nets[k], "fdc1004": f"ADG715 0x49: {pair}", "ad7746": f"ADG715 0x49: {other}"}
+        else:
+            pair = f"S{k + 1} (to CIN1), S{lines + k + 1} (to GND)"
+            row = {"net": flex.nets[k], "fdc1004": f"FDC1004: CIN{k + 1}", "ad7746": f"ADG715 0x4A: {pair}"}
+        rows.append({"number": str(number), **row})
+    return rows

@@ -1,0 +1,120 @@
+"""All files of a foot in one folder, read back and checked."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from footsense.errors import FootsenseError
+from footsense.lab.fabrication import checks, fits
+from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.documents import papers
+from footsense.lab.fabrication.documents.drawing import drawn_sheets, write_drawing
+from footsense.lab.fabrication.documents.picture import draw_parts
+from footsense.lab.fabrication.expected import Expected, expected
+from footsense.lab.fabrication.limits import require_makeable
+from footsense.lab.fabrication.parts import gerber, sheets, solids
+from footsense.lab.fabrication.parts.flex import Flex, flexes
+from footsense.lab.fabrication.tolerances import Tolerance, printed
+from footsense.lab.geometry import FootDesign
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Package:
+    """The files of a foot, and what their checks found.
+
+    Attributes:
+        design: The foot.
+        array: Its array.
+        flexes: Row flex and column flex.
+        parts: Its solids.
+        tolerances: Tolerances of its drawing.
+        checks: Figures of the files.
+        elements: Expected reading of each element, by row and column net.
+    """
+
+    design: FootDesign
+    array: ElementArray
+    flexes: tuple[Flex, Flex]
+    parts: list[solids.Part]
+    tolerances: list[Tolerance]
+    checks: list[checks.Check]
+    elements: dict[tuple[str, str], Expected]
+
+
+def fabricate(design: FootDesign, folder: Path) -> Package:
+    """Write files and documents of a foot; arguments and errors as of `write_parts`.
+
+    Raises:
+        FootsenseError: A written file is not as it should be.
+    """
+    package = write_parts(design, folder)
+    write_drawing(folder, design.foot_type, drawn_sheets(folder, design, package.flexes, package.tolerances))
+    draw_parts(folder, design, package.flexes)
+    papers.write(folder, design, package.flexes, package.checks, package.tolerances, package.elements)
+    wrong = next((check for check in package.checks if not check.passed), None)
+    if wrong is not None:
+        raise FootsenseError(
+            f"{folder / wrong.file}: {wrong.what}: {wrong.measured}, should be {wrong.wanted}; do not order from it"
+        )
+    return package
+
+
+def write_parts(design: FootDesign, folder: Path) -> Package:
+    """Write the files that parts are made from, read them back, and check them.
+
+    Args:
+        design: The foot.
+        folder: Where they are written.
+
+    Raises:
+        ConfigError: It cannot be made; the message begins with the key.
+    """
+    array = ElementArray.of(design)
+    require_makeable(design, array)
+    both = flexes(array, design.ball_radius_mm)
+    parts = solids.all_parts(design)
+    (folder / "step").mkdir(parents=True, exist_ok=True)
+    for part in parts:
+        solids.write_step(part, folder / "step" / f"{part.name}.step")
+    for flex in both:
+        _write_flex(folder / flex.name, flex)
+    shapes = {
+        "spacer": (sheets.spacer(array, design.ball_radius_mm, design.cavity), design.gap_um),
+        "film": (sheets.film(array, design.ball_radius_mm), design.film_um),
+    }
+    for name, (shape, thickness_um) in shapes.items():
+        sheets.write_dxf(
+            folder / f"{name}.dxf", shape, f"{design.foot_type} {name}, {thickness_um:g} um thick"
+        )
+    tolerances = printed(design)
+    found = [
+        *(check for flex in both for check in checks.check_flex(folder, flex)),
+        *checks.check_sheets(folder, array, design.cavity),
+        *checks.check_solids(folder, parts),
+        *fits.check_overlaps(folder, both),
+        *fits.check_sheets_on_flexes(folder, both),
+        *fits.check_ball(folder, design, both),
+        *checks.check_tolerances(tolerances),
+    ]
+    return Package(
+        design=design,
+        array=array,
+        flexes=both,
+        parts=parts,
+        tolerances=tolerances,
+        checks=found,
+        elements={pair: expected(design, area) for pair, area in fits.overlaps_mm2(folder, both).items()},
+    )
+
+
+def _write_flex(folder: Path, flex: Flex) -> None:
+    """Write Gerber layers and drill file of one flex."""
+    folder.mkdir(exist_ok=True)
+    layers = {
+        "copper": (gerber.COPPER, flex.copper),
+        "coverlay": (gerber.COVERLAY, flex.openings),
+        "profile": (gerber.PROFILE, flex.profile),
+        "stiffener": (gerber.STIFFENER, flex.stiffener),
+    }
+    for name, (function, shapes) in layers.items():
+        (folder / f"{name}.gbr").write_text(gerber.gerber_text(function, flex.name, shapes))
+    (folder / "drill.drl").write_text(gerber.drill_text(flex.name, flex.holes))

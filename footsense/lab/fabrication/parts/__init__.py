@@ -1,0 +1,1 @@
+"""Parts of a foot as files: artwork of the flexes, sheets, solids; and the reading of these files."""

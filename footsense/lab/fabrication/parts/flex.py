@@ -1,0 +1,210 @@
+"""Artwork of the two flexes, seen from the copper side: electrodes in lines, traces, guards, contacts, outline.
+
+u is the direction in which the tail leaves, v across it. Rows leave to the left, with the copper up; columns leave
+forward, with the copper down, which mirrors them. So in a square array both flexes have the same copper, and each line
+leaves the sheet straight: no trace runs between electrodes of other lines, and no two nets cross.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import shapely
+
+from footsense.lab.fabrication import process
+from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
+
+Kind = Literal["row", "column"]
+#: Reference of the contacts in the Gerber files.
+CONNECTOR = "J1"
+#: Net of the guard traces between the lines, by flex: both are the shield driver of the converter board.
+GUARD = "shld"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flex:
+    """One of the two flexes.
+
+    Attributes:
+        kind: Whether its lines are rows or columns.
+        line_v_mm: v of each line [mm], the first line lowest.
+        element_u_mm: u of the elements along a line [mm], the nearest to the tail first.
+        array: The array.
+        ball_radius_mm: Radius of the hemispheres [mm].
+    """
+
+    kind: Kind
+    line_v_mm: tuple[float, ...]
+    element_u_mm: tuple[float, ...]
+    array: ElementArray
+    ball_radius_mm: float
+
+    @property
+    def name(self) -> str:
+        """Name of the part and of its files."""
+        return f"{self.kind}-flex"
+
+    @property
+    def nets(self) -> list[str]:
+        """Net of each line: row1, row2, ... or col1, col2, ..."""
+        return [f"{self.kind[:3]}{k + 1}" for k in range(len(self.line_v_mm))]
+
+    @property
+    def to_foot(self) -> Callable[[Point], Point]:
+        """Map (u, v) of the artwork to (x, y) of the foot [mm]."""
+        if self.kind == "row":
+            return lambda point: (-point[1], point[0])
+        return lambda point: (point[0], -point[1])
+
+    @property
+    def contact_v_mm(self) -> list[float]:
+        """Coordinates v of the contacts [mm], contact 1 first: guards at odd numbers, lines at even ones."""
+        contacts = 2 * len(self.line_v_mm) + 1
+        return [(k - (contacts - 1) / 2.0) * process.CONTACT_PITCH_MM for k in range(contacts)]
+
+    @property
+    def tail_half_mm(self) -> float:
+        """Half the width of the tail [mm]."""
+        return self.contact_v_mm[-1] + process.CONTACT_PITCH_MM
+
+    @property
+    def fan_mm(self) -> float:
+        """Length along u on which the traces converge [mm]: at 45 degrees, or steeper where the socket is near."""
+        pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
+        room = process.socket_radius_mm(self.ball_radius_mm) - process.CORNER_MM - self.fan_from_mm
+        return min(max(abs(v - w) for v, w in pairs), room)
+
+    @property
+    def tail_from_mm(self) -> float:
+        """Coordinate u from which the tail is straight [mm]: the traces have reached the places of the contacts."""
+        return self.fan_from_mm + self.fan_mm + process.CORNER_MM
+
+    @property
+    def steepest(self) -> float:
+        """Slope of the steepest trace, across over along the tail [1]."""
+        pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
+        return max(abs(v - w) for v, w in pairs) / max(self.fan_mm, 1e-9)
+
+    @property
+    def fan_from_mm(self) -> float:
+        """Coordinate u from which the traces converge [mm]: outside the sheet."""
+        return self.half_mm + process.EDGE_MM
+
+    @property
+    def end_mm(self) -> float:
+        """Coordinate u of the end of the tail [mm]."""
+        return self.ball_radius_mm + process.TAIL_MM
+
+    @property
+    def holes(self) -> list[tuple[Point, float]]:
+        """Alignment holes, centre and diameter [mm]: on the sides of the foot on which no tail leaves."""
+        far = self.ball_radius_mm + process.EAR_MM
+        return [((-far, 0.0), process.HOLE_MM), ((0.0, far), process.HOLE_MM)]
+
+    @cached_property
+    def copper(self) -> list[Pad | Trace]:
+        """Shapes of the copper layer."""
+        shapes: list[Pad | Trace] = []
+        side, width = self.array.electrode_mm, process.TRACE_MM
+        contact_u = self.end_mm - process.CONTACT_MM / 2.0
+        for k, (net, v) in enumerate(zip(self.nets, self.line_v_mm, strict=True)):
+            shapes += [
+                Pad(centre=(u, v), size=(side, side), function="Other,Electrode", net=net)
+                for u in self.element_u_mm
+            ]
+            w = self.contact_v_mm[2 * k + 1]
+            way = [
+                (self.element_u_mm[-1], v),
+                (self.fan_from_mm, v),
+                (self.fan_from_mm + self.fan_mm, w),
+                (contact_u, w),
+            ]
+            shapes.append(Trace(points=way, width_mm=width, function="Conductor", net=net))
+        for number, w in enumerate(self.contact_v_mm, 1):
+            net = GUARD if number % 2 else self.nets[number // 2 - 1]
+            if number % 2:
+                way = [(self.tail_from_mm, w), (contact_u, w)]
+                shapes.append(Trace(points=way, width_mm=width, function="Conductor", net=net))
+            shapes.append(
+                Pad(
+                    centre=(contact_u, w),
+                    size=(process.CONTACT_MM, process.CONTACT_WIDTH_MM),
+                    function="ConnectorPad",
+                    net=net,
+                    pin=f"{CONNECTOR},{number}",
+                )
+            )
+        return shapes
+
+    @property
+    def openings(self) -> list[Pad | Trace]:
+        """Openings of the coverlay: the whole sheet, whose electrodes face the film or the air, and the contacts."""
+        sheet, contacts = 2.0 * self.half_mm, 2.0 * self.tail_half_mm
+        bare = process.CONTACT_MM
+        return [
+            Pad(centre=(0.0, 0.0), size=(sheet, sheet), function="Material"),
+            Pad(centre=(self.end_mm - bare / 2.0, 0.0), size=(bare, contacts), function="Material"),
+        ]
+
+    @property
+    def stiffener(self) -> list[Pad | Trace]:
+        """The stiffener under the contacts, on the side without copper."""
+        length = process.STIFFENER_MM
+        size = (length, 2.0 * self.tail_half_mm)
+        return [Pad(centre=(self.end_mm - length / 2.0, 0.0), size=size, function="Material")]
+
+    @property
+    def half_mm(self) -> float:
+        """Half the side of the polymer in the ball [mm]: that of the sheet, or more, to keep the cut off the copper."""
+        return self.array.sheet_mm / 2.0 + max(0.0, process.EDGE_MM - self.array.rim_mm)
+
+    @cached_property
+    def outline(self) -> Any:
+        """Outline of the polymer, a polygon of shapely in (u, v) [mm]."""
+        half, fan = self.half_mm, self.tail_half_mm
+        neck = shapely.Polygon(
+            [(half, -half), (self.tail_from_mm, -fan), (self.tail_from_mm, fan), (half, half)]
+        )
+        tail = shapely.box(half, -fan, self.end_mm, fan)
+        ears = [ear(half, centre) for centre, _ in self.holes]
+        whole = shapely.union_all([shapely.box(-half, -half, half, half), neck, tail, *ears])
+        radius = process.CORNER_MM  # inner corners are rounded, so that they do not tear
+        return whole.buffer(radius, join_style="mitre").buffer(-radius).buffer(0.0)
+
+    @property
+    def profile(self) -> list[Pad | Trace]:
+        """The outline as a closed line of the profile layer."""
+        points = [(float(u), float(v)) for u, v in self.outline.exterior.coords]
+        return [Trace(points=points, width_mm=process.PROFILE_LINE_MM, function="Profile")]
+
+
+def ear(half: float, hole: Point) -> Any:
+    """Return the carrier between a side of a square of `half` the side and an alignment hole, a polygon [mm]."""
+    across = (0.0, half) if hole[0] else (half, 0.0)
+    towards = tuple(half * (value > 0) - half * (value < 0) for value in hole)
+    side = [(towards[0] + s * across[0], towards[1] + s * across[1]) for s in (-1.0, 1.0)]
+    round_end = shapely.Point(hole).buffer(process.EAR_RADIUS_MM, quad_segs=16)
+    return shapely.union_all([round_end, shapely.MultiPoint([*side, hole])]).convex_hull
+
+
+def flexes(array: ElementArray, ball_radius_mm: float) -> tuple[Flex, Flex]:
+    """Return row flex and column flex of an array."""
+    rows, columns = array.row_x_mm, array.column_y_mm
+    return (
+        Flex(
+            kind="row",
+            line_v_mm=tuple(-x for x in rows),
+            element_u_mm=columns,
+            array=array,
+            ball_radius_mm=ball_radius_mm,
+        ),
+        Flex(
+            kind="column",
+            line_v_mm=tuple(-y for y in columns),
+            element_u_mm=rows,
+            array=array,
+            ball_radius_mm=ball_radius_mm,
+        ),
+    )

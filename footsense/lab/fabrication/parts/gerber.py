@@ -1,0 +1,136 @@
+"""Writer of Gerber X2 layers and Excellon drill files: lines, rectangular pads, outlines, with nets and pins.
+
+Our own, because no library in use writes net attributes as commands. Coordinates in mm with six decimals.
+
+Source:
+    Ucamco, The Gerber Layer Format Specification, revision 2024.05, sections 4.8 and 5;
+    Ucamco, The XNC Format Specification, revision 2021.11.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import footsense
+
+#: A place on a layer (u, v) [mm].
+Point = tuple[float, float]
+
+#: File functions of the layers that a single-sided flex has (section 5.6.3).
+COPPER, COVERLAY, PROFILE, STIFFENER = "Copper,L1,Top", "Soldermask,Top", "Profile,NP", "Other,Stiffener"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pad:
+    """A rectangle that is flashed.
+
+    Attributes:
+        centre: Its centre [mm].
+        size: Its sides along u and v [mm].
+        function: Aperture function, such as `Other,Electrode`.
+        net: Name of its net; empty for none.
+        pin: Reference and number such as `J1,2`; empty where it is no pin.
+    """
+
+    centre: Point
+    size: Point
+    function: str
+    net: str = ""
+    pin: str = ""
+
+    @property
+    def aperture(self) -> str:
+        """Template and parameters of its aperture."""
+        return f"R,{self.size[0]:.6f}X{self.size[1]:.6f}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace:
+    """A line with round ends through several points.
+
+    Attributes:
+        points: Its points [mm], at least two.
+        width_mm: Its width [mm].
+        function: Aperture function, such as `Conductor`.
+        net: Name of its net; empty for none.
+    """
+
+    points: Sequence[Point]
+    width_mm: float
+    function: str
+    net: str = ""
+
+    @property
+    def aperture(self) -> str:
+        """Template and parameters of its aperture."""
+        return f"C,{self.width_mm:.6f}"
+
+
+def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
+    """Return a Gerber X2 file.
+
+    Args:
+        function: File function of the layer, such as `COPPER`.
+        part: Name of the part, for people.
+        shapes: The shapes.
+    """
+    negative = function.startswith("Soldermask")
+    lines = [
+        f"G04 {part}, seen from its copper side*",
+        f"%TF.GenerationSoftware,footsense,footsense,{footsense.__version__}*%",
+        f"%TF.FileFunction,{function}*%",
+        f"%TF.FilePolarity,{'Negative' if negative else 'Positive'}*%",
+        "%TF.Part,Single*%",
+        f"%TF.SameCoordinates,{part}*%",
+        "%FSLAX46Y46*%",
+        "%MOMM*%",
+        "%LPD*%",
+        "G01*",
+    ]
+    apertures: dict[tuple[str, str], int] = {}
+    for shape in shapes:
+        key = shape.aperture, shape.function
+        if key not in apertures:
+            apertures[key] = 10 + len(apertures)
+            lines += [
+                f"%TA.AperFunction,{shape.function}*%",
+                f"%ADD{apertures[key]}{shape.aperture}*%",
+                "%TD*%",
+            ]
+        lines.append(f"D{apertures[key]}*")
+        lines += [f"%TO.N,{shape.net}*%"] if shape.net else []
+        if isinstance(shape, Pad):
+            lines += [f"%TO.P,{shape.pin}*%"] if shape.pin else []
+            lines.append(f"{_place(shape.centre)}D03*")
+        else:
+            lines.append(f"{_place(shape.points[0])}D02*")
+            lines += [f"{_place(point)}D01*" for point in shape.points[1:]]
+        lines += ["%TD*%"] if shape.net else []
+    return "\n".join([*lines, "M02*", ""])
+
+
+def drill_text(part: str, holes: Iterable[tuple[Point, float]]) -> str:
+    """Return an Excellon file (XNC) of unplated round holes.
+
+    Args:
+        part: Name of the part, for people.
+        holes: Centre and diameter of each [mm].
+    """
+    holes = list(holes)
+    tools = {diameter: number for number, diameter in enumerate(sorted({d for _, d in holes}), 1)}
+    lines = [
+        "M48",
+        f"; {part}, seen from its copper side",
+        "; #@! TF.FileFunction,NonPlated,1,1,NPTH",
+        "METRIC",
+    ]
+    lines += [f"T{number:02d}C{diameter:.3f}" for diameter, number in tools.items()]
+    lines += ["%", "G05"]
+    for diameter, number in tools.items():
+        lines.append(f"T{number:02d}")
+        lines += [f"X{u:.3f}Y{v:.3f}" for (u, v), size in holes if size == diameter]
+    return "\n".join([*lines, "M30", ""])
+
+
+def _place(point: Point) -> str:
+    u, v = (round(1e6 * value) for value in point)
+    return f"X{u}Y{v}"

@@ -1,0 +1,113 @@
+"""Gerber and drill files read back by a parser that did not write them, as polygons with their nets.
+
+gerbonara reads, shapely measures; nothing of the writer or of the artwork is used.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import shapely
+from gerbonara import ExcellonFile, GerberFile
+from gerbonara import graphic_primitives as primitives
+from gerbonara.utils import MM
+
+from footsense.errors import FootsenseError
+
+#: Corners of the polygon that stands for a quarter circle.
+_QUARTER = 32
+#: Polygons that touch, rounded to the coordinates of the file [mm].
+_TOUCH_MM = 1e-6
+#: Share of a conductor's area that has to be left where nothing but its round ends is etched away [1].
+_KEPT_REL = 0.97
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """One shape of a layer.
+
+    Attributes:
+        area: A polygon of shapely [mm].
+        function: Its aperture function.
+        net: Its net; empty for none.
+        pin: Number of its contact; empty where it is none.
+    """
+
+    area: Any
+    function: str
+    net: str
+    pin: str
+
+
+def read_layer(path: Path) -> list[Shape]:
+    """Return the shapes of a Gerber file."""
+    shapes = []
+    for thing in GerberFile.open(path).objects:
+        attributes, aperture = dict(thing.attrs or {}), dict(thing.aperture.attrs)
+        parts = [_polygon(primitive) for primitive in thing.to_primitives(MM)]
+        shapes.append(
+            Shape(
+                area=shapely.union_all(parts),
+                function=_field(aperture, ".AperFunction"),
+                net=_field(attributes, ".N"),
+                pin=_field(attributes, ".P").partition(",")[2],
+            )
+        )
+    return shapes
+
+
+def read_outline(path: Path) -> Any:
+    """Return the polygon that the lines of a profile layer enclose [mm]."""
+    lines = [
+        shapely.LineString([(line.x1, line.y1), (line.x2, line.y2)]) for line in GerberFile.open(path).objects
+    ]
+    (outline,) = shapely.get_parts(shapely.polygonize(lines))
+    return outline
+
+
+def read_holes(path: Path) -> list[tuple[float, float, float]]:
+    """Return u, v and diameter of each hole of a drill file [mm]."""
+    return [(hole.x, hole.y, hole.aperture.diameter) for hole in ExcellonFile.open(path).objects]
+
+
+def pieces(shapes: Sequence[Shape]) -> list[list[Shape]]:
+    """Return the shapes by connected copper: each list is one conductor, found by geometry, not by net."""
+    copper = shapely.get_parts(shapely.union_all([shape.area.buffer(_TOUCH_MM) for shape in shapes]))
+    return [[shape for shape in shapes if shape.area.intersects(piece)] for piece in copper]
+
+
+def narrowest_mm(areas: Sequence[Any]) -> float:
+    """Return the width of a conductor's narrowest part [mm]: etched by half of it all around, it breaks."""
+    whole = shapely.union_all(list(areas)).buffer(_TOUCH_MM)
+    low, high = 0.0, float(whole.length)
+    while high - low > 1e-4:
+        width = 0.5 * (low + high)
+        left = whole.buffer(-0.5 * width, join_style="mitre")
+        kept_rel = left.buffer(0.5 * width, join_style="mitre").area / whole.area
+        holds = left.geom_type == "Polygon" and kept_rel > _KEPT_REL
+        low, high = (width, high) if holds else (low, width)
+    return low
+
+
+def _polygon(primitive: Any) -> Any:
+    """Return a shape of the parser as a polygon [mm].
+
+    Raises:
+        FootsenseError: It is of a kind that these layers have none of.
+    """
+    if isinstance(primitive, primitives.Line):
+        ends = [(primitive.x1, primitive.y1), (primitive.x2, primitive.y2)]
+        return shapely.LineString(ends).buffer(primitive.width / 2.0, quad_segs=_QUARTER)
+    if isinstance(primitive, primitives.Rectangle) and not primitive.rotation:
+        u, v = primitive.w / 2.0, primitive.h / 2.0
+        return shapely.box(primitive.x - u, primitive.y - v, primitive.x + u, primitive.y + v)
+    raise FootsenseError(
+        f"a Gerber layer has a {type(primitive).__name__}, which no layer of a flex should have"
+    )
+
+
+def _field(attributes: dict[str, Any], name: str) -> str:
+    """Return the text of an attribute, with commas between its fields; empty without it."""
+    value = attributes.get(name, "")
+    return value if isinstance(value, str) else ",".join(value)

@@ -1,0 +1,169 @@
+"""Hemispheres, mould and socket as solids of Open CASCADE, written as STEP, with the volumes that geometry gives.
+
+Foot frame, mm. Each hemisphere is centred on its own face of the sheet, as in the finite elements. The mould casts both
+hemispheres of a foot at once, from one batch, so that they are equally stiff.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from netgen import occ
+
+from footsense.lab.fabrication import process
+from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.parts.flex import flexes
+from footsense.lab.fem.solids import NEAR_MM, SIDES, hemisphere
+from footsense.lab.geometry import FootDesign
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """One solid.
+
+    Attributes:
+        name: Its name, and that of its file.
+        solid: Shape of Open CASCADE [mm].
+        volume_mm3: Its volume by formula [mm3].
+    """
+
+    name: str
+    solid: Any
+    volume_mm3: float
+
+
+def hemispheres(design: FootDesign) -> list[Part]:
+    """Return the ground and the leg hemisphere."""
+    volume = 2.0 / 3.0 * math.pi * design.ball_radius_mm**3
+    return [
+        Part(
+            name=f"hemisphere-{side}",
+            solid=hemisphere(design, side, up * design.plate_mm, quarter=False),
+            volume_mm3=volume,
+        )
+        for side, up in SIDES
+    ]
+
+
+def mould(design: FootDesign) -> list[Part]:
+    """Return the mould's body, with two hollows that open upwards at z = 0, and its lid."""
+    radius, wall = design.ball_radius_mm, process.MOULD_WALL_MM
+    centres = mould_centres_mm(design)
+    half_x, half_y = 2.0 * radius + 1.5 * wall, radius + wall
+    body = occ.Box(occ.Pnt(-half_x, -half_y, -(radius + wall)), occ.Pnt(half_x, half_y, 0))
+    lid = occ.Box(occ.Pnt(-half_x, -half_y, 0), occ.Pnt(half_x, half_y, wall))
+    body_mm3, lid_mm3 = 4.0 * half_x * half_y * (radius + wall), 4.0 * half_x * half_y * wall
+    for x in centres:
+        body -= occ.Sphere(occ.Pnt(x, 0, 0), radius)
+        body_mm3 -= 2.0 / 3.0 * math.pi * radius**3
+        rim = radius - process.AIR_MM
+        bores = [(x, 0.0, process.SPRUE_MM), (x, rim, process.AIR_MM), (x, -rim, process.AIR_MM)]
+        for u, v, diameter in bores:
+            lid -= _bore(u, v, diameter, (-1.0, wall + 1.0))
+            lid_mm3 -= math.pi / 4.0 * diameter**2 * wall
+    inset = process.DOWEL_MM
+    for sign in (-1.0, 1.0):
+        place = (sign * (half_x - inset), sign * (half_y - inset), process.DOWEL_MM)
+        body -= _bore(*place, (-2.0 * process.DOWEL_MM, 1.0))
+        lid -= _bore(*place, (-1.0, wall + 1.0))
+        area = math.pi / 4.0 * process.DOWEL_MM**2
+        body_mm3, lid_mm3 = body_mm3 - 2.0 * process.DOWEL_MM * area, lid_mm3 - wall * area
+    return [
+        Part(name="mould-body", solid=body, volume_mm3=body_mm3),
+        Part(name="mould-lid", solid=lid, volume_mm3=lid_mm3),
+    ]
+
+
+def mould_centres_mm(design: FootDesign) -> tuple[float, float]:
+    """Return x of the centres of the mould's two hollows [mm]."""
+    off = design.ball_radius_mm + process.MOULD_WALL_MM / 2.0
+    return -off, off
+
+
+def tail_mm(design: FootDesign) -> tuple[float, float]:
+    """Return the widths of the tails of columns (forward) and rows (to the left) [mm]."""
+    rows, columns = flexes(ElementArray.of(design), design.ball_radius_mm)
+    return 2.0 * columns.tail_half_mm, 2.0 * rows.tail_half_mm
+
+
+def socket(design: FootDesign) -> Part:
+    """Return the leg's socket: it holds the whole curved surface of the leg hemisphere."""
+    outer, hollow = (
+        process.socket_radius_mm(design.ball_radius_mm),
+        design.ball_radius_mm + process.ADHESIVE_MM,
+    )
+    rim = design.plate_mm
+    top = rim + design.ball_radius_mm + process.SOCKET_TOP_MM
+    solid = _bore(0.0, 0.0, 2.0 * outer, (rim, top)) - occ.Sphere(occ.Pnt(0, 0, rim), hollow)
+    solid -= _bore(0.0, 0.0, process.AIR_MM, (rim, top + 1.0))  # excess adhesive leaves here
+    inside = outer - process.CHANNEL_MM
+    for width, forward in zip(tail_mm(design), (True, False), strict=True):
+        half = width / 2.0 + process.CHANNEL_PLAY_MM
+        corners = [(inside, -half), (outer + 1.0, half)]
+        if not forward:
+            corners = [(-half, inside), (half, outer + 1.0)]
+        solid -= occ.Box(occ.Pnt(*corners[0], rim - 1.0), occ.Pnt(*corners[1], top + 1.0))
+    for k in range(process.SCREWS):
+        angle = 2.0 * math.pi * (k + 0.5) / process.SCREWS
+        circle = 0.65 * outer
+        place = (circle * math.cos(angle), circle * math.sin(angle), process.CORE_MM)
+        solid -= _bore(*place, (top - process.CORE_DEPTH_MM, top + 1.0))
+    solid -= _bore(0.85 * inside, 0.0, process.AIR_MM, (top - 1.0, top + 1.0))  # marks forward
+    return Part(name="leg-socket", solid=solid, volume_mm3=_socket_mm3(design))
+
+
+def _socket_mm3(design: FootDesign) -> float:
+    """Return the volume of the socket by formula [mm3]."""
+    outer, hollow = (
+        process.socket_radius_mm(design.ball_radius_mm),
+        design.ball_radius_mm + process.ADHESIVE_MM,
+    )
+    height, air = design.ball_radius_mm + process.SOCKET_TOP_MM, process.AIR_MM / 2.0
+    volume: float = math.pi * outer**2 * height - 2.0 / 3.0 * math.pi * hollow**3
+    # What the bore for the adhesive cuts beyond the hollow.
+    volume -= math.pi * air**2 * height - 2.0 / 3.0 * math.pi * (hollow**3 - (hollow**2 - air**2) ** 1.5)
+    for width in tail_mm(design):
+        half = width / 2.0 + process.CHANNEL_PLAY_MM
+        segment = half * math.sqrt(outer**2 - half**2) + outer**2 * math.asin(half / outer)
+        volume -= height * (segment - 2.0 * half * (outer - process.CHANNEL_MM))
+    volume -= process.SCREWS * math.pi / 4.0 * process.CORE_MM**2 * process.CORE_DEPTH_MM
+    return volume - math.pi * air**2  # the forward mark is 1 mm deep
+
+
+def all_parts(design: FootDesign) -> list[Part]:
+    """Return all solids of a foot."""
+    return [*hemispheres(design), *mould(design), socket(design)]
+
+
+def casting(design: FootDesign) -> Any:
+    """Return a hemisphere where the mould casts it [mm]."""
+    centre = occ.Pnt(mould_centres_mm(design)[0], 0, 0)
+    return occ.Sphere(centre, design.ball_radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, 1))
+
+
+def lies_outside(face: Any, low: Any) -> bool:
+    """Tell whether a face lies in one of the planes through the lowest corner of a box."""
+    _, high = face.bounding_box
+    return any(abs(getattr(high, axis) - getattr(low, axis)) < NEAR_MM for axis in ("x", "y", "z"))
+
+
+def write_step(part: Part, path: Path) -> None:
+    """Write a STEP file, without the time of writing: the same foot gives the same bytes."""
+    part.solid.name = part.name
+    part.solid.WriteStep(str(path))
+    header = f"FILE_NAME('{part.name}','',('footsense'),(''),'Open CASCADE','footsense','');"
+    text = re.sub(r"FILE_NAME\(.*?\);", header, path.read_text(), count=1, flags=re.DOTALL)
+    path.write_text(re.sub(r"Open CASCADE STEP translator [\d. ]+", part.name, text))
+
+
+def read_step(path: Path) -> Any:
+    """Return the shape of a STEP file [mm]."""
+    return occ.OCCGeometry(str(path)).shape
+
+
+def _bore(x_mm: float, y_mm: float, diameter_mm: float, z_mm: tuple[float, float]) -> Any:
+    """Return an upright cylinder."""
+    low, high = z_mm
+    return occ.Cylinder(occ.Pnt(x_mm, y_mm, low), occ.Z, r=diameter_mm / 2.0, h=high - low)

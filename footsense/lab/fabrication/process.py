@@ -1,0 +1,71 @@
+"""What the workshops can make, and the dimensions that every foot shares: flex, contacts, alignment, moulds.
+
+Every figure is one that common offers of 2024 to 2026 hold without a surcharge; none is of one maker.
+"""
+
+# ------------------------------------------------------------------------------------------------ flexible circuits
+#: Least width of a trace and least distance of two nets, of one layer of copper of 12 um [mm].
+MIN_TRACE_MM = 0.075
+MIN_GAP_MM = 0.075
+#: Least distance from copper to the cut edge [mm]; electrodes may reach the edge of the sheet, where it is laser-cut.
+EDGE_MM = 0.3
+#: Width of the traces [mm]: thin, since they are stray capacitance, and well above what can be made.
+TRACE_MM = 0.2
+#: Steepest trace on its way to the tail, across over along [1]: traces 1 mm apart then keep 0.17 mm.
+MAX_SLOPE = 2.5
+#: Deviation of an electrode's side by etching [mm].
+ETCH_MM = 0.02
+#: Radius of inner corners [mm], so that the polymer does not tear.
+CORNER_MM = 0.5
+#: Width of the line that draws the profile [mm]; its middle is the edge.
+PROFILE_LINE_MM = 0.05
+
+# ------------------------------------------------------------------------------------------------ contacts and tail
+#: Pitch of a zero-insertion-force connector for flexes of 0.3 mm, contact width and bare length [mm].
+CONTACT_PITCH_MM = 0.5
+CONTACT_WIDTH_MM = 0.3
+CONTACT_MM = 4.0
+#: Length of the stiffener under the contacts [mm].
+STIFFENER_MM = 6.0
+#: Length of the tail beyond the ball [mm]: up the leg beside the socket to the converter board.
+TAIL_MM = 60.0
+
+# ------------------------------------------------------------------------------------------------ alignment
+#: Holes for dowel pins of 2 mm [mm], their play, and distance of their centre from the ball.
+HOLE_MM = 2.05
+EAR_MM = 4.0
+EAR_RADIUS_MM = 3.0
+#: Offset of row flex against column flex along each axis [mm]: play of the pins, and places of the holes.
+REGISTRATION_MM = 0.1
+
+# ------------------------------------------------------------------------------------------------ spacer and film
+#: Width of a channel that vents a cavity [mm].
+VENT_MM = 0.3
+#: Least rim of the spacer around cavities that have to be tight [mm].
+MIN_RIM_MM = 0.5
+#: Thinnest bar that is cut by a laser, and thinnest sheet that is cast or bought [mm, um].
+MIN_BAR_MM = 0.3
+MIN_SHEET_UM = 5.0
+
+# ------------------------------------------------------------------------------------------------ mould and socket
+#: Walls of the mould and of the socket [mm].
+MOULD_WALL_MM = 5.0
+SOCKET_WALL_MM = 3.0
+#: Solid part of the socket above the ball, where the leg is screwed on [mm].
+SOCKET_TOP_MM = 6.0
+#: Gap between ball and socket that the adhesive fills [mm].
+ADHESIVE_MM = 0.1
+#: Dowels of the mould, sprue and vents of its lid, and their diameters [mm].
+DOWEL_MM = 3.0
+SPRUE_MM = 4.0
+AIR_MM = 1.5
+#: Tapped holes for the leg, M2.5: core diameter, depth, and number on the circle.
+CORE_MM, CORE_DEPTH_MM, SCREWS = 2.05, 5.0, 4
+#: Play of a tail in its channel on the socket on either side, and depth of the channel [mm].
+CHANNEL_PLAY_MM = 0.25
+CHANNEL_MM = 0.8
+
+
+def socket_radius_mm(ball_radius_mm: float) -> float:
+    """Return the outer radius of the socket of a ball [mm]."""
+    return ball_radius_mm + ADHESIVE_MM + SOCKET_WALL_MM

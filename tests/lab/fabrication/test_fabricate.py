@@ -1,0 +1,245 @@
+"""The files for a workshop, read back; a wrong file is found, a foot that cannot be made is refused in one line."""
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from msgspec.structs import replace
+
+from footsense.cli.lab.group import lab
+from footsense.errors import ConfigError, FootsenseError
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Deviations, Foot
+from footsense.lab.fabrication import checks, fits
+from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.limits import problems, require_makeable
+from footsense.lab.fabrication.package import Package, fabricate, write_parts
+from footsense.lab.fabrication.parts import gerber, sheets, solids
+from footsense.lab.fabrication.parts.flex import flexes
+from footsense.lab.foot_file import FOOT_FILE
+from tests.lab.released import FOOT_DESIGN, RELEASED
+
+pytestmark = pytest.mark.lab
+
+ARRAY = ElementArray.of(FOOT_DESIGN)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("foot")
+
+
+@pytest.fixture(scope="module")
+def package(folder: Path) -> Package:
+    return fabricate(FOOT_DESIGN, folder)
+
+
+def test_the_files_of_the_released_foot_pass_every_check(package: Package) -> None:
+    assert len(package.checks) > 20
+    assert all(check.passed for check in package.checks)
+    assert all(tolerance.kept for tolerance in package.tolerances)
+    # Plates of 5.387 pF, as the daemon assumes, and the fringe field beside them.
+    element = package.elements["row1", "col1"]
+    assert element.plates_pf == pytest.approx(FOOT_DESIGN.capacitor.unloaded_pf, rel=1e-4)
+    assert element.lowest_pf < element.plates_pf + element.fringe_pf < element.highest_pf
+
+
+def test_the_same_foot_gives_the_same_bytes(package: Package, folder: Path, tmp_path: Path) -> None:
+    fabricate(FOOT_DESIGN, tmp_path)
+    files = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
+    assert len(files) > 15
+    assert [f for f in files if (folder / f).read_bytes() != (tmp_path / f).read_bytes()] == []
+
+
+def test_a_foot_with_its_fringe_field_reads_as_expected(package: Package) -> None:
+    foot = Foot(FootResponse.load(RELEASED / "response.npz"), Deviations(fringe=True))
+    readings = [element.unloaded_pf for element in package.elements.values()]
+    assert readings == pytest.approx(foot.unloaded_pf, rel=1e-3)
+
+
+def test_a_spacer_without_vents_is_found(package: Package, tmp_path: Path) -> None:
+    for name, shape in (
+        ("film", sheets.film(ARRAY, 10.0)),
+        ("spacer", sheets.film(ARRAY, 10.0).difference(sheets.cavities(ARRAY))),
+    ):
+        sheets.write_dxf(tmp_path / f"{name}.dxf", shape, name)
+    failed = [check.what for check in checks.check_sheets(tmp_path, ARRAY, "vented") if not check.passed]
+    assert failed == ["open area in the sheet: cavities and vents", "cavities that outer air reaches"]
+
+
+def wider_trace(text: str) -> str:
+    return text.replace("C,0.200000", "C,0.450000")
+
+
+def thinner_trace(text: str) -> str:
+    return text.replace("C,0.200000", "C,0.050000")
+
+
+def swapped_nets(text: str) -> str:
+    return text.replace("row1", "x").replace("row2", "row1").replace("x", "row2")
+
+
+def lost_electrode(text: str) -> str:
+    return text.replace("X0Y0D03*\n", "", 1)
+
+
+def smaller_electrodes(text: str) -> str:
+    return text.replace("R,4.000000X4.000000", "R,4.000000X3.990000")
+
+
+def broken_trace(text: str) -> str:
+    return text.replace("X7600000Y0D01*", "X7600000Y0D02*").replace("X-5000000Y0D02*", "X7000000Y0D02*")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "what"),
+    [
+        (wider_trace, "least distance"),
+        (thinner_trace, "narrowest"),
+        (swapped_nets, "conductors"),
+        (lost_electrode, "electrodes"),
+        (smaller_electrodes, "electrodes"),
+        (broken_trace, "conductors"),
+    ],
+)
+def test_a_spoilt_flex_is_found(
+    package: Package, folder: Path, tmp_path: Path, spoil: Callable[[str], str], what: str
+) -> None:
+    flex = package.flexes[0]
+    shutil.copytree(folder / flex.name, tmp_path / flex.name)
+    copper = tmp_path / flex.name / "copper.gbr"
+    spoilt = spoil(copper.read_text())
+    assert spoilt != copper.read_text()
+    copper.write_text(spoilt)
+    assert [c.what for c in checks.check_flex(tmp_path, flex) if not c.passed and what in c.what]
+
+
+def test_a_hemisphere_of_another_size_is_found(package: Package, folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path / "foot")
+    larger = solids.hemispheres(replace(FOOT_DESIGN, ball_radius_mm=10.05))[1]
+    solids.write_step(larger, tmp_path / "foot" / "step" / "hemisphere-leg.step")
+    found = [
+        *checks.check_solids(tmp_path / "foot", package.parts),
+        *fits.check_ball(tmp_path / "foot", FOOT_DESIGN, package.flexes),
+    ]
+    assert {check.what for check in found if not check.passed} == {"volume", "adhesive around the hemisphere"}
+
+
+def test_the_flexes_face_each_other_with_their_tails_to_the_left_and_forward(package: Package) -> None:
+    rows, columns = package.flexes
+    # From above, copper that faces up is seen as it is; copper that faces down is mirrored.
+    for flex, seen in ((rows, 1.0), (columns, -1.0)):
+        (a, d), (b, e) = flex.to_foot((1.0, 0.0)), flex.to_foot((0.0, 1.0))
+        assert a * e - b * d == seen
+    assert rows.to_foot((1.0, 0.0)) == (0.0, 1.0)
+    assert columns.to_foot((1.0, 0.0)) == (1.0, 0.0)
+    assert rows.to_foot((0.0, rows.line_v_mm[0]))[0] == ARRAY.row_x_mm[0]
+    assert columns.to_foot((0.0, columns.line_v_mm[0]))[1] == ARRAY.column_y_mm[0]
+
+
+@pytest.mark.parametrize("radius_mm", [12.0, 20.0, 40.0])
+def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_mm: float) -> None:
+    size = radius_mm / 10.0
+    foot = replace(
+        FOOT_DESIGN,
+        ball_radius_mm=radius_mm,
+        sheet_mm=14.0 * size,
+        pitch_mm=4.6 * size,
+        electrode_mm=3.6 * size,
+    )
+    assert all(check.passed for check in write_parts(foot, tmp_path).checks)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(2, 2), (4, 4), (2, 4)])
+def test_any_array_is_routed(tmp_path: Path, rows: int, columns: int) -> None:
+    lines = {n: tuple(3.5 * ((n - 1) / 2 - k) for k in range(n)) for n in (rows, columns)}
+    array = ElementArray(row_x_mm=lines[rows], column_y_mm=lines[columns], electrode_mm=3.0, sheet_mm=14.0)
+    require_makeable(FOOT_DESIGN, array)
+    for flex in flexes(array, 10.0):
+        (tmp_path / flex.name).mkdir()
+        files = {"copper": (gerber.COPPER, flex.copper), "profile": (gerber.PROFILE, flex.profile)}
+        for name, (function, shapes) in files.items():
+            (tmp_path / flex.name / f"{name}.gbr").write_text(gerber.gerber_text(function, "", shapes))
+        (tmp_path / flex.name / "drill.drl").write_text(gerber.drill_text("", flex.holes))
+        assert [check for check in checks.check_flex(tmp_path, flex) if not check.passed] == []
+    assert [c for c in fits.check_overlaps(tmp_path, flexes(array, 10.0)) if not c.passed] == []
+
+
+def test_more_rows_than_the_board_addresses_are_refused() -> None:
+    five = ElementArray(row_x_mm=(4, 2, 0, -2, -4), column_y_mm=(1, -1), electrode_mm=1.5, sheet_mm=14)
+    with pytest.raises(ConfigError, match=r"rows: 5 rows do not fit the converter board.*at most 4"):
+        require_makeable(FOOT_DESIGN, five)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        (
+            "pitch_mm: 5",
+            "pitch_mm: 4.2",
+            "electrode_mm: electrodes of 4 mm at a pitch of 4.2 mm leave bars of 0.2 mm .*use at most 3.9",
+        ),
+        (
+            "pitch_mm: 5",
+            "pitch_mm: 4.04",
+            "electrode_mm: .* leave 0.04 mm between the nets, a flex needs 0.075 .*use at most 3.74",
+        ),
+        (
+            "gap_um: 20\nfilm_um: 17",
+            "gap_um: 4\nfilm_um: 33",
+            "gap_um: a layer of 4 um cannot be .*at least 5",
+        ),
+        ("spacer_mm: 0.037", "spacer_mm: 0.03", "spacer_mm: film and spacer are two layers .*use 0.037"),
+        ("cavity: vented", "cavity: sealed", "cavity: sealed cavities need a rim of 0.5 mm .*sheet_mm: 15"),
+    ],
+)
+def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
+    tmp_path: Path, old: str, new: str, line: str
+) -> None:
+    text = (RELEASED / FOOT_FILE).read_text()
+    assert old in text
+    (tmp_path / FOOT_FILE).write_text(text.replace(old, new))
+    result = CliRunner().invoke(lab, ["fabricate", str(tmp_path), "--out", str(tmp_path / "out")])
+    assert isinstance(result.exception, FootsenseError)
+    assert str(result.exception).startswith(str(tmp_path / FOOT_FILE))
+    assert len(str(result.exception).splitlines()) == 1
+    assert re.search(line, str(result.exception)), str(result.exception)
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        {"pitch_mm": 4.2},
+        {"gap_um": 3.0, "spacer_mm": 0.02},
+        {"spacer_mm": 0.03},
+        {"cavity": "sealed", "ball_radius_mm": 12.0},
+        {
+            "ball_radius_mm": 2.9,
+            "sheet_mm": 4.0,
+            "pitch_mm": 1.35,
+            "electrode_mm": 1.2,
+            "gap_um": 5.0,
+            "spacer_mm": 0.022,
+        },
+    ],
+)
+def test_the_value_that_an_error_names_works(wish: dict[str, Any]) -> None:
+    design, keys = replace(FOOT_DESIGN, **wish), []
+    while problem := next(problems(design, ElementArray.of(design)), None):
+        found = re.search(r"use (?:(\w+): |at least |at most |)([\d.]*\d)", problem)
+        assert found is not None, problem
+        key = found[1] or problem.partition(":")[0]
+        assert key not in keys, problem  # no problem comes back
+        design = replace(design, **{key: float(found[2])})
+        keys.append(key)
+    assert keys
+
+
+def test_an_unknown_foot_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    result = CliRunner().invoke(lab, ["fabricate", "aoyagi-9x9", "--out", str(tmp_path)])
+    assert "no foot aoyagi-9x9" in str(result.exception)
+    assert "aoyagi-3x3" in str(result.exception)
