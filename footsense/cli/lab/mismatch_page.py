@@ -8,11 +8,12 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from footsense import calibration, estimation, foot
 from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.fit.calibrate import MAX_DISTANCE
+from footsense.calibration.fit.calibrate import MAX_DISTANCE, USUAL_DISTANCE
 from footsense.cli.lab.mismatch_rows import ROWS
 from footsense.errors import FootsenseError
 from footsense.foot.direction_sets import random_directions
@@ -161,30 +162,58 @@ def run_study(
 
 
 def _figure(results: MismatchResults) -> Figure:
-    """Draw the errors of each row after calibration, and the error of each foot over its distance."""
-    figure = Figure(figsize=(10.5, 0.28 * len(results.means) + 1.6), layout="constrained")
-    bars, dots = figure.subplots(1, 2, width_ratios=(3, 2))
+    """Draw the errors of each row after calibration, and whether to trust a foot by the distance of its loads."""
+    figure = Figure(figsize=(12.0, max(0.28 * len(results.means) + 1.6, 4.5)), layout="constrained")
+    bars, dots = figure.subplots(1, 2, width_ratios=(5, 6))
     places = np.arange(len(results.means))
     for shift, test in ((-0.2, "centred"), (0.2, "leaning")):
         errors_deg = [row[f"{test}_all_deg"] for row in results.means.values()]
         bars.barh(places + shift, errors_deg, 0.4, label=f"{test}, 100 gf")
-    bars.axvline(TARGET_DEG, color="k", ls=":")
+    bars.axvline(TARGET_DEG, color="k", ls=":", label="wanted at most")
     bars.set(
         yticks=places,
         yticklabels=[ROWS[name].title for name in results.means],
-        xlabel="direction error [deg]",
+        xlabel="direction error after calibration, mean [deg]",
+        title="what differs from the model",
     )
     bars.invert_yaxis()
-    bars.legend()
-    for name, feet in results.scatter.items():
-        marker = "o" if ROWS[name].represented else "x"
-        dots.scatter(*np.array(feet).T, s=14, marker=marker)
-    dots.axvline(MAX_DISTANCE, color="k", ls=":")
-    dots.set(
-        xlabel="median distance of the loads from the fitted foot", ylabel="centred, after calibration [deg]"
-    )
-    dots.grid(alpha=0.3)
+    bars.legend(fontsize="small")
+    _draw_trust(dots, results)
     return figure
+
+
+def _draw_trust(dots: Axes, results: MismatchResults) -> None:
+    """Draw each foot's error over the distance of its loads, in zones of trust; rows that stand out have a name."""
+    marks = {True: ("o", "C0", "a calibration can represent it"), False: ("x", "C3", "it cannot")}
+    for name, feet in results.scatter.items():
+        marker, color, _ = marks[ROWS[name].represented]
+        distance, error_deg = np.array(feet).T
+        dots.scatter(distance, error_deg, s=12, marker=marker, color=color, alpha=0.7, linewidths=1.0)
+        middle, highest = np.median(feet, axis=0)[0], np.max(feet, axis=0)[1]
+        if middle > USUAL_DISTANCE:
+            dots.annotate(
+                ROWS[name].title, (middle, highest), (0, 5), textcoords="offset points", ha="center"
+            )
+    for marker, color, label in marks.values():
+        dots.scatter([], [], marker=marker, color=color, label=label)
+    last = 1.1 * max(MAX_DISTANCE, *(foot[0] for feet in results.scatter.values() for foot in feet))
+    edges = (0.0, USUAL_DISTANCE, MAX_DISTANCE, last)
+    for left, right, color, word in zip(
+        edges, edges[1:], ("C2", "C1", "C3"), ("trust", "check", "refused"), strict=False
+    ):
+        dots.axvspan(left, right, color=color, alpha=0.12, lw=0.0)
+        dots.text(
+            (left + right) / 2.0, 0.97, word, transform=dots.get_xaxis_transform(), ha="center", va="top"
+        )
+    dots.set(
+        xlim=(0.0, last),
+        ylim=(0.0, None),
+        xlabel="median distance of the loads from the fitted foot",
+        ylabel="direction error after calibration, centred [deg]",
+        title="whether to trust a foot; one point each",
+    )
+    dots.set_ylim(top=1.15 * dots.get_ylim()[1])
+    dots.legend(fontsize="small", loc=(0.02, 0.5))
 
 
 def _progress(row: dict[str, float]) -> str:
