@@ -242,7 +242,7 @@ def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> Errors:
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Compare vented, sealed and leaking cavities of the released foot."""
-    response, design = context.response, context.response.design
+    response, design, made = context.response, context.response.design, context.foot_design
     kinds = {name: one_kind(context, cavity) for name, cavity in KINDS.items()}
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
     leaks_s = HAND_LEAKS_S[1:2] if context.quick else HAND_LEAKS_S
@@ -273,9 +273,9 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         drift_gf_per_kpa=thin_pf / small_pf,
         drift_ff_per_k=1e3 * warm_pf,
         hot_sealed_um=float(hot.cells_um(_UP, 0.0 * _UP).mean()),
-        sorption_s=sorption_s(design.gap_um),
-        parylene_s=parylene_s(design.gap_um),
-        channel_s=channel_s(design.gap_um, design.electrode_mm, design.pitch_mm - design.electrode_mm),
+        sorption_s=sorption_s(made.gap_um),
+        parylene_s=parylene_s(made.gap_um),
+        channel_s=channel_s(made.gap_um, made.electrode_mm, made.pitch_mm - made.electrode_mm),
         factor=(1.0 + float(stiffness.min()), 1.0 + float(stiffness.max())),
     )
     return results, {"cavity.png": _figure(response)}
