@@ -320,6 +320,7 @@ STUDY = Study(
     title="Air in the cavities",
     compute=compute,
     names={
+        "CHANNEL_MM": CHANNEL_MM,
         "MEASURED_DIRECTION_DEG": MEASURED_DIRECTION_DEG,
         "MEASURED_MAGNITUDE_GF": MEASURED_MAGNITUDE_GF,
     },
