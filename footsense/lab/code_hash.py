@@ -29,7 +29,7 @@ class _Normalise(ast.NodeTransformer):
             return ast.Constant("")
         return super().generic_visit(node)
 
-    def visit_Assign(self, node: ast.Assign) -> ast.AST:  # noqa: N802 - the name that the base class calls
+    def visit_Assign(self, node: ast.Assign) -> ast.AST:
         """Return an assignment without the values of constants with QUICK in their names."""
         target, value = node.targets[0], node.value
         if isinstance(target, ast.Name) and "QUICK" in target.id:
