@@ -127,9 +127,8 @@ def check_sheets(folder: Path, array: ElementArray, cavity: CavityKind) -> Itera
         abs(filled - drilled) < 0.02 * drilled,
     )
     opened = in_sheet.difference(spacer)
-    channels = shapely.union_all(sheets.vents(array)).intersection(in_sheet) if cavity == "vented" else None
-    wanted = len(array.centres_mm) * array.electrode_mm**2
-    wanted += channels.difference(sheets.cavities(array)).area if channels is not None else 0.0
+    channels = sheets.vents(array) if cavity == "vented" else []
+    wanted = shapely.union_all([sheets.cavities(array), *channels]).intersection(in_sheet).area
     yield near("spacer.dxf", "open area in the sheet: cavities and vents", wanted, opened.area, "mm2")
     open_air = [
         part for part in shapely.get_parts(opened) if part.intersection(in_sheet.exterior).length > 0.0

@@ -7,10 +7,9 @@ import numpy as np
 
 from footsense.foot.cavity.fringe import fringe_pf
 from footsense.foot.gap_contact import ALL_CELLS
-from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.tolerances import LIMIT_OVER_RMS, Budget
+from footsense.lab.fabrication.tolerances import LIMIT_OVER_RMS, area_rel
 from footsense.lab.geometry import FootDesign
-from footsense.lab.monte_carlo.sweeps import TYPICAL
+from footsense.sim.foot.fabrication import FootTolerances
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,22 +44,21 @@ class Expected:
         return self.unloaded_pf + self.plates_pf * self.limit_rel + self.stray_pf
 
 
-def expected(design: FootDesign, overlap_mm2: float) -> Expected:
+def expected(design: FootDesign, overlap_mm2: float, assumed: FootTolerances) -> Expected:
     """Return the expected reading of an element.
 
     Args:
         design: The foot.
         overlap_mm2: Area in which its row and its column face each other [mm2].
+        assumed: Rms deviations that the design assumed.
     """
     capacitor = design.capacitor
-    budget = Budget(design, ElementArray.of(design))
-    film_um = LIMIT_OVER_RMS * TYPICAL.film_um / design.film_eps_r
-    # The gap's limit holds the electrodes' area and offset already: `tolerances`.
-    limit_um = math.hypot(LIMIT_OVER_RMS * TYPICAL.gap_um, film_um)
+    distance_um = design.gap_um + capacitor.film_equivalent_um
+    limits_um = LIMIT_OVER_RMS * assumed.gap_um, LIMIT_OVER_RMS * assumed.film_um / design.film_eps_r
     spacing_um = np.full(ALL_CELLS, design.gap_um + design.film_um)
     return Expected(
         plates_pf=capacitor.unloaded_pf * overlap_mm2 / capacitor.electrode_area_mm2,
         fringe_pf=float(fringe_pf(capacitor, spacing_um)[0]),
-        limit_rel=limit_um / budget.distance_um,
-        stray_pf=LIMIT_OVER_RMS * TYPICAL.stray_pf,
+        limit_rel=math.hypot(math.hypot(*limits_um) / distance_um, area_rel(design.electrode_mm)),
+        stray_pf=LIMIT_OVER_RMS * assumed.stray_pf,
     )

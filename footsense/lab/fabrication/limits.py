@@ -7,35 +7,41 @@ from footsense.errors import ConfigError
 from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import flexes
-from footsense.lab.fabrication.tolerances import Budget
+from footsense.lab.fabrication.parts.sheets import has_rim
+from footsense.lab.fabrication.tolerances import area_rel, hardness_limit
 from footsense.lab.geometry import UM_PER_MM, FootDesign
+from footsense.sim.foot.fabrication import FootTolerances
 
 #: Lines to either side that a converter board addresses: an FDC1004 has four inputs, an ADG715 switches four lines.
 BOARD_LINES = 4
+#: Largest deviation of the overlap of rows and columns that leaves the rubber a tolerance [1].
+_MOST_AREA_REL = 0.15
 _ROUNDING = 1e-9
 
 
-def require_makeable(design: FootDesign, array: ElementArray) -> None:
+def require_makeable(design: FootDesign, array: ElementArray, assumed: FootTolerances) -> None:
     """Check that workshops can make a foot and that a converter board can address it.
 
     Args:
         design: The foot.
         array: Its array.
+        assumed: Rms deviations that the design assumed.
 
     Raises:
         ConfigError: They cannot, or it cannot; the message begins with the key.
     """
-    problem = next(problems(design, array), None)
+    problem = next(problems(design, array, assumed), None)
     if problem is not None:
         raise ConfigError(problem)
 
 
-def problems(design: FootDesign, array: ElementArray) -> Iterator[str]:
+def problems(design: FootDesign, array: ElementArray, assumed: FootTolerances) -> Iterator[str]:
     """Yield why a foot cannot be made, each with its key first and what would be right last.
 
     Args:
         design: The foot.
         array: Its array.
+        assumed: Rms deviations that the design assumed.
     """
     for lines, word in ((array.row_x_mm, "rows"), (array.column_y_mm, "columns")):
         if len(lines) > BOARD_LINES:
@@ -44,7 +50,7 @@ def problems(design: FootDesign, array: ElementArray) -> Iterator[str]:
                 f"columns, an ADG715 switches {BOARD_LINES} rows; use at most {BOARD_LINES}"
             )
     yield from _in_the_sheet(design, array)
-    yield from _between_the_plates(design, array)
+    yield from _between_the_plates(design, array, assumed)
     tail_half, socket_mm = (
         _widest_tail_mm(design, array) / 2.0 + process.CHANNEL_PLAY_MM,
         process.socket_radius_mm(design.ball_radius_mm),
@@ -81,7 +87,7 @@ def _in_the_sheet(design: FootDesign, array: ElementArray) -> Iterator[str]:
                 f"between a sheet of {array.sheet_mm:g} mm and the socket of a ball of {design.ball_radius_mm:g} mm; "
                 f"use at least {radius:g}"
             )
-    if array.rim_mm < process.MIN_RIM_MM - _ROUNDING and design.cavity != "vented":
+    if not has_rim(array) and design.cavity != "vented":
         closed_mm = array.sheet_mm + 2.0 * (process.MIN_RIM_MM - array.rim_mm)
         yield (
             f"cavity: {design.cavity} cavities need a rim of {process.MIN_RIM_MM:g} mm around the array, a sheet of "
@@ -89,7 +95,7 @@ def _in_the_sheet(design: FootDesign, array: ElementArray) -> Iterator[str]:
         )
 
 
-def _between_the_plates(design: FootDesign, array: ElementArray) -> Iterator[str]:
+def _between_the_plates(design: FootDesign, array: ElementArray, assumed: FootTolerances) -> Iterator[str]:
     for key, value in (("gap_um", design.gap_um), ("film_um", design.film_um)):
         if value < process.MIN_SHEET_UM:
             yield (
@@ -101,12 +107,11 @@ def _between_the_plates(design: FootDesign, array: ElementArray) -> Iterator[str
             f"spacer_mm: film and spacer are two layers of {design.film_um:g} and {design.gap_um:g} um, together not "
             f"{spacer_um:g} um; use {filled_um / UM_PER_MM:g}"
         )
-    budget = Budget(design, array)
-    if budget.gap_limit_um() <= 0.0:
-        least = array.electrode_mm * budget.area_um / budget.most_area_um()
+    if hardness_limit(design, assumed) <= 0.0:
+        least = array.electrode_mm * area_rel(array.electrode_mm) / _MOST_AREA_REL
         yield (
             f"electrode_mm: an offset of {process.REGISTRATION_MM:g} mm of electrodes of {array.electrode_mm:g} mm "
-            f"counts as {budget.area_um:.2f} um of gap, more than the design assumes; "
+            f"changes their overlap by {area_rel(array.electrode_mm):.0%}, more than the design assumes; "
             f"use at least {math.ceil(100.0 * least) / 100.0:g}"
         )
 

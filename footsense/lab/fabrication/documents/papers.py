@@ -9,8 +9,9 @@ from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.checks import Check
 from footsense.lab.fabrication.expected import Expected
+from footsense.lab.fabrication.hardness import shore_a
 from footsense.lab.fabrication.parts.flex import GUARD, Flex
-from footsense.lab.fabrication.tolerances import Tolerance, shore_a
+from footsense.lab.fabrication.tolerances import Tolerance
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 from footsense.lab.template import render
 
@@ -50,6 +51,7 @@ def write(
         "elements": list(elements.items()),
         "shore": shore_a(design.rubber.youngs_mpa),
         "rubber_g": rubber_g(design),
+        "film_material": film_material(design),
         "UM_PER_MM": UM_PER_MM,
     }
     for name in ("README", "assembly", "checklist"):
@@ -65,13 +67,13 @@ def bill(design: FootDesign, flexes: tuple[Flex, Flex]) -> list[tuple[float | in
     """Return the bill of materials of one foot: quantity, unit, part, specification, file."""
     shore, side, plate = shore_a(design.rubber.youngs_mpa), design.sheet_mm, design.plate_mm
     rubber = f"Shore A {shore:.0f}, {design.rubber.youngs_mpa:g} MPa, cures at room temperature, shrinks below 0.5 %"
-    pdms = f"PDMS of {design.pdms.youngs_mpa:g} MPa, {side:g} x {side:g} x {plate:g} mm"
+    pdms = f"elastomer of {design.pdms.youngs_mpa:g} MPa (PDMS), {side:g} x {side:g} x {plate:g} mm"
     dowel_mm = 2.0 * process.DOWEL_MM + process.MOULD_WALL_MM
     rows: list[tuple[float | int, str, str, str, str]] = [
         (round(rubber_g(design), 1), "g", "rubber for two hemispheres", rubber, "step/hemisphere-*.step"),
         (2, "piece", "plate", pdms, "drawing.pdf"),
-        (1, "piece", "spacer", f"{design.gap_um:g} um of PDMS, laser-cut", "spacer.dxf"),
-        (1, "piece", "film", f"{design.film_um:g} um, permittivity {design.film_eps_r:g}", "film.dxf"),
+        (1, "piece", "spacer", f"{design.gap_um:g} um, film or PDMS, laser-cut", "spacer.dxf"),
+        (1, "piece", "film", f"{design.film_um:g} um of {film_material(design)}", "film.dxf"),
         (1, "set", "mould", "aluminium or acrylic, hollows polished; serves all feet", "step/mould-*.step"),
         (2, "piece", "dowel pin of the mould", f"{process.DOWEL_MM:g} x {dowel_mm:g} mm", ""),
         (2, "piece", "dowel pin of the stack", "2 x 10 mm", ""),
@@ -90,6 +92,13 @@ def bill(design: FootDesign, flexes: tuple[Flex, Flex]) -> list[tuple[float | in
             (1, "piece", f"connector of the {flex.kind}s", plug, ""),
         ]
     return rows
+
+
+def film_material(design: FootDesign) -> str:
+    """Return what the film is of, by its permittivity."""
+    known = {2.7: "PDMS", 3.2: "polyester", 3.4: "polyimide"}
+    name = known.get(round(design.film_eps_r, 1), "polymer")
+    return f"{name}, relative permittivity {design.film_eps_r:g}"
 
 
 def rubber_g(design: FootDesign) -> float:

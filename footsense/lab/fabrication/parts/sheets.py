@@ -5,6 +5,7 @@ foot gets a channel in the spacer to every cavity that is not open to the edge o
 be sealed.
 """
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,13 @@ import ezdxf
 import shapely
 from ezdxf import units
 
-from footsense.errors import ConfigError
 from footsense.foot.cavity.air import CavityKind
 from footsense.lab.fabrication import process
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import ear
+
+#: Lengths are equal within this [mm].
+_ROUNDING_MM = 1e-9
 
 
 def holes(ball_radius_mm: float) -> list[tuple[float, float]]:
@@ -34,19 +37,30 @@ def film(array: ElementArray, ball_radius_mm: float) -> Any:
 
 
 def cavities(array: ElementArray) -> Any:
-    """Return the cavities, as large as the electrodes [mm]."""
-    half = array.electrode_mm / 2.0
-    return shapely.union_all(
-        [shapely.box(x - half, y - half, x + half, y + half) for x, y in array.centres_mm]
+    """Return the openings of the spacer [mm]: as large as the electrodes; without a rim, open to the sheet's edge."""
+    half, edge = array.electrode_mm / 2.0, array.sheet_mm / 2.0
+
+    def span(lines: tuple[float, ...], k: int) -> tuple[float, float]:
+        low = -edge if k == len(lines) - 1 and not has_rim(array) else lines[k] - half
+        return low, edge if k == 0 and not has_rim(array) else lines[k] + half
+
+    spans = itertools.product(
+        *([span(lines, k) for k in range(len(lines))] for lines in (array.row_x_mm, array.column_y_mm))
     )
+    return shapely.union_all([shapely.box(low_x, low_y, x, y) for (low_x, x), (low_y, y) in spans])
+
+
+def has_rim(array: ElementArray) -> bool:
+    """Tell whether the sheet is so much larger than the array that a rim of the spacer can be cut."""
+    return array.rim_mm > process.MIN_RIM_MM - _ROUNDING_MM
 
 
 def vents(array: ElementArray) -> list[Any]:
     """Return the channels that connect closed cavities with the air, along the rows towards the left [mm]."""
     rows, columns = list(array.row_x_mm), array.column_y_mm
-    if array.rim_mm > 0.0:
+    if has_rim(array):
         ends = columns[-1], array.sheet_mm / 2.0 + 1.0
-    else:  # the cavities at the edge of the sheet are open
+    else:
         if len(columns) < 3:
             return []
         rows, ends = rows[1:-1], (columns[-2], columns[0])
@@ -55,21 +69,9 @@ def vents(array: ElementArray) -> list[Any]:
 
 
 def spacer(array: ElementArray, ball_radius_mm: float, cavity: CavityKind) -> Any:
-    """Return the spacer, a polygon of shapely [mm]: bars around the cavities, with its ears.
-
-    Raises:
-        ConfigError: The cavities are not to be vented and reach the edge of the sheet.
-    """
-    open_parts = [cavities(array)]
-    if cavity == "vented":
-        open_parts += vents(array)
-    elif array.rim_mm < process.MIN_RIM_MM - 1e-9:
-        closed_mm = array.sheet_mm + 2.0 * (process.MIN_RIM_MM - array.rim_mm)
-        raise ConfigError(
-            f"sheet_mm: {cavity} cavities need a rim of {process.MIN_RIM_MM:g} mm around the array, a sheet of "
-            f"{array.sheet_mm:g} mm leaves {array.rim_mm:g} mm; use sheet_mm: {closed_mm:g} or cavity: vented"
-        )
-    return film(array, ball_radius_mm).difference(shapely.union_all(open_parts))
+    """Return the spacer, a polygon of shapely [mm]: bars around the cavities, with its ears."""
+    channels = vents(array) if cavity == "vented" else []
+    return film(array, ball_radius_mm).difference(shapely.union_all([cavities(array), *channels]))
 
 
 def write_dxf(path: Path, shape: Any, note: str) -> None:
