@@ -108,8 +108,8 @@ def _assembly(
 def _stack(page: PaperSheet, design: FootDesign) -> None:
     """Draw the layers, thickened."""
     layers = [
-        ("hemisphere of the leg", "rubber", _RUBBER, 10.0),
-        ("plate", f"PDMS, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
+        ("hemisphere of the leg", f"rubber of {design.rubber.youngs_mpa:g} MPa", _RUBBER, 10.0),
+        ("plate", f"elastomer of {design.pdms.youngs_mpa:g} MPa, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
         ("column flex, copper down", "polyimide and copper, or gold on the plate", _COPPER, 4.0),
         (
             "spacer",
@@ -119,8 +119,8 @@ def _stack(page: PaperSheet, design: FootDesign) -> None:
         ),
         ("film", f"{design.film_um:g} um of {film_material(design)}", "#bfe0c4", 6.0),
         ("row flex, copper up", "polyimide and copper, or gold on the plate", _COPPER, 4.0),
-        ("plate", f"PDMS, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
-        ("hemisphere of the ground", "rubber", _RUBBER, 10.0),
+        ("plate", f"elastomer of {design.pdms.youngs_mpa:g} MPa, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
+        ("hemisphere of the ground", f"rubber of {design.rubber.youngs_mpa:g} MPa", _RUBBER, 10.0),
     ]
     height = sum(thickness for *_, thickness in layers)
     view = page.view((258.0, 225.0), 1.0, (0.0, 0.0, 80.0, height), "Stack, not to scale", 6.0)
@@ -243,9 +243,9 @@ def _flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
     size = f"{process.CONTACT_WIDTH_MM:g} x {process.CONTACT_MM:g}, pitch {process.CONTACT_PITCH_MM:g}"
     contacts = f"{len(flex.contact_v_mm)} contacts {size}; contact 1 is the lowest;\n"
     contacts += f"even: {', '.join(flex.nets)}; odd: {GUARD}"
-    view.note((flex.end_mm - process.CONTACT_MM / 2.0, tail), (-30.0, 16.0), contacts, "center")
+    view.note((flex.end_mm - process.CONTACT_MM / 2.0, tail), (-8.0, 16.0), contacts, "center")
     stiff = f"stiffener {process.STIFFENER_MM:g}, other side; 0.3 thick with it"
-    view.note((flex.end_mm - process.STIFFENER_MM, -tail), (-30.0, -10.0), stiff, "center")
+    view.note((flex.end_mm - process.STIFFENER_MM, -tail), (-14.0, -10.0), stiff, "center")
 
 
 def _sheet(view: View, array: ElementArray, ball_radius_mm: float, name: str) -> None:
