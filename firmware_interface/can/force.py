@@ -37,7 +37,8 @@ class Force(NamedTuple):
 
     All three components are sent, with the state VALID or DEGRADED, or none: under any other state they are "no
     value", and a force with a component that is NaN or infinite is sent as ELEMENT_FAULT. A component above 32.767 N
-    saturates there, which is not "no value".
+    saturates there, which is not "no value". Of feet for larger forces every bit, of sigma too, stands for
+    `force_step_mn` times as much, on all frames of the robot.
 
     Attributes:
         node: CAN node id of the leg, 1..6.
@@ -86,6 +87,9 @@ class Quality(NamedTuple):
     sigma_n: tuple[float, float, float]
 
 
+#: What a bit of a force may stand for [mN]; a robot with feet for up to 32 N uses the first.
+FORCE_STEPS_MN = (1, 2, 5, 10, 20)
+
 _FORCE = struct.Struct("<Bhhh")
 _QUALITY = struct.Struct("<7s")
 _NO_FORCE = -32768
@@ -105,6 +109,19 @@ _MAX_SIGMA_N = _MAX_SIGMA / _SIGMA_PER_N
 _ROUND_UP = 1 - 1e-6
 
 _NAN = float("nan")
+
+
+def force_step_mn(max_n: float) -> int:
+    """Return what a bit of a force on CAN stands for [mN], the finest that holds the forces of a foot type.
+
+    Args:
+        max_n: Largest force that the feet's network was trained for [N].
+
+    Example:
+        >>> force_step_mn(2.0), force_step_mn(15.0), force_step_mn(187.5)
+        (1, 1, 10)
+    """
+    return next((step for step in FORCE_STEPS_MN if max_n <= step * _MAX_FORCE_N), FORCE_STEPS_MN[-1])
 
 
 class ForceQualityEncoder:

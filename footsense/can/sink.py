@@ -55,6 +55,7 @@ class CanSink:
         legs: Name of the leg in each row of the frames.
         clock: The time of the frames.
         every: Cycles for each `Force`, at least 1.
+        force_step_mn: What a bit of a force stands for [mN].
 
     Attributes:
         stats: Statistics of the channel.
@@ -70,7 +71,13 @@ class CanSink:
     """
 
     def __init__(
-        self, settings: ChannelSettings, legs: tuple[str, ...], clock: Clock, *, every: int = 1
+        self,
+        settings: ChannelSettings,
+        legs: tuple[str, ...],
+        clock: Clock,
+        *,
+        every: int = 1,
+        force_step_mn: int = 1,
     ) -> None:
         self.stats = CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
@@ -90,6 +97,7 @@ class CanSink:
         self._gait = GaitFrames(nodes)
         self._commands = CanCommands(self._channel, nodes, clock)
         self._every = every
+        self._force_step_mn = force_step_mn
         self._n_cycles = every - 1  # since the last forces
         self._early = False  # the last forces were sent for a change
         self._sent: list[list[int]] = []  # states, masks, causes and flags of the last forces
@@ -159,11 +167,14 @@ class CanSink:
 
     def _force_frames(self, frame: ContactFrame, states: list[int], masks: list[int]) -> list[bytes]:
         """Return the Force and Quality of all legs, another leg first each time; with CAN FD all legs in one frame."""
+        force_n, sigma_n = frame.force_n, frame.sigma_n
+        if self._force_step_mn != 1:
+            force_n, sigma_n = force_n / self._force_step_mn, sigma_n / self._force_step_mn
         legs = (
             frame.t_ns.tolist(),
             states,
-            frame.force_n.tolist(),
-            frame.sigma_n.tolist(),
+            force_n.tolist(),
+            sigma_n.tolist(),
             self._flags,
             masks,
         )

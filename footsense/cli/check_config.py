@@ -5,12 +5,13 @@ from pathlib import Path
 
 import click
 
+from firmware_interface.can.force import force_step_mn
 from footsense.cli.options import FILE
 from footsense.clock import wall_time_iso
 from footsense.config import Config, load_config
 from footsense.config.contradictions import warnings
 from footsense.config.sections import Bus
-from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.estimation import contact_threshold_n, pipeline_for
 from footsense.daemon.models import Models, load_models
 from footsense.foot.files.calibration_reader import FootCalibration
 
@@ -45,14 +46,21 @@ def _summary(models: Models) -> list[str]:
         f"  quiet below {config.tare.noise_limit_ff:g} fF of noise",
         f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of the free foot's readings",
         f"baseline: {'follows the foot in swing' if config.baseline.track else 'constant between tares'}",
-        f"contact from {config.contact.threshold_n:g} N",
+        f"contact from {contact_threshold_n(models):g} N",
         f"all legs carry {_weight_text(config)}",
         f"stale after {config.stale_after_ms:g} ms",
         f"network: {model or 'that of the foot type'}, {network.sha256[:12]}",
-        f"CAN: {config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s",
+        f"CAN: {_can_text(config, network.card.max_n)}",
         f"metrics: {f'http://{metrics.address}:{metrics.port}/metrics' if metrics else 'none'}",
         f"real time: {f'SCHED_FIFO {realtime.priority}{cpu}' if realtime else 'not requested'}",
     ]
+
+
+def _can_text(config: Config, max_n: float) -> str:
+    """Return the channel, and what a bit of a force stands for if it is not the usual millinewton."""
+    step_mn = force_step_mn(max_n)
+    coarse = "" if step_mn == 1 else f", {step_mn} mN per bit of a force and {2 * step_mn} mN of its sigma"
+    return f"{config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s{coarse}"
 
 
 def _scan_text(config: Config) -> str:

@@ -81,6 +81,8 @@ class Link:
 
     Args:
         limits: Limits for using a force; None for the defaults.
+        force_step_mn: What a bit of a force stands for [mN]: 1, but for feet of more than 32 N, for which
+            `footsense check-config` names it.
 
     Example:
         >>> link = Link()
@@ -88,8 +90,9 @@ class Link:
         <LinkStatus.STALE: 0>
     """
 
-    def __init__(self, limits: LinkLimits | None = None) -> None:
+    def __init__(self, limits: LinkLimits | None = None, force_step_mn: int = 1) -> None:
         self._limits = limits or LinkLimits()
+        self._force_step_mn = force_step_mn
         self._legs = {node: _Leg(self._limits) for node in NODE_IDS.values()}
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
@@ -137,7 +140,14 @@ class Link:
             node: Its CAN node id, 1..6.
             now_ns: The present time [ns].
         """
-        return self._legs[node].force_at(now_ns)
+        read = self._legs[node].force_at(now_ns)
+        if self._force_step_mn == 1:
+            return read
+        force_n, sigma_n = (
+            (x * self._force_step_mn, y * self._force_step_mn, z * self._force_step_mn)
+            for x, y, z in (read.force_n, read.sigma_n)
+        )
+        return read._replace(force_n=force_n, sigma_n=sigma_n)
 
 
 class _Leg:

@@ -60,16 +60,17 @@ class Listener:
         wire: The open channel.
         clock: The time of arrival.
         limits: Limits for using a force.
+        force_step_mn: What a bit of a force stands for [mN].
 
     Attributes:
         close: Closes the channel.
     """
 
-    def __init__(self, wire: CanWire, clock: Clock, limits: LinkLimits) -> None:
+    def __init__(self, wire: CanWire, clock: Clock, limits: LinkLimits, force_step_mn: int = 1) -> None:
         self._wire = wire
         self.close = wire.close
         self._clock = clock
-        self._link = Link(limits)
+        self._link = Link(limits, force_step_mn)
         self._reports = Reports()
         self._events = GaitEvents()
         self._last_events: dict[int, LegEvent] = {}
@@ -122,12 +123,13 @@ class Listener:
         return snapshots
 
 
-def open_listener(interface: str, channel: str, clock: Clock, limits: LinkLimits) -> Listener:
-    """Open a CAN channel for listening only.
+def open_listener(
+    interface: str, channel: str, clock: Clock, limits: LinkLimits, force_step_mn: int = 1
+) -> Listener:
+    """Open a CAN channel for listening only; arguments as of `Listener`.
 
     Raises:
         CanError: The channel is missing or down.
     """
-    return Listener(
-        open_wire(interface, channel, 500_000, [*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS]), clock, limits
-    )
+    wire = open_wire(interface, channel, 500_000, [*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS])
+    return Listener(wire, clock, limits, force_step_mn)

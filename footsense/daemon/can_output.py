@@ -21,6 +21,7 @@ def can_sink(
     log_file: Path | None,
     *,
     real_time: bool = False,
+    force_step_mn: int = 1,
     connect: Callable[[], CanWire] | None = None,
 ) -> Iterator[CanSink]:
     """Open the CAN channel, and end with every leg's heartbeat `stopped`.
@@ -43,7 +44,7 @@ def can_sink(
         log_waits=not real_time,
         connect=connect,
     )
-    sink = CanSink(settings, config.legs, clock, every=config.frames_per_force)
+    sink = CanSink(settings, config.legs, clock, every=config.frames_per_force, force_step_mn=force_step_mn)
     with closing_at_end(sink.close):
         yield sink
 

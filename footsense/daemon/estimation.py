@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from footsense.acquisition.scan_plan import BOARDS
-from footsense.config import Config
 from footsense.daemon.models import Models
 from footsense.errors import ConfigError
 from footsense.estimation.baseline.contact import ContactLimits
@@ -24,6 +23,8 @@ from footsense.ports import Estimator
 
 #: Least rise of a load over the fastest drift [1].
 _OVER_DRIFT_REL = 5.0
+#: Contact threshold over the feet's largest force, where none is configured [1].
+_THRESHOLD_REL = 0.015
 #: Least contact threshold over the standard deviation of an element's noise [1].
 _OVER_NOISE_REL = 5.0
 #: Scans after which a step of the load has passed through all readings that the network sees.
@@ -59,7 +60,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
             noise_limit_ff=config.tare.noise_limit_ff,
             unloaded_limit_rel=config.tare.unloaded_limit_rel,
         ),
-        contact=_contact_limits(config, design, force_sensitivity),
+        contact=_contact_limits(models, force_sensitivity),
         track_baseline=config.baseline.track,
         scan_ns=scan_ns,
         max_age_ns=round(config.stale_after_ms * 1e6),
@@ -119,24 +120,30 @@ def _closure_rel_per_pf(design: CapacitorDesign) -> float:
     return distance_um / design.unloaded_pf / design.gap_um
 
 
-def _contact_limits(config: Config, design: CapacitorDesign, force_sensitivity: Sensitivity) -> ContactLimits:
+def contact_threshold_n(models: Models) -> float:
+    """Return the load from which a foot is in contact [N]: the configured one, or a share of the feet's largest."""
+    configured = models.config.contact.threshold_n
+    return round(_THRESHOLD_REL * models.network.card.max_n, 6) if configured is None else configured
+
+
+def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLimits:
     """Return the limits for one foot type: the stiffer the foot, the more force its drift and noise amount to.
 
     Args:
-        config: The robot.
-        design: Capacitors of its feet.
+        models: The robot and its feet.
         force_sensitivity: Forces per closure.
 
     Raises:
         ConfigError: The configured threshold is within the noise of these feet.
     """
-    n_per_pf = force_sensitivity.load_n * _closure_rel_per_pf(design)
-    least_n = _OVER_NOISE_REL * config.rate.noise_ff * 1e-3 * n_per_pf
-    if config.contact.threshold_n < least_n:
+    n_per_pf = force_sensitivity.load_n * _closure_rel_per_pf(models.network.card.trained_inputs.design)
+    threshold_n = contact_threshold_n(models)
+    least_n = _OVER_NOISE_REL * models.config.rate.noise_ff * 1e-3 * n_per_pf
+    if threshold_n < least_n:
         raise ConfigError(
-            f"contact.threshold_n: {config.contact.threshold_n:g} N are lost in the noise of these feet; "
+            f"contact.threshold_n: {threshold_n:g} N are lost in the noise of these feet; "
             f"use at least {least_n:.2g}"
         )
     drift_n_per_s = _OVER_DRIFT_REL * MAX_DRIFT_PF_PER_S * n_per_pf
-    limits = ContactLimits(threshold_n=config.contact.threshold_n)
+    limits = ContactLimits(threshold_n=threshold_n)
     return replace(limits, floor_n_per_s=max(limits.floor_n_per_s, drift_n_per_s))

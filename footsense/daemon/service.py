@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from firmware_interface.can.force import force_step_mn
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock, gc_disabled, request_realtime
@@ -138,7 +139,14 @@ def open_service(
         can = simulated_can(config, scene, scan.clock)
         connect = can.connect if can is not None else None
         sink = stack.enter_context(
-            can_sink(config, scan.clock, can_log, real_time=real_time, connect=connect)
+            can_sink(
+                config,
+                scan.clock,
+                can_log,
+                real_time=real_time,
+                force_step_mn=force_step_mn(models.network.card.max_n),
+                connect=connect,
+            )
         )
         reference = None
         if test_stand is not None:

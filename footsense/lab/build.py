@@ -35,8 +35,9 @@ from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
 from footsense.lab.model_card import readme
 from footsense.lab.response import make_response
+from footsense.lab.similarity import force_unit, in_unit, loads_in_unit
 from footsense.lab.training import load_cases
-from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_model
+from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_model, stored_weights
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import Cases, paper_training, random_loads
 from footsense.lab.training.snapshot.forward_inversion import forward_model
@@ -68,6 +69,7 @@ class Recipe:
         released: Training of the released network.
         only_362: Training on the paper's cases alone.
         quick: Whether the model card warns that this is no release.
+        start: Network of a similar foot that the training starts from; None for random weights.
     """
 
     mesh: MeshSize
@@ -76,6 +78,7 @@ class Recipe:
     released: WindowProtocol
     only_362: SnapshotProtocol
     quick: bool = False
+    start: Path | None = None
 
 
 #: The release.
@@ -86,6 +89,8 @@ FULL = Recipe(
     released=WindowProtocol(),
     only_362=SnapshotProtocol(steps=6_000, batch=128, masked=False),
 )
+#: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
+SIMILAR = replace(FULL, random_loads=60_000, gaits=1_500, released=WindowProtocol(steps=25_000, rate=2e-3))
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK = Recipe(
     mesh=COARSE,
@@ -118,22 +123,24 @@ _SOLID_S = 56.0
 _CONVERSIONS = 1100
 
 
-def _readout(weights: Weights, gap_um: float) -> Readout:
+def _readout(weights: Weights, gap_um: float, unit: float) -> Readout:
     """Return the network as a read-out of closures [um] of feet at rest."""
-    return lambda closure_um: predict(weights, at_rest(closure_um / gap_um)).force_n
+    return lambda closure_um: unit * predict(weights, at_rest(closure_um / gap_um)).force_n
 
 
 def _paper_only_readouts(
-    response: FootResponse, protocol: SnapshotProtocol, report: Callable[[str], None]
+    response: FootResponse, unit: float, protocol: SnapshotProtocol, report: Callable[[str], None]
 ) -> dict[str, Readout]:
     """Return read-outs trained on the paper's 362 cases alone: by elastance, and by inversion of the forward model.
+
+    The response is that in the foot's force unit; the read-outs' forces are in newtons.
 
     If the paper's loads close gaps completely, the inversion has no solution, and its read-out is left out.
     """
     training, gap_um = paper_training(response), response.design.gap_um
     plain = train(training, response.design, protocol)
     alone: dict[str, Readout] = {
-        f"{ALONE}_elastance": lambda closure_um: predict_alone(plain, closure_um / gap_um)[0]
+        f"{ALONE}_elastance": lambda closure_um: unit * predict_alone(plain, closure_um / gap_um)[0]
     }
     model = forward_model(response)
     try:
@@ -143,7 +150,7 @@ def _paper_only_readouts(
         return alone
     inverted = train(Cases(training.force_n, inverted_um), response.design, protocol)
     return {
-        ALONE: lambda closure_um: predict_alone(inverted, model.mean_um(closure_um) / gap_um)[0],
+        ALONE: lambda closure_um: unit * predict_alone(inverted, model.mean_um(closure_um) / gap_um)[0],
         **alone,
     }
 
@@ -183,6 +190,7 @@ def _card(
             "released": recipe.released.card(),
             "only_362": recipe.only_362.card(),
             "weights": weights.size,
+            **({} if recipe.start is None else {"started_from": recipe.start.parent.name}),
         },
         "errors": {name: asdict(row) for name, row in table.items()},
         "built_with": {**library_versions(), "ngsolve": ng.__version__},
@@ -194,11 +202,11 @@ def _rounded_moments(closure_rel: Any) -> Any:
     return np.round(moments(closure_rel), _DECIMALS)
 
 
-def _parity_n(network: OnnxNetwork, weights: Weights, closure_rel: Any) -> float:
+def _parity_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
     """Return the largest difference between ONNX Runtime and JAX [N], over loads with every kind of mask."""
     window = at_rest(closure_rel, MISSING_SETS[np.arange(len(closure_rel)) % len(MISSING_SETS)])
     pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
-    return max(float(np.abs(one - other).max()) for one, other in pairs)
+    return max(float(np.abs(one - unit * other).max()) for one, other in pairs)
 
 
 def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str], None]) -> Built:
@@ -227,23 +235,28 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         made.save(Path(temporary) / RESPONSE_FILE)
         response = FootResponse.load(Path(temporary) / RESPONSE_FILE)
         design, loads = response.design, foot_design.loads
-        recipe = replace(recipe, released=replace(recipe.released, min_force_n=loads.min_force_n))
-        alone = _paper_only_readouts(response, recipe.only_362, report)
+        unit = force_unit(loads)
+        response_in_unit, loads_unit = in_unit(response, unit), loads_in_unit(loads, unit)
+        recipe = replace(recipe, released=replace(recipe.released, min_force_n=loads_unit.min_force_n))
+        alone = _paper_only_readouts(response_in_unit, unit, recipe.only_362, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")
-        cases = random_loads(response, loads, recipe.random_loads, TRAINING_SEED)
+        cases = random_loads(response_in_unit, loads_unit, recipe.random_loads, TRAINING_SEED)
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
-        gaits = random_gaits(response, TRAINING_SEED, recipe.gaits, _CONVERSIONS, loads.max_n, jobs=2)
+        gaits = random_gaits(
+            response_in_unit, TRAINING_SEED, recipe.gaits, _CONVERSIONS, loads_unit.max_n, jobs=2
+        )
         report(f"{recipe.gaits} random gaits of {_CONVERSIONS} conversions")
-        weights = train_windowed(gaits, cases, design, recipe.released, imputation, report)
+        start = None if recipe.start is None else stored_weights(recipe.start)
+        weights = train_windowed(gaits, cases, design, recipe.released, imputation, report, start)
         report(f"trained on them: {weights.size} weights")
-        table = error_table(response, loads, _readout(weights, design.gap_um), alone)
+        table = error_table(response, loads, _readout(weights, design.gap_um, unit), alone)
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
         card = _card(response, loads, recipe, weights, cases, table)
-        network = add_checksum(onnx_model(weights, card).SerializeToString())
+        network = add_checksum(onnx_model(weights, card, unit).SerializeToString())
         (Path(temporary) / NETWORK_FILE).write_bytes(network)
-        parity = _parity_n(OnnxNetwork(Path(temporary) / NETWORK_FILE), weights, closure_rel)
+        parity = _parity_n(OnnxNetwork(Path(temporary) / NETWORK_FILE), weights, unit, closure_rel)
         most_n = PARITY_REL * loads.max_n
         if not parity <= most_n:
             raise ArithmeticError(f"ONNX Runtime and JAX differ by {parity:.2e} N, more than {most_n:.0e} N")

@@ -13,7 +13,7 @@ from footsense.strict_yaml import Problem, load
 #: Name of the file in the folder of a foot type.
 FOOT_FILE = "foot.yaml"
 #: Least unloaded capacitance [pF]: an open line still reads a tenth of a picofarad.
-_MIN_UNLOADED_PF = 1.0
+MIN_UNLOADED_PF = 1.0
 #: Sums of lengths may be off by this much [mm]: rounding, and nothing that can be made.
 _ROUNDING_MM = 1e-9
 
@@ -104,11 +104,11 @@ def _in_the_cavities(design: FootDesign) -> Iterator[Problem]:
 def _on_the_converter(design: FootDesign) -> Iterator[Problem]:
     capacitor, most_pf = design.capacitor, fdc1004.capacitance_pf(fdc1004.CODE_MAX)
     half_pf = float(capacitor.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
-    if capacitor.unloaded_pf < _MIN_UNLOADED_PF:
+    if capacitor.unloaded_pf < MIN_UNLOADED_PF:
         yield Problem(
             "electrode_mm",
             f"an element has {capacitor.unloaded_pf:.2f} pF unloaded, too little to differ from an open line; "
-            f"use larger electrodes, or a thinner gap or film, for at least {_MIN_UNLOADED_PF:g} pF",
+            f"use larger electrodes, or a thinner gap or film, for at least {MIN_UNLOADED_PF:g} pF",
         )
     if half_pf > most_pf:
         yield Problem(

@@ -89,7 +89,7 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         centred_share: Share of the loads that do not lean [1].
     """
 
-    max_n: Annotated[float, Meta(gt=0.0, le=30.0, description="a force on CAN ends at 32 N")]
+    max_n: Annotated[float, Meta(gt=0.0, le=500.0, description="a force in N")]
     friction_angle_deg: _Lean
     typical_lean_deg: _Lean
     min_elevation_deg: Annotated[

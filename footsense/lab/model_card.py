@@ -7,6 +7,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_CASES, as_markdown
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.geometry import FootDesign
+from footsense.lab.similarity import force_unit
 from footsense.lab.template import render
 
 
@@ -27,6 +28,7 @@ def readme(
         "error_table": as_markdown(table),
         "parity_n": parity_n,
         "quick": quick,
+        "force_unit": force_unit(foot_design.loads),
         "FOOT_FILE": FOOT_FILE,
         "HELD_OUT_CASES": HELD_OUT_CASES,
     }

@@ -11,10 +11,10 @@ from footsense.sim.loads.measured_walk import measured_walk
 from footsense.sim.loads.walk import Walk, smooth_stance
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
-Force = Annotated[float, Meta(ge=0.0, le=2.0)]
+Force = Annotated[float, Meta(ge=0.0, le=500.0)]
 Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
 #: Constant ground reaction x, y, z on a foot [N]; z presses the foot along its leg.
-ReactionForce = tuple[float, float, Annotated[float, Meta(gt=0.0, le=2.0)]]
+ReactionForce = tuple[float, float, Annotated[float, Meta(gt=0.0, le=500.0)]]
 
 #: Words of earlier versions of `CalibrationLoads`, each with what replaces it.
 FORMER_LOADS = {

@@ -6,6 +6,8 @@ from typing import Any
 
 import click
 
+from firmware_interface.can.force import FORCE_STEPS_MN
+
 #: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
 _CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
 
@@ -38,6 +40,16 @@ def _channel(ctx: click.Context, param: click.Parameter, value: str | None) -> s
 #: Stands below `interface_option`, whose value it needs.
 channel_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
     "--channel", callback=_channel, help="Name of the channel. Default: can0, or 239.74.163.2."
+)
+
+#: For robots whose feet carry more than 32 N.
+force_step_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
+    "--force-step-mn",
+    type=click.Choice([str(step) for step in FORCE_STEPS_MN]),
+    default="1",
+    show_default=True,
+    callback=lambda _ctx, _param, value: int(value),
+    help="What a bit of a force stands for, as `footsense check-config` names it: 1 for feet of up to 32 N.",
 )
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from footsense.cli.can.channel_options import channel_option, interface_option
+from footsense.cli.can.channel_options import channel_option, force_step_option, interface_option
 from footsense.cli.options import FILE, StopRequest, duration_option
 from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock, wall_time_ns
@@ -23,6 +23,7 @@ _NS_PER_S = 1_000_000_000
 @click.command()
 @interface_option
 @channel_option
+@force_step_option
 @click.option(
     "--domain",
     type=click.IntRange(0, 232),
@@ -33,7 +34,9 @@ _NS_PER_S = 1_000_000_000
 )
 @click.option("--tf", type=FILE, metavar="FRAMES.yaml", help="Frames of the feet; without it lf_foot etc.")
 @duration_option("Stop after this time.")
-def ros2(interface: str, channel: str, domain: int, tf: Path | None, duration_s: float) -> None:
+def ros2(
+    interface: str, channel: str, force_step_mn: int, domain: int, tf: Path | None, duration_s: float
+) -> None:
     """Publish the legs on CAN to ROS 2 nodes; ROS itself need not be installed (needs footsense[ros2]).
 
     Only listens on CAN. A leg without a usable force sends no wrench; its contact state and /diagnostics say so.
@@ -44,7 +47,8 @@ def ros2(interface: str, channel: str, domain: int, tf: Path | None, duration_s:
     clock, stop = MonotonicClock(), StopRequest()
     start_ns = clock.now_ns()
     n_published = 0
-    with closing(open_listener(interface, channel, clock, LinkLimits(accept_degraded=True))) as listener:
+    limits = LinkLimits(accept_degraded=True)
+    with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
         click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
             listener.listen(now_ns + _PERIOD_NS)

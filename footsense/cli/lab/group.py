@@ -4,7 +4,7 @@ import importlib.util
 
 import click
 
-from footsense.cli.lab import experiment, fabricate, models, report, response, study
+from footsense.cli.lab import design, experiment, fabricate, models, report, response, study
 from footsense.errors import FootsenseError
 
 #: Libraries of the extra.
@@ -27,6 +27,7 @@ def _require_extra() -> None:
 
 @click.group(
     commands=[
+        design.design,
         models.build,
         models.evaluate,
         models.compare,

@@ -1,5 +1,6 @@
 """`footsense lab build`, `evaluate`, `compare`: build the models, print their errors, compare two builds."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,8 +28,13 @@ if TYPE_CHECKING:
     help="Folder in which the foot type's own folder is made; without it ./models, quick ones ./models-quick.",
 )
 @click.option("--quick", is_flag=True, help="Coarse mesh, short training: every step, no release.")
-def build(*, foot: Path | None, out: Path | None, quick: bool) -> None:
-    """Solve a foot, train its network, write both with their card, and print the error table."""
+@click.option(
+    "--like",
+    type=FOLDER,
+    help="Folder of a similar foot type: the training starts from its network, and is a fifth as long.",
+)
+def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None) -> None:
+    """Solve a foot, train its network, write both with their card, and print the error table."""  # noqa: DOC501
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
     description = foot or released_path(FOOT_FILE)
@@ -37,12 +43,18 @@ def build(*, foot: Path | None, out: Path | None, quick: bool) -> None:
     for known in (folder, released_path(FOOT_FILE, foot_design.foot_type).parent):
         _require_no_other(known / FOOT_FILE, description, foot_design)
     options.require_writable(folder)
-    from footsense.lab.build import FULL, QUICK
+    from footsense.lab.build import FULL, QUICK, SIMILAR
     from footsense.lab.build import build as build_models
-    from footsense.lab.evaluation.evaluate_models import as_markdown
+    from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, as_markdown
+
+    if quick and like is not None:
+        raise click.UsageError("--quick and --like exclude each other")
+    recipe = QUICK if quick else FULL
+    if like is not None:
+        recipe = replace(SIMILAR, start=like / NETWORK_FILE)
 
     report = options.stopwatch_report()
-    built = build_models(description, folder, QUICK if quick else FULL, report)
+    built = build_models(description, folder, recipe, report)
     report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.parity_n:.4f} mN")
     click.echo(as_markdown(built.table))
 

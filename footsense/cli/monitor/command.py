@@ -7,7 +7,7 @@ import click
 from rich.console import Console
 from rich.live import Live
 
-from footsense.cli.can.channel_options import channel_option, interface_option
+from footsense.cli.can.channel_options import channel_option, force_step_option, interface_option
 from footsense.cli.monitor.json_values import snapshot_json
 from footsense.cli.monitor.table import monitor_table
 from footsense.cli.options import StopRequest, duration_option, echo_json
@@ -22,6 +22,7 @@ _DRAW_NS = 200_000_000
 @click.command()
 @interface_option
 @channel_option
+@force_step_option
 @click.option(
     "--max-age-ms",
     type=click.IntRange(1, 10_000),
@@ -36,7 +37,9 @@ _DRAW_NS = 200_000_000
     is_flag=True,
     help="Print one line of JSON per leg and second; the default if the output is no terminal.",
 )
-def monitor(interface: str, channel: str, max_age_ms: int, duration_s: float, *, as_json: bool) -> None:
+def monitor(
+    interface: str, channel: str, force_step_mn: int, max_age_ms: int, duration_s: float, *, as_json: bool
+) -> None:
     """Show the legs on CAN: state, force with its age and uncertainty, and the cause of a fault.
 
     Only listens. A force is shown if a consumer that accepts degraded legs may use it.
@@ -48,7 +51,7 @@ def monitor(interface: str, channel: str, max_age_ms: int, duration_s: float, *,
     stop = StopRequest()
     start_ns = clock.now_ns()
     end_ns = start_ns + duration_s * _NS_PER_S
-    with closing(open_listener(interface, channel, clock, limits)) as listener:
+    with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
         if as_json or not console.is_terminal:
             for t_ns in _periods(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():

@@ -90,6 +90,22 @@ class _Format(msgspec.Struct, frozen=True):
     format: int
 
 
+class _TrainedLoads(msgspec.Struct, frozen=True):
+    """Range of the loads of a training.
+
+    Attributes:
+        max_n: Largest force [N]; the paper's foot's if a card does not name it.
+    """
+
+    max_n: Positive = 2.0
+
+
+class _Training(msgspec.Struct, frozen=True):
+    """How a network was trained, as far as the daemon needs it."""
+
+    random_loads: _TrainedLoads = _TrainedLoads()
+
+
 class Card(msgspec.Struct, frozen=True):
     """The fields of a card that the daemon needs; it ignores the others."""
 
@@ -105,6 +121,12 @@ class Card(msgspec.Struct, frozen=True):
     closure_rel_max: Nine
     moments: NineByNine
     response_sha256: str
+    training: _Training = _Training()
+
+    @property
+    def max_n(self) -> float:
+        """Largest force of the training [N]."""
+        return self.training.random_loads.max_n
 
     @property
     def trained_inputs(self) -> TrainedInputs:

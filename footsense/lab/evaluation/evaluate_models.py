@@ -20,6 +20,7 @@ from footsense.lab.evaluation.evaluate import (
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign, LoadRange
 from footsense.lab.response import films_of
+from footsense.lab.similarity import force_unit
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import (
     Cases,
@@ -52,7 +53,9 @@ def error_table(
         Rows by name: `paper_*` on the 180 verification cases without noise, `random_*` on held-out random loads
         with the converter's noise, from a tenth of the largest.
     """
-    training, verification = paper_training(response), paper_verification(response)
+    unit = force_unit(loads)
+    training = paper_training(response, force_unit=unit)
+    verification = paper_verification(response, force_unit=unit)
     rng = np.random.default_rng(HELD_OUT_SEED)
     held_out = random_loads(response, loads, HELD_OUT_CASES, HELD_OUT_SEED)
     counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.min_judged_n

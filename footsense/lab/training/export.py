@@ -43,7 +43,7 @@ from footsense.ports import Load, Window
 IR_VERSION, OPSET = 8, 17
 
 
-def _constants(weights: Weights) -> dict[str, NDArray[Any]]:
+def _constants(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
     """Return the weights, each once, and their places; floats are float32 in the file, indices int64."""
     c = weights.channels
     turns = output_turns().transpose(0, 2, 1)  # a row vector times this is the turned vector
@@ -84,6 +84,7 @@ def _constants(weights: Weights) -> dict[str, NDArray[Any]]:
         "ln_lowest": np.array(LN_SIGMA_BOUNDS[0]),
         "ln_highest": np.array(LN_SIGMA_BOUNDS[1]),
         "three_four": np.array([3, 4]),
+        "force_unit": np.array(force_unit),
     }
 
 
@@ -96,11 +97,17 @@ def _nodes() -> Sequence[onnx.NodeProto]:
     return nodes
 
 
-def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
-    """Return the network as a graph from readings and ages to force, contact and their sigma, float32."""
+def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) -> onnx.ModelProto:
+    """Return the network as a graph from readings and ages to force, contact and their sigma, float32.
+
+    Args:
+        weights: The weights.
+        card: Its card, as JSON values.
+        force_unit: Unit of the forces that the weights were trained on [N].
+    """
     constants = {
         name: value.astype(np.int64 if np.issubdtype(value.dtype, np.integer) else np.float32)
-        for name, value in _constants(weights).items()
+        for name, value in _constants(weights, force_unit).items()
     }
 
     def tensor_infos(signals: Sequence[Signal]) -> list[onnx.ValueInfoProto]:
@@ -125,6 +132,19 @@ def onnx_model(weights: Weights, card: dict[str, Any]) -> onnx.ModelProto:
     helper.set_model_props(model, {METADATA_KEY: json.dumps(card, sort_keys=True)})
     onnx.checker.check_model(model, full_check=True)
     return model
+
+
+def stored_weights(path: Path) -> Weights:
+    """Return the weights in a network file, for a training that starts from them.
+
+    Raises:
+        ModelError: It is no network of this layout.
+    """
+    try:
+        stored = {one.name: numpy_helper.to_array(one) for one in onnx.load(path).graph.initializer}
+        return Weights(*(np.asarray(stored[name], np.float32) for name in Weights._fields))
+    except Exception as error:  # protobuf raises types of its own
+        raise ModelError(f"{path} holds no weights to start from ({error})") from error
 
 
 class OnnxNetwork:

@@ -91,14 +91,19 @@ def _centred(foot: Foot, direction: Vector, magnitudes_gf: list[float]) -> Cases
     return Cases(force, sensed_closure_um(foot, np.tile(direction, (len(magnitudes_gf), 1)), force))
 
 
-def paper_training(response: FootResponse, deviations: Deviations | None = None) -> Cases:
-    """Return the paper's 362 training cases: 181 directions at 50 and 150 gf (section III F)."""
-    return _centred(Foot(response, deviations), paper_directions("training"), [50.0, 150.0])
+def paper_training(
+    response: FootResponse, deviations: Deviations | None = None, *, force_unit: float = 1.0
+) -> Cases:
+    """Return the paper's 362 training cases: 181 directions at 50 and 150 gf (section III F), times a unit."""
+    sizes_gf = [50.0 * force_unit, 150.0 * force_unit]
+    return _centred(Foot(response, deviations), paper_directions("training"), sizes_gf)
 
 
-def paper_verification(response: FootResponse, deviations: Deviations | None = None) -> Cases:
-    """Return the paper's 180 verification cases: both angles shifted by 5 deg, at 100 gf (section III F)."""
-    return _centred(Foot(response, deviations), paper_directions("verification"), [100.0])
+def paper_verification(
+    response: FootResponse, deviations: Deviations | None = None, *, force_unit: float = 1.0
+) -> Cases:
+    """Return the paper's 180 verification cases: angles shifted by 5 deg, at 100 gf (section III F), times a unit."""
+    return _centred(Foot(response, deviations), paper_directions("verification"), [100.0 * force_unit])
 
 
 def leaning_normals(loads: LoadRange, rng: np.random.Generator, direction: Vector) -> Vector:

@@ -202,6 +202,7 @@ def train_windowed(
     protocol: WindowProtocol,
     imputation: Imputation,
     report: Any = lambda _: None,
+    start: Weights | None = None,
 ) -> Weights:
     """Train the windowed network.
 
@@ -212,6 +213,7 @@ def train_windowed(
         protocol: Sizes, steps and seed.
         imputation: Imputation of missing elements.
         report: Receives a line now and then.
+        start: Weights of a similar foot's network to start from; None for random ones.
 
     Returns:
         The weights, float32.
@@ -243,5 +245,15 @@ def train_windowed(
     def random_batch(data: _Data, key: jax.Array) -> Batch:
         return _batch(data, times_per_gait, protocol.batch, key)
 
-    free = fit(_random_weights, loss, random_batch, data, protocol, _STEPS_PER_CALL, report)
+    def unfolded(weights: Weights) -> Weights:
+        """Return the free weights that fold into these."""
+        w1 = jnp.asarray(
+            np.asarray(weights.w1, np.float64) @ np.linalg.inv(np.asarray(whiten, np.float64)), jnp.float32
+        )
+        return weights._replace(linear=weights.linear - linear, w1=w1, b1=weights.b1 + weights.w1 @ mean)
+
+    def first_weights(key: jax.Array, c: int) -> Weights:
+        return _random_weights(key, c) if start is None else unfolded(start)
+
+    free = fit(first_weights, loss, random_batch, data, protocol, _STEPS_PER_CALL, report)
     return fold_whitening(free)

@@ -1,0 +1,175 @@
+"""`footsense lab design`: from the weight of a robot to descriptions of feet for it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from footsense.cli.lab import options
+from footsense.cli.options import FILE, FOLDER, echo_json, json_option
+from footsense.errors import FootsenseError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from footsense.lab.design.design import Designed
+
+_POSITIVE = click.FloatRange(min=0, min_open=True)
+
+
+@click.command()
+@click.option("--mass", type=_POSITIVE, help="Mass of the robot [kg], with --legs.")
+@click.option(
+    "--legs", type=click.IntRange(2, 8), default=6, show_default=True, help="Legs; half of them carry it."
+)
+@click.option(
+    "--load-factor",
+    type=_POSITIVE,
+    default=1.8,
+    show_default=True,
+    help="Largest force of a gait on a foot over its share of the weight: about 1.2 for a walk, 2 to 3 for a trot.",
+)
+@click.option("--max-force", type=_POSITIVE, help="Largest force on a foot [N]; in place of --mass.")
+@click.option(
+    "--recorded", type=FILE, help="CSV of recorded forces, columns with z in N; in place of --mass."
+)
+@click.option(
+    "--min-force",
+    type=_POSITIVE,
+    help="Smallest force that matters [N]; without it a twentieth of the largest.",
+)
+@click.option(
+    "--reach",
+    type=click.FloatRange(5, 55),
+    default=30.0,
+    show_default=True,
+    help="Largest angle between force and leg [deg].",
+)
+@click.option(
+    "--error",
+    type=_POSITIVE,
+    default=1.0,
+    show_default=True,
+    help="Largest direction error that the converter's noise may cause, mean over the range [deg].",
+)
+@click.option(
+    "--ball",
+    type=(_POSITIVE, _POSITIVE),
+    default=(20.0, 60.0),
+    show_default=True,
+    help="Least and largest diameter [mm].",
+)
+@click.option("--board", type=click.Choice(["fdc1004", "ad7746"]), default="fdc1004", show_default=True)
+@click.option(
+    "--process", default="flex", show_default=True, help="How the sheet is made, by name in its table."
+)
+@click.option(
+    "--material", multiple=True, help="Rubber or sheet at hand; can be repeated. Without it the whole table."
+)
+@click.option("--materials", type=FILE, help="Your own table of materials.")
+@click.option("--processes", type=FILE, help="Your own table of processes.")
+@click.option("--name", default="foot", show_default=True, help="Beginning of the names of the foot types.")
+@click.option("--keep", type=click.IntRange(1, 8), default=3, show_default=True, help="Feet to describe.")
+@click.option(
+    "--out", type=FOLDER, help="Folder for a foot.yaml of each, and the picture; without it ./design."
+)
+@json_option
+def design(
+    *,
+    mass: float | None,
+    legs: int,
+    load_factor: float,
+    max_force: float | None,
+    recorded: Path | None,
+    min_force: float | None,
+    reach: float,
+    error: float,
+    ball: tuple[float, float],
+    board: str,
+    process: str,
+    material: tuple[str, ...],
+    materials: Path | None,
+    processes: Path | None,
+    name: str,
+    keep: int,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Find feet for a robot: size, rubber, gap and electrodes by its weight, with their predicted errors.
+
+    Writes a description of each foot, ready for `footsense lab build`, and a picture of all that were compared.
+    """  # noqa: DOC501 - click shows this text
+    from footsense.lab.design import materials as material_table
+    from footsense.lab.design import processes as process_table
+    from footsense.lab.design.boards import converter
+    from footsense.lab.design.design import design as design_feet
+    from footsense.lab.design.recorded import largest_recorded_n
+    from footsense.lab.design.wishes import Wishes, largest_force_n
+
+    given = {"--mass": mass, "--max-force": max_force, "--recorded": recorded}
+    if sum(value is not None for value in given.values()) != 1:
+        raise click.UsageError(f"give one of {', '.join(given)}")
+    largest_n = max_force or 0.0
+    if mass is not None:
+        largest_n = largest_force_n(mass, legs, load_factor)
+    if recorded is not None:
+        largest_n = largest_recorded_n(recorded)
+    known = process_table.load_processes(processes or process_table.TABLE)
+    if process not in known:
+        raise FootsenseError(f"--process {process}: not in the table, which has {', '.join(known)}")
+    least_n = min_force or largest_n / 20.0
+    if least_n >= largest_n:
+        raise FootsenseError(f"--min-force {least_n:g} is not below the largest force, {largest_n:g} N")
+    if ball[0] > ball[1]:
+        raise FootsenseError(f"--ball {ball[0]:g} {ball[1]:g}: the least diameter comes first")
+    folder = out or Path("design")
+    options.require_writable(folder)
+    wishes = Wishes(
+        largest_n,
+        least_n,
+        reach,
+        error,
+        ball,
+        material_table.load_materials(materials or material_table.TABLE).only(material),
+        known[process],
+        converter(board),
+    )
+    designed = design_feet(wishes, name, keep, folder)
+    if as_json:
+        echo_json(designed.json_values())
+        return
+    _print(designed)
+
+
+def _print(designed: "Designed") -> None:
+    """Print the chosen feet as a table, then the files."""
+    from rich.console import Console
+
+    console = Console()
+    console.width = max(console.width, 22 + 24 * len(designed.feet))  # a table that is cut off is of no use
+    wishes = designed.wishes
+    board = wishes.board
+    click.echo(
+        f"{designed.choice.tried} feet compared for {wishes.min_n:.3g} to {wishes.max_n:.3g} N "
+        f"up to {wishes.reach_deg:g} deg from the leg"
+    )
+    click.echo(
+        f"board {board.name}: {1e3 * board.noise_pf:.2g} fF of noise, {1e3 * board.scan_s:.1f} ms for a scan"
+    )
+    console.print(_table(designed))
+    for path in (*(foot.path for foot in designed.feet), designed.picture):
+        click.echo(f"wrote {path}")
+
+
+def _table(designed: "Designed") -> "Table":
+    """Return the figures, one column per foot."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 1))
+    table.add_column("", no_wrap=True)
+    for foot in designed.feet:
+        table.add_column(foot.name, justify="right", no_wrap=True)
+    for title, cells in designed.rows().items():
+        table.add_row(escape(title), *cells)
+    return table

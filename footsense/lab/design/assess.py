@@ -1,0 +1,117 @@
+"""A few feet, exactly: gap contact included, direction by direction, on any response table.
+
+The same figures come from a response between the solved shapes, as a prediction, and from the table of a built foot, as
+the measurement to compare it with.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.direction_sets import direction_grid
+from footsense.foot.directions import tangent_frame
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.frames import Vector
+from footsense.lab.design.after_calibration import calibrated_errors
+from footsense.lab.design.boards import Converter
+from footsense.lab.design.closures import Loads, design_loads
+from footsense.lab.design.wishes import READ_REL, Wishes
+from footsense.lab.evaluation.cramer_rao import Unknowns, jacobian_um
+from footsense.lab.training.load_cases import sensed_closure_um
+
+#: Elevations at which the range is stated [deg], and azimuths over which the least counts [deg].
+ELEVATIONS_DEG, _AZIMUTHS_DEG = (90, 75, 60, 45, 35), (0.0, 22.5, 45.0)
+#: Bisections of the range, and forces at which the errors are stated, between the smallest and the largest.
+_BISECTIONS, LEVELS = 14, 5
+
+
+class Assessment(NamedTuple):
+    """Figures of one foot.
+
+    Attributes:
+        unloaded_pf: Capacitance of an unloaded element [pF].
+        range_n: Largest centred force at each of `ELEVATIONS_DEG` [N].
+        reach_n: Largest force in every direction of the design, leaning contacts included [N].
+        force_n: Forces of the following errors [N], shape (levels,).
+        direction_deg: Cramer-Rao bound of the direction, mean over directions [deg rms], shape (levels,).
+        magnitude_rel: The same of the magnitude over the force [1].
+        calibrated_deg: Error of the direction from the fabrication tolerances that calibration leaves [deg rms].
+        calibrated_rel: The same of the magnitude over the force [1].
+    """
+
+    unloaded_pf: float
+    range_n: Vector
+    reach_n: float
+    force_n: Vector
+    direction_deg: Vector
+    magnitude_rel: Vector
+    calibrated_deg: float
+    calibrated_rel: float
+
+
+def assess(response: FootResponse, wishes: Wishes) -> Assessment:
+    """Return the figures of a foot by its response table."""
+    foot, board = Foot(response), wishes.board
+    grids = [direction_grid(list(_AZIMUTHS_DEG), [float(elevation)]) for elevation in ELEVATIONS_DEG]
+    by_elevation = [_range_n(foot, board, Loads(grid, grid)) for grid in grids]
+    loads = design_loads(wishes.reach_deg)
+    reach_n = _range_n(foot, board, loads)
+    force_n = np.geomspace(wishes.min_n, wishes.max_n, LEVELS)
+    rows = [_bound(foot, board, loads.normal, size * loads.direction) for size in force_n]
+    direction_deg, magnitude_rel = np.array(rows).T
+    calibrated_deg, calibrated_rel = calibrated_errors(
+        response, wishes.process, wishes.reach_deg, float(force_n[-1])
+    )
+    return Assessment(
+        response.design.unloaded_pf,
+        np.array(by_elevation),
+        reach_n,
+        force_n,
+        direction_deg,
+        magnitude_rel,
+        calibrated_deg,
+        calibrated_rel,
+    )
+
+
+def _range_n(foot: Foot, board: Converter, loads: Loads) -> float:
+    """Return the largest force that the foot reads under all of some loads [N], by bisection."""
+    design = foot.response.design
+    readable_um = (
+        design.gap_um + design.film_equivalent_um - design.plate_distance_um(np.array(board.range_end_pf))
+    )
+    largest_um = min(READ_REL * design.gap_um, float(readable_um))
+    one_um = foot.response.closure_um(loads.normal, loads.direction).max()
+    low, high = 0.0, 4.0 * largest_um / float(one_um)
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2.0
+        if sensed_closure_um(foot, loads.normal, middle * loads.direction).max() <= largest_um:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def sigma_um(board: Converter, design: CapacitorDesign, closure_um: Vector) -> Vector:
+    """Return the standard deviation of measured closures [um], any shape, from a board's noise."""
+    rest_um = design.gap_um + design.film_equivalent_um
+    plates = design.unloaded_pf * rest_um
+    sigma: Vector = (
+        np.hypot((rest_um - closure_um) ** 2 * board.noise_pf, rest_um**2 * board.baseline_noise_pf) / plates
+    )
+    return sigma
+
+
+def _bound(foot: Foot, board: Converter, normal: Vector, force_n: Vector) -> tuple[float, float]:
+    """Return the Cramer-Rao bound of direction [deg] and relative magnitude [1], rms, means over the loads."""
+    closure_um = sensed_closure_um(foot, normal, force_n)
+    slopes = jacobian_um(foot, normal, force_n, Unknowns.LEANING)
+    whitened = slopes / sigma_um(board, foot.response.design, closure_um)[..., None]
+    inverse = np.linalg.inv(np.linalg.qr(whitened, mode="r"))[:, :3]
+    direction = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
+    across = np.stack(tangent_frame(direction), axis=1)
+    angle = np.sqrt(((across @ inverse) ** 2).sum(axis=(1, 2)))
+    size = np.sqrt(((direction[:, None] @ inverse) ** 2).sum(axis=(1, 2)))
+    return float(np.degrees(angle).mean()), float(size.mean())

@@ -1,0 +1,127 @@
+"""All feet that can be made of what is at hand: one array per number, one row per foot."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
+from footsense.frames import Vector
+from footsense.lab.design.shapes import Shape, pitch_mm
+from footsense.lab.design.wishes import Wishes
+from footsense.lab.geometry import UM_PER_MM
+
+#: Steps of the ball's diameter.
+_BALLS = 9
+
+
+class Candidates(NamedTuple):
+    """Feet, n of them; every field has shape (n,).
+
+    Attributes:
+        ball_radius_mm: Radius of the ball [mm].
+        fill_rel: Side of an electrode over the pitch [1].
+        plate_mm: Thickness of a plate [mm].
+        gap_um: Unloaded gap [um].
+        film: Number of the film in the process's table.
+        rubber: Number of the rubber in the table.
+        sheet: Number of the sheet in the table.
+        rubber_mpa: Young's modulus of the rubber [MPa].
+        sheet_mpa: Young's modulus of the sheet [MPa].
+        sheet_poisson: Poisson's ratio of the sheet [1].
+        film_um: Thickness of the film [um].
+        film_eps_r: Its permittivity [1].
+    """
+
+    ball_radius_mm: Vector
+    fill_rel: Vector
+    plate_mm: Vector
+    gap_um: Vector
+    film: NDArray[np.intp]
+    rubber: NDArray[np.intp]
+    sheet: NDArray[np.intp]
+    rubber_mpa: Vector
+    sheet_mpa: Vector
+    sheet_poisson: Vector
+    film_um: Vector
+    film_eps_r: Vector
+
+    def rows(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "Candidates":
+        """Return some of the feet."""
+        parts: list[Any] = [part[which] for part in self]
+        return Candidates(*parts)
+
+    @property
+    def pitch_mm(self) -> Vector:
+        """Distance of neighbouring elements [mm]."""
+        return pitch_mm(self.fill_rel, self.ball_radius_mm)
+
+    @property
+    def electrode_mm(self) -> Vector:
+        """Side of an electrode [mm]."""
+        return self.fill_rel * self.pitch_mm
+
+    @property
+    def plates_pf_um(self) -> Vector:
+        """Capacitance times distance of an element [pF um]."""
+        area: Vector = EPS0_PF_UM_PER_MM2 * self.electrode_mm**2
+        return area
+
+    @property
+    def open_um(self) -> Vector:
+        """Distance of the unloaded electrodes in air, the film's share included [um]."""
+        distance: Vector = self.gap_um + self.film_um / self.film_eps_r
+        return distance
+
+    @property
+    def unloaded_pf(self) -> Vector:
+        """Capacitance of an unloaded element [pF]."""
+        unloaded: Vector = self.plates_pf_um / self.open_um
+        return unloaded
+
+    @property
+    def half_closed_pf(self) -> Vector:
+        """Capacitance of an element whose gap is half closed [pF]."""
+        half: Vector = self.plates_pf_um / (self.open_um - 0.5 * self.gap_um)
+        return half
+
+    @property
+    def shape(self) -> Shape:
+        """The shapes, for the library."""
+        spacer_mm = (self.gap_um + self.film_um) / UM_PER_MM
+        return Shape(
+            self.fill_rel,
+            self.plate_mm / self.ball_radius_mm,
+            spacer_mm / self.ball_radius_mm,
+            self.sheet_mpa / self.rubber_mpa,
+            self.sheet_poisson,
+        )
+
+
+def all_candidates(wishes: Wishes) -> Candidates:
+    """Return every combination of what is at hand, whether it works or not."""
+    low_mm, high_mm = wishes.ball_mm
+    radii = np.unique(np.round(np.linspace(low_mm, high_mm, _BALLS) * 2.0) / 2.0) / 2.0
+    process, materials = wishes.process, wishes.materials
+    axes = (
+        radii,
+        np.array(process.fill_rel, float),
+        np.array(process.plate_mm, float),
+        np.array(process.gap_um, float),
+        np.arange(len(process.film)),
+        np.arange(len(materials.rubbers)),
+        np.arange(len(materials.sheets)),
+    )
+    radius, fill, plate, gap, film, rubber, sheet = (
+        part.ravel() for part in np.meshgrid(*axes, indexing="ij")
+    )
+    rubbers = [solid.material for solid in materials.rubbers]
+    sheets = [solid.material for solid in materials.sheets]
+    return Candidates(
+        *(radius, fill, plate, gap, film, rubber, sheet),
+        rubber_mpa=np.array([one.youngs_mpa for one in rubbers])[rubber],
+        sheet_mpa=np.array([one.youngs_mpa for one in sheets])[sheet],
+        sheet_poisson=np.array([one.poisson for one in sheets])[sheet],
+        film_um=np.array([one.um for one in process.film])[film],
+        film_eps_r=np.array([one.eps_r for one in process.film])[film],
+    )

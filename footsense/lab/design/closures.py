@@ -1,0 +1,152 @@
+"""Mean closures of many feet under a few loads, and how they follow force and contact, without gap contact.
+
+Per load: direction of the force, contact normal. In the units of the solved feet (10 mm, 5.2 MPa) a foot's closure is
+
+    d = s |f| [w0 + a^2 w2] . f / |f|,      s = A (5.2 / E) (10 / R)
+    a^2 = 100 (3/4 (1 - nu^2) |f . n| / (E R^2))^(2/3)
+
+with w0, w2 and their slopes by the normal the weighted sum of those of the solved shapes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footsense.foot.directions import normalized, tangent_frame
+from footsense.foot.gap_contact import element_means
+from footsense.foot.response_table import series_basis
+from footsense.foot.symmetry import whole_series
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.design.candidates import Candidates
+from footsense.lab.design.shapes import (
+    RADIUS_MM,
+    RUBBER_POISSON,
+    YOUNGS_MPA,
+    ShapeLibrary,
+)
+from footsense.lab.geometry import FIT_ELEVATION_DEG
+
+#: Step of the differences by the normal [rad], and degree of the series.
+_STEP, _DEGREE = 1e-3, 12
+#: Angle between force and contact normal of the leaning loads [deg]: at its largest a foot's force is nearly upright,
+#: and friction takes a tenth of it.
+LEAN_DEG = 5.0
+
+
+class Loads(NamedTuple):
+    """Directions of forces and contact normals, each of shape (loads, 3)."""
+
+    direction: Vector
+    normal: Vector
+
+
+def design_loads(reach_deg: float) -> Loads:
+    """Return the loads that a design is judged by: up to an angle from the leg's axis, centred and leaning."""
+
+    def toward(angle_deg: float, azimuth_deg: float) -> Vector:
+        angle, azimuth = np.radians(angle_deg), np.radians(azimuth_deg)
+        return np.array([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)])
+
+    half = reach_deg / 2.0
+    polar = [(0.0, 0.0), (half, 0.0), (half, 45.0), (reach_deg, 0.0), (reach_deg, 22.5), (reach_deg, 45.0)]
+    centred = np.stack([toward(*one) for one in polar])
+    leaning = np.stack([toward(half, 0.0), toward(reach_deg, 45.0)])
+    lean = np.radians(LEAN_DEG)
+    directions, normals = [centred], [centred]
+    for across in tangent_frame(leaning):
+        for sign in (1.0, -1.0):
+            directions.append(leaning)
+            normals.append(np.cos(lean) * leaning + sign * np.sin(lean) * across)
+    return Loads(np.concatenate(directions), np.concatenate(normals))
+
+
+class Influence(NamedTuple):
+    """Closures per newton of n feet under m loads, in physical units, element by element.
+
+    Attributes:
+        point: Of a point force, and its slopes by two turns of the normal [um/N], shape (n, m, 3, 3, 9).
+        patch: The same of the contact patch, for (F/N)^(2/3) = 1 [um/N].
+    """
+
+    point: Vector
+    patch: Vector
+
+
+class ClosureModel:
+    """Closures of candidates under given loads.
+
+    Args:
+        library: The solved shapes.
+        loads: The loads.
+
+    Attributes:
+        loads: The loads.
+        unevenness: Variance of an electrode's cell closures over their squared mean, paper's shape, shape (m, 9).
+    """
+
+    def __init__(self, library: ShapeLibrary, loads: Loads) -> None:
+        """Evaluate the solved shapes at the loads."""
+        self._library, self.loads = library, loads
+        self._across = np.stack(tangent_frame(loads.normal), axis=1)
+        whole = [[whole_series(part, _DEGREE) for part in shape] for shape in library.series]
+        # shapes, point or patch, products, xyz, elements
+        series = element_means(np.moveaxis(np.array(whole), -1, -2))
+        basis = self._basis()
+        self._at = basis @ series.reshape(*series.shape[:3], -1)
+        cells = np.einsum("mp,pec,mc->me", basis[: len(loads.normal)], whole[0][0], loads.direction)
+        cells = cells.reshape(len(cells), ELEMENTS, -1)
+        self.unevenness = cells.var(axis=2) / cells.mean(axis=2) ** 2
+
+    def _basis(self) -> Vector:
+        """Return the products at the normals, and their slopes by its two turns, shape (3 loads, products)."""
+        normal = self.loads.normal
+        rows = [series_basis(normal, _DEGREE, FIT_ELEVATION_DEG)]
+        for turn in range(2):
+            ahead, behind = (
+                series_basis(
+                    normalized(normal + sign * _STEP * self._across[:, turn]), _DEGREE, FIT_ELEVATION_DEG
+                )
+                for sign in (1.0, -1.0)
+            )
+            rows.append((ahead - behind) / (2.0 * _STEP))
+        return np.concatenate(rows)
+
+    def influence(self, feet: Candidates) -> Influence:
+        """Return the influence of some feet; a few thousand at once, as memory is 12 kB each."""
+        weights = self._library.weights(feet.shape)
+        amplitude = self._library.amplitudes(weights)[:, 0]
+        size = RADIUS_MM / feet.ball_radius_mm
+        softness = amplitude * (YOUNGS_MPA / feet.rubber_mpa) * size
+        m = len(self.loads.normal)
+        whole = (weights * softness[:, None]) @ self._at.reshape(len(self._at), -1)
+        whole = whole.reshape(len(weights), 2, 3, m, 3, ELEMENTS).swapaxes(2, 3)
+        patch_rel2 = (0.75 * (1.0 - RUBBER_POISSON**2) / (feet.rubber_mpa * feet.ball_radius_mm**2)) ** (
+            2.0 / 3.0
+        )
+        return Influence(whole[:, 0], RADIUS_MM**2 * patch_rel2[:, None, None, None, None] * whole[:, 1])
+
+    def closures_um(self, influence: Influence, force_n: Vector) -> tuple[Vector, Vector]:
+        """Return closures [um], shape (n, m, 9), and their slopes by the unknowns, shape (n, m, 9, 5).
+
+        Args:
+            influence: Of the feet.
+            force_n: Magnitude of each load [N], shape (n, m).
+
+        Returns:
+            The slopes are by the force's components over its magnitude [um], then by two turns of the normal [um/rad].
+        """
+        direction, normal = self.loads
+        pressing = (direction * normal).sum(axis=1)
+        grown = (force_n * pressing) ** (2.0 / 3.0)
+        unit = influence.point + grown[:, :, None, None, None] * influence.patch
+        # per newton, by force component, at the normal and its turns: shape (n, m, 3 turns, 9)
+        along = np.einsum("nmtce,mc->nmte", unit, direction)
+        patch = np.einsum("nmce,mc->nme", influence.patch[:, :, 0], direction)
+        closure = force_n[..., None] * along[:, :, 0]
+        # The patch grows with the pressing force: d(p^(2/3)) = 2/3 p^(2/3) dp / p.
+        growth = (2.0 / 3.0) * grown[..., None] * patch / pressing[:, None]
+        by_force = unit[:, :, 0] + growth[:, :, None, :] * normal[:, :, None]
+        leaning = np.einsum("mtc,mc->mt", self._across, direction)
+        by_normal = along[:, :, 1:] + growth[:, :, None, :] * leaning[:, :, None]
+        slopes = np.concatenate([by_force, by_normal], axis=2) * force_n[..., None, None]
+        return closure, np.moveaxis(slopes, 2, 3)

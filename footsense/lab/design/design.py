@@ -1,0 +1,141 @@
+"""A design from wishes to files: screen, choose, assess, write."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from footsense.errors import FootsenseError
+from footsense.lab.design.assess import ELEVATIONS_DEG, Assessment, assess
+from footsense.lab.design.choice import Choice, choose
+from footsense.lab.design.foot_files import foot_text, write_foot
+from footsense.lab.design.screen import LIMITS
+from footsense.lab.design.shapes import ShapeLibrary
+from footsense.lab.design.wishes import Wishes
+from footsense.lab.foot_file import load_foot
+from footsense.lab.geometry import FootDesign
+
+
+class DesignedFoot(NamedTuple):
+    """A chosen foot.
+
+    Attributes:
+        name: Its foot type.
+        row: Its row among the candidates.
+        path: Its description.
+        design: The foot.
+        figures: Its predicted figures.
+        limit: What ends its range.
+    """
+
+    name: str
+    row: int
+    path: Path
+    design: FootDesign
+    figures: Assessment
+    limit: str
+
+
+class Designed(NamedTuple):
+    """Result of a design.
+
+    Attributes:
+        wishes: The input.
+        choice: All candidates.
+        feet: The chosen ones.
+        picture: The picture's file.
+    """
+
+    wishes: Wishes
+    choice: Choice
+    feet: list[DesignedFoot]
+    picture: Path
+
+    def rows(self) -> dict[str, list[str]]:
+        """Return the figures for people: a cell per foot, by the name of the row."""
+        rows: dict[str, list[str]] = {}
+        for foot in self.feet:
+            one, design, row = foot.figures, foot.design, foot.row
+            materials = self.wishes.materials
+            cells = {
+                "ball [mm]": f"{2.0 * design.ball_radius_mm:g}",
+                "rubber": materials.rubbers[int(self.choice.feet.rubber[row])].name,
+                "  modulus [MPa]": f"{design.rubber.youngs_mpa:g}",
+                "sheet": materials.sheets[int(self.choice.feet.sheet[row])].name,
+                "  modulus [MPa] ": f"{design.pdms.youngs_mpa:g}",
+                "plate [mm]": f"{design.plate_mm:g}",
+                "gap [um]": f"{design.gap_um:g}",
+                "film [um]": f"{design.film_um:g}",
+                "pitch [mm]": f"{design.pitch_mm:g}",
+                "electrode [mm]": f"{design.electrode_mm:g}",
+                "cavity": design.cavity,
+                "unloaded [pF]": f"{one.unloaded_pf:.2f}",
+                f"range to {self.wishes.reach_deg:g} deg [N]": f"{one.reach_n:.3g}",
+                **{f"  at {e} deg [N]": f"{n:.3g}" for e, n in zip(ELEVATIONS_DEG, one.range_n, strict=True)},
+                "limited by": foot.limit,
+                **{
+                    f"noise at {size:.3g} N": f"{deg:.2g} deg, {100.0 * rel:.2g} %"
+                    for size, deg, rel in zip(one.force_n, one.direction_deg, one.magnitude_rel, strict=True)
+                },
+                "made, calibrated": f"{one.calibrated_deg:.2g} deg, {100.0 * one.calibrated_rel:.2g} %",
+            }
+            for title, cell in cells.items():
+                rows.setdefault(title, []).append(cell)
+        return rows
+
+    def json_values(self) -> dict[str, Any]:
+        """Return the figures for programs."""
+        return {
+            "max_n": self.wishes.max_n,
+            "min_n": self.wishes.min_n,
+            "candidates": self.choice.tried,
+            "scan_s": self.wishes.board.scan_s,
+            "feet": [
+                {
+                    "name": foot.name,
+                    "foot": msgspec.to_builtins(foot.design),
+                    "limit": foot.limit,
+                    **foot.figures._asdict(),
+                }
+                for foot in self.feet
+            ],
+        }
+
+
+def design(wishes: Wishes, name: str, keep: int, folder: Path) -> Designed:
+    """Find feet, and write their descriptions and the picture.
+
+    Args:
+        wishes: The input.
+        name: Beginning of the foot types' names; the diameter of the ball follows.
+        keep: Number of feet at most.
+        folder: Existing folder; each foot gets one of its own in it.
+
+    Raises:
+        FootsenseError: No foot works, or a file cannot be written.
+    """
+    from footsense.lab.design.drawing import draw
+
+    library = ShapeLibrary()
+    choice = choose(library, wishes, keep)
+    feet = []
+    for rows in choice.ranked:
+        own = f"{name}-{2.0 * choice.feet.ball_radius_mm[rows[0]]:g}mm".replace(".", "-")
+        for row in map(int, rows):
+            text = foot_text(own, f"A foot for forces up to {wishes.max_n:.3g} N", choice.feet, row, wishes)
+            made = load_foot(text.encode())
+            figures = assess(library.response(made), wishes)
+            if figures.reach_n >= wishes.max_n:
+                path = write_foot(folder / own, text)
+                feet.append(
+                    DesignedFoot(own, row, path, made, figures, LIMITS[int(choice.screened.limit[row])])
+                )
+                break
+    if not feet:
+        raise FootsenseError(
+            f"--max-force {wishes.max_n:g} and --ball conflict: feet of these sizes come near and do not reach it; "
+            f"nearest that works: --max-force {0.95 * wishes.max_n:.3g}"
+        )
+    picture = folder / "design.png"
+    draw(picture, choice, feet, wishes)
+    return Designed(wishes, choice, feet, picture)

@@ -1,0 +1,91 @@
+"""The description of a chosen foot: its `foot.yaml`, ready for `footsense lab build`."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from footsense.errors import FootsenseError
+from footsense.lab.design.candidates import Candidates
+from footsense.lab.design.screen import TRAINED_REL
+from footsense.lab.design.shapes import SHEET_REL
+from footsense.lab.design.wishes import Wishes
+from footsense.lab.foot_file import FOOT_FILE
+from footsense.lab.geometry import UM_PER_MM
+
+#: Loads of the training that no wish changes: those of the paper's foot.
+_LOADS = {"friction_angle_deg": 35, "typical_lean_deg": 10, "min_elevation_deg": 30, "centred_share": 0.5}
+
+
+def _down(length_mm: float) -> float:
+    """Return a length in whole hundredths of a millimetre [mm], not longer: the array stays on its sheet."""
+    return math.floor(100.0 * length_mm + 1e-6) / 100.0
+
+
+def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes) -> str:
+    """Return the content of a foot's description.
+
+    Args:
+        name: Name of the foot type.
+        about: Short description.
+        feet: The candidates.
+        row: The chosen one.
+        wishes: The input, for materials and loads.
+    """
+    foot = {field: float(getattr(feet, field)[row]) for field in ("ball_radius_mm", "plate_mm", "gap_um")}
+    electrode, pitch = float(feet.electrode_mm[row]), float(feet.pitch_mm[row])
+    film = wishes.process.film[int(feet.film[row])]
+    rubber, sheet = (
+        wishes.materials.rubbers[int(feet.rubber[row])],
+        wishes.materials.sheets[int(feet.sheet[row])],
+    )
+    lengths: dict[str, Any] = {
+        "ball_radius_mm": foot["ball_radius_mm"],
+        "sheet_mm": SHEET_REL * foot["ball_radius_mm"],
+        "plate_mm": foot["plate_mm"],
+        "spacer_mm": round((foot["gap_um"] + film.um) / UM_PER_MM, 5),
+        "pitch_mm": _down(pitch),
+        "electrode_mm": _down(electrode),
+        "gap_um": foot["gap_um"],
+        "film_um": film.um,
+        "film_eps_r": film.eps_r,
+    }
+    solids = {"rubber": rubber, "pdms": sheet}
+    loads = {"max_n": float(f"{TRAINED_REL * wishes.max_n:.3g}"), **_LOADS}
+    title = (
+        f"# Designed for {wishes.min_n:.3g} to {wishes.max_n:.3g} N up to {wishes.reach_deg:g} deg from the leg, "
+        f"board {wishes.board.name}."
+    )
+    lines = [
+        title,
+        f"foot_type: {name}",
+        f"about: {about}",
+        "",
+        *(f"{key}: {value:g}" for key, value in lengths.items()),
+        "cavity: vented",
+        "",
+        *(
+            f"{key}: {{youngs_mpa: {one.material.youngs_mpa:g}, poisson: {one.poisson:g}}}   # {one.name}: {one.source}"
+            for key, one in solids.items()
+        ),
+        "",
+        "loads:",
+        *(f"  {key}: {value:g}" for key, value in loads.items()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def write_foot(folder: Path, text: str) -> Path:
+    """Write a description into its folder and return the file.
+
+    Raises:
+        FootsenseError: The folder cannot be written to.
+    """
+    path = folder / FOOT_FILE
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise FootsenseError(
+            f"{folder}: cannot be written to: {error.strerror}; choose another folder"
+        ) from error
+    return path

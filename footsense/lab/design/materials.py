@@ -1,0 +1,98 @@
+"""Rubbers and sheets at hand, with their moduli and sources."""
+
+from pathlib import Path
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+from footsense.errors import FootsenseError
+from footsense.lab.geometry import Material
+from footsense.strict_yaml import Problem, load
+
+#: The table that comes with the lab.
+TABLE = Path(__file__).with_name("materials.yaml")
+
+
+def youngs_mpa_of(shore_a: float) -> float:
+    """Return Young's modulus [MPa] of a rubber by its Shore A hardness; some 20 % off, more beyond 80.
+
+    Source:
+        A. N. Gent, On the relation between indentation hardness and Young's modulus, Rubber Chemistry and
+        Technology 31, 1958, with the dimensions of ASTM D2240's indenter A.
+
+    Example:
+        >>> [round(youngs_mpa_of(shore_a), 1) for shore_a in (50, 70, 90)]
+        [2.5, 5.5, 20.8]
+    """
+    return 0.0981 * (56.0 + 7.62336 * shore_a) / (0.137505 * (254.0 - 2.54 * shore_a))
+
+
+class Solid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A material of the table.
+
+    Attributes:
+        name: Name, as options and pages use it.
+        youngs_mpa: Young's modulus [MPa]; None to take it from the hardness.
+        shore_a: Hardness [Shore A]; None where the modulus is measured.
+        poisson: Poisson's ratio [1].
+        source: Origin of the number.
+    """
+
+    name: Annotated[str, Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")]
+    poisson: Annotated[float, Meta(gt=0.0, lt=0.5)]
+    source: Annotated[str, Meta(min_length=1)]
+    youngs_mpa: Annotated[float, Meta(ge=0.01, le=1e4)] | None = None
+    shore_a: (
+        Annotated[float, Meta(ge=10.0, le=95.0, description="Gent's relation diverges at 100")] | None
+    ) = None
+
+    @property
+    def material(self) -> Material:
+        """The material, as `foot.yaml` states it."""
+        if self.youngs_mpa is not None:
+            return Material(self.youngs_mpa, self.poisson)
+        return Material(round(youngs_mpa_of(self.shore_a or 0.0), 2), self.poisson)
+
+
+class Materials(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Materials at hand.
+
+    Attributes:
+        rubbers: Of the ball.
+        sheets: Of the plates.
+    """
+
+    rubbers: Annotated[tuple[Solid, ...], Meta(min_length=1)]
+    sheets: Annotated[tuple[Solid, ...], Meta(min_length=1)]
+
+    def only(self, names: tuple[str, ...]) -> "Materials":
+        """Return the named materials; of rubbers or sheets all, if none of them is named.
+
+        Raises:
+            FootsenseError: A name is not in the table.
+        """
+        known = [solid.name for solid in (*self.rubbers, *self.sheets)]
+        for name in names:
+            if name not in known:
+                raise FootsenseError(f"--material {name}: not in the table, which has {', '.join(known)}")
+        rubbers = tuple(solid for solid in self.rubbers if solid.name in names)
+        sheets = tuple(solid for solid in self.sheets if solid.name in names)
+        return Materials(rubbers=rubbers or self.rubbers, sheets=sheets or self.sheets)
+
+
+def load_materials(path: Path = TABLE) -> Materials:
+    """Read a table of materials.
+
+    Raises:
+        ConfigError: It is missing or does not fit.
+    """
+    return load(path, Materials, check=_incomplete)
+
+
+def _incomplete(materials: Materials) -> Problem | None:
+    """Return the first material that has not exactly one of modulus and hardness."""
+    for kind in ("rubbers", "sheets"):
+        for place, solid in enumerate(getattr(materials, kind)):
+            if (solid.youngs_mpa is None) == (solid.shore_a is None):
+                return Problem(f"{kind}[{place}]", f"{solid.name} needs either youngs_mpa or shore_a")
+    return None

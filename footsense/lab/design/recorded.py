@@ -1,0 +1,41 @@
+"""The largest force of a recording, for a design from a robot's own loads."""
+
+import csv
+from pathlib import Path
+
+from footsense.errors import FootsenseError
+
+#: Columns are forces if their names end so.
+_SUFFIX = "z_n"
+
+
+def largest_recorded_n(path: Path) -> float:
+    """Return the largest value of all columns whose names end in `z_n` [N].
+
+    Args:
+        path: CSV with a header, as `footsense export --csv` writes it.
+
+    Raises:
+        FootsenseError: It cannot be read, or has no such column or no number in it.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise FootsenseError(f"{path}: cannot be read as CSV: {error}") from error
+    columns = [name for name in (rows[0] if rows else {}) if name and name.endswith(_SUFFIX)]
+    if not columns:
+        raise FootsenseError(
+            f"{path}: no column of forces: a name that ends in {_SUFFIX}, such as force_{_SUFFIX}"
+        )
+    values: list[float] = []
+    for row in rows:
+        for name in columns:
+            try:
+                values.append(float(row[name]))
+            except (TypeError, ValueError):
+                continue
+    largest = max((value for value in values if value == value), default=0.0)  # noqa: PLR0124 - a NaN is not itself
+    if largest <= 0.0:
+        raise FootsenseError(f"{path}: no force above 0 in {', '.join(columns)}")
+    return largest

@@ -1,0 +1,131 @@
+"""Range and error of every candidate, vectorised: what a foot carries, what limits it, what no read-out can better.
+
+The range is the largest force in every direction under which no element reads as closed by more than `READ_REL` of its
+gap, no capacitance exceeds the converter's range, and the contact patch is no wider than the response table holds.
+Errors are the Cramer-Rao bound of one scan for an unknown force and contact (`evaluation.cramer_rao`), from the
+smallest force to the largest.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.foot.directions import tangent_frame
+from footsense.frames import Vector
+from footsense.lab.design.boards import Converter
+from footsense.lab.design.candidates import Candidates
+from footsense.lab.design.closures import ClosureModel, Influence, design_loads
+from footsense.lab.design.shapes import RUBBER_POISSON, ShapeLibrary
+from footsense.lab.design.wishes import READ_REL, Wishes
+from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG
+
+#: Feet evaluated at once, which limits memory.
+_AT_ONCE = 2000
+#: Forces between the smallest and the largest at which errors are evaluated, evenly in the logarithm.
+_LEVELS = 3
+#: The foot is trained beyond its range by this factor, and its patch has to be in the table there too [1].
+TRAINED_REL = 1.5
+#: What ends a foot's range, by number.
+LIMITS = ("gap", "converter", "patch")
+
+
+class Screened(NamedTuple):
+    """Result for n candidates.
+
+    Attributes:
+        range_n: Largest force in every direction of the design [N], shape (n,).
+        limit: What ends it, a number in `LIMITS`, shape (n,).
+        direction_deg: Cramer-Rao bound of the direction, mean over loads [deg rms], shape (n,); NaN if the largest
+            force is beyond the range.
+        magnitude_rel: The same of the magnitude over the force [1].
+    """
+
+    range_n: Vector
+    limit: NDArray[np.intp]
+    direction_deg: Vector
+    magnitude_rel: Vector
+
+
+def patch_limit_n(feet: Candidates) -> Vector:
+    """Return the force whose contact patch is as wide as the response table holds [N], shape (n,)."""
+    widest = np.radians(MIN_ELEVATION_DEG - FIT_ELEVATION_DEG)
+    limit: Vector = widest**3 * feet.rubber_mpa * feet.ball_radius_mm**2 / (0.75 * (1.0 - RUBBER_POISSON**2))
+    return limit
+
+
+def screen(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> Screened:
+    """Return range and error of every candidate."""
+    model = ClosureModel(library, design_loads(wishes.reach_deg))
+    parts = [
+        _screen_some(model, wishes, feet.rows(slice(first, first + _AT_ONCE)))
+        for first in range(0, len(feet.gap_um), _AT_ONCE)
+    ]
+    return Screened(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+
+
+def _screen_some(model: ClosureModel, wishes: Wishes, feet: Candidates) -> Screened:
+    influence = model.influence(feet)
+    by_gap = _force_at(model, influence, feet, READ_REL * feet.gap_um)
+    readable = feet.open_um - feet.plates_pf_um / wishes.board.range_end_pf
+    by_converter = _force_at(model, influence, feet, np.maximum(readable, 1e-9))
+    limits = np.stack([by_gap, by_converter, patch_limit_n(feet) / TRAINED_REL])
+    range_n, limit = limits.min(axis=0), limits.argmin(axis=0)
+    direction, magnitude = np.full((2, len(range_n)), np.nan)
+    able = np.flatnonzero(range_n >= wishes.max_n)
+    if len(able):
+        some = Influence(influence.point[able], influence.patch[able])
+        direction[able], magnitude[able] = _bounds(model, some, feet.rows(able), wishes)
+    return Screened(range_n, limit, direction, magnitude)
+
+
+def _force_at(model: ClosureModel, influence: Influence, feet: Candidates, closure_um: Vector) -> Vector:
+    """Return the least force over all loads under which some element reads as closed so far [N], shape (n,).
+
+    An electrode that bends reads as closed a little more than its mean: its closest parts count most.
+    """
+    direction, normal = model.loads
+    pressing = (direction * normal).sum(axis=1) ** (2.0 / 3.0)
+    point = np.einsum("nmce,mc->nme", influence.point[:, :, 0], direction)
+    patch = np.einsum("nmce,mc->nme", influence.patch[:, :, 0], direction) * pressing[:, None]
+    read, open_um = closure_um[:, None, None], feet.open_um[:, None, None]
+    # The mean d of distances D - d that reads as r: d + v d^2 / (D - d) = r to second order, v the relative variance.
+    even = 1.0 - model.unevenness
+    total = open_um + read
+    wanted = (total - np.sqrt(total**2 - 4.0 * even * read * open_um)) / (2.0 * even)
+    most = 1e6
+    force = np.clip(wanted / np.maximum(point, 1e-12), 0.0, most)
+    for _ in range(12):
+        # Newton for F point + F^(5/3) patch = wanted; the patch's part is small and may be negative.
+        grown = force ** (2.0 / 3.0)
+        slope = np.maximum(point + (5.0 / 3.0) * grown * patch, 0.2 * np.maximum(point, 1e-12))
+        force = np.clip(force - (force * (point + grown * patch) - wanted) / slope, 0.0, most)
+    least: Vector = force.min(axis=(1, 2))
+    return least
+
+
+def closure_sigma_um(board: Converter, feet: Candidates, closure_um: Vector) -> Vector:
+    """Return the standard deviation of measured closures [um], shape of `closure_um`, (n, ...)."""
+    shape = (-1, *(1,) * (closure_um.ndim - 1))
+    open_um, plates = feet.open_um.reshape(shape), feet.plates_pf_um.reshape(shape)
+    now, rest = (open_um - closure_um) ** 2 * board.noise_pf, open_um**2 * board.baseline_noise_pf
+    sigma: Vector = np.hypot(now, rest) / plates
+    return sigma
+
+
+def _bounds(
+    model: ClosureModel, influence: Influence, feet: Candidates, wishes: Wishes
+) -> tuple[Vector, Vector]:
+    """Return direction [deg] and relative magnitude [1] bounds, means over loads and levels, shape (n,) each."""
+    direction = model.loads.direction
+    across = np.stack(tangent_frame(direction), axis=1)
+    angles, sizes = [], []
+    for force_n in np.geomspace(wishes.min_n, wishes.max_n, _LEVELS):
+        closure, slopes = model.closures_um(influence, np.full((len(feet.gap_um), len(direction)), force_n))
+        whitened = slopes / closure_sigma_um(wishes.board, feet, closure)[..., None]
+        information = np.einsum("nmei,nmej->nmij", whitened, whitened)
+        covariance = np.linalg.inv(information)[..., :3, :3]  # over the squared force
+        angles.append(np.einsum("mtc,nmcd,mtd->nm", across, covariance, across))
+        sizes.append(np.einsum("mc,nmcd,md->nm", direction, covariance, direction))
+    direction_deg = np.degrees(np.sqrt(np.array(angles)).mean(axis=(0, 2)))
+    return direction_deg, np.sqrt(np.array(sizes)).mean(axis=(0, 2))

@@ -1,0 +1,223 @@
+"""Responses of feet of any size, modulus and nearby shape, from a few solved shapes.
+
+The solid is linear, so with R the ball's radius and E the rubber's modulus
+
+    closure = F / (E R) [g0(n) + (a / R)^2 g2(n)],    (a / R)^3 = 3/4 (1 - nu^2) F / (E R^2)      (Hertz)
+
+where g0 and g2 depend on the shape alone. Size, modulus and gap are then free: a foot of another size or hardness needs
+no mesh, and a thicker gap only takes more closure to close. The shape is five numbers: how much of the pitch an
+electrode fills, plate and spacer over the ball's radius, the sheet's modulus over the rubber's, its Poisson's ratio.
+The sheet is as wide as the ball carries, and the array as wide as the sheet: 1.4 R, as in the paper.
+
+Shapes beside the paper's are solved once (`solve`), one number changed at a time. Between them a response is a pattern
+times an amplitude: the amplitude's logarithm and the pattern are parabolas in each number's logarithm, and the
+five changes multiply and add.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.foot.response_table import FootResponse
+from footsense.frames import Vector
+from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign, Material
+
+#: File of the solved shapes.
+SHAPES_FILE = Path(__file__).with_name("shapes.npz")
+#: Ball radius [mm], rubber modulus [MPa] and its Poisson's ratio of the solved shapes: the paper's.
+RADIUS_MM, YOUNGS_MPA, RUBBER_POISSON = 10.0, 5.2, 0.49
+#: Side of the sheet, and of the array on it, over the ball's radius [1].
+SHEET_REL = 1.4
+#: Degree of the stored series, that of `response.DEGREE`.
+_DEGREE = 12
+
+
+class Shape(NamedTuple):
+    """Shape of a foot: the numbers that similarity leaves. Each may be an array.
+
+    Attributes:
+        fill_rel: Side of an electrode over the pitch [1].
+        plate_rel: Thickness of a plate over the ball's radius [1].
+        spacer_rel: Thickness of the spacer over the ball's radius [1].
+        sheet_modulus_rel: Young's modulus of the sheet over the rubber's [1].
+        sheet_poisson: Poisson's ratio of the sheet [1].
+    """
+
+    fill_rel: Vector | float
+    plate_rel: Vector | float
+    spacer_rel: Vector | float
+    sheet_modulus_rel: Vector | float
+    sheet_poisson: Vector | float
+
+    @property
+    def coordinates(self) -> Vector:
+        """Logarithms in which responses are interpolated, shape (..., 5); the last is that of 1 - 2 nu."""
+        numbers = (*self[:4], 1.0 - 2.0 * np.asarray(self.sheet_poisson))
+        logarithms: Vector = np.log(np.stack(np.broadcast_arrays(*numbers), axis=-1))
+        return logarithms
+
+
+#: The paper's foot.
+CENTRE = Shape(0.8, 0.05, 0.0037, 3.0 / 5.2, 0.40)
+#: Values of each number beside the paper's that are solved: below and above, or twice above.
+BESIDE = {
+    "fill_rel": (0.7, 0.88),
+    "plate_rel": (0.025, 0.1),
+    "spacer_rel": (0.0018, 0.0105),
+    "sheet_modulus_rel": (0.2, 1.5),
+    "sheet_poisson": (0.45, 0.48),
+}
+
+
+def solved_shapes() -> list[Shape]:
+    """Return the shapes that are solved: the paper's, then those with one number changed."""
+    return [
+        CENTRE,
+        *(CENTRE._replace(**{name: value}) for name, values in BESIDE.items() for value in values),
+    ]
+
+
+def pitch_mm(fill_rel: Vector | float, ball_radius_mm: Vector | float) -> Vector:
+    """Return the pitch [mm] at which the array is as wide as the sheet."""
+    pitch: Vector = SHEET_REL * np.asarray(ball_radius_mm) / (2.0 + np.asarray(fill_rel))
+    return pitch
+
+
+def shape_of(design: FootDesign) -> Shape:
+    """Return the shape of a foot whose array fills its sheet."""
+    radius_mm = design.ball_radius_mm
+    return Shape(
+        design.electrode_mm / design.pitch_mm,
+        design.plate_mm / radius_mm,
+        design.spacer_mm / radius_mm,
+        design.pdms.youngs_mpa / design.rubber.youngs_mpa,
+        design.pdms.poisson,
+    )
+
+
+def of_shape(shape: Shape, like: FootDesign) -> FootDesign:
+    """Return the foot of a shape that is solved, 10 mm in radius and of the paper's rubber."""
+    pitch = float(pitch_mm(shape.fill_rel, RADIUS_MM))
+    return msgspec.structs.replace(
+        like,
+        ball_radius_mm=RADIUS_MM,
+        sheet_mm=SHEET_REL * RADIUS_MM,
+        pitch_mm=pitch,
+        electrode_mm=float(shape.fill_rel) * pitch,
+        plate_mm=float(shape.plate_rel) * RADIUS_MM,
+        spacer_mm=float(shape.spacer_rel) * RADIUS_MM,
+        rubber=Material(YOUNGS_MPA, RUBBER_POISSON),
+        pdms=Material(YOUNGS_MPA * float(shape.sheet_modulus_rel), float(shape.sheet_poisson)),
+    )
+
+
+def solve(like: FootDesign, path: Path, report: Callable[[str], None]) -> None:
+    """Solve all shapes and write their file; a minute each on one core.
+
+    Args:
+        like: Any foot, for what the shape does not contain.
+        path: File to write.
+        report: Receives a line after each symmetry class.
+    """
+    from footsense.lab.fem.mesh import SHIPPED
+    from footsense.lab.response import make_response
+
+    solved = [make_response(of_shape(shape, like), SHIPPED, report) for shape in solved_shapes()]
+    store(path, [one.quarter_series for one in solved], [one.quarter_compliance for one in solved])
+
+
+def store(path: Path, series: list[Vector], compliance: list[Vector]) -> None:
+    """Write responses of the solved shapes, in their order, in single precision."""
+    np.savez_compressed(
+        path,
+        quarter_series=np.stack(series).astype(np.float32),
+        quarter_compliance=np.stack(compliance).astype(np.float32),
+    )
+
+
+class ShapeLibrary:
+    """The solved shapes, and the responses between them.
+
+    Args:
+        path: File of `solve`.
+
+    Attributes:
+        series: Patterns of the influence of each solved shape, shape (shapes, 2, products, 9, 9, 3).
+        compliance: Patterns of the compliance, shape (shapes, 9, 9, 18, 18).
+    """
+
+    def __init__(self, path: Path = SHAPES_FILE) -> None:
+        """Read the shapes."""
+        with np.load(path) as stored:
+            series, compliance = (
+                stored[name].astype(np.float64) for name in ("quarter_series", "quarter_compliance")
+            )
+        # The amplitude: rms of the influence upright, and of a cell's own compliance.
+        influence = np.sqrt((series[:, 0, 0] ** 2).mean(axis=(1, 2, 3)))
+        own = np.sqrt((compliance**2).mean(axis=(1, 2, 3, 4)))
+        self._ln_amplitudes = np.log(np.stack([influence, own], axis=1))
+        self.series = series / influence[:, None, None, None, None, None]
+        self.compliance = compliance / own[:, None, None, None, None]
+        self._coordinates = np.stack([shape.coordinates for shape in solved_shapes()])
+
+    def weights(self, shape: Shape) -> Vector:
+        """Return how much of each solved shape is in some shapes [1], shape (..., shapes)."""
+        moved = shape.coordinates - self._coordinates[0]
+        weights = np.zeros((*moved.shape[:-1], len(self._coordinates)))
+        weights[..., 0] = 1.0
+        for axis in range(moved.shape[-1]):
+            pair = (1 + 2 * axis, 2 + 2 * axis)
+            first, second = (self._coordinates[one, axis] - self._coordinates[0, axis] for one in pair)
+            x = moved[..., axis]
+            parts = (
+                x * (x - second) / (first * (first - second)),
+                x * (x - first) / (second * (second - first)),
+            )
+            for one, part in zip(pair, parts, strict=True):
+                weights[..., one] = part
+                weights[..., 0] -= part
+        return weights
+
+    def amplitudes(self, weights: Vector) -> Vector:
+        """Return the amplitudes of influence and compliance in the solved feet's units [um/N], shape (..., 2)."""
+        amplitudes: Vector = np.exp(weights @ self._ln_amplitudes)
+        return amplitudes
+
+    def holds(self, shape: Shape, beyond: float = 0.1) -> NDArray[np.bool_]:
+        """Tell which shapes lie between the solved ones, or beyond by this share of each span, shape (...)."""
+        corners = self._coordinates
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        slack = beyond * (high - low)
+        inside: NDArray[np.bool_] = (
+            (shape.coordinates >= low - slack) & (shape.coordinates <= high + slack)
+        ).all(axis=-1)
+        return inside
+
+    def response(self, design: FootDesign) -> FootResponse:
+        """Return the response of a foot without solving it.
+
+        Args:
+            design: The foot; its array fills its sheet.
+        """
+        weights = self.weights(shape_of(design))
+        influence, own = self.amplitudes(weights)
+        size = RADIUS_MM / design.ball_radius_mm
+        softness = YOUNGS_MPA / design.rubber.youngs_mpa * size
+        point, patch = influence * softness * np.tensordot(weights, self.series, 1)
+        return FootResponse(
+            foot_type=design.foot_type,
+            design=design.capacitor,
+            ball_radius_mm=design.ball_radius_mm,
+            hertz_modulus_mpa=design.rubber.hertz_mpa,
+            min_elevation_deg=MIN_ELEVATION_DEG,
+            fit_elevation_deg=FIT_ELEVATION_DEG,
+            degree=_DEGREE,
+            quarter_series=np.stack([point, size**2 * patch]),
+            quarter_compliance=own * softness * np.tensordot(weights, self.compliance, 1),
+            cavity=design.air,
+            provenance={"from": "solved shapes"},
+        )

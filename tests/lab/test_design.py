@@ -1,0 +1,142 @@
+"""`footsense lab design`: similarity, prediction against solved tables, the paper's foot, and wishes that conflict."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from footsense.errors import FootsenseError
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.lab.design.boards import converter
+from footsense.lab.design.choice import choose
+from footsense.lab.design.foot_files import foot_text
+from footsense.lab.design.materials import load_materials
+from footsense.lab.design.processes import load_processes
+from footsense.lab.design.shapes import ShapeLibrary
+from footsense.lab.design.wishes import Wishes
+from footsense.lab.foot_file import load_foot
+from footsense.lab.geometry import FootDesign, Material
+from footsense.lab.similarity import in_unit
+from footsense.lab.training.load_cases import sensed_closure_um
+from tests.lab.released import FOOT_DESIGN, RELEASED
+
+pytestmark = pytest.mark.lab
+
+
+def wishes(
+    max_n: float, ball_mm: tuple[float, float], *material: str, process: str = "flex", board: str = "fdc1004"
+) -> Wishes:
+    """Return the wishes of a robot, with few materials."""
+    return Wishes(
+        max_n=max_n,
+        min_n=max_n / 20.0,
+        reach_deg=30.0,
+        error_deg=1.0,
+        ball_mm=ball_mm,
+        materials=load_materials().only(material),
+        process=load_processes()[process],
+        board=converter(board),
+    )
+
+
+@pytest.fixture(scope="module")
+def library() -> ShapeLibrary:
+    """Return the solved shapes."""
+    return ShapeLibrary()
+
+
+def test_a_foot_of_another_size_and_modulus_closes_alike(library: ShapeLibrary) -> None:
+    """Twice as large and three times as stiff under twelve times the force: the same closures over the gap."""
+    small = FOOT_DESIGN
+    lengths = {
+        name: 2.0 * getattr(small, name) for name in msgspec.structs.asdict(small) if name.endswith("_mm")
+    }
+    large = msgspec.structs.replace(
+        small,
+        **lengths,
+        gap_um=2.0 * small.gap_um,
+        film_um=2.0 * small.film_um,
+        rubber=Material(3.0 * small.rubber.youngs_mpa, small.rubber.poisson),
+        pdms=Material(3.0 * small.pdms.youngs_mpa, small.pdms.poisson),
+    )
+    normal = np.array([[0.0, 0.0, 1.0], [0.5, 0.0, np.sqrt(0.75)]])
+    closures = [
+        sensed_closure_um(Foot(library.response(foot)), normal, force * normal) / foot.gap_um
+        for foot, force in ((small, 1.9), (large, 12.0 * 1.9))
+    ]
+    assert closures[0].max() > 0.85  # gaps touch
+    np.testing.assert_allclose(closures[1], closures[0], rtol=1e-9)
+
+
+def test_the_library_has_the_released_foot(library: ShapeLibrary) -> None:
+    """The paper's shape is one of those solved: its closures are the released table's."""
+    released = FootResponse.load(RELEASED / "response.npz")
+    normal = np.array([[0.0, 0.0, 1.0], [0.5, 0.3, np.sqrt(0.66)]])
+    np.testing.assert_allclose(
+        library.response(FOOT_DESIGN).closure_um(normal, normal),
+        released.closure_um(normal, normal),
+        rtol=0.01,
+    )
+
+
+def test_a_force_unit_leaves_closures_alone() -> None:
+    """A foot in a unit of 6 closes under 0.3 N as it does under 1.8 N."""
+    released = FootResponse.load(RELEASED / "response.npz")
+    normal = np.array([[0.0, 0.0, 1.0], [0.5, 0.3, np.sqrt(0.66)]])
+    scaled = in_unit(released, 6.0)
+    np.testing.assert_allclose(
+        sensed_closure_um(Foot(scaled), normal, 0.3 * normal),
+        sensed_closure_um(Foot(released), normal, 1.8 * normal),
+        rtol=1e-9,
+    )
+    assert in_unit(released, 1.0).hertz_modulus_mpa == released.hertz_modulus_mpa
+
+
+def paper_design(library: ShapeLibrary) -> FootDesign:
+    """Return the most accurate foot for the paper's own numbers: its ball, materials, process and forces."""
+    asked = wishes(1.0, (20.0, 20.0), "butadiene-paper", "pdms-paper", process="paper")
+    choice = choose(library, asked, 1)
+    return load_foot(
+        foot_text("again", "The paper's numbers", choice.feet, int(choice.ranked[0][0]), asked).encode()
+    )
+
+
+def test_the_papers_foot_comes_out_of_its_own_numbers(library: ShapeLibrary) -> None:
+    """150 gf on a ball of 20 mm, of its rubber and PDMS: gap, pitch and electrodes of the paper."""
+    found = paper_design(library)
+    same = (
+        "ball_radius_mm",
+        "sheet_mm",
+        "plate_mm",
+        "pitch_mm",
+        "electrode_mm",
+        "gap_um",
+        "film_um",
+        "spacer_mm",
+    )
+    assert {name: getattr(found, name) for name in same} == {
+        name: getattr(FOOT_DESIGN, name) for name in same
+    }
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (
+            wishes(50.0, (20.0, 20.0), "urethane-80a"),
+            r"--max-force 50 and --ball 20 conflict.*nearest that works: --ball",
+        ),
+        (wishes(1.5, (3.0, 3.0)), r"--ball 3 and bars of at least 0\.8 mm conflict.*use a ball from"),
+        (wishes(1.5, (110.0, 120.0), process="paper"), r"--ball 110 120 and --board fdc1004 conflict.*up to"),
+        (
+            wishes(12.0, (20.0, 30.0), "urethane-90a")._replace(min_n=1e-3),
+            r"--min-force 0\.001 and --max-force 12 conflict at --error 1:.*process makes 20 um.*--min-force",
+        ),
+    ],
+    ids=["load", "bars", "board", "noise"],
+)
+def test_wishes_that_conflict_are_named(library: ShapeLibrary, asked: Wishes, message: str) -> None:
+    """One line: which wish conflicts with which, and the nearest design that works."""
+    with pytest.raises(FootsenseError, match=message) as refused:
+        choose(library, asked, 1)
+    assert "\n" not in str(refused.value)
