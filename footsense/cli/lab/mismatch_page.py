@@ -215,9 +215,8 @@ def _draw_trust(dots: Axes, results: MismatchResults) -> None:
         dots.scatter(distance, error_deg, s=12, marker=marker, color=color, alpha=0.7, linewidths=1.0)
         middle, highest = np.median(feet, axis=0)[0], np.max(feet, axis=0)[1]
         if middle > USUAL_DISTANCE:
-            dots.annotate(
-                ROWS[name].title, (middle, highest), (0, 5), textcoords="offset points", ha="center"
-            )
+            place = (middle, highest)
+            dots.annotate(name, place, (0, 5), textcoords="offset points", ha="center", fontsize="small")
     for marker, color, label in marks.values():
         dots.scatter([], [], marker=marker, color=color, label=label)
     last = 1.1 * max(MAX_DISTANCE, *(foot[0] for feet in results.scatter.values() for foot in feet))
@@ -237,7 +236,7 @@ def _draw_trust(dots: Axes, results: MismatchResults) -> None:
         title="whether to trust a foot; one point each",
     )
     dots.set_ylim(top=1.15 * dots.get_ylim()[1])
-    dots.legend(fontsize="small", loc=(0.02, 0.5))
+    dots.legend(fontsize="small", loc="center right")
 
 
 def _full_solve_s(context: StudyContext, loads: TestLoads) -> float:

@@ -66,14 +66,13 @@ ROWS = {
         disturbance=Disturbance(reference_linearity_rel=LINEARITY_REL),
     ),
     "stand": Row(
-        title=f"test stand of the yardstick: stick {YARDSTICK.stick_deg:g} deg, reference "
-        f"{YARDSTICK.reference_resolutions:g} resolutions",
+        title="test stand of the yardstick",
         disturbance=Disturbance(
             lean_deg=YARDSTICK.stick_deg, reference_steps=YARDSTICK.reference_resolutions
         ),
     ),
     "gold": Row(
-        title="electrodes of 0.1 um gold that stiffen the plates",
+        title="0.1 um of gold stiffens the plates",
         solid=OtherSolid(gold=ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)),
     ),
     "fringe": Row(title="fringe fields at the electrodes", disturbance=Disturbance(fringe=True)),
