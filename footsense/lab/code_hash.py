@@ -1,6 +1,7 @@
 """A hash of the code that measures a study's numbers, unchanged by comments, prose and renamed identifiers.
 
-The hash covers the function `compute` and all definitions of its module that it uses, directly or indirectly.
+The hash covers the function `compute` and all definitions of its module that it uses, directly or indirectly. Values of
+constants with QUICK in their names are left out: no committed page is made with them.
 Definitions that only the template uses are left out: its text is compared byte by byte. Changes in imported modules are
 not detected.
 """
@@ -28,6 +29,17 @@ class _Normalise(ast.NodeTransformer):
             return ast.Constant("")
         return super().generic_visit(node)
 
+    def visit_Assign(self, node: ast.Assign) -> ast.AST:
+        """Return an assignment without the values of constants with QUICK in their names."""
+        target, value = node.targets[0], node.value
+        if isinstance(target, ast.Name) and "QUICK" in target.id:
+            node.value = ast.Constant("")
+        elif isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+            for place, name in enumerate(target.elts):
+                if isinstance(name, ast.Name) and "QUICK" in name.id:
+                    value.elts[place] = ast.Constant("")
+        return self.generic_visit(node)
+
 
 def _defined(statement: ast.stmt) -> set[str]:
     """Return the names that a statement of a module defines, without imports."""
@@ -52,6 +64,9 @@ def function_sha256(source: str, entry: str = "compute") -> str:
         True
         >>> function_sha256(code) == function_sha256(code.replace("N = 2", "N = 3"))
         False
+        >>> code = "N, QUICK_N = 9, 2\ndef compute(quick): return QUICK_N if quick else N"
+        >>> function_sha256(code) == function_sha256(code.replace("2", "3"))
+        True
     """
     statements = ast.parse(source).body
     used, new = {entry}, {entry}

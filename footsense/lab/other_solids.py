@@ -15,7 +15,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 from footsense.lab.fem.mesh import COARSE, MeshSize
 from footsense.lab.fem.whole import ASSEMBLED, Imperfection, whole_table, with_change
-from footsense.lab.geometry import FootDesign
+from footsense.lab.geometry import FootDesign, ThinFilm
 from footsense.lab.response import make_response
 
 #: Mesh of the row `mesh`: as fine as the released one, with other elements.
@@ -30,6 +30,7 @@ class OtherSolid:
         plate: Thickness of the plates over that designed [1].
         pdms: Young's modulus of the sheet over that designed [1].
         poisson: Poisson's ratio of the rubber; None for that designed.
+        gold: Electrodes that stiffen the plates; None for those designed.
         own: How it is put together other than designed.
         size: Mesh that the whole table is solved on; None for a difference on coarse meshes.
     """
@@ -37,6 +38,7 @@ class OtherSolid:
     plate: float = 1.0
     pdms: float = 1.0
     poisson: float | None = None
+    gold: ThinFilm | None = None
     own: Imperfection = ASSEMBLED
     size: MeshSize | None = None
 
@@ -46,7 +48,8 @@ class OtherSolid:
         poisson = design.rubber.poisson if self.poisson is None else self.poisson
         softer = msgspec.structs.replace(design.rubber, poisson=poisson)
         plate_mm = design.plate_mm * self.plate
-        return msgspec.structs.replace(design, plate_mm=plate_mm, pdms=stiffer, rubber=softer)
+        gold = self.gold or design.gold
+        return msgspec.structs.replace(design, plate_mm=plate_mm, pdms=stiffer, rubber=softer, gold=gold)
 
 
 #: The released solid.

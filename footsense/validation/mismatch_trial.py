@@ -12,7 +12,12 @@ import numpy as np
 
 from firmware_interface.chips import fdc1004
 from footsense.calibration.evaluation import DesignModels, Estimates
-from footsense.calibration.fit.calibrate import CalibrationResult, fit_foot, require_plausible
+from footsense.calibration.fit.calibrate import (
+    USUAL_DISTANCE,
+    CalibrationResult,
+    fit_foot,
+    require_plausible,
+)
 from footsense.calibration.fit.rubber_memory import without_memory
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
@@ -56,6 +61,7 @@ class Disturbance:
         reference_linearity_rel: Nonlinearity of the reference over its rated value [1].
         reference_steps: Scatter of a press's mean force, rms, over the reference's resolution [1].
         lean_deg: Angle between the contact's normal and the force of a press of the calibration, rms [deg].
+        fringe: Whether the electrodes have a fringe field at their edges.
     """
 
     turn_deg: float = 0.0
@@ -67,6 +73,7 @@ class Disturbance:
     reference_linearity_rel: float = 0.0
     reference_steps: float = 0.07
     lean_deg: float = 1.0
+    fringe: bool = False
 
 
 #: As the calibration supposes.
@@ -210,9 +217,10 @@ def run_mismatch_trial(
         number: Number of the foot.
 
     Returns:
-        For each calibration, `all` and `few`: `refused_<c>` 0 or 1, `distance_<c>`; for each of these and `design`, and
-        each test: `<test>_<c>_deg` and `_gf` against truth, `_within_2` the share of components within two sigma,
-        `_unread` of the loads without a force, `_unexplained` of those that the residual test finds inconsistent.
+        For each calibration, `all` and `few`: `refused_<c>` 0 or 1, `distance_<c>`, `said_<c>` 1 if `calibrate` says
+        that this distance is more than usual; for each of these and `design`, and each test: `<test>_<c>_deg` and
+        `_gf` against truth, `_within_2` the share of components within two sigma, `_unread` of the loads without a
+        force, `_unexplained` of those that the residual test finds inconsistent.
     """
     rng = np.random.default_rng((plan.seed, number, 4))
     own = fabricate(truth, plan.tolerances, plan.seed, number)
@@ -220,6 +228,7 @@ def run_mismatch_trial(
     own = Deviations(
         **{name: getattr(own, name) for name in ("gap_um", "film_um", "stray_pf", "stiffness_rel")},
         mount=turned @ own.mount,
+        fringe=disturbance.fringe,
     )
     foot = _OnTestStand(truth, own, disturbance, rng)
     force_n = paper_presses("training")[:: plan.every]
@@ -239,7 +248,11 @@ def run_mismatch_trial(
             continue
         fit = fit_foot(models, used)
         feet[name] = fit.parameters
-        figures |= {f"refused_{name}": float(_refused(fit)), f"distance_{name}": fit.distance}
+        figures |= {
+            f"refused_{name}": float(_refused(fit)),
+            f"distance_{name}": fit.distance,
+            f"said_{name}": float(fit.distance > USUAL_DISTANCE),
+        }
     again = remounted(own, REMOUNT_DEG, plan.seed, number, 2)
     remade = _OnTestStand(truth, again, disturbance, np.random.default_rng((plan.seed, number, 5)))
     for test, test_loads in plan.tests.items():

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from footsense.calibration.session.recorded_session import RecordedSession, read_session
+from footsense.clock import stopwatch_ns
 from footsense.config import Config
 from footsense.config.sections import Bus, Can
 from footsense.config.test_stand import Axes, Simulated, StandConfig
@@ -61,11 +62,13 @@ class FootTrial(NamedTuple):
         training: Session for the calibration, 362 presses.
         test: Session for the evaluation, 180 presses.
         true_force_n: True force of each accepted load of `test` [N], shape (n, 3).
+        read_s: Time to read the recording of the first session [s].
     """
 
     training: RecordedSession
     test: RecordedSession
     true_force_n: Vector
+    read_s: float
 
 
 def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> FootTrial:
@@ -81,10 +84,10 @@ def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) ->
         FootsenseError: The daemon cannot be started, or a recording exists.
     """
     config = _config(batch, number)
-    training, _ = _session(batch, number, config, "training", folder, every)
-    test, presses = _session(batch, number, config, "verification", folder, every)
+    training, _, read_ns = _session(batch, number, config, "training", folder, every)
+    test, presses, _ = _session(batch, number, config, "verification", folder, every)
     true_force_n = np.array([presses.contact(LEG, sum(load.dwell_ns) // 2).force_n for load in test.loads])
-    return FootTrial(training, test, true_force_n)
+    return FootTrial(training, test, true_force_n, read_ns * 1e-9)
 
 
 def foot_name(number: int) -> str:
@@ -99,8 +102,12 @@ def _session(
     protocol: Literal["training", "verification"],
     folder: Path,
     every: int,
-) -> tuple[RecordedSession, ContactSource]:
-    """Record a simulated test-stand session; return the session read from file, and the simulated presses."""
+) -> tuple[RecordedSession, ContactSource, int]:
+    """Record a simulated test-stand session.
+
+    Returns:
+        The session read from file, the simulated presses, and how long reading took [ns].
+    """
     foot, mounting = foot_name(number), 1 + (protocol == "verification")
     seed = _seed(batch, number)
     scene = Scene(
@@ -132,7 +139,8 @@ def _session(
     assert isinstance(load, PressSequence), "the scene is of presses"
     with open_service(config, scene, real_time=False, record=path, test_stand=run) as running:
         running.run(until_ns=load.ends_ns)
-    return read_session(path, foot), load
+    began_ns = stopwatch_ns()
+    return read_session(path, foot), load, stopwatch_ns() - began_ns
 
 
 def _config(batch: FootBatch, number: int) -> Config:

@@ -5,7 +5,6 @@ stand, as in the paper, and against the simulator's true force. Loads for which 
 for all, and counted.
 """
 
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,15 +13,15 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.fit.calibrate import calibrate
-from footsense.calibration.fit.rubber_memory import rested_loads
+from footsense.calibration.fit.rubber_memory import without_memory
 from footsense.calibration.loads.load_set import LoadSet
-from footsense.calibration.session.recorded_session import read_session
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import foot_type_folder
 from footsense.errors import CalibrationError
 from footsense.foot.force_errors import errors
 from footsense.frames import Vector
-from footsense.validation.test_stand_trial import FootBatch, foot_name, run_trial
+from footsense.validation.pressed_feet import PressedFoot
+from footsense.validation.test_stand_trial import FootBatch, foot_name
 
 #: Numbers of loads that a calibration uses; the last is all there are.
 LOAD_COUNTS = (5, 10, 20, 50, 100)
@@ -71,7 +70,12 @@ class FootResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def evaluate_foot(
-    batch: FootBatch, number: int, *, per_foot_network: PerFootNetwork | None, every: int
+    batch: FootBatch,
+    number: int,
+    *,
+    per_foot_network: PerFootNetwork | None,
+    every: int,
+    kept: Path | None = None,
 ) -> FootResult:
     """Press, calibrate and evaluate one foot.
 
@@ -80,24 +84,23 @@ def evaluate_foot(
         number: Number of the foot in it.
         per_foot_network: Trains a network on one foot without a physical model; None to leave it out.
         every: Use one of so many presses.
+        kept: Folder of the loads of pressed feet; None keeps none.
     """
     models = DesignModels.load(foot_type_folder(batch.foot_type))
-    with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
-        trial = run_trial(batch, number, Path(folder), every=every)
+    pressed = PressedFoot.press(batch, number, every, kept)
+    training, test = (without_memory(models.response, one) for one in (pressed.training, pressed.test))
+    refused: dict[str, str] = {}
+    calibrated = {}
+    order = training.spread_order()
+    for wanted in (ALL_LOADS, *(n for n in LOAD_COUNTS if n < len(training))):
+        loads = training if wanted == ALL_LOADS else training.subset(order[:wanted])
         began_ns = stopwatch_ns()
-        training = rested_loads(models.response, [read_session(trial.training.path, foot_name(number))])
-        refused: dict[str, str] = {}
-        calibrated = {}
-        order = training.spread_order()
-        for wanted in (ALL_LOADS, *(n for n in LOAD_COUNTS if n < len(training))):
-            loads = training if wanted == ALL_LOADS else training.subset(order[:wanted])
-            try:
-                calibrated[f"calibrated_{wanted}"] = calibrate(models, loads).parameters
-            except CalibrationError as error:
-                refused[f"calibrated_{wanted}"] = str(error)
-            if wanted == ALL_LOADS:
-                calibrate_s = (stopwatch_ns() - began_ns) * 1e-9
-    test = rested_loads(models.response, [trial.test])
+        try:
+            calibrated[f"calibrated_{wanted}"] = calibrate(models, loads).parameters
+        except CalibrationError as error:
+            refused[f"calibrated_{wanted}"] = str(error)
+        if wanted == ALL_LOADS:
+            fit_s = (stopwatch_ns() - began_ns) * 1e-9
     estimates_n = {
         name: models.estimate(test, foot).force_n
         for name, foot in ({"design_only": None} | calibrated).items()
@@ -108,13 +111,13 @@ def evaluate_foot(
         foot=foot_name(number),
         n_training=len(training),
         n_test=int(usable.sum()),
-        n_unread=int((~usable).sum()) + trial.test.rejected.total(),
+        n_unread=int((~usable).sum()) + pressed.n_rejected,
         errors={
-            name: _errors(test.force_n[usable], trial.true_force_n[usable], force_n[usable])
+            name: _errors(test.force_n[usable], pressed.true_force_n[usable], force_n[usable])
             for name, force_n in estimates_n.items()
         },
         refused=refused,
-        calibrate_s=calibrate_s,
+        calibrate_s=pressed.read_s + fit_s,
     )
 
 

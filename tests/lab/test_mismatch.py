@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.cli import main
+from footsense.cli.lab.mismatch_rows import ROWS
 from footsense.errors import ModelError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.symmetry import SIDE
@@ -36,6 +37,14 @@ def test_a_row_is_made_and_resumed(tmp_path: Path) -> None:
         assert row[f"{test}_all_gf"] < 1.9
         assert 0.93 < row[f"{test}_all_within_2"] < 0.985
     assert "none: the foot that the calibration supposes" in (tmp_path / "mismatch.md").read_text("utf-8")
+
+
+def test_gold_is_in_the_solid_of_its_row() -> None:
+    """A row is a foot of other dimensions or materials; one that changes nothing is no row."""
+    assert ROWS["gold"].solid.design(FOOT_DESIGN).gold is not None
+    assert FOOT_DESIGN.gold is None
+    titles = [row.title for row in ROWS.values()]
+    assert len({str(replace(row, title="")) for row in ROWS.values()}) == len(set(titles)) == len(titles)
 
 
 def test_an_unknown_row_is_answered_with_those_that_are(tmp_path: Path) -> None:

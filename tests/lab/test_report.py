@@ -28,6 +28,8 @@ pytestmark = pytest.mark.lab
 SAME_EITHER_WAY = {"pattern"}
 RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
 PAGES = Path(__file__).parents[2] / "docs" / "report"
+#: Errors of an estimator on the page of the experiment, and their units.
+_ERRORS = {"direction_deg": "deg", "magnitude_gf": "gf"}
 ALL = STUDIES | DAEMON_STUDIES
 #: Studies whose text is rendered from their JSON.
 RENDERED = list(ALL | EXPERIMENT)
@@ -103,3 +105,28 @@ def test_the_released_report_has_every_target_and_says_why_one_is_missed() -> No
     text = targets({**values, "report": {"minutes": 1.0}})
     assert "not measured" not in text
     assert "at 150 gf that makes" in text
+
+
+def test_the_front_page_has_the_figures_of_the_experiment_and_of_the_matrix() -> None:
+    """README's accuracies of made feet are those of the committed pages, the worst physics beside the supposed one."""
+    front = (PAGES.parents[1] / "README.md").read_text(encoding="utf-8")
+    experiment, matrix = (json.loads((PAGES / f"{name}.json").read_text("utf-8")) for name in EXPERIMENT)
+
+    def of_estimator(name: str, prefix: str = "") -> str:
+        one = experiment["estimators"][name]
+        mean = {unit: one[f"{prefix}{error}"]["mean"] for error, unit in _ERRORS.items()}
+        return f"{mean['deg']:.2f} deg, {mean['gf']:.2f} gf"
+
+    assert f"{experiment['feet']} feet fabricated as inexactly as the paper's" in front
+    for name in ("design_only", "calibrated_20", "calibrated_362"):
+        assert of_estimator(name) in front
+    for name in ("calibrated_20", "calibrated_362"):
+        assert of_estimator(name, "true_") in front
+    accepted = {name: row for name, row in matrix["means"].items() if row["refused_all"] <= 0.5}
+    assert f"{matrix['feet']} feet of each of {len(matrix['means']) - 1} other kinds of physics" in front
+    for test in ("centred_all", "range_all"):
+        supposed, worst = accepted["none"], {}
+        for unit in ("deg", "gf"):
+            worst[unit] = max(row[f"{test}_{unit}"] for row in accepted.values())
+        assert f"{supposed[f'{test}_deg']:.2f} deg, {supposed[f'{test}_gf']:.2f} gf" in front
+        assert f"{worst['deg']:.1f} deg, {worst['gf']:.1f} gf" in front

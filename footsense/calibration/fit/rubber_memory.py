@@ -1,16 +1,17 @@
 """Unloaded readings of a session without what the rubber remembers of the presses before.
 
 Rubber that creeps and has play still pushes after a release, where the foot was pressed last: with a force a u in that
-press's direction u, and c m of the mean m of the last presses. Half a second after a press of 100 gf that is 0.02 N,
-or 40 fF. Taken for drift, it is subtracted from the next press, and the fit explains what is missing by strays of
-0.3 pF. A robot tares rested feet, and its baseline follows 0.15 fF/s at most.
+press's direction u, b f of its force f, and c m of the mean m of the last presses. Half a second after a press of
+100 gf that is 0.02 N, or 40 fF. Taken for drift, it is subtracted from the next press, and the fit explains what is
+missing by strays of 0.3 pF. A robot tares rested feet, and its baseline follows 0.15 fF/s at most.
 
 The unloaded distance of the plates of each element at press i is, with the closures by force S of the designed foot,
 
-    D_i = D + drift - sum_j S_j (a_j u_j + c_j m_j),        j: the press before, and the press itself
+    D_i = D + drift - k sum_j S_j (a_j u_j + b_j f_j + c_j m_j),        j: the press before, and the press itself
 
-since the reading is interpolated between both ends of the press. Least squares over a session find a_j and c_j beside
-the mean and a linear drift of each element.
+since the reading is interpolated between both ends of the press. The scale k of each element contains its stray. Least
+squares over a session find a_j, b_j and c_j, and the scales, in turn, beside the mean and a linear drift of each
+element.
 """
 
 from collections.abc import Sequence
@@ -31,8 +32,10 @@ from footsense.frames import ELEMENTS, Vector
 _NEWEST_WEIGHT = 0.1
 #: Force that stays after a release [N], which gives the slopes.
 _STAYING_N = 0.02
-#: Square of the scatter of an unloaded distance [um] over that of a_j [N] and c_j [1] before they are known.
-_RIDGE = (0.01 / 0.02) ** 2
+#: Square of the scatter of an unloaded distance [um] over that of a_j [N], b_j and c_j [1], and of a scale [1], before
+#: they are known.
+_RIDGE, _SCALE_RIDGE = (0.01 / 0.02) ** 2, (0.01 / 0.15) ** 2
+_ROUNDS = 4
 
 
 def rested_loads(response: FootResponse, sessions: Sequence[RecordedSession]) -> LoadSet:
@@ -69,14 +72,21 @@ def without_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
         left: Vector = flat - steady @ (steady.T @ flat)
         return left
 
-    slopes = unsteady(memory_um).reshape(n * ELEMENTS, -1)
-    curvature = slopes.T @ slopes + _RIDGE * np.eye(slopes.shape[1])
-    staying = np.linalg.solve(curvature, -slopes.T @ unsteady(distance_um).ravel())
-    return replace(loads, baseline_pf=loads.baseline_pf * distance_um / (distance_um + memory_um @ staying))
+    slopes = unsteady(memory_um).reshape(n, ELEMENTS, -1)
+    moved_um, scale = -unsteady(distance_um), np.ones((ELEMENTS, 1))
+    for _ in range(_ROUNDS):
+        scaled = (scale * slopes).reshape(n * ELEMENTS, -1)
+        curvature = scaled.T @ scaled + _RIDGE * np.eye(scaled.shape[1])
+        staying = np.linalg.solve(curvature, scaled.T @ moved_um.ravel())
+        unscaled_um = slopes @ staying
+        overlap = (unscaled_um * moved_um).sum(axis=0) + _SCALE_RIDGE
+        scale = (overlap / ((unscaled_um**2).sum(axis=0) + _SCALE_RIDGE))[:, None]
+    remembered_um = scale[:, 0] * (memory_um @ staying)
+    return replace(loads, baseline_pf=loads.baseline_pf * distance_um / (distance_um + remembered_um))
 
 
 def _memory_um(twin: FootTwin, force_n: Vector) -> Vector:
-    """Return the closures after each press per newton and per mean of the last presses, shape (n, 9, 2) [um]."""
+    """Return the closures after each press per a, b and c, shape (n, 9, 3) [um]."""
     mean_n, means_n = np.zeros(3), []
     for one_n in force_n:
         mean_n = mean_n + _NEWEST_WEIGHT * (one_n - mean_n)
@@ -90,6 +100,6 @@ def _memory_um(twin: FootTwin, force_n: Vector) -> Vector:
         / _STAYING_N
         for axis in np.eye(3)
     ]
-    directions = np.stack([normal, np.array(means_n)], axis=2)
-    closures_um: Vector = np.stack(unit_um, axis=2) @ directions
+    staying = np.stack([normal, force_n, np.array(means_n)], axis=2)
+    closures_um: Vector = np.stack(unit_um, axis=2) @ staying
     return closures_um

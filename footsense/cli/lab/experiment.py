@@ -24,6 +24,11 @@ from footsense.validation.test_stand_trial import FootBatch
 )
 @click.option("--jobs", type=click.IntRange(min=1), help="Feet at a time; without it one for each processor.")
 @click.option("--foot-type", help="A foot type, or its folder as `lab build --foot` makes it.")
+@click.option(
+    "--kept",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder of the loads of pressed feet, to go on with; build/experiment, none if quick.",
+)
 @click.option("--quick", is_flag=True, help="Two feet and a seventh of the presses, in a minute.")
 @json_option
 @output_option
@@ -33,6 +38,7 @@ def experiment(
     seed: int,
     jobs: int | None,
     foot_type: str | None,
+    kept: Path | None,
     quick: bool,
     as_json: bool,
     output: Path | None,
@@ -45,6 +51,6 @@ def experiment(
     from footsense.cli.lab.experiment_page import STUDY, compute
 
     batch = FootBatch(seed=seed, foot_type=foot_type or FootBatch().foot_type)
-    own = replace(STUDY, compute=partial(compute, batch=batch, n_feet=n_feet, jobs=jobs))
+    own = replace(STUDY, compute=partial(compute, batch=batch, n_feet=n_feet, jobs=jobs, kept=kept))
     models, bound = foot_type_folder(batch.foot_type), foot_type is None
     write_study(own.page, models, output, quick=quick, as_json=as_json, bound=bound)

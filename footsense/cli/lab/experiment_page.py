@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from msgspec.structs import asdict
@@ -34,6 +35,8 @@ ESTIMATORS = {
     "linear_per_foot": "linear in ΔC, the foot's own loads",
     "network_per_foot": "network on ΔC, the foot's own loads",
 }
+#: Where the loads of pressed feet are kept.
+KEPT = Path("build") / "experiment"
 _FIGURE = "experiment.png"
 _BATCH = FootBatch()
 
@@ -96,7 +99,11 @@ def _progress_line(one: FootResult) -> str:
 
 
 def compute(
-    context: StudyContext, batch: FootBatch = _BATCH, n_feet: int | None = None, jobs: int | None = None
+    context: StudyContext,
+    batch: FootBatch = _BATCH,
+    n_feet: int | None = None,
+    jobs: int | None = None,
+    kept: Path | None = None,
 ) -> tuple[Results, Plots]:
     """Load, calibrate and read feet.
 
@@ -105,6 +112,7 @@ def compute(
         batch: Seed and type of the feet.
         n_feet: How many; without it as many as a full or a quick run has.
         jobs: Feet at a time; without it one for each processor.
+        kept: Folder of the loads of pressed feet; without it `build/experiment`, and none if quick.
 
     Raises:
         FootsenseError: No foot could be read.
@@ -113,7 +121,8 @@ def compute(
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
-    evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every)
+    kept = kept or (None if context.quick else KEPT)
+    evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every, kept=kept)
     for one in map_unordered(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
         context.say(_progress_line(one))

@@ -17,7 +17,11 @@ _EXTRA = ("ezdxf", "gerbonara", "shapely")
 @click.command()
 @click.argument("foot")
 @click.option("--out", type=FOLDER, required=True, help="Folder for the files.")
-def fabricate(*, foot: str, out: Path) -> None:
+@click.option(
+    "--process",
+    help="As for `lab design`; without it the first that has the foot's film.",
+)
+def fabricate(*, foot: str, out: Path, process: str | None) -> None:
     """Write what a workshop needs to make a foot: STEP, Gerber, DXF, drawing, parts, steps, checks.
 
     FOOT is a foot.yaml, a folder with one, or the name of a released foot type. Every file is read back and measured;
@@ -35,13 +39,14 @@ def fabricate(*, foot: str, out: Path) -> None:
     design = load_foot(path)
     options.require_writable(out)
     try:
-        package = write_package(design, out)
+        package = write_package(design, out, process)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
     element = next(iter(package.elements.values()))
+    range_pf = f"{element.lowest_pf:.2f} to {element.highest_pf:.2f}"
     click.echo(
-        f"wrote {out}: {len(package.elements)} elements of {element.unloaded_pf:.2f} pF "
-        f"({element.lowest_pf:.2f} to {element.highest_pf:.2f}); {len(package.checks)} checks of the files passed"
+        f"wrote {out}, process {package.assumed.name}: {len(package.elements)} elements of "
+        f"{element.unloaded_pf:.2f} pF ({range_pf}); {len(package.checks)} checks of the files passed"
     )
 
 

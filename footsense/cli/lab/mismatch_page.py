@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,6 +20,7 @@ from footsense.errors import FootsenseError
 from footsense.foot.direction_sets import random_directions
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.lab.fidelity.levels import finite_strain_contact
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
 from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
@@ -28,6 +30,7 @@ from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES
 from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.validation.code_digest import code_digest
 from footsense.validation.mismatch_trial import TestLoads, TrialPlan, run_mismatch_trial
 
 #: Feet, presses used and rows of a full run and of a quick one.
@@ -55,6 +58,8 @@ class MismatchResults:
         means: By row and figure: mean over the feet.
         worst: By row and figure: the largest over the feet.
         scatter: By row: distance of each foot's loads, and its mean centred direction error [deg].
+        tables_s: Processor time of the tables that this run solved; those that it found are not in it [s].
+        full_solve_s: Processor time of one load by the full solve; None if not measured [s].
     """
 
     feet: int
@@ -62,6 +67,13 @@ class MismatchResults:
     means: dict[str, dict[str, float]]
     worst: dict[str, dict[str, float]]
     scatter: dict[str, list[tuple[float, float]]]
+    tables_s: float
+    full_solve_s: float | None
+
+    @property
+    def feet_s(self) -> float:
+        """Processor time of all feet, those of earlier runs included [s]."""
+        return self.feet * sum(row["cpu_s"] for row in self.means.values())
 
 
 def test_loads(loads: LoadRange) -> dict[str, TestLoads]:
@@ -99,7 +111,9 @@ def evaluate_job(job: Job, *, models: Path, tables: Path, plan: TrialPlan) -> di
     """
     design, known, row = load_foot(models / FOOT_FILE), _models(models), ROWS[job.case]
     truth = dataclasses.replace(response_of(row.solid, known.response, design, tables), cavity=row.cavity)
-    return run_mismatch_trial(known, truth, row.disturbance, plan, job.foot)
+    began_s = process_time()
+    figures = run_mismatch_trial(known, truth, row.disturbance, plan, job.foot)
+    return {**figures, "cpu_s": process_time() - began_s}
 
 
 def run_study(
@@ -132,16 +146,18 @@ def run_study(
         every=QUICK_EVERY if context.quick else EVERY,
         tests=test_loads(context.foot_design.loads),
     )
+    began_s = process_time()
     for name in names:  # solved once, not by each worker
         response_of(ROWS[name].solid, context.response, context.foot_design, kept)
         context.say(f"{name}: table ready")
+    tables_s = process_time() - began_s
     about: dict[str, str | int] = {
         "study": "mismatch",
         "seed": SEED,
         "every": plan.every,
         "models": context.network_sha256,
         "tolerances": str(plan.tolerances),
-        "code": _code_digest(),
+        "code": code_digest(calibration, foot, estimation),
     }
     work = partial(evaluate_job, models=context.models.resolve(), tables=kept.resolve(), plan=plan)
     run = workers or parallel(n_workers=1 if context.quick else LOCAL_WORKERS)
@@ -157,7 +173,15 @@ def run_study(
         scatter[name] = [(round(one["distance_all"], 2), round(one["centred_all_deg"], 3)) for one in made]
         context.say(f"{name}: {_progress(means[name])}")
     presses = len(paper_presses("training")[:: plan.every])
-    results = MismatchResults(feet=n_feet, presses=presses, means=means, worst=worst, scatter=scatter)
+    results = MismatchResults(
+        feet=n_feet,
+        presses=presses,
+        means=means,
+        worst=worst,
+        scatter=scatter,
+        tables_s=round(tables_s, 1),
+        full_solve_s=None if context.quick or rows else _full_solve_s(context, plan.tests["leaning"]),
+    )
     return results, {FIGURE: _figure(results)}
 
 
@@ -191,9 +215,8 @@ def _draw_trust(dots: Axes, results: MismatchResults) -> None:
         dots.scatter(distance, error_deg, s=12, marker=marker, color=color, alpha=0.7, linewidths=1.0)
         middle, highest = np.median(feet, axis=0)[0], np.max(feet, axis=0)[1]
         if middle > USUAL_DISTANCE:
-            dots.annotate(
-                ROWS[name].title, (middle, highest), (0, 5), textcoords="offset points", ha="center"
-            )
+            place = (middle, highest)
+            dots.annotate(name, place, (0, 5), textcoords="offset points", ha="center", fontsize="small")
     for marker, color, label in marks.values():
         dots.scatter([], [], marker=marker, color=color, label=label)
     last = 1.1 * max(MAX_DISTANCE, *(foot[0] for feet in results.scatter.values() for foot in feet))
@@ -213,7 +236,17 @@ def _draw_trust(dots: Axes, results: MismatchResults) -> None:
         title="whether to trust a foot; one point each",
     )
     dots.set_ylim(top=1.15 * dots.get_ylim()[1])
-    dots.legend(fontsize="small", loc=(0.02, 0.5))
+    dots.legend(fontsize="small", loc="center right")
+
+
+def _full_solve_s(context: StudyContext, loads: TestLoads) -> float:
+    """Return the processor time of the first of some leaning loads with finite strain and a floor with friction [s]."""
+    full = finite_strain_contact(context.foot_design)
+    began_s = process_time()
+    full(loads.normal[:1], loads.force_n[:1])
+    taken_s = round(process_time() - began_s, 1)
+    context.say(f"full solve of one load: {taken_s:.1f} s")
+    return taken_s
 
 
 def _progress(row: dict[str, float]) -> str:
@@ -224,13 +257,6 @@ def _progress(row: dict[str, float]) -> str:
         f"few {row['centred_few_deg']:.2f} deg; distance {row['distance_all']:.1f}, refused {row['refused_all']:.0%}, "
         f"within 2 sigma {row['leaning_all_within_2']:.0%}"
     )
-
-
-def _code_digest() -> str:
-    """Return a hash of the code of the chain: results of other code are not continued."""
-    rooms = [Path(str(room.__file__)).parent for room in (calibration, foot, estimation)]
-    files = sorted(file for room in rooms for file in room.rglob("*.py"))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 
 def compute(context: StudyContext) -> tuple[MismatchResults, Plots]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from footsense.foot.cavity.air import VENTED, Cavity
 from footsense.lab.fem.whole import Imperfection
+from footsense.lab.geometry import ThinFilm
 from footsense.lab.monte_carlo.sweeps import YARDSTICK
 from footsense.lab.other_solids import AS_DESIGNED, OTHER_MESH, OtherSolid
 from footsense.sim.test_stand.reference_sensor import LINEARITY_REL
@@ -65,12 +66,16 @@ ROWS = {
         disturbance=Disturbance(reference_linearity_rel=LINEARITY_REL),
     ),
     "stand": Row(
-        title=f"test stand of the yardstick: stick {YARDSTICK.stick_deg:g} deg, reference "
-        f"{YARDSTICK.reference_resolutions:g} resolutions",
+        title="test stand of the yardstick",
         disturbance=Disturbance(
             lean_deg=YARDSTICK.stick_deg, reference_steps=YARDSTICK.reference_resolutions
         ),
     ),
+    "gold": Row(
+        title="0.1 um of gold stiffens the plates",
+        solid=OtherSolid(gold=ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)),
+    ),
+    "fringe": Row(title="fringe fields at the electrodes", disturbance=Disturbance(fringe=True)),
     "sealed": Row(title="cavities sealed", cavity=Cavity(kind="sealed"), represented=False),
     "leaking": Row(
         title="cavities leak in 1 s", cavity=Cavity(kind="leaking", leak_time_s=1.0), represented=False

@@ -9,7 +9,7 @@ from typing import Any
 import shapely
 
 from footsense.foot.cavity.air import CavityKind
-from footsense.lab.fabrication import process
+from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts import sheets, solids
 from footsense.lab.fabrication.parts.flex import GUARD, Flex
@@ -67,20 +67,20 @@ def check_flex(folder: Path, flex: Flex) -> Iterator[Check]:
     conductors = pieces(shapes)
     yield _nets(file, flex, conductors)
     narrowest = min(narrowest_mm([shape.area for shape in one]) for one in conductors)
-    yield at_least(file, "narrowest conductor", process.MIN_TRACE_MM, narrowest)
+    yield at_least(file, "narrowest conductor", dimensions.MIN_TRACE_MM, narrowest)
     whole = [shapely.union_all([shape.area for shape in one]) for one in conductors]
     gap = min(a.distance(b) for k, a in enumerate(whole) for b in whole[:k])
-    yield at_least(file, "least distance of two nets", process.MIN_GAP_MM, gap)
+    yield at_least(file, "least distance of two nets", dimensions.MIN_GAP_MM, gap)
     outline = read_outline(folder / flex.name / "profile.gbr")
     inner = [shape.area for shape in shapes if shape.function != "ConnectorPad"]
     to_edge = min(_depth_mm(outline, area) for area in inner)
     yield at_least(
-        f"{flex.name}/profile.gbr", "copper to the cut edge, contacts apart", process.EDGE_MM, to_edge
+        f"{flex.name}/profile.gbr", "copper to the cut edge, contacts apart", dimensions.EDGE_MM, to_edge
     )
     holes = read_holes(folder / flex.name / "drill.drl")
     to_copper = min(shapely.Point(u, v).distance(area) - d / 2.0 for u, v, d in holes for area in whole)
     yield at_least(
-        f"{flex.name}/drill.drl", f"{len(holes)} holes, distance to copper", process.EDGE_MM, to_copper
+        f"{flex.name}/drill.drl", f"{len(holes)} holes, distance to copper", dimensions.EDGE_MM, to_copper
     )
 
 
@@ -116,7 +116,7 @@ def check_sheets(folder: Path, array: ElementArray, cavity: CavityKind) -> Itera
     spacer, film = (sheets.read_dxf(folder / f"{name}.dxf") for name in ("spacer", "film"))
     half = array.sheet_mm / 2.0
     in_sheet = shapely.box(-half, -half, half, half)
-    drilled = 2.0 * math.pi / 4.0 * process.HOLE_MM**2
+    drilled = 2.0 * math.pi / 4.0 * dimensions.HOLE_MM**2
     yield near("film.dxf", "area in the sheet", array.sheet_mm**2, film.intersection(in_sheet).area, "mm2")
     filled = shapely.Polygon(film.exterior).area - film.area
     yield Check(

@@ -8,7 +8,7 @@ import shapely
 from netgen import occ
 from shapely import affinity
 
-from footsense.lab.fabrication import process
+from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.checks import ROUNDING_MM, Check, at_least, near
 from footsense.lab.fabrication.parts import sheets, solids
 from footsense.lab.fabrication.parts.flex import Flex
@@ -70,18 +70,18 @@ def check_ball(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> I
     names = "hemisphere-ground", "hemisphere-leg", "mould-body", "leg-socket"
     ground, leg, body, socket = (solids.read_step(folder / "step" / f"{name}.step") for name in names)
     file = "step/leg-socket.step"
-    yield near(file, "adhesive around the hemisphere", process.ADHESIVE_MM, socket.Distance(leg), "mm")
+    yield near(file, "adhesive around the hemisphere", dimensions.ADHESIVE_MM, socket.Distance(leg), "mm")
     yield at_least(file, "distance to the ground hemisphere", design.plate_mm, socket.Distance(ground))
     for flex in flexes:
         tail = _tail(folder, design, flex)
         what = f"play of the tail of the {flex.kind}s in its channel"
-        yield near(file, what, process.CHANNEL_PLAY_MM, socket.Distance(tail), "mm")
+        yield near(file, what, dimensions.CHANNEL_PLAY_MM, socket.Distance(tail), "mm")
     cast = solids.casting(design)
     file = "step/mould-body.step"
     yield near(file, "overlap of the hemisphere with the mould", 0.0, (body * cast).mass, "mm3")
     low, _ = body.bounding_box
     walls = [face.Distance(cast) for face in body.faces if solids.lies_outside(face, low)]
-    yield near(file, "least wall, bottom and sides", process.MOULD_WALL_MM, min(walls), "mm")
+    yield near(file, "least wall, bottom and sides", dimensions.MOULD_WALL_MM, min(walls), "mm")
 
 
 def _tail(folder: Path, design: FootDesign, flex: Flex) -> Any:
@@ -89,7 +89,7 @@ def _tail(folder: Path, design: FootDesign, flex: Flex) -> Any:
     outline = read_outline(folder / flex.name / "profile.gbr")
     across = outline.intersection(shapely.LineString([(flex.end_mm - 1.0, -99.0), (flex.end_mm - 1.0, 99.0)]))
     _, low_v, _, high_v = across.bounds
-    u = process.socket_radius_mm(design.ball_radius_mm) - process.CHANNEL_MM / 2.0
+    u = dimensions.socket_radius_mm(design.ball_radius_mm) - dimensions.CHANNEL_MM / 2.0
     (x, y), (far_x, far_y) = flex.to_foot((u - 0.05, low_v)), flex.to_foot((u + 0.05, high_v))
     low, high = design.plate_mm, design.plate_mm + design.ball_radius_mm
     corners = (min(x, far_x), min(y, far_y), low), (max(x, far_x), max(y, far_y), high)

@@ -1,29 +1,19 @@
-"""Young's modulus of a rubber and its Shore A hardness.
+"""Shore A hardness of a rubber by its Young's modulus, the inverse of the table's relation."""
 
-Source:
-    Gent, Rubber Chemistry and Technology 31, 896, 1958.
-"""
-
-#: Gent's coefficients: E = _MPA (_A + _B S) / (_C - _D S).
-_MPA, _A, _B, _C, _D = 0.0981 / 0.137505, 56.0, 7.62336, 254.0, 2.54
+#: Gent's relation is E = e (a + b S) / (100 - S) with these e [MPa], a and b.
+_MPA, _A, _B = 0.0981 / (0.137505 * 2.54), 56.0, 7.62336
 
 
-def youngs_mpa(hardness: float) -> float:
-    """Return Young's modulus of a hardness [MPa].
+def shore_a(youngs_mpa: float) -> float:
+    """Return the hardness of a modulus [MPa].
 
-    Example:
-        >>> round(youngs_mpa(60.0), 2)
-        3.61
-    """
-    return _MPA * (_A + _B * hardness) / (_C - _D * hardness)
-
-
-def shore_a(modulus_mpa: float) -> float:
-    """Return the Shore A hardness of a modulus [MPa].
+    Source:
+        As `footsense.lab.design.materials.youngs_mpa_of`.
 
     Example:
-        >>> round(shore_a(youngs_mpa(60.0)), 6)
+        >>> from footsense.lab.design.materials import youngs_mpa_of
+        >>> round(shore_a(youngs_mpa_of(60.0)), 6)
         60.0
     """
-    ratio = modulus_mpa / _MPA
-    return (_C * ratio - _A) / (_B + _D * ratio)
+    ratio = youngs_mpa / _MPA
+    return (100.0 * ratio - _A) / (_B + ratio)

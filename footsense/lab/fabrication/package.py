@@ -6,6 +6,7 @@ from pathlib import Path
 from footsense.errors import FootsenseError
 from footsense.lab.fabrication import checks, fits
 from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.assumptions import Assumptions, assumptions
 from footsense.lab.fabrication.documents import papers
 from footsense.lab.fabrication.documents.drawing import drawn_sheets, write_drawing
 from footsense.lab.fabrication.documents.picture import draw_parts
@@ -15,8 +16,6 @@ from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import Flex, flexes
 from footsense.lab.fabrication.tolerances import Tolerance, printed
 from footsense.lab.geometry import FootDesign
-from footsense.lab.monte_carlo.sweeps import TYPICAL
-from footsense.sim.foot.fabrication import FootTolerances
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +25,7 @@ class Package:
     Attributes:
         design: The foot.
         array: Its array.
+        assumed: What its design assumed.
         flexes: Row flex and column flex.
         parts: Its solids.
         tolerances: Tolerances of its drawing.
@@ -35,6 +35,7 @@ class Package:
 
     design: FootDesign
     array: ElementArray
+    assumed: Assumptions
     flexes: tuple[Flex, Flex]
     parts: list[solids.Part]
     tolerances: list[Tolerance]
@@ -42,13 +43,13 @@ class Package:
     elements: dict[tuple[str, str], Expected]
 
 
-def fabricate(design: FootDesign, folder: Path, assumed: FootTolerances = TYPICAL) -> Package:
+def fabricate(design: FootDesign, folder: Path, process: str | None = None) -> Package:
     """Write files and documents of a foot; arguments and errors as of `write_parts`.
 
     Raises:
         FootsenseError: A written file is not as it should be.
     """
-    package = write_parts(design, folder, assumed)
+    package = write_parts(design, folder, process)
     write_drawing(folder, design.foot_type, drawn_sheets(folder, design, package.flexes, package.tolerances))
     draw_parts(folder, design, package.flexes)
     papers.write(folder, design, package.flexes, package.checks, package.tolerances, package.elements)
@@ -60,18 +61,18 @@ def fabricate(design: FootDesign, folder: Path, assumed: FootTolerances = TYPICA
     return package
 
 
-def write_parts(design: FootDesign, folder: Path, assumed: FootTolerances = TYPICAL) -> Package:
+def write_parts(design: FootDesign, folder: Path, process: str | None = None) -> Package:
     """Write the files that parts are made from, read them back, and check them.
 
     Args:
         design: The foot.
         folder: Where they are written.
-        assumed: Rms deviations that the design assumed; without it, those of a typical foot in the lab's Monte Carlo.
+        process: Name of the process that its design assumed; None for the first with its film.
 
     Raises:
         ConfigError: It cannot be made; the message begins with the key.
     """
-    array = ElementArray.of(design)
+    array, assumed = ElementArray.of(design), assumptions(design, process)
     require_makeable(design, array, assumed)
     both = flexes(array, design.ball_radius_mm)
     parts = solids.all_parts(design)
@@ -88,7 +89,7 @@ def write_parts(design: FootDesign, folder: Path, assumed: FootTolerances = TYPI
         sheets.write_dxf(
             folder / f"{name}.dxf", shape, f"{design.foot_type} {name}, {thickness_um:g} um thick"
         )
-    tolerances = printed(design, assumed)
+    tolerances = printed(design, assumed.rms)
     found = [
         *(check for flex in both for check in checks.check_flex(folder, flex)),
         *checks.check_sheets(folder, array, design.cavity),
@@ -101,12 +102,14 @@ def write_parts(design: FootDesign, folder: Path, assumed: FootTolerances = TYPI
     return Package(
         design=design,
         array=array,
+        assumed=assumed,
         flexes=both,
         parts=parts,
         tolerances=tolerances,
         checks=found,
         elements={
-            pair: expected(design, area, assumed) for pair, area in fits.overlaps_mm2(folder, both).items()
+            pair: expected(design, area, assumed.rms)
+            for pair, area in fits.overlaps_mm2(folder, both).items()
         },
     )
 

@@ -1,16 +1,17 @@
-"""Printed tolerances: as wide as the lab's Monte Carlo assumed, and no wider.
+"""Printed tolerances: as wide as the design assumed, and no wider.
 
-The lab draws the gap and the film of each element, the stiffness of the foot and its mounting, each with an rms; a
-drawing has limits. Printed are twice the rms. Size and offset of the electrodes change all elements by one factor, as a
-softer rubber does: elastances, and with them the closures that the daemon computes, are in proportion to 1 over the
-area. They are counted as stiffness, and the hardness of the rubber has what they leave.
+A process has an rms deviation of gap, film, stiffness and mounting; a drawing has limits. Printed are twice the rms.
+Size and offset of the electrodes change all elements by one factor, as a softer rubber does: elastances, and with them
+the closures that the daemon computes, are in proportion to 1 over the area. They are counted as stiffness, and the
+hardness of the rubber has what they leave.
 """
 
 import math
 from dataclasses import dataclass
 
-from footsense.lab.fabrication import process
-from footsense.lab.fabrication.hardness import shore_a, youngs_mpa
+from footsense.lab.design.materials import youngs_mpa_of
+from footsense.lab.fabrication import dimensions
+from footsense.lab.fabrication.hardness import shore_a
 from footsense.lab.geometry import FootDesign
 from footsense.sim.foot.fabrication import FootTolerances
 
@@ -30,7 +31,7 @@ class Tolerance:
         limit: Largest deviation to either side.
         unit: Unit of both.
         counts: How much of the assumed quantity the limit uses up, in the unit of `allowed`.
-        allowed: Largest deviation that the lab's Monte Carlo assumed.
+        allowed: Largest deviation that the design assumed.
         assumed: What was assumed, for people.
     """
 
@@ -50,12 +51,12 @@ class Tolerance:
 
 def etch_rel(electrode_mm: float) -> float:
     """Return the largest deviation of an electrode's area by etching [1]."""
-    return 2.0 * process.ETCH_MM / electrode_mm
+    return 2.0 * dimensions.ETCH_MM / electrode_mm
 
 
 def offset_rel(electrode_mm: float) -> float:
     """Return the largest loss of overlap by the offset of the flexes along both axes [1]."""
-    return math.sqrt(2.0) * process.REGISTRATION_MM / electrode_mm
+    return math.sqrt(2.0) * dimensions.REGISTRATION_MM / electrode_mm
 
 
 def area_rel(electrode_mm: float) -> float:
@@ -80,16 +81,17 @@ def printed(design: FootDesign, assumed: FootTolerances) -> list[Tolerance]:
         assumed: Rms deviations that the design assumed.
     """
     gap, film = LIMIT_OVER_RMS * assumed.gap_um, LIMIT_OVER_RMS * assumed.film_um
+    gap_limit, film_limit = (math.floor(10.0 * value) / 10.0 for value in (gap, film))
     mount_deg, stiffness = LIMIT_OVER_RMS * assumed.mount_deg, LIMIT_OVER_RMS * assumed.stiffness_rel
-    play_deg = math.degrees(process.CHANNEL_PLAY_MM / process.socket_radius_mm(design.ball_radius_mm))
+    play_deg = math.degrees(dimensions.CHANNEL_PLAY_MM / dimensions.socket_radius_mm(design.ball_radius_mm))
     side, mpa = design.electrode_mm, design.rubber.youngs_mpa
     shore, shore_limit = shore_a(mpa), hardness_limit(design, assumed)
-    by_rubber = max(abs(youngs_mpa(shore + s * shore_limit) / mpa - 1.0) for s in (-1.0, 1.0))
+    by_rubber = max(abs(youngs_mpa_of(shore + s * shore_limit) / mpa - 1.0) for s in (-1.0, 1.0))
     rows = [
-        ("spacer (gap)", design.gap_um, gap, "um", gap, gap, f"gap +-{gap:.3g} um"),
-        ("film", design.film_um, film, "um", film, film, f"film +-{film:.3g} um"),
-        ("electrode side", side, process.ETCH_MM, "mm", etch_rel(side), stiffness, ""),
-        ("offset of the flexes", 0.0, process.REGISTRATION_MM, "mm", offset_rel(side), stiffness, ""),
+        ("spacer (gap)", design.gap_um, gap_limit, "um", gap_limit, gap, f"gap +-{gap:.3g} um"),
+        ("film", design.film_um, film_limit, "um", film_limit, film, f"film +-{film:.3g} um"),
+        ("electrode side", side, dimensions.ETCH_MM, "mm", etch_rel(side), stiffness, ""),
+        ("offset of the flexes", 0.0, dimensions.REGISTRATION_MM, "mm", offset_rel(side), stiffness, ""),
         (
             "hardness",
             round(shore),
@@ -106,7 +108,7 @@ def printed(design: FootDesign, assumed: FootTolerances) -> list[Tolerance]:
         Tolerance(
             name=name,
             nominal=nominal,
-            limit=float(f"{limit:.2g}"),
+            limit=round(limit, 2),
             unit=unit,
             counts=counts,
             allowed=allowed,

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from matplotlib.backends.backend_pdf import PdfPages
 
-from footsense.lab.fabrication import process
+from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.documents.paper_sheet import PaperSheet, View, scale_for
 from footsense.lab.fabrication.documents.papers import film_material
@@ -65,7 +65,7 @@ def _assembly(
     page: PaperSheet, design: FootDesign, parts: dict[str, Any], tolerances: list[Tolerance]
 ) -> PaperSheet:
     radius, plate, half = design.ball_radius_mm, design.plate_mm, design.sheet_mm / 2.0
-    outer, top = process.socket_radius_mm(design.ball_radius_mm), plate + radius + process.SOCKET_TOP_MM
+    outer, top = dimensions.socket_radius_mm(design.ball_radius_mm), plate + radius + dimensions.SOCKET_TOP_MM
     scale = scale_for((2.0 * outer, top + radius + plate), (150.0, 165.0))
     view = page.view(
         (110.0, 160.0), scale, (-outer, -radius - plate, outer, top), "Section, forward to the right, *"
@@ -78,18 +78,18 @@ def _assembly(
         view.area(section(parts[name]), colour, hatch)
     for level in (-plate, 0.0):
         view.area(shapely.box(-half, level, half, level + plate), _PDMS)
-    rise = outer - process.CHANNEL_MM / 2.0
+    rise = outer - dimensions.CHANNEL_MM / 2.0
     view.line([(-half, 0.0), (rise, 0.0), (rise, top)], color=_COPPER, lw=1.6)
     view.centre([(0.0, -radius - plate - 2.0), (0.0, top + 0.8)])
     view.dimension([(-outer, top), (outer, top)], 8.0, f"dia. {2.0 * outer:.1f}")
     view.dimension([(-outer, plate), (-outer, top)], -8.0, f"{top - plate:g}")
     view.note((-0.6 * radius, -plate - 0.6 * radius), (-14.0, -22.0), f"R {radius:g} +-0.1")
-    hollow = radius + process.ADHESIVE_MM
+    hollow = radius + dimensions.ADHESIVE_MM
     place = (-0.71 * hollow, plate + 0.71 * hollow)
     view.note(
         place,
         (-2.0, scale * (top - place[1]) + 18.0),
-        f"R {hollow:.1f} +-0.05, adhesive {process.ADHESIVE_MM:g}",
+        f"R {hollow:.1f} +-0.05, adhesive {dimensions.ADHESIVE_MM:g}",
         "right",
     )
     view.note((rise, 0.55 * top), (12.0, 0.0), "tail of the columns,\nin its channel")
@@ -108,8 +108,8 @@ def _assembly(
 def _stack(page: PaperSheet, design: FootDesign) -> None:
     """Draw the layers, thickened."""
     layers = [
-        ("hemisphere of the leg", "rubber", _RUBBER, 10.0),
-        ("plate", f"PDMS, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
+        ("hemisphere of the leg", f"rubber of {design.rubber.youngs_mpa:g} MPa", _RUBBER, 10.0),
+        ("plate", f"elastomer of {design.pdms.youngs_mpa:g} MPa, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
         ("column flex, copper down", "polyimide and copper, or gold on the plate", _COPPER, 4.0),
         (
             "spacer",
@@ -119,8 +119,8 @@ def _stack(page: PaperSheet, design: FootDesign) -> None:
         ),
         ("film", f"{design.film_um:g} um of {film_material(design)}", "#bfe0c4", 6.0),
         ("row flex, copper up", "polyimide and copper, or gold on the plate", _COPPER, 4.0),
-        ("plate", f"PDMS, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
-        ("hemisphere of the ground", "rubber", _RUBBER, 10.0),
+        ("plate", f"elastomer of {design.pdms.youngs_mpa:g} MPa, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
+        ("hemisphere of the ground", f"rubber of {design.rubber.youngs_mpa:g} MPa", _RUBBER, 10.0),
     ]
     height = sum(thickness for *_, thickness in layers)
     view = page.view((258.0, 225.0), 1.0, (0.0, 0.0, 80.0, height), "Stack, not to scale", 6.0)
@@ -135,7 +135,7 @@ def _stack(page: PaperSheet, design: FootDesign) -> None:
 
 
 def _machined(page: PaperSheet, design: FootDesign, parts: dict[str, Any]) -> PaperSheet:
-    radius, wall = design.ball_radius_mm, process.MOULD_WALL_MM
+    radius, wall = design.ball_radius_mm, dimensions.MOULD_WALL_MM
     half_x, half_y, deep = 2.0 * radius + 1.5 * wall, radius + wall, radius + wall
     off = solids.mould_centres_mm(design)[1]
     scale = scale_for((2.0 * half_x, 2.0 * half_y), (150.0, 75.0))
@@ -146,19 +146,19 @@ def _machined(page: PaperSheet, design: FootDesign, parts: dict[str, Any]) -> Pa
     lid.dimension([(-half_x, half_y), (half_x, half_y)], 6.0, f"{2.0 * half_x:g}")
     lid.dimension([(half_x, -half_y), (half_x, half_y)], 10.0, f"{2.0 * half_y:g}")
     lid.dimension([(-off, 0.0), (off, 0.0)], -scale * half_y - 6.0, f"{2.0 * off:g} +-0.05")
-    lid.note((-off, 0.0), (-34.0, 8.0), f"2 x dia. {process.SPRUE_MM:g}")
-    lid.note((-off, radius - process.AIR_MM), (-34.0, 6.0), f"4 x dia. {process.AIR_MM:g}")
-    inset = process.DOWEL_MM
+    lid.note((-off, 0.0), (-34.0, 8.0), f"2 x dia. {dimensions.SPRUE_MM:g}")
+    lid.note((-off, radius - dimensions.AIR_MM), (-34.0, 6.0), f"4 x dia. {dimensions.AIR_MM:g}")
+    inset = dimensions.DOWEL_MM
     lid.note(
-        (half_x - inset, half_y - inset), (18.0, 12.0), f"2 x dia. {process.DOWEL_MM:g} H7, {wall:g} thick"
+        (half_x - inset, half_y - inset), (18.0, 12.0), f"2 x dia. {dimensions.DOWEL_MM:g} H7, {wall:g} thick"
     )
     body = page.view((105.0, 130.0), scale, (-half_x, -deep, half_x, 0.0), "Section of the body, *", 8.0)
     body.area(section(parts["mould-body"]), _METAL, "////")
     body.dimension([(half_x, -deep), (half_x, 0.0)], 10.0, f"{deep:g}")
     body.note((off - 0.7 * radius, -0.7 * radius), (-10.0, 34.0), f"2 x R {radius:g} +-0.05, polished")
     outer, top, rim = (
-        process.socket_radius_mm(design.ball_radius_mm),
-        design.plate_mm + radius + process.SOCKET_TOP_MM,
+        dimensions.socket_radius_mm(design.ball_radius_mm),
+        design.plate_mm + radius + dimensions.SOCKET_TOP_MM,
         design.plate_mm,
     )
     scale = scale_for((2.0 * outer, 2.0 * outer), (120.0, 110.0))
@@ -172,16 +172,16 @@ def _machined(page: PaperSheet, design: FootDesign, parts: dict[str, Any]) -> Pa
     place = 0.65 * outer * np.sqrt(0.5)
     socket.note(
         (-place, place), (-30.0, 24.0),
-        f"{process.SCREWS} x M2.5, {process.CORE_DEPTH_MM:g} deep,\non dia. {1.3 * outer:.1f}",
+        f"{dimensions.SCREWS} x M2.5, {dimensions.CORE_DEPTH_MM:g} deep,\non dia. {1.3 * outer:.1f}",
     )  # fmt: skip
-    for k, at in enumerate(((outer - process.CHANNEL_MM, 0.0), (0.0, outer - process.CHANNEL_MM))):
-        width = 2.0 * process.CHANNEL_PLAY_MM + solids.tail_mm(design)[k]
+    for k, at in enumerate(((outer - dimensions.CHANNEL_MM, 0.0), (0.0, outer - dimensions.CHANNEL_MM))):
+        width = 2.0 * dimensions.CHANNEL_PLAY_MM + solids.tail_mm(design)[k]
         socket.note(
-            at, ((24.0, -22.0), (26.0, 16.0))[k], f"channel {width:g} +0.1/0\nx {process.CHANNEL_MM:g}"
+            at, ((24.0, -22.0), (26.0, 16.0))[k], f"channel {width:g} +0.1/0\nx {dimensions.CHANNEL_MM:g}"
         )
-    socket.note((0.0, 0.0), (-42.0, -38.0), f"bore dia. {process.AIR_MM:g}")
-    socket.note((0.85 * (outer - process.CHANNEL_MM), 0.0), (20.0, 24.0), "mark: forward")
-    hollow = f"Hollow: R {radius + process.ADHESIVE_MM:.1f} +-0.05 around the middle of the lower face; "
+    socket.note((0.0, 0.0), (-42.0, -38.0), f"bore dia. {dimensions.AIR_MM:g}")
+    socket.note((0.85 * (outer - dimensions.CHANNEL_MM), 0.0), (20.0, 24.0), "mark: forward")
+    hollow = f"Hollow: R {radius + dimensions.ADHESIVE_MM:.1f} +-0.05 around the middle of the lower face; "
     hollow += f"height {top - rim:g}."
     page.text((305.0, 112.0), hollow, ha="center")
     return page
@@ -233,29 +233,31 @@ def _flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
     *_, end, _ = outline.bounds
     u, v = flex.element_u_mm, flex.line_v_mm
     ends = (u[0] - side / 2.0, v[0] - side / 2.0), (u[0] + side / 2.0, v[0] - side / 2.0)
-    view.dimension(ends, -7.0, f"{side:g} +-{process.ETCH_MM:g}")
+    view.dimension(ends, -7.0, f"{side:g} +-{dimensions.ETCH_MM:g}")
     view.dimension([(-half, -half), (half, -half)], -13.0, f"{2.0 * half:g}")
     view.dimension([(0.0, -half), (end, -half)], -19.0, f"{end:g}")
     view.dimension([(end, -tail), (end, tail)], 7.0, f"{2.0 * tail:g} +-0.05")
     if len(v) > 1:
         left = outline.bounds[0]
         view.dimension([(left, v[0]), (left, v[1])], -6.0, f"{v[1] - v[0]:g}")
-    size = f"{process.CONTACT_WIDTH_MM:g} x {process.CONTACT_MM:g}, pitch {process.CONTACT_PITCH_MM:g}"
+    size = (
+        f"{dimensions.CONTACT_WIDTH_MM:g} x {dimensions.CONTACT_MM:g}, pitch {dimensions.CONTACT_PITCH_MM:g}"
+    )
     contacts = f"{len(flex.contact_v_mm)} contacts {size}; contact 1 is the lowest;\n"
     contacts += f"even: {', '.join(flex.nets)}; odd: {GUARD}"
-    view.note((flex.end_mm - process.CONTACT_MM / 2.0, tail), (-30.0, 16.0), contacts, "center")
-    stiff = f"stiffener {process.STIFFENER_MM:g}, other side; 0.3 thick with it"
-    view.note((flex.end_mm - process.STIFFENER_MM, -tail), (-30.0, -10.0), stiff, "center")
+    view.note((flex.end_mm - dimensions.CONTACT_MM / 2.0, tail), (-8.0, 16.0), contacts, "center")
+    stiff = f"stiffener {dimensions.STIFFENER_MM:g}, other side; 0.3 thick with it"
+    view.note((flex.end_mm - dimensions.STIFFENER_MM, -tail), (-18.0, -10.0), stiff, "center")
 
 
 def _sheet(view: View, array: ElementArray, ball_radius_mm: float, name: str) -> None:
     half = array.sheet_mm / 2.0
-    far = ball_radius_mm + process.EAR_MM
+    far = ball_radius_mm + dimensions.EAR_MM
     view.dimension([(-half, half), (half, half)], 6.0, f"{array.sheet_mm:g} +-0.05")
     view.dimension(
-        [(-far, 0.0), (0.0, 0.0)], -view.scale * (far + process.EAR_RADIUS_MM) - 6.0, f"{far:g} +-0.05"
+        [(-far, 0.0), (0.0, 0.0)], -view.scale * (far + dimensions.EAR_RADIUS_MM) - 6.0, f"{far:g} +-0.05"
     )
-    view.note((0.0, -far), (22.0, 0.0), f"2 x dia. {process.HOLE_MM:g} +0.05/0")
+    view.note((0.0, -far), (22.0, 0.0), f"2 x dia. {dimensions.HOLE_MM:g} +0.05/0")
     if name == "spacer":
         x, y = array.row_x_mm[0], array.column_y_mm[0]
         side = array.electrode_mm

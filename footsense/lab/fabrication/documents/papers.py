@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from footsense.lab.fabrication import process
+from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.checks import Check
 from footsense.lab.fabrication.expected import Expected
@@ -42,7 +42,7 @@ def write(
     names: dict[str, Any] = {
         "design": design,
         "array": ElementArray.of(design),
-        "process": process,
+        "dimensions": dimensions,
         "flexes": flexes,
         "GUARD": GUARD,
         "contacts": {flex.kind: contacts(flex) for flex in flexes},
@@ -68,17 +68,17 @@ def bill(design: FootDesign, flexes: tuple[Flex, Flex]) -> list[tuple[float | in
     shore, side, plate = shore_a(design.rubber.youngs_mpa), design.sheet_mm, design.plate_mm
     rubber = f"Shore A {shore:.0f}, {design.rubber.youngs_mpa:g} MPa, cures at room temperature, shrinks below 0.5 %"
     pdms = f"elastomer of {design.pdms.youngs_mpa:g} MPa (PDMS), {side:g} x {side:g} x {plate:g} mm"
-    dowel_mm = 2.0 * process.DOWEL_MM + process.MOULD_WALL_MM
+    dowel_mm = 2.0 * dimensions.DOWEL_MM + dimensions.MOULD_WALL_MM
     rows: list[tuple[float | int, str, str, str, str]] = [
         (round(rubber_g(design), 1), "g", "rubber for two hemispheres", rubber, "step/hemisphere-*.step"),
         (2, "piece", "plate", pdms, "drawing.pdf"),
         (1, "piece", "spacer", f"{design.gap_um:g} um, film or PDMS, laser-cut", "spacer.dxf"),
         (1, "piece", "film", f"{design.film_um:g} um of {film_material(design)}", "film.dxf"),
         (1, "set", "mould", "aluminium or acrylic, hollows polished; serves all feet", "step/mould-*.step"),
-        (2, "piece", "dowel pin of the mould", f"{process.DOWEL_MM:g} x {dowel_mm:g} mm", ""),
+        (2, "piece", "dowel pin of the mould", f"{dimensions.DOWEL_MM:g} x {dowel_mm:g} mm", ""),
         (2, "piece", "dowel pin of the stack", "2 x 10 mm", ""),
         (1, "piece", "socket of the leg", "aluminium or printed resin", "step/leg-socket.step"),
-        (process.SCREWS, "piece", "screw of the socket", "M2.5 x 6", ""),
+        (dimensions.SCREWS, "piece", "screw of the socket", "M2.5 x 6", ""),
         (1, "g", "adhesive", "silicone, flexible, cures at room temperature; primer for the rubber", ""),
         (1, "piece", "FDC1004", "capacitance-to-digital converter of the leg", ""),
         (1, "piece", "ADG715", "row switch of the leg", ""),
@@ -86,7 +86,7 @@ def bill(design: FootDesign, flexes: tuple[Flex, Flex]) -> list[tuple[float | in
     for flex in flexes:
         lines, count = len(flex.nets), len(flex.contact_v_mm)
         layers = f"one layer of copper on polyimide, {lines} lines, {count} contacts, 0.3 mm at the contacts"
-        plug = f"zero insertion force, pitch {process.CONTACT_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
+        plug = f"zero insertion force, pitch {dimensions.CONTACT_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
         rows += [
             (1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"),
             (1, "piece", f"connector of the {flex.kind}s", plug, ""),

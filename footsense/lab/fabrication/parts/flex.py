@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import shapely
 
-from footsense.lab.fabrication import process
+from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 
@@ -62,53 +62,47 @@ class Flex:
     def contact_v_mm(self) -> list[float]:
         """Coordinates v of the contacts [mm], contact 1 first: guards at odd numbers, lines at even ones."""
         contacts = 2 * len(self.line_v_mm) + 1
-        return [(k - (contacts - 1) / 2.0) * process.CONTACT_PITCH_MM for k in range(contacts)]
+        return [(k - (contacts - 1) / 2.0) * dimensions.CONTACT_PITCH_MM for k in range(contacts)]
 
     @property
     def tail_half_mm(self) -> float:
         """Half the width of the tail [mm]."""
-        return self.contact_v_mm[-1] + process.CONTACT_PITCH_MM
+        return self.contact_v_mm[-1] + dimensions.CONTACT_PITCH_MM
 
     @property
     def fan_mm(self) -> float:
         """Length along u on which the traces converge [mm]: at 45 degrees, or steeper where the socket is near."""
         pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
-        room = process.socket_radius_mm(self.ball_radius_mm) - process.CORNER_MM - self.fan_from_mm
+        room = dimensions.socket_radius_mm(self.ball_radius_mm) - dimensions.CORNER_MM - self.fan_from_mm
         return min(max(abs(v - w) for v, w in pairs), room)
 
     @property
     def tail_from_mm(self) -> float:
         """Coordinate u from which the tail is straight [mm]: the traces have reached the places of the contacts."""
-        return self.fan_from_mm + self.fan_mm + process.CORNER_MM
-
-    @property
-    def steepest(self) -> float:
-        """Slope of the steepest trace, across over along the tail [1]."""
-        pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
-        return max(abs(v - w) for v, w in pairs) / max(self.fan_mm, 1e-9)
+        return self.fan_from_mm + self.fan_mm + dimensions.CORNER_MM
 
     @property
     def fan_from_mm(self) -> float:
         """Coordinate u from which the traces converge [mm]: outside the sheet."""
-        return self.half_mm + process.EDGE_MM
+        return self.half_mm + dimensions.EDGE_MM
 
     @property
     def end_mm(self) -> float:
         """Coordinate u of the end of the tail [mm]."""
-        return self.ball_radius_mm + process.TAIL_MM
+        return self.ball_radius_mm + dimensions.TAIL_MM
 
     @property
     def holes(self) -> list[tuple[Point, float]]:
         """Alignment holes, centre and diameter [mm]: on the sides of the foot on which no tail leaves."""
-        far = self.ball_radius_mm + process.EAR_MM
-        return [((-far, 0.0), process.HOLE_MM), ((0.0, far), process.HOLE_MM)]
+        far = self.ball_radius_mm + dimensions.EAR_MM
+        return [((-far, 0.0), dimensions.HOLE_MM), ((0.0, far), dimensions.HOLE_MM)]
 
     @cached_property
     def copper(self) -> list[Pad | Trace]:
         """Shapes of the copper layer."""
         shapes: list[Pad | Trace] = []
-        side, width = self.array.electrode_mm, process.TRACE_MM
-        contact_u = self.end_mm - process.CONTACT_MM / 2.0
+        side, width = self.array.electrode_mm, dimensions.TRACE_MM
+        contact_u = self.end_mm - dimensions.CONTACT_MM / 2.0
         for k, (net, v) in enumerate(zip(self.nets, self.line_v_mm, strict=True)):
             shapes += [
                 Pad(centre=(u, v), size=(side, side), function="Other,Electrode", net=net)
@@ -130,7 +124,7 @@ class Flex:
             shapes.append(
                 Pad(
                     centre=(contact_u, w),
-                    size=(process.CONTACT_MM, process.CONTACT_WIDTH_MM),
+                    size=(dimensions.CONTACT_MM, dimensions.CONTACT_WIDTH_MM),
                     function="ConnectorPad",
                     net=net,
                     pin=f"{CONNECTOR},{number}",
@@ -142,7 +136,7 @@ class Flex:
     def openings(self) -> list[Pad | Trace]:
         """Openings of the coverlay: the whole sheet, whose electrodes face the film or the air, and the contacts."""
         sheet, contacts = 2.0 * self.half_mm, 2.0 * self.tail_half_mm
-        bare = process.CONTACT_MM
+        bare = dimensions.CONTACT_MM
         return [
             Pad(centre=(0.0, 0.0), size=(sheet, sheet), function="Material"),
             Pad(centre=(self.end_mm - bare / 2.0, 0.0), size=(bare, contacts), function="Material"),
@@ -151,14 +145,14 @@ class Flex:
     @property
     def stiffener(self) -> list[Pad | Trace]:
         """The stiffener under the contacts, on the side without copper."""
-        length = process.STIFFENER_MM
+        length = dimensions.STIFFENER_MM
         size = (length, 2.0 * self.tail_half_mm)
         return [Pad(centre=(self.end_mm - length / 2.0, 0.0), size=size, function="Material")]
 
     @property
     def half_mm(self) -> float:
         """Half the side of the polymer in the ball [mm]: that of the sheet, or more, to keep the cut off the copper."""
-        return self.array.sheet_mm / 2.0 + max(0.0, process.EDGE_MM - self.array.rim_mm)
+        return self.array.sheet_mm / 2.0 + max(0.0, dimensions.EDGE_MM - self.array.rim_mm)
 
     @cached_property
     def outline(self) -> Any:
@@ -170,14 +164,14 @@ class Flex:
         tail = shapely.box(half, -fan, self.end_mm, fan)
         ears = [ear(half, centre) for centre, _ in self.holes]
         whole = shapely.union_all([shapely.box(-half, -half, half, half), neck, tail, *ears])
-        radius = process.CORNER_MM  # inner corners are rounded, so that they do not tear
+        radius = dimensions.CORNER_MM  # inner corners are rounded, so that they do not tear
         return whole.buffer(radius, join_style="mitre").buffer(-radius).buffer(0.0)
 
     @property
     def profile(self) -> list[Pad | Trace]:
         """The outline as a closed line of the profile layer."""
         points = [(float(u), float(v)) for u, v in self.outline.exterior.coords]
-        return [Trace(points=points, width_mm=process.PROFILE_LINE_MM, function="Profile")]
+        return [Trace(points=points, width_mm=dimensions.PROFILE_LINE_MM, function="Profile")]
 
 
 def ear(half: float, hole: Point) -> Any:
@@ -185,7 +179,7 @@ def ear(half: float, hole: Point) -> Any:
     across = (0.0, half) if hole[0] else (half, 0.0)
     towards = tuple(half * (value > 0) - half * (value < 0) for value in hole)
     side = [(towards[0] + s * across[0], towards[1] + s * across[1]) for s in (-1.0, 1.0)]
-    round_end = shapely.Point(hole).buffer(process.EAR_RADIUS_MM, quad_segs=16)
+    round_end = shapely.Point(hole).buffer(dimensions.EAR_RADIUS_MM, quad_segs=16)
     return shapely.union_all([round_end, shapely.MultiPoint([*side, hole])]).convex_hull
 
 

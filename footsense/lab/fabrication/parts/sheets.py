@@ -14,7 +14,7 @@ import shapely
 from ezdxf import units
 
 from footsense.foot.cavity.air import CavityKind
-from footsense.lab.fabrication import process
+from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import ear
 
@@ -24,7 +24,7 @@ _ROUNDING_MM = 1e-9
 
 def holes(ball_radius_mm: float) -> list[tuple[float, float]]:
     """Return the centres (x, y) of the alignment holes [mm]: behind the foot and to its right."""
-    far = ball_radius_mm + process.EAR_MM
+    far = ball_radius_mm + dimensions.EAR_MM
     return [(-far, 0.0), (0.0, -far)]
 
 
@@ -32,7 +32,7 @@ def film(array: ElementArray, ball_radius_mm: float) -> Any:
     """Return the film, a polygon of shapely [mm]: the whole sheet with its ears."""
     half, places = array.sheet_mm / 2.0, holes(ball_radius_mm)
     whole = shapely.union_all([shapely.box(-half, -half, half, half), *(ear(half, p) for p in places)])
-    drilled = [shapely.Point(place).buffer(process.HOLE_MM / 2.0, quad_segs=16) for place in places]
+    drilled = [shapely.Point(place).buffer(dimensions.HOLE_MM / 2.0, quad_segs=16) for place in places]
     return whole.difference(shapely.union_all(drilled))
 
 
@@ -52,7 +52,7 @@ def cavities(array: ElementArray) -> Any:
 
 def has_rim(array: ElementArray) -> bool:
     """Tell whether the sheet is so much larger than the array that a rim of the spacer can be cut."""
-    return array.rim_mm > process.MIN_RIM_MM - _ROUNDING_MM
+    return array.rim_mm > dimensions.MIN_RIM_MM - _ROUNDING_MM
 
 
 def vents(array: ElementArray) -> list[Any]:
@@ -64,7 +64,7 @@ def vents(array: ElementArray) -> list[Any]:
         if len(columns) < 3:
             return []
         rows, ends = rows[1:-1], (columns[-2], columns[0])
-    half = process.VENT_MM / 2.0
+    half = dimensions.VENT_MM / 2.0
     return [shapely.box(x - half, ends[0], x + half, ends[1]) for x in rows]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from netgen import occ
 
-from footsense.lab.fabrication import process
+from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.fem.solids import NEAR_MM, SIDES, hemisphere
@@ -49,7 +49,7 @@ def hemispheres(design: FootDesign) -> list[Part]:
 
 def mould(design: FootDesign) -> list[Part]:
     """Return the mould's body, with two hollows that open upwards at z = 0, and its lid."""
-    radius, wall = design.ball_radius_mm, process.MOULD_WALL_MM
+    radius, wall = design.ball_radius_mm, dimensions.MOULD_WALL_MM
     centres = mould_centres_mm(design)
     half_x, half_y = 2.0 * radius + 1.5 * wall, radius + wall
     body = occ.Box(occ.Pnt(-half_x, -half_y, -(radius + wall)), occ.Pnt(half_x, half_y, 0))
@@ -58,18 +58,18 @@ def mould(design: FootDesign) -> list[Part]:
     for x in centres:
         body -= occ.Sphere(occ.Pnt(x, 0, 0), radius)
         body_mm3 -= 2.0 / 3.0 * math.pi * radius**3
-        rim = radius - process.AIR_MM
-        bores = [(x, 0.0, process.SPRUE_MM), (x, rim, process.AIR_MM), (x, -rim, process.AIR_MM)]
+        rim = radius - dimensions.AIR_MM
+        bores = [(x, 0.0, dimensions.SPRUE_MM), (x, rim, dimensions.AIR_MM), (x, -rim, dimensions.AIR_MM)]
         for u, v, diameter in bores:
             lid -= _bore(u, v, diameter, (-1.0, wall + 1.0))
             lid_mm3 -= math.pi / 4.0 * diameter**2 * wall
-    inset = process.DOWEL_MM
+    inset = dimensions.DOWEL_MM
     for sign in (-1.0, 1.0):
-        place = (sign * (half_x - inset), sign * (half_y - inset), process.DOWEL_MM)
-        body -= _bore(*place, (-2.0 * process.DOWEL_MM, 1.0))
+        place = (sign * (half_x - inset), sign * (half_y - inset), dimensions.DOWEL_MM)
+        body -= _bore(*place, (-2.0 * dimensions.DOWEL_MM, 1.0))
         lid -= _bore(*place, (-1.0, wall + 1.0))
-        area = math.pi / 4.0 * process.DOWEL_MM**2
-        body_mm3, lid_mm3 = body_mm3 - 2.0 * process.DOWEL_MM * area, lid_mm3 - wall * area
+        area = math.pi / 4.0 * dimensions.DOWEL_MM**2
+        body_mm3, lid_mm3 = body_mm3 - 2.0 * dimensions.DOWEL_MM * area, lid_mm3 - wall * area
     return [
         Part(name="mould-body", solid=body, volume_mm3=body_mm3),
         Part(name="mould-lid", solid=lid, volume_mm3=lid_mm3),
@@ -78,7 +78,7 @@ def mould(design: FootDesign) -> list[Part]:
 
 def mould_centres_mm(design: FootDesign) -> tuple[float, float]:
     """Return x of the centres of the mould's two hollows [mm]."""
-    off = design.ball_radius_mm + process.MOULD_WALL_MM / 2.0
+    off = design.ball_radius_mm + dimensions.MOULD_WALL_MM / 2.0
     return -off, off
 
 
@@ -91,44 +91,44 @@ def tail_mm(design: FootDesign) -> tuple[float, float]:
 def socket(design: FootDesign) -> Part:
     """Return the leg's socket: it holds the whole curved surface of the leg hemisphere."""
     outer, hollow = (
-        process.socket_radius_mm(design.ball_radius_mm),
-        design.ball_radius_mm + process.ADHESIVE_MM,
+        dimensions.socket_radius_mm(design.ball_radius_mm),
+        design.ball_radius_mm + dimensions.ADHESIVE_MM,
     )
     rim = design.plate_mm
-    top = rim + design.ball_radius_mm + process.SOCKET_TOP_MM
+    top = rim + design.ball_radius_mm + dimensions.SOCKET_TOP_MM
     solid = _bore(0.0, 0.0, 2.0 * outer, (rim, top)) - occ.Sphere(occ.Pnt(0, 0, rim), hollow)
-    solid -= _bore(0.0, 0.0, process.AIR_MM, (rim, top + 1.0))  # excess adhesive leaves here
-    inside = outer - process.CHANNEL_MM
+    solid -= _bore(0.0, 0.0, dimensions.AIR_MM, (rim, top + 1.0))  # excess adhesive leaves here
+    inside = outer - dimensions.CHANNEL_MM
     for width, forward in zip(tail_mm(design), (True, False), strict=True):
-        half = width / 2.0 + process.CHANNEL_PLAY_MM
+        half = width / 2.0 + dimensions.CHANNEL_PLAY_MM
         corners = [(inside, -half), (outer + 1.0, half)]
         if not forward:
             corners = [(-half, inside), (half, outer + 1.0)]
         solid -= occ.Box(occ.Pnt(*corners[0], rim - 1.0), occ.Pnt(*corners[1], top + 1.0))
-    for k in range(process.SCREWS):
-        angle = 2.0 * math.pi * (k + 0.5) / process.SCREWS
+    for k in range(dimensions.SCREWS):
+        angle = 2.0 * math.pi * (k + 0.5) / dimensions.SCREWS
         circle = 0.65 * outer
-        place = (circle * math.cos(angle), circle * math.sin(angle), process.CORE_MM)
-        solid -= _bore(*place, (top - process.CORE_DEPTH_MM, top + 1.0))
-    solid -= _bore(0.85 * inside, 0.0, process.AIR_MM, (top - 1.0, top + 1.0))  # marks forward
+        place = (circle * math.cos(angle), circle * math.sin(angle), dimensions.CORE_MM)
+        solid -= _bore(*place, (top - dimensions.CORE_DEPTH_MM, top + 1.0))
+    solid -= _bore(0.85 * inside, 0.0, dimensions.AIR_MM, (top - 1.0, top + 1.0))  # marks forward
     return Part(name="leg-socket", solid=solid, volume_mm3=_socket_mm3(design))
 
 
 def _socket_mm3(design: FootDesign) -> float:
     """Return the volume of the socket by formula [mm3]."""
     outer, hollow = (
-        process.socket_radius_mm(design.ball_radius_mm),
-        design.ball_radius_mm + process.ADHESIVE_MM,
+        dimensions.socket_radius_mm(design.ball_radius_mm),
+        design.ball_radius_mm + dimensions.ADHESIVE_MM,
     )
-    height, air = design.ball_radius_mm + process.SOCKET_TOP_MM, process.AIR_MM / 2.0
+    height, air = design.ball_radius_mm + dimensions.SOCKET_TOP_MM, dimensions.AIR_MM / 2.0
     volume: float = math.pi * outer**2 * height - 2.0 / 3.0 * math.pi * hollow**3
     # What the bore for the adhesive cuts beyond the hollow.
     volume -= math.pi * air**2 * height - 2.0 / 3.0 * math.pi * (hollow**3 - (hollow**2 - air**2) ** 1.5)
     for width in tail_mm(design):
-        half = width / 2.0 + process.CHANNEL_PLAY_MM
+        half = width / 2.0 + dimensions.CHANNEL_PLAY_MM
         segment = half * math.sqrt(outer**2 - half**2) + outer**2 * math.asin(half / outer)
-        volume -= height * (segment - 2.0 * half * (outer - process.CHANNEL_MM))
-    volume -= process.SCREWS * math.pi / 4.0 * process.CORE_MM**2 * process.CORE_DEPTH_MM
+        volume -= height * (segment - 2.0 * half * (outer - dimensions.CHANNEL_MM))
+    volume -= dimensions.SCREWS * math.pi / 4.0 * dimensions.CORE_MM**2 * dimensions.CORE_DEPTH_MM
     return volume - math.pi * air**2  # the forward mark is 1 mm deep
 
 

@@ -33,7 +33,7 @@ _STEP_N = 0.02
 #: Borders of the bands of the largest closure over the element's own gap [1].
 BANDS = (0.0, 0.5, 0.7, 0.8, 0.9, GAP_CLOSED_REL, np.inf)
 #: Feet made like the paper's, loads of each, their lowest elevation [deg] and the seed.
-_FEET, _QUICK_FEET, _LOADS, _LOWEST_DEG, _SEED = 20, 2, 600, 32.0, 8
+_FEET, _QUICK_FEET, _LOADS, _LOWEST_DEG, _SEED = 20, 1, 600, 32.0, 8
 #: Lower border of the ambiguous region [1], and an error that is too large to be used [deg].
 AMBIGUOUS_REL, TOO_LARGE_DEG = 0.8, 5.0
 _FIGURE = "force-range.png"

@@ -34,7 +34,7 @@ from footsense.sim.loads.random_gait import Loads, RandomGait
 
 #: Random gaits, rows of steps, and conversions of each gait.
 N_RANDOM, N_STEPS, CONVERSIONS = 80, 8, 600
-_N_QUICK, _QUICK_CONVERSIONS = 4, 150
+_N_QUICK, _QUICK_CONVERSIONS = 2, 150
 #: Steps: rise, time on the ground and in the air [s], force [N].
 RISE_S, _ON_S, STEP_N = 0.005, 0.2, 1.0
 #: Conversions of a contact that counts as older; sigma and time [s] that an error may not exceed.

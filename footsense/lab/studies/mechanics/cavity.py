@@ -1,8 +1,7 @@
 """Study `cavity`: what air in the cavities does to closures, errors and limits, and how to vent or seal them.
 
 Source:
-    Aoyagi et al., section IV: "each sealed concave space". Gas in PDMS: Merkel et al., Journal of Polymer Science B 38,
-    415, 2000. Parylene C: data sheet of Specialty Coating Systems, at 25 degC. Air between walls: Poiseuille flow.
+    Aoyagi et al., section IV: "each sealed concave space".
 """
 
 from dataclasses import dataclass, replace
@@ -11,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.foot.cavity.air import ADIABATIC, AMBIENT_KPA, AMBIENT_MPA, ROOM_K, VENTED, Cavity, Gas
+from footsense.foot.cavity.venting import CHANNEL_MM, channel_s, parylene_s, sorption_s
 from footsense.foot.direction_sets import paper_directions
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
@@ -25,7 +25,6 @@ from footsense.lab.evaluation.evaluate import (
     capacitance_readout,
     elastance_readout,
 )
-from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.monte_carlo.specimens import measure
 from footsense.lab.monte_carlo.statistics import MeanStd
@@ -56,15 +55,6 @@ BOUND_GF = (20.0, 50.0, 100.0, 150.0)
 LOADS_N = np.geomspace(0.2, 40.0, 120)
 #: Load of the figure on leaking [N], its hold [s], and the time constants [s].
 HOLD_N, HOLD_S, LEAKS_S = 1.0, 60.0, (0.1, 1.0, 10.0)
-#: Viscosity of air [Pa s].
-AIR_PA_S = 1.8e-5
-#: PDMS: diffusivity of nitrogen [m2/s], and air dissolved, in volumes at 1 atm per volume and atmosphere [1].
-PDMS_M2_PER_S, PDMS_SOLUBILITY = 3.4e-9, 0.11
-#: Permeability of parylene C to air, nitrogen and oxygen by their shares [m3(STP) m / (m2 s Pa)]; its thickness [m].
-PARYLENE_PERMEABILITY, PARYLENE_M = 1.04e-19, 1e-6
-#: Vent: a channel through a bar, as high as the gap; its width [mm].
-CHANNEL_MM = 0.2
-
 #: A hold read by hand, our assumption: first reading after this many seconds, evenly drawn, then one element each [s].
 FIRST_S, EACH_S = (5.0, 30.0), 3.0
 #: Leaks of that hold [s].
@@ -250,31 +240,9 @@ def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> Errors:
     return errors(test.force_n, read(test.closure_um))
 
 
-def sorption_s(design: FootDesign) -> float:
-    """Return when two bare plates of PDMS, thick beside the depth reached, have taken up half of a cavity's excess [s].
-
-    A half-space takes up S sqrt(4 D t / pi) of the concentration at its surface.
-    """
-    depth_m = 0.5 * 1e-6 * design.gap_um / (2.0 * PDMS_SOLUBILITY)
-    return float(np.pi * depth_m**2 / (4.0 * PDMS_M2_PER_S))
-
-
-def parylene_s(design: FootDesign) -> float:
-    """Return the time constant of a cavity behind an intact wall of parylene [s]: content over permeance."""
-    held_per_pa = 1e-6 * design.gap_um / 101325.0 * 273.15 / ROOM_K
-    return held_per_pa * PARYLENE_M / PARYLENE_PERMEABILITY
-
-
-def channel_s(design: FootDesign) -> float:
-    """Return the time constant of a channel through a bar, as high as the gap, by flow between two plates [s]."""
-    height_m, length_m = 1e-6 * design.gap_um, 1e-3 * (design.pitch_mm - design.electrode_mm)
-    per_pa = 1e-3 * CHANNEL_MM * height_m**3 / (12.0 * AIR_PA_S * length_m)
-    return 1e-6 * design.electrode_mm**2 * height_m / (1e3 * AMBIENT_KPA * per_pa)
-
-
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Compare vented, sealed and leaking cavities of the released foot."""
-    response, design = context.response, context.response.design
+    response, design, made = context.response, context.response.design, context.foot_design
     kinds = {name: one_kind(context, cavity) for name, cavity in KINDS.items()}
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
     leaks_s = HAND_LEAKS_S[1:2] if context.quick else HAND_LEAKS_S
@@ -305,9 +273,9 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         drift_gf_per_kpa=thin_pf / small_pf,
         drift_ff_per_k=1e3 * warm_pf,
         hot_sealed_um=float(hot.cells_um(_UP, 0.0 * _UP).mean()),
-        sorption_s=sorption_s(context.foot_design),
-        parylene_s=parylene_s(context.foot_design),
-        channel_s=channel_s(context.foot_design),
+        sorption_s=sorption_s(made.gap_um),
+        parylene_s=parylene_s(made.gap_um),
+        channel_s=channel_s(made.gap_um, made.electrode_mm, made.pitch_mm - made.electrode_mm),
         factor=(1.0 + float(stiffness.min()), 1.0 + float(stiffness.max())),
     )
     return results, {"cavity.png": _figure(response)}
@@ -352,6 +320,7 @@ STUDY = Study(
     title="Air in the cavities",
     compute=compute,
     names={
+        "CHANNEL_MM": CHANNEL_MM,
         "MEASURED_DIRECTION_DEG": MEASURED_DIRECTION_DEG,
         "MEASURED_MAGNITUDE_GF": MEASURED_MAGNITUDE_GF,
     },

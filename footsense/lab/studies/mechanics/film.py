@@ -37,7 +37,7 @@ from footsense.lab.training.load_cases import (
 from footsense.lab.training.paper.procedure import HIDDEN, PaperTraining, starts_of
 
 #: Nothing is singular where the film covers everything: no layers of thin elements.
-FILM_SIZE, QUICK_FILM_SIZE = replace(SHIPPED, layers=0), replace(COARSE, layers=0)
+FILM_SIZE, COARSE_FILM_SIZE = replace(SHIPPED, layers=0), replace(COARSE, layers=0)
 #: Largest share of the film's thickness that may close anywhere [1]: beyond, a gel is no longer linear.
 STRAIN_LIMIT_REL = 0.1
 #: Poisson's ratios of the table on confinement.
@@ -148,7 +148,7 @@ def with_gaps(context: StudyContext) -> Sensor:
 
 def with_film(context: StudyContext, film: GelLayerDesign) -> Sensor:
     """Return the design with the film, solved."""
-    size = QUICK_FILM_SIZE if context.quick else FILM_SIZE
+    size = COARSE_FILM_SIZE if context.quick else FILM_SIZE
     response = make_response(context.foot_design, size, layer=film.layer)
     capacitor = film.capacitor(context.foot_design)
 
@@ -210,7 +210,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     context.say("film: the foot with the film is solved")
     poissons = QUICK_POISSONS if context.quick else POISSONS
     films = [replace(film, gel=Material(film.gel.youngs_mpa, poisson)) for poisson in poissons]
-    closures = upright_closure_um(foot_design, QUICK_FILM_SIZE, films)
+    closures = upright_closure_um(foot_design, COARSE_FILM_SIZE, films)
     results = Results(
         film=film,
         pdms_mpa=foot_design.pdms.youngs_mpa,

@@ -24,11 +24,11 @@ from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
 
 #: Channels of each hidden layer, eight units each.
-CHANNELS, QUICK_CHANNELS = (4, 8, 14, 20, 28, 40), (4, 8)
+CHANNELS, QUICK_CHANNELS = (4, 8, 14, 20, 28, 40), (4,)
 #: Steps of training, far fewer than the released network's, the same for every size.
-STEPS, QUICK_STEPS = 4000, 500
+STEPS, QUICK_STEPS = 4000, 100
 #: Random gaits and loads at rest for training, and for the test a quarter as many of another seed.
-GAITS, QUICK_GAITS, RESTS, QUICK_RESTS, TRAINING_SEED, TEST_SEED = 300, 20, 20_000, 2000, 11, 12
+GAITS, QUICK_GAITS, RESTS, QUICK_RESTS, TRAINING_SEED, TEST_SEED = 300, 8, 20_000, 400, 11, 12
 #: Conversions of a gait, and true force from which the errors of gaits count [N].
 CONVERSIONS, LOADED_N = 1100, 0.1
 #: Legs in a call, runs in a timing, and timings; the fastest counts, because other processes only add time.

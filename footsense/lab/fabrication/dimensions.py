@@ -1,4 +1,4 @@
-"""What the workshops can make, and the dimensions that every foot shares: flex, contacts, alignment, moulds.
+"""Dimensions that every foot shares, and limits of flexible circuits: traces, contacts, alignment, moulds.
 
 Every figure is one that common offers of 2024 to 2026 hold without a surcharge; none is of one maker.
 """
@@ -11,8 +11,6 @@ MIN_GAP_MM = 0.075
 EDGE_MM = 0.3
 #: Width of the traces [mm]: thin, since they are stray capacitance, and well above what can be made.
 TRACE_MM = 0.2
-#: Steepest trace on its way to the tail, across over along [1]: traces 1 mm apart then keep 0.17 mm.
-MAX_SLOPE = 2.5
 #: Deviation of an electrode's side by etching [mm].
 ETCH_MM = 0.02
 #: Radius of inner corners [mm], so that the polymer does not tear.
@@ -43,9 +41,6 @@ REGISTRATION_MM = 0.1
 VENT_MM = 0.3
 #: Least rim of the spacer around cavities that have to be tight [mm].
 MIN_RIM_MM = 0.5
-#: Thinnest bar that is cut by a laser, and thinnest sheet that is cast or bought [mm, um].
-MIN_BAR_MM = 0.3
-MIN_SHEET_UM = 5.0
 
 # ------------------------------------------------------------------------------------------------ mould and socket
 #: Walls of the mould and of the socket [mm].

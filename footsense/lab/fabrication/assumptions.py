@@ -1,0 +1,65 @@
+"""What a design assumed of its making: the process, and the rms deviations of feet that are made by it."""
+
+from dataclasses import dataclass
+
+from footsense.errors import ConfigError
+from footsense.lab.design.after_calibration import gap_tolerance_um
+from footsense.lab.design.processes import Process, load_processes
+from footsense.lab.geometry import FootDesign
+from footsense.sim.foot.fabrication import FootTolerances
+
+
+@dataclass(frozen=True, slots=True)
+class Assumptions:
+    """The process of a foot.
+
+    Attributes:
+        name: Its name in the table of `footsense lab design`.
+        process: What it can make, and how well.
+        rms: Rms deviations of feet that it makes.
+    """
+
+    name: str
+    process: Process
+    rms: FootTolerances
+
+
+def assumptions(design: FootDesign, name: str | None = None) -> Assumptions:
+    """Return what the design of a foot assumed.
+
+    Args:
+        design: The foot.
+        name: Name of the process; None for the first that has the foot's film.
+
+    Raises:
+        ConfigError: There is no such process, or none with this film; the message begins with the key.
+    """
+    known = load_processes()
+    if name is None:
+        name = next((n for n, process in known.items() if _has_film(process, design)), None)
+        if name is None:
+            films = (
+                f"{film.um:g} um of {film.eps_r:g} ({n})"
+                for n, process in known.items()
+                for film in process.film
+            )
+            raise ConfigError(
+                f"film_um: no process has a film of {design.film_um:g} um with a permittivity of "
+                f"{design.film_eps_r:g}; use {', '.join(films)}, or name the process with --process"
+            )
+    if name not in known:
+        raise ConfigError(f"--process {name}: not in the table, which has {', '.join(known)}")
+    process = known[name]
+    rms = FootTolerances(
+        gap_um=gap_tolerance_um(process, design.gap_um),
+        film_um=process.film_tolerance_um,
+        stray_pf=process.stray_tolerance_pf,
+        stiffness_rel=process.stiffness_tolerance_rel,
+        mount_deg=process.mount_tolerance_deg,
+    )
+    return Assumptions(name, process, rms)
+
+
+def _has_film(process: Process, design: FootDesign) -> bool:
+    """Tell whether a process has the film of a foot."""
+    return any((film.um, film.eps_r) == (design.film_um, design.film_eps_r) for film in process.film)

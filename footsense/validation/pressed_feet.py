@@ -1,0 +1,92 @@
+"""Loads of feet pressed on a simulated test stand, kept in files: to press takes minutes, to calibrate seconds."""
+
+import hashlib
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+import firmware_interface
+from footsense import acquisition, daemon, foot, recording, reference, sim
+from footsense.calibration import loads as calibration_loads
+from footsense.calibration import session
+from footsense.calibration.loads.load_set import LoadSet
+from footsense.frames import Vector
+from footsense.validation import test_stand_trial
+from footsense.validation.code_digest import code_digest
+
+#: All code between a made foot and the loads in its recordings.
+_ROOMS = (
+    *(firmware_interface, acquisition, daemon, foot, recording, reference, sim),
+    *(calibration_loads, session),
+)
+
+
+class PressedFoot(NamedTuple):
+    """Loads of both sessions of one foot.
+
+    Attributes:
+        training: Accepted loads of the first session.
+        test: Accepted loads of the second, in which it is mounted anew.
+        true_force_n: True forces of `test` [N], shape (n, 3).
+        n_rejected: Presses of the second session that are not accepted.
+        read_s: Time to read the recording of the first session [s].
+    """
+
+    training: LoadSet
+    test: LoadSet
+    true_force_n: Vector
+    n_rejected: int
+    read_s: float
+
+    @classmethod
+    def press(cls, batch: test_stand_trial.FootBatch, number: int, every: int, kept: Path | None) -> Self:
+        """Return the loads of a foot of a batch, from its file or pressed and kept there.
+
+        Args:
+            batch: Batch of the foot.
+            number: Number of the foot in it.
+            every: Use one of so many presses.
+            kept: Folder of the files; None keeps none.
+
+        Raises:
+            FootsenseError: The daemon cannot be started.
+        """
+        if kept is None:
+            return cls._pressed(batch, number, every)
+        key = f"{batch} {every} {code_digest(*_ROOMS)}"
+        digest = hashlib.sha256(key.encode()).hexdigest()[:12]
+        path = kept / f"{test_stand_trial.foot_name(number)}-{digest}.npz"
+        if not path.exists():
+            kept.mkdir(parents=True, exist_ok=True)
+            part = path.with_suffix(".partial")
+            with part.open("wb") as file:
+                np.savez(file, **cls._pressed(batch, number, every).arrays())
+            part.replace(path)
+        with np.load(path) as arrays:
+            return cls.of_arrays(arrays)
+
+    def arrays(self) -> dict[str, Any]:
+        """Return the loads as arrays by name."""
+        sets = {"training": self.training, "test": self.test}
+        fields = {f"{one}.{name}": getattr(sets[one], name) for one in sets for name in LoadSet.__slots__}
+        own = {name: np.array(getattr(self, name)) for name in ("n_rejected", "read_s")}
+        return {**fields, **own, "true_force_n": self.true_force_n}
+
+    @classmethod
+    def of_arrays(cls, arrays: "np.lib.npyio.NpzFile") -> Self:
+        """Return the loads of these arrays."""
+        training, test = (
+            LoadSet(**{name: arrays[f"{one}.{name}"] for name in LoadSet.__slots__})
+            for one in ("training", "test")
+        )
+        n_rejected, read_s = int(arrays["n_rejected"]), float(arrays["read_s"])
+        return cls(training, test, arrays["true_force_n"], n_rejected, read_s)
+
+    @classmethod
+    def _pressed(cls, batch: test_stand_trial.FootBatch, number: int, every: int) -> Self:
+        with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
+            trial = test_stand_trial.run_trial(batch, number, Path(folder), every=every)
+        training, test = LoadSet.of(trial.training.loads), LoadSet.of(trial.test.loads)
+        return cls(training, test, trial.true_force_n, trial.test.rejected.total(), trial.read_s)
