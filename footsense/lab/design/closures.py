@@ -19,10 +19,10 @@ from footsense.foot.symmetry import whole_series
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.shapes import (
+    ELEMENT_OF,
     RADIUS_MM,
     RUBBER_POISSON,
     YOUNGS_MPA,
-    ELEMENT_OF,
     ShapeLibrary,
 )
 from footsense.lab.geometry import FIT_ELEVATION_DEG

@@ -22,8 +22,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.gap_contact import CELLS_PER_SIDE
+from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.symmetry import HALF_SIDE
 from footsense.frames import Vector
 from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign, Material
@@ -134,7 +134,7 @@ def amplitudes(series: Vector, compliance: Vector) -> Vector:
     """
     upright = series_basis(np.array([0.0, 0.0, 1.0]), _DEGREE, FIT_ELEVATION_DEG)
     closures = np.tensordot(upright, series[0, ..., 2], 1)
-    of_element = [closures[_ELEMENT == number].mean() for number in range(3)]
+    of_element = [closures[number == _ELEMENT].mean() for number in range(3)]
     return np.array([*of_element, np.sqrt((compliance**2).mean())])
 
 
