@@ -233,7 +233,11 @@ def test_more_rows_than_the_board_addresses_are_refused() -> None:
             "film_eps_r: 3.0",
             "film_um: no process has a film of 17 um .*17 um of 2.7 .paper.",
         ),
-        ("cavity: vented", "cavity: sealed", "cavity: sealed cavities need a rim of 0.5 mm .*sheet_mm: 15"),
+        (
+            "cavity: vented",
+            "cavity: sealed",
+            "cavity: sealed .* sheet_mm: 15 with ball_radius_mm: 10.61, or",
+        ),
     ],
 )
 def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
@@ -278,6 +282,13 @@ def test_the_value_that_an_error_names_works(wish: dict[str, Any]) -> None:
         design = replace(design, **{key: float(found[2])})
         keys.append(key)
     assert keys
+
+
+def test_an_unknown_process_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    arguments = ["fabricate", "aoyagi-3x3", "--out", str(tmp_path), "--process", "printed"]
+    assert str(CliRunner().invoke(lab, arguments).exception).startswith(
+        "--process printed: not in the table, which"
+    )
 
 
 def test_an_unknown_foot_is_refused_with_the_known_ones(tmp_path: Path) -> None:
