@@ -149,7 +149,7 @@ def design(
     help="File to write; `footsense/lab/design/shapes.npz` is the released one.",
 )
 def shapes(*, out: Path) -> None:
-    """Solve the shapes that `lab design` starts from; an hour, needed after a change of the solid's model alone."""
+    """Solve the shapes that `lab design` starts from; half an hour, after a change of the solid's model alone."""
     from footsense.daemon.foot_types import released_path
     from footsense.lab.design.solving import solve
     from footsense.lab.foot_file import FOOT_FILE, load_foot

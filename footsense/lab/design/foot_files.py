@@ -1,6 +1,5 @@
 """The description of a chosen foot: its `foot.yaml`, ready for `footsense lab build`."""
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,6 @@ from footsense.lab.geometry import UM_PER_MM
 _LOADS = {"friction_angle_deg": 35, "typical_lean_deg": 10, "min_elevation_deg": 30, "centred_share": 0.5}
 
 
-def _down(length_mm: float) -> float:
-    """Return a length in whole hundredths of a millimetre [mm], not longer: the array stays on its sheet."""
-    return math.floor(100.0 * length_mm + 1e-6) / 100.0
-
-
 def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes) -> str:
     """Return the content of a foot's description.
 
@@ -32,7 +26,10 @@ def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes)
         wishes: The input, for materials and loads.
     """
     foot = {field: float(getattr(feet, field)[row]) for field in ("ball_radius_mm", "plate_mm", "gap_um")}
-    electrode, pitch = float(feet.electrode_mm[row]), float(feet.pitch_mm[row])
+    # The outer elements end where the sheet does, open to its edge: a strip beside them, however narrow, would join the
+    # plates there and take a quarter off the closures.
+    sheet_mm = round(SHEET_REL * foot["ball_radius_mm"], 2)
+    pitch_mm = round(float(feet.pitch_mm[row]), 2)
     film = wishes.process.film[int(feet.film[row])]
     rubber, sheet = (
         wishes.materials.rubbers[int(feet.rubber[row])],
@@ -40,11 +37,11 @@ def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes)
     )
     lengths: dict[str, Any] = {
         "ball_radius_mm": foot["ball_radius_mm"],
-        "sheet_mm": SHEET_REL * foot["ball_radius_mm"],
+        "sheet_mm": sheet_mm,
         "plate_mm": foot["plate_mm"],
         "spacer_mm": round((foot["gap_um"] + film.um) / UM_PER_MM, 5),
-        "pitch_mm": _down(pitch),
-        "electrode_mm": _down(electrode),
+        "pitch_mm": pitch_mm,
+        "electrode_mm": round(sheet_mm - 2.0 * pitch_mm, 2),
         "gap_um": foot["gap_um"],
         "film_um": film.um,
         "film_eps_r": film.eps_r,

@@ -11,7 +11,7 @@ The sheet is as wide as the ball carries, and the array as wide as the sheet: 1.
 
 Shapes beside the paper's are solved once (`solving`), one number changed at a time. Between them a response is a
 pattern times an amplitude: the pattern and the amplitude's logarithm are parabolas in each number's logarithm. The five
-changes of the pattern add; those of the amplitude multiply, with a correction for each pair of numbers, from coarse
+changes of the pattern add; those of the amplitude multiply, with corrections for some pairs of numbers, from coarse
 meshes with both of them changed.
 """
 

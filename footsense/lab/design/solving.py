@@ -1,4 +1,4 @@
-"""Solution of the shapes that designs start from: once, an hour and a half on one core; `shapes` uses the result.
+"""Solution of the shapes that designs start from: once, half an hour on one core; `shapes` uses the result.
 
 Shapes with one number changed are solved on the mesh of a release. How far two changes are from multiplying is a small
 number that a coarse mesh knows well enough, as its own error is in all four solutions alike:
@@ -19,8 +19,9 @@ from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import make_response
 
-#: Number whose pairs are solved at its farthest value alone: its lower one is between.
-_ONE_SIDED = "sheet_poisson"
+#: Values whose pairs are solved, by place in `BESIDE`: narrow electrodes, thin plates, soft and incompressible sheets,
+#: where the feet of larger robots lie. Other pairs are left to multiply.
+_PAIRED = {"fill_rel": 0, "plate_rel": 0, "sheet_modulus_rel": 0, "sheet_poisson": 1}
 
 
 def solve(like: FootDesign, path: Path, report: Callable[[str], None]) -> None:
@@ -50,27 +51,20 @@ def pair_corrections(ln_amplitude: Callable[[Shape], Vector]) -> Vector:
     Args:
         ln_amplitude: Returns the logarithms of the amplitudes of a shape, shape (4,).
     """
-    shapes = solved_shapes()
-    alone = {shape: ln_amplitude(shape) for shape in shapes if shape.sheet_poisson != BESIDE[_ONE_SIDED][0]}
-    centre = alone[CENTRE]
-    pairs = np.zeros((len(shapes), len(shapes), 4))
-    names = list(BESIDE)
-    for one, other in combinations(names, 2):
-        for i, value in enumerate(BESIDE[one]):
-            for j, second in enumerate(BESIDE[other]):
-                if other == _ONE_SIDED and j == 0:
-                    continue
-                changed = CENTRE._replace(**{one: value, other: second})
-                first, then = (
-                    CENTRE._replace(**{name: one_value})
-                    for name, one_value in ((one, value), (other, second))
-                )
-                apart = ln_amplitude(changed) - alone[first] - alone[then] + centre
-                pairs[1 + 2 * names.index(one) + i, 1 + 2 * names.index(other) + j] = apart
-    # Between, in proportion to the logarithm.
+    places = {name: 1 + 2 * number for number, name in enumerate(BESIDE)}
+    values = {name: BESIDE[name][side] for name, side in _PAIRED.items()}
+    centre = ln_amplitude(CENTRE)
+    alone = {name: ln_amplitude(CENTRE._replace(**{name: value})) - centre for name, value in values.items()}
+    n_shapes = 1 + 2 * len(BESIDE)
+    pairs = np.zeros((n_shapes, n_shapes, 4))
+    for one, other in combinations(_PAIRED, 2):
+        both = ln_amplitude(CENTRE._replace(**{one: values[one], other: values[other]})) - centre
+        at = places[one] + _PAIRED[one], places[other] + _PAIRED[other]
+        pairs[at] = both - alone[one] - alone[other]
+    # The nearer Poisson's ratio in proportion to the logarithm.
     nearer, farther = (
         CENTRE._replace(sheet_poisson=value).coordinates[-1] - CENTRE.coordinates[-1]
-        for value in BESIDE[_ONE_SIDED]
+        for value in BESIDE["sheet_poisson"]
     )
     pairs[:, -2] = pairs[:, -1] * nearer / farther
     return pairs
