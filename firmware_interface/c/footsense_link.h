@@ -57,8 +57,8 @@ typedef struct {
     uint8_t state;        /* enum footsense_state, as last reported */
     uint8_t flags;        /* enum footsense_flag */
     uint16_t fault_mask;
-    int16_t force_mn[3];  /* FOOTSENSE_NO_FORCE unless usable */
-    uint16_t sigma_mn[3]; /* FOOTSENSE_NO_SIGMA unless usable */
+    int16_t force_mn[3];  /* FOOTSENSE_NO_FORCE unless usable; times the step of feet above 32 N */
+    uint16_t sigma_mn[3]; /* FOOTSENSE_NO_SIGMA unless usable; likewise */
     uint32_t age_us;      /* of the measurement, now; FOOTSENSE_NO_AGE unless usable */
 } footsense_leg_force;
 

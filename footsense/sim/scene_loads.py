@@ -6,9 +6,10 @@ import msgspec
 from msgspec import Meta
 
 from footsense.frames import LEGS
+from footsense.sim.faults.scene_faults import Leg
 from footsense.sim.loads import ground_load
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance
+from footsense.sim.loads.walk import SECOND_TRIPOD, Walk, smooth_stance
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 Force = Annotated[float, Meta(ge=0.0, le=500.0)]
@@ -96,6 +97,8 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
         friction_rel: Largest horizontal over vertical force [1].
         pitch_deg: Lean of the legs at touchdown [deg].
         stands: Stands, in the order of time.
+        second: Legs that step half a period later than the others: those of the second tripod, unless stated. A trot
+            of four legs has rf and lr.
     """
 
     period_s: Annotated[float, Meta(ge=0.1, le=10.0)]
@@ -104,6 +107,7 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
     friction_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
     pitch_deg: Pitch = 0.0
     stands: tuple[Stand, ...] = ()
+    second: tuple[Leg, ...] = SECOND_TRIPOD
 
     def build(self, from_ns: int) -> Walk:
         """Return the load from a time on [ns]."""
@@ -115,6 +119,7 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
             pitch_deg=self.pitch_deg,
             from_ns=from_ns,
             standstills_ns=[(_ns(stand.from_s), _ns(stand.until_s)) for stand in self.stands],
+            second=self.second,
         )
 
 

@@ -12,9 +12,10 @@ from footsense.foot.directions import angles_between_deg
 from footsense.frames import FAULT_FREE, IS_USABLE, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
 
-#: Smallest true force of a loaded frame, whose direction is defined [N].
-LOADED_N = 0.1
+#: Smallest true force of a loaded frame, whose direction is defined, over the feet's largest force [1].
+LOADED_REL = 0.05
 
+_MAGNITUDE_BIN_REL = 0.001
 _DIRECTION_BIN_DEG = 0.02
 _AGE_BIN_MS = 0.05
 #: Cycles that are kept before they are added to the tables.
@@ -27,16 +28,24 @@ class RunStatistics(Observer):
     Args:
         legs: Name of the leg in each row of the frames.
         true_force_at_time_n: Returns the true force on each foot at a time [ns -> N, shape (legs, 3)]; None if unknown.
+        max_n: Largest force of the feet [N].
     """
 
-    def __init__(self, legs: tuple[str, ...], true_force_at_time_n: Callable[[int], Vector] | None) -> None:
+    def __init__(
+        self,
+        legs: tuple[str, ...],
+        true_force_at_time_n: Callable[[int], Vector] | None,
+        max_n: float = 2.0,
+    ) -> None:
         self._legs = legs
+        self._loaded_n = LOADED_REL * max_n
         self._true_force_at_time_n = true_force_at_time_n
         self._cycles = 0
         self._first_ns = self._last_ns = 0
         self._states = np.zeros((len(legs), len(State)), np.int64)
         self._age_ms = Histogram(_AGE_BIN_MS, 500.0)
         self._direction_deg = Histogram(_DIRECTION_BIN_DEG, 180.0)
+        self._magnitude_rel = Histogram(_MAGNITUDE_BIN_REL, 2.0)
         self._squared_n2 = np.zeros(3)
         self._valid = 0
         self._ages_ns: list[Stamps] = []
@@ -67,8 +76,11 @@ class RunStatistics(Observer):
             estimate_n, true_n = (np.concatenate(part) for part in zip(*self._pairs_n, strict=True))
             self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
             self._valid += len(estimate_n)
-            loaded = (np.linalg.norm(true_n, axis=1) >= LOADED_N) & estimate_n.any(axis=1)
+            size_n = np.linalg.norm(true_n, axis=1)
+            loaded = (size_n >= self._loaded_n) & estimate_n.any(axis=1)
             self._direction_deg.add(angles_between_deg(true_n[loaded], estimate_n[loaded]))
+            estimated_rel = np.linalg.norm(estimate_n[loaded], axis=1) / size_n[loaded]
+            self._magnitude_rel.add(np.abs(estimated_rel - 1.0))
         self._ages_ns.clear()
         self._pairs_n.clear()
 
@@ -93,7 +105,11 @@ class RunStatistics(Observer):
                 "mean": self._direction_deg.mean,
                 "p95": self._direction_deg.quantile(0.95),
                 "loaded_frames": self._direction_deg.total,
-                "loaded_from_n": LOADED_N,
+                "loaded_from_n": self._loaded_n,
+            }
+            summary["magnitude_error_rel"] = {
+                "mean": self._magnitude_rel.mean,
+                "p95": self._magnitude_rel.quantile(0.95),
             }
         return summary
 

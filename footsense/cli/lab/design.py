@@ -141,6 +141,22 @@ def design(
     _print(designed)
 
 
+@click.command()
+@click.option(
+    "--out",
+    type=FILE,
+    required=True,
+    help="File to write; `footsense/lab/design/shapes.npz` is the released one.",
+)
+def shapes(*, out: Path) -> None:
+    """Solve the shapes that `lab design` starts from; an hour, needed after a change of the solid's model alone."""
+    from footsense.daemon.foot_types import released_path
+    from footsense.lab.design.solving import solve
+    from footsense.lab.foot_file import FOOT_FILE, load_foot
+
+    solve(load_foot(released_path(FOOT_FILE)), out, options.stopwatch_report())
+
+
 def _print(designed: "Designed") -> None:
     """Print the chosen feet as a table, then the files."""
     from rich.console import Console

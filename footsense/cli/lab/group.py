@@ -28,6 +28,7 @@ def _require_extra() -> None:
 @click.group(
     commands=[
         design.design,
+        design.shapes,
         models.build,
         models.evaluate,
         models.compare,

@@ -102,7 +102,7 @@ def run(
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
-        statistics = RunStatistics(service.legs, service.true_force_at_time_n)
+        statistics = RunStatistics(service.legs, service.true_force_at_time_n, service.network.card.max_n)
         service.observers.append(statistics)
         first = FirstFrameTime()
         service.observers.append(first)

@@ -30,6 +30,12 @@ def print_summary(console: Console, figures: dict[str, Any]) -> None:
             f"mean {direction['mean']:.2f} deg, p95 {direction['p95']:.2f} deg over "
             f"{direction['loaded_frames']} loaded frames",
         )
+    magnitude = figures.get("magnitude_error_rel")
+    if magnitude is not None and magnitude["mean"] is not None:
+        row(
+            "magnitude error",
+            f"mean {100.0 * magnitude['mean']:.1f} %, p95 {100.0 * magnitude['p95']:.1f} % over the same",
+        )
     age_ms = figures["age_ms"]
     if age_ms["p50"] is not None:
         row("age when sent", f"p50 {age_ms['p50']:.1f} ms, p99 {age_ms['p99']:.1f} ms")

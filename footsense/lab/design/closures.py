@@ -19,6 +19,7 @@ from footsense.foot.symmetry import whole_series
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.shapes import (
+    ELEMENT_OF,
     RADIUS_MM,
     RUBBER_POISSON,
     YOUNGS_MPA,
@@ -114,12 +115,13 @@ class ClosureModel:
     def influence(self, feet: Candidates) -> Influence:
         """Return the influence of some feet; a few thousand at once, as memory is 12 kB each."""
         weights = self._library.weights(feet.shape)
-        amplitude = self._library.amplitudes(weights)[:, 0]
+        amplitude = self._library.amplitudes(weights)[:, ELEMENT_OF]
         size = RADIUS_MM / feet.ball_radius_mm
-        softness = amplitude * (YOUNGS_MPA / feet.rubber_mpa) * size
+        softness = (YOUNGS_MPA / feet.rubber_mpa) * size
         m = len(self.loads.normal)
         whole = (weights * softness[:, None]) @ self._at.reshape(len(self._at), -1)
         whole = whole.reshape(len(weights), 2, 3, m, 3, ELEMENTS).swapaxes(2, 3)
+        whole = whole * amplitude[:, None, None, None, None, :]
         patch_rel2 = (0.75 * (1.0 - RUBBER_POISSON**2) / (feet.rubber_mpa * feet.ball_radius_mm**2)) ** (
             2.0 / 3.0
         )

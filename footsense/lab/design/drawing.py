@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.ticker import FuncFormatter
 
 from footsense.lab.design.assess import ELEVATIONS_DEG
 from footsense.lab.design.choice import Choice
@@ -14,6 +15,8 @@ from footsense.lab.studies.plots import panels
 if TYPE_CHECKING:
     from footsense.lab.design.design import DesignedFoot
 
+#: Numbers as they are on logarithmic axes; every second of the small ones is left out.
+PLAIN = FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "1235" else "")
 #: Points of the cloud that are drawn.
 _DRAWN = 6000
 
@@ -52,24 +55,23 @@ def draw(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wishes: W
         vmax=float(diameter[shown].max()),
         label="Pareto front",
     )
-    for foot in chosen:
-        name, row = foot.name, foot.row
-        cloud.plot(screened.range_n[row], screened.direction_deg[row], "r*", ms=11)
-        cloud.annotate(
-            name,
-            (screened.range_n[row], screened.direction_deg[row]),
-            textcoords="offset points",
-            xytext=(6, 4),
-        )
+    for number, foot in enumerate(chosen):
+        at = screened.range_n[foot.row], screened.direction_deg[foot.row]
+        cloud.plot(*at, "*", ms=13, mec="black", color=f"C{number}", label=foot.name, ls="none")
+        directions.plot(ELEVATIONS_DEG, foot.figures.range_n, "o-", ms=4, color=f"C{number}", label=foot.name)
     cloud.axvline(wishes.max_n, color="grey", ls=":", lw=1)
     cloud.axhline(wishes.error_deg, color="grey", ls=":", lw=1)
     cloud.set(
         xscale="log", yscale="log", xlabel="range [N]", ylabel="direction, Cramer-Rao bound, mean [deg rms]"
     )
     cloud.legend(loc="upper left")
-    figure.colorbar(colour, ax=cloud, label="diameter of the ball [mm]")
-    for foot in chosen:
-        directions.plot(ELEVATIONS_DEG, foot.figures.range_n, "o-", ms=4, label=foot.name)
+    for axis in (cloud.xaxis, cloud.yaxis):
+        axis.set_major_formatter(PLAIN)
+        axis.set_minor_formatter(PLAIN)
+    cloud.tick_params(which="both", labelsize=8)
+    bar = figure.colorbar(colour, ax=cloud, label="diameter of the ball [mm]")
+    if bar.solids is not None:
+        bar.solids.set_alpha(1.0)
     directions.axhline(wishes.max_n, color="grey", ls=":", lw=1)
     directions.set(xlabel="elevation of the force [deg]", ylabel="range [N]", ylim=(0.0, None))
     directions.legend()

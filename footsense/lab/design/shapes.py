@@ -9,12 +9,12 @@ no mesh, and a thicker gap only takes more closure to close. The shape is five n
 electrode fills, plate and spacer over the ball's radius, the sheet's modulus over the rubber's, its Poisson's ratio.
 The sheet is as wide as the ball carries, and the array as wide as the sheet: 1.4 R, as in the paper.
 
-Shapes beside the paper's are solved once (`solve`), one number changed at a time. Between them a response is a pattern
-times an amplitude: the amplitude's logarithm and the pattern are parabolas in each number's logarithm, and the
-five changes multiply and add.
+Shapes beside the paper's are solved once (`solving`), one number changed at a time. Between them a response is a
+pattern times an amplitude: the pattern and the amplitude's logarithm are parabolas in each number's logarithm. The five
+changes of the pattern add; those of the amplitude multiply, with a correction for each pair of numbers, from coarse
+meshes with both of them changed.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +22,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.response_table import FootResponse
+from footsense.foot.gap_contact import CELLS_PER_SIDE
+from footsense.foot.response_table import FootResponse, series_basis
+from footsense.foot.symmetry import HALF_SIDE
 from footsense.frames import Vector
 from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign, Material
 
@@ -34,6 +36,12 @@ RADIUS_MM, YOUNGS_MPA, RUBBER_POISSON = 10.0, 5.2, 0.49
 SHEET_REL = 1.4
 #: Degree of the stored series, that of `response.DEGREE`.
 _DEGREE = 12
+
+
+#: Element of each cell of a quarter, as a number of an amplitude: corner, edge, middle.
+_ELEMENT = np.add.outer(*[np.arange(HALF_SIDE) // CELLS_PER_SIDE] * 2)
+#: Element of each element of the foot, likewise.
+ELEMENT_OF = np.add.outer([0, 1, 0], [0, 1, 0]).ravel()
 
 
 class Shape(NamedTuple):
@@ -115,35 +123,26 @@ def of_shape(shape: Shape, like: FootDesign) -> FootDesign:
     )
 
 
-def solve(like: FootDesign, path: Path, report: Callable[[str], None]) -> None:
-    """Solve all shapes and write their file; a minute each on one core.
+def amplitudes(series: Vector, compliance: Vector) -> Vector:
+    """Return the amplitudes of a response [um/N], shape (4,).
+
+    They are the mean closures upright of a corner, of an edge and of the middle element, and the rms of the compliance.
 
     Args:
-        like: Any foot, for what the shape does not contain.
-        path: File to write.
-        report: Receives a line after each symmetry class.
+        series: Influence of a quarter, shape (2, products, 9, 9, 3).
+        compliance: Compliance of a quarter, shape (9, 9, 18, 18).
     """
-    from footsense.lab.fem.mesh import SHIPPED
-    from footsense.lab.response import make_response
-
-    solved = [make_response(of_shape(shape, like), SHIPPED, report) for shape in solved_shapes()]
-    store(path, [one.quarter_series for one in solved], [one.quarter_compliance for one in solved])
-
-
-def store(path: Path, series: list[Vector], compliance: list[Vector]) -> None:
-    """Write responses of the solved shapes, in their order, in single precision."""
-    np.savez_compressed(
-        path,
-        quarter_series=np.stack(series).astype(np.float32),
-        quarter_compliance=np.stack(compliance).astype(np.float32),
-    )
+    upright = series_basis(np.array([0.0, 0.0, 1.0]), _DEGREE, FIT_ELEVATION_DEG)
+    closures = np.tensordot(upright, series[0, ..., 2], 1)
+    of_element = [closures[number == _ELEMENT].mean() for number in range(3)]
+    return np.array([*of_element, np.sqrt((compliance**2).mean())])
 
 
 class ShapeLibrary:
     """The solved shapes, and the responses between them.
 
     Args:
-        path: File of `solve`.
+        path: File of `solving.solve`.
 
     Attributes:
         series: Patterns of the influence of each solved shape, shape (shapes, 2, products, 9, 9, 3).
@@ -153,15 +152,13 @@ class ShapeLibrary:
     def __init__(self, path: Path = SHAPES_FILE) -> None:
         """Read the shapes."""
         with np.load(path) as stored:
-            series, compliance = (
-                stored[name].astype(np.float64) for name in ("quarter_series", "quarter_compliance")
+            series, compliance, self._pairs = (
+                stored[name].astype(np.float64) for name in ("quarter_series", "quarter_compliance", "pairs")
             )
-        # The amplitude: rms of the influence upright, and of a cell's own compliance.
-        influence = np.sqrt((series[:, 0, 0] ** 2).mean(axis=(1, 2, 3)))
-        own = np.sqrt((compliance**2).mean(axis=(1, 2, 3, 4)))
-        self._ln_amplitudes = np.log(np.stack([influence, own], axis=1))
-        self.series = series / influence[:, None, None, None, None, None]
-        self.compliance = compliance / own[:, None, None, None, None]
+        each = np.stack([amplitudes(one, other) for one, other in zip(series, compliance, strict=True)])
+        self._ln_amplitudes = np.log(each)
+        self.series = series / each[:, _ELEMENT][:, None, None, :, :, None]
+        self.compliance = compliance / each[:, 3, None, None, None, None]
         self._coordinates = np.stack([shape.coordinates for shape in solved_shapes()])
 
     def weights(self, shape: Shape) -> Vector:
@@ -183,9 +180,10 @@ class ShapeLibrary:
         return weights
 
     def amplitudes(self, weights: Vector) -> Vector:
-        """Return the amplitudes of influence and compliance in the solved feet's units [um/N], shape (..., 2)."""
-        amplitudes: Vector = np.exp(weights @ self._ln_amplitudes)
-        return amplitudes
+        """Return the amplitudes, as of the function, in the solved feet's units [um/N], shape (..., 4)."""
+        pairs = np.einsum("...a,...b,abk->...k", weights, weights, self._pairs)
+        each: Vector = np.exp(weights @ self._ln_amplitudes + pairs)
+        return each
 
     def holds(self, shape: Shape, beyond: float = 0.1) -> NDArray[np.bool_]:
         """Tell which shapes lie between the solved ones, or beyond by this share of each span, shape (...)."""
@@ -204,10 +202,10 @@ class ShapeLibrary:
             design: The foot; its array fills its sheet.
         """
         weights = self.weights(shape_of(design))
-        influence, own = self.amplitudes(weights)
+        amplitude = self.amplitudes(weights)
         size = RADIUS_MM / design.ball_radius_mm
         softness = YOUNGS_MPA / design.rubber.youngs_mpa * size
-        point, patch = influence * softness * np.tensordot(weights, self.series, 1)
+        point, patch = softness * amplitude[_ELEMENT][:, :, None] * np.tensordot(weights, self.series, 1)
         return FootResponse(
             foot_type=design.foot_type,
             design=design.capacitor,
@@ -217,7 +215,7 @@ class ShapeLibrary:
             fit_elevation_deg=FIT_ELEVATION_DEG,
             degree=_DEGREE,
             quarter_series=np.stack([point, size**2 * patch]),
-            quarter_compliance=own * softness * np.tensordot(weights, self.compliance, 1),
+            quarter_compliance=amplitude[3] * softness * np.tensordot(weights, self.compliance, 1),
             cavity=design.air,
             provenance={"from": "solved shapes"},
         )

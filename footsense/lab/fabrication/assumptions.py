@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from footsense.errors import ConfigError
+from footsense.errors import ConfigError, FootsenseError
 from footsense.lab.design.after_calibration import gap_tolerance_um
 from footsense.lab.design.processes import Process, load_processes
 from footsense.lab.geometry import FootDesign
@@ -32,7 +32,8 @@ def assumptions(design: FootDesign, name: str | None = None) -> Assumptions:
         name: Name of the process; None for the first that has the foot's film.
 
     Raises:
-        ConfigError: There is no such process, or none with this film; the message begins with the key.
+        FootsenseError: There is no such process.
+        ConfigError: No process has this film; the message begins with the key.
     """
     known = load_processes()
     if name is None:
@@ -48,7 +49,7 @@ def assumptions(design: FootDesign, name: str | None = None) -> Assumptions:
                 f"{design.film_eps_r:g}; use {', '.join(films)}, or name the process with --process"
             )
     if name not in known:
-        raise ConfigError(f"--process {name}: not in the table, which has {', '.join(known)}")
+        raise FootsenseError(f"--process {name}: not in the table, which has {', '.join(known)}")
     process = known[name]
     rms = FootTolerances(
         gap_um=gap_tolerance_um(process, design.gap_um),

@@ -79,9 +79,11 @@ def _in_the_sheet(design: FootDesign, array: ElementArray, assumed: Assumptions)
         )
     if not has_rim(array) and design.cavity != "vented":
         closed_mm = array.sheet_mm + 2.0 * (dimensions.MIN_RIM_MM - array.rim_mm)
+        least_mm = math.ceil(100.0 * closed_mm / math.sqrt(2.0)) / 100.0
+        ball = f" with ball_radius_mm: {least_mm:g}" if least_mm > design.ball_radius_mm else ""
         yield (
             f"cavity: {design.cavity} cavities need a rim of {dimensions.MIN_RIM_MM:g} mm around the array, a sheet of "
-            f"{array.sheet_mm:g} mm leaves {array.rim_mm:g} mm; use sheet_mm: {closed_mm:g}, or cavity: vented"
+            f"{array.sheet_mm:g} mm leaves {array.rim_mm:g} mm; use sheet_mm: {closed_mm:g}{ball}, or cavity: vented"
         )
 
 

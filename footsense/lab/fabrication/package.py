@@ -52,7 +52,9 @@ def fabricate(design: FootDesign, folder: Path, process: str | None = None) -> P
     package = write_parts(design, folder, process)
     write_drawing(folder, design.foot_type, drawn_sheets(folder, design, package.flexes, package.tolerances))
     draw_parts(folder, design, package.flexes)
-    papers.write(folder, design, package.flexes, package.checks, package.tolerances, package.elements)
+    papers.write(
+        folder, design, package.assumed, package.flexes, package.checks, package.tolerances, package.elements
+    )
     wrong = next((check for check in package.checks if not check.passed), None)
     if wrong is not None:
         raise FootsenseError(

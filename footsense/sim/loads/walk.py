@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from footsense.frames import Vector
+from footsense.sim.faults.scene_faults import Leg
 from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 
 #: Legs of a tripod gait that step half a period later than the others.
-_SECOND_TRIPOD = ("rf", "lm", "rr")
+SECOND_TRIPOD: tuple[Leg, ...] = ("rf", "lm", "rr")
 
 #: Ground reaction in the world frame [N] over the phase of the gait cycle, 0 at touchdown, in [0, 1).
 Reaction = Callable[[float], Vector]
@@ -28,6 +29,7 @@ class Walk:
         pitch_deg: Lean of the leg at touchdown; it changes linearly to the opposite at lift-off [deg].
         from_ns: Start of the walk; before that, all feet are in the air [ns].
         standstills_ns: Start and end of each stand, in the order of time [ns].
+        second: Legs that step half a period later than the others.
 
     Attributes:
         period_ns: As given.
@@ -43,6 +45,7 @@ class Walk:
         pitch_deg: float,
         from_ns: int,
         standstills_ns: Sequence[tuple[int, int]] = (),
+        second: Sequence[str] = SECOND_TRIPOD,
     ) -> None:
         self.reaction = reaction
         self.period_ns = period_ns
@@ -50,12 +53,13 @@ class Walk:
         self._pitch_rad = math.radians(pitch_deg)
         self._from_ns = from_ns
         self._stands_ns = tuple(standstills_ns)
+        self._second = frozenset(second)
         self._last_contact: tuple[Reaction, float, GroundContact] | None = (
             None  # three legs touch the ground alike
         )
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
-        """Return the contact of a leg at a time [ns]; the second tripod steps half a cycle after the first."""
+        """Return the contact of a leg at a time [ns]."""
         phase = self.stance_phase(leg, t_ns)
         if phase is None:
             return IN_THE_AIR
@@ -66,7 +70,7 @@ class Walk:
 
     def stance_phase(self, leg: str, t_ns: int) -> float | None:
         """Return the phase of a leg at a time [ns], 0 at touchdown, below `duty_rel`; None in the air."""
-        from_ns = self._from_ns + (self.period_ns // 2 if leg in _SECOND_TRIPOD else 0)
+        from_ns = self._from_ns + (self.period_ns // 2 if leg in self._second else 0)
         since_ns = t_ns - from_ns
         if since_ns < 0:
             return None

@@ -1,16 +1,20 @@
 """The files for a workshop, read back; a wrong file is found, a foot that cannot be made is refused in one line."""
 
+import json
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace as replace_deviations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
 
 from footsense.cli.lab.group import lab
+from footsense.cli.probe.command import probe
 from footsense.errors import ConfigError, FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
@@ -22,6 +26,7 @@ from footsense.lab.fabrication.package import Package, fabricate, write_parts
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.foot_file import FOOT_FILE
+from footsense.sim.foot.fabrication import fabricate as sim_fabricate
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -49,8 +54,12 @@ def test_the_files_of_the_released_foot_pass_every_check(package: Package) -> No
     assert element.lowest_pf < element.plates_pf + element.fringe_pf < element.highest_pf
 
 
-def test_the_same_foot_gives_the_same_bytes(package: Package, folder: Path, tmp_path: Path) -> None:
-    fabricate(FOOT_DESIGN, tmp_path)
+def test_the_command_gives_the_same_bytes(package: Package, folder: Path, tmp_path: Path) -> None:
+    result = CliRunner().invoke(lab, ["fabricate", "aoyagi-3x3", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.exception
+    assert (
+        f"process paper: 9 elements of 5.85 pF (4.31 to 7.38); {len(package.checks)} checks" in result.output
+    )
     files = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
     assert len(files) > 15
     assert [f for f in files if (folder / f).read_bytes() != (tmp_path / f).read_bytes()] == []
@@ -60,6 +69,30 @@ def test_a_foot_with_its_fringe_field_reads_as_expected(package: Package) -> Non
     foot = Foot(FootResponse.load(RELEASED / "response.npz"), Deviations(fringe=True))
     readings = [element.unloaded_pf for element in package.elements.values()]
     assert readings == pytest.approx(foot.unloaded_pf, rel=1e-3)
+
+
+def test_most_fabricated_elements_read_within_the_limits(package: Package) -> None:
+    response, element = FootResponse.load(RELEASED / "response.npz"), package.elements["row1", "col1"]
+    own = [
+        replace_deviations(sim_fabricate(response, ASSUMED.rms, 1, foot), fringe=True) for foot in range(60)
+    ]
+    readings = np.array([Foot(response, deviations).unloaded_pf for deviations in own])
+    within = (element.lowest_pf < readings) & (readings < element.highest_pf)
+    assert 0.95 < within.mean() < 1.0
+
+
+def test_probe_finds_no_fault_with_the_lines_of_the_checklist(
+    package: Package, folder: Path, tmp_path: Path
+) -> None:
+    lines = re.search(r"```yaml\n(.*?)```", (folder / "checklist.md").read_text(), re.DOTALL)
+    assert lines is not None
+    robot, scene = tmp_path / "robot.yaml", tmp_path / "scene.yaml"
+    robot.write_text("buses: [{device: sim, legs: {lf: 0}}]\ncan: {interface: virtual}\n" + lines[1])
+    scene.write_text("description: as made\nload: {kind: unloaded}\neffects: {fringe: true}\n")
+    result = CliRunner().invoke(probe, ["--config", str(robot), "--scene", str(scene), "--json"])
+    assert result.exit_code == 0, result.output
+    expected = [element.unloaded_pf for element in package.elements.values()]
+    assert json.loads(result.output)["legs"]["lf"]["unloaded_pf"] == pytest.approx(expected, abs=0.002)
 
 
 def test_a_spacer_without_vents_is_found(package: Package, tmp_path: Path) -> None:
@@ -200,7 +233,11 @@ def test_more_rows_than_the_board_addresses_are_refused() -> None:
             "film_eps_r: 3.0",
             "film_um: no process has a film of 17 um .*17 um of 2.7 .paper.",
         ),
-        ("cavity: vented", "cavity: sealed", "cavity: sealed cavities need a rim of 0.5 mm .*sheet_mm: 15"),
+        (
+            "cavity: vented",
+            "cavity: sealed",
+            "cavity: sealed .* sheet_mm: 15 with ball_radius_mm: 10.61, or",
+        ),
     ],
 )
 def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
@@ -245,6 +282,13 @@ def test_the_value_that_an_error_names_works(wish: dict[str, Any]) -> None:
         design = replace(design, **{key: float(found[2])})
         keys.append(key)
     assert keys
+
+
+def test_an_unknown_process_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    arguments = ["fabricate", "aoyagi-3x3", "--out", str(tmp_path), "--process", "printed"]
+    assert str(CliRunner().invoke(lab, arguments).exception).startswith(
+        "--process printed: not in the table, which"
+    )
 
 
 def test_an_unknown_foot_is_refused_with_the_known_ones(tmp_path: Path) -> None:

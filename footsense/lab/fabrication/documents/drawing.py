@@ -247,7 +247,7 @@ def _flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
     contacts += f"even: {', '.join(flex.nets)}; odd: {GUARD}"
     view.note((flex.end_mm - dimensions.CONTACT_MM / 2.0, tail), (-8.0, 16.0), contacts, "center")
     stiff = f"stiffener {dimensions.STIFFENER_MM:g}, other side; 0.3 thick with it"
-    view.note((flex.end_mm - dimensions.STIFFENER_MM, -tail), (-14.0, -10.0), stiff, "center")
+    view.note((flex.end_mm - dimensions.STIFFENER_MM, -tail), (-18.0, -10.0), stiff, "center")
 
 
 def _sheet(view: View, array: ElementArray, ball_radius_mm: float, name: str) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
+from footsense.lab.fabrication.assumptions import Assumptions
 from footsense.lab.fabrication.checks import Check
 from footsense.lab.fabrication.expected import Expected
 from footsense.lab.fabrication.hardness import shore_a
@@ -24,6 +25,7 @@ _EXCESS = 1.3
 def write(
     folder: Path,
     design: FootDesign,
+    assumed: Assumptions,
     flexes: tuple[Flex, Flex],
     found: list[Check],
     tolerances: list[Tolerance],
@@ -34,6 +36,7 @@ def write(
     Args:
         folder: Where they are written.
         design: The foot.
+        assumed: What its design assumed.
         flexes: Row flex and column flex.
         found: Figures of the files.
         tolerances: Tolerances of the drawing.
@@ -41,6 +44,7 @@ def write(
     """
     names: dict[str, Any] = {
         "design": design,
+        "assumed": assumed,
         "array": ElementArray.of(design),
         "dimensions": dimensions,
         "flexes": flexes,
