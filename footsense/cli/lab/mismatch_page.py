@@ -197,6 +197,7 @@ def _figure(results: MismatchResults) -> Figure:
     bars.set(
         yticks=places,
         yticklabels=[ROWS[name].title for name in results.means],
+        xscale="log",
         xlabel="direction error after calibration, mean [deg]",
         title="what differs from the model",
     )
@@ -230,13 +231,13 @@ def _draw_trust(dots: Axes, results: MismatchResults) -> None:
         )
     dots.set(
         xlim=(0.0, last),
-        ylim=(0.0, None),
+        yscale="log",
         xlabel="median distance of the loads from the fitted foot",
         ylabel="direction error after calibration, centred [deg]",
         title="whether to trust a foot; one point each",
     )
-    dots.set_ylim(top=1.15 * dots.get_ylim()[1])
-    dots.legend(fontsize="small", loc="center right")
+    dots.set_ylim(top=1.8 * dots.get_ylim()[1])
+    dots.legend(fontsize="small", loc="lower right")
 
 
 def _full_solve_s(context: StudyContext, loads: TestLoads, kept: Path) -> float:
