@@ -119,6 +119,14 @@ def test_the_papers_foot_comes_out_of_its_own_numbers(library: ShapeLibrary) -> 
     }
 
 
+def test_the_outer_elements_end_with_the_sheet(library: ShapeLibrary) -> None:
+    """A strip beside them, were it of rounding alone, would join the plates and take a quarter off the closures."""
+    asked = wishes(12.0, (30.0, 30.0), "urethane-90a", "tpu-80a")
+    choice = choose(library, asked, 1)
+    found = load_foot(foot_text("again", "Thirty", choice.feet, int(choice.ranked[0][0]), asked).encode())
+    assert found.sheet_mm == pytest.approx(2.0 * found.pitch_mm + found.electrode_mm, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
