@@ -49,7 +49,7 @@ def robot() -> Iterator[Robot]:
 
 @pytest.fixture(scope="session")
 def deployed(robot: Robot) -> Iterator[Robot]:
-    """Return the robot after sections 3 to 5 of deploy/README.md, and judge its journal after all trials."""
+    """Return the robot after sections 2 to 5 of deploy/README.md, and judge its journal after all trials."""
     robot.deploy()
     yield robot
     check_journal(robot.machine.run("journalctl -u footsense --no-pager -o cat").splitlines())
