@@ -95,8 +95,8 @@ def main() -> int:
     """Run the trials, and return the exit code."""
     short = "--short" in sys.argv[1:]
     here = Path(__file__).parent
-    # All trials on two machines, which divide the files between them in their order: the first trial of all is done on a
-    # machine as it is made.
+    # All trials on two machines, which divide the files between them in their order: the first trial needs a machine as
+    # it is made.
     divided = ["-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"]
     targets = [str(here / _SHORT)] if short else [str(here), "--write-page", *divided]
     is_late = False

@@ -80,7 +80,7 @@ class Robot:
         self.outputs.setdefault(command.text.partition("#")[0].strip(), []).append(output)
 
     def deploy(self) -> None:
-        """Execute sections 2 to 5 of deploy/README.md, unless 2 has been, and edit the configuration between 4 and 5."""
+        """Execute sections 2, unless it has been, to 5 of deploy/README.md; edit the configuration between 4 and 5."""
         if not self.outputs:
             self.execute_section(2)
         self.execute_section(3)
