@@ -104,7 +104,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, exitstatus: int, config: pytest.Config
 ) -> None:
-    if not _rows:
+    if not _rows or hasattr(config, "workerinput"):  # a process of some of the trials
         return
     rows = [
         row for _, row in sorted(_rows, key=itemgetter(0))
