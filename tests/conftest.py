@@ -1,11 +1,12 @@
-"""How hypothesis searches: without a deadline, because the machine may be busy; in CI the same examples each time."""
+"""How hypothesis searches: without a deadline, because the machine may be busy, and with the same examples each time.
 
-import os
+A change is judged by what it changes; `pytest --hypothesis-profile random` tries other examples.
+"""
 
 from hypothesis import settings
 
 import footsense  # noqa: F401 - before any test imports numpy: it limits numpy's threads
 
-settings.register_profile("dev", deadline=None)
-settings.register_profile("ci", deadline=None, derandomize=True)
-settings.load_profile("ci" if os.environ.get("CI") else "dev")
+settings.register_profile("same", deadline=None, derandomize=True)
+settings.register_profile("random", deadline=None)
+settings.load_profile("same")

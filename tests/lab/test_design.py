@@ -7,13 +7,13 @@ import pytest
 from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.design.boards import converter
 from footsense.lab.design.choice import choose
 from footsense.lab.design.foot_files import foot_text
-from footsense.lab.design.materials import load_materials
-from footsense.lab.design.processes import load_processes
-from footsense.lab.design.shapes import ShapeLibrary
-from footsense.lab.design.wishes import Wishes
+from footsense.lab.design.inputs.boards import converter
+from footsense.lab.design.inputs.materials import load_materials
+from footsense.lab.design.inputs.processes import load_processes
+from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.prediction.shapes import ShapeLibrary
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.similarity import in_unit

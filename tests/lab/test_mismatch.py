@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.cli import main
-from footsense.cli.lab.mismatch_rows import ROWS
+from footsense.cli.lab.pages.mismatch_rows import ROWS
 from footsense.errors import ModelError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.symmetry import SIDE

@@ -17,7 +17,7 @@ from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.ball import map_circle, map_position, map_radius
+from footsense.lab.studies.ball import map_circle, map_position, map_radius
 from footsense.lab.template import render
 
 #: The paper's mean errors in the experiment, section V C [deg, gf].

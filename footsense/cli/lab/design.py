@@ -99,12 +99,12 @@ def design(
 
     Writes a description of each foot, ready for `footsense lab build`, and a picture of all that were compared.
     """  # noqa: DOC501 - click shows this text
-    from footsense.lab.design import materials as material_table
-    from footsense.lab.design import processes as process_table
-    from footsense.lab.design.boards import converter
     from footsense.lab.design.design import design as design_feet
-    from footsense.lab.design.recorded import largest_recorded_n
-    from footsense.lab.design.wishes import Wishes, largest_force_n
+    from footsense.lab.design.inputs import materials as material_table
+    from footsense.lab.design.inputs import processes as process_table
+    from footsense.lab.design.inputs.boards import converter
+    from footsense.lab.design.inputs.recorded import largest_recorded_n
+    from footsense.lab.design.inputs.wishes import Wishes, largest_force_n
 
     given = {"--mass": mass, "--max-force": max_force, "--recorded": recorded}
     if sum(value is not None for value in given.values()) != 1:
@@ -146,12 +146,12 @@ def design(
     "--out",
     type=FILE,
     required=True,
-    help="File to write; `footsense/lab/design/shapes.npz` is the released one.",
+    help="File to write; `footsense/lab/design/prediction/shapes.npz` is the released one.",
 )
 def shapes(*, out: Path) -> None:
     """Solve the shapes that `lab design` starts from; half an hour, after a change of the solid's model alone."""
     from footsense.daemon.foot_types import released_path
-    from footsense.lab.design.solving import solve
+    from footsense.lab.design.prediction.solving import solve
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
     solve(load_foot(released_path(FOOT_FILE)), out, options.stopwatch_report())

@@ -48,7 +48,7 @@ def experiment(
     Every foot is read by the daemon through the bytes of its chips, and pressed at the paper's 362 and 180 loads beside
     a simulated reference sensor.
     """
-    from footsense.cli.lab.experiment_page import STUDY, compute
+    from footsense.cli.lab.pages.experiment import STUDY, compute
 
     batch = FootBatch(seed=seed, foot_type=foot_type or FootBatch().foot_type)
     own = replace(STUDY, compute=partial(compute, batch=batch, n_feet=n_feet, jobs=jobs, kept=kept))

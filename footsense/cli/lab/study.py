@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 DAEMON_STUDIES = {
     "tradeoff": "footsense.benchmarks.latency_vs_error.page",
     "touchdown": "footsense.benchmarks.touchdown.page",
-    "faults": "footsense.cli.lab.faults_page",
+    "faults": "footsense.cli.lab.pages.faults",
 }
 
 #: The studies that are too long for the report, with their modules.
 EXPERIMENT = {
-    "experiment": "footsense.cli.lab.experiment_page",
-    "mismatch": "footsense.cli.lab.mismatch_page",
+    "experiment": "footsense.cli.lab.pages.experiment",
+    "mismatch": "footsense.cli.lab.pages.mismatch",
 }
 
 
@@ -101,7 +101,7 @@ def mismatch(
     as_json: bool,
 ) -> None:
     """Calibrate and read feet whose physics the calibration does not know, on this machine or a cluster, resumable."""
-    from footsense.cli.lab.mismatch_page import KEPT, STUDY, run_study
+    from footsense.cli.lab.pages.mismatch import KEPT, STUDY, run_study
     from footsense.lab.monte_carlo.workers import parallel
 
     given = tuple(rows.split(",")) if rows else ()

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from footsense.errors import FootsenseError
 from footsense.frames import Vector
 from footsense.lab.design.candidates import Candidates, all_candidates
-from footsense.lab.design.materials import load_materials
+from footsense.lab.design.inputs.materials import load_materials
+from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.prediction.shapes import ShapeLibrary
 from footsense.lab.design.screen import LIMITS, Screened, screen
-from footsense.lab.design.shapes import ShapeLibrary
-from footsense.lab.design.wishes import Wishes
 
 #: Feet of a size that may be assessed.
 _PER_SIZE = 12

@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 import msgspec
 
 from footsense.errors import FootsenseError
-from footsense.lab.design.assess import ELEVATIONS_DEG, Assessment, assess
 from footsense.lab.design.choice import Choice, choose
 from footsense.lab.design.foot_files import foot_text, write_foot
+from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.prediction.assess import ELEVATIONS_DEG, Assessment, assess
+from footsense.lab.design.prediction.shapes import ShapeLibrary
 from footsense.lab.design.screen import LIMITS
-from footsense.lab.design.shapes import ShapeLibrary
-from footsense.lab.design.wishes import Wishes
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign
 

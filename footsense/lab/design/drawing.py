@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import FuncFormatter
 
-from footsense.lab.design.assess import ELEVATIONS_DEG
 from footsense.lab.design.choice import Choice
-from footsense.lab.design.wishes import Wishes
+from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.prediction.assess import ELEVATIONS_DEG
 from footsense.lab.studies.plots import panels
 
 if TYPE_CHECKING:

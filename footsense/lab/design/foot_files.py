@@ -5,9 +5,9 @@ from typing import Any
 
 from footsense.errors import FootsenseError
 from footsense.lab.design.candidates import Candidates
+from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.prediction.shapes import SHEET_REL
 from footsense.lab.design.screen import TRAINED_REL
-from footsense.lab.design.shapes import SHEET_REL
-from footsense.lab.design.wishes import Wishes
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.geometry import UM_PER_MM
 

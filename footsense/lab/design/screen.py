@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from footsense.foot.directions import tangent_frame
 from footsense.frames import Vector
-from footsense.lab.design.boards import Converter
 from footsense.lab.design.candidates import Candidates
-from footsense.lab.design.closures import ClosureModel, Influence, design_loads
-from footsense.lab.design.shapes import RUBBER_POISSON, ShapeLibrary
-from footsense.lab.design.wishes import READ_REL, Wishes
+from footsense.lab.design.inputs.boards import Converter
+from footsense.lab.design.inputs.wishes import READ_REL, Wishes
+from footsense.lab.design.prediction.closures import ClosureModel, Influence, design_loads
+from footsense.lab.design.prediction.shapes import RUBBER_POISSON, ShapeLibrary
 from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG
 
 #: Feet evaluated at once, which limits memory.

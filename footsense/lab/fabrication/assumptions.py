@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from footsense.errors import ConfigError, FootsenseError
-from footsense.lab.design.after_calibration import gap_tolerance_um
-from footsense.lab.design.processes import Process, load_processes
+from footsense.lab.design.inputs.processes import Process, load_processes
+from footsense.lab.design.prediction.after_calibration import gap_tolerance_um
 from footsense.lab.geometry import FootDesign
 from footsense.sim.foot.fabrication import FootTolerances
 

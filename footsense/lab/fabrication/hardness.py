@@ -8,10 +8,10 @@ def shore_a(youngs_mpa: float) -> float:
     """Return the hardness of a modulus [MPa].
 
     Source:
-        As `footsense.lab.design.materials.youngs_mpa_of`.
+        As `footsense.lab.design.inputs.materials.youngs_mpa_of`.
 
     Example:
-        >>> from footsense.lab.design.materials import youngs_mpa_of
+        >>> from footsense.lab.design.inputs.materials import youngs_mpa_of
         >>> round(shore_a(youngs_mpa_of(60.0)), 6)
         60.0
     """

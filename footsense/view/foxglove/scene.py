@@ -91,11 +91,14 @@ def orientation(direction: Vector) -> dict[str, float]:
         {'x': 0.0, 'y': -0.707, 'z': 0.0, 'w': 0.707}
     """
     x, y, z = (direction / np.linalg.norm(direction)).tolist()
-    # 1 + x, without its cancellation near -1.
-    w = math.sqrt(((y * y + z * z) / (1.0 - x) if x < 0.0 else 1.0 + x) / 2.0)
-    if w == 0.0:
+    if x >= 0.0:
+        w = math.sqrt((1.0 + x) / 2.0)
+        return {"x": 0.0, "y": -z / (2.0 * w), "z": y / (2.0 * w), "w": w}
+    # Half the angle from 1 - x and from the distance to the axis: 1 + x would cancel near -1, and squares underflow.
+    across, sine = math.hypot(y, z), math.sqrt((1.0 - x) / 2.0)
+    if across == 0.0:
         return {"x": 0.0, "y": 0.0, "z": 1.0, "w": 0.0}
-    return {"x": 0.0, "y": -z / (2.0 * w), "z": y / (2.0 * w), "w": w}
+    return {"x": 0.0, "y": -sine * (z / across), "z": sine * (y / across), "w": across / (2.0 * sine)}
 
 
 def closure_grid(closure_rel: Vector, leg: str, t_ns: int) -> dict[str, Any]:

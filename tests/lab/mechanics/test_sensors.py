@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import series_basis
-from footsense.lab.fem.block import COARSE_BLOCK
-from footsense.lab.fem.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, build_mesh
+from footsense.lab.fem.other_sensors.block import COARSE_BLOCK
+from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FIT_ELEVATION_DEG, Material

@@ -11,7 +11,7 @@ from typing import Any
 import fastjsonschema
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from robo_ws_bridge import WebSocketBridgeClient
 from websockets.asyncio.client import connect
@@ -188,6 +188,7 @@ def test_any_requests_are_answered_or_dismissed(requests: list[str | bytes]) -> 
         assert all(json.loads(answer)["op"] == "status" for answer in answers)
 
 
+@example([-1.0, 0.0, 1.5e-161])
 @given(st.lists(st.floats(-10, 10), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 1e-3))
 def test_an_arrow_points_along_its_force(force_n: list[float]) -> None:
     """The quaternion turns the x axis, along which Foxglove's arrows lie, into the force."""

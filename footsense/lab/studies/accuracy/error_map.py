@@ -17,13 +17,13 @@ from footsense.foot.directions import angles_between_deg, directions
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors, magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.ball import map_circle, map_position, map_radius
 from footsense.lab.evaluation.evaluate import (
     MEASURED_DIRECTION_DEG,
     MEASURED_MAGNITUDE_GF,
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
 )
+from footsense.lab.studies.ball import map_circle, map_position, map_radius
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.load_cases import (

@@ -14,8 +14,14 @@ from footsense.foot.direction_sets import paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N, errors
 from footsense.foot.symmetry import mirrored_series
 from footsense.frames import Vector
-from footsense.lab.fem.block import BLOCK_SIZE, COARSE_BLOCK, Column, block_fields, half_thickness_mm
 from footsense.lab.fem.mesh import MeshSize
+from footsense.lab.fem.other_sensors.block import (
+    BLOCK_SIZE,
+    COARSE_BLOCK,
+    Column,
+    block_fields,
+    half_thickness_mm,
+)
 from footsense.lab.fem.symmetry_classes import single_cell_series, transposed_series
 from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd

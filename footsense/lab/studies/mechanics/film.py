@@ -18,8 +18,8 @@ from footsense.foot.force_errors import Errors, errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import elastance_readout
-from footsense.lab.fem.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.fem.mesh import COARSE, SHIPPED
+from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.geometry import Material
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.response import make_response

@@ -14,7 +14,7 @@ import numpy as np
 
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
-from footsense.lab.design.shapes import BESIDE, CENTRE, Shape, amplitudes, of_shape, solved_shapes
+from footsense.lab.design.prediction.shapes import BESIDE, CENTRE, Shape, amplitudes, of_shape, solved_shapes
 from footsense.lab.fem.mesh import COARSE, SHIPPED
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import make_response

@@ -14,10 +14,10 @@ from footsense.foot.directions import tangent_frame
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.design.after_calibration import calibrated_errors
-from footsense.lab.design.boards import Converter
-from footsense.lab.design.closures import Loads, design_loads
-from footsense.lab.design.wishes import READ_REL, Wishes
+from footsense.lab.design.inputs.boards import Converter
+from footsense.lab.design.inputs.wishes import READ_REL, Wishes
+from footsense.lab.design.prediction.after_calibration import calibrated_errors
+from footsense.lab.design.prediction.closures import Loads, design_loads
 from footsense.lab.evaluation.cramer_rao import Unknowns, jacobian_um
 from footsense.lab.training.load_cases import sensed_closure_um
 

@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
-from footsense.lab.design.boards import Converter
-from footsense.lab.design.materials import Materials
-from footsense.lab.design.processes import Process
+from footsense.lab.design.inputs.boards import Converter
+from footsense.lab.design.inputs.materials import Materials
+from footsense.lab.design.inputs.processes import Process
 
 #: Standard gravity [m/s2].
 GRAVITY_M_S2 = 9.80665

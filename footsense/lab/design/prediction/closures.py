@@ -18,7 +18,7 @@ from footsense.foot.response_table import series_basis
 from footsense.foot.symmetry import whole_series
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
-from footsense.lab.design.shapes import (
+from footsense.lab.design.prediction.shapes import (
     ELEMENT_OF,
     RADIUS_MM,
     RUBBER_POISSON,

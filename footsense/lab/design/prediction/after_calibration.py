@@ -17,7 +17,7 @@ from footsense.foot.directions import rotation, tangent_frame
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.design.processes import Process
+from footsense.lab.design.inputs.processes import Process
 
 #: Errors of a test stand: lean of the stick [deg], uncertain share of a force [1], share of a closure that no model
 #: explains [1], noise of a mean reading [pF]. As in the prior of `calibration/fit/parameter_fit.py`.

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from footsense import calibration, estimation, foot
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.fit.calibrate import MAX_DISTANCE, USUAL_DISTANCE
-from footsense.cli.lab.mismatch_rows import ROWS
+from footsense.cli.lab.pages.mismatch_rows import ROWS
 from footsense.errors import FootsenseError
 from footsense.foot.direction_sets import random_directions
 from footsense.foot.directions import normalized

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import asdict
 
-from footsense.cli.lab.experiment_figure import errors_over_loads
+from footsense.cli.lab.pages.experiment_figure import errors_over_loads
 from footsense.errors import FootsenseError
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n

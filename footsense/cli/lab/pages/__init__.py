@@ -1,0 +1,1 @@
+"""Pages of the report that the commands of the laboratory write: their text and pictures."""
