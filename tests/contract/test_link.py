@@ -78,7 +78,7 @@ def fd_frames(draw: st.DrawFn, counter: int) -> bytes:
     sigma_n = [(0.01, float("nan"), 2.0), (float("nan"), 0.1, 0.2)]
     force_n = [(0.1, -0.2, 40.0), (0.0, float("nan"), 1.0)]
     data = bytearray(
-        encode_forces(counter, t_sent_ns, [1, 2], [1, 1], states, force_n, sigma_n, [9, 4], [5, 0])
+        encode_forces(FORCES_ID, counter, t_sent_ns, [1, 2], [1, 1], states, force_n, sigma_n, [9, 4], [5, 0])
     )
     if draw(st.integers(0, 5)) == 0:
         data[draw(st.integers(0, 63))] ^= 1 << draw(st.integers(0, 7))
