@@ -16,13 +16,8 @@ from firmware_interface.can.codes import NODE_IDS
 #: The description of a hexapod's frames.
 HEXAPOD_DBC = Path(__file__).with_name("footsense.dbc")
 
-_WORDS = dict(
-    zip(
-        NODE_IDS,
-        ("left front", "left middle", "left rear", "right front", "right middle", "right rear"),
-        strict=False,
-    )
-) | {"l4": "fourth left", "r4": "fourth right"}
+_SIDES, _PLACES = {"l": "left", "r": "right"}, {"f": "front", "m": "middle", "r": "rear", "4": "fourth"}
+_WORDS = {leg: f"{_SIDES[leg[0]]} {_PLACES[leg[1]]}" for leg in NODE_IDS}
 _COUNTS = ("one", "two", "three", "four", "five", "six", "seven", "eight")
 _ID = re.compile(r'(?:BO_|CM_ SG_|CM_ BO_|VAL_|BA_ "\w+" BO_) (\d+) ')
 _NODE = 0x7F
