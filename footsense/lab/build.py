@@ -90,7 +90,7 @@ FULL = Recipe(
     only_362=SnapshotProtocol(steps=6_000, batch=128, masked=False),
 )
 #: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
-SIMILAR = replace(FULL, random_loads=60_000, gaits=1_500, released=WindowProtocol(steps=25_000, rate=2e-3))
+SIMILAR = replace(FULL, random_loads=60_000, gaits=2_500, released=WindowProtocol(steps=40_000, rate=3e-3))
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK = Recipe(
     mesh=COARSE,
