@@ -115,7 +115,9 @@ def scan_lower_bounds(
     read = n_result_reads * transaction_ns(*traffic.result)
     wait = round(conversion_ns * (1 + traffic.clock_tolerance_rel))
     n_elements = rows**2
-    lines = (n_elements if traffic.switches_columns else rows) * select  # a line switch takes a byte, as the selection of a channel does
+    lines = (
+        n_elements if traffic.switches_columns else rows
+    ) * select  # a line switch takes a byte, as the selection of a channel does
     if not kernel_mux:
         readout = select + start + ask + n_legs * (select + read)
         return ScanLowerBounds(n_elements * (wait + start) + lines, n_elements * readout + lines)

@@ -199,7 +199,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def bars_mm(self) -> list[tuple[float, float]]:
-        """Where the bars between the electrodes begin and end on a positive half axis [mm], from the middle outwards."""
+        """Begin and end of the bars between the electrodes on a positive half axis [mm], from the middle outwards."""
         half_mm = self.electrode_mm / 2.0
         centres = sorted(x for x, _ in self.centres_mm[:: self.rows] if x >= 0.0)
         starts = [] if self.rows % 2 else [0.0]

@@ -19,10 +19,10 @@ from footsense.foot.symmetry import whole_series
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.prediction.shapes import (
-    SIDE,
     ELEMENT_OF,
     RADIUS_MM,
     RUBBER_POISSON,
+    SIDE,
     YOUNGS_MPA,
     ShapeLibrary,
 )
