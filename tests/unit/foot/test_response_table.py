@@ -69,7 +69,7 @@ def test_the_patch_grows_as_hertz_says() -> None:
 
 
 @pytest.mark.parametrize("rows", [2, 3, 4])
-def test_a_mirrored_load_gives_the_mirrored_closures(rows: int) -> None:
+def test_a_table_of_any_square_array_is_symmetric(rows: int) -> None:
     """Of any square array, whose size the table's arrays tell."""
     foot, normal = made_up(rows=rows), random_normals(4)
     force = np.random.default_rng(3).normal(size=(4, 3))
