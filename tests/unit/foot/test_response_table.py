@@ -82,20 +82,6 @@ def test_a_table_of_any_square_array_is_symmetric(rows: int) -> None:
         np.testing.assert_allclose(image, np.flip(closure_um, 1 + axis), rtol=1e-9)
 
 
-@pytest.mark.parametrize("rows", [2, 3, 4])
-def test_a_mirrored_load_gives_the_mirrored_closures(rows: int) -> None:
-    """Of any square array, whose size the table's arrays tell."""
-    foot, normal = made_up(rows=rows), random_normals(4)
-    force = np.random.default_rng(3).normal(size=(4, 3))
-    closure_um = foot.closure_um(normal, force).reshape(-1, foot.rows, foot.rows)
-    assert foot.rows == rows
-    for axis in (0, 1):
-        mirror = np.ones(3)
-        mirror[axis] = -1.0
-        image = foot.closure_um(mirror * normal, mirror * force).reshape(closure_um.shape)
-        np.testing.assert_allclose(image, np.flip(closure_um, 1 + axis), rtol=1e-9)
-
-
 def test_one_load_is_what_many_give() -> None:
     """Leading axes are only bookkeeping."""
     foot = made_up()
