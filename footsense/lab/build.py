@@ -227,7 +227,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
     Raises:
         ConfigError: The description does not fit.
         ArithmeticError: ONNX Runtime and JAX differ too much.
-        ModelError: The foot is not of 3 x 3 elements, cannot be meshed or solved, or its loads are beyond the converter.
+        ModelError: The foot is not of 3 x 3 elements, cannot be solved, or its loads are beyond the converter.
     """
     foot_design, description = load_foot(foot_file), foot_file.read_bytes()
     if foot_design.rows != _NETWORK_ROWS:
