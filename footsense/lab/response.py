@@ -134,7 +134,8 @@ def make_response(
         quarter = Quarter(foot_design, size, parity, mesh, layer)
         fields[parity] = class_field(quarter)
         report(
-            f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, 81 solves"
+            f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, "
+            f"{fields[parity].compliance.shape[0]} solves"
         )
     return tabulate(foot_design, size, fields, {"elements": int(mesh.ne), "unknowns": quarter.n_unknowns})
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 #: Studies of the daemon, which the lab does not import, with their modules.
 DAEMON_STUDIES = {
+    "sensors": "footsense.cli.lab.pages.sensors",
     "tradeoff": "footsense.benchmarks.latency_vs_error.page",
     "touchdown": "footsense.benchmarks.touchdown.page",
     "faults": "footsense.cli.lab.pages.faults",
@@ -132,7 +133,7 @@ def _study_command(name: str, words: str, *own_options: Decorator) -> click.Comm
     """Return the dedicated command of a study with these options."""
 
     def run(*, output: Path | None, quick: bool, models: Path | None = None, as_json: bool = False) -> None:
-        write_study(name, models, output, quick=quick, as_json=as_json)
+        write_study(name, models, output, quick=quick, as_json=as_json, bound=models is None)
 
     run.__doc__ = words
     command = click.command(name)(run)
@@ -166,6 +167,7 @@ tradeoff = _study_command(
 faults = _study_command(
     "faults",
     "Walk with every fault that a scene can have, and print detection, recovery and effect on the other legs.",
+    options.models_option,
     options.output_option,
     click.option("--quick", is_flag=True, help="A few faults, in seconds."),
 )

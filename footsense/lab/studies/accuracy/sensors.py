@@ -1,4 +1,4 @@
-"""Study `sensors`: how many elements, and how large.
+"""The first part of the study `sensors`: how many elements, and how large, on the paper's block.
 
 Source:
     Aoyagi et al., sections III B to III E, Figs. 5, 6 and 8, Table I.
@@ -24,9 +24,9 @@ from footsense.lab.fem.other_sensors.block import (
 )
 from footsense.lab.fem.symmetry_classes import single_cell_series, transposed_series
 from footsense.lab.geometry import FootDesign
-from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
+from footsense.lab.monte_carlo.statistics import Difference, MeanStd
 from footsense.lab.response import DEGREE, fit_class, patch_mean
-from footsense.lab.studies.page import Plots, Study, StudyContext
+from footsense.lab.studies.page import Plots, StudyContext
 from footsense.lab.studies.plots import panels
 from footsense.lab.training.paper.mlp import forward, stack, train, unstack
 from footsense.lab.training.paper.procedure import HIDDEN, starts_of
@@ -230,12 +230,3 @@ def gains(errors_deg: dict[str, MeanStd]) -> dict[str, Difference]:
 def factors(results: Results) -> dict[str, float]:
     """Return the error with random error over the error without, by sensor."""
     return {name: results.noisy_deg[name].mean / clean.mean for name, clean in results.clean_deg.items()}
-
-
-STUDY = Study(
-    name="sensors",
-    title="How many elements, and how large",
-    compute=compute,
-    names={"SIGNIFICANT": SIGNIFICANT},
-    uses_network=False,
-)
