@@ -22,10 +22,10 @@ from footsense.foot.force_errors import Errors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Readout
 from footsense.lab.evaluation.evaluate_models import (
-    ALONE,
     HELD_OUT_CASES,
     HELD_OUT_SEED,
     NETWORK_FILE,
+    PAPER_NETWORK_362,
     RESPONSE_FILE,
     error_table,
     evaluate_models,
@@ -37,11 +37,11 @@ from footsense.lab.model_card import readme
 from footsense.lab.response import make_response
 from footsense.lab.similarity import force_unit, in_unit, loads_in_unit
 from footsense.lab.training import load_cases
-from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_model, stored_weights
+from footsense.lab.training.export import OnnxNetwork, library_versions, load_weights, onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import Cases, paper_training, random_loads
 from footsense.lab.training.snapshot.forward_inversion import forward_model
-from footsense.lab.training.snapshot.train import SnapshotProtocol, moments, train
+from footsense.lab.training.snapshot.train import SnapshotProtocol, closure_moments, train
 from footsense.lab.training.snapshot.train import predict as predict_alone
 from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
 from footsense.lab.training.windowed_network import Weights, predict
@@ -140,17 +140,21 @@ def _paper_only_readouts(
     training, gap_um = paper_training(response), response.design.gap_um
     plain = train(training, response.design, protocol)
     alone: dict[str, Readout] = {
-        f"{ALONE}_elastance": lambda closure_um: unit * predict_alone(plain, closure_um / gap_um)[0]
+        f"{PAPER_NETWORK_362}_elastance": lambda closure_um: (
+            unit * predict_alone(plain, closure_um / gap_um)[0]
+        )
     }
     model = forward_model(response)
     try:
         inverted_um = model.mean_um(training.closure_um)
     except ArithmeticError as error:
-        report(f"no {ALONE}: the paper's loads are too large for this foot: {error}")
+        report(f"no {PAPER_NETWORK_362}: the paper's loads are too large for this foot: {error}")
         return alone
     inverted = train(Cases(training.force_n, inverted_um), response.design, protocol)
     return {
-        ALONE: lambda closure_um: unit * predict_alone(inverted, model.mean_um(closure_um) / gap_um)[0],
+        PAPER_NETWORK_362: lambda closure_um: (
+            unit * predict_alone(inverted, model.mean_um(closure_um) / gap_um)[0]
+        ),
         **alone,
     }
 
@@ -199,7 +203,7 @@ def _card(
 
 def _rounded_moments(closure_rel: Any) -> Any:
     """Return the moments that a card holds; training fills in with the very same."""
-    return np.round(moments(closure_rel), _DECIMALS)
+    return np.round(closure_moments(closure_rel), _DECIMALS)
 
 
 def _parity_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
@@ -248,7 +252,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
             response_in_unit, TRAINING_SEED, recipe.gaits, _CONVERSIONS, loads_unit.max_n, jobs=2
         )
         report(f"{recipe.gaits} random gaits of {_CONVERSIONS} conversions")
-        start = None if recipe.start is None else stored_weights(recipe.start)
+        start = None if recipe.start is None else load_weights(recipe.start)
         weights = train_windowed(gaits, cases, design, recipe.released, imputation, report, start)
         report(f"trained on them: {weights.size} weights")
         table = error_table(response, loads, _readout(weights, design.gap_um, unit), alone)

@@ -170,7 +170,7 @@ def usual_seconds(name: str, folder: Path, *, quick: bool) -> float:
 
 def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
     """Run one study in this process, write the page, and return the elapsed time [s]."""
-    page = make_page(name, StudyContext(models=models, quick=quick, say=_print_progress), studies)
+    page = make_page(name, StudyContext(models=models, quick=quick, report_progress=_print_progress), studies)
     page.write(folder)
     return page.seconds
 

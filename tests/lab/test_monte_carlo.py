@@ -19,7 +19,12 @@ from footsense.lab.monte_carlo.specimens import measure, readout_errors
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import FEET, FULL, QUICK, TEST_STANDS, SweepResults
 from footsense.lab.monte_carlo.workers import parallel
-from footsense.lab.studies.accuracy.tolerance import ON_DESIGN, ON_FOOT, STUDY, run_study
+from footsense.lab.studies.accuracy.tolerance import (
+    DESIGN_TRAINED_READOUTS,
+    FOOT_TRAINED_READOUTS,
+    STUDY,
+    run_study,
+)
 from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
 from footsense.sim.foot.fabrication import MIN_DRAWN_REL, fabricate
@@ -220,11 +225,11 @@ def test_the_page_reports_the_level_of_the_papers_error() -> None:
         for job in jobs:
             yield job, dict.fromkeys(names, 4.0 * job.tolerances.gap_um)
 
-    readouts = (*ON_DESIGN, *ON_FOOT, "reference")
+    readouts = (*DESIGN_TRAINED_READOUTS, *FOOT_TRAINED_READOUTS, "reference")
     names = ["within_1", "within_2", *(f"{name}_{unit}" for name in readouts for unit in ("deg", "gf"))]
     lines: list[str] = []
     study = replace(STUDY, compute=partial(run_study, workers=canned))
-    page = study.page(StudyContext(models=RELEASED, quick=True, say=lines.append))
+    page = study.page(StudyContext(models=RELEASED, quick=True, report_progress=lines.append))
     assert "Quick run" in page.body
     assert "| gap [um] | 4 | 4 | 4 | 4.7 | 4.7 | 4.7 |" in page.body
     assert "| film [um] | no (0.0 at 4) |" in page.body

@@ -38,7 +38,7 @@ RENDERED = list(ALL | EXPERIMENT)
 @pytest.fixture
 def context() -> StudyContext:
     """Return the quick form on the released models."""
-    return StudyContext(models=RELEASED, quick=True, say=lambda _: None)
+    return StudyContext(models=RELEASED, quick=True, report_progress=lambda _: None)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -78,7 +78,7 @@ def test_pages_about_another_network_are_left_out(context: StudyContext, tmp_pat
 @pytest.mark.parametrize("name", RENDERED)
 def test_a_committed_page_is_the_text_of_its_numbers(name: str) -> None:
     """Rendered again from its JSON, the page is the committed one to the byte."""
-    page: Page = import_module((ALL | EXPERIMENT)[name]).STUDY.rendered(page_values(name, PAGES))
+    page: Page = import_module((ALL | EXPERIMENT)[name]).STUDY.rerender(page_values(name, PAGES))
     assert page.markdown == (PAGES / f"{name}.md").read_text(encoding="utf-8")
 
 

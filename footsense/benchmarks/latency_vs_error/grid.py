@@ -22,7 +22,7 @@ from footsense.config import DEFAULT
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.sim.loads.ground_load import Ramp
 
 #: Load of the standing feet of which the noise is measured [N].
@@ -89,7 +89,7 @@ def operating_points(rate_sps: int, truth: TrueLoads, context: StudyContext) -> 
 
 def grid_figure(points: Sequence[OperatingPoint]) -> Figure:
     """Draw the error on the walk over the age of the held force: a line for each rate, over `publish_every`."""
-    figure, (axes,) = panels(1, 6.4, 4.4)
+    figure, (axes,) = subplot_row(1, 6.4, 4.4)
     for rate in sorted({p.rate_sps for p in points}, reverse=True):
         of_rate = [p for p in points if p.rate_sps == rate]
         ages_ms = [p.walk.age_held_ms[0] for p in of_rate]

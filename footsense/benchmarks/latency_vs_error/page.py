@@ -137,11 +137,11 @@ def compute(context: StudyContext) -> tuple[TradeoffResults, Plots]:
     loads = {}
     for name, load in load_cases(size.strides, size.phases).items():
         loads[name] = _load_result(load, context)
-        context.say(f"tradeoff: {name}")
+        context.report_progress(f"tradeoff: {name}")
     truth, points = measured_truth(size.strides), []
     for rate_sps in size.rates_sps:
         points += operating_points(rate_sps, truth, context)
-        context.say(f"tradeoff: {rate_sps} S/s")
+        context.report_progress(f"tradeoff: {rate_sps} S/s")
     results = TradeoffResults(
         step_ms=pace(400).step_ns * 1e-6,
         lead_ms=pace(400).lead_ns * 1e-6,

@@ -10,7 +10,7 @@ from footsense.benchmarks.touchdown.run import Run, run
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TOUCHDOWNS, TREMOR_N, Steps
 from footsense.frames import Mask, Vector
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 
 #: Feet of each manner, and length of the run [s].
 _FULL, _QUICK = (6, 25.0), (2, 4.0)
@@ -19,7 +19,7 @@ _ERROR_WINDOW_S = 0.05
 #: Upper bound of a Poisson mean at 95 % without an occurrence.
 _POISSON_95_OF_ZERO = 3
 _SEED = 5
-_FIGURE = "touchdown.png"
+_FIGURE_FILE = "touchdown.png"
 
 #: Median and 99th percentile [ms].
 _P50P99 = tuple[float, float]
@@ -127,7 +127,7 @@ def _false_reports(result: Run) -> FalseReports:
 
 def _figure(latencies: dict[str, _Each]) -> Figure:
     """Draw the share of reported touchdowns over the time since."""
-    figure, axes = panels(2, 9.0, 3.4, sharey=True)
+    figure, axes = subplot_row(2, 9.0, 3.4, sharey=True)
     for axis, speed in zip(axes, ("hard", "soft"), strict=True):
         for report, (style, label) in enumerate((("-", "Contact"), (":", "force"))):
             kinds = [each[report] for kind, each in latencies.items() if kind.startswith(speed)]
@@ -158,7 +158,7 @@ def compute(context: StudyContext) -> tuple[TouchdownResults, Plots]:
         median_ms={report: float(np.median(np.concatenate(kinds))) for report, kinds in reports},
         false_reports=_false_reports(result),
     )
-    return results, {_FIGURE: _figure(every)}
+    return results, {_FIGURE_FILE: _figure(every)}
 
 
 STUDY = Study(

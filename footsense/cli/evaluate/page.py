@@ -24,9 +24,9 @@ from footsense.lab.template import render
 PAPER_DEG, PAPER_GF = 15.9, 18.7
 
 #: Steps of the map's colours [deg].
-_LEVELS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0)
+_COLOUR_LEVELS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0)
 #: Centre of the circles of the mean error, as in the paper's Fig. 19: a contact half way down the ball.
-_CIRCLE_AT = np.array([np.cos(np.radians(60.0)), 0.0, np.sin(np.radians(60.0))])
+_CIRCLE_CENTRE = np.array([np.cos(np.radians(60.0)), 0.0, np.sin(np.radians(60.0))])
 _ELEVATIONS_DEG = (30.0, 50.0, 70.0)
 
 
@@ -56,13 +56,15 @@ def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
             *map_position(direction[order]),
             s=8.0 + 45.0 * magnitude_n[order],
             c=error_deg[order],
-            norm=BoundaryNorm(_LEVELS_DEG, 256, extend="max"),
+            norm=BoundaryNorm(_COLOUR_LEVELS_DEG, 256, extend="max"),
             edgecolors="k",
             linewidths=0.3,
         )
         mean_deg = float(error_deg.mean())
-        axes.plot(*map_circle(_CIRCLE_AT, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg")
-        axes.plot(*map_circle(_CIRCLE_AT, PAPER_DEG), "r--", lw=1.2, label=f"the paper's, {PAPER_DEG} deg")
+        axes.plot(*map_circle(_CIRCLE_CENTRE, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg")
+        axes.plot(
+            *map_circle(_CIRCLE_CENTRE, PAPER_DEG), "r--", lw=1.2, label=f"the paper's, {PAPER_DEG} deg"
+        )
         axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
         axes.set_title(f"{name}\nforward", fontsize=10)
         axes.legend(fontsize=8, loc="lower left")

@@ -35,13 +35,15 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     from footsense.lab.report import STUDIES, make_report
     from footsense.lab.studies.page import StudyContext
 
-    say, started_ns, build_s = options.stopwatch_report(), stopwatch_ns(), None
+    report_progress, started_ns, build_s = options.stopwatch_report(), stopwatch_ns(), None
     if not (resume and all((folder / name).exists() for name in (NETWORK_FILE, RESPONSE_FILE))):
-        build(released_path(FOOT_FILE), folder, QUICK if quick else FULL, say)
+        build(released_path(FOOT_FILE), folder, QUICK if quick else FULL, report_progress)
         build_s = (stopwatch_ns() - started_ns) / 1e9
-    context = StudyContext(models=folder, quick=quick, say=say)
+    context = StudyContext(models=folder, quick=quick, report_progress=report_progress)
     studies = STUDIES | DAEMON_STUDIES
-    say(f"wrote {make_report(pages, context, studies, build_s=build_s, resume=resume, report=say)}")
+    report_progress(
+        f"wrote {make_report(pages, context, studies, build_s=build_s, resume=resume, report=report_progress)}"
+    )
 
 
 def _print_stale(models: Path, pages: Path, *, quick: bool) -> None:

@@ -54,8 +54,10 @@ def write_study(
     from footsense.lab.report import STUDIES, bind, make_page, usual_seconds
     from footsense.lab.studies.page import StudyContext
 
-    say = (lambda _: None) if as_json else options.stopwatch_report()
-    context = StudyContext(models=models or options.released_folder(), quick=quick, say=say)
+    report_progress = (lambda _: None) if as_json else options.stopwatch_report()
+    context = StudyContext(
+        models=models or options.released_folder(), quick=quick, report_progress=report_progress
+    )
     usual_s = usual_seconds(study, folder, quick=quick) if isinstance(study, str) else 0.0
     with timed_bar(str(study), usual_s):
         page = (

@@ -13,13 +13,13 @@ from footsense.lab.evaluation.evaluate_models import evaluate_models, open_model
 from footsense.lab.response import disc_normals
 
 #: Response: largest difference over the largest value.
-RESPONSE_REL = 1e-6
+RESPONSE_TOLERANCE_REL = 1e-6
 #: Network, on the paper's verification cases: mean errors that a release may have [deg, gf]. Equal machines give equal
 #: bytes; elsewhere the last bit of 10^5 steps differs, and with it the error. What counts is that it is no worse than
 #: what was promised.
 DIRECTION_DEG, MAGNITUDE_GF = 0.24, 0.53
 #: A build that is compared with one that never met that (a quick one) may be this much worse [1].
-WORSE_REL = 0.2
+ERROR_INCREASE_TOLERANCE_REL = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ def error(what: str, released: float, built: float, promised: float) -> Differen
         >>> error("error", 0.08, 0.19, 0.24).same, error("error", 0.08, 0.25, 0.24).same
         (True, False)
     """
-    return Difference(what, built, max(promised, released * (1.0 + WORSE_REL)))
+    return Difference(what, built, max(promised, released * (1.0 + ERROR_INCREASE_TOLERANCE_REL)))
 
 
 def compare(first: Path, second: Path) -> list[Difference]:
@@ -62,7 +62,7 @@ def compare(first: Path, second: Path) -> list[Difference]:
         Difference(
             "response, largest over largest",
             float(np.abs(closures[0] - closures[1]).max() / np.abs(closures[0]).max()),
-            RESPONSE_REL,
+            RESPONSE_TOLERANCE_REL,
         ),
         error(
             "network, mean direction error [deg]", rows[0].direction_deg, rows[1].direction_deg, DIRECTION_DEG

@@ -30,7 +30,7 @@ from footsense.frames import Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, sensed_closure_um
 
 #: Step of the central differences: of the force relative to its magnitude, of the normal in radians.
-STEP = 1e-4
+RELATIVE_STEP = 1e-4
 
 
 class Unknowns(Enum):
@@ -102,7 +102,7 @@ def closure_sigma_um(design: CapacitorDesign, closure_um: Vector) -> Vector:
 
 
 def jacobian_um(
-    foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = STEP
+    foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = RELATIVE_STEP
 ) -> Vector:
     """Return how the sensed closures follow the unknowns, by central differences through the gap contact.
 
@@ -134,7 +134,9 @@ def jacobian_um(
     return slope
 
 
-def force_bound(foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = STEP) -> Bound:
+def force_bound(
+    foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = RELATIVE_STEP
+) -> Bound:
     """Return the Cramer-Rao bound of the force.
 
     Args:

@@ -35,7 +35,7 @@ RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
 #: Seed and size of the held-out random loads.
 HELD_OUT_SEED, HELD_OUT_CASES = 2, 10_000
 #: Rows of the networks trained on the paper's 362 cases alone; without suffix: fed by inversion of the forward model.
-ALONE = "paper_network_362"
+PAPER_NETWORK_362 = "paper_network_362"
 
 
 def error_table(
@@ -134,7 +134,7 @@ def evaluate_models(folder: Path) -> dict[str, Errors]:
     loads, gap_um = load_foot(folder / FOOT_FILE).loads, response.design.gap_um
     table = error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
     for name, row in network.card["errors"].items():
-        if name.startswith(ALONE):
+        if name.startswith(PAPER_NETWORK_362):
             table[name] = Errors(**row)
     return table
 
@@ -156,7 +156,7 @@ def paper_protocol(folder: Path) -> dict[str, float]:
     return {
         "paper_procedure_direction_deg": float(np.mean([row.direction_deg for row in rows])),
         "paper_procedure_magnitude_gf": float(np.mean([row.magnitude_gf for row in rows])),
-        "crb_ratio": ratio.worst,
+        "crb_ratio": ratio.worst_direction_ratio,
         "crb_ratio_typical": max(one.typical_ratio for one in ratio.centred),
     }
 
@@ -168,7 +168,7 @@ def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) ->
         table: Result of `evaluate_models`.
         beside: Figures that are not of the table, such as `crb_ratio`.
     """
-    released, alone = table["paper_network"], table.get(ALONE)
+    released, alone = table["paper_network"], table.get(PAPER_NETWORK_362)
     linear = table["paper_linear_elastance"]
     return {
         **(beside or {}),

@@ -21,9 +21,14 @@ from footsense.lab.evaluation.evaluate import Readout, capacitance_readout, elas
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Job, ReadoutErrors, Tolerances
 from footsense.lab.training.export import OnnxNetwork
-from footsense.lab.training.load_cases import Cases, as_designed_um, paper_training, paper_verification
-from footsense.lab.training.paper.mlp import start_layers
-from footsense.lab.training.paper.procedure import HIDDEN, PaperTraining
+from footsense.lab.training.load_cases import (
+    Cases,
+    closure_of_designed_foot_um,
+    paper_training,
+    paper_verification,
+)
+from footsense.lab.training.paper.mlp import random_layers
+from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining
 from footsense.sim.foot.fabrication import fabricate
 
 #: Resolution of the reference sensor's x, y, z (Table II) [N].
@@ -115,7 +120,7 @@ def _open_readouts(models: Path, seed: int, epochs: int) -> _TrainedReadouts:
 
 def _plain_network(design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int) -> Readout:
     """Return the paper's kind of network, trained on capacitance changes."""
-    return PaperTraining(design, cases).train([start_layers(rng, (9, *HIDDEN, 3))], epochs)[0]
+    return PaperTraining(design, cases).train([random_layers(rng, (9, *HIDDEN_NEURONS, 3))], epochs)[0]
 
 
 def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> ReadoutErrors:
@@ -141,8 +146,8 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Readout
     training = measure(foot, own.mount, on_design.training_n, job.tolerances, rng)
     test = measure(foot, own.mount, on_design.verification_n, job.tolerances, rng)
     closure_rel = test.closure_um / design.gap_um
-    changed_um = as_designed_um(design, test.change_pf)
-    own_changes = Cases(training.force_n, as_designed_um(design, training.change_pf))
+    changed_um = closure_of_designed_foot_um(design, test.change_pf)
+    own_changes = Cases(training.force_n, closure_of_designed_foot_um(design, training.change_pf))
     network_n = network.force_n(closure_rel)
     estimates = {
         "network": network_n,

@@ -17,12 +17,12 @@ from footsense.frames import ELEMENTS
 from footsense.lab.symmetry import SYMMETRIES, element_map
 
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
-SOFT_REL = 2e-3
+PATTERN_SOFTENING_REL = 2e-3
 #: Symmetries of the square.
 N_SYMMETRIES = len(SYMMETRIES)
 
 
-def input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
+def hidden_input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
     """Return which input of a channel meets each input of the layer in its unit g, shape (8, inputs).
 
     Args:
@@ -35,7 +35,7 @@ def input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
     return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
 
 
-def relative_index() -> NDArray[np.intp]:
+def relative_symmetry_index() -> NDArray[np.intp]:
     """Return the place of inverse(g) h among the symmetries, shape (8 of g, 8 of h)."""
     stack = np.stack(SYMMETRIES)
     products = np.einsum("gji,hjk->ghik", stack, stack)
@@ -62,12 +62,12 @@ def expand_hidden(weights: Any, n_planes: int, n_scalars: int) -> dict[str, Any]
 
     Args:
         weights: Weights of c channels: `w1` (c, inputs), `b1` (c,), `w2` (c, 8 c), the symmetry slow, and `b2` (c,).
-        n_planes: As for `input_index`.
-        n_scalars: As for `input_index`.
+        n_planes: As for `hidden_input_index`.
+        n_scalars: As for `hidden_input_index`.
     """
     c = weights.channels
-    w1 = weights.w1[:, input_index(n_planes, n_scalars)]  # (c, 8, inputs)
-    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_index()]  # (c of unit, g, h, c of input)
+    w1 = weights.w1[:, hidden_input_index(n_planes, n_scalars)]  # (c, 8, inputs)
+    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_symmetry_index()]  # (c of unit, g, h, c of input)
     return {
         "w1": jnp.transpose(w1, (2, 1, 0)).reshape(w1.shape[-1], -1),
         "b1": jnp.tile(weights.b1, N_SYMMETRIES),

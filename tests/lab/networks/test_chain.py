@@ -26,7 +26,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N, errors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.build import PARITY_REL, QUICK, Built, build
 from footsense.lab.evaluation.compare import compare
-from footsense.lab.evaluation.evaluate import coverage
+from footsense.lab.evaluation.evaluate import sigma_coverage_shares
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.foot_file import load_foot
 from footsense.lab.symmetry import SYMMETRIES, element_map
@@ -111,7 +111,7 @@ def test_coverage_of_a_true_sigma_is_that_of_a_gaussian() -> None:
     """Errors drawn with the stated sigma are within one of it in 68.3 % of the cases, within two in 95.4 %."""
     rng = np.random.default_rng(3)
     sigma = rng.uniform(0.001, 0.1, (100_000, 3))
-    shares = coverage(np.zeros_like(sigma), sigma * rng.normal(size=sigma.shape), sigma)
+    shares = sigma_coverage_shares(np.zeros_like(sigma), sigma * rng.normal(size=sigma.shape), sigma)
     np.testing.assert_allclose(shares["within_1_sigma"], 0.6827, atol=0.005)
     np.testing.assert_allclose(shares["within_2_sigma"], 0.9545, atol=0.003)
 
@@ -198,7 +198,7 @@ def test_sigma_is_honest_with_and_without_all_elements(built: Built, folder: Pat
     for mask in (np.zeros(9, bool), np.arange(9) == 4, np.arange(9) < 3):
         missing = np.broadcast_to(mask, measured.shape)
         force_n, sigma_n, *_ = network.estimate(at_rest(imputation.impute(measured, missing), missing))
-        shares = coverage(cases.force_n, force_n, sigma_n)
+        shares = sigma_coverage_shares(cases.force_n, force_n, sigma_n)
         assert min(shares["within_2_sigma"]) > 0.75  # the release has to do better, see test_released.py
         assert max(shares["within_1_sigma"]) < 0.95
         means.append(sigma_n.mean())

@@ -92,6 +92,6 @@ def test_a_read_out_of_known_scatter_has_the_ratio_of_its_scatter(foot: Foot) ->
     ratio = crb_ratio(foot.response, FOOT_DESIGN.loads, never_sure, draws=2, magnitudes_gf=(100.0,))
     (only,) = ratio.centred
     assert only.network.direction_rms_deg == pytest.approx(1.0)
-    assert ratio.worst == pytest.approx(1.0 / only.leaning.direction_rms_deg)
+    assert ratio.worst_direction_ratio == pytest.approx(1.0 / only.leaning.direction_rms_deg)
     assert only.network.magnitude_rms_gf == pytest.approx(0.0, abs=1e-9)
     assert calls[:2] == [180, 180]

@@ -37,7 +37,7 @@ ESTIMATORS = {
 }
 #: Where the loads of pressed feet are kept.
 KEPT = Path("build") / "experiment"
-_FIGURE = "experiment.png"
+_FIGURE_FILE = "experiment.png"
 _BATCH = FootBatch()
 
 
@@ -125,7 +125,7 @@ def compute(
     evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every, kept=kept)
     for one in map_unordered(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
-        context.say(_progress_line(one))
+        context.report_progress(_progress_line(one))
     if not feet:
         raise FootsenseError("no foot could be read")
     feet.sort(key=lambda one: one.foot)
@@ -146,7 +146,7 @@ def compute(
         calibrate_s=over_feet(lambda one: one.calibrate_s),
         refused={one.foot: one.refused for one in feet if one.refused},
     )
-    return results, {_FIGURE: errors_over_loads(feet)}
+    return results, {_FIGURE_FILE: errors_over_loads(feet)}
 
 
 def _estimators(feet: list[FootResult]) -> dict[str, dict[str, int | OverFeet]]:

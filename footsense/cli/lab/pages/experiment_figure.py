@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult
 
 #: The paper's errors on its fabricated foot.
@@ -15,7 +15,7 @@ _PANELS = (("direction_deg", "direction error [deg]", 15.9), ("magnitude_gf", "m
 
 def errors_over_loads(feet: Sequence[FootResult]) -> Figure:
     """Draw the errors over the number of calibration loads: each foot a line, their mean a thicker one."""
-    figure, row = panels(2, 10.0, 4.2)
+    figure, row = subplot_row(2, 10.0, 4.2)
     for axes, (error, label, paper) in zip(row, _PANELS, strict=True):
         _panel(axes, feet, error, paper)
         axes.set_ylabel(label)

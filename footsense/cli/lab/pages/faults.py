@@ -26,9 +26,9 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     """Simulate a walk for every fault; return the figures of each, by the description of the fault."""
     legs = {
         words: f._asdict() | {"state": f.state.name.lower(), "cause": f.cause.name.lower()}
-        for words, f in fault_rows(context.say, quick=context.quick).items()
+        for words, f in fault_rows(context.report_progress, quick=context.quick).items()
     }
-    can = {words: f._asdict() for words, f in can_rows(context.say, quick=context.quick).items()}
+    can = {words: f._asdict() for words, f in can_rows(context.report_progress, quick=context.quick).items()}
     return FaultResults(legs=legs, can=can), {}
 
 

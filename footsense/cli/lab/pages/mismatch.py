@@ -45,7 +45,7 @@ KEPT = Path("build") / "mismatch"
 #: Test loads of the leaning sets, and the band of the full range [gf].
 _N_LEANING, FULL_RANGE_GF = 180, (20.0, 200.0)
 #: Lowest elevation of a leaning load [deg] with a mount turned by several degrees.
-_LOWEST_DEG = 32.0
+_MIN_ELEVATION_DEG = 32.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,9 +80,9 @@ def test_loads(loads: LoadRange) -> dict[str, TestLoads]:
     """Return test loads by name: the paper's centred ones, and leaning ones of 100 gf and of all sizes."""
     centred_n = paper_presses("verification")
     rng = np.random.default_rng(SEED)
-    direction = random_directions(rng, 4 * _N_LEANING, _LOWEST_DEG)
+    direction = random_directions(rng, 4 * _N_LEANING, _MIN_ELEVATION_DEG)
     normal = leaning_normals(loads, rng, direction)
-    reached = normal[:, 2] >= np.sin(np.radians(_LOWEST_DEG))
+    reached = normal[:, 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG))
     direction, normal = direction[reached][:_N_LEANING], normal[reached][:_N_LEANING]
     sizes_gf = rng.uniform(*FULL_RANGE_GF, (_N_LEANING, 1))
     return {
@@ -149,7 +149,7 @@ def run_study(
     began_s = process_time()
     for name in names:  # solved once, not by each worker
         response_of(ROWS[name].solid, context.response, context.foot_design, kept)
-        context.say(f"{name}: table ready")
+        context.report_progress(f"{name}: table ready")
     tables_s = process_time() - began_s
     about: dict[str, str | int] = {
         "study": "mismatch",
@@ -171,7 +171,7 @@ def run_study(
         means[name] = {figure: round(float(np.nanmean(values)), 3) for figure, values in columns.items()}
         worst[name] = {figure: round(float(np.nanmax(values)), 3) for figure, values in columns.items()}
         scatter[name] = [(round(one["distance_all"], 2), round(one["centred_all_deg"], 3)) for one in made]
-        context.say(f"{name}: {_progress(means[name])}")
+        context.report_progress(f"{name}: {_progress(means[name])}")
     presses = len(paper_presses("training")[:: plan.every])
     results = MismatchResults(
         feet=n_feet,
@@ -251,7 +251,7 @@ def _full_solve_s(context: StudyContext, loads: TestLoads, kept: Path) -> float:
         began_s = process_time()
         full(loads.normal[:1], loads.force_n[:1])
         file.write_text(f"{process_time() - began_s:.1f}\n", encoding="utf-8")
-        context.say("full solve of one load: done")
+        context.report_progress("full solve of one load: done")
     return float(file.read_text(encoding="utf-8"))
 
 

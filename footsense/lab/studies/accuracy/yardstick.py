@@ -30,7 +30,7 @@ from footsense.sim.foot.fabrication import fabricate
 #: Feet of a full run and of a quick one; processes.
 N_FEET, QUICK_N_FEET, _PROCESSES = 20, 2, 2
 #: The causes by the names of the tolerances, in words with a unit, and the factor to that unit.
-CAUSES = {
+ERROR_CAUSES = {
     "gap_um": ("gap of each element [um]", 1.0),
     "film_um": ("film of each element [um]", 1.0),
     "stray_pf": ("stray of each element [pF]", 1.0),
@@ -73,7 +73,7 @@ class YardstickResults:
     without: dict[str, CauseErrors]
 
 
-def own_network_errors(
+def foot_trained_network_errors(
     response: FootResponse, tolerances: Tolerances, number: int, epochs: int
 ) -> tuple[float, float]:
     """Return direction [deg] and magnitude error [gf] of a plain network trained on a foot's own presses.
@@ -101,12 +101,14 @@ def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
     """Train a network for each foot and each set of causes."""
     n_feet, epochs = (QUICK_N_FEET, QUICK_EPOCHS) if context.quick else (N_FEET, EPOCHS)
     exact, whole = asdict(EXACT), asdict(YARDSTICK)
-    alone = {NONE: EXACT, ALL: YARDSTICK} | {name: replace(EXACT, **{name: whole[name]}) for name in CAUSES}
-    without = {name: replace(YARDSTICK, **{name: exact[name]}) for name in CAUSES}
+    alone = {NONE: EXACT, ALL: YARDSTICK} | {
+        name: replace(EXACT, **{name: whole[name]}) for name in ERROR_CAUSES
+    }
+    without = {name: replace(YARDSTICK, **{name: exact[name]}) for name in ERROR_CAUSES}
     sets = [*alone.values(), *without.values()]
     run = Parallel(n_jobs=1 if context.quick else _PROCESSES)
     found: list[tuple[float, float]] = run(
-        delayed(own_network_errors)(context.response, one, number, epochs)
+        delayed(foot_trained_network_errors)(context.response, one, number, epochs)
         for one in sets
         for number in range(n_feet)
     )
@@ -123,7 +125,7 @@ def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
         without=dict(zip(without, rows[len(alone) :], strict=True)),
     )
     reached = results.alone[ALL]
-    context.say(
+    context.report_progress(
         f"yardstick: {reached.direction_deg} deg, {reached.magnitude_gf} gf; the paper "
         f"{evaluate.MEASURED_DIRECTION_DEG} deg, {evaluate.MEASURED_MAGNITUDE_GF} gf"
     )

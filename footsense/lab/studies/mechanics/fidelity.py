@@ -35,7 +35,7 @@ Distances = dict[str, Distance]
 
 
 @dataclass(frozen=True, kw_only=True)
-class AgainstFull:
+class DifferencesFromFullSolve:
     """The cheap models beside the full solve.
 
     Attributes:
@@ -73,10 +73,10 @@ class Results:
     softer: float
     forward: ForwardAgainstTable
     coarse_forward: bool
-    full: AgainstFull | None
+    full: DifferencesFromFullSolve | None
 
 
-def _answers(
+def _time_levels(
     context: StudyContext, names: tuple[str, ...], loads: Loads
 ) -> tuple[dict[str, Answer], dict[str, float]]:
     """Return the answers of models, and the time of a load [s]."""
@@ -85,26 +85,30 @@ def _answers(
         level = fidelity_level(name, context.response, context.foot_design)
         answers[name], taken_s = timed(level, loads, repeats=1 if name == "full" else 3)
         seconds[name] = taken_s / len(loads)
-        context.say(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
+        context.report_progress(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
     return answers, seconds
 
 
-def _distances(context: StudyContext, answers: dict[str, Answer], finest: Answer) -> Distances:
+def _distances_from_finest(context: StudyContext, answers: dict[str, Answer], finest: Answer) -> Distances:
     """Return the differences of answers from the finest."""
     network, design = context.network.force_n, context.response.design
     return {name: distance(answer, finest, network, design) for name, answer in answers.items()}
 
 
-def _forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
+def _compare_forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
     """Solve some loads one by one, on the table's mesh; on a coarse one in the quick form."""
     size = COARSE if context.quick else MeshSize(**context.response.provenance["mesh"])
     n = _FORWARD_LOADS_QUICK if context.quick else _FORWARD_LOADS
     forward = forward_against_table(context.foot_design, size, context.response, loads, n)
-    context.say(f"fidelity: three classes factorised in {forward.factorise_s:.1f} s, {n} loads solved")
+    context.report_progress(
+        f"fidelity: three classes factorised in {forward.factorise_s:.1f} s, {n} loads solved"
+    )
     return forward
 
 
-def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Distances, tuple[float, float]]:
+def _compare_half_space(
+    context: StudyContext, loads: Loads, contact: Answer
+) -> tuple[Distances, tuple[float, float]]:
     """Return the differences of the formula's variants from contact, and the share of the force on the sheet [1]."""
     foot_design = context.foot_design
     alone = HalfSpace(foot_design, balanced=False)
@@ -118,22 +122,24 @@ def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Dist
     side_mm = [edge_mm, foot_design.pitch_mm, edge_mm]
     area_mm2 = np.outer(side_mm, side_mm).ravel()
     carried = (alone.pressure_mpa(loads.normal, loads.force_n) @ area_mm2) / loads.force_n[:, 2]
-    return _distances(context, answers, contact), (carried.min(), carried.max())
+    return _distances_from_finest(context, answers, contact), (carried.min(), carried.max())
 
 
-def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstFull:
+def _compare_with_full(context: StudyContext, answers: dict[str, Answer]) -> DifferencesFromFullSolve:
     """Compare the cheap models with the full solve, and separate mesh and physics errors at the first load."""
     reduced, taken_s = timed(
         finite_strain_contact(context.foot_design, reduced=True), mirrored_loads(FULL_CASES[:1])
     )
-    context.say(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
+    context.report_progress(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first, contact = (
         Answer(answers[name].closure_um[:1], answers[name].capacitance_pf[:1]) for name in ("full", "contact")
     )
-    return AgainstFull(
-        distances=_distances(context, {name: answers[name] for name in LEVEL_NAMES[:3]}, answers["full"]),
-        mesh_rel=_distances(context, {"contact": contact}, reduced)["contact"].closure_rel,
-        physics_rel=_distances(context, {"reduced": reduced}, first)["reduced"].closure_rel,
+    return DifferencesFromFullSolve(
+        distances=_distances_from_finest(
+            context, {name: answers[name] for name in LEVEL_NAMES[:3]}, answers["full"]
+        ),
+        mesh_rel=_distances_from_finest(context, {"contact": contact}, reduced)["contact"].closure_rel,
+        physics_rel=_distances_from_finest(context, {"reduced": reduced}, first)["reduced"].closure_rel,
     )
 
 
@@ -141,20 +147,20 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Time and compare the models; the quick form leaves out the full solve."""
     ng.ngsglobals.msg_level = 0
     loads, foot_design = paper_loads(context.response), context.foot_design
-    cheap, seconds = _answers(context, LEVEL_NAMES[:3], loads)
-    forward = _forward(context, loads)
-    apart = _distances(context, {name: cheap[name] for name in LEVEL_NAMES[:2]}, cheap["contact"])
+    cheap, seconds = _time_levels(context, LEVEL_NAMES[:3], loads)
+    forward = _compare_forward(context, loads)
+    apart = _distances_from_finest(context, {name: cheap[name] for name in LEVEL_NAMES[:2]}, cheap["contact"])
     shown, finest, full, figures = apart, "contact", None, {}
     if not context.quick:
-        answers, taken = _answers(context, LEVEL_NAMES, mirrored_loads(FULL_CASES))
-        full = _against_full(context, answers)
+        answers, taken = _time_levels(context, LEVEL_NAMES, mirrored_loads(FULL_CASES))
+        full = _compare_with_full(context, answers)
         shown, finest, seconds["full"] = full.distances, "full", taken["full"]
         unloaded_pf = context.response.design.unloaded_pf
         figures["fidelity-pattern.png"] = pattern_tiles(
             {name: one.capacitance_pf[0].reshape(3, 3) - unloaded_pf for name, one in answers.items()}
         )
     figures["fidelity.png"] = error_against_time(seconds, shown, finest, forward, len(loads))
-    formula, carried_rel = _formula(context, loads, cheap["contact"])
+    formula, carried_rel = _compare_half_space(context, loads, cheap["contact"])
     results = Results(
         n_loads=len(loads),
         seconds_per_load=seconds,
