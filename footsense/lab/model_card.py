@@ -16,7 +16,7 @@ def readme(
     response: FootResponse,
     card: dict[str, Any],
     table: dict[str, Errors],
-    parity_n: float,
+    onnx_difference_n: float,
     *,
     quick: bool,
 ) -> str:
@@ -26,7 +26,7 @@ def readme(
         "response": response,
         "card": card,
         "error_table": as_markdown(table),
-        "parity_n": parity_n,
+        "onnx_difference_n": onnx_difference_n,
         "quick": quick,
         "force_unit": force_unit(foot_design.loads),
         "FOOT_FILE": FOOT_FILE,

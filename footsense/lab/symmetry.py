@@ -14,7 +14,7 @@ SYMMETRIES: tuple[Vector, ...] = tuple(
 )
 
 
-def element_map(symmetry: Vector) -> NDArray[np.intp]:
+def element_permutation(symmetry: Vector) -> NDArray[np.intp]:
     """Return m with: element e of the foot comes to lie on element m[e] when the foot is mapped by `symmetry`."""
     row, column = np.divmod(np.arange(9), 3)
     place = symmetry[:2, :2] @ np.stack([1 - row, 1 - column])

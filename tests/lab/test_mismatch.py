@@ -13,7 +13,7 @@ from footsense.cli.lab.pages.mismatch_rows import ROWS
 from footsense.errors import ModelError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.symmetry import SIDE
-from footsense.lab.fem.whole import Imperfection, whole_table, with_change
+from footsense.lab.fem.whole import Imperfection, solve_whole_foot, with_added_response
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -58,13 +58,13 @@ def test_an_unknown_row_is_answered_with_those_that_are(tmp_path: Path) -> None:
 def test_a_bubble_that_leaves_the_ball_is_one_clear_line() -> None:
     """A mismatch that the mesh cannot hold is refused before it is meshed."""
     with pytest.raises(ModelError, match="is not inside the ground-side ball"):
-        whole_table(FOOT_DESIGN, Imperfection(bubble_mm=(0.0, 0.0, -1.0, 0.75)))
+        solve_whole_foot(FOOT_DESIGN, Imperfection(bubble_mm=(0.0, 0.0, -1.0, 0.75)))
 
 
 def test_a_whole_table_without_change_is_the_quarter_mirrored(tmp_path: Path) -> None:
     """A foot that is not symmetric has a table of all cells; without a change it reads the same, after a file, too."""
     none = np.zeros((RESPONSE.series.shape[1], 324, 3))
-    whole = with_change(RESPONSE, FOOT_DESIGN, none, np.zeros((324, 324)))
+    whole = with_added_response(RESPONSE, FOOT_DESIGN, none, np.zeros((324, 324)))
     whole.save(tmp_path / "whole.npz")
     kept = FootResponse.load(tmp_path / "whole.npz")
     assert len(kept.quarter_compliance) == SIDE

@@ -51,21 +51,21 @@ def write_study(
         bound: Whether the page becomes part of the report.
     """
     folder = options.report_folder(output, quick=quick)
-    from footsense.lab.report import STUDIES, bind, make_page, usual_seconds
+    from footsense.lab.report import STUDIES, bind_pages, last_duration_s, make_page
     from footsense.lab.studies.page import StudyContext
 
     report_progress = (lambda _: None) if as_json else options.stopwatch_report()
     context = StudyContext(
         models=models or options.released_folder(), quick=quick, report_progress=report_progress
     )
-    usual_s = usual_seconds(study, folder, quick=quick) if isinstance(study, str) else 0.0
+    usual_s = last_duration_s(study, folder, quick=quick) if isinstance(study, str) else 0.0
     with timed_bar(str(study), usual_s):
         page = (
             make_page(study, context, STUDIES | DAEMON_STUDIES) if isinstance(study, str) else study(context)
         )
     page.write(folder)
     if bound:
-        bind(folder, context)
+        bind_pages(folder, context)
     if as_json:
         echo_json(page.values)
         return
@@ -104,14 +104,14 @@ def mismatch(
 ) -> None:
     """Calibrate and read feet whose physics the calibration does not know, on this machine or a cluster, resumable."""
     from footsense.cli.lab.pages.mismatch import KEPT, STUDY, run_study
-    from footsense.lab.monte_carlo.workers import parallel
+    from footsense.lab.monte_carlo.workers import job_runner
 
     given = tuple(rows.split(",")) if rows else ()
     own = replace(
         STUDY,
         compute=partial(
             run_study,
-            workers=parallel(scheduler) if scheduler else None,
+            workers=job_runner(scheduler) if scheduler else None,
             rows=given,
             n_feet=n_feet,
             kept=kept or KEPT,
@@ -202,8 +202,8 @@ def tolerance(
     *, scheduler: str | None, file: Path | None, models: Path | None, output: Path | None, quick: bool
 ) -> None:
     """Run the Monte Carlo over fabricated feet, on this machine or a cluster, resumable."""
-    from footsense.lab.monte_carlo.workers import parallel
+    from footsense.lab.monte_carlo.workers import job_runner
     from footsense.lab.studies.accuracy.tolerance import STUDY, run_study
 
-    own = replace(STUDY, compute=partial(run_study, workers=parallel(scheduler), file=file))
+    own = replace(STUDY, compute=partial(run_study, workers=job_runner(scheduler), file=file))
     write_study(own.page, models, output, quick=quick)

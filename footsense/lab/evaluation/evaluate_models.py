@@ -19,7 +19,7 @@ from footsense.lab.evaluation.evaluate import (
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign, LoadRange
-from footsense.lab.response import films_of
+from footsense.lab.response import film_provenance
 from footsense.lab.similarity import force_unit
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import (
@@ -58,7 +58,7 @@ def error_table(
     verification = paper_verification(response, force_unit=unit)
     rng = np.random.default_rng(HELD_OUT_SEED)
     held_out = random_loads(response, loads, HELD_OUT_CASES, HELD_OUT_SEED)
-    counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.min_judged_n
+    counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.min_evaluated_force_n
     noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
     test = Cases(held_out.force_n[counted], noisy_um[counted])
     readouts: dict[str, tuple[Readout, Cases]] = {
@@ -107,13 +107,13 @@ def require_same_foot(
         **asdict(foot_design.capacitor),
         "ball_radius_mm": foot_design.ball_radius_mm,
         "hertz_modulus_mpa": foot_design.rubber.hertz_mpa,
-        "cavity": foot_design.air.kind,
-        **{name: getattr(foot_design.air, name) for name in ("leak_time_s", "gas_kpa")},
+        "cavity": foot_design.cavity_air.kind,
+        **{name: getattr(foot_design.cavity_air, name) for name in ("leak_time_s", "gas_kpa")},
     }
     tabled = {"foot_type": response.foot_type, **asdict(response.design)}
     air = asdict(response.cavity)
     tabled |= {"cavity": air.pop("kind"), **air}
-    films = films_of(foot_design)
+    films = film_provenance(foot_design)
     described |= {name: films.get(name) for name in ("gold", "parylene")}
     tabled |= {name: response.provenance.get(name) for name in ("gold", "parylene")}
     tabled |= {name: getattr(response, name) for name in ("ball_radius_mm", "hertz_modulus_mpa")}

@@ -21,7 +21,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Vector
 from footsense.lab.geometry import LoadRange
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
 #: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
 NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
@@ -54,7 +54,7 @@ class Cases:
         closures = []
         for symmetry in SYMMETRIES:
             image = np.empty_like(self.closure_um)
-            image[:, element_map(symmetry)] = self.closure_um
+            image[:, element_permutation(symmetry)] = self.closure_um
             closures.append(image)
         return Cases(np.concatenate([self.force_n @ g.T for g in SYMMETRIES]), np.concatenate(closures))
 
@@ -140,7 +140,7 @@ def random_loads(
         even = rng.uniform(size=n) < 0.5
         even_n = rng.uniform(0.0, loads.max_n, n)
         magnitude = np.where(
-            even, even_n, np.exp(rng.uniform(np.log(loads.lightest_n), np.log(loads.max_n), n))
+            even, even_n, np.exp(rng.uniform(np.log(loads.min_training_force_n), np.log(loads.max_n), n))
         )
         reached = np.flatnonzero(normal[:, 2] >= lowest_z)
         reached = reached[

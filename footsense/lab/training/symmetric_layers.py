@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ELEMENTS
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
 PATTERN_SOFTENING_REL = 2e-3
@@ -29,7 +29,7 @@ def hidden_input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
         n_planes: Features of each element; the inputs begin with nine of each.
         n_scalars: Features of the foot, which follow.
     """
-    inverse = np.argsort(np.stack([element_map(g) for g in SYMMETRIES]), axis=1)
+    inverse = np.argsort(np.stack([element_permutation(g) for g in SYMMETRIES]), axis=1)
     planes = [ELEMENTS * plane + inverse for plane in range(n_planes)]
     scalars = np.tile(ELEMENTS * n_planes + np.arange(n_scalars), (N_SYMMETRIES, 1))
     return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
@@ -50,7 +50,7 @@ def linear_basis() -> NDArray[np.float64]:
     corners, edges = [0, 2, 6, 8], [1, 3, 5, 7]
     basis[0, corners, 2] = basis[1, edges, 2] = basis[2, 4, 2] = 1.0
     for g in SYMMETRIES:  # fx from row 0, turned in all directions
-        image = element_map(g)
+        image = element_permutation(g)
         for element, weight in ((0, 0.25), (2, 0.25)):
             basis[3, image[element]] += weight * g @ [1.0, 0.0, 0.0]
         basis[4, image[1]] += 0.5 * g @ [1.0, 0.0, 0.0]

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import series_basis
-from footsense.lab.fem.mesh import COARSE, build_mesh
-from footsense.lab.fem.other_sensors.block import COARSE_BLOCK
+from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
+from footsense.lab.fem.other_sensors.block import COARSE_BLOCK_MESH
 from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.symmetry_classes import Parity
-from footsense.lab.geometry import FIT_ELEVATION_DEG, Material
-from footsense.lab.response import DEGREE
+from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, Material
+from footsense.lab.response import SERIES_DEGREE
 from footsense.lab.studies.accuracy.sensors import (
     SENSOR_ARRAYS,
     SensorArray,
@@ -26,15 +26,17 @@ from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
 
-FILM_SIZE = replace(COARSE, layers=0)
+FILM_SIZE = replace(COARSE_MESH, layers=0)
 
 
 def test_a_cut_through_the_block_carries_the_whole_load() -> None:
     """Elements that cover all of the block feel -f_z together, and a pattern turns with its load."""
     tiles = SensorArray("tiles", 3, FOOT_DESIGN.sheet_mm / 3.0, FOOT_DESIGN.sheet_mm / 3.0)
-    series = stress_series(FOOT_DESIGN, [tiles], COARSE_BLOCK)["tiles"]
+    series = stress_series(FOOT_DESIGN, [tiles], COARSE_BLOCK_MESH)["tiles"]
     normal = np.array([[0.3, 0.2, np.sqrt(0.87)], [0.0, 0.0, 1.0]])
-    per_force = np.tensordot(series_basis(normal, DEGREE, FIT_ELEVATION_DEG), series, 1).sum(axis=(1, 2))
+    per_force = np.tensordot(series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG), series, 1).sum(
+        axis=(1, 2)
+    )
     np.testing.assert_allclose(per_force * tiles.element_side_mm**2, [[0.0, 0.0, -1.0]] * 2, atol=1e-3)
     there, turned = pressure_patterns(
         FOOT_DESIGN, series, np.array([[0.3, 0.2, np.sqrt(0.87)], [-0.2, 0.3, np.sqrt(0.87)]])
@@ -61,7 +63,7 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
     load = quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / area_mm2)))
     moved = quarter.solve(load)
     ground, leg, *_ = moved.components
-    carried_n = ng.Integrate(film.layer.traction(ground - leg)[2] * ng.ds(film.layer.faces), quarter.mesh)
+    carried_n = ng.Integrate(film.layer.traction(ground - leg)[2] * ng.ds(film.layer.face_name), quarter.mesh)
     assert carried_n == pytest.approx(0.25, rel=1e-6)
     assert quarter.residual_rel(load, moved) < 1e-8
     functionals = [quarter.closure_functional(name, 1.0) for name in ("cell0", "cell40")]

@@ -62,8 +62,8 @@ def test_knowing_that_a_load_is_centred_never_hurts(foot: Foot) -> None:
         force = direction * gf * GRAM_FORCE_N
         three = force_bound(foot, direction, force, Unknowns.CENTRED)
         five = force_bound(foot, direction, force, Unknowns.LEANING)
-        excess = np.linalg.eigvalsh(five.covariance_n2 - three.covariance_n2)
-        assert excess.min() > -1e-6 * five.covariance_n2.max()
+        difference_from = np.linalg.eigvalsh(five.covariance_n2 - three.covariance_n2)
+        assert difference_from.min() > -1e-6 * five.covariance_n2.max()
 
 
 def test_the_mean_angle_is_that_of_a_gaussian() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.gait_windows import age_table
 from footsense.ports import Load, Window
 
@@ -40,7 +40,7 @@ def assert_symmetric(estimate: Callable[[Window], Load], atol: float) -> None:
     load = estimate(window)
     assert all(np.ptp(part, axis=0).min() > 0.01 for part in load)
     for symmetry in SYMMETRIES:
-        again = estimate(turned(window, element_map(symmetry)))
+        again = estimate(turned(window, element_permutation(symmetry)))
         plane = np.kron(np.eye(2), symmetry[:2, :2])
         for found, known, turn in (
             (again.force_n, load.force_n, symmetry),

@@ -20,12 +20,12 @@ from footsense.errors import FootsenseError
 from footsense.foot.direction_sets import random_directions
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.lab.fidelity.levels import finite_strain_contact
+from footsense.lab.fidelity.levels import finite_strain_level
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
 from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
-from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, parallel
-from footsense.lab.other_solids import response_of
+from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, job_runner
+from footsense.lab.other_solids import solid_response
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES
@@ -110,7 +110,7 @@ def evaluate_job(job: Job, *, models: Path, tables: Path, plan: TrialPlan) -> di
         plan: What is done with it.
     """
     design, known, row = load_foot(models / FOOT_FILE), _models(models), ROWS[job.case]
-    truth = dataclasses.replace(response_of(row.solid, known.response, design, tables), cavity=row.cavity)
+    truth = dataclasses.replace(solid_response(row.solid, known.response, design, tables), cavity=row.cavity)
     began_s = process_time()
     figures = run_mismatch_trial(known, truth, row.disturbance, plan, job.foot)
     return {**figures, "cpu_s": process_time() - began_s}
@@ -148,7 +148,7 @@ def run_study(
     )
     began_s = process_time()
     for name in names:  # solved once, not by each worker
-        response_of(ROWS[name].solid, context.response, context.foot_design, kept)
+        solid_response(ROWS[name].solid, context.response, context.foot_design, kept)
         context.report_progress(f"{name}: table ready")
     tables_s = process_time() - began_s
     about: dict[str, str | int] = {
@@ -160,7 +160,7 @@ def run_study(
         "code": code_digest(calibration, foot, estimation),
     }
     work = partial(evaluate_job, models=context.models.resolve(), tables=kept.resolve(), plan=plan)
-    run = workers or parallel(n_workers=1 if context.quick else LOCAL_WORKERS)
+    run = workers or job_runner(n_workers=1 if context.quick else LOCAL_WORKERS)
     means, worst, scatter = {}, {}, {}
     for name in names:
         jobs = [Job(Tolerances(), foot, case=name) for foot in range(n_feet)]
@@ -247,7 +247,7 @@ def _full_solve_s(context: StudyContext, loads: TestLoads, kept: Path) -> float:
     """
     file = kept / "full-solve-s.txt"
     if not file.exists():
-        full = finite_strain_contact(context.foot_design)
+        full = finite_strain_level(context.foot_design)
         began_s = process_time()
         full(loads.normal[:1], loads.force_n[:1])
         file.write_text(f"{process_time() - began_s:.1f}\n", encoding="utf-8")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from footsense.foot.cavity.air import VENTED, Cavity
 from footsense.lab.fem.whole import Imperfection
 from footsense.lab.geometry import ThinFilm
-from footsense.lab.monte_carlo.sweeps import YARDSTICK
+from footsense.lab.monte_carlo.sweeps import PAPER_LIKE_TOLERANCES
 from footsense.lab.other_solids import AS_DESIGNED, OTHER_MESH, OtherSolid
 from footsense.sim.test_stand.reference_sensor import LINEARITY_REL
 from footsense.validation.mismatch_trial import UNDISTURBED, Disturbance
@@ -68,7 +68,8 @@ ROWS = {
     "stand": Row(
         title="test stand of the yardstick",
         disturbance=Disturbance(
-            lean_deg=YARDSTICK.stick_deg, reference_steps=YARDSTICK.reference_resolutions
+            lean_deg=PAPER_LIKE_TOLERANCES.stick_deg,
+            reference_steps=PAPER_LIKE_TOLERANCES.reference_resolutions,
         ),
     ),
     "gold": Row(

@@ -227,7 +227,7 @@ def _rest_errors(context: StudyContext) -> list[RestErrors]:
     wide = random_loads(response, loads, 500 if context.quick else _N_REST_LOADS, HELD_OUT_SEED)
     rows = []
     for name, cases in (("wide loads", wide), ("the paper's 180", paper_verification(response))):
-        judged = np.linalg.norm(cases.force_n, axis=1) >= loads.min_judged_n
+        judged = np.linalg.norm(cases.force_n, axis=1) >= loads.min_evaluated_force_n
         force_n, closure_um = cases.force_n[judged], cases.closure_um[judged]
         readings = [measured_closure_rel(response.design, closure_um, rng) for _ in range(3)]
         timing = windows_of(_walk_readings(context, Ramp((0.0, 0.0, 0.5), 0), ("rf",), ReadingConditions()))

@@ -17,8 +17,8 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import ALL_CELLS, kkt_residual, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.fem.centred import centred_closures
-from footsense.lab.fem.mesh import COARSE, MeshSize, build_mesh
+from footsense.lab.fem.centred import solve_centred_closures
+from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_mesh
 from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.foot_file import load_foot
@@ -106,7 +106,7 @@ def _rim_contact_cases(response: FootResponse) -> Iterator[Case]:
 def _impossible_design_cases(foot_design: FootDesign) -> Iterator[Case]:
     """Yield cases of impossible feet, which take no solve."""
     yield _expected_error_case(
-        "plate of 10 nm", ModelError, lambda: build_mesh(replace(foot_design, plate_mm=1e-5), COARSE)
+        "plate of 10 nm", ModelError, lambda: build_mesh(replace(foot_design, plate_mm=1e-5), COARSE_MESH)
     )
     wide = msgspec.json.encode(replace(foot_design, sheet_mm=1.5 * foot_design.ball_radius_mm))
     yield _expected_error_case("sheet wider than the ball", ConfigError, lambda: load_foot(wide))
@@ -123,7 +123,7 @@ def _hard_material_cases(foot_design: FootDesign) -> Iterator[Case]:
     for poisson in (0.49, 0.499, 0.4999):
         rubber = replace(foot_design, rubber=replace(foot_design.rubber, poisson=poisson))
         low, high = (
-            centred_closures(
+            solve_centred_closures(
                 rubber, dataclasses.replace(_UNREFINED_MESH, order=order), (90.0,)
             ).closure_um.sum()
             for order in (2, 3)

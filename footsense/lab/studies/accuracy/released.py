@@ -101,7 +101,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     closure_rel = measured_closure_rel(context.response.design, cases.closure_um, rng)
     context.report_progress("released: held-out loads drawn")
     size = np.linalg.norm(cases.force_n, axis=1)
-    counted = size >= loads.min_judged_n
+    counted = size >= loads.min_evaluated_force_n
     imputation = Imputation(np.array(network.card["moments"]))
     missing, missing_coverage = {}, {}
     for name, index in MISSING_PATTERNS.items():
@@ -120,7 +120,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     results = Results(
         errors=evaluate_models(context.models),
         weights=network.card["training"]["weights"],
-        min_judged_n=loads.min_judged_n,
+        min_judged_n=loads.min_evaluated_force_n,
         n_feet=n_feet,
         missing=missing,
         missing_coverage=missing_coverage,

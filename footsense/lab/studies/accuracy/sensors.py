@@ -16,16 +16,16 @@ from footsense.foot.symmetry import mirrored_series
 from footsense.frames import Vector
 from footsense.lab.fem.mesh import MeshSize
 from footsense.lab.fem.other_sensors.block import (
-    BLOCK_SIZE,
-    COARSE_BLOCK,
-    Column,
+    BLOCK_MESH,
+    COARSE_BLOCK_MESH,
+    BlockColumn,
     block_fields,
     half_thickness_mm,
 )
 from footsense.lab.fem.symmetry_classes import single_cell_series, transposed_series
 from footsense.lab.geometry import FootDesign
-from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
-from footsense.lab.response import DEGREE, fit_class, patch_mean
+from footsense.lab.monte_carlo.statistics import SIGNIFICANT_STANDARD_ERRORS, MeanDifference, MeanStd
+from footsense.lab.response import SERIES_DEGREE, fit_series, mean_over_patch
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.paper.mlp import network_outputs, stack, train, unstack
@@ -71,10 +71,10 @@ class SensorArray:
         ]
         return [(max(0.0, c - self.element_side_mm / 2.0), c + self.element_side_mm / 2.0) for c in centres]
 
-    def element_columns(self) -> list[Column]:
+    def element_columns(self) -> list[BlockColumn]:
         """Return the columns of the quarter, grouped by x."""
         halves = self.element_borders_mm()
-        return [Column(x, y) for x in halves for y in halves]
+        return [BlockColumn(x, y) for x in halves for y in halves]
 
 
 #: A to C have their elements at the centres of F to H, which have the largest that leave bars of 1 mm between them, as
@@ -99,8 +99,8 @@ def _series_of_all_elements(quarter: Vector, elements_per_side: int) -> Vector:
 
     The two or four parts of an element that a mirror plane cuts are as large, so that it feels their mean.
     """
-    half = np.concatenate([quarter, mirrored_series(quarter, DEGREE, 0)[:, ::-1]], axis=1)
-    parts = np.concatenate([half, mirrored_series(half, DEGREE, 1)[:, :, ::-1]], axis=2)
+    half = np.concatenate([quarter, mirrored_series(quarter, SERIES_DEGREE, 0)[:, ::-1]], axis=1)
+    parts = np.concatenate([half, mirrored_series(half, SERIES_DEGREE, 1)[:, :, ::-1]], axis=2)
     for axis in (1, 2) if elements_per_side % 2 else ():
         middle = elements_per_side // 2
         mean = parts.take([middle, middle + 1], axis).mean(axis=axis, keepdims=True)
@@ -116,15 +116,15 @@ def stress_series(
     fields = block_fields(
         foot_design, [column for sensor in sensors for column in sensor.element_columns()], size
     )
-    fitted = {parity: fit_class(field) for parity, field in fields.items()}
+    fitted = {parity: fit_series(field) for parity, field in fields.items()}
     series, first = {}, 0
     for sensor in sensors:
         m = len(sensor.element_borders_mm())
         own = {parity: part[:, first : first + m * m].reshape(-1, m, m, 3) for parity, part in fitted.items()}
         first += m * m
-        raw = single_cell_series(own, DEGREE)
+        raw = single_cell_series(own, SERIES_DEGREE)
         series[sensor.name] = _series_of_all_elements(
-            (raw + transposed_series(raw, DEGREE)) / 2.0, sensor.elements_per_side
+            (raw + transposed_series(raw, SERIES_DEGREE)) / 2.0, sensor.elements_per_side
         )
     return series
 
@@ -132,8 +132,8 @@ def stress_series(
 def pressure_patterns(foot_design: FootDesign, series: Vector, direction: Vector) -> Vector:
     """Return pressures [MPa], shape (n, elements), under centred contacts with a Hertz patch."""
     force_n = FORCE_GF * GRAM_FORCE_N
-    patch_mm = foot_design.patch_mm(force_n)
-    unit = patch_mean(series.reshape(len(series), -1), direction, patch_mm, foot_design)
+    patch_mm = foot_design.hertz_patch_radius_mm(force_n)
+    unit = mean_over_patch(series.reshape(len(series), -1), direction, patch_mm, foot_design)
     stress_mpa = (unit.reshape(len(direction), -1, 3) * direction[:, None, :]).sum(axis=2)
     pressure_mpa: Vector = -force_n * stress_mpa
     return pressure_mpa
@@ -161,7 +161,7 @@ def network_direction_errors(
     training_inputs, test_inputs = inputs(training), inputs(test).astype(np.float32)
     starts = stack(start_weights_by_seed(seeds, (training.shape[1], *HIDDEN_NEURONS, 3)))
     networks = unstack(train(RPROP, starts, training_inputs, _TRAINING, epochs).layers)
-    return MeanStd.over(
+    return MeanStd.of_values(
         errors(_TEST, np.asarray(network_outputs(network, test_inputs), float)).direction_deg
         for network in networks
     )
@@ -193,7 +193,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     foot_design, quick = context.foot_design, context.quick
     sensors = [sensor for sensor in SENSOR_ARRAYS if not quick or sensor.name in QUICK_SENSOR_NAMES]
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
-    series = stress_series(foot_design, sensors, COARSE_BLOCK if quick else BLOCK_SIZE)
+    series = stress_series(foot_design, sensors, COARSE_BLOCK_MESH if quick else BLOCK_MESH)
     context.report_progress(f"sensors: stresses of {len(sensors)} sensors solved")
     clean, noisy = {}, {}
     for name in series:
@@ -237,10 +237,10 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-def gains_of_larger_elements(errors_deg: dict[str, MeanStd]) -> dict[str, Difference]:
+def gains_of_larger_elements(errors_deg: dict[str, MeanStd]) -> dict[str, MeanDifference]:
     """Return the gain of larger elements for each of `SMALL_AND_LARGE_PAIRS` [deg]."""
     return {
-        f"{s} minus {b}": errors_deg[s].excess(errors_deg[b])
+        f"{s} minus {b}": errors_deg[s].difference_from(errors_deg[b])
         for s, b in SMALL_AND_LARGE_PAIRS
         if b in errors_deg
     }
@@ -255,6 +255,6 @@ STUDY = Study(
     name="sensors",
     title="How many elements, and how large",
     compute=compute,
-    names={"SIGNIFICANT": SIGNIFICANT},
+    names={"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
     uses_network=False,
 )

@@ -16,7 +16,7 @@ from footsense.lab.evaluation import evaluate
 from footsense.lab.monte_carlo import sweeps
 from footsense.lab.monte_carlo.resumable_run import Tolerances, Workers
 from footsense.lab.monte_carlo.sweeps import Plan, Sweep, SweepResults, sweep_results
-from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, parallel
+from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, job_runner
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import plot_band
 
@@ -71,21 +71,21 @@ def run_study(
         workers: Run the jobs.
         file: As for `sweep_results`.
     """
-    plan = sweeps.QUICK if context.quick else sweeps.FULL
+    plan = sweeps.QUICK_PLAN if context.quick else sweeps.FULL_PLAN
     results = sweep_results(context.models, context.response.design.gap_um, plan, workers, file)
     context.report_progress(
         f"tolerance: {plan.feet} feet at each level of fabrication, {plan.with_network} at each of the test stand"
     )
     figures = {
-        "tolerance-feet.png": _figure(results, sweeps.FEET, DESIGN_TRAINED_READOUTS),
-        "tolerance-test-stand.png": _figure(results, sweeps.TEST_STANDS, FOOT_TRAINED_READOUTS),
+        "tolerance-feet.png": _figure(results, sweeps.FOOT_SWEEPS, DESIGN_TRAINED_READOUTS),
+        "tolerance-test-stand.png": _figure(results, sweeps.TEST_STAND_SWEEPS, FOOT_TRAINED_READOUTS),
     }
     return results, figures
 
 
 def compute(context: StudyContext) -> tuple[SweepResults, Plots]:
     """Evaluate the feet by processes on this machine."""
-    return run_study(context, parallel(n_workers=1 if context.quick else LOCAL_WORKERS))
+    return run_study(context, job_runner(n_workers=1 if context.quick else LOCAL_WORKERS))
 
 
 STUDY = Study(name="tolerance", title="What fabrication and calibration cost", compute=compute)

@@ -18,9 +18,9 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation import evaluate
 from footsense.lab.monte_carlo.resumable_run import Tolerances
-from footsense.lab.monte_carlo.specimens import measure
+from footsense.lab.monte_carlo.specimens import measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.monte_carlo.sweeps import EXACT, SEED, YARDSTICK
+from footsense.lab.monte_carlo.sweeps import NO_DEVIATIONS, PAPER_LIKE_TOLERANCES, SEED
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
@@ -87,7 +87,7 @@ def foot_trained_network_errors(
     own = fabricate(response, tolerances, SEED, number)
     foot, rng = Foot(response, own), np.random.default_rng((SEED, number, 1))
     training, test = (
-        measure(foot, own.mount, cases(response).force_n, tolerances, rng)
+        measure_foot(foot, own.mount, cases(response).force_n, tolerances, rng)
         for cases in (paper_training, paper_verification)
     )
     estimate_n = per_foot_force_n(
@@ -100,11 +100,11 @@ def foot_trained_network_errors(
 def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
     """Train a network for each foot and each set of causes."""
     n_feet, epochs = (QUICK_N_FEET, QUICK_EPOCHS) if context.quick else (N_FEET, EPOCHS)
-    exact, whole = asdict(EXACT), asdict(YARDSTICK)
-    alone = {NONE: EXACT, ALL: YARDSTICK} | {
-        name: replace(EXACT, **{name: whole[name]}) for name in ERROR_CAUSES
+    exact, whole = asdict(NO_DEVIATIONS), asdict(PAPER_LIKE_TOLERANCES)
+    alone = {NONE: NO_DEVIATIONS, ALL: PAPER_LIKE_TOLERANCES} | {
+        name: replace(NO_DEVIATIONS, **{name: whole[name]}) for name in ERROR_CAUSES
     }
-    without = {name: replace(YARDSTICK, **{name: exact[name]}) for name in ERROR_CAUSES}
+    without = {name: replace(PAPER_LIKE_TOLERANCES, **{name: exact[name]}) for name in ERROR_CAUSES}
     sets = [*alone.values(), *without.values()]
     run = Parallel(n_jobs=1 if context.quick else _PROCESSES)
     found: list[tuple[float, float]] = run(
@@ -116,7 +116,9 @@ def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
     def row(number: int) -> CauseErrors:
         feet = found[number * n_feet : (number + 1) * n_feet]
         directions, magnitudes = zip(*feet, strict=True)
-        return CauseErrors(direction_deg=MeanStd.over(directions), magnitude_gf=MeanStd.over(magnitudes))
+        return CauseErrors(
+            direction_deg=MeanStd.of_values(directions), magnitude_gf=MeanStd.of_values(magnitudes)
+        )
 
     rows = [row(number) for number in range(len(sets))]
     results = YardstickResults(
@@ -136,6 +138,6 @@ STUDY = Study(
     name="yardstick",
     title="The yardstick: the paper's procedure on simulated feet",
     compute=compute,
-    names={"YARDSTICK": YARDSTICK},
+    names={"PAPER_LIKE_TOLERANCES": PAPER_LIKE_TOLERANCES},
     uses_network=False,
 )

@@ -26,9 +26,9 @@ from footsense.lab.evaluation.evaluate import (
     elastance_readout,
 )
 from footsense.lab.monte_carlo.resumable_run import Tolerances
-from footsense.lab.monte_carlo.specimens import measure
+from footsense.lab.monte_carlo.specimens import measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.monte_carlo.sweeps import CAREFUL
+from footsense.lab.monte_carlo.sweeps import CAREFUL_TEST_STAND
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import (
@@ -149,7 +149,7 @@ def paper_procedure_errors(foot: Foot, mount: Vector, stand: Tolerances, seed: i
     """
     design, rng = foot.response.design, np.random.default_rng((SEED, seed))
     measured = [
-        measure(foot, mount, cases.force_n, stand, rng)
+        measure_foot(foot, mount, cases.force_n, stand, rng)
         for cases in (paper_training(foot.response), paper_verification(foot.response))
     ]
     training, test = (
@@ -167,7 +167,9 @@ def errors_over_feet(
     for number in range(feet):
         own = fabricate(response, tolerances, SEED, number)
         rows.append(paper_procedure_errors(Foot(response, own), own.mount, stand, number, epochs))
-    return MeanStd.over(row.direction_deg for row in rows), MeanStd.over(row.magnitude_gf for row in rows)
+    return MeanStd.of_values(row.direction_deg for row in rows), MeanStd.of_values(
+        row.magnitude_gf for row in rows
+    )
 
 
 def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
@@ -187,7 +189,7 @@ def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
         for gf in BOUND_MAGNITUDES_GF
     ]
     own_deg, own_gf = errors_over_feet(response, FootTolerances(), Tolerances(), feet, epochs)
-    made_deg, made_gf = errors_over_feet(response, PAPER_TOLERANCES, CAREFUL, feet, epochs)
+    made_deg, made_gf = errors_over_feet(response, PAPER_TOLERANCES, CAREFUL_TEST_STAND, feet, epochs)
     vented = replace(context.response, cavity=VENTED)
     designed = PaperTraining(design, paper_training(vented)).train(start_weights_by_seed(1), epochs)[0]
     misread = errors(test.force_n, designed(test.closure_um))

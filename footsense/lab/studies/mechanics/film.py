@@ -18,7 +18,7 @@ from footsense.foot.force_errors import Errors, errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import elastance_readout
-from footsense.lab.fem.mesh import COARSE, SHIPPED
+from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.geometry import Material
 from footsense.lab.monte_carlo.statistics import MeanStd
@@ -37,7 +37,7 @@ from footsense.lab.training.load_cases import (
 from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining, start_weights_by_seed
 
 #: Nothing is singular where the film covers everything: no layers of thin elements.
-FILM_SIZE, COARSE_FILM_SIZE = replace(SHIPPED, layers=0), replace(COARSE, layers=0)
+FILM_SIZE, COARSE_FILM_SIZE = replace(RELEASED_MESH, layers=0), replace(COARSE_MESH, layers=0)
 #: Largest share of the film's thickness that may close anywhere [1]: beyond, a gel is no longer linear.
 STRAIN_LIMIT_REL = 0.1
 #: Poisson's ratios of the table on confinement.
@@ -204,8 +204,8 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures
         range_n=_max_force_in_range_n(sensor, _UPWARD),
         low_range_n=_max_force_in_range_n(sensor, directions(0.0, 45.0)[None]),
         linear=errors(test.force_n, elastance_readout(training)(test.closure_um)),
-        direction_deg=MeanStd.over(answer.direction_deg for answer in answers),
-        magnitude_gf=MeanStd.over(answer.magnitude_gf for answer in answers),
+        direction_deg=MeanStd.of_values(answer.direction_deg for answer in answers),
+        magnitude_gf=MeanStd.of_values(answer.magnitude_gf for answer in answers),
     )
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from footsense.lab.contact.full_solve import FullFoot
 from footsense.lab.contact.mesh import ContactMeshSize
-from footsense.lab.fidelity.loads import mirrored_loads
+from footsense.lab.fidelity.loads import loads_in_mirror_plane
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 
@@ -74,7 +74,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     size = _QUICK_SIZE if context.quick else _SIZE
     solved = []
     cases = _LOADS[:1] if context.quick else _LOADS
-    loads = mirrored_loads(cases)
+    loads = loads_in_mirror_plane(cases)
     for case, normal, force_n in zip(cases, loads.normal, loads.force_n, strict=True):
         full = FullFoot(context.foot_design, size=size).solve(normal, force_n)
         others = {

@@ -14,10 +14,10 @@ from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE
 from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
-from footsense.lab.fem.centred import centred_closures
-from footsense.lab.fem.fringe import element_pf
-from footsense.lab.fem.mesh import COARSE, FINEST, SHIPPED, MeshSize
-from footsense.lab.fem.strip import strip_closure_um
+from footsense.lab.fem.centred import solve_centred_closures
+from footsense.lab.fem.fringe import element_capacitance_pf
+from footsense.lab.fem.mesh import COARSE_MESH, FINEST_MESH, RELEASED_MESH, MeshSize
+from footsense.lab.fem.strip import cavity_strip_closure_um
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.response import make_response
 from footsense.lab.studies.page import Plots, Study, StudyContext
@@ -37,10 +37,10 @@ _UNREFINED_MESH = MeshSize(bar_mm=0.67, layers=0, order=2)
 _MESH_SIZES = {
     "quadratic, no layers": _UNREFINED_MESH,
     "quadratic, no layers, finer": replace(_UNREFINED_MESH, bar_mm=0.33),
-    "COARSE": COARSE,
-    "SHIPPED": SHIPPED,
-    "finer": replace(SHIPPED, bar_mm=0.33, layers=2, layer_rel=0.12),
-    "FINEST": FINEST,
+    "COARSE": COARSE_MESH,
+    "SHIPPED": RELEASED_MESH,
+    "finer": replace(RELEASED_MESH, bar_mm=0.33, layers=2, layer_rel=0.12),
+    "FINEST": FINEST_MESH,
 }
 _QUICK_MESH_NAMES = ("quadratic, no layers", "COARSE")
 
@@ -165,8 +165,8 @@ def _solve_meshes(context: StudyContext) -> list[MeshResult]:
     for name, size in _MESH_SIZES.items():
         if context.quick and name not in _QUICK_MESH_NAMES:
             continue
-        elevation_deg = (90.0,) if context.quick or size is FINEST else (90.0, INCLINED_DEG)
-        found, taken = _timed(partial(centred_closures, context.foot_design, size, elevation_deg))
+        elevation_deg = (90.0,) if context.quick or size is FINEST_MESH else (90.0, INCLINED_DEG)
+        found, taken = _timed(partial(solve_centred_closures, context.foot_design, size, elevation_deg))
         solved.append((name, size, found, taken))
         context.report_progress(f"solid: {name}, {found.unknowns} unknowns, {taken.processor_s:.1f} s")
     best = [solved[-1][2].closure_um[0], solved[-1 if context.quick else -2][2].closure_um[-1]]
@@ -206,7 +206,7 @@ def _compare_ground_materials(
 def _fringe_results(foot_design: FootDesign) -> list[FringeResult]:
     """Return elements with edges at three closures."""
     capacitor, closed_um = foot_design.capacitor, (0.0, 5.0, 10.0)
-    both_pf = [element_pf(foot_design, one_um) for one_um in closed_um]
+    both_pf = [element_capacitance_pf(foot_design, one_um) for one_um in closed_um]
     edged_pf, plates_pf = np.array(both_pf).T
     stray_pf = edged_pf[0] - plates_pf[0]
     read_um = capacitor.closure_um(edged_pf, edged_pf[0])
@@ -235,7 +235,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     foot_design, response = context.foot_design, context.response
     meshes, taken = _solve_meshes(context), None
     if not context.quick:
-        _, taken = _timed(partial(make_response, foot_design, SHIPPED, context.report_progress))
+        _, taken = _timed(partial(make_response, foot_design, RELEASED_MESH, context.report_progress))
     cases, cases_taken = _timed(lambda: (paper_training(response), paper_verification(response)))
     floors, ground_change_rel = _compare_ground_materials(foot_design, response)
     cell_um, cell_rel = _cell_averaging_errors(response)
@@ -248,8 +248,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         floors=floors,
         ground_change_rel=ground_change_rel,
         spacer_mm=foot_design.spacer_mm,
-        law_um=strip_closure_um(foot_design, solid=False),
-        solid_um=strip_closure_um(foot_design, solid=True),
+        law_um=cavity_strip_closure_um(foot_design, solid=False),
+        solid_um=cavity_strip_closure_um(foot_design, solid=True),
         edges=_fringe_results(foot_design),
         table_rel={
             "foot against its transpose": stated["mesh_asymmetry_rel"],

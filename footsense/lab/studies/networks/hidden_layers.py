@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from footsense.foot.force_errors import errors
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
-from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
+from footsense.lab.monte_carlo.statistics import SIGNIFICANT_STANDARD_ERRORS, MeanDifference, MeanStd
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import plot_band, subplot_row
 from footsense.lab.training.load_cases import paper_training, paper_verification
@@ -96,7 +96,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         )
         for (name, _, _), values in zip(EVALUATED_ERRORS, figures, strict=True):
             measured[name][depth] = [
-                MeanStd.over(values[k : k + seeds]) for k in range(0, len(values), seeds)
+                MeanStd.of_values(values[k : k + seeds]) for k in range(0, len(values), seeds)
             ]
         context.report_progress(
             f"hidden-layers: {len(neurons)} sizes with {words} trained, {seeds} seeds each"
@@ -123,16 +123,20 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-def mean_differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict[str, list[Difference]]:
+def mean_differences(
+    neurons: Sequence[int], errors_by_depth: list[ByDepth]
+) -> dict[str, list[MeanDifference]]:
     """Return differences of means that are positive where the paper's statements hold, one for each kind of error."""
-    mean_differences: dict[str, list[Difference]] = defaultdict(list)
+    mean_differences: dict[str, list[MeanDifference]] = defaultdict(list)
     for by_depth in errors_by_depth:
         best = {depth: min(sizes, key=lambda one: one.mean) for depth, sizes in by_depth.items()}
-        mean_differences["one layer at its best, less two at theirs"].append(best["1"].excess(best["2"]))
+        mean_differences["one layer at its best, less two at theirs"].append(
+            best["1"].difference_from(best["2"])
+        )
         for depth, name in _DEPTH_LABELS.items():
             for k, words in ((0, "fewest"), (-1, "most")):
                 label = f"{name}: {words} neurons ({neurons[k]}), less the best"
-                mean_differences[label].append(by_depth[depth][k].excess(best[depth]))
+                mean_differences[label].append(by_depth[depth][k].difference_from(best[depth]))
     return mean_differences
 
 
@@ -140,6 +144,6 @@ STUDY = Study(
     name="hidden-layers",
     title="How many hidden layers and neurons",
     compute=compute,
-    names={"SIGNIFICANT": SIGNIFICANT},
+    names={"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
     uses_network=False,
 )

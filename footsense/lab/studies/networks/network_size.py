@@ -108,7 +108,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     walked = windows_of(test_gaits)
     loaded = np.linalg.norm(walked.force_n, axis=1) >= LOADED_N
     none_missing = np.zeros((int(loaded.sum()), ELEMENTS), bool)
-    counted = np.linalg.norm(test_rest.force_n, axis=1) >= loads.min_judged_n
+    counted = np.linalg.norm(test_rest.force_n, axis=1) >= loads.min_evaluated_force_n
     rng = np.random.default_rng(TEST_SEED)
     tests = {
         "gaits": (
@@ -141,7 +141,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         batch=protocol.batch,
         n_gaits=n_gaits,
         n_rests=n_rests,
-        from_n=loads.min_judged_n,
+        from_n=loads.min_evaluated_force_n,
         sizes=sizes,
     )
     return results, {"network-size.png": _figure(sizes)}

@@ -81,8 +81,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         rows = [[errors(cases.force_n, read(cases.closure_um)) for read in networks] for cases in tests]
         alone = errors(tests[INDEX_OF_100_GF].force_n, linear[feed](tests[INDEX_OF_100_GF].closure_um))
         by_feed[str(feed)] = FeedErrors(
-            direction_deg=[MeanStd.over(one.direction_deg for one in row) for row in rows],
-            magnitude_gf=[MeanStd.over(one.magnitude_gf for one in row) for row in rows],
+            direction_deg=[MeanStd.of_values(one.direction_deg for one in row) for row in rows],
+            magnitude_gf=[MeanStd.of_values(one.magnitude_gf for one in row) for row in rows],
             linear_deg=alone.direction_deg,
             linear_gf=alone.magnitude_gf,
         )

@@ -12,7 +12,7 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import Vector
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.fit import (
     Protocol,
     fit,
@@ -59,7 +59,7 @@ def closure_moments(closure_rel: Vector) -> Vector:
     """Return the second moments of the patterns of closures, with the square's symmetry, shape (9, 9)."""
     pattern = hidden_layer_input(closure_rel)[:, :9]
     plain = pattern.T @ pattern / len(pattern)
-    maps = [element_map(g) for g in SYMMETRIES]
+    maps = [element_permutation(g) for g in SYMMETRIES]
     even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(9)
     return even
 
