@@ -7,6 +7,7 @@ import pytest
 
 if TYPE_CHECKING:
     from footsense.foot.response_table import FootResponse
+    from footsense.lab.fem.adjoint import AdjointField
     from footsense.lab.fem.quarter import Quarter
     from footsense.lab.fem.symmetry_classes import Parity
 

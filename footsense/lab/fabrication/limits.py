@@ -82,8 +82,8 @@ def _sheet_problems(design: FootDesign, array: ElementArray, assumed: Assumption
         least_mm = math.ceil(100.0 * closed_mm / math.sqrt(2.0)) / 100.0
         ball = f" with ball_radius_mm: {least_mm:g}" if least_mm > design.ball_radius_mm else ""
         yield (
-            f"cavity: {design.cavity} cavities need a rim of {dimensions.MIN_SPACER_RIM_MM:g} mm around the array, a sheet "
-            f"of {array.sheet_mm:g} mm leaves {array.rim_mm:g} mm; use sheet_mm: {closed_mm:g}{ball}, or cavity: vented"
+            f"cavity: {design.cavity} cavities need a rim of {dimensions.MIN_SPACER_RIM_MM:g} mm around the array, a "
+            f"sheet of {array.sheet_mm:g} mm leaves {array.rim_mm:g} mm; use sheet_mm: {closed_mm:g}{ball}, or cavity: vented"
         )
 
 
@@ -109,8 +109,8 @@ def _layer_problems(design: FootDesign, array: ElementArray, assumed: Assumption
         least = array.electrode_mm * area_deviation_rel(array.electrode_mm) / _MAX_AREA_DEVIATION_REL
         yield (
             f"electrode_mm: an offset of {dimensions.FLEX_OFFSET_TOLERANCE_MM:g} mm of electrodes of "
-            f"{array.electrode_mm:g} mm changes their overlap by {area_deviation_rel(array.electrode_mm):.0%}, more than the design assumes; "
-            f"use at least {math.ceil(100.0 * least) / 100.0:g}"
+            f"{array.electrode_mm:g} mm changes their overlap by {area_deviation_rel(array.electrode_mm):.0%}, more "
+            f"than the design assumes; use at least {math.ceil(100.0 * least) / 100.0:g}"
         )
 
 

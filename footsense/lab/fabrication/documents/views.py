@@ -32,7 +32,7 @@ def section_y0(solid: Any) -> Any:
 def edge_polylines(shape: Any) -> list[Vector]:
     """Return the edges of a shape as points [mm], each of shape (n, 3)."""
     found = []
-    for edge in shape.edge_polylines:
+    for edge in shape.edges:
         begin, end = edge.parameter_interval
         points = [edge.Value(t) for t in np.linspace(begin, end, _POINTS_PER_EDGE)]
         found.append(np.array([(p.x, p.y, p.z) for p in points]))
