@@ -15,8 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from footsense.benchmarks.cycle import compare_cycle_durations
-from footsense.benchmarks.our_cycle import WARM_UP, recorded_frames
-from footsense.benchmarks.scan import age_ms, conversion_limit_ms, scan_figures
+from footsense.benchmarks.our_cycle import N_WARM_UP_CYCLES, recorded_frames
+from footsense.benchmarks.scan import conversion_limit_ms, newest_reading_age_ms, scan_figures
 from footsense.benchmarks.viewed_latency import viewed_latency_figures
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.cli.options import echo_json, json_option
@@ -61,9 +61,9 @@ def _figures(n_cycles: int, *, quick: bool) -> dict[str, Any]:
         "scan": scan,
         "scan_over_limit": {name: one["over_limit"] for name, one in scan.items()},
         "scan_over_best": {name: one["over_best"] for name, one in scan.items()},
-        "age_ms": age_ms(),
+        "age_ms": newest_reading_age_ms(),
     }
-    scans = recorded_frames(WARM_UP + n_cycles)
+    scans = recorded_frames(N_WARM_UP_CYCLES + n_cycles)
     cycle = compare_cycle_durations(scans)
     return figures | {
         "cycle_us": cycle,

@@ -19,7 +19,7 @@ from footsense.lab.code_hash import compute_sha256
 from footsense.lab.studies.page import Page, Study, StudyContext
 from footsense.lab.targets import targets_markdown
 from footsense.lab.template import render
-from footsense.progress import on_terminal, progress_bar
+from footsense.progress import is_terminal, progress_bar
 
 _LAB_STUDY_MODULES = {
     "released": "accuracy.released",
@@ -177,7 +177,7 @@ def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Pat
 
 def _print_progress(line: str) -> None:
     """Print a progress line of a study, indented; none beside the bar of the process that waits."""
-    if on_terminal():
+    if is_terminal():
         return
     sys.stdout.write(f"    {line}\n")
     sys.stdout.flush()

@@ -14,7 +14,7 @@ from msgspec.structs import astuple
 from footsense.config.test_stand import StandConfig
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import Vector
-from footsense.reference.sensor_mounting import NEWTON_PER, rotation_matrix
+from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, rotation_matrix
 
 #: Fewest loads of a finding.
 _MIN_LOADS = 5
@@ -47,7 +47,10 @@ def _wrong_units(reference_n: Vector, estimate_n: Vector, units: str) -> Iterato
     ratio = float(np.median(np.linalg.norm(reference_n, axis=1) / np.linalg.norm(estimate_n, axis=1)))
     if abs(math.log(ratio)) < math.log(_MAGNITUDE_RATIO):
         return
-    off = {unit: abs(math.log(ratio * value / NEWTON_PER[units])) for unit, value in NEWTON_PER.items()}
+    off = {
+        unit: abs(math.log(ratio * value / NEWTONS_PER_UNIT[units]))
+        for unit, value in NEWTONS_PER_UNIT.items()
+    }
     best = min(off, key=off.__getitem__)
     finding = f"the reference reads {ratio:.3g} times the force that the foot itself estimates"
     if best != units and off[best] < math.log(_EXPLAINED_RATIO):

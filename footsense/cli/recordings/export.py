@@ -44,9 +44,9 @@ def export(
     forms: list[tuple[Path, _Write]] = []
     if ros2 is not None:
         from footsense.ros2.bag_export import write_bag
-        from footsense.ros2.topics import load_frames
+        from footsense.ros2.topics import load_foot_frames
 
-        frames = None if tf is None else load_frames(tf)
+        frames = None if tf is None else load_foot_frames(tf)
         forms.append((ros2, lambda replay, folder: write_bag(replay, folder, frames)))
     if csv is not None:
         from footsense.export.csv_file import write_csv

@@ -83,7 +83,8 @@ def _sheet_problems(design: FootDesign, array: ElementArray, assumed: Assumption
         ball = f" with ball_radius_mm: {least_mm:g}" if least_mm > design.ball_radius_mm else ""
         yield (
             f"cavity: {design.cavity} cavities need a rim of {dimensions.MIN_SPACER_RIM_MM:g} mm around the array, a "
-            f"sheet of {array.sheet_mm:g} mm leaves {array.rim_mm:g} mm; use sheet_mm: {closed_mm:g}{ball}, or cavity: vented"
+            f"sheet of {array.sheet_mm:g} mm leaves {array.rim_mm:g} mm; use sheet_mm: {closed_mm:g}{ball}, or "
+            "cavity: vented"
         )
 
 

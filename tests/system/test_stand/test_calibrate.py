@@ -21,7 +21,7 @@ from footsense.frames import Cycle
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.replay import Replay
-from footsense.reference.sensor_mounting import NEWTON_PER
+from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import CalibrationLoads
 from tests.system.simulated_test_stand import MADE, presses
@@ -105,7 +105,7 @@ def test_a_calibration_has_the_temperature_of_its_sessions(session: Path, tmp_pa
 def test_a_reference_that_contradicts_the_foot_is_refused(session: Path, tmp_path: Path) -> None:
     """Newtons taken for kgf, and swapped axes: the line says which would fit, and no calibration is made."""
     kgf = msgspec.structs.replace(STAND, units="kgf")
-    too_much = turned(NEWTON_PER["kgf"] / NEWTON_PER["N"] * np.eye(3))
+    too_much = turned(NEWTONS_PER_UNIT["kgf"] / NEWTONS_PER_UNIT["N"] * np.eye(3))
     heavy = rewritten(session, tmp_path / "heavy.mcap", too_much, kgf)
     y_for_x = msgspec.structs.replace(STAND, axes=Axes(x="-y", y="-x", z="z"))
     swap = turned(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
