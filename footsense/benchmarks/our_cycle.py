@@ -137,7 +137,7 @@ def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
 
         def run(scan: CapFrame, now_ns: int) -> Cycle:
             clock.sleep_until_ns(now_ns)
-            return loop.step(scan, tuple(sink.commands()))
+            return loop.run_cycle(scan, tuple(sink.commands()))
 
         try:
             yield ServiceCycle(run, lambda: pipeline.baseline_pf, counters, cycles, loopback)

@@ -68,9 +68,9 @@ def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float 
     """Return scan periods of six legs at 400 kHz, ours and the naive loop's, with their ratios to the limits."""
     scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
     with open_scan_source(config, scene) as scan_source:
-        scan_source.read_scans(1)
+        scan_source.read_whole_scans(1)
         start_ns = scan_source.clock.now_ns()
-        scan_source.read_scans(_N_SCANS)
+        scan_source.read_whole_scans(_N_SCANS)
         period_ns = (scan_source.clock.now_ns() - start_ns) / _N_SCANS
     # Two buses are scanned side by side also by a naive program with two threads.
     naive_ns = _naive_scan_period_ns(config, scene) if config.buses[0].channels else None

@@ -7,8 +7,8 @@ import click
 
 import footsense
 from footsense.calibration.fit.calibrate import (
-    MAX_DISTANCE,
-    USUAL_DISTANCE,
+    MAX_MAHALANOBIS_DISTANCE,
+    TYPICAL_MAHALANOBIS_DISTANCE,
     CalibrationResult,
     calibrate_sessions,
 )
@@ -91,7 +91,7 @@ def calibrate(
 
 
 def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> dict[str, Any]:
-    predicted, parameters = result.predicted, calibration.parameters
+    predicted, parameters = result.predicted_uncertainty, calibration.parameters
     return {
         "calibration": str(calibration.folder),
         "sha256": calibration.manifest.sha256,
@@ -108,7 +108,7 @@ def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: fl
 
 
 def _text(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> str:
-    parameters, predicted, held_out = calibration.parameters, result.predicted, result.held_out
+    parameters, predicted, held_out = calibration.parameters, result.predicted_uncertainty, result.held_out
     strays = f"stray {parameters.stray_pf.min():+.3f} to {parameters.stray_pf.max():+.3f} pF"
     gaps = f"gaps {parameters.gap_um.min():.1f} to {parameters.gap_um.max():.1f} um"
     temperature = "" if result.temperature_c is None else f" at {result.temperature_c:.1f} degC"
@@ -120,12 +120,12 @@ def _text(calibration: FootCalibration, result: CalibrationResult, took_s: float
     ]
     doubt = (
         ""
-        if result.distance <= USUAL_DISTANCE
+        if result.distance <= TYPICAL_MAHALANOBIS_DISTANCE
         else "; more than usual: something differs from the design's kind"
     )
     lines.append(
         f"  median distance of the loads from the fitted foot: {result.distance:.1f}, "
-        f"usual are 2 to {USUAL_DISTANCE:g}, refused from {MAX_DISTANCE:g}{doubt}"
+        f"usual are 2 to {TYPICAL_MAHALANOBIS_DISTANCE:g}, refused from {MAX_MAHALANOBIS_DISTANCE:g}{doubt}"
     )
     if predicted.not_identified:
         lines.append(f"  not identified, near the design's value: {', '.join(predicted.not_identified)}")

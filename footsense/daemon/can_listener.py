@@ -24,7 +24,7 @@ from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 
 #: Period of reading the channel [ns].
-_POLL_NS = 5_000_000
+_POLL_PERIOD_NS = 5_000_000
 
 
 class LegSnapshot(NamedTuple):
@@ -102,7 +102,7 @@ class Listener:
                 else:
                     self._reports.feed(can_id, data, self._last_poll_ns)
             self._last_poll_ns = now_ns
-            self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_NS))
+            self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_PERIOD_NS))
 
     def snapshot(self) -> list[LegSnapshot]:
         """Return every leg at the present time."""

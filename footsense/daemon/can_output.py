@@ -45,12 +45,12 @@ def can_sink(
         connect=connect,
     )
     sink = CanSink(settings, config.legs, clock, every=config.frames_per_force, force_step_mn=force_step_mn)
-    with closing_at_end(sink.close):
+    with close_at_end(sink.close):
         yield sink
 
 
 @contextmanager
-def closing_at_end(close: Callable[[], None]) -> Iterator[None]:
+def close_at_end(close: Callable[[], None]) -> Iterator[None]:
     """Close at the end; an incomplete log or recording must not hide the error that ended the run."""
     try:
         yield

@@ -29,7 +29,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         ModelError: The response table of its feet is missing, unreadable, or of another foot type.
         ConfigError: A fault of the scene is for a leg or bus that the robot does not have.
     """
-    for problem in _faults_elsewhere(config, scene):
+    for problem in _inapplicable_faults(config, scene):
         raise ConfigError(f"scene: {problem}")
     wiring = [
         Wiring(
@@ -50,7 +50,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     return SimulatedRobot(scene, response, wiring, grace_ns)
 
 
-def _faults_elsewhere(config: Config, scene: Scene) -> Iterator[str]:
+def _inapplicable_faults(config: Config, scene: Scene) -> Iterator[str]:
     """Yield the faults of a scene that this robot cannot have, in words."""
     for n, fault in enumerate(scene.faults):
         leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", None)
@@ -62,7 +62,7 @@ def _faults_elsewhere(config: Config, scene: Scene) -> Iterator[str]:
             yield f"faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
 
 
-class Paced:
+class PacedSource:
     """A source in virtual or recorded time that is played at the speed of real time.
 
     Args:

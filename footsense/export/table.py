@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from footsense.frames import USABLE, Cycle, GaitEventKind
-from footsense.recording.cycle_fields import FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField
+from footsense.recording.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField
 from footsense.recording.replay import Replay
 
 #: A column: whole numbers, numbers, or names; NaN and None stand for values that are not known.
 Column = list[Any]
 
-_FORCE_FIELDS = {path: field for path, field in FIELDS.items() if path.startswith("forces.")}
-_SCAN_FIELDS = {path: field for path, field in FIELDS.items() if path.startswith("scan.")}
+_FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
+_SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("scan.")}
 _FIRST_COLUMNS = ("sequence", "t_sent_ns", "leg")
 _EVENT_COLUMNS = ("event", "event_t_ns", "friction")
 

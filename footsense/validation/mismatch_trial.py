@@ -13,12 +13,12 @@ import numpy as np
 from firmware_interface.chips import fdc1004
 from footsense.calibration.evaluation import DesignModels, Estimates
 from footsense.calibration.fit.calibrate import (
-    USUAL_DISTANCE,
+    TYPICAL_MAHALANOBIS_DISTANCE,
     CalibrationResult,
-    fit_foot,
+    fit_foot_unchecked,
     require_plausible,
 )
-from footsense.calibration.fit.rubber_memory import without_memory
+from footsense.calibration.fit.rubber_memory import remove_rubber_memory
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.faults.consistency import ConsistencyTest
@@ -239,19 +239,19 @@ def run_mismatch_trial(
         * np.cross(rng.normal(size=direction.shape), direction)
     )
     pressed = foot.press(TestLoads(normalized(direction + lean), force_n), _MEAN_PF, on_floor=False)
-    rested = without_memory(models.response, pressed)
+    rested = remove_rubber_memory(models.response, pressed)
     loads = rested.subset(_in_range(rested))
     feet: dict[str, FootParameters | None] = {"design": None}
     figures: dict[str, float] = {}
-    for name, used in {"all": loads, "few": loads.subset(loads.spread_order()[: plan.few])}.items():
+    for name, used in {"all": loads, "few": loads.subset(loads.space_filling_order()[: plan.few])}.items():
         if len(used) == 0:
             continue
-        fit = fit_foot(models, used)
+        fit = fit_foot_unchecked(models, used)
         feet[name] = fit.parameters
         figures |= {
             f"refused_{name}": float(_refused(fit)),
             f"distance_{name}": fit.distance,
-            f"said_{name}": float(fit.distance > USUAL_DISTANCE),
+            f"said_{name}": float(fit.distance > TYPICAL_MAHALANOBIS_DISTANCE),
         }
     again = remounted(own, REMOUNT_DEG, plan.seed, number, 2)
     remade = _OnTestStand(truth, again, disturbance, np.random.default_rng((plan.seed, number, 5)))
@@ -284,7 +284,7 @@ def _refused(fit: CalibrationResult) -> bool:
 
 def _judged(models: DesignModels, estimates: Estimates, true_n: Vector) -> dict[str, float]:
     """Return the figures of the estimates of some loads."""
-    usable = estimates.usable
+    usable = estimates.has_force
     if not usable.any():
         return {"deg": np.nan, "gf": np.nan, "within_2": np.nan, "unread": 1.0, "unexplained": np.nan}
     force_n, true_n, sigma_n = estimates.force_n[usable], true_n[usable], estimates.sigma_n[usable]

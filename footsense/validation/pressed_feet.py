@@ -88,5 +88,5 @@ class PressedFoot(NamedTuple):
     def _pressed(cls, batch: test_stand_trial.FootBatch, number: int, every: int) -> Self:
         with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
             trial = test_stand_trial.run_trial(batch, number, Path(folder), every=every)
-        training, test = LoadSet.of(trial.training.loads), LoadSet.of(trial.test.loads)
+        training, test = LoadSet.from_loads(trial.training.loads), LoadSet.from_loads(trial.test.loads)
         return cls(training, test, trial.true_force_n, trial.test.rejected.total(), trial.read_s)

@@ -159,7 +159,7 @@ def _config(batch: FootBatch, number: int) -> Config:
         fabrication=Fabrication.with_paper_tolerances(seed=batch.seed, first=number, mounting=0),
     )
     with open_scan_source(config, hanging) as found:
-        scans = found.read_scans(_UNLOADED_SCANS)
+        scans = found.read_whole_scans(_UNLOADED_SCANS)
     readings_pf = [scan.capacitance_pf[0] for scan in scans if not scan.reading.any()]
     unloaded_pf = tuple(np.mean(readings_pf, axis=0).round(4).tolist())
     return msgspec.structs.replace(config, unloaded_pf={LEG: unloaded_pf})

@@ -13,7 +13,7 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.fit.calibrate import calibrate
-from footsense.calibration.fit.rubber_memory import without_memory
+from footsense.calibration.fit.rubber_memory import remove_rubber_memory
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import foot_type_folder
@@ -88,10 +88,10 @@ def evaluate_foot(
     """
     models = DesignModels.load(foot_type_folder(batch.foot_type))
     pressed = PressedFoot.press(batch, number, every, kept)
-    training, test = (without_memory(models.response, one) for one in (pressed.training, pressed.test))
+    training, test = (remove_rubber_memory(models.response, one) for one in (pressed.training, pressed.test))
     refused: dict[str, str] = {}
     calibrated = {}
-    order = training.spread_order()
+    order = training.space_filling_order()
     for wanted in (ALL_LOADS, *(n for n in LOAD_COUNTS if n < len(training))):
         loads = training if wanted == ALL_LOADS else training.subset(order[:wanted])
         began_ns = stopwatch_ns()

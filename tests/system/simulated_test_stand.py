@@ -69,7 +69,7 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
         assert true_force_at_time_n is not None
         sensor = ExactReference(true_force_at_time_n) if reference else None
         loop = Loop(service.pipeline, service.sink, service.observers, clock, sensor)
-        loop.run_on(service.source, lambda: clock.now_ns() >= end_ns)
+        loop.run_until(service.source, lambda: clock.now_ns() >= end_ns)
     return path
 
 

@@ -38,12 +38,12 @@ def reference_findings(test_stand: StandConfig, reference_n: Vector, estimate_n:
         return []
     reference_n, estimate_n = reference_n[known], estimate_n[known]
     return [
-        *_wrong_units(reference_n, estimate_n, test_stand.units),
-        *_wrong_axes(reference_n, estimate_n, test_stand),
+        *_unit_findings(reference_n, estimate_n, test_stand.units),
+        *_axis_findings(reference_n, estimate_n, test_stand),
     ]
 
 
-def _wrong_units(reference_n: Vector, estimate_n: Vector, units: str) -> Iterator[str]:
+def _unit_findings(reference_n: Vector, estimate_n: Vector, units: str) -> Iterator[str]:
     ratio = float(np.median(np.linalg.norm(reference_n, axis=1) / np.linalg.norm(estimate_n, axis=1)))
     if abs(math.log(ratio)) < math.log(_MAGNITUDE_RATIO):
         return
@@ -62,7 +62,7 @@ def _wrong_units(reference_n: Vector, estimate_n: Vector, units: str) -> Iterato
         )
 
 
-def _wrong_axes(reference_n: Vector, estimate_n: Vector, test_stand: StandConfig) -> Iterator[str]:
+def _axis_findings(reference_n: Vector, estimate_n: Vector, test_stand: StandConfig) -> Iterator[str]:
     given_deg = float(angles_between_deg(reference_n, estimate_n).mean())
     if given_deg < _SUSPICIOUS_DEG:
         return

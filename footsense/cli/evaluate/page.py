@@ -143,7 +143,7 @@ def write_page(
         foot: Parameters of the calibration; None without one.
         response: Response table of the foot's type.
     """
-    compared = evaluation.compared
+    compared = evaluation.is_compared
     estimates_n = {source: one.force_n[compared] for source, one in evaluation.estimates.items()}
     reference_n = evaluation.reference_n[compared]
     drawn = {
@@ -174,7 +174,7 @@ def _patterns(
             gap_um=foot.gap_um - response.design.gap_um, stiffness_rel=foot.stiffness_rel, mount=foot.mount
         )
         specimen, normal = Foot(response, deviations), direction @ foot.mount.T
-    simulated = evaluation.compared & (normal[:, 2] > np.sin(np.radians(response.min_elevation_deg)))
+    simulated = evaluation.is_compared & (normal[:, 2] > np.sin(np.radians(response.min_elevation_deg)))
     chosen = dict.fromkeys(
         int(np.where(simulated, direction @ directions(*shown_deg), -np.inf).argmax())
         for shown_deg in _SHOWN_DEG

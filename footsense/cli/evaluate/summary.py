@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from footsense.calibration.evaluation import BANDS, Evaluation, MagnitudeBand
+from footsense.calibration.evaluation import MAGNITUDE_BANDS, Evaluation, MagnitudeBand
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.foot.force_errors import GRAM_FORCE_N, Errors
@@ -18,7 +18,7 @@ def evaluation_figures(
 ) -> dict[str, Any]:
     """Return all numbers of an evaluation as plain values; a band without loads is left out."""
     ways = evaluation.estimates
-    bands = {band.name: _band_errors(evaluation, band) for band in BANDS}
+    bands = {band.name: _band_errors(evaluation, band) for band in MAGNITUDE_BANDS}
     kept = ("made", "footsense", "n_loads", "sha256")
     return {
         "foot": foot,
@@ -26,8 +26,8 @@ def evaluation_figures(
         "calibration": calibration and {key: getattr(calibration.manifest, key) for key in kept},
         "sessions": {session.name: len(session.loads) for session in sessions},
         "n_loads": len(evaluation.reference_n),
-        "n_compared": int(evaluation.compared.sum()),
-        "outside_training_range": {way: int((~estimates.usable).sum()) for way, estimates in ways.items()},
+        "n_compared": int(evaluation.is_compared.sum()),
+        "outside_training_range": {way: int((~estimates.has_force).sum()) for way, estimates in ways.items()},
         "bands": {name: errors for name, errors in bands.items() if errors},
     }
 

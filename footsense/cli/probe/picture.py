@@ -70,9 +70,9 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
         parts.append(Text("No faults.", "green"))
     else:
         parts.append(Text(f"{len(result.diagnoses)} wrong:", "bold red"))
-    for where, what, check in result.diagnoses:
-        parts.append(Padding(Text.assemble((where, "bold"), f": {what}"), (0, 0, 0, 2)))
-        parts.append(Padding(Text(f"check {check}", "dim"), (0, 0, 0, 6)))
+    for location, observation, advice in result.diagnoses:
+        parts.append(Padding(Text.assemble((location, "bold"), f": {observation}"), (0, 0, 0, 2)))
+        parts.append(Padding(Text(f"check {advice}", "dim"), (0, 0, 0, 6)))
     if yaml := unloaded_yaml(result):
         parts += [Text(), Text("For the configuration, if these feet hang free:", "dim"), Text(yaml)]
     return Group(*parts)

@@ -115,7 +115,7 @@ def record(
             service.observers.append(table)
         longest_s = min(duration_s, _ends_s(scene))
         service.run(
-            lambda: stop.requested or guide.coverage.complete,
+            lambda: stop.requested or guide.coverage.is_complete,
             service.clock.now_ns() + longest_s * _NS_PER_S,
         )
         guide.report = click.echo  # the picture is not drawn again
@@ -166,12 +166,12 @@ def _ends_s(scene: Scene | None) -> float:
 
 def _print_session(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
     """Print coverage, rejected presses, the next load, and the statistics of the reference."""
-    click.echo(f"{out}: {guide.coverage.summary()}")
+    click.echo(f"{out}: {guide.coverage.progress_text()}")
     if guide.rejected:
         reasons = ", ".join(f"{n} {why}" for why, n in guide.rejected.most_common())
         click.echo(f"rejected: {reasons}")
-    if not guide.coverage.complete:
-        target = guide.coverage.next
+    if not guide.coverage.is_complete:
+        target = guide.coverage.next_load
         click.echo(
             f"not complete; next would be {target.magnitude_gf:.0f} gf from azimuth {target.azimuth_deg:.0f}, "
             f"elevation {target.elevation_deg:.0f} deg, in another session"

@@ -11,11 +11,11 @@ import numpy as np
 from rich.text import Text
 
 from footsense.calibration.session.coverage import (
-    BANDS_GF,
+    MAGNITUDE_BANDS_GF,
     MIN_ELEVATION_DEG,
     Coverage,
     NextLoad,
-    angles_deg,
+    azimuth_and_elevation_deg,
     nearest_band,
 )
 from footsense.foot.directions import directions
@@ -54,18 +54,21 @@ def discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs: Glyphs)
         glyphs: Characters to draw with.
     """
     loads = {
-        (nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N), *_cell(*angles_deg(force_n)))
+        (
+            nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N),
+            *_cell(*azimuth_and_elevation_deg(force_n)),
+        )
         for force_n in loads_n
     }
     next_cell = (nearest_band(target.magnitude_gf), *_cell(target.azimuth_deg, target.elevation_deg))
     titles = [
         f"{gf:.0f} gf: {100 * share:.0f} %".center(COLUMNS)
-        for gf, share in zip(BANDS_GF, coverage.covered_directions_rel, strict=True)
+        for gf, share in zip(MAGNITUDE_BANDS_GF, coverage.covered_directions_rel, strict=True)
     ]
     lines = [Text("   ".join(titles), "bold")]
     for row in range(_ROWS):
         line = Text()
-        for band in range(len(BANDS_GF)):
+        for band in range(len(MAGNITUDE_BANDS_GF)):
             for column in range(COLUMNS):
                 direction, cell = _direction(row, column), (band, row, column)
                 if direction is None:
@@ -74,7 +77,7 @@ def discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs: Glyphs)
                     line.append(glyphs.next, _STYLES.next)
                 elif cell in loads:
                     line.append(glyphs.load, _STYLES.load)
-                elif coverage.covers(band, direction):
+                elif coverage.is_covered(band, direction):
                     line.append(glyphs.covered, _STYLES.covered)
                 else:
                     line.append(glyphs.bare, _STYLES.bare)

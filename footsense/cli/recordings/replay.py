@@ -14,10 +14,10 @@ from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
-from footsense.daemon.recording_header import model_difference, recorded_config, recorded_flags
-from footsense.daemon.simulation import Paced
+from footsense.daemon.recording_header import model_mismatch_reason, recorded_config, recorded_flags
+from footsense.daemon.simulation import PacedSource
 from footsense.errors import FootsenseError, ModelError, RecordingError
-from footsense.recording.compare import compare, same_machine
+from footsense.recording.compare import first_difference, same_machine
 from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 
@@ -67,7 +67,7 @@ def _replay(
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
     models = load_models(config)
-    if difference := model_difference(recording.header, models):
+    if difference := model_mismatch_reason(recording.header, models):
         error = ModelError(f"{file}: {difference}")
         if check:
             raise error
@@ -78,14 +78,16 @@ def _replay(
     with ExitStack() as stack:
         sink = stack.enter_context(can_sink(config, clock, can_log, real_time=realtime))
         loop = Loop(pipeline, sink, (), clock)
-        frames = Paced(source, clock, MonotonicClock()) if realtime else source
+        frames = PacedSource(source, clock, MonotonicClock()) if realtime else source
         while (scan := frames.read()) is not None:
             recorded = source.cycle
             assert recorded is not None
             commands = (*source.commands(), *sink.commands())
-            made = loop.step(scan, commands, temperature_c=recorded.temperature_c)
+            made = loop.run_cycle(scan, commands, temperature_c=recorded.temperature_c)
             if check and not source.lost:
-                if different := compare(recorded.forces, made.forces, exact=exact, legs=recording.legs):
+                if different := first_difference(
+                    recorded.forces, made.forces, exact=exact, legs=recording.legs
+                ):
                     raise FootsenseError(f"{file}: {different}")
                 n_equal += 1
             n_frames += 1

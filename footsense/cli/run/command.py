@@ -126,7 +126,7 @@ def run(
     figures = {
         "scene": scene_name,
         **statistics.summary(),
-        **service.figures(),
+        **service.run_figures(),
         "start_to_first_frame_s": first.after_s,
         "resident_mib": resident_mib(),
     }

@@ -16,14 +16,14 @@ class Diagnosis(NamedTuple):
     """One fault on a bus or leg.
 
     Attributes:
-        where: Leg, or device of a bus.
-        what: Observation, and what was expected.
-        check: What to check.
+        location: Leg, or device of a bus.
+        observation: Observation, and what was expected.
+        advice: What to check.
     """
 
-    where: str
-    what: str
-    check: str
+    location: str
+    observation: str
+    advice: str
 
 
 class ProbedBus(NamedTuple):

@@ -49,7 +49,7 @@ def _recorded(legs: Sequence[str]) -> Iterator[Channel]:
         messages.GAIT_EVENT: lambda viewed: _gait_events(viewed, legs),
         messages.EVENT: lambda viewed: _events(viewed, legs),
     }
-    for topic, schema in messages.schemas(legs).items():
+    for topic, schema in messages.topic_schemas(legs).items():
         yield Channel(topic, f"footsense.{topic[1:]}", schema.decode(), encoders[topic])
 
 
@@ -74,13 +74,13 @@ def _events(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
 
 def _pictures(legs: Sequence[str]) -> Iterator[Channel]:
     """Yield the topics in Foxglove's own schemas."""
-    schemas = json.loads(files(__package__).joinpath("schemas.json").read_bytes())
+    topic_schemas = json.loads(files(__package__).joinpath("schemas.json").read_bytes())
 
     def picture(topic: str, schema_name: str, values: Callable[[ViewedCycle], dict[str, Any]]) -> Channel:
         def encoded(viewed: ViewedCycle) -> list[bytes]:
             return [json.dumps(values(viewed), separators=(",", ":")).encode()]
 
-        return Channel(topic, schema_name, json.dumps(schemas[schema_name]), encoded, is_picture=True)
+        return Channel(topic, schema_name, json.dumps(topic_schemas[schema_name]), encoded, is_picture=True)
 
     def closures(viewed: ViewedCycle, row: int) -> dict[str, Any]:
         closure_rel = viewed.table[row, CLOSURE_COLUMNS].astype(np.float64)

@@ -68,7 +68,7 @@ def rewritten(
         header = {**recording.header, "reference": described, "session": path.stem}
         copy = McapFile(file.fileno(), header)
         for number, cycle in enumerate(recording):
-            copy.add(NumberedCycle(number, change(cycle)))
+            copy.add_entry(NumberedCycle(number, change(cycle)))
         copy.finish()
     return path
 

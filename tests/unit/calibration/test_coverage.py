@@ -18,13 +18,13 @@ from tests.support.presses import direction
 def test_the_next_loads_make_a_complete_set() -> None:
     """Applying each next load covers two magnitudes, with few more loads than wanted."""
     coverage = Coverage(40)
-    while not coverage.complete:
-        azimuth_deg, elevation_deg, magnitude_gf = coverage.next
+    while not coverage.is_complete:
+        azimuth_deg, elevation_deg, magnitude_gf = coverage.next_load
         assert MIN_ELEVATION_DEG <= elevation_deg <= 90.0
-        coverage.add(magnitude_gf * GRAM_FORCE_N * direction(azimuth_deg, elevation_deg))
+        coverage.add_load(magnitude_gf * GRAM_FORCE_N * direction(azimuth_deg, elevation_deg))
     assert 40 <= coverage.n_loads <= 44
     assert coverage.counts[1] == 0
-    assert coverage.summary().startswith(f"{coverage.n_loads} of 40 loads; directions covered: ")
+    assert coverage.progress_text().startswith(f"{coverage.n_loads} of 40 loads; directions covered: ")
 
 
 @pytest.mark.parametrize(
@@ -42,16 +42,16 @@ def test_many_loads_are_not_enough_where_they_are_alike(
     """A hundred from one direction, with one magnitude, or from one side only."""
     coverage = Coverage(20)
     for force_n in forces_n:
-        coverage.add(force_n)
-    assert not coverage.complete
+        coverage.add_load(force_n)
+    assert not coverage.is_complete
 
 
 def test_the_papers_protocol_is_enough() -> None:
     """Its 362 loads are a set of 362."""
     coverage = Coverage(362)
     for force_n in paper_presses("training"):
-        coverage.add(force_n)
-    assert coverage.complete
+        coverage.add_load(force_n)
+    assert coverage.is_complete
 
 
 def feet(seed: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:

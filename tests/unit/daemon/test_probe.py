@@ -62,8 +62,10 @@ def test_the_clock_of_each_converter_and_what_it_keeps_is_told() -> None:
     found = probe(DEFAULT, msgspec.structs.replace(HANGING, seed=2, effects=Effects(converter_clock_rel=0.1)))
     slow = [leg.leg for leg in found.legs if leg.timing and leg.timing.slowness > 1.0]
     assert 0 < len(slow) < 6
-    assert [diagnosis.where for diagnosis in found.diagnoses] == slow
-    assert all("longer than the slowest converter may" in diagnosis.what for diagnosis in found.diagnoses)
+    assert [diagnosis.location for diagnosis in found.diagnoses] == slow
+    assert all(
+        "longer than the slowest converter may" in diagnosis.observation for diagnosis in found.diagnoses
+    )
     found = probe(DEFAULT, msgspec.structs.replace(HANGING, effects=Effects(trigger_clears_done=True)))
     assert found.diagnoses == ()
     assert "are done before the next conversion, which makes one" in " ".join(shown(found).split())
@@ -129,9 +131,9 @@ def test_a_fault_on_one_leg_is_one_line_on_that_leg(broken: Fault, what: str, ch
     """It names the leg, and what to look at; the other legs are sound and give what to configure."""
     found = probed(broken)
     (diagnosis,) = found.diagnoses
-    assert diagnosis.where == "lm"
-    assert what in diagnosis.what
-    assert check in diagnosis.check
+    assert diagnosis.location == "lm"
+    assert what in diagnosis.observation
+    assert check in diagnosis.advice
     assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
     assert probe_json(found)["scan_ms"] is not None
 
@@ -148,7 +150,7 @@ def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | 
     """By what they read; a microcontroller's buses are its own, and nothing is said of them."""
     scene = msgspec.structs.replace(HANGING, faults=(scene_faults.BrokenRow(at_s=0, leg="lm", row=1),))
     found = probe(config, scene)
-    assert [(diagnosis.where, diagnosis.what) for diagnosis in found.diagnoses] == [
+    assert [(diagnosis.location, diagnosis.observation) for diagnosis in found.diagnoses] == [
         ("lm", "the line of row 1 is interrupted")
     ]
     assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
@@ -159,7 +161,7 @@ def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | 
 def test_a_trunk_that_is_held_is_the_bus_s_fault_alone() -> None:
     """Of its legs nothing can be known, and nothing is said."""
     found = probed(scene_faults.StuckUpstreamBus(at_s=0))
-    assert [(diagnosis.where, "held low" in diagnosis.what) for diagnosis in found.diagnoses] == [
+    assert [(diagnosis.location, "held low" in diagnosis.observation) for diagnosis in found.diagnoses] == [
         ("sim", True)
     ]
     assert found.scan_ns is None
@@ -173,10 +175,10 @@ def test_a_leg_that_nothing_disconnects_hides_those_behind_it() -> None:
     found = probed(
         scene_faults.StuckSda(at_s=0, leg="rm"), config=msgspec.structs.replace(DEFAULT, buses=(bus,))
     )
-    told = {diagnosis.where: diagnosis for diagnosis in found.diagnoses}
-    assert told["sim"].what.startswith("rr could not be scanned")
-    assert "mux.reset" in told["sim"].check
-    assert "channel 4" in told["rm"].what
+    told = {diagnosis.location: diagnosis for diagnosis in found.diagnoses}
+    assert told["sim"].observation.startswith("rr could not be scanned")
+    assert "mux.reset" in told["sim"].advice
+    assert "channel 4" in told["rm"].observation
 
 
 def test_a_foot_that_is_pressed_or_another_one_says_by_how_much() -> None:
@@ -184,7 +186,7 @@ def test_a_foot_that_is_pressed_or_another_one_says_by_how_much() -> None:
     scene = msgspec.structs.replace(HANGING, load=Constant(force_n=(0.0, 0.0, 0.5)), lead_in_s=0.0)
     found = probe(DEFAULT, scene)
     assert len(found.diagnoses) == 6
-    assert "from the expected capacitance of the free foot" in found.diagnoses[0].what
+    assert "from the expected capacitance of the free foot" in found.diagnoses[0].observation
     assert all(leg.unloaded_pf is not None for leg in found.legs)
 
 
@@ -304,8 +306,8 @@ def test_the_upstream_bus_is_unknown_if_every_channel_is_stuck() -> None:
     assert [chips.outcome for chips in scan.channels.values()] == [Reading.BUS_STUCK] * 2
     bus = Bus(device="sim", legs={"lf": "/dev/i2c-10", "lm": "/dev/i2c-11"})
     (diagnosis,) = bus_diagnoses(ProbedBus(bus, scan, {}), scan_plan("lo_shu", 400))
-    assert "held low on the upstream bus" in diagnosis.what
-    assert "RESET" not in diagnosis.check
+    assert "held low on the upstream bus" in diagnosis.observation
+    assert "RESET" not in diagnosis.advice
 
 
 def test_without_an_adapter_nothing_answers() -> None:
@@ -328,7 +330,7 @@ def told_of_bus(
     bus = Bus(device="sim", legs=CHANNELS, other_devices=(servos,))  # type: ignore[arg-type]
     seen = scan_bus(UpstreamBus(wires, 0x71), clock, plan, CHANNELS)
     return [
-        f"{diagnosis.what}; check {diagnosis.check}"
+        f"{diagnosis.observation}; check {diagnosis.advice}"
         for diagnosis in bus_diagnoses(ProbedBus(bus, seen, {}), plan)
     ]
 
