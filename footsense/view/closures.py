@@ -17,7 +17,7 @@ class Closures:
 
     def __init__(self, elements: ClosureConversion) -> None:
         self.stray_pf = np.array(elements.stray_pf)
-        self._distance_pf = np.array(elements.distance_times_capacitance_pf)
+        self._distance_pf = np.array(elements.distance_pf)
 
     @np.errstate(divide="ignore", invalid="ignore")
     def closure_rel(self, cycle: Cycle, baseline_pf: Vector) -> Vector:
