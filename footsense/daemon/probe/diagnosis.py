@@ -120,7 +120,10 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
         yield Diagnosis(report.leg, f"{location}: {chips.why}", _PARTS_TO_CHECK[chips.outcome])
     if report.timing is not None and report.timing.slowness > 1.0:
         slower = f"{100 * (report.timing.slowness - 1):.0f} %"
-        observation = f"{location}: its conversions take {slower} longer than the slowest converter may; all legs wait for it"
+        observation = (
+            f"{location}: its conversions take {slower} longer than the slowest converter may; "
+            "all legs wait for them"
+        )
         yield Diagnosis(report.leg, observation, "its supply; or replace the converter")
     for fault in report.faults:
         yield Diagnosis(report.leg, fault.what, fault.check)
