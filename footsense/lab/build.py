@@ -91,7 +91,7 @@ FULL_BUILD = BuildSettings(
 )
 #: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
 SIMILAR_FOOT_BUILD = replace(
-    FULL_BUILD, random_loads=60_000, gaits=1_500, released=WindowProtocol(steps=25_000, rate=2e-3)
+    FULL_BUILD, random_loads=60_000, gaits=2_500, released=WindowProtocol(steps=40_000, rate=3e-3)
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK_BUILD = BuildSettings(

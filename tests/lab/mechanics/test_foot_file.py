@@ -32,6 +32,11 @@ TEXT = (RELEASED / FOOT_FILE).read_text()
             ":6: sheet_mm: an array of 14 mm does not fit .* use at least 14",
         ),
         (
+            "electrode_mm: 4",
+            "electrode_mm: 3.98",
+            ":6: sheet_mm: a sheet of 14 mm leaves 0.01 mm of spacer .* use 13.98, or at least 14.98",
+        ),
+        (
             "sheet_mm: 14",
             "sheet_mm: 15",
             ":6: sheet_mm: the corners .* overhang a ball .* less than 14.14",
@@ -112,7 +117,7 @@ def test_the_shipped_foot_is_meshed_by_the_stated_lengths() -> None:
 def test_another_foot_of_a_known_name_is_refused(tmp_path: Path) -> None:
     """Two networks of one name could not be told apart: refused before the solve."""
     path = tmp_path / "mine.yaml"
-    path.write_text(TEXT.replace("pitch_mm: 5", "pitch_mm: 4.9"))
+    path.write_text(TEXT.replace("electrode_mm: 4", "electrode_mm: 2.9"))
     result = CliRunner().invoke(lab, ["build", "--foot", str(path), "--out", str(tmp_path)])
     assert isinstance(result.exception, FootsenseError)
     assert "describes another foot of the name aoyagi-3x3; give this one a name of" in str(result.exception)
