@@ -63,7 +63,7 @@ def _sheet_contradictions(design: FootDesign) -> Iterator[Problem]:
             f"use at least {array_mm:g}",
         )
     strip_mm, closed_mm = 0.5 * (design.sheet_mm - array_mm), array_mm + 2.0 * MIN_SPACER_RIM_MM
-    if _ROUNDING_TOLERANCE_MM < strip_mm < MIN_SPACER_RIM_MM - _ROUNDING_MM:
+    if _ROUNDING_TOLERANCE_MM < strip_mm < MIN_SPACER_RIM_MM - _ROUNDING_TOLERANCE_MM:
         yield Problem(
             "sheet_mm",
             f"a sheet of {design.sheet_mm:g} mm leaves {strip_mm:g} mm of spacer beside an array of {array_mm:g} mm, "
