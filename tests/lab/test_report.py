@@ -89,7 +89,7 @@ def test_no_committed_page_is_stale_without_a_note(context: StudyContext) -> Non
     assert stale == set(noted_stale_reasons(PAGES))
 
 
-@pytest.mark.parametrize("foot_type", ["hexapod-2kg"])
+@pytest.mark.parametrize("foot_type", ["hexapod-2kg", "quadruped-12kg"])
 def test_another_released_foot_has_a_fault_table(foot_type: str) -> None:
     """It is of the foot's network and of the code as it is, and is the text of its numbers."""
     folder = RELEASED.parent / foot_type
