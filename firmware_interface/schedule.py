@@ -9,39 +9,48 @@ from typing import NamedTuple
 from firmware_interface.chips import ad7746, fdc1004
 from firmware_interface.wire_timing import transaction_bits, wire_time_ns
 
-_ELEMENTS = 9
-
 
 class Traffic(NamedTuple):
     """The least transactions of a board's scan.
 
     Attributes:
-        n_switches: Writes of line switches in a scan, in the order that needs the fewest.
+        switches_columns: Whether the columns are switched as well: every step then changes the row or the column at
+            least, and there is an order in which none changes both. Else row after row is switched.
         n_start: Bytes of the write that starts a conversion.
         done: Bytes written and read to ask all legs whether they are done; None if their results show it.
         result: Bytes written and read for one part of a result.
         clock_tolerance_rel: Largest deviation of a converter's clock [1].
     """
 
-    n_switches: int
+    switches_columns: bool
     n_start: int
     done: tuple[int, int] | None
     result: tuple[int, int]
     clock_tolerance_rel: float
 
 
-#: Row after row: three switches.
-FDC1004 = Traffic(3, 3, (1, 2), (1, 2), fdc1004.CLOCK_TOLERANCE_REL)
-#: Every step changes the row or the column at least, and there is an order in which none changes both.
-AD7746 = Traffic(9, 2, None, (1, 4), ad7746.CLOCK_TOLERANCE_REL)
+FDC1004 = Traffic(
+    switches_columns=False,
+    n_start=3,
+    done=(1, 2),
+    result=(1, 2),
+    clock_tolerance_rel=fdc1004.CLOCK_TOLERANCE_REL,
+)
+AD7746 = Traffic(
+    switches_columns=True,
+    n_start=2,
+    done=None,
+    result=(1, 4),
+    clock_tolerance_rel=ad7746.CLOCK_TOLERANCE_REL,
+)
 
 
 class ScanLowerBounds(NamedTuple):
     """The shortest scans that two limits allow; the longer one holds.
 
     Attributes:
-        conversion_ns: Nine conversions by a slow chip, and what cannot overlap with them [ns].
-        readout_ns: Nine read-outs of all legs [ns].
+        conversion_ns: All conversions by a slow chip, and what cannot overlap with them [ns].
+        readout_ns: All read-outs of all legs [ns].
     """
 
     conversion_ns: int
@@ -67,8 +76,9 @@ def scan_lower_bounds(
     n_result_reads: int = 1,
     kernel_mux: bool = False,
     traffic: Traffic = FDC1004,
+    rows: int = 3,
 ) -> ScanLowerBounds:
-    """Return lower bounds on the time of a scan of nine elements of all legs on one bus.
+    """Return lower bounds on the time of a scan of all elements of all legs on one bus.
 
     Args:
         n_legs: Legs on the bus.
@@ -79,6 +89,7 @@ def scan_lower_bounds(
         kernel_mux: Whether the kernel switches the mux: each leg is then triggered and read by itself, and the
             selection is on the wire, but costs the host no transaction.
         traffic: The board's transactions.
+        rows: Rows of a foot, and as many columns.
 
     Example:
         >>> limits = scan_lower_bounds(n_legs=6, conversion_ns=2_500_000, bus_hz=400_000, host_cost_ns=40_000)
@@ -103,10 +114,13 @@ def scan_lower_bounds(
     ask = transaction_ns(*traffic.done) if traffic.done else 0
     read = n_result_reads * transaction_ns(*traffic.result)
     wait = round(conversion_ns * (1 + traffic.clock_tolerance_rel))
-    lines = traffic.n_switches * select  # a line switch takes a byte, as the selection of a channel does
+    n_elements = rows**2
+    lines = (
+        n_elements if traffic.switches_columns else rows
+    ) * select  # a line switch takes a byte, as the selection of a channel does
     if not kernel_mux:
         readout = select + start + ask + n_legs * (select + read)
-        return ScanLowerBounds(_ELEMENTS * (wait + start) + lines, _ELEMENTS * readout + lines)
+        return ScanLowerBounds(n_elements * (wait + start) + lines, n_elements * readout + lines)
     switch = round(select - host_cost_ns)
-    leg = _ELEMENTS * (switch + start) + lines
-    return ScanLowerBounds(_ELEMENTS * wait + leg, n_legs * (leg + _ELEMENTS * (ask + read)))
+    leg = n_elements * (switch + start) + lines
+    return ScanLowerBounds(n_elements * wait + leg, n_legs * (leg + n_elements * (ask + read)))

@@ -32,7 +32,7 @@ include_patterns = [
     "docs/**",
     "deploy/README.md",
     "firmware_interface/**.md",
-    "models/**/README.md",
+    "models/**.md",
     "CHANGELOG.md",
     "CONTRIBUTING.md",
 ]

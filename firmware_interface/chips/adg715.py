@@ -3,7 +3,8 @@
 Source: Analog Devices ADG714/ADG715 data sheet rev. B. One data byte, bit n closes switch n + 1; all switches are
 open after power-up. The address is 1001 0 A1 A0; A1 A0 = 01 and 10 keep it clear of an AD7746 at 0x48.
 
-Switches 1..3 connect lines 0..2 to the node of a selected line, switches 4..6 to that of a waiting line:
+Of a foot with n rows and columns, switches 1..n connect lines 0..n-1 to the node of a selected line, and switches
+n+1..2n to that of a waiting line. Eight switches are enough for four lines. The paper's foot has three:
 
 | board | address | lines | selected | waiting |
 |---|---|---|---|---|
@@ -17,13 +18,16 @@ ADDRESS = 0x49
 #: 7-bit bus address with A1 A0 = 10: the columns, where a board switches them.
 COLUMN_ADDRESS = 0x4A
 
+#: Rows of the paper's foot, and its columns.
 LINES = 3
-_WAITING_SHIFT = LINES
-_ALL_LINES = (1 << LINES) - 1
 
 
-def select_lines(lines: int) -> int:
+def select_lines(lines: int, n_lines: int = LINES) -> int:
     """Return the switch byte that selects the lines in a bit mask and connects the others as waiting.
+
+    Args:
+        lines: The mask.
+        n_lines: Rows of the foot, or columns: at most four.
 
     Raises:
         ValueError: The mask has more bits than a foot has rows or columns.
@@ -32,16 +36,17 @@ def select_lines(lines: int) -> int:
         >>> [bin(select_lines(1 << line)) for line in range(3)]
         ['0b110001', '0b101010', '0b11100']
     """
-    if not 0 <= lines <= _ALL_LINES:
-        raise ValueError(f"a foot has {LINES} rows and {LINES} columns, got the mask {lines:#b}")
-    return lines | (_ALL_LINES & ~lines) << _WAITING_SHIFT
+    every = (1 << n_lines) - 1
+    if not 0 <= lines <= every:
+        raise ValueError(f"a foot has {n_lines} rows and {n_lines} columns, got the mask {lines:#b}")
+    return lines | (every & ~lines) << n_lines
 
 
-def selected_lines(switches: int) -> int:
+def selected_lines(switches: int, n_lines: int = LINES) -> int:
     """Return the mask of the lines that a switch byte selects."""
-    return switches & _ALL_LINES
+    return switches & (1 << n_lines) - 1
 
 
-def waiting_lines(switches: int) -> int:
+def waiting_lines(switches: int, n_lines: int = LINES) -> int:
     """Return the mask of the lines that a switch byte connects as waiting."""
-    return switches >> _WAITING_SHIFT & _ALL_LINES
+    return switches >> n_lines & (1 << n_lines) - 1

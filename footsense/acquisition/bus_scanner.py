@@ -21,13 +21,11 @@ from footsense.acquisition.leg_group import BusReadings, BusStuckError, LegGroup
 from footsense.acquisition.leg_search import probe, probe_due
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
-from footsense.frames import ELEMENTS, Reading
+from footsense.frames import Reading
 from footsense.ports import Clock
 
 #: Attempts of a conversion on a bus with stuck lines.
 _CONVERSION_ATTEMPTS = 2
-#: Elements that differ in row and column.
-_DIAGONAL = (0, 4, 8)
 #: Period of the temperature readings, and of the timing of a converter [ns]: each costs its legs two conversions.
 _TEMPERATURE_PERIOD_NS = _TIMING_PERIOD_NS = 10_000_000_000
 
@@ -56,7 +54,7 @@ class BusScanner:
         self.legs = tuple(
             LegConnection(name, channel, row) for row, (name, channel) in enumerate(channels.items())
         )
-        shape = len(self.legs), ELEMENTS
+        shape = len(self.legs), len(plan.steps)
         self.latest = BusReadings(np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape, np.uint8))
         self.latest.discard((slice(None), slice(None)), Reading.NO_ANSWER)
         groups = (self.legs,) if transport.broadcasts else tuple((leg,) for leg in self.legs)
@@ -163,13 +161,13 @@ class BusScanner:
     def _end_scan(self) -> None:
         """Count the scan of every leg, and look for legs that were left out.
 
-        Choose the leg that is asked for its lines by itself in the next scan: one a scan, in one of three elements with
-        all rows and columns; one in four scans where that takes time.
+        Choose the leg that is asked for its lines by itself in the next scan: one a scan, in one of the diagonal
+        elements, which have all rows and columns; one in four scans where that takes time.
         """
         turn, skipped = divmod(self._n_scans, 1 if self._check_all else 4)
         visit, row = divmod(turn, len(self.legs))
         self._asked_alone = None if skipped else self.legs[row]
-        self._asked_element = _DIAGONAL[visit % len(_DIAGONAL)]
+        self._asked_element = visit % self._plan.rows * (self._plan.rows + 1)
         now_ns, missing = self.clock.now_ns(), False
         any_bad: list[bool] = np.any(self.latest.reading, axis=1).tolist()
         for leg, bad in zip(self.legs, any_bad, strict=True):

@@ -13,7 +13,6 @@ from firmware_interface.schedule import ScanLowerBounds, scan_lower_bounds
 from firmware_interface.wire_timing import BUS_FREE_NS, transaction_bits
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import NackError
-from footsense.frames import ELEMENTS
 from footsense.ports import Clock, I2cBus, Transaction
 
 _SHORT, _LONG = 1, 33  # bytes read
@@ -81,17 +80,19 @@ class BusTiming(NamedTuple):
     Attributes:
         costs: Cost of its transactions.
         limits: The shortest scans that they allow.
-        conversions_ns: Time of nine conversions without any transaction [ns].
+        conversions_ns: Time of all conversions without any transaction [ns].
+        n_elements: Conversions of a scan.
     """
 
     costs: BusCosts
     limits: ScanLowerBounds
     conversions_ns: int
+    n_elements: int
 
     @property
     def late_ns(self) -> int:
         """Age of a conversion from which the loop must have been delayed [ns]: two steps."""
-        return 2 * self.limits.scan_ns // ELEMENTS
+        return 2 * self.limits.scan_ns // self.n_elements
 
     def __str__(self) -> str:
         """Return one line for the journal."""
@@ -120,8 +121,9 @@ def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) ->
         n_result_reads=len(plan.steps[0].read),
         kernel_mux=kernel_mux,
         traffic=plan.board.traffic,
+        rows=plan.rows,
     )
-    return BusTiming(costs, limits, len(plan.steps) * plan.conversion_ns)
+    return BusTiming(costs, limits, len(plan.steps) * plan.conversion_ns, len(plan.steps))
 
 
 def time_for_checks(costs: BusCosts, plan: ScanPlan, n_legs: int) -> tuple[bool, bool]:

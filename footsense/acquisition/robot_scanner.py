@@ -14,7 +14,7 @@ import numpy as np
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.leg_group import BusReadings
-from footsense.frames import ELEMENTS, CapFrame, Vector
+from footsense.frames import CapFrame, Vector
 
 
 class _InTurn(Executor):
@@ -80,7 +80,7 @@ class RobotScanner:
 
         The first frame is a whole scan.
         """
-        for _ in range(1 if self._sequence else ELEMENTS):
+        for _ in range(1 if self._sequence else self._buses[0].latest.reading.shape[1]):
             if len(self._buses) == 1:
                 self._latest[0] = self._buses[0].read()
             else:

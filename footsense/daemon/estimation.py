@@ -71,7 +71,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
         set_temperature=set_temperature,
-        range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else RANGE_END_PF,
+        range_end_pf=BOARDS[config.board](3).range_end_pf if config.board in BOARDS else RANGE_END_PF,
     )
 
 

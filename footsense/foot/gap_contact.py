@@ -19,14 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.frames import ELEMENTS, Mask, Vector
+from footsense.frames import Mask, Vector
 
 #: Cells along an electrode's side. Flat index of a cell: (element * 6 + forward) * 6 + leftward.
 CELLS_PER_SIDE = 6
 #: Cells of an electrode.
 CELLS = CELLS_PER_SIDE**2
-#: Cells of a foot.
-ALL_CELLS = ELEMENTS * CELLS
 
 #: Block pivots without fewer violations before single pivots follow.
 _MAX_STALLED_BLOCK_PIVOTS = 10
@@ -35,8 +33,8 @@ _ROUNDING_REL = 1e-10
 
 
 def element_means(cells: Vector) -> Vector:
-    """Average cell values, shape (..., 324), over each electrode; return the nine means, shape (..., 9)."""
-    means: Vector = cells.reshape(*cells.shape[:-1], ELEMENTS, CELLS).mean(axis=-1)
+    """Average cell values, shape (..., 324), over each electrode; return the means, shape (..., 9)."""
+    means: Vector = cells.reshape(*cells.shape[:-1], cells.shape[-1] // CELLS, CELLS).mean(axis=-1)
     return means
 
 
@@ -48,9 +46,9 @@ def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
         distance_um: Distance of the electrodes at each cell in air, the film's share included [um], shape (..., 324).
     """
     per_cell = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2 / CELLS
-    whole: Vector = per_cell * (1.0 / distance_um).reshape(*distance_um.shape[:-1], ELEMENTS, CELLS).sum(
-        axis=-1
-    )
+    n_elements = distance_um.shape[-1] // CELLS
+    of_cells = (1.0 / distance_um).reshape(*distance_um.shape[:-1], n_elements, CELLS)
+    whole: Vector = per_cell * of_cells.sum(axis=-1)
     return whole
 
 

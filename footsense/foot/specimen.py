@@ -13,7 +13,7 @@ from footsense.foot.cavity.air import Cavity, Gas
 from footsense.foot.cavity.fringe import fringe_pf
 from footsense.foot.cavity.pressures import CavityPressures
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS, Mask, Vector
+from footsense.frames import Mask, Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -21,18 +21,18 @@ class Deviations:
     """Deviations of one foot from its design: gaps, films, stray capacitances, stiffness and mounting.
 
     Attributes:
-        gap_um: Added to the gap of each element [um], shape (9,).
-        film_um: Added to the film of each element [um], shape (9,).
-        stray_pf: Capacitance in parallel with each element [pF], shape (9,).
+        gap_um: Added to the gap of each element [um], shape (9,), or (1,) for all alike.
+        film_um: Added to the film of each element [um], same shapes.
+        stray_pf: Capacitance in parallel with each element [pF], same shapes.
         stiffness_rel: Added to the stiffness of the whole foot [1]; the contact patch stays the designed one.
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         fringe: Whether its electrodes have a fringe field at their edges.
         cavity: How its cavities hold their air, if other than those of its type; None for as its type.
     """
 
-    gap_um: Vector = field(default_factory=lambda: np.zeros(ELEMENTS))
-    film_um: Vector = field(default_factory=lambda: np.zeros(ELEMENTS))
-    stray_pf: Vector = field(default_factory=lambda: np.zeros(ELEMENTS))
+    gap_um: Vector = field(default_factory=lambda: np.zeros(1))
+    film_um: Vector = field(default_factory=lambda: np.zeros(1))
+    stray_pf: Vector = field(default_factory=lambda: np.zeros(1))
     stiffness_rel: float = 0.0
     mount: Vector = field(default_factory=lambda: np.eye(3))
     fringe: bool = False
@@ -53,7 +53,7 @@ class Foot:
         unloaded_pf: Capacitance of each element of the free foot, stray included [pF], shape (9,).
 
     Raises:
-        ValueError: A gap, a film or the stiffness is not above 0.
+        ValueError: A gap, a film or the stiffness is not above 0, or the deviations are of another number of elements.
     """
 
     def __init__(
@@ -61,8 +61,9 @@ class Foot:
     ) -> None:
         own = deviations or Deviations()
         self.response = response
-        self._gap_um = response.design.gap_um + own.gap_um
-        film_um = response.design.film_um + own.film_um
+        n_elements = response.n_elements
+        self._gap_um = response.design.gap_um + np.broadcast_to(own.gap_um, n_elements)
+        film_um = response.design.film_um + np.broadcast_to(own.film_um, n_elements)
         # A NaN fails every comparison.
         if not (self._gap_um.min() > 0.0 and film_um.min() > 0.0 and own.stiffness_rel > -1.0):
             raise ValueError(
@@ -81,9 +82,8 @@ class Foot:
         self._pressures = CavityPressures(
             self._gap_um, self._compliance_um_per_n, response.design.electrode_area_mm2
         )
-        self.unloaded_pf = self._capacitance_pf(self._limited_um(np.zeros((1, gap_contact.ALL_CELLS)), None))[
-            0
-        ]
+        unloaded_um = self._limited_um(np.zeros((1, len(self._gap_of_cell_um))), None)
+        self.unloaded_pf = self._capacitance_pf(unloaded_um)[0]
 
     def cells_um(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
         """Return the closure of each cell under n loads [um], shape (n, 324), limited to the cell's gap.

@@ -1,7 +1,8 @@
 """Symmetries of the square foot, applied to cells, series and compliance.
 
-The cells of all electrodes together are an 18 x 18 grid, row 0 the most forward, column 0 the leftmost (the bars
-between the electrodes left out). A mirror of the foot maps the grid onto itself, so a quarter determines the rest.
+The cells of all electrodes together are a square grid, 18 x 18 of the paper's nine elements, row 0 the most forward,
+column 0 the leftmost (the bars between the electrodes left out). A mirror of the foot maps the grid onto itself, so a
+quarter determines the rest. Shapes are stated for the paper's foot; the arrays themselves say how many cells there are.
 """
 
 from functools import cache
@@ -9,23 +10,23 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE
+from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.frames import Vector
 
-#: Cells along a side of the grid, and along a side of the quarter x > 0, y > 0.
-SIDE = 3 * CELLS_PER_SIDE
-HALF_SIDE = SIDE // 2
 
+def flat_of_grid(side: int) -> NDArray[np.intp]:
+    """Return the flat index of each cell of the grid, shape (side, side).
 
-def flat_of_grid() -> NDArray[np.intp]:
-    """Return the flat index of each cell of the grid, shape (18, 18).
+    Args:
+        side: Cells along a side of the grid: six for each row of elements.
 
     Example:
-        >>> flat_of_grid()[0, :8].tolist()
+        >>> flat_of_grid(18)[0, :8].tolist()
         [0, 1, 2, 3, 4, 5, 36, 37]
     """
-    flat: NDArray[np.intp] = np.arange(ALL_CELLS).reshape(3, 3, CELLS_PER_SIDE, CELLS_PER_SIDE)
-    return flat.transpose(0, 2, 1, 3).reshape(SIDE, SIDE)
+    rows = side // CELLS_PER_SIDE
+    flat: NDArray[np.intp] = np.arange(side**2).reshape(rows, rows, CELLS_PER_SIDE, CELLS_PER_SIDE)
+    return flat.transpose(0, 2, 1, 3).reshape(side, side)
 
 
 @cache
@@ -55,21 +56,22 @@ def mirrored_series(series: Vector, degree: int, axis: int) -> Vector:
     return image
 
 
-def whole_series(quarter: Vector, degree: int) -> Vector:
+def whole_series(quarter: Vector, degree: int, side: int) -> Vector:
     """Return the series of all cells in flat order, shape (products, 324, 3), from one quarter of the foot.
 
     Args:
         quarter: Coefficients of the cells of the quarter x > 0, y > 0, shape (products, 9, 9, 3), or of all cells of a
             foot that is not symmetric, shape (products, 18, 18, 3).
         degree: Degree of the series.
+        side: Cells along a side of the grid.
     """
-    flat = np.empty((len(quarter), ALL_CELLS, 3))
-    if quarter.shape[1] == SIDE:
-        flat[:, flat_of_grid()] = quarter
+    flat = np.empty((len(quarter), side**2, 3))
+    if quarter.shape[1] == side:
+        flat[:, flat_of_grid(side)] = quarter
         return flat
     half = np.concatenate([quarter, mirrored_series(quarter, degree, 0)[:, ::-1]], axis=1)
     whole = np.concatenate([half, mirrored_series(half, degree, 1)[:, :, ::-1]], axis=2)
-    flat[:, flat_of_grid()] = whole
+    flat[:, flat_of_grid(side)] = whole
     return flat
 
 
@@ -80,11 +82,11 @@ def whole_compliance(quarter: Vector) -> Vector:
         quarter: Closure of every cell of the grid under a force on a cell of the quarter, shape (9, 9, 18, 18), or on
             any cell of a foot that is not symmetric, shape (18, 18, 18, 18).
     """
-    whole = quarter
-    if quarter.shape[0] == HALF_SIDE:
+    whole, side = quarter, quarter.shape[2]
+    if quarter.shape[0] != side:
         half = np.concatenate([quarter, quarter[::-1, :, ::-1]], axis=0)
         whole = np.concatenate([half, half[:, ::-1, :, ::-1]], axis=1)
-    order = flat_of_grid().ravel()
-    flat = np.empty((ALL_CELLS, ALL_CELLS))
-    flat[np.ix_(order, order)] = whole.reshape(ALL_CELLS, ALL_CELLS)
+    order = flat_of_grid(side).ravel()
+    flat = np.empty((side**2, side**2))
+    flat[np.ix_(order, order)] = whole.reshape(side**2, side**2)
     return flat

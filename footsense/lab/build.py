@@ -13,6 +13,7 @@ import msgspec
 import ngsolve as ng
 import numpy as np
 
+from footsense.errors import ModelError
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.rest import at_rest
@@ -54,6 +55,8 @@ TRAINING_SEED = 1
 MAX_ONNX_DIFFERENCE_REL = 5e-5
 #: Margin around the trained closures within which the daemon uses the network [1]: noise, and drift since the tare.
 INPUT_RANGE_MARGIN_REL = 0.02
+#: Rows of the feet that a network can be trained for, and columns.
+_NETWORK_ROWS = 3
 #: Decimals of the moments, whose largest is about 1.
 _CARD_DECIMALS = 9
 
@@ -91,7 +94,7 @@ FULL_BUILD = BuildSettings(
 )
 #: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
 SIMILAR_FOOT_BUILD = replace(
-    FULL_BUILD, random_loads=60_000, gaits=1_500, released=WindowProtocol(steps=25_000, rate=2e-3)
+    FULL_BUILD, random_loads=60_000, gaits=2_500, released=WindowProtocol(steps=40_000, rate=3e-3)
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK_BUILD = BuildSettings(
@@ -238,9 +241,14 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
     Raises:
         ConfigError: The description does not fit.
         ArithmeticError: ONNX Runtime and JAX differ too much.
-        ModelError: The foot cannot be meshed or solved, or its loads are beyond the converter.
+        ModelError: The foot is not of 3 x 3 elements, cannot be solved, or its loads are beyond the converter.
     """
     foot_design, description = load_foot(foot_file), foot_file.read_bytes()
+    if foot_design.rows != _NETWORK_ROWS:
+        raise ModelError(
+            f"{foot_file}: rows: networks are of {_NETWORK_ROWS} x {_NETWORK_ROWS} elements, got {foot_design.rows}; "
+            f"use {_NETWORK_ROWS}, or leave rows out"
+        )
     with timed_bar("solid", 0.0 if recipe.quick else _SOLVE_DURATION_S):
         made = make_response(foot_design, recipe.mesh, report)
     report(f"response table: {made.provenance}")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from firmware_interface.chips import fdc1004
+from footsense.lab.fabrication.dimensions import MIN_SPACER_RIM_MM
 from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, UM_PER_MM, FootDesign
 from footsense.strict_yaml import Problem, load
 
@@ -54,12 +55,19 @@ def _sheet_contradictions(design: FootDesign) -> Iterator[Problem]:
             f"electrodes of {design.electrode_mm:g} mm overlap at a pitch of {design.pitch_mm:g} mm; "
             "use less than the pitch",
         )
-    array_mm = 2.0 * design.pitch_mm + design.electrode_mm
+    array_mm = design.array_mm
     if array_mm > design.sheet_mm + _ROUNDING_TOLERANCE_MM:
         yield Problem(
             "sheet_mm",
             f"an array of {array_mm:g} mm does not fit on a sheet of {design.sheet_mm:g} mm; "
             f"use at least {array_mm:g}",
+        )
+    strip_mm, closed_mm = 0.5 * (design.sheet_mm - array_mm), array_mm + 2.0 * MIN_SPACER_RIM_MM
+    if _ROUNDING_TOLERANCE_MM < strip_mm < MIN_SPACER_RIM_MM - _ROUNDING_TOLERANCE_MM:
+        yield Problem(
+            "sheet_mm",
+            f"a sheet of {design.sheet_mm:g} mm leaves {strip_mm:g} mm of spacer beside an array of {array_mm:g} mm, "
+            f"too narrow to be cut; use {array_mm:g}, or at least {closed_mm:g}",
         )
     widest_mm = math.sqrt(2.0) * design.ball_radius_mm
     if design.sheet_mm >= widest_mm:

@@ -1,8 +1,8 @@
 """A foot type as numbers: one frozen description that mesh, material, read-out and training share.
 
 The numbers of each foot stand in its `foot.yaml` alone, which `foot_file` reads. Lengths in mm and stresses in MPa
-inside the lab, so that forces are in N; closures leave it in um. Decided here for every foot: the cavities have the
-size of the electrodes, so that the spacer is four crossing bars, open to the edge of the sheet.
+inside the lab, so that forces are in N; closures leave it in um. Decided here for every foot: the array is square, and
+the cavities have the size of the electrodes, so that the spacer is crossing bars, open to the edge of the sheet.
 
 Source:
     Aoyagi et al., sections III A (materials), III C and F (array), IV and Fig. 13 (layers).
@@ -114,7 +114,7 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The foot: two hemispheres, two plates of PDMS, and a spacer with nine cavities between the plates.
+    """The foot: two hemispheres, two plates of PDMS, and a spacer with cavities between the plates.
 
     Attributes:
         foot_type: Name under which table and network are built, and of their folder.
@@ -123,6 +123,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         sheet_mm: Side of the square sheet [mm].
         plate_mm: Thickness of each of the two plates that carry the electrodes [mm].
         spacer_mm: Thickness of the layer with the cavities [mm].
+        rows: Rows of elements, and as many columns; 3 where a description does not name it.
         pitch_mm: Distance of neighbouring elements [mm].
         electrode_mm: Side of an electrode and of its cavity [mm].
         gap_um: Unloaded air gap [um].
@@ -156,6 +157,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pdms: Material
     loads: LoadRange
     cavity: CavityKind
+    rows: Annotated[int, Meta(ge=2, le=4, description="the converter has four channels")] = 3
     gold: ThinFilm | None = None
     parylene: ThinFilm | None = None
     leak_time_s: (
@@ -186,8 +188,24 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def centres_mm(self) -> list[tuple[float, float]]:
-        """Centre (x, y) of each element [mm], flat index 3 i + j: row 0 most forward, column 0 leftmost."""
-        return [((1 - i) * self.pitch_mm, (1 - j) * self.pitch_mm) for i in range(3) for j in range(3)]
+        """Centre (x, y) of each element [mm], flat index rows * i + j: row 0 most forward, column 0 leftmost."""
+        along = [((self.rows - 1) / 2 - n) * self.pitch_mm for n in range(self.rows)]
+        return [(x, y) for x in along for y in along]
+
+    @property
+    def array_mm(self) -> float:
+        """Side of the array, from the outer edge of one electrode to that of the last [mm]."""
+        return (self.rows - 1) * self.pitch_mm + self.electrode_mm
+
+    @property
+    def bars_mm(self) -> list[tuple[float, float]]:
+        """Begin and end of the bars between the electrodes on a positive half axis [mm], from the middle outwards."""
+        half_mm = self.electrode_mm / 2.0
+        centres = sorted(x for x, _ in self.centres_mm[:: self.rows] if x >= 0.0)
+        starts = [] if self.rows % 2 else [0.0]
+        starts += [centre + half_mm for centre in centres[:-1]]
+        ends = [centre - half_mm for centre in centres if centre > 0.0]
+        return list(zip(starts, ends, strict=True))
 
     @property
     def cell_mm2(self) -> float:

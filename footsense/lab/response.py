@@ -136,7 +136,8 @@ def make_response(
         quarter = Quarter(foot_design, size, parity, mesh, layer)
         fields[parity] = solve_adjoint_fields(quarter)
         report(
-            f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, 81 solves"
+            f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, "
+            f"{fields[parity].compliance.shape[0]} solves"
         )
     return tabulate_response(
         foot_design, size, fields, {"elements": int(mesh.ne), "unknowns": quarter.n_unknowns}

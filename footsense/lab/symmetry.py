@@ -14,9 +14,15 @@ SYMMETRIES: tuple[Vector, ...] = tuple(
 )
 
 
-def element_permutation(symmetry: Vector) -> NDArray[np.intp]:
-    """Return m with: element e of the foot comes to lie on element m[e] when the foot is mapped by `symmetry`."""
-    row, column = np.divmod(np.arange(9), 3)
-    place = symmetry[:2, :2] @ np.stack([1 - row, 1 - column])
-    mapped: NDArray[np.intp] = (3 * (1 - place[0]) + (1 - place[1])).astype(np.intp)
+def element_permutation(symmetry: Vector, rows: int = 3) -> NDArray[np.intp]:
+    """Return m with: element e of the foot comes to lie on element m[e] when the foot is mapped by `symmetry`.
+
+    Args:
+        symmetry: One of `SYMMETRIES`.
+        rows: Rows of elements, and as many columns.
+    """
+    middle = (rows - 1) / 2
+    row, column = np.divmod(np.arange(rows**2), rows)
+    place = middle - symmetry[:2, :2] @ np.stack([middle - row, middle - column])
+    mapped: NDArray[np.intp] = (rows * place[0] + place[1]).astype(np.intp)
     return mapped

@@ -66,12 +66,13 @@ class SimulatedLeg:
             np.random.default_rng(faults),
         )
         self._softening = effects.softening if effects.softening and effects.softening.leg == leg else None
-        self._warming = (
-            WarmingFoot(effects.warming, np.random.default_rng(drift)) if effects.warming else None
-        )
+        self._warming = None
+        if effects.warming:
+            n_elements = foot.response.n_elements
+            self._warming = WarmingFoot(effects.warming, np.random.default_rng(drift), n_elements)
 
     def _whole_pf(self, t_ns: int) -> list[float]:
-        """Return the capacitance of each element without damage at a time [pF], nine, stray not included."""
+        """Return the capacitance of each element without damage at a time [pF], stray not included."""
         softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
         if self._softening is not None:
             softness *= self._softening.softness(t_ns)
@@ -94,7 +95,7 @@ class SimulatedLeg:
         return element_pf
 
     def _solid_pf(self, contact: GroundContact) -> list[float]:
-        """Return the capacitances under a load [pF], nine; a load that stays is computed once."""
+        """Return the capacitances under a load [pF]; a load that stays is computed once."""
         if self._last is None or not all(map(np.array_equal, contact, self._last)):
             normal, force_n = self._last = contact
             if self._gaps is None:

@@ -13,7 +13,9 @@ from footsense.lab.design.inputs.boards import converter
 from footsense.lab.design.inputs.materials import load_materials
 from footsense.lab.design.inputs.processes import load_processes
 from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.prediction.assess import assess
 from footsense.lab.design.prediction.shapes import ShapeLibrary
+from footsense.lab.design.screen import TRAINED_REL
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.similarity import response_in_force_unit
@@ -125,6 +127,18 @@ def test_the_outer_elements_end_with_the_sheet(library: ShapeLibrary) -> None:
     choice = choose(library, asked, 1)
     found = load_foot(foot_text("again", "Thirty", choice.feet, int(choice.ranked[0][0]), asked).encode())
     assert found.sheet_mm == pytest.approx(2.0 * found.pitch_mm + found.electrode_mm, abs=1e-9)
+
+
+@pytest.mark.parametrize("foot_type", ["hexapod-2kg", "quadruped-12kg"])
+def test_a_released_foot_is_as_predicted(library: ShapeLibrary, foot_type: str) -> None:
+    """Range and errors of the solved table are within 4 % of the prediction without a mesh, and it carries its load."""
+    folder = RELEASED.parent / foot_type
+    design, built = load_foot(folder / "foot.yaml"), FootResponse.load(folder / "response.npz")
+    asked = wishes(design.loads.max_n / TRAINED_REL, (20.0, 60.0))
+    predicted, measured = (assess(response, asked) for response in (library.response(design), built))
+    for name, value in predicted._asdict().items():
+        np.testing.assert_allclose(value, getattr(measured, name), rtol=0.04, err_msg=name)
+    assert measured.reach_n >= asked.max_n
 
 
 @pytest.mark.parametrize(

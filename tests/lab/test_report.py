@@ -89,6 +89,15 @@ def test_no_committed_page_is_stale_without_a_note(context: StudyContext) -> Non
     assert stale == set(noted_stale_reasons(PAGES))
 
 
+@pytest.mark.parametrize("foot_type", ["hexapod-2kg", "quadruped-12kg"])
+def test_another_released_foot_has_a_fault_table(foot_type: str) -> None:
+    """It is of the foot's network and of the code as it is, and is the text of its numbers."""
+    folder = RELEASED.parent / foot_type
+    assert stale_reason("faults", folder, StudyContext(models=folder), ALL) == ""
+    page: Page = import_module(ALL["faults"]).STUDY.rendered(page_values("faults", folder))
+    assert page.markdown == (folder / "faults.md").read_text(encoding="utf-8")
+
+
 def test_the_committed_report_binds_the_committed_pages(context: StudyContext, tmp_path: Path) -> None:
     """Bound again, the document is the committed one."""
     for file in PAGES.glob("*.*"):

@@ -38,6 +38,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     built = run(sys.executable, "-m", "build", "--wheel", "--outdir", place, ROOT, cwd=place)
     assert built.returncode == 0, built.stdout + built.stderr
     (wheel,) = place.glob("*.whl")
+    assert wheel.stat().st_size < 10e6
     assert run(sys.executable, "-m", "venv", place / "venv", cwd=place).returncode == 0
     lock = ROOT / "deploy/requirements.lock"
     for options in (("--require-hashes", "-r", lock), ("--no-index", "--no-deps", wheel)):

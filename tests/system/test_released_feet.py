@@ -14,6 +14,7 @@ from tests.system.command import run_json
 #: Foot type, legs, scene, largest force of its training and of the scene [N].
 ROBOTS = [
     ("hexapod-2kg", "lf: 0, lm: 1, lr: 2, rf: 3, rm: 4, rr: 5", "hexapod_2kg", 18.0, 11.8),
+    ("quadruped-12kg", "lf: 0, lr: 1, rf: 2, rr: 3", "quadruped_12kg", 225.0, 147.0),
 ]
 
 

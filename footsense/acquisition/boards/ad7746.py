@@ -8,6 +8,8 @@ differs by a fifth between chips; `configure` measures it with no line selected,
 Register layout: `firmware_interface/chips/ad7746.py`, with the tables of data sheet rev. 0.
 """
 
+from functools import partial
+
 from firmware_interface import schedule
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips import adg715
@@ -69,19 +71,20 @@ def _wait_ns(conversion_ns: int) -> int:
     return round(conversion_ns * (1 + chip.CLOCK_TOLERANCE_REL))
 
 
-def step(element: int, rate_sps: int) -> Step:
+def step(element: int, rate_sps: int, rows: int = 3) -> Step:
     """Return the conversion of an element.
 
     Args:
         element: Flat index.
         rate_sps: Conversions per second, a key of `firmware_interface.chips.ad7746.RATES`.
+        rows: Rows of the foot, and as many columns.
     """
-    row, column = divmod(element, adg715.LINES)
+    row, column = divmod(element, rows)
     return Step(
         element=element,
         select=(
-            Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row),))),
-            Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.select_lines(1 << column),))),
+            Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row, rows),))),
+            Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.select_lines(1 << column, rows),))),
         ),
         trigger=_trigger(rate_sps),
         done=None,
@@ -196,26 +199,28 @@ def decode_temperature(answer: bytes, again: bytes) -> float:
     return chip.temperature_c(code)
 
 
-BOARD = Board(
-    conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
-    step=step,
-    identify=identify,
-    configure=configure,
-    decode_result=decode_result,
-    restart=(_settings(CAPDAC), READ_RESULT),
-    # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
-    setting_check=Check(
-        read_registers(Register.CAPDAC_A, 4), bytes((chip.capdac(CAPDAC), 0)) + chip.RESET_VALUES[-2:]
-    ),
-    range_end_pf=CAPDAC * chip.CAPDAC_STEP_PF * (1 - _STEP_ERROR_REL) + chip.FULL_SCALE_PF,
-    thermometer=Thermometer(
-        start=(
-            write_registers(Register.CAP_SETUP, 0, chip.TEMPERATURE_ENABLE),
-            write_registers(Register.CONFIGURATION, chip.configuration(chip.MODE_SINGLE)),
+def board(rows: int = 3) -> Board:
+    """Return the board of a foot with this number of rows and columns."""
+    return Board(
+        conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
+        step=partial(step, rows=rows),
+        identify=identify,
+        configure=configure,
+        decode_result=decode_result,
+        restart=(_settings(CAPDAC), READ_RESULT),
+        # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
+        setting_check=Check(
+            read_registers(Register.CAPDAC_A, 4), bytes((chip.capdac(CAPDAC), 0)) + chip.RESET_VALUES[-2:]
         ),
-        wait_ns=_wait_ns(chip.VT_CONVERSION_NS[0]),
-        read=read_registers(Register.STATUS, 7),
-        decode=decode_temperature,
-    ),
-    traffic=schedule.AD7746,
-)
+        range_end_pf=CAPDAC * chip.CAPDAC_STEP_PF * (1 - _STEP_ERROR_REL) + chip.FULL_SCALE_PF,
+        thermometer=Thermometer(
+            start=(
+                write_registers(Register.CAP_SETUP, 0, chip.TEMPERATURE_ENABLE),
+                write_registers(Register.CONFIGURATION, chip.configuration(chip.MODE_SINGLE)),
+            ),
+            wait_ns=_wait_ns(chip.VT_CONVERSION_NS[0]),
+            read=read_registers(Register.STATUS, 7),
+            decode=decode_temperature,
+        ),
+        traffic=schedule.AD7746,
+    )

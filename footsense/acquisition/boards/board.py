@@ -1,6 +1,7 @@
 """The electronics of a foot as a scanner uses them: transactions for an element, and the decoding of their answers.
 
-Each of the two boards is a value of `Board` in the module of its converter: `fdc1004.BOARD` and `ad7746.BOARD`.
+Each of the two boards is a value of `Board`, which the module of its converter makes for the rows and columns of a
+foot: `fdc1004.board` and `ad7746.board`.
 """
 
 from collections.abc import Callable, Mapping

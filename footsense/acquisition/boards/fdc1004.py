@@ -14,8 +14,6 @@ from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
-COLUMNS = 3
-
 #: Bits of FDC_CONF that read as zero without REPEAT, which is never used here (section 8.6.1.3).
 _NEVER_SET = 0x7300
 #: Upper words of a result at the ends of the range.
@@ -38,22 +36,21 @@ def read_register(register: int) -> Transaction:
 
 
 READ_CONF = read_register(chip.Register.FDC_CONF)
-#: Reads that clear every DONE bit.
-ALL_RESULTS = tuple(read_register(chip.result_register(slot)) for slot in range(COLUMNS))
 _RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
 
 
-def step(element: int, rate_sps: int) -> Step:
+def step(element: int, rate_sps: int, rows: int = 3) -> Step:
     """Return the conversion of an element: measurement slot n converts CIN n, to which column n is wired.
 
     Args:
         element: Flat index.
         rate_sps: Conversions per second: 100, 200 or 400.
+        rows: Rows of the foot, and as many columns: at most the four channels of the chip.
     """
-    row, column = divmod(element, COLUMNS)
+    row, column = divmod(element, rows)
     return Step(
         element=element,
-        select=(Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row),))),),
+        select=(Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row, rows),))),),
         trigger=write_register(chip.Register.FDC_CONF, chip.trigger(rate_sps, column)),
         done=Done(READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))),
         read=result_reads(column, rate_sps),
@@ -83,18 +80,13 @@ def identify(bus: I2cBus, clock: Clock) -> None:
     require_identity(b"".join(answers), "an FDC1004", identity, chip.ADDRESS, "a 24Cxx EEPROM")
 
 
-#: Writes that let measurement n measure CIN n to ground, CAPDAC off (section 8.6.1.2).
-_CONFIGURATION = tuple(
-    write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot)) for slot in range(COLUMNS)
-)
-
-
-def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
+def configure(bus: I2cBus, clock: Clock, columns: int = 3) -> tuple[Reading, float]:
     """Reset the chip, and let measurement n measure CIN n to ground, CAPDAC off.
 
     Args:
         bus: Its bus.
         clock: Not used: the chip needs no wait.
+        columns: Columns of the foot.
 
     Returns:
         OK, and 0 pF for the CAPDAC.
@@ -104,8 +96,8 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
     """
     del clock
     bus.transfer(_RESET)
-    for write in _CONFIGURATION:
-        bus.transfer(write)
+    for slot in range(columns):  # section 8.6.1.2
+        bus.transfer(write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot)))
     return Reading.OK, 0.0
 
 
@@ -152,18 +144,21 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
     return Reading.OK, int.from_bytes(upper + lower[:1], "big", signed=True) / chip.CODES_PER_PF
 
 
-BOARD = Board(
-    conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
-    step=step,
-    identify=identify,
-    configure=configure,
-    decode_result=decode_result,
-    restart=ALL_RESULTS,
-    # The second column's configuration: after a reset it reads as the first column's.
-    setting_check=Check(
-        read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
-    ),
-    range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
-    thermometer=None,
-    traffic=schedule.FDC1004,
-)
+def board(rows: int = 3) -> Board:
+    """Return the board of a foot with this number of rows and columns."""
+    return Board(
+        conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
+        step=partial(step, rows=rows),
+        identify=identify,
+        configure=partial(configure, columns=rows),
+        decode_result=decode_result,
+        # Reads that clear every DONE bit.
+        restart=tuple(read_register(chip.result_register(slot)) for slot in range(rows)),
+        # The second column's configuration: after a reset it reads as the first column's.
+        setting_check=Check(
+            read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
+        ),
+        range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
+        thermometer=None,
+        traffic=schedule.FDC1004,
+    )

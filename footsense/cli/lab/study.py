@@ -134,7 +134,7 @@ def _study_command(name: str, words: str, *own_options: Decorator) -> click.Comm
     """Return the dedicated command of a study with these options."""
 
     def run(*, output: Path | None, quick: bool, models: Path | None = None, as_json: bool = False) -> None:
-        write_study(name, models, output, quick=quick, as_json=as_json)
+        write_study(name, models, output, quick=quick, as_json=as_json, bound=models is None)
 
     run.__doc__ = words
     command = click.command(name)(run)
@@ -168,6 +168,7 @@ tradeoff = _study_command(
 faults = _study_command(
     "faults",
     "Walk with every fault that a scene can have, and print detection, recovery and effect on the other legs.",
+    options.models_option,
     options.output_option,
     click.option("--quick", is_flag=True, help="A few faults, in seconds."),
 )

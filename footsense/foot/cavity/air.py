@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import Vector
 
 CavityKind = Literal["vented", "sealed", "leaking"]
 
@@ -55,7 +55,7 @@ class Cavity:
         """Air of an unloaded foot at room temperature and standard pressure; None where it does not resist."""
         if self.kind == "vented":
             return None
-        return Gas(np.full(ELEMENTS, 1e-3 * self.gas_kpa), AMBIENT_MPA)
+        return Gas(np.array([1e-3 * self.gas_kpa]), AMBIENT_MPA)
 
 
 #: Cavities open to the ambient air, as of the released foot.
@@ -63,11 +63,11 @@ VENTED = Cavity()
 
 
 class Gas(NamedTuple):
-    """Air in the nine cavities, and outside.
+    """Air in the cavities, and outside.
 
     Attributes:
         amount_mpa: Pressure that the air would have in the unloaded gap, the measure m of its amount, of each cavity
-            [MPa], shape (9,) or one row for each load, (n, 9).
+            [MPa], shape (9,), (1,) if all are alike, or one row for each load, (n, 9).
         ambient_mpa: Ambient pressure [MPa].
         exponent: Exponent n of the gas law.
         leaked: A step s of time over the time constant of the leak [1]; 0 where nothing leaks.

@@ -13,7 +13,7 @@ Air that leaks does so in proportion to q: dm/dt = -q / tau, with tau the time i
 in a cavity of constant volume. One step of the implicit Euler method needs the same solution (n = 1), with v = m / p
 - s q / p and s = dt / tau: it is stable for any step, and a long one ends at a vented foot.
 
-Nine pressures are found by Newton's method. The problem is the gradient of a convex function, so it has one solution.
+The pressures are found by Newton's method. The problem is the gradient of a convex function, so it has one solution.
 """
 
 import math
@@ -21,8 +21,8 @@ import math
 import numpy as np
 
 from footsense.foot.cavity.air import HELD_S, Cavity, Gas
-from footsense.foot.gap_contact import ALL_CELLS, CELLS, element_means, solve_contact_lcp
-from footsense.frames import ELEMENTS, Vector
+from footsense.foot.gap_contact import CELLS, element_means, solve_contact_lcp
+from footsense.frames import Vector
 
 #: Newton steps at most; six are usual, eight with gaps in contact.
 _MAX_STEPS = 60
@@ -35,7 +35,7 @@ _LEAST_KEPT = 0.2
 
 
 class CavityPressures:
-    """Solver of the nine pressures for one specimen.
+    """Solver of the pressures for one specimen.
 
     Args:
         gap_um: Gap of each element [um], shape (9,).
@@ -49,7 +49,7 @@ class CavityPressures:
         self._compliance = compliance_um_per_n
         #: Opening of each cell under a unit pressure in each cavity [um/MPa], shape (324, 9).
         self._opening: Vector = (
-            compliance_um_per_n.reshape(ALL_CELLS, ELEMENTS, CELLS).sum(axis=2) * element_mm2 / CELLS
+            compliance_um_per_n.reshape(-1, len(gap_um), CELLS).sum(axis=2) * element_mm2 / CELLS
         )
         self._mean_opening = element_means(self._opening.T).T
 
@@ -82,7 +82,7 @@ class CavityPressures:
             cavity: How the cavities hold their air, not vented.
             contact: Whether a closed gap carries load.
         """
-        gas = Gas(np.full(ELEMENTS, 1e-3 * cavity.gas_kpa))
+        gas = Gas(np.full(len(self._gap_um), 1e-3 * cavity.gas_kpa))
         if cavity.kind == "leaking":
             for _ in range(_HELD_STEPS):
                 gas = gas._replace(leaked=HELD_S / _HELD_STEPS / cavity.leak_time_s)
@@ -108,7 +108,7 @@ class CavityPressures:
             rest_um = free_um - excess_mpa @ self._mean_opening.T - self._gap_um * (1.0 - volume)
             if (np.abs(rest_um) <= _TOLERANCE_REL * self._gap_um).all():
                 return excess_mpa
-            matrix = self._mean_opening + (self._gap_um * slope)[:, :, None] * np.eye(ELEMENTS)
+            matrix = self._mean_opening + (self._gap_um * slope)[:, :, None] * np.eye(len(self._gap_um))
             step_mpa = np.asarray(np.linalg.solve(matrix, rest_um[:, :, None])[:, :, 0], np.float64)
             excess_mpa = self._moved(excess_mpa, step_mpa, gas)
         raise ArithmeticError(
@@ -122,7 +122,7 @@ class CavityPressures:
             ArithmeticError: Newton's method does not converge.
         """
         largest_um, share = math.inf, 1.0
-        step_mpa = np.zeros(ELEMENTS)
+        step_mpa = np.zeros(len(self._gap_um))
         for _ in range(_MAX_STEPS):
             pressed_um = free_um - self._opening @ excess_mpa
             closure_um = solve_contact_lcp(pressed_um, self._gap_of_cell_um, self._compliance).closure_um

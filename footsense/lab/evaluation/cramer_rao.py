@@ -129,7 +129,7 @@ def jacobian_um(
     closure = sensed_closure_um(
         foot, np.concatenate([n for n, _ in pairs]), np.concatenate([f for _, f in pairs])
     )
-    ahead, behind = np.moveaxis(closure.reshape(-1, 2, len(force_n), 9), 1, 0)
+    ahead, behind = np.moveaxis(closure.reshape(-1, 2, len(force_n), closure.shape[1]), 1, 0)
     slope: Vector = np.moveaxis(ahead - behind, 0, 2) / (2.0 * step)
     return slope
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import ngsolve as ng
 import numpy as np
 
-from footsense.foot.gap_contact import ALL_CELLS
 from footsense.foot.symmetry import flat_of_grid
 from footsense.frames import Vector
 from footsense.lab.fem.elasticity import hertz_pressure_shape
@@ -122,6 +121,6 @@ class ForwardFoot:
         swapped = load.transformed(np.eye(3)[[1, 0, 2]])
         parts[Parity(-1, 1)] = self._classes[Parity(1, -1)].cells_um(swapped).T
         whole = np.sum([parity.unfold(part) for parity, part in parts.items()], axis=0)
-        flat = np.empty(ALL_CELLS)
-        flat[flat_of_grid()] = whole
+        flat = np.empty(whole.size)
+        flat[flat_of_grid(len(whole))] = whole
         return flat

@@ -15,7 +15,6 @@ from netgen.meshing import MeshingParameters
 
 from footsense.errors import ModelError
 from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.foot.symmetry import HALF_SIDE
 from footsense.frames import Vector
 from footsense.lab.fem.solids import EQUAL_WITHIN_MM, bodies, curved_mesh, lies_in_coordinate_plane, square
 from footsense.lab.geometry import FootDesign
@@ -96,7 +95,7 @@ class CavityCell:
 
 
 def quarter_cells(design: FootDesign) -> list[CavityCell]:
-    """Return the cells of the quarter x > 0, y > 0: a quarter of the middle element, halves of two, a corner."""
+    """Return the cells of the quarter x > 0, y > 0: of three rows a quarter of the middle one, halves, a corner."""
     step = design.electrode_mm / CELLS_PER_SIDE
     cells: list[CavityCell] = []
     for element, (x_mm, y_mm) in enumerate(design.centres_mm):
@@ -110,10 +109,10 @@ def quarter_cells(design: FootDesign) -> list[CavityCell]:
 
 
 def quarter_grid(per_cell: Vector, design: FootDesign, axis: int) -> Vector:
-    """Return values per cell of the quarter, in the order of `quarter_cells`, as a 9 x 9 grid in place of `axis`."""
-    order = np.empty((HALF_SIDE, HALF_SIDE), np.intp)
+    """Return values per cell of the quarter, in the order of `quarter_cells`, as a square grid in place of `axis`."""
+    order = np.empty((design.rows * CELLS_PER_SIDE // 2,) * 2, np.intp)
     for number, cell in enumerate(quarter_cells(design)):
-        row, column = divmod(cell.element, 3)
+        row, column = divmod(cell.element, design.rows)
         order[row * CELLS_PER_SIDE + cell.forward, column * CELLS_PER_SIDE + cell.leftward] = number
     return np.take(per_cell, order, axis=axis)
 
@@ -145,12 +144,13 @@ def name_bar_faces(shape: Any) -> None:
 def is_bar_edge(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the border of a bar against a cavity, and not inside the crossing of two bars."""
     low, high = edge.bounding_box
-    borders = (design.electrode_mm / 2.0, design.pitch_mm - design.electrode_mm / 2.0)
+    bars_mm = design.bars_mm
+    borders = [border for bar in bars_mm for border in bar if border > 0.0]
     for axis, along in (("x", "y"), ("y", "x")):
         across = (getattr(low, axis), getattr(high, axis))
         on_border = any(abs(abs(value) - border) < EQUAL_WITHIN_MM for border in borders for value in across)
         middle = abs(getattr(edge.center, along))
-        crossing = borders[0] < middle < borders[1]
+        crossing = any(start < middle < end for start, end in bars_mm)
         if on_border and abs(across[0] - across[1]) < EQUAL_WITHIN_MM and not crossing:
             return lies_in_coordinate_plane(edge, "z")
     return False

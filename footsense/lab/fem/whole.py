@@ -18,9 +18,9 @@ from netgen.meshing import MeshingParameters
 
 from footsense.errors import ModelError
 from footsense.foot.directions import normalized
-from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE
+from footsense.foot.gap_contact import CELLS, CELLS_PER_SIDE
 from footsense.foot.response_table import FootResponse, series_basis
-from footsense.foot.symmetry import SIDE, flat_of_grid
+from footsense.foot.symmetry import flat_of_grid
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import SAMPLE_ORDER
 from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy, strain_energy
@@ -131,7 +131,7 @@ def solve_whole_foot(
     for side, u, p, stiffer in (("ground", u_ground, p_g, thicker**3), ("leg", u_leg, p_l, ng.CF(1.0))):
         form += ng.Variation(mixed_strain_energy(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
         form += ng.Variation(stiffer * strain_energy(design.pdms, u) * ng.dx(f"pdms_{side}"))
-    inner, outer = design.electrode_mm / 2.0, design.pitch_mm - design.electrode_mm / 2.0
+    inner, outer = design.bars_mm[-1]
     in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
     layer = BondedLayer(design.pdms, design.spacer_mm)
     bonded = 1.0 - (1.0 - own.bonded_rel) * in_bar
@@ -149,7 +149,7 @@ def solve_whole_foot(
         form.Assemble()
         inverse = form.mat.Inverse(space.FreeDofs(), "sparsecholesky")
         functionals = []
-        for cell in range(ALL_CELLS):
+        for cell in range(design.rows**2 * CELLS):
             functional = ng.LinearForm(space)
             functional += (v_ground[2] - v_leg[2]) / design.cell_mm2 * ng.ds(f"cell{cell}")
             functionals.append(functional.Assemble())
@@ -166,7 +166,7 @@ def solve_whole_foot(
     sampled = np.stack(influence, axis=1)[used] * root[:, :, None] * UM_PER_MM
     series = np.linalg.lstsq(basis, sampled.reshape(len(basis), -1), rcond=1e-10)[0]
     whole = np.stack(compliance) * UM_PER_MM
-    return series.reshape(-1, ALL_CELLS, 3), (whole + whole.T) / 2.0
+    return series.reshape(len(series), -1, 3), (whole + whole.T) / 2.0
 
 
 def with_added_response(
@@ -180,20 +180,19 @@ def with_added_response(
         series: Change of the series of G0 [um/N], shape (products, 324, 3).
         compliance: Change of the compliance [um/N], shape (324, 324).
     """
-    grid = flat_of_grid()
+    side = response.quarter_compliance.shape[-1]
+    grid = flat_of_grid(side)
     flat = series.reshape(len(series), -1)
     normal, patch_mm = cap_normals(MIN_ELEVATION_DEG), MAX_PATCH_RADIUS_REL * design.ball_radius_mm
     basis = series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     growth = (mean_over_patch(flat, normal, patch_mm, design) - basis @ flat) / patch_mm**2
     patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(series.shape)
-    whole = response.series.reshape(2, len(series), 3, ALL_CELLS).transpose(0, 1, 3, 2) + np.stack(
-        [series, patch]
-    )
+    whole = response.series.reshape(2, len(series), 3, -1).transpose(0, 1, 3, 2) + np.stack([series, patch])
     order = grid.ravel()
     stiff = (response.compliance_um_per_n + compliance)[np.ix_(order, order)]
     return replace(
         response,
         quarter_series=whole[:, :, grid],
-        quarter_compliance=stiff.reshape(SIDE, SIDE, SIDE, SIDE),
+        quarter_compliance=stiff.reshape(side, side, side, side),
         sha256="",
     )

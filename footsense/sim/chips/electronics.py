@@ -17,7 +17,6 @@ from footsense.sim.scene import Effects
 #: Temperature of a scene that does not change it [deg C].
 ROOM_C = 25.0
 
-_COLUMNS = 3
 #: Random streams of a leg besides that of its noise.
 _CAPDAC_DRAW, _THERMOMETER_DRAW = 4, 5
 
@@ -36,13 +35,13 @@ def electronics(
     random = np.random.default_rng(seed)
     noise = random if effects.converter_noise else None
     clock_error_rel = effects.converter_clock_rel * random.uniform(-1, 1)
-    rows = SimulatedLineSwitch(adg715.ADDRESS)
+    rows = SimulatedLineSwitch(adg715.ADDRESS, foot.rows)
     if board == "fdc1004":
         pins = _column_pins(foot, rows, effects.stray_pf)
         chip = SimulatedFdc1004(pins, noise, clock_error_rel)
         chip.trigger_clears_done = effects.trigger_clears_done
         return chip, (rows,)
-    columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
+    columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS, foot.rows)
     error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * TEMPERATURE_ERROR_K
     warming = effects.warming
     converter = SimulatedAd7746(
@@ -61,7 +60,7 @@ def _column_pins(foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float) ->
     def pin_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
         # The load is that of the middle of the conversion; the rows are weighted by their share of it.
         t_ns = (t_start_ns + t_end_ns) // 2
-        column_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)[cin::_COLUMNS]]
+        column_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)[cin :: foot.rows]]
         total_pf = 0.0
         for share, states in rows.states_between(t_start_ns, t_end_ns):
             total_pf += share * foot.pin_pf(cin, column_pf, states, t_ns)

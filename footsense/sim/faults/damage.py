@@ -14,7 +14,6 @@ from footsense.sim.faults.schedule import Schedule
 #: Capacitance of an element without electrode, or of a column without line: a piece of trace [pF].
 OPEN_PF = 0.1
 
-_COLUMNS = 3
 _ON_LINES = (scene_faults.BrokenColumn, scene_faults.BrokenRow, scene_faults.ElementShorted)
 
 
@@ -22,9 +21,12 @@ class WiredFoot:
     """The foot of a leg behind its lines, with the damage of both.
 
     Args:
-        whole_pf: Returns the capacitance of each element without damage at a time [ns], stray not included [pF], nine.
+        whole_pf: Returns the capacitance of each element without damage at a time [ns], stray not included [pF].
         faults: Faults on this foot.
         foot: The foot.
+
+    Attributes:
+        rows: Rows of its elements, and as many columns.
     """
 
     def __init__(
@@ -41,12 +43,13 @@ class WiredFoot:
             for fault in faults
             if not isinstance(fault, _ON_LINES)
         )
+        self.rows = foot.response.rows
         design = foot.response.design
         self._closed_pf = float(design.capacitance_pf(np.full(1, design.gap_um))[0])
         self._held_pf: dict[scene_faults.ElementStuck, float] = {}
 
     def elements_pf(self, t_ns: int) -> list[float]:
-        """Return the capacitance without stray of each of the nine elements at a time [ns] [pF]."""
+        """Return the capacitance without stray of each of the elements at a time [ns] [pF]."""
         whole_pf = self._whole_pf(t_ns)
         acting = self._on_elements.at(t_ns)
         if not acting:
@@ -72,7 +75,7 @@ class WiredFoot:
         broken_rows, broken_columns, shorted = self._broken_lines(t_ns)
         if broken_columns >> cin & 1:
             return OPEN_PF
-        shorted_rows = sum({1 << element // _COLUMNS for element in shorted if element % _COLUMNS == cin})
+        shorted_rows = sum({1 << element // self.rows for element in shorted if element % self.rows == cin})
         return pin_capacitance_pf(column_pf, states, broken_rows, shorted_rows)
 
     def mutual_pf(

@@ -4,7 +4,7 @@ Board `fdc1004`: the pin of column j measures each element of its column against
 full, one at the shield drops out, a floating one counts in series with its own small capacitance to ground. A short
 ties the pin to the row line. A row at ground then exceeds any range. A row at the shield makes the pin read zero,
 whichever row is selected, because the shield driver delivers the charge that the converter counts: one shorted element
-disables the two others of its column. That follows from the wiring and was not measured.
+disables the others of its column. That follows from the wiring and was not measured.
 
 Board `ad7746`: the input measures each element between an excited row and a selected column; all other lines are at
 ground, so that a broken line disables its own elements only. A short ties a row to a column. With both selected it
@@ -12,13 +12,13 @@ exceeds any range; with the row selected it shorts the excitation; with the colu
 reads zero. Not simulated: coupling through two floating lines at once.
 """
 
+import math
 from collections.abc import Sequence
 
 from footsense.sim.chips.line_switch import FLOATING_ROW_PF, LineStates
 
 #: A capacitance to ground beyond any converter's range [pF].
 SHORT_PF = 1e6
-_ROWS = _COLUMNS = 3
 
 
 def pin_capacitance_pf(
@@ -27,7 +27,7 @@ def pin_capacitance_pf(
     """Return the capacitance of a pin of board `fdc1004` to ground [pF].
 
     Args:
-        column_pf: Capacitance of each element of its column [pF], three.
+        column_pf: Capacitance of each element of its column [pF], one a row.
         states: Rows that the switch ties to ground (selected) and to the shield (waiting).
         broken_rows: Bit r for each row line that is interrupted.
         shorted_rows: Bit r for each row to which the column is shorted.
@@ -39,9 +39,8 @@ def pin_capacitance_pf(
     if shorted_rows & states.waiting & ~broken_rows:
         return 0.0
     total_pf = 0.0
-    for row in range(_ROWS):
+    for row, pf in enumerate(column_pf):
         bit = 1 << row
-        pf = column_pf[row]
         if shorted_rows & bit:
             total_pf += FLOATING_ROW_PF
         elif broken & bit or not (states.selected | states.waiting) & bit:
@@ -62,7 +61,7 @@ def mutual_capacitance_pf(
     """Return the capacitance between excitation and input of board `ad7746`, and whether the excitation is shorted.
 
     Args:
-        element_pf: Capacitance of each element [pF], nine.
+        element_pf: Capacitance of each element [pF], a square array.
         rows: Rows that the switch ties to the excitation (selected) and to ground (waiting).
         columns: Columns that the switch ties to the input (selected) and to ground (waiting).
         broken_rows: Bit r for each row line that is interrupted.
@@ -75,14 +74,15 @@ def mutual_capacitance_pf(
     excited, earthed = rows.selected & ~broken_rows, rows.waiting & ~broken_rows
     sensed, idle = columns.selected & ~broken_columns, columns.waiting & ~broken_columns
     total_pf, to_ground, over = 0.0, False, False
+    n_columns = math.isqrt(len(element_pf))
     for element in shorted:
-        row, column = divmod(element, _COLUMNS)
+        row, column = divmod(element, n_columns)
         over |= bool(excited >> row & sensed >> column & 1)
         to_ground |= bool(excited >> row & idle >> column & 1)
         if earthed >> row & sensed >> column & 1:
             return 0.0, to_ground
     for element, pf in enumerate(element_pf):
-        row, column = divmod(element, _COLUMNS)
+        row, column = divmod(element, n_columns)
         if excited >> row & sensed >> column & 1:
             total_pf += pf
     return (SHORT_PF if over else total_pf), to_ground

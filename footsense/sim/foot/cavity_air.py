@@ -4,7 +4,7 @@ import numpy as np
 
 from footsense.foot.cavity.air import AMBIENT_KPA, ROOM_K, Gas
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import Vector
 
 
 class CavityAir:
@@ -26,7 +26,7 @@ class CavityAir:
         self._ambient_mpa = 1e-3 * ambient_kpa
         # Air that leaks has long taken the ambient pressure.
         leaking = foot.cavity.kind == "leaking"
-        self._amount_mpa = np.full(ELEMENTS, self._ambient_mpa) if leaking else gas.amount_mpa
+        self._amount_mpa = np.array([self._ambient_mpa]) if leaking else gas.amount_mpa
         self._t_ns: int | None = None
 
     def capacitance_pf(

@@ -10,7 +10,7 @@ import numpy as np
 from footsense.foot.directions import rotation
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import Vector
 
 #: Smallest drawn gap, film and stiffness, relative to the designed one [1]; a smaller draw is repeated.
 MIN_DRAWN_REL = 0.25
@@ -59,11 +59,11 @@ def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foo
     gap, film, stray, stiffness, mount = (
         np.random.default_rng(stream) for stream in np.random.SeedSequence((seed, foot)).spawn(5)
     )
-    design, min_deviation_rel = response.design, MIN_DRAWN_REL - 1.0
+    design, n, min_deviation_rel = response.design, response.n_elements, MIN_DRAWN_REL - 1.0
     return Deviations(
-        gap_um=_draw_at_least(gap, tolerances.gap_um, ELEMENTS, min_deviation_rel * design.gap_um),
-        film_um=_draw_at_least(film, tolerances.film_um, ELEMENTS, min_deviation_rel * design.film_um),
-        stray_pf=_draw_at_least(stray, tolerances.stray_pf, ELEMENTS, -np.inf),
+        gap_um=_draw_at_least(gap, tolerances.gap_um, n, min_deviation_rel * design.gap_um),
+        film_um=_draw_at_least(film, tolerances.film_um, n, min_deviation_rel * design.film_um),
+        stray_pf=_draw_at_least(stray, tolerances.stray_pf, n, -np.inf),
         stiffness_rel=float(_draw_at_least(stiffness, tolerances.stiffness_rel, 1, min_deviation_rel)[0]),
         mount=_draw_mount(mount, tolerances.mount_deg, LOWEST_LOAD_DEG - response.min_elevation_deg),
     )

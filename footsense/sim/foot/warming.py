@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from footsense.frames import ELEMENTS
 from footsense.sim.scene import Warming
 
 #: Thermal expansion of the spacer, 310 ppm/K, on an element of 5 pF [pF/K].
@@ -28,11 +27,12 @@ class WarmingFoot:
     Args:
         warming: The change.
         rng: Source of the differences between its elements.
+        n_elements: Elements of the foot.
     """
 
-    def __init__(self, warming: Warming, rng: np.random.Generator) -> None:
+    def __init__(self, warming: Warming, rng: np.random.Generator, n_elements: int) -> None:
         self._warming = warming
-        spread_rel = DRIFT_SPREAD_REL * rng.standard_normal(ELEMENTS)
+        spread_rel = DRIFT_SPREAD_REL * rng.standard_normal(n_elements)
         self._pf_per_k: list[float] = (DRIFT_PF_PER_K * (1.0 + spread_rel)).tolist()
 
     def kelvin(self, t_ns: int) -> float:
@@ -40,7 +40,7 @@ class WarmingFoot:
         return self._warming.kelvin_at(t_ns)
 
     def drift_pf(self, t_ns: int) -> list[float]:
-        """Return the drift of the capacitance of each of the nine elements at a time [pF]."""
+        """Return the drift of the capacitance of each of the elements at a time [pF]."""
         kelvin = self._warming.kelvin_at(t_ns)
         return [pf_per_k * kelvin for pf_per_k in self._pf_per_k]
 

@@ -11,10 +11,12 @@ from footsense.config import DEFAULT, Config
 from footsense.config.sections import Mux
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
+from footsense.sim.scene_loads import Tripod
 from footsense.validation.faults.can_trial import CanFigures, can_trial
 from footsense.validation.faults.fault_trial import (
     BREAKS_AT_S,
     LEG,
+    LOAD,
     PASSES_AT_S,
     WALK,
     FaultFigures,
@@ -105,21 +107,30 @@ _CAN_WALK_S = 4.0
 _QUICK_STEP = 6
 
 
-def fault_rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, FaultFigures]:
+def fault_rows(
+    report: Callable[[str], None],
+    *,
+    quick: bool = False,
+    foot_type: str = DEFAULT.foot_type,
+    load: Tripod = LOAD,
+) -> dict[str, FaultFigures]:
     """Walk without a fault, then with each fault of legs, buses and feet; return the figures by words.
 
     Args:
         report: Called with the words of each row as it is complete.
         quick: Whether only every sixth fault is walked.
+        foot_type: The feet, as in a configuration.
+        load: The walk.
 
     Raises:
-        ModelError: The released network or the response table is missing.
+        ModelError: The feet's network or response table is missing.
     """
-    whole = walk()
+    whole = walk(config=msgspec.structs.replace(DEFAULT, foot_type=foot_type), load=load)
     found = {"nothing": _without_fault(whole)}
     for trial in islice(TRIALS, None, None, _QUICK_STEP if quick else 1):
         effects = msgspec.structs.replace(WALK.effects, adapter_timeout_ms=trial.adapter_timeout_ms)
-        broken = walk(*trial.script, config=trial.config, effects=effects)
+        config = msgspec.structs.replace(trial.config, foot_type=foot_type)
+        broken = walk(*trial.script, config=config, effects=effects, load=load)
         found[trial.words] = fault_figures(broken, whole, BREAKS_AT_S, trial.until_s)
         report(trial.words)
     return found

@@ -23,9 +23,10 @@ from footsense.sim.scene_loads import Tripod
 BREAKS_AT_S, PASSES_AT_S = 0.7, 1.2
 DURATION_S = 2.6
 
+LOAD = Tripod(period_s=1.0, duty_rel=0.6, peak_force_n=1.0)
 WALK = Scene(
     description="Six legs walk with a fault.",
-    load=Tripod(period_s=1.0, duty_rel=0.6, peak_force_n=1.0),
+    load=LOAD,
     lead_in_s=0.4,
     effects=Effects(converter_noise=True, gap_contact=True),
 )
@@ -70,15 +71,23 @@ class _Observer(Observer):
         self.frames.append(cycle.forces)
 
 
-def walk(*faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effects) -> PublishedWalk:
+def walk(
+    *faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effects, load: Tripod = LOAD
+) -> PublishedWalk:
     """Return the frames of a walk with faults.
+
+    Args:
+        faults: As in a scene.
+        config: The robot, with its feet.
+        effects: Effects of the simulation.
+        load: The walk.
 
     Raises:
         ConfigError: The robot has no such leg or bus.
         ModelError: The released network or the response table is missing.
     """
     observer = _Observer()
-    scene = msgspec.structs.replace(WALK, faults=faults, effects=effects)
+    scene = msgspec.structs.replace(WALK, load=load, faults=faults, effects=effects)
     with open_service(config, scene, real_time=False) as running:
         running.observers.append(observer)
         running.run(until_ns=DURATION_S * 1e9)

@@ -32,10 +32,16 @@ TEXT = (RELEASED / FOOT_FILE).read_text()
             ":6: sheet_mm: an array of 14 mm does not fit .* use at least 14",
         ),
         (
+            "electrode_mm: 4",
+            "electrode_mm: 3.98",
+            ":6: sheet_mm: a sheet of 14 mm leaves 0.01 mm of spacer .* use 13.98, or at least 14.98",
+        ),
+        (
             "sheet_mm: 14",
             "sheet_mm: 15",
             ":6: sheet_mm: the corners .* overhang a ball .* less than 14.14",
         ),
+        ("pitch_mm: 5", "rows: 5\npitch_mm: 5", ":9: rows: .*the converter has four channels"),
         ("gap_um: 20", "gap_um: 40", ":11: gap_um: a gap of 40 um is thicker than the spacer of 37 um"),
         ("spacer_mm: 0.037", "spacer_mm: 0.05", ":8: spacer_mm: .* which fill 37 um; use at most 0.037"),
         ("max_n: 2.0", "max_n: 20", ":21: loads.max_n: 20 N flatten 16 deg .* use at most 10.6"),
@@ -112,7 +118,16 @@ def test_the_shipped_foot_is_meshed_by_the_stated_lengths() -> None:
 def test_another_foot_of_a_known_name_is_refused(tmp_path: Path) -> None:
     """Two networks of one name could not be told apart: refused before the solve."""
     path = tmp_path / "mine.yaml"
-    path.write_text(TEXT.replace("pitch_mm: 5", "pitch_mm: 4.9"))
+    path.write_text(TEXT.replace("electrode_mm: 4", "electrode_mm: 2.9"))
     result = CliRunner().invoke(lab, ["build", "--foot", str(path), "--out", str(tmp_path)])
     assert isinstance(result.exception, FootsenseError)
     assert "describes another foot of the name aoyagi-3x3; give this one a name of" in str(result.exception)
+
+
+def test_a_network_of_another_array_is_refused_before_the_solve(tmp_path: Path) -> None:
+    """One line that names the key and the array that a network can have."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(TEXT.replace("pitch_mm: 5", "rows: 2\npitch_mm: 8").replace("aoyagi-3x3", "mine"))
+    result = CliRunner().invoke(lab, ["build", "--foot", str(path), "--out", str(tmp_path)])
+    assert isinstance(result.exception, FootsenseError)
+    assert "mine.yaml: rows: networks are of 3 x 3 elements, got 2; use 3" in str(result.exception)

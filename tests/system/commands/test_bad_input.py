@@ -77,7 +77,10 @@ def test_a_configuration_that_contradicts_itself(tmp_path: Path, text: str, says
 def test_a_scene_that_does_not_exist() -> None:
     """The scenes that do exist are named."""
     line = one_line_error(footsense("run", "--scene", "moonwalk"), 78)
-    assert "no scene 'moonwalk': there are faults, hanging, hexapod_2kg, measured_walk, tripod" in line
+    assert (
+        "no scene 'moonwalk': there are faults, hanging, hexapod_2kg, measured_walk, quadruped_12kg, tripod"
+        in line
+    )
 
 
 def test_a_scene_with_a_typo(tmp_path: Path) -> None:

@@ -9,11 +9,14 @@ import pytest
 from footsense.errors import ModelError
 from footsense.foot.cavity.air import ADIABATIC, AMBIENT_MPA, Cavity, Gas
 from footsense.foot.cavity.pressures import CavityPressures
-from footsense.foot.gap_contact import ALL_CELLS, CELLS, element_means
+from footsense.foot.gap_contact import CELLS, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from tests.unit.foot.test_response_table import UP, made_up
+
+#: Cells of the paper's foot.
+ALL_CELLS = 9 * CELLS
 
 GAP_UM = 20.0
 #: Opening of an element under a pressure in its own cavity, of a solid whose cells each yield for themselves [um/MPa].

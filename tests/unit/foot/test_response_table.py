@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import FORMAT, FootResponse, n_products, series_basis
-from footsense.foot.symmetry import HALF_SIDE, SIDE
 
 DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def made_up(seed: int = 0, degree: int = 4) -> FootResponse:
+def made_up(seed: int = 0, degree: int = 4, rows: int = 3) -> FootResponse:
     """Return a response of random series, and of cells that yield each for itself, 40 um/N."""
-    rng = np.random.default_rng(seed)
-    own = np.zeros((HALF_SIDE, HALF_SIDE, SIDE, SIDE))
-    row, column = np.indices((HALF_SIDE, HALF_SIDE))
+    rng, half = np.random.default_rng(seed), rows * CELLS_PER_SIDE // 2
+    own = np.zeros((half, half, 2 * half, 2 * half))
+    row, column = np.indices((half, half))
     own[row, column, row, column] = 40.0
     return FootResponse(
         foot_type="made-up",
@@ -30,7 +30,7 @@ def made_up(seed: int = 0, degree: int = 4) -> FootResponse:
         min_elevation_deg=30.0,
         fit_elevation_deg=12.0,
         degree=degree,
-        quarter_series=rng.normal(size=(2, n_products(degree), HALF_SIDE, HALF_SIDE, 3)),
+        quarter_series=rng.normal(size=(2, n_products(degree), half, half, 3)),
         quarter_compliance=own,
         provenance={"made": "up"},
     )
@@ -66,6 +66,20 @@ def test_the_patch_grows_as_hertz_says() -> None:
     per_newton = [foot.closure_um(UP, UP * force) / force for force in (1.0, 8.0, 27.0)]
     # Patch radii 1 : 2 : 3, so a^2 steps 3 : 5.
     np.testing.assert_allclose((per_newton[1] - per_newton[0]) / 3.0, (per_newton[2] - per_newton[1]) / 5.0)
+
+
+@pytest.mark.parametrize("rows", [2, 3, 4])
+def test_a_table_of_any_square_array_is_symmetric(rows: int) -> None:
+    """Of any square array, whose size the table's arrays tell."""
+    foot, normal = made_up(rows=rows), random_normals(4)
+    force = np.random.default_rng(3).normal(size=(4, 3))
+    closure_um = foot.closure_um(normal, force).reshape(-1, foot.rows, foot.rows)
+    assert foot.rows == rows
+    for axis in (0, 1):
+        mirror = np.ones(3)
+        mirror[axis] = -1.0
+        image = foot.closure_um(mirror * normal, mirror * force).reshape(closure_um.shape)
+        np.testing.assert_allclose(image, np.flip(closure_um, 1 + axis), rtol=1e-9)
 
 
 def test_one_load_is_what_many_give() -> None:

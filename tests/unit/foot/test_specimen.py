@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.foot.gap_contact import ALL_CELLS, CELLS, solve_contact_lcp
+from footsense.foot.gap_contact import CELLS, solve_contact_lcp
 from footsense.foot.specimen import Deviations, Foot
 from tests.unit.foot.test_response_table import DESIGN, UP, made_up, random_normals
+
+#: Cells of the paper's foot.
+ALL_CELLS = 9 * CELLS
 
 RESPONSE = made_up()
 NORMAL = random_normals(4)

@@ -3,10 +3,13 @@
 from dataclasses import dataclass
 from typing import Any
 
+from msgspec.structs import replace
+
+from footsense.config import DEFAULT
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.validation.faults.fault_table import can_rows, fault_rows
-from footsense.validation.faults.fault_trial import BREAKS_AT_S, DURATION_S, PASSES_AT_S
+from footsense.validation.faults.fault_trial import BREAKS_AT_S, DURATION_S, LOAD, PASSES_AT_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -14,22 +17,36 @@ class FaultResults:
     """Figures of every fault, by the description of the fault.
 
     Attributes:
+        foot_type: Name of the feet.
+        peak_n: Largest vertical force on a foot [N]: half of that of its training.
         legs: `FaultFigures` of each fault of legs, buses and feet.
-        can: `CanFigures` of each fault of CAN.
+        can: `CanFigures` of each fault of CAN; empty for other feet than the paper's, as they do not matter there.
     """
 
+    foot_type: str
+    peak_n: float
     legs: dict[str, dict[str, Any]]
     can: dict[str, dict[str, Any]]
 
 
 def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     """Simulate a walk for every fault; return the figures of each, by the description of the fault."""
+    foot = context.foot_design
+    own = foot.foot_type != DEFAULT.foot_type
+    load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
+    foot_type = str(context.models.resolve()) if own else DEFAULT.foot_type
+    rows = fault_rows(context.report_progress, quick=context.quick, foot_type=foot_type, load=load)
     legs = {
         words: f._asdict() | {"state": f.state.name.lower(), "cause": f.cause.name.lower()}
-        for words, f in fault_rows(context.report_progress, quick=context.quick).items()
+        for words, f in rows.items()
     }
-    can = {words: f._asdict() for words, f in can_rows(context.report_progress, quick=context.quick).items()}
-    return FaultResults(legs=legs, can=can), {}
+    can = {} if own else can_rows(context.report_progress, quick=context.quick)
+    return FaultResults(
+        foot_type=foot.foot_type,
+        peak_n=load.peak_force_n,
+        legs=legs,
+        can={words: f._asdict() for words, f in can.items()},
+    ), {}
 
 
 def _elements(mask: int) -> str:

@@ -22,6 +22,7 @@ from footsense.lab.design.prediction.shapes import (
     ELEMENT_OF,
     RADIUS_MM,
     RUBBER_POISSON,
+    SIDE,
     YOUNGS_MPA,
     ShapeLibrary,
 )
@@ -89,7 +90,7 @@ class ClosureModel:
         """Evaluate the solved shapes at the loads."""
         self._library, self.loads = library, loads
         self._across = np.stack(tangent_frame(loads.normal), axis=1)
-        whole = [[whole_series(part, _DEGREE) for part in shape] for shape in library.series]
+        whole = [[whole_series(part, _DEGREE, SIDE) for part in shape] for shape in library.series]
         # shapes, point or patch, products, xyz, elements
         series = element_means(np.moveaxis(np.array(whole), -1, -2))
         basis = self._basis()

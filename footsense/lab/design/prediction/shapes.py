@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import FootResponse, series_basis
-from footsense.foot.symmetry import HALF_SIDE
 from footsense.frames import Vector
 from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, FootDesign, Material
 
@@ -38,8 +37,10 @@ SHEET_REL = 1.4
 _DEGREE = 12
 
 
+#: Cells along a side of the array: the designs have the paper's 3 x 3 elements.
+SIDE = 3 * CELLS_PER_SIDE
 #: Element of each cell of a quarter, as a number of an amplitude: corner, edge, middle.
-_ELEMENT = np.add.outer(*[np.arange(HALF_SIDE) // CELLS_PER_SIDE] * 2)
+_ELEMENT = np.add.outer(*[np.arange(SIDE // 2) // CELLS_PER_SIDE] * 2)
 #: Element of each element of the foot, likewise.
 ELEMENT_OF = np.add.outer([0, 1, 0], [0, 1, 0]).ravel()
 

@@ -19,7 +19,6 @@ from footsense.foot.direction_sets import direction_grid, random_directions
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.gap_contact import ALL_CELLS
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Mask, Vector
@@ -93,7 +92,7 @@ def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
     reached = {name: np.full(len(direction), 2.0 * max_n) for name in ("contact", "closed", "saturated")}
     for force_n in np.arange(_FORCE_STEP_N, 2.0 * max_n, _FORCE_STEP_N)[::-1]:
         loads_n = force_n * direction
-        free_um = foot.response.free_closure_um(direction, loads_n).reshape(-1, ALL_CELLS)
+        free_um = foot.response.free_closure_um(direction, loads_n).reshape(-1, foot.response.n_cells)
         pf = foot.capacitance_pf(direction, loads_n)
         closure_um = design.closure_um(pf, foot.unloaded_pf).max(axis=1)
         for name, beyond in (
@@ -111,9 +110,9 @@ def _estimate_foot(
 ) -> tuple[Vector, Mask, Vector, Vector, Mask]:
     """Return closure over the gap, readable loads, estimates and sigma [N], and the inconsistent loads of a foot."""
     foot, design = Foot(context.response, own), trained.design
-    gap_um = design.gap_um + own.gap_um
+    gap_um = np.broadcast_to(design.gap_um + own.gap_um, foot.unloaded_pf.shape)
     known = FootParameters(
-        stray_pf=own.stray_pf,
+        stray_pf=np.broadcast_to(own.stray_pf, gap_um.shape),
         unloaded_pf=foot.unloaded_pf,
         gap_um=gap_um,
         stiffness_rel=own.stiffness_rel,

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.foot.directions import directions
-from footsense.foot.gap_contact import ALL_CELLS, CELLS_PER_SIDE
+from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
@@ -223,7 +223,7 @@ def _cell_averaging_errors(response: FootResponse) -> tuple[float, float]:
     """
     force = directions(0.0, [90.0, INCLINED_DEG])
     cells_um = np.minimum(response.free_closure_um(force, force), response.design.gap_um)
-    grid = cells_um.reshape(2, ALL_CELLS // CELLS_PER_SIDE**2, CELLS_PER_SIDE, CELLS_PER_SIDE)
+    grid = cells_um.reshape(2, -1, CELLS_PER_SIDE, CELLS_PER_SIDE)
     variance = sum(np.gradient(grid, axis=axis) ** 2 for axis in (2, 3)) / 12.0
     distance_um = response.design.gap_um + response.design.film_equivalent_um - grid
     lost = (variance / distance_um**3).sum(axis=(2, 3)) / (1.0 / distance_um).sum(axis=(2, 3))
