@@ -15,7 +15,7 @@ from footsense.calibration.fit.calibrate import (
 from footsense.calibration.session.recorded_session import read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.options import FOLDER, echo_json, json_option
-from footsense.cli.recordings.file_bar import file_bar
+from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.cli.test_stand_options import (
     design_models,
     foot_option,
@@ -58,7 +58,7 @@ def calibrate(
     """
     began_ns = stopwatch_ns()
     check_calibration_target(folder / foot, replace=replace)
-    with file_bar("read", *recordings) as on_read:
+    with file_progress_bar("read", *recordings) as on_read:
         sessions = read_sessions(recordings, foot, on_read)
     for session in sessions:
         for line in session.warnings:
@@ -85,12 +85,14 @@ def calibrate(
     )
     took_s = (stopwatch_ns() - began_ns) * 1e-9
     if as_json:
-        echo_json(_figures(calibration, result, took_s))
+        echo_json(_calibration_figures(calibration, result, took_s))
     else:
-        click.echo(_text(calibration, result, took_s))
+        click.echo(_calibration_text(calibration, result, took_s))
 
 
-def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> dict[str, Any]:
+def _calibration_figures(
+    calibration: FootCalibration, result: CalibrationResult, took_s: float
+) -> dict[str, Any]:
     predicted, parameters = result.predicted_uncertainty, calibration.parameters
     return {
         "calibration": str(calibration.folder),
@@ -107,7 +109,7 @@ def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: fl
     }
 
 
-def _text(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> str:
+def _calibration_text(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> str:
     parameters, predicted, held_out = calibration.parameters, result.predicted_uncertainty, result.held_out
     strays = f"stray {parameters.stray_pf.min():+.3f} to {parameters.stray_pf.max():+.3f} pF"
     gaps = f"gaps {parameters.gap_um.min():.1f} to {parameters.gap_um.max():.1f} um"

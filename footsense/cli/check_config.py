@@ -23,13 +23,13 @@ def check_config(file: Path) -> None:
     config = load_config(file)
     models = load_models(config)
     pipeline_for(models, 0)  # raises as a run would
-    for line in _summary(models):
+    for line in _summary_lines(models):
         click.echo(line)
     for warning in warnings(config):
         click.echo(f"warning: {warning}", err=True)
 
 
-def _summary(models: Models) -> list[str]:
+def _summary_lines(models: Models) -> list[str]:
     config, network, calibrations = models.config, models.network, models.calibrations
     realtime, metrics = config.realtime, config.metrics
     model = "that of the calibrations" if calibrations else config.model

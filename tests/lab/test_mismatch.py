@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.cli import main
-from footsense.cli.lab.pages.mismatch_rows import ROWS
+from footsense.cli.lab.pages.mismatch_rows import MISMATCH_ROWS
 from footsense.errors import ModelError
 from footsense.foot.response_table import FootResponse
 from footsense.lab.fem.whole import Imperfection, solve_whole_foot, with_added_response
@@ -40,10 +40,14 @@ def test_a_row_is_made_and_resumed(tmp_path: Path) -> None:
 
 def test_gold_is_in_the_solid_of_its_row() -> None:
     """A row is a foot of other dimensions or materials; one that changes nothing is no row."""
-    assert ROWS["gold"].solid.design(FOOT_DESIGN).gold is not None
+    assert MISMATCH_ROWS["gold"].solid.design(FOOT_DESIGN).gold is not None
     assert FOOT_DESIGN.gold is None
-    titles = [row.title for row in ROWS.values()]
-    assert len({str(replace(row, title="")) for row in ROWS.values()}) == len(set(titles)) == len(titles)
+    titles = [row.title for row in MISMATCH_ROWS.values()]
+    assert (
+        len({str(replace(row, title="")) for row in MISMATCH_ROWS.values()})
+        == len(set(titles))
+        == len(titles)
+    )
 
 
 def test_an_unknown_row_is_answered_with_those_that_are(tmp_path: Path) -> None:

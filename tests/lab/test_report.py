@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT
+from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT_STUDIES
 from footsense.errors import FootsenseError
 from footsense.lab.report import (
     OTHER_PAGES,
@@ -32,7 +32,7 @@ PAGES = Path(__file__).parents[2] / "docs" / "report"
 _ERRORS = {"direction_deg": "deg", "magnitude_gf": "gf"}
 ALL = STUDIES | DAEMON_STUDIES
 #: Studies whose text is rendered from their JSON.
-RENDERED = list(ALL | EXPERIMENT)
+RENDERED = list(ALL | EXPERIMENT_STUDIES)
 
 
 @pytest.fixture
@@ -78,14 +78,14 @@ def test_pages_about_another_network_are_left_out(context: StudyContext, tmp_pat
 @pytest.mark.parametrize("name", RENDERED)
 def test_a_committed_page_is_the_text_of_its_numbers(name: str) -> None:
     """Rendered again from its JSON, the page is the committed one to the byte."""
-    page: Page = import_module((ALL | EXPERIMENT)[name]).STUDY.rerender(page_values(name, PAGES))
+    page: Page = import_module((ALL | EXPERIMENT_STUDIES)[name]).STUDY.rerender(page_values(name, PAGES))
     assert page.markdown == (PAGES / f"{name}.md").read_text(encoding="utf-8")
 
 
 def test_no_committed_page_is_stale_without_a_note(context: StudyContext) -> None:
     """A page whose code has changed is made again with `footsense lab study`, or noted with the reason."""
     full = replace(context, quick=False)
-    stale = {name for name in RENDERED if stale_reason(name, PAGES, full, ALL | EXPERIMENT)}
+    stale = {name for name in RENDERED if stale_reason(name, PAGES, full, ALL | EXPERIMENT_STUDIES)}
     assert stale == set(noted_stale_reasons(PAGES))
 
 
@@ -120,7 +120,9 @@ def test_the_released_report_has_every_target_and_says_why_one_is_missed() -> No
 def test_the_front_page_has_the_figures_of_the_experiment_and_of_the_matrix() -> None:
     """README's accuracies of made feet are those of the committed pages, the worst physics beside the supposed one."""
     front = (PAGES.parents[1] / "README.md").read_text(encoding="utf-8")
-    experiment, matrix = (json.loads((PAGES / f"{name}.json").read_text("utf-8")) for name in EXPERIMENT)
+    experiment, matrix = (
+        json.loads((PAGES / f"{name}.json").read_text("utf-8")) for name in EXPERIMENT_STUDIES
+    )
 
     def of_estimator(name: str, prefix: str = "") -> str:
         one = experiment["estimators"][name]

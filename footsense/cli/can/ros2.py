@@ -16,7 +16,7 @@ from footsense.ros2.participant import Participant
 from footsense.ros2.topics import Topics, load_foot_frames
 
 #: Period of reading CAN and publishing [ns].
-_PERIOD_NS = 5_000_000
+_PUBLISH_PERIOD_NS = 5_000_000
 _NS_PER_S = 1_000_000_000
 
 
@@ -51,7 +51,7 @@ def ros2(
     with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
         click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
-            listener.listen(now_ns + _PERIOD_NS)
+            listener.listen(now_ns + _PUBLISH_PERIOD_NS)
             for message in messages.due_messages(listener.snapshot(), wall_time_ns(), clock.now_ns()):
                 participant.publish(message)
                 n_published += 1

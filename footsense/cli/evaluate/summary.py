@@ -50,7 +50,7 @@ def _error_figures(errors: Errors) -> dict[str, float]:
     }
 
 
-def table(figures: dict[str, Any]) -> list[list[str]]:
+def error_table_rows(figures: dict[str, Any]) -> list[list[str]]:
     """Return the table of errors, its header first."""
     rows = [["magnitude", "forces by the", "loads", "deg", "p95", "gf", "p95", "N", "p95"]]
     for band, of_way in figures["bands"].items():
@@ -61,7 +61,7 @@ def table(figures: dict[str, Any]) -> list[list[str]]:
     return rows
 
 
-def headline(figures: dict[str, Any]) -> str:
+def headline_text(figures: dict[str, Any]) -> str:
     """Return foot, calibration and number of loads in one line."""
     calibration = figures["calibration"]
     by = "no calibration"
@@ -74,9 +74,9 @@ def headline(figures: dict[str, Any]) -> str:
     )
 
 
-def text(figures: dict[str, Any]) -> str:
+def summary_text(figures: dict[str, Any]) -> str:
     """Return headline and table as text."""
-    rows = table(figures)
+    rows = error_table_rows(figures)
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
         "  ".join(
@@ -85,4 +85,4 @@ def text(figures: dict[str, Any]) -> str:
         ).rstrip()
         for row in rows
     ]
-    return "\n".join([headline(figures), *lines])
+    return "\n".join([headline_text(figures), *lines])

@@ -41,7 +41,7 @@ def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None
     foot_design = load_foot(description)
     folder = (out or Path("models-quick" if quick else "models")) / foot_design.foot_type
     for known in (folder, released_path(FOOT_FILE, foot_design.foot_type).parent):
-        _require_no_other(known / FOOT_FILE, description, foot_design)
+        _require_unique_foot_type(known / FOOT_FILE, description, foot_design)
     options.require_writable(folder)
     from footsense.lab.build import FULL_BUILD, QUICK_BUILD, SIMILAR_FOOT_BUILD
     from footsense.lab.build import build as build_models
@@ -53,13 +53,13 @@ def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None
     if like is not None:
         recipe = replace(SIMILAR_FOOT_BUILD, start=like / NETWORK_FILE)
 
-    report = options.stopwatch_report()
+    report = options.elapsed_time_reporter()
     built = build_models(description, folder, recipe, report)
     report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.onnx_difference_n:.4f} mN")
     click.echo(as_markdown(built.table))
 
 
-def _require_no_other(known: Path, description: Path, foot_design: "FootDesign") -> None:
+def _require_unique_foot_type(known: Path, description: Path, foot_design: "FootDesign") -> None:
     """Check that no other foot has this foot type's name: their networks would be indistinguishable.
 
     Raises:

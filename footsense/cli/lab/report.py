@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from footsense.cli.lab import options
-from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT
+from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT_STUDIES
 from footsense.cli.options import FOLDER
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
@@ -35,7 +35,7 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     from footsense.lab.report import STUDIES, make_report
     from footsense.lab.studies.page import StudyContext
 
-    report_progress, started_ns, build_s = options.stopwatch_report(), stopwatch_ns(), None
+    report_progress, started_ns, build_s = options.elapsed_time_reporter(), stopwatch_ns(), None
     if not (resume and all((folder / name).exists() for name in (NETWORK_FILE, RESPONSE_FILE))):
         build(released_path(FOOT_FILE), folder, QUICK_BUILD if quick else FULL_BUILD, report_progress)
         build_s = (stopwatch_ns() - started_ns) / 1e9
@@ -51,7 +51,7 @@ def _print_stale(models: Path, pages: Path, *, quick: bool) -> None:
     from footsense.lab.report import STUDIES, stale_reason
     from footsense.lab.studies.page import StudyContext
 
-    context, studies = StudyContext(models=models, quick=quick), STUDIES | DAEMON_STUDIES | EXPERIMENT
+    context, studies = StudyContext(models=models, quick=quick), STUDIES | DAEMON_STUDIES | EXPERIMENT_STUDIES
     for name in studies:
         if reason := stale_reason(name, pages, context, studies):
             click.echo(f"{name}: {reason}")

@@ -9,7 +9,7 @@ from footsense.cli.options import echo_json, json_option
 from footsense.errors import FootsenseError
 
 
-def _direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float, float]:
+def _parse_direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float, float]:
     """Return the two angles of a direction [deg].
 
     Raises:
@@ -27,7 +27,7 @@ def _direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float,
     "--direction",
     "direction_deg",
     required=True,
-    callback=_direction,
+    callback=_parse_direction,
     metavar="T1,T2",
     help="Azimuth and elevation of the force [deg].",
 )

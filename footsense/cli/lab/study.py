@@ -25,7 +25,7 @@ DAEMON_STUDIES = {
 }
 
 #: The studies that are too long for the report, with their modules.
-EXPERIMENT = {
+EXPERIMENT_STUDIES = {
     "experiment": "footsense.cli.lab.pages.experiment",
     "mismatch": "footsense.cli.lab.pages.mismatch",
 }
@@ -54,7 +54,7 @@ def write_study(
     from footsense.lab.report import STUDIES, bind_pages, last_duration_s, make_page
     from footsense.lab.studies.page import StudyContext
 
-    report_progress = (lambda _: None) if as_json else options.stopwatch_report()
+    report_progress = (lambda _: None) if as_json else options.elapsed_time_reporter()
     context = StudyContext(
         models=models or options.released_folder(), quick=quick, report_progress=report_progress
     )
@@ -103,7 +103,7 @@ def mismatch(
     as_json: bool,
 ) -> None:
     """Calibrate and read feet whose physics the calibration does not know, on this machine or a cluster, resumable."""
-    from footsense.cli.lab.pages.mismatch import KEPT, STUDY, run_study
+    from footsense.cli.lab.pages.mismatch import KEPT_FEET_FOLDER, STUDY, run_study
     from footsense.lab.monte_carlo.workers import job_runner
 
     given = tuple(rows.split(",")) if rows else ()
@@ -114,7 +114,7 @@ def mismatch(
             workers=job_runner(scheduler) if scheduler else None,
             rows=given,
             n_feet=n_feet,
-            kept=kept or KEPT,
+            kept=kept or KEPT_FEET_FOLDER,
         ),
     )
     write_study(own.page, models, output, quick=quick, as_json=as_json, bound=not given)
@@ -174,7 +174,7 @@ faults = _study_command(
 )
 
 
-def _renamed_file(_: click.Context, __: click.Parameter, given: str | None) -> None:
+def _refuse_former_option(_: click.Context, __: click.Parameter, given: str | None) -> None:
     """Answer the former name of `--file`.
 
     Raises:
@@ -190,7 +190,7 @@ def _renamed_file(_: click.Context, __: click.Parameter, given: str | None) -> N
     metavar="ADDRESS",
     help="Of a dask cluster, such as tcp://host:8786; without it two processes on this machine.",
 )
-@click.option("--campaign", hidden=True, expose_value=False, callback=_renamed_file)
+@click.option("--campaign", hidden=True, expose_value=False, callback=_refuse_former_option)
 @click.option(
     "--file",
     type=click.Path(dir_okay=False, path_type=Path),

@@ -10,7 +10,7 @@ from footsense.foot.directions import azimuth_elevation_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 
-_RINGS_DEG = (40.0, 50.0, 60.0, 70.0, 80.0)
+_ELEVATION_RINGS_DEG = (40.0, 50.0, 60.0, 70.0, 80.0)
 
 
 def draw_coverage(path: Path, coverage: Coverage, loads_n: Vector, title: str) -> None:
@@ -34,7 +34,9 @@ def draw_coverage(path: Path, coverage: Coverage, loads_n: Vector, title: str) -
         axes.scatter(np.radians(azimuth_deg[own]), 90.0 - elevation_deg[own], **style)
         axes.set_rlim(0.0, 90.0 - MIN_ELEVATION_DEG + coverage.reach_deg / 2)
         axes.set_rgrids(
-            [90.0 - ring for ring in _RINGS_DEG], [f"{ring:g}" for ring in _RINGS_DEG], fontsize=7
+            [90.0 - ring for ring in _ELEVATION_RINGS_DEG],
+            [f"{ring:g}" for ring in _ELEVATION_RINGS_DEG],
+            fontsize=7,
         )
         axes.set_thetagrids([0, 90, 180, 270], ["forward", "left", "rear", "right"], fontsize=8)
         share = 100 * coverage.covered_directions_rel[band]

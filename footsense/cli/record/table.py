@@ -9,13 +9,13 @@ from rich.text import Text
 from footsense.calibration.session.coverage import azimuth_and_elevation_deg
 from footsense.calibration.session.guide import SessionGuide
 from footsense.cli.live_view import LiveView
-from footsense.cli.record.coverage_ball import GLYPHS, PLAIN_GLYPHS, discs
+from footsense.cli.record.coverage_ball import GLYPHS, PLAIN_GLYPHS, coverage_discs
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import USABLE, Cycle, State, Vector
 
-_PERIOD_NS = 100_000_000
+_REDRAW_PERIOD_NS = 100_000_000
 #: Messages that the picture shows.
-MESSAGES = 4
+N_MESSAGES = 4
 
 
 class RecordTable(LiveView):
@@ -32,7 +32,7 @@ class RecordTable(LiveView):
     def __init__(
         self, console: Console, guide: SessionGuide, messages: deque[str], row: int, title: str
     ) -> None:
-        super().__init__(console, _PERIOD_NS)
+        super().__init__(console, _REDRAW_PERIOD_NS)
         self._guide = guide
         self._row = row
         self._title = title
@@ -47,7 +47,7 @@ class RecordTable(LiveView):
         target = guide.coverage.next_load
         if guide.coverage.n_loads != self._n_drawn:  # drawing looks up a thousand cells
             self._n_drawn = guide.coverage.n_loads
-            self._discs = discs(guide.coverage, guide.loads_n, target, self._glyphs)
+            self._discs = coverage_discs(guide.coverage, guide.loads_n, target, self._glyphs)
         state = State(int(cycle.forces.state[self._row]))
         foot_n = cycle.forces.force_n[self._row] if state in USABLE else np.full(3, np.nan)
         pressed = "pressed" if guide.is_pressed else "free"
@@ -60,8 +60,8 @@ class RecordTable(LiveView):
             Text(),
             *self._discs,
             Text(),
-            Text.assemble(("reference  ", "bold"), _force(guide.reference_n), (f"   {pressed}", "dim")),
-            Text.assemble(("foot       ", "bold"), _force(foot_n), (f"   {state.name.lower()}", "dim")),
+            Text.assemble(("reference  ", "bold"), _force_text(guide.reference_n), (f"   {pressed}", "dim")),
+            Text.assemble(("foot       ", "bold"), _force_text(foot_n), (f"   {state.name.lower()}", "dim")),
             Text.assemble(("next       ", "bold"), (target_text, "yellow"), ", hold it still, release"),
             Text.assemble(("so far     ", "bold"), guide.coverage.progress_text()),
             *(
@@ -71,7 +71,7 @@ class RecordTable(LiveView):
         )
 
 
-def _force(force_n: Vector) -> str:
+def _force_text(force_n: Vector) -> str:
     """Return a force as text.
 
     Example:

@@ -7,7 +7,7 @@ import click
 
 from footsense.child_process import check_new_file
 from footsense.cli.options import FILE
-from footsense.cli.recordings.file_bar import file_bar
+from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.errors import RecordingError
 from footsense.recording.replay import Replay
 
@@ -75,7 +75,7 @@ def _convert(file: Path, target: Path, write: _Write) -> None:
     Raises:
         RecordingError: It cannot be written, or the recording is cut short.
     """
-    with file_bar(target.name, file) as on_read:
+    with file_progress_bar(target.name, file) as on_read:
         try:
             n_cycles = write(Replay(file, on_read), target)
         except RecordingError:

@@ -8,7 +8,7 @@ import msgspec
 
 from footsense.can.frame_log import check_log_target
 from footsense.cli.options import FILE, FOLDER, can_log_option
-from footsense.cli.recordings.file_bar import file_bar
+from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
@@ -47,11 +47,11 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
         check_log_target(can_log)
     with ExitStack() as showing:
         # At the speed of the recording there is nothing to wait for.
-        on_read = None if realtime else showing.enter_context(file_bar("replay", file))
-        _replay(Replay(file, on_read), folder, can_log, check=check, realtime=realtime)
+        on_read = None if realtime else showing.enter_context(file_progress_bar("replay", file))
+        _run_replay(Replay(file, on_read), folder, can_log, check=check, realtime=realtime)
 
 
-def _replay(
+def _run_replay(
     recording: Replay, folder: Path | None, can_log: Path | None, *, check: bool, realtime: bool
 ) -> None:
     """Run a recording through the pipeline.
@@ -93,10 +93,10 @@ def _replay(
             n_frames += 1
     how = "bit for bit" if exact else "to 1 mN (another processor or library version)"
     click.echo(f"{n_equal} cycles equal {how}" if check else f"{n_frames} cycles replayed")
-    _require_whole(file, source, n_equal if check else None)
+    _require_complete_recording(file, source, n_equal if check else None)
 
 
-def _require_whole(file: Path, source: ReplaySource, n_equal: int | None) -> None:
+def _require_complete_recording(file: Path, source: ReplaySource, n_equal: int | None) -> None:
     """Check at the end that the recording has no gaps and a proper end.
 
     Raises:

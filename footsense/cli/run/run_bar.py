@@ -9,7 +9,7 @@ from footsense.progress import progress_bar
 _NS_PER_S = 1_000_000_000
 
 
-class RunBar(Observer):
+class SimulationProgressBar(Observer):
     """An observer that shows the simulated time.
 
     Args:

@@ -14,7 +14,7 @@ from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan, scan_adapters, scan_bus
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
-from footsense.cli.probe.figure import draw
+from footsense.cli.probe.figure import draw_probed_feet
 from footsense.cli.probe.json_values import probe_json
 from footsense.cli.probe.picture import probe_picture, unloaded_yaml
 from footsense.config import DEFAULT, Config
@@ -358,8 +358,8 @@ def test_a_figure_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     """As every other error; one that can shows legs without a foot too."""
     found = probed(scene_faults.Absent(at_s=0, leg="lm"))
     with pytest.raises(FootsenseError, match="no-folder"):
-        draw(found, "test", tmp_path / "no-folder" / "feet.png")
+        draw_probed_feet(found, "test", tmp_path / "no-folder" / "feet.png")
     with pytest.raises(FootsenseError, match="nonsense"):
-        draw(found, "test", tmp_path / "feet.nonsense")
-    draw(found, "test", tmp_path / "feet.png")
+        draw_probed_feet(found, "test", tmp_path / "feet.nonsense")
+    draw_probed_feet(found, "test", tmp_path / "feet.png")
     assert (tmp_path / "feet.png").read_bytes().startswith(b"\x89PNG")

@@ -49,13 +49,13 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     ), {}
 
 
-def _elements(mask: int) -> str:
+def _element_numbers_text(mask: int) -> str:
     """Return the numbers of the elements in a mask."""
     named = [str(element) for element in range(ELEMENTS) if mask >> element & 1]
     return "all" if len(named) == ELEMENTS else " ".join(named) or "-"
 
 
-def _ms(time_s: float | None) -> str:
+def _milliseconds_text(time_s: float | None) -> str:
     return "-" if time_s is None else f"{1e3 * time_s:.0f}"
 
 
@@ -72,8 +72,8 @@ STUDY = Study(
         "DURATION_S": f"{DURATION_S:g}",
         "PASSES_AT_S": f"{PASSES_AT_S:g}",
         "camel": _camel,
-        "elements": _elements,
-        "ms": _ms,
+        "elements": _element_numbers_text,
+        "ms": _milliseconds_text,
     },
     command="faults",
 )

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from footsense import calibration, estimation, foot
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.fit.calibrate import MAX_MAHALANOBIS_DISTANCE, TYPICAL_MAHALANOBIS_DISTANCE
-from footsense.cli.lab.pages.mismatch_rows import ROWS
+from footsense.cli.lab.pages.mismatch_rows import MISMATCH_ROWS
 from footsense.errors import FootsenseError
 from footsense.foot.direction_sets import random_directions
 from footsense.foot.directions import normalized
@@ -35,13 +35,13 @@ from footsense.validation.mismatch_trial import TestLoads, TrialPlan, run_mismat
 
 #: Feet, presses used and rows of a full run and of a quick one.
 N_FEET, QUICK_N_FEET, EVERY, QUICK_EVERY = 20, 2, 2, 6
-QUICK_ROWS = ("none", "reference")
+QUICK_ROW_NAMES = ("none", "reference")
 SEED = 8
 #: Wanted direction and magnitude error after calibration.
 TARGET_DEG, TARGET_GF = 2.0, 3.0
 FIGURE = "mismatch.png"
 #: Where solved tables and finished feet are kept.
-KEPT = Path("build") / "mismatch"
+KEPT_FEET_FOLDER = Path("build") / "mismatch"
 #: Test loads of the leaning sets, and the band of the full range [gf].
 _N_LEANING, FULL_RANGE_GF = 180, (20.0, 200.0)
 #: Lowest elevation of a leaning load [deg] with a mount turned by several degrees.
@@ -96,7 +96,7 @@ test_loads.__test__ = False  # type: ignore[attr-defined]  # no test for pytest
 
 
 @lru_cache(maxsize=1)
-def _models(folder: Path) -> DesignModels:
+def _load_design_models(folder: Path) -> DesignModels:
     return DesignModels.load(folder)
 
 
@@ -109,7 +109,7 @@ def evaluate_job(job: Job, *, models: Path, tables: Path, plan: TrialPlan) -> di
         tables: Folder of the solved tables.
         plan: What is done with it.
     """
-    design, known, row = load_foot(models / FOOT_FILE), _models(models), ROWS[job.case]
+    design, known, row = load_foot(models / FOOT_FILE), _load_design_models(models), MISMATCH_ROWS[job.case]
     truth = dataclasses.replace(solid_response(row.solid, known.response, design, tables), cavity=row.cavity)
     began_s = process_time()
     figures = run_mismatch_trial(known, truth, row.disturbance, plan, job.foot)
@@ -122,7 +122,7 @@ def run_study(
     *,
     rows: Sequence[str] = (),
     n_feet: int | None = None,
-    kept: Path = KEPT,
+    kept: Path = KEPT_FEET_FOLDER,
 ) -> tuple[MismatchResults, Plots]:
     """Evaluate the feet of all rows that are not finished yet.
 
@@ -136,19 +136,19 @@ def run_study(
     Raises:
         FootsenseError: There is no such row.
     """
-    if unknown := [name for name in rows if name not in ROWS]:
-        raise FootsenseError(f"no row {unknown[0]!r}: there are {', '.join(ROWS)}")
-    names = tuple(rows) or (QUICK_ROWS if context.quick else tuple(ROWS))
+    if unknown := [name for name in rows if name not in MISMATCH_ROWS]:
+        raise FootsenseError(f"no row {unknown[0]!r}: there are {', '.join(MISMATCH_ROWS)}")
+    names = tuple(rows) or (QUICK_ROW_NAMES if context.quick else tuple(MISMATCH_ROWS))
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     plan = TrialPlan(
         tolerances=PAPER_TOLERANCES,
         seed=SEED,
         every=QUICK_EVERY if context.quick else EVERY,
-        tests=test_loads(context.foot_design.loads),
+        test_loads_by_name=test_loads(context.foot_design.loads),
     )
     began_s = process_time()
     for name in names:  # solved once, not by each worker
-        solid_response(ROWS[name].solid, context.response, context.foot_design, kept)
+        solid_response(MISMATCH_ROWS[name].solid, context.response, context.foot_design, kept)
         context.report_progress(f"{name}: table ready")
     tables_s = process_time() - began_s
     about: dict[str, str | int] = {
@@ -164,14 +164,14 @@ def run_study(
     means, worst, scatter = {}, {}, {}
     for name in names:
         jobs = [Job(Tolerances(), foot, case=name) for foot in range(n_feet)]
-        digest = hashlib.sha256(f"{about} {ROWS[name]}".encode()).hexdigest()[:12]
+        digest = hashlib.sha256(f"{about} {MISMATCH_ROWS[name]}".encode()).hexdigest()[:12]
         file = kept / f"{name}-{digest}.jsonl"
         made = list(run_resumable(about, jobs, work, workers=run, file=file).values())
         columns = {figure: np.array([one[figure] for one in made]) for figure in made[0]}
         means[name] = {figure: round(float(np.nanmean(values)), 3) for figure, values in columns.items()}
         worst[name] = {figure: round(float(np.nanmax(values)), 3) for figure, values in columns.items()}
         scatter[name] = [(round(one["distance_all"], 2), round(one["centred_all_deg"], 3)) for one in made]
-        context.report_progress(f"{name}: {_progress(means[name])}")
+        context.report_progress(f"{name}: {_progress_line(means[name])}")
     presses = len(paper_presses("training")[:: plan.every])
     results = MismatchResults(
         feet=n_feet,
@@ -180,7 +180,9 @@ def run_study(
         worst=worst,
         scatter=scatter,
         tables_s=round(tables_s, 1),
-        full_solve_s=None if context.quick or rows else _full_solve_s(context, plan.tests["leaning"], kept),
+        full_solve_s=None
+        if context.quick or rows
+        else _full_solve_s(context, plan.test_loads_by_name["leaning"], kept),
     )
     return results, {FIGURE: _figure(results)}
 
@@ -196,22 +198,22 @@ def _figure(results: MismatchResults) -> Figure:
     bars.axvline(TARGET_DEG, color="k", ls=":", label="wanted at most")
     bars.set(
         yticks=places,
-        yticklabels=[ROWS[name].title for name in results.means],
+        yticklabels=[MISMATCH_ROWS[name].title for name in results.means],
         xscale="log",
         xlabel="direction error after calibration, mean [deg]",
         title="what differs from the model",
     )
     bars.invert_yaxis()
     bars.legend(fontsize="small")
-    _draw_trust(dots, results)
+    _draw_error_over_distance(dots, results)
     return figure
 
 
-def _draw_trust(dots: Axes, results: MismatchResults) -> None:
+def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
     """Draw each foot's error over the distance of its loads, in zones of trust; rows that stand out have a name."""
     marks = {True: ("o", "C0", "a calibration can represent it"), False: ("x", "C3", "it cannot")}
     for name, feet in results.scatter.items():
-        marker, color, _ = marks[ROWS[name].represented]
+        marker, color, _ = marks[MISMATCH_ROWS[name].represented]
         distance, error_deg = np.array(feet).T
         dots.scatter(distance, error_deg, s=12, marker=marker, color=color, alpha=0.7, linewidths=1.0)
         middle, highest = np.median(feet, axis=0)[0], np.max(feet, axis=0)[1]
@@ -257,7 +259,7 @@ def _full_solve_s(context: StudyContext, loads: TestLoads, kept: Path) -> float:
     return float(file.read_text(encoding="utf-8"))
 
 
-def _progress(row: dict[str, float]) -> str:
+def _progress_line(row: dict[str, float]) -> str:
     """Return a line of progress of a row."""
     return (
         f"design {row['centred_design_deg']:.1f} deg, calibrated {row['centred_all_deg']:.2f} deg "
