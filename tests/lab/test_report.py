@@ -94,7 +94,7 @@ def test_another_released_foot_has_a_fault_table(foot_type: str) -> None:
     """It is of the foot's network and of the code as it is, and is the text of its numbers."""
     folder = RELEASED.parent / foot_type
     assert stale_reason("faults", folder, StudyContext(models=folder), ALL) == ""
-    page: Page = import_module(ALL["faults"]).STUDY.rendered(page_values("faults", folder))
+    page: Page = import_module(ALL["faults"]).STUDY.rerender(page_values("faults", folder))
     assert page.markdown == (folder / "faults.md").read_text(encoding="utf-8")
 
 
