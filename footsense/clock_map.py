@@ -106,7 +106,7 @@ class ClockMap:
         return stood_still or late_ns - self._lowered_ns < -_MIN_JUMP_NS or since_ns < -_MAX_REORDERING_NS
 
     def _restart(self, point: _Point, t_arrival_ns: int, *, leapt: bool) -> None:
-        """Restart the estimate from one point."""
+        """Restart the estimate of offset and drift from one point."""
         is_known = self._points and self._points[-1][0] - self._points[0][0] >= _MIN_FIT_SPAN_NS
         if is_known or leapt:
             self.restarts += 1
@@ -134,7 +134,7 @@ class ClockMap:
         self._fit_line()
 
     def _fit_line(self) -> None:
-        """Fit the line below all points."""
+        """Fit the line of smallest offsets, below all points, as offset and drift."""
         self._lowered_ns = 0
         points = sorted(self._points)
         if points[-1][0] - points[0][0] >= _MIN_FIT_SPAN_NS:
@@ -147,7 +147,7 @@ def _lower_hull_slope(points: list[_Point]) -> float:
     """Return the slope of the lower convex hull at the mean time of some points, sorted, not all of one time.
 
     Example:
-        >>> _slope_under([(0, 0), (10, 7), (20, 2), (30, 9), (40, 4)])
+        >>> _lower_hull_slope([(0, 0), (10, 7), (20, 2), (30, 9), (40, 4)])
         0.1
     """
     hull: list[_Point] = []

@@ -21,7 +21,7 @@ _FULL_BAR_REL = 0.99
 
 
 def is_terminal() -> bool:
-    """Return whether bars are shown."""
+    """Return whether standard error is a terminal, where progress bars are shown."""
     return sys.stderr is not None and sys.stderr.isatty()
 
 

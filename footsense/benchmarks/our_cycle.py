@@ -103,7 +103,7 @@ class ServiceCycle(NamedTuple):
 
 @contextmanager
 def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
-    """Compose the cycle of the service.
+    """Open one cycle of the service: pipeline, CAN sink and observers, with a loopback as CAN.
 
     Args:
         shared: Whether it copies its cycles into shared memory, as with a section `view`.

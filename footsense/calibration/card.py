@@ -9,7 +9,7 @@ from footsense.foot.force_errors import Errors
 
 
 def card_text(manifest: Manifest, parameters: Parameters) -> str:
-    """Return the card as Markdown.
+    """Return the summary of a calibrated foot as Markdown.
 
     Args:
         manifest: Its manifest; the hashes of the files are not used.

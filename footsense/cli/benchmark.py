@@ -54,7 +54,7 @@ def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
 
 
 def _measure_all(n_cycles: int, *, quick: bool) -> dict[str, Any]:
-    """Measure everything."""
+    """Measure scan, age, cycle, wake-up latency, start and memory, and return the figures."""
     scan = scan_figures()
     figures: dict[str, Any] = {
         "conversion_limit_ms": conversion_limit_ms(),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Return an IP address.
+    """Return a valid IP address, or refuse the option.
 
     Raises:
         BadParameter: It is none.
@@ -136,7 +136,7 @@ def _serve_until_stopped(
 
 
 def _open_tares(config: Config | None, file: Path | None) -> "TareCommands":
-    """Open the channel for commands.
+    """Open the CAN channel for tare commands.
 
     Raises:
         ConfigError: There is nobody to command.

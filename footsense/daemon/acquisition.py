@@ -34,7 +34,7 @@ MIN_BUS_SPEED_REL = 0.9
 
 @dataclass(frozen=True, slots=True)
 class ScanSource:
-    """An open source of frames.
+    """An open source of capacitance frames, with its clock and simulated truth.
 
     Attributes:
         source: The scanner, started.

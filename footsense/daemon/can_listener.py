@@ -78,7 +78,7 @@ class Listener:
         self._n_force_frames = dict.fromkeys(NODE_IDS.values(), 0)
 
     def listen(self, until_ns: int) -> None:
-        """Receive frames until a time [ns].
+        """Receive CAN frames until a time [ns].
 
         A frame counts as arrived at the previous poll: the age may be 5 ms too high, never too low.
 

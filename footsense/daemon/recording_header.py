@@ -46,7 +46,7 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
 
 
 class ClosureConversion(msgspec.Struct, frozen=True):
-    """What turns readings of the elements into closures of their gaps.
+    """Stray capacitance and plate distance of each element, which convert readings into gap closures.
 
     Attributes:
         stray_pf: Capacitance in parallel with each element [pF], shape (legs, 9).
@@ -58,7 +58,7 @@ class ClosureConversion(msgspec.Struct, frozen=True):
 
 
 def closure_conversion(models: Models) -> ClosureConversion:
-    """Return what turns readings of a robot's elements into closures."""
+    """Return the parameters that convert the readings of a robot's elements into gap closures."""
     stray_pf, _ = unloaded_capacitance_pf(models)
     return ClosureConversion(stray_pf.tolist(), distance_times_capacitance_pf(models).tolist())
 

@@ -23,7 +23,7 @@ from footsense.sim.test_stand.press_sequence import paper_presses
 def session_guide(
     test_stand: StandConfig, row: int, wanted: int, network: Network, report: Callable[[str], None]
 ) -> SessionGuide:
-    """Return the guide of a session.
+    """Return the observer that guides a calibration session.
 
     Args:
         test_stand: Its force sensor.

@@ -86,5 +86,5 @@ class PacedSource:
         return scan
 
     def close(self) -> None:
-        """Close the source."""
+        """Close the wrapped frame source."""
         self._source.close()

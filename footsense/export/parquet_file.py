@@ -54,7 +54,7 @@ def write_parquet(replay: Replay, path: Path) -> int:
 
 
 def _column_type(name: str) -> Any:  # noqa: ANN401 - the library is not typed
-    """Return the type of a column."""
+    """Return the Arrow type of a column."""
     if name in _TEXT_COLUMNS:
         return pa.dictionary(pa.int8(), pa.string()) if name != "event" else pa.string()
     if name in _BOOLEAN_COLUMNS:

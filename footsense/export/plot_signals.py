@@ -12,7 +12,7 @@ _NS_PER_S = 1e9
 
 
 class PlotSignals(NamedTuple):
-    """What is drawn of a recording; times in seconds after the first cycle.
+    """Signals of a recording that the picture shows; times in seconds after the first cycle.
 
     Attributes:
         t_s: Time of sending of each cycle, shape (cycles,).
@@ -82,7 +82,7 @@ class _SignalCollector:
 
 
 def collect_signals(replay: Replay) -> tuple[PlotSignals, RecordingError | None]:
-    """Return what is drawn of a recording, and the error that ended it early, if any."""
+    """Return the plotted signals of a recording, and the error that ended it early, if any."""
     collection = _SignalCollector(replay.legs)
     damage = None
     try:

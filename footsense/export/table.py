@@ -45,7 +45,7 @@ _CONTACT_COLUMN_INDICES = tuple(
 
 
 def read_rows(replay: Replay) -> Iterator[list[Column]]:
-    """Return the rows of a recording.
+    """Return the table rows of a recording, one for each leg and cycle.
 
     Args:
         replay: The recording.
@@ -82,7 +82,7 @@ def _cycle_rows(cycle: Cycle, legs: tuple[str, ...]) -> list[Column]:
 
 
 def _leg_columns(frame: Any, fields: Mapping[str, CycleField]) -> list[Column]:  # noqa: ANN401 - frames of three kinds
-    """Return the values of each leg."""
+    """Return the columns of a frame's fields, one list of values for each leg."""
     columns: list[Column] = []
     for path, field in fields.items():
         array = attrgetter(path)(frame)

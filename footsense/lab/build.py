@@ -109,7 +109,7 @@ QUICK_BUILD = BuildSettings(
 
 @dataclass(frozen=True, slots=True)
 class BuildResult:
-    """The result of a build.
+    """Error table, network card and ONNX check of a build.
 
     Attributes:
         table: Errors by row, of the file as ONNX Runtime computes it.

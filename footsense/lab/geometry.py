@@ -99,7 +99,7 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def min_training_force_n(self) -> float:
-        """Lightest force of the training [N]."""
+        """Smallest force of the training loads [N]."""
         return 0.005 * self.max_n
 
     @property

@@ -20,7 +20,7 @@ def readme(
     *,
     quick: bool,
 ) -> str:
-    """Return the model card for people."""
+    """Return the README of the model files as Markdown."""
     names = {
         "foot_design": foot_design,
         "response": response,

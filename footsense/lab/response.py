@@ -108,7 +108,7 @@ def _relative_rms(difference: Vector, reference: Vector) -> float:
 
 
 def _round_to_stored(table: Any) -> Vector:
-    """Return the kept decimals, without -0.0, which would be other bytes."""
+    """Return values rounded to the stored decimals, with -0.0 as 0.0 so that the bytes are the same."""
     kept: Vector = np.round(table, STORED_DECIMALS) + 0.0
     return kept
 

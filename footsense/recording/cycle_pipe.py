@@ -118,12 +118,12 @@ def pack_header(header: Mapping[str, str]) -> bytes:
 
 
 def pack_loss(loss: LostCycles) -> bytes:
-    """Return the record of lost cycles."""
+    """Return the pipe record that counts lost cycles."""
     return _with_length(_encode(loss))
 
 
 def pack_cycle(counter: int, cycle: Cycle) -> bytes:
-    """Return one cycle as a record.
+    """Return one cycle as a msgpack record for the pipe.
 
     Args:
         counter: Number of the cycle since the recording began.

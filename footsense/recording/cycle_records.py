@@ -130,7 +130,7 @@ def unpack_records(
 
 
 def require_valid(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
-    """Refuse a field without a meaning.
+    """Raise an error with these words if a field of a record is invalid.
 
     Raises:
         ValueError: It does not hold.
@@ -180,7 +180,7 @@ def _decode_arrays(
 
 
 def _decode_gait(record: _Gait, n_legs: int) -> GaitFrame:
-    """Return the gait of a record."""
+    """Return the gait frame of a decoded record."""
     require_valid(
         all(0 <= event.leg < n_legs for event in record.events), f"an event of none of {n_legs} legs"
     )

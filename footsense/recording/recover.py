@@ -13,7 +13,7 @@ from footsense.recording.replay import Replay
 
 
 class RecoveryResult(NamedTuple):
-    """Result of a recovery.
+    """Result of a recovery: number of cycles, and the damage that ended the recording.
 
     Attributes:
         n_cycles: Cycles in the new file.

@@ -108,14 +108,14 @@ class SharedCycles(Observer):
         _COUNTER_STRUCT.pack_into(self._cells, 0, self._n)
 
     def close(self) -> None:
-        """Remove the file."""
+        """Remove the shared-memory file."""
         self._float64_values.release()
         self._cells.release()
         self._file.close()
 
 
 class NewCycles(NamedTuple):
-    """Cycles since the last reading.
+    """Cycles since the last reading of the ring buffer, and how many were missed.
 
     Attributes:
         cycles: The cycles, oldest first.
@@ -238,6 +238,6 @@ class CycleReader:
         ).copy()
 
     def close(self) -> None:
-        """Release the file."""
+        """Release the shared-memory file."""
         self._map.close()
         self._file.close()

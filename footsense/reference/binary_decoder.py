@@ -21,7 +21,7 @@ CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {
 
 
 class BinaryDecoder(RecordDecoder):
-    """Binary records of one length.
+    """Decoder of binary records of fixed length.
 
         sync bytes | values | checksum
 

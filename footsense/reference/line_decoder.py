@@ -7,7 +7,7 @@ from footsense.reference.record_decoder import RecordDecoder
 
 
 class LineDecoder(RecordDecoder):
-    r"""Lines of numbers, each ended by \n or \r\n.
+    r"""Decoder of text lines of numbers, each ended by \n or \r\n.
 
     Args:
         columns: Column of each number, of `COLUMNS` or "-".

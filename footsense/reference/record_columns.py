@@ -30,7 +30,7 @@ def integer_widths_bits(layout: str) -> list[int | None]:
         struct.error: The layout is invalid, too long, has gaps, or holds something else than numbers.
 
     Example:
-        >>> integer_bits("<IH2hf")
+        >>> integer_widths_bits("<IH2hf")
         [32, 16, 16, 16, None]
     """
     size = struct.Struct(layout).size  # raises if it is invalid

@@ -14,7 +14,7 @@ from footsense.reference.record_columns import NS_PER_TIME_UNIT, max_plausible_m
 
 
 class SensorRecords(NamedTuple):
-    """Records of a sensor, oldest first.
+    """Decoded records of a force sensor, oldest first.
 
     Attributes:
         t_ns: Time of each by the sensor's clock [ns], shape (n,), int64; None if it sends none.

@@ -22,7 +22,7 @@ _MIN_LATENESS_PERIODS = 1.05
 
 
 class SampleTimes:
-    """Stamps the samples of one sensor.
+    """Assigns sampling times in the daemon's clock to the samples of one force sensor.
 
     Args:
         rate_hz: Samples per second of the sensor's clock [Hz].

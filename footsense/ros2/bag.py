@@ -63,11 +63,11 @@ class Bag:
 
     @property
     def n_messages(self) -> int:
-        """Messages so far."""
+        """Number of messages written so far."""
         return self._n_messages.total()
 
     def add(self, message: TopicMessage, t_ns: int) -> None:
-        """Write a message.
+        """Write a ROS 2 message to the bag.
 
         Args:
             message: The message and its topic.

@@ -50,7 +50,7 @@ class _CycleWriter:
         self._diagnosed_ns: int | None = None
 
     def add(self, cycle: RecordedSamples) -> None:
-        """Write the messages of a cycle."""
+        """Write the ROS 2 messages of a cycle to the bag."""
         t_ns, samples, has_gait = cycle
         if self._diagnosed_ns is None:
             for message in self._topics.transforms(t_ns):

@@ -37,7 +37,7 @@ def _field_from_hint(name: str, hint: Any) -> Field:  # noqa: ANN401 - a type
 
 
 def ros_name(message: type, middle: str = "/msg/") -> str:
-    """Return the name of a type.
+    """Return the ROS 2 name of a message type, such as `geometry_msgs/msg/Wrench`.
 
     Example:
         >>> from footsense.ros2.messages import Wrench
@@ -52,7 +52,7 @@ def message_definition(message: type) -> str:
 
     Example:
         >>> from footsense.ros2.messages import Header
-        >>> print(definition(Header).replace(_SEPARATOR, "==="))
+        >>> print(message_definition(Header).replace(_DEFINITION_SEPARATOR, "==="))
         builtin_interfaces/Time stamp
         string frame_id
         ===

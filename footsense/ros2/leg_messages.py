@@ -91,7 +91,7 @@ def wrench(sample: LegSample, frame: str) -> WrenchStamped | None:
 
 
 def contact_state(sample: LegSample, frame: str) -> ContactState:
-    """Return a leg's contact.
+    """Return a leg's contact as a ROS 2 message.
 
     Args:
         sample: The leg.
@@ -110,7 +110,7 @@ def contact_state(sample: LegSample, frame: str) -> ContactState:
 
 
 def diagnostics(samples: Sequence[LegSample], t_ns: int) -> DiagnosticArray:
-    """Return the health of all legs.
+    """Return the health of all legs as a ROS 2 diagnostic message.
 
     Args:
         samples: The legs.

@@ -44,7 +44,7 @@ def live_sample(snapshot: LegSnapshot, wall_ns: int) -> LegSample:
 
 
 class LiveMessages:
-    """What is to be published of the legs on CAN, and when.
+    """Decides which ROS 2 messages of the legs on CAN are due, and builds them.
 
     Args:
         topics: The messages of the legs.

@@ -14,7 +14,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class RecordedSamples(NamedTuple):
-    """The legs in one cycle.
+    """State and force of all legs in one recorded cycle.
 
     Attributes:
         t_sent_ns: Time of sending, since 1970 [ns].
@@ -28,7 +28,7 @@ class RecordedSamples(NamedTuple):
 
 
 def recorded_samples(replay: Replay) -> Iterator[RecordedSamples]:
-    """Return the cycles of a recording.
+    """Return the cycles of a recording as samples for ROS 2.
 
     Args:
         replay: The recording.

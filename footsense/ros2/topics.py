@@ -49,14 +49,14 @@ class FootFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TopicMessage(NamedTuple):
-    """A message and its topic."""
+    """A ROS 2 message and the topic that it is published on."""
 
     topic: str
     message: Message
 
 
 class Topics:
-    """The messages of a robot's legs.
+    """Builds the ROS 2 messages of a robot's legs.
 
     Args:
         legs: Names of the legs.

@@ -18,7 +18,7 @@ _EXPONENT_NUMBER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 
 
 class Problem(NamedTuple):
-    """One fault of a text.
+    """One fault of a YAML text: path of the key, and message.
 
     Attributes:
         path: Keys and indices from the top to the value, such as "buses[0].legs.lf"; empty for the text as a whole.

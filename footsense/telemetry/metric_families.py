@@ -94,7 +94,7 @@ CAN_COUNTERS = {
 
 
 def service_metrics(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> list[MetricFamily]:
-    """Return the metrics of a robot.
+    """Return the Prometheus metrics of a robot with these legs.
 
     Args:
         legs: Name of the leg in each row of the frames.

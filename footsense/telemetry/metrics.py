@@ -194,6 +194,6 @@ class MetricsObserver(Observer):
         self._state_cells[name] = present
 
     def _set_cells(self, name: str, values: Sequence[float]) -> None:
-        """Write the cells of a family."""
+        """Write the values of a metric family to the shared counters."""
         first = self._first[name]
         self._counters.cells[first : first + len(values)] = array("d", values)

@@ -44,7 +44,7 @@ _COUNTER_VALUES = 15
 
 
 class Violation(NamedTuple):
-    """A violation of an invariant.
+    """A violation of an invariant: which one, when, and on which leg.
 
     Attributes:
         invariant: The invariant.

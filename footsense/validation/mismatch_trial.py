@@ -93,7 +93,7 @@ class TestLoads:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialPlan:
-    """What is done with each foot.
+    """Tolerances, seed, presses and test loads of the mismatch trials.
 
     Attributes:
         tolerances: Fabrication tolerances.

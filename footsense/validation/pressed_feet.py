@@ -78,7 +78,7 @@ class PressedFoot(NamedTuple):
 
     @classmethod
     def from_arrays(cls, arrays: "np.lib.npyio.NpzFile") -> Self:
-        """Return the loads of these arrays."""
+        """Return the loads of a foot from arrays read from a file."""
         training, test = (
             LoadSet(**{name: arrays[f"{one}.{name}"] for name in LoadSet.__slots__})
             for one in ("training", "test")

@@ -56,7 +56,7 @@ class FootBatch(NamedTuple):
 
 
 class TestStandTrial(NamedTuple):
-    """The sessions of one foot.
+    """Training and test session of one foot on the simulated test stand.
 
     Attributes:
         training: Session for the calibration, 362 presses.

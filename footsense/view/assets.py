@@ -46,12 +46,12 @@ class PageFiles:
 
 
 def text_response(status: HTTPStatus, text: str) -> Response:
-    """Return an answer of one line."""
+    """Return an HTTP response of one line of text."""
     return _response(status, _CONTENT_TYPES[".txt"], f"{text}\n".encode())
 
 
 def json_response(values: object) -> Response:
-    """Return an answer in JSON."""
+    """Return an HTTP response in JSON."""
     return _response(HTTPStatus.OK, "application/json", json.dumps(values).encode())
 
 

@@ -17,7 +17,7 @@ from footsense.frames import (
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Something that happened.
+    """An event of a leg or of the service, in words, with its time and level.
 
     Attributes:
         t_ns: When it happened, in the time of the frames [ns].
@@ -43,7 +43,7 @@ _GAIT_TEXTS = {
 
 
 class EventLog:
-    """Turns cycles into events.
+    """Derives events from successive cycles: gait events, state changes, command results.
 
     Args:
         n_legs: Rows of the frames.

@@ -24,7 +24,7 @@ _SEARCH_PERIOD_NS = 250_000_000
 
 
 class ViewedCycle(NamedTuple):
-    """One cycle for viewers.
+    """One live cycle with its number, time and table of signals.
 
     Attributes:
         number: Its number since this process began.

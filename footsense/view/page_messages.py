@@ -42,7 +42,7 @@ _decoder: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
 
 
 def decode_request(message: str | bytes) -> Request:
-    """Return a page's message.
+    """Return the decoded request of a page.
 
     Raises:
         ValueError: It is none of this protocol.
@@ -78,7 +78,7 @@ def hello_message(
 
 
 def events_message(events: Sequence[tuple[float, Event]], legs: Sequence[str]) -> str:
-    """Return events with their times [s]."""
+    """Return a JSON message of events with their times [s]."""
     return message(
         "events",
         {

@@ -39,7 +39,7 @@ class Connection(Protocol):
 
 
 class LivePageSession:
-    """The state of one page.
+    """State of one browser page that follows the live cycles.
 
     Args:
         live: The followed service.

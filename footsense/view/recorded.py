@@ -150,7 +150,7 @@ class RecordingSource:
 
     @property
     def n_seconds(self) -> int:
-        """Seconds that can be shown."""
+        """Number of seconds of the recording that can be shown."""
         return len(self._places)
 
     def close(self) -> None:

@@ -15,7 +15,7 @@ _MAX_GAIT_AGE_NS = 300_000_000
 
 
 class Signal(NamedTuple):
-    """One column of the table.
+    """One signal of a leg, a column of the table: name and unit.
 
     Attributes:
         name: Its name, the same in JSON and on the page.

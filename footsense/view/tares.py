@@ -18,7 +18,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class TareCommands:
-    """Sends tares to the service.
+    """Sends tare commands to the service by CAN.
 
     Args:
         wire: The CAN channel of the service.

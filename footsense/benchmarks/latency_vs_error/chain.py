@@ -53,8 +53,8 @@ def conversion_timing(rate_sps: int) -> ConversionTiming:
         rate_sps: Conversions per second: 100, 200 or 400.
 
     Example:
-        >>> pace(400)
-        Pace(step_ns=2716733, lead_ns=3234933)
+        >>> conversion_timing(400)
+        ConversionTiming(step_ns=2716733, send_delay_ns=3234933)
     """
     conversion_ns = fdc1004.RATES[rate_sps].conversion_ns
     limits = scan_lower_bounds(

@@ -61,7 +61,7 @@ class FalseReports:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchdownResults:
-    """Results of the study.
+    """Results of the study `touchdown`: latencies by manner, and false reports.
 
     Attributes:
         n_touchdowns: Touchdowns of each manner.

@@ -21,7 +21,7 @@ class Rejection(StrEnum):
 
 
 class CalibrationLoad(NamedTuple):
-    """The means over one press's dwell.
+    """Mean force and capacitances over the dwell of one press.
 
     Attributes:
         dwell_ns: Start and end of the dwell, the longest time without motion [ns].

@@ -26,7 +26,7 @@ _NOISE_RANGE_SIGMAS = 5.0
 
 
 class UnloadedSpan(NamedTuple):
-    """Readings over an unloaded span.
+    """Mean readings and reference force over a span in which the foot is unloaded.
 
     Attributes:
         t_ns: Mean time of the scans [ns].

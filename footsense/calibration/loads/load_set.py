@@ -30,7 +30,7 @@ class LoadSet:
 
     @classmethod
     def from_loads(cls, loads: Sequence[CalibrationLoad]) -> Self:
-        """Return the arrays of some loads."""
+        """Return the set of some calibration loads."""
         widths = {"force_n": 3, "sigma_n": 3, "capacitance_pf": 9, "baseline_pf": 9}
         return cls(
             **{

@@ -42,7 +42,7 @@ def _steady_span_starts(values: list[float], limits: list[float]) -> list[int]:
     """Return for each scan the first one since which the range of the values is within its limit; NaN is ignored.
 
     Example:
-        >>> _steady_since([0.0, 1.0, 5.0, 5.5], [1.0, 1.0, 1.0, 1.0])
+        >>> _steady_span_starts([0.0, 1.0, 5.0, 5.5], [1.0, 1.0, 1.0, 1.0])
         [0, 0, 2, 2]
     """
     # The values that can still become the largest, or the smallest, of the span; the first one is it now.

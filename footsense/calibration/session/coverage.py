@@ -111,7 +111,7 @@ class Coverage:
         return NextLoad(azimuth_deg, elevation_deg, MAGNITUDE_BANDS_GF[band])
 
     def progress_text(self) -> str:
-        """Return the progress in one line."""
+        """Return the number of loads and the covered share of the directions in one line."""
         shares = ", ".join(
             f"{100 * share:.0f} % at {gf:.0f} gf"
             for gf, share in zip(MAGNITUDE_BANDS_GF, self.covered_directions_rel, strict=True)
@@ -128,7 +128,7 @@ def azimuth_and_elevation_deg(force: Vector) -> tuple[float, float]:
     """Return azimuth, 0 to 360, and elevation of one force [deg].
 
     Example:
-        >>> angles_deg(np.array([0.0, 1.0, 1.0]))
+        >>> azimuth_and_elevation_deg(np.array([0.0, 1.0, 1.0]))
         (90.0, 45.0)
     """
     azimuth_deg, elevation_deg = azimuth_elevation_deg(force)

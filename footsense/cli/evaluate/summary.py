@@ -75,7 +75,7 @@ def headline_text(figures: dict[str, Any]) -> str:
 
 
 def summary_text(figures: dict[str, Any]) -> str:
-    """Return headline and table as text."""
+    """Return the headline and the table of force errors as text."""
     rows = error_table_rows(figures)
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [

@@ -175,7 +175,7 @@ faults = _study_command(
 
 
 def _refuse_former_option(_: click.Context, __: click.Parameter, given: str | None) -> None:
-    """Answer the former name of `--file`.
+    """Refuse `--campaign`, the former name of `--file`.
 
     Raises:
         FootsenseError: It is used.

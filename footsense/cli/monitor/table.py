@@ -115,7 +115,7 @@ def _element_grid(mask: int) -> Text:
     """Return the elements row by row, an x for each that is not usable.
 
     Example:
-        >>> _grid(0b000_010_001).plain
+        >>> _element_grid(0b000_010_001).plain
         'x.. .x. ...'
     """
     marks = "".join("x" if mask >> element & 1 else "." for element in range(9))

@@ -120,7 +120,7 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
 
 
 def _bus_lines(report: ProbedBus) -> Iterator[Text]:
-    """Yield the lines of one bus."""
+    """Yield the lines of one bus: chips found, addresses, timing."""
     bus, scan, drivers = report
     device = (bus.device, "bold")
     if scan.timing is None:

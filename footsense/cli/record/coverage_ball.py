@@ -29,7 +29,7 @@ _RIM_ANGLE_DEG = 90.0 - MIN_ELEVATION_DEG
 
 
 class Glyphs(NamedTuple):
-    """Characters of the cells."""
+    """Characters for uncovered and covered directions, loads, and the next load."""
 
     uncovered: str
     covered: str

@@ -75,7 +75,7 @@ def _force_text(force_n: Vector) -> str:
     """Return a force as text.
 
     Example:
-        >>> _force(np.array([0.0, 0.5, 0.5]))
+        >>> _force_text(np.array([0.0, 0.5, 0.5]))
         ' +0.000  +0.500  +0.500 N   72.1 gf  az  90  el 45'
     """
     if not np.isfinite(force_n).all():

@@ -70,7 +70,7 @@ def export(
 
 
 def _convert(file: Path, target: Path, write: _Write) -> None:
-    """Write one form.
+    """Write a recording in one output format.
 
     Raises:
         RecordingError: It cannot be written, or the recording is cut short.

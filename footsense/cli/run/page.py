@@ -77,7 +77,7 @@ class ViewProcess:
         return self._process.stdout.readline().strip()
 
     def close(self) -> None:
-        """End the process."""
+        """End the process that serves the page."""
         self._process.terminate()
         self._process.wait()
         if self._process.stdout is not None:

@@ -24,12 +24,12 @@ class SimulationProgressBar(Observer):
         self._seconds_done = self._stack.enter_context(progress_bar("simulated", duration_s))
 
     def observe(self, cycle: Cycle) -> None:
-        """Show each new second."""
+        """Update the progress bar at each new second of simulated time."""
         now_s = (cycle.forces.t_sent_ns - self._start_ns) // _NS_PER_S
         if now_s != self._shown_s:
             self._shown_s = now_s
             self._seconds_done(now_s)
 
     def close(self) -> None:
-        """Remove the bar."""
+        """Remove the progress bar."""
         self._stack.close()

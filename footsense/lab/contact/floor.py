@@ -41,4 +41,4 @@ class FloorModel(Protocol):
         """Accept the present displacements as the start of the next load step."""
 
     def patch(self) -> ContactPatch:
-        """Return the present contact patch."""
+        """Return radius, approach and peak pressure of the present contact patch."""

@@ -38,16 +38,16 @@ class BuildDifference:
 
     @property
     def is_within_tolerance(self) -> bool:
-        """Whether the difference is tolerated."""
+        """Whether the difference is at most the tolerance."""
         return self.measured <= self.tolerance
 
 
 def error_difference(figure_name: str, released: float, built: float, promised: float) -> BuildDifference:
-    """Return whether the error of a build is one of the release's.
+    """Return the comparison of a build's error with the released one and its promised limit.
 
     Example:
-        >>> error("error", 0.08, 0.19, 0.24).same, error("error", 0.08, 0.25, 0.24).same
-        (True, False)
+        >>> [error_difference("error", 0.08, built, 0.24).is_within_tolerance for built in (0.19, 0.25)]
+        [True, False]
     """
     return BuildDifference(figure_name, built, max(promised, released * (1.0 + ERROR_INCREASE_TOLERANCE_REL)))
 

@@ -70,7 +70,7 @@ def _force_per_normal_force(ratio: Vector, point: Vector) -> Vector:
 
 
 class ContactModel:
-    """Readings of a foot as designed.
+    """Model of the readings of a designed foot, as functions of contact coordinates.
 
     Args:
         response: Response of its type.

@@ -41,7 +41,7 @@ PAPER_NETWORK_362 = "paper_network_362"
 def error_table(
     response: FootResponse, loads: LoadRange, released: Readout, alone: dict[str, Readout] | None = None
 ) -> dict[str, Errors]:
-    """Return the errors of every read-out.
+    """Return the force errors of every read-out on the paper's cases and on random loads.
 
     Args:
         response: The foot.
@@ -185,7 +185,7 @@ def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) ->
 
 
 def as_markdown(table: dict[str, Errors]) -> str:
-    """Return the table for people, the paper's figures on top."""
+    """Return the error table as Markdown, the paper's figures on top."""
     lines = [
         "| read-out | cases | direction mean / p95 / max [deg] | magnitude mean / p95 / max [gf] |",
         "|---|---:|---:|---:|",

@@ -28,12 +28,12 @@ class ElementArray:
 
     @classmethod
     def from_design(cls, design: FootDesign) -> "ElementArray":
-        """Return the array of a foot.
+        """Return the rows and columns of a foot design's elements.
 
         Example:
             >>> from footsense.daemon.foot_types import released_path
             >>> from footsense.lab.foot_file import load_foot
-            >>> ElementArray.of(load_foot(released_path("foot.yaml"))).row_x_mm
+            >>> ElementArray.from_design(load_foot(released_path("foot.yaml"))).row_x_mm
             (5.0, 0.0, -5.0)
         """
         return cls(

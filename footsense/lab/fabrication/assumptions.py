@@ -11,7 +11,7 @@ from footsense.sim.foot.fabrication import FootTolerances
 
 @dataclass(frozen=True, slots=True)
 class Assumptions:
-    """The process of a foot.
+    """Manufacturing process of a foot, and the rms deviations that it causes.
 
     Attributes:
         name: Its name in the table of `footsense lab design`.
@@ -25,7 +25,7 @@ class Assumptions:
 
 
 def assumptions(design: FootDesign, name: str | None = None) -> Assumptions:
-    """Return what the design of a foot assumed.
+    """Return the manufacturing assumptions of a foot's design.
 
     Args:
         design: The foot.

@@ -29,7 +29,7 @@ ROUNDING_MM, _VOLUME_REL = 2e-3, 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One figure of a file.
+    """One measured quantity of a written file, beside its expected value.
 
     Attributes:
         file: The file, in the folder of the foot.
@@ -47,7 +47,7 @@ class Check:
 
 
 def check_flex_files(folder: Path, flex: Flex) -> Iterator[Check]:
-    """Yield the checks of one flex.
+    """Yield the checks of the Gerber and drill files of one flex.
 
     Args:
         folder: Folder of the files.
@@ -169,7 +169,7 @@ def _inset_mm(outline: Any, area: Any) -> float:
 
 
 def check_tolerances(tolerances: list[Tolerance]) -> Iterator[Check]:
-    """Yield what the limits of the drawing use up of the deviations that the lab assumed."""
+    """Yield the share of the assumed deviations that each limit of the drawing uses up."""
     for row in tolerances:
         quantity = f"{row.name} +-{row.limit:g} {row.unit}, against {row.assumed}"
         yield Check(

@@ -14,7 +14,7 @@ from footsense.sim.foot.fabrication import FootTolerances
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedCapacitance:
-    """An unloaded element.
+    """Expected capacitance of an unloaded element, with its limits.
 
     Attributes:
         plate_formula_pf: Capacitance of its plates [pF].
@@ -30,7 +30,7 @@ class ExpectedCapacitance:
 
     @property
     def unloaded_pf(self) -> float:
-        """What the converter reads [pF]."""
+        """Expected reading of the unloaded element [pF]."""
         return self.plate_formula_pf + self.fringe_pf
 
     @property

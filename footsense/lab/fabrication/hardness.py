@@ -12,7 +12,7 @@ def shore_a_from_modulus(youngs_mpa: float) -> float:
 
     Example:
         >>> from footsense.lab.design.inputs.materials import youngs_mpa_of
-        >>> round(shore_a(youngs_mpa_of(60.0)), 6)
+        >>> round(shore_a_from_modulus(youngs_mpa_of(60.0)), 6)
         60.0
     """
     ratio = youngs_mpa / _MPA

@@ -36,7 +36,7 @@ def require_manufacturable(design: FootDesign, array: ElementArray, assumed: Ass
 
 
 def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
-    """Yield why a foot cannot be made, each with its key first and what would be right last.
+    """Yield the reasons why a foot cannot be made: the key first, a remedy last.
 
     Args:
         design: The foot.

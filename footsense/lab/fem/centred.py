@@ -26,7 +26,7 @@ _X_MIRROR_SIGN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CentredClosures:
-    """Closures under centred loads of azimuth 0.
+    """Closures of the nine elements under centred loads of azimuth 0.
 
     Attributes:
         closure_um: Mean closure of each element [um], shape (loads, 9).

@@ -15,7 +15,7 @@ from footsense.frames import Vector
 
 @dataclass(frozen=True, slots=True)
 class Parity:
-    """How a displacement field goes over under the two mirrors.
+    """Parity of a displacement field under the mirrors x -> -x and y -> -y.
 
     Attributes:
         x: +1 if the field is its own mirror image under x -> -x, -1 if it is the opposite of it.

@@ -32,7 +32,7 @@ from footsense.lab.response import MAX_PATCH_RADIUS_REL, SERIES_DEGREE, cap_norm
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imperfection:
-    """How a foot is put together other than designed.
+    """Assembly errors of a foot: offset sheet, wedge of glue, bubble, partly bonded bar.
 
     Attributes:
         sheet_offset_mm: Centre of the sheet from the axis of the balls, along x and y [mm].

@@ -69,7 +69,7 @@ ReadoutErrors = dict[str, float]
 
 @dataclass(frozen=True, slots=True)
 class _JobResult:
-    """A line of the file."""
+    """Result of one job: a line of the result file."""
 
     job: Job
     figures: ReadoutErrors

@@ -47,10 +47,10 @@ class MeanStd:
 
     @classmethod
     def of_values(cls, figures: Iterable[float]) -> Self:
-        """Return the statistics of some values.
+        """Return mean, standard deviation and range of some values.
 
         Example:
-            >>> print(MeanStd.over([1.0, 2.0, 3.0]))
+            >>> print(MeanStd.of_values([1.0, 2.0, 3.0]))
             2.00 ± 1.00
         """
         values = np.array(list(figures))
@@ -66,9 +66,9 @@ class MeanStd:
         """Return how much larger this mean is than another, and the standard error of that difference.
 
         Example:
-            >>> few, many = MeanStd.over([3.0, 5.0]), MeanStd.over([1.0, 1.0])
-            >>> few.excess(many)
-            Difference(mean=3.0, error=1.0)
+            >>> few, many = MeanStd.of_values([3.0, 5.0]), MeanStd.of_values([1.0, 1.0])
+            >>> few.difference_from(many)
+            MeanDifference(mean=3.0, error=1.0)
         """
         error = np.sqrt(self.std**2 / self.n + other.std**2 / other.n)
         return MeanDifference(self.mean - other.mean, float(error))

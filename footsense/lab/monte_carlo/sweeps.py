@@ -55,7 +55,7 @@ class Sweep:
     base: Tolerances = NO_DEVIATIONS
 
     def at(self, level: float) -> Tolerances:
-        """Return the tolerances at a level."""
+        """Return the fabrication tolerances at a level of the sweep."""
         return self.base.plus(self.step, level)
 
 
@@ -83,7 +83,7 @@ TEST_STAND_SWEEPS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Numbers of feet and levels.
+    """Numbers of feet and levels that a Monte Carlo run evaluates.
 
     Attributes:
         feet: Feet at every level.
@@ -102,7 +102,7 @@ class Plan:
         return (0.0, *sweep.levels[:: -self.thin][::-1])
 
     def jobs(self, sweep: Sweep, level: float) -> list[Job]:
-        """Return the feet of a level."""
+        """Return the jobs for the feet of a level."""
         with_network = sweep in TEST_STAND_SWEEPS
         return [
             Job(sweep.at(level), foot, with_network)

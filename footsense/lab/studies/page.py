@@ -34,7 +34,7 @@ Plots = dict[str, Figure]
 
 @dataclass(frozen=True, kw_only=True)
 class StudyContext:
-    """The models that the studies measure.
+    """Models that a study evaluates, whether it runs quickly, and its progress output.
 
     Attributes:
         models: Folder of a foot type: its description, response table and network.
@@ -126,7 +126,7 @@ class Page:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """One study: computation and page.
+    """One study of the report: its computation and its page.
 
     Attributes:
         name: Names its command and its files.

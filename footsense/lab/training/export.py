@@ -49,7 +49,7 @@ IR_VERSION, OPSET = 8, 17
 
 
 def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
-    """Return the weights, each once, and their places; floats are float32 in the file, indices int64."""
+    """Return the ONNX initialisers: each weight once, and the indices that place it in the full matrices."""
     c = weights.channels
     turns = output_symmetries().transpose(0, 2, 1)  # a row vector times this is the turned vector
     named = {name: np.asarray(part, np.float64) for name, part in weights._asdict().items()}

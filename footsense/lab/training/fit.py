@@ -37,7 +37,7 @@ _TEMPERING = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Protocol:
-    """How a symmetric network is trained.
+    """Training settings of a symmetric network: size, steps, batch, learning rate, seed.
 
     Attributes:
         channels: Channels of each of the two hidden layers, eight units each.
@@ -56,7 +56,7 @@ class Protocol:
     seed: int = 20090304
 
     def card(self) -> dict[str, Any]:
-        """Return the protocol as JSON values."""
+        """Return the training settings as JSON values."""
         return {"optimiser": "muon, cosine one-cycle", **asdict(self)}
 
 

@@ -87,7 +87,7 @@ class Batch(NamedTuple):
 
 
 class _TrainingConstants(NamedTuple):
-    """Constants of a training run on the device."""
+    """Training data on the JAX device: gaits, loads at rest, masks, noise."""
 
     closure_rel: Any
     force_n: Any
@@ -183,7 +183,7 @@ def _rest_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any
 
 
 def _random_windows_batch(data: _TrainingConstants, times_per_gait: int, n: int, key: jax.Array) -> Batch:
-    """Return a random batch."""
+    """Return a random batch of training windows, in motion and at rest, with missing elements."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
     n_rest = round(_REST_SHARE * n)
     parts = zip(
@@ -220,7 +220,7 @@ def train_windowed(
     report: Any = lambda _: None,
     start: Weights | None = None,
 ) -> Weights:
-    """Train the windowed network.
+    """Train the windowed network on random gaits and loads at rest; return its weights.
 
     Args:
         gaits: Readings of random gaits.

@@ -30,7 +30,7 @@ def header_crc(header: Mapping[str, str]) -> str:
 
 
 def read_header(path: Path) -> dict[str, str]:
-    """Return the header of a recording.
+    """Return the header entries of a recording file, checked.
 
     Args:
         path: The recording.

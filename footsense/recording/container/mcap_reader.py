@@ -61,7 +61,7 @@ def read_entries(
 
 
 def _damage_text(assembly: CycleAssembly, good: int, size: int, error: Exception) -> str:
-    """Return a message about the damage."""
+    """Return a message that says where a recording is damaged and how much is intact."""
     why = " ".join(str(error).split())[:80] or "the file ends there"
     return (
         f"cut short or damaged at byte {good} of {size} ({why}): {assembly.n_cycles} cycles are whole, up to "

@@ -27,7 +27,7 @@ from footsense.validation.faults.fault_trial import (
 
 
 class FaultTrial(NamedTuple):
-    """A row of the table.
+    """One fault to simulate: a row of the fault table.
 
     Attributes:
         description: The fault in words.

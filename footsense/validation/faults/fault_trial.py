@@ -62,7 +62,7 @@ class PublishedWalk(NamedTuple):
 
 
 class _FrameCollector(Observer):
-    """Keeps every frame of a walk."""
+    """Observer that keeps every published frame of a walk."""
 
     def __init__(self) -> None:
         self.frames: list[ContactFrame] = []

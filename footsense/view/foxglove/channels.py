@@ -18,7 +18,7 @@ PICTURE_PERIOD_NS = 33_000_000
 
 
 class TopicChannel(NamedTuple):
-    """One topic.
+    """One topic of Foxglove's protocol, with its schema and its messages of a cycle.
 
     Attributes:
         topic: Its name.

@@ -47,7 +47,7 @@ _decode_other = msgspec.json.Decoder(_OtherRequest).decode
 
 
 class FoxgloveClient:
-    """The state of one client.
+    """State of one client of Foxglove's protocol.
 
     Args:
         live: The followed service.

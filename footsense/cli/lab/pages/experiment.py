@@ -94,7 +94,7 @@ class Results:
 
 
 def _progress_line(one: FootResult) -> str:
-    """Return a foot's line of progress."""
+    """Return a line of progress: the errors of one foot before and after calibration."""
     before, after = one.errors["design_only"], one.errors.get(f"calibrated_{N_ALL_LOADS}")
     calibrated = "refused" if after is None else f"{after.direction_deg:.2f} deg, {after.magnitude_gf:.2f} gf"
     return (
@@ -110,7 +110,7 @@ def compute(
     jobs: int | None = None,
     kept: Path | None = None,
 ) -> tuple[Results, Plots]:
-    """Load, calibrate and read feet.
+    """Press, calibrate and evaluate simulated feet; return the errors of all estimators.
 
     Args:
         context: The models.

@@ -50,7 +50,7 @@ _MIN_ELEVATION_DEG = 32.0
 
 @dataclass(frozen=True, kw_only=True)
 class MismatchResults:
-    """Figures of all rows.
+    """Figures of the study `mismatch`: errors by kind of mismatch.
 
     Attributes:
         feet: Feet of each row.

@@ -13,7 +13,7 @@ from footsense.validation.mismatch_trial import UNDISTURBED, Disturbance
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MismatchRow:
-    """One kind of mismatch.
+    """One kind of mismatch between a foot and the model of its calibration.
 
     Attributes:
         title: What differs, in words.

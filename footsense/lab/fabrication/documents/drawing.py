@@ -113,7 +113,7 @@ def _draw_assembly(
 
 
 def _draw_layer_stack(page: PaperSheet, design: FootDesign) -> None:
-    """Draw the layers, thickened."""
+    """Draw the stack of layers, thickened."""
     layers = [
         ("hemisphere of the leg", f"rubber of {design.rubber.youngs_mpa:g} MPa", _RUBBER, 10.0),
         ("plate", f"elastomer of {design.pdms.youngs_mpa:g} MPa, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),

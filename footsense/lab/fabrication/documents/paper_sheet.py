@@ -22,7 +22,7 @@ def largest_scale(size_mm: tuple[float, float], room_mm: tuple[float, float]) ->
     """Return the largest usual scale at which something fits.
 
     Example:
-        >>> scale_for((26.0, 17.0), (150.0, 120.0))
+        >>> largest_scale((26.0, 17.0), (150.0, 120.0))
         5.0
     """
     fits = (s for s in _STANDARD_SCALES if s * size_mm[0] <= room_mm[0] and s * size_mm[1] <= room_mm[1])
@@ -128,7 +128,7 @@ class View:
 
 
 class PaperSheet:
-    """One sheet.
+    """One A3 sheet of a drawing, with frame and title block.
 
     Args:
         title: Title of the sheet.

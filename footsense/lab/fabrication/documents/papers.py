@@ -31,7 +31,7 @@ def write_documents(
     tolerances: list[Tolerance],
     elements: dict[tuple[str, str], ExpectedCapacitance],
 ) -> None:
-    """Write the papers of a foot.
+    """Write overview, assembly steps, checklist and bill of materials of a foot.
 
     Args:
         folder: Where they are written.
@@ -107,7 +107,7 @@ def bill_of_materials(
 
 
 def film_material_name(design: FootDesign) -> str:
-    """Return what the film is of, by its permittivity."""
+    """Return the material of the film, by its permittivity."""
     known = {2.7: "PDMS", 3.2: "polyester", 3.4: "polyimide"}
     name = known.get(round(design.film_eps_r, 1), "polymer")
     return f"{name}, relative permittivity {design.film_eps_r:g}"

@@ -98,7 +98,7 @@ def _flex_polygons(folder: Path, flex: Flex, *, upwards: bool) -> list[tuple[Vec
 
 
 def _sheet_polygons(path: Path) -> list[tuple[Vector, str]]:
-    """Return a sheet and its openings."""
+    """Return the outline of a DXF sheet and of its openings."""
     shape = sheets.read_dxf(path)
     return [(_ring_points(shape.exterior), _LAYER), *((_ring_points(ring), "w") for ring in shape.interiors)]
 

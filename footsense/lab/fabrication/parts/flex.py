@@ -25,7 +25,7 @@ GUARD_NET = "shld"
 
 @dataclass(frozen=True, kw_only=True)
 class Flex:
-    """One of the two flexes.
+    """One of the two flexible circuits, with row or column electrodes.
 
     Attributes:
         kind: Whether its lines are rows or columns.
@@ -106,7 +106,7 @@ class Flex:
 
     @cached_property
     def copper(self) -> list[Pad | Trace]:
-        """Shapes of the copper layer."""
+        """Pads and traces of the copper layer."""
         shapes: list[Pad | Trace] = []
         side, width = self.array.electrode_mm, dimensions.TRACE_WIDTH_MM
         contact_u = self.tail_end_mm - dimensions.CONTACT_LENGTH_MM / 2.0

@@ -21,7 +21,7 @@ COPPER, COVERLAY, PROFILE, STIFFENER = "Copper,L1,Top", "Soldermask,Top", "Profi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pad:
-    """A rectangle that is flashed.
+    """A rectangular pad, flashed in Gerber.
 
     Attributes:
         centre: Its centre [mm].
@@ -39,7 +39,7 @@ class Pad:
 
     @property
     def aperture(self) -> str:
-        """Template and parameters of its aperture."""
+        """Gerber aperture template and parameters of the shape."""
         return f"R,{self.size[0]:.6f}X{self.size[1]:.6f}"
 
 
@@ -61,7 +61,7 @@ class Trace:
 
     @property
     def aperture(self) -> str:
-        """Template and parameters of its aperture."""
+        """Gerber aperture template and parameters of the shape."""
         return f"C,{self.width_mm:.6f}"
 
 

@@ -25,7 +25,7 @@ _MIN_KEPT_AREA_REL = 0.97
 
 @dataclass(frozen=True, slots=True)
 class CopperShape:
-    """One shape of a layer.
+    """One shape of a copper layer, read from Gerber.
 
     Attributes:
         area: A polygon of shapely [mm].

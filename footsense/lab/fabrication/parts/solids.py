@@ -21,7 +21,7 @@ from footsense.lab.geometry import FootDesign
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """One solid.
+    """One solid part, with the volume that geometry gives.
 
     Attributes:
         name: Its name, and that of its file.

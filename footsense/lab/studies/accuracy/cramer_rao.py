@@ -50,7 +50,7 @@ MAX_EXPLAINED_MISFIT = 5.0
 
 @dataclass(frozen=True, slots=True)
 class GaussNewtonResult:
-    """Estimates after some rounds of Gauss-Newton.
+    """Errors of the estimates after some rounds of Gauss-Newton.
 
     Attributes:
         explained_rel: Share of the scans with a misfit below `MAX_EXPLAINED_MISFIT` [1].

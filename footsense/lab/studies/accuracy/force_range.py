@@ -108,7 +108,7 @@ def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
 def _estimate_foot(
     context: StudyContext, trained: TrainedInputs, own: Deviations, normal: Vector, force_n: Vector
 ) -> tuple[Vector, Mask, Vector, Vector, Mask]:
-    """Return closure over the gap, readable loads, estimates and sigma [N], and the inconsistent loads of a foot."""
+    """Estimate loads on a foot: closure over the gap, readable mask, force, sigma [N], inconsistent mask."""
     foot, design = Foot(context.response, own), trained.design
     gap_um = np.broadcast_to(design.gap_um + own.gap_um, foot.unloaded_pf.shape)
     known = FootParameters(

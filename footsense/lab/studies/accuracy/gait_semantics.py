@@ -38,7 +38,7 @@ _REPORT_AFTER_STANCE_S = 0.08
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Numbers of the page.
+    """Results of the study `gait-semantics`: errors of events, contact, friction and normals.
 
     Attributes:
         leg_hours: Time of all legs together [h].

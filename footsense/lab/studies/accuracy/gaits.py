@@ -78,7 +78,7 @@ class GaitErrors:
 
 @dataclass(frozen=True, slots=True)
 class RestErrors:
-    """Errors of feet at rest.
+    """Force errors of feet at rest.
 
     Attributes:
         name: The loads.
@@ -95,7 +95,7 @@ class RestErrors:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Numbers of the page.
+    """Results of the study `gaits`: force errors in motion and at rest.
 
     Attributes:
         n_gaits: Random gaits.
@@ -120,7 +120,7 @@ _NO_INPUT_FAULT = _InputFault(_NONE_MISSING)
 
 
 def _select_gaits(gaits: GaitReadings, chosen: Mask) -> GaitReadings:
-    """Return some of the gaits."""
+    """Return the gaits that a mask selects."""
     return GaitReadings(**{field.name: getattr(gaits, field.name)[chosen] for field in fields(GaitReadings)})
 
 

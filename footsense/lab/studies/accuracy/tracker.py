@@ -86,7 +86,7 @@ class MethodErrors:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Numbers of the page.
+    """Results of the study `tracker`: force errors and times of network, fits and filter.
 
     Attributes:
         n_random: Random gaits.
@@ -143,7 +143,7 @@ def _readings(context: StudyContext) -> tuple[GaitReadings, list[str]]:
 
 
 def _select_rows(parts: _Parts, chosen: NDArray[Any]) -> _Parts:
-    """Return some rows of each part."""
+    """Return the selected rows of a window or load."""
     return type(parts)(*(part[chosen] for part in parts))
 
 

@@ -60,7 +60,7 @@ class CauseErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class YardstickResults:
-    """Errors of the paper's procedure.
+    """Force errors of the paper's procedure, with each cause alone and left out.
 
     Attributes:
         feet: Feet of each row.

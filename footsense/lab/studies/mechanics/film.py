@@ -57,7 +57,7 @@ _UPWARD = np.array([[0.0, 0.0, 1.0]])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorDesign:
-    """One of the two designs.
+    """A sensor design, with air gaps or with a gel film.
 
     Attributes:
         name: Label in the figure.

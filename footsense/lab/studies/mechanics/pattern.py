@@ -32,7 +32,7 @@ class Results:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Load the foot by three models."""
+    """Compute the capacitance changes under one inclined load by three models of the foot."""
     normal = directions(*np.array(DIRECTION_DEG)[:, None])
     unloaded_pf, change_pf = context.response.design.unloaded_pf, {}
     for name in LEVEL_NAMES[:3]:

@@ -58,7 +58,7 @@ class NetworkSizeResult:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Errors of networks of all sizes.
+    """Force errors and run times of networks of all sizes.
 
     Attributes:
         steps: Training steps.

@@ -58,7 +58,7 @@ def stack(networks: Sequence[Layers]) -> Layers:
 
 
 def unstack(layers: Layers) -> list[Layers]:
-    """Return stacked networks one by one."""
+    """Return the single networks of a stack."""
     return [jax.tree.map(lambda part: part[k], layers) for k in range(len(layers[0].weight))]  # noqa: B023
 
 

@@ -40,7 +40,7 @@ _STEPS_PER_CALL = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnapshotProtocol(Protocol):
-    """How a snapshot network is trained.
+    """Training settings of a snapshot network.
 
     Attributes:
         noise_rel: Noise of the training inputs over the converter's [1].
