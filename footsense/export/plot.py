@@ -21,9 +21,11 @@ except ImportError:
 
 _PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 #: Row and column of each leg, as on the robot from above.
-_SUBPLOT_OF_LEG = {"lf": (0, 0), "rf": (0, 1), "lm": (1, 0), "rm": (1, 1), "lr": (2, 0), "rr": (2, 1)}
+_SUBPLOT_OF_LEG = {
+    side + place: (row, column) for row, place in enumerate("fmr4") for column, side in enumerate("lr")
+}
 _SIDE_NAMES = {"l": "left", "r": "right"}
-_POSITION_NAMES = {"f": "front", "m": "middle", "r": "rear"}
+_POSITION_NAMES = {"f": "front", "m": "middle", "r": "rear", "4": "fourth"}
 _NORMAL, _TANGENTIAL, _CONTACT = "#1f5fa8", "#d97706", "#dbeafe"
 _STATE_COLOURS = {
     State.VALID: "#8cc08a",

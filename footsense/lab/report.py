@@ -26,7 +26,6 @@ _LAB_STUDY_MODULES = {
     "gaits": "accuracy.gaits",
     "tracker": "accuracy.tracker",
     "gait-semantics": "accuracy.gait_semantics",
-    "sensors": "accuracy.sensors",
     "paper-procedure": "networks.paper_procedure",
     "hidden-layers": "networks.hidden_layers",
     "rprop-speed": "networks.rprop_speed",
@@ -47,8 +46,8 @@ _LAB_STUDY_MODULES = {
 }
 #: The studies in the order of the report, each with its module.
 STUDIES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDY_MODULES.items()}
-#: Pages about the daemon, which the lab does not import: `footsense.cli.lab` makes them.
-OTHER_PAGES = ("tradeoff", "touchdown", "faults", "experiment", "mismatch")
+#: Pages about the daemon or its scan, which the lab does not import: `footsense.cli.lab` makes them.
+OTHER_PAGES = ("sensors", "tradeoff", "touchdown", "faults", "experiment", "mismatch")
 #: Former names of studies.
 _FORMER_STUDY_NAMES = {
     "shipped": "released",

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import RecordingError
-from footsense.frames import LEGS, Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
+from footsense.frames import ALL_LEGS, Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
 from footsense.recording.cycle_fields import (
     CYCLE_FIELDS,
     GAIT_FIELDS,
@@ -118,7 +118,7 @@ def unpack_records(
             if isinstance(record, Header):
                 legs = record.entries["legs"].split(",")
                 n_legs = len(legs)
-                require_valid(set(legs) <= set(LEGS) and len(set(legs)) == n_legs, f"legs {legs}")
+                require_valid(set(legs) <= set(ALL_LEGS) and len(set(legs)) == n_legs, f"legs {legs}")
                 yield record.entries
             elif isinstance(record, LostCycles):
                 yield record

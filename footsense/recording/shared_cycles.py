@@ -28,7 +28,7 @@ import msgspec
 import numpy as np
 
 from footsense.errors import FootsenseError, RecordingError
-from footsense.frames import ELEMENTS, LEGS, CanStatistics, Cycle, Vector
+from footsense.frames import ALL_LEGS, ELEMENTS, CanStatistics, Cycle, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import pack_cycle
 from footsense.recording.cycle_records import NumberedCycle, unpack_records
@@ -176,7 +176,7 @@ class CycleReader:
         n_bytes = (
             _HEADER_STRUCT.size + length + _COUNTER_STRUCT.size + 8 * self._n_doubles + N_SLOTS * SLOT_BYTES
         )
-        if magic != _MAGIC or not set(self.legs) <= set(LEGS) or len(self._map) != n_bytes:
+        if magic != _MAGIC or not set(self.legs) <= set(ALL_LEGS) or len(self._map) != n_bytes:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles")
         return int(length)
 

@@ -92,12 +92,18 @@ class Bound:
         return variances
 
 
-def closure_sigma_um(design: CapacitorDesign, closure_um: Vector) -> Vector:
-    """Return the standard deviation of measured closures [um], any shape, from converter and baseline noise."""
+def closure_sigma_um(design: CapacitorDesign, closure_um: Vector, noise_pf: float = NOISE_PF) -> Vector:
+    """Return the standard deviation of measured closures [um], any shape, from converter and baseline noise.
+
+    Args:
+        design: The capacitors.
+        closure_um: The closures [um].
+        noise_pf: Noise of a conversion [pF, rms].
+    """
     stretch = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     now = (design.gap_um - closure_um + design.film_equivalent_um) ** 2
     rest = (design.gap_um + design.film_equivalent_um) ** 2
-    sigma: Vector = np.hypot(now * NOISE_PF, rest * BASELINE_NOISE_PF) / stretch
+    sigma: Vector = np.hypot(now * noise_pf, rest * BASELINE_NOISE_PF) / stretch
     return sigma
 
 
@@ -135,7 +141,13 @@ def jacobian_um(
 
 
 def force_bound(
-    foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = RELATIVE_STEP
+    foot: Foot,
+    normal: Vector,
+    force_n: Vector,
+    unknowns: Unknowns,
+    step: float = RELATIVE_STEP,
+    *,
+    noise_pf: float = NOISE_PF,
 ) -> Bound:
     """Return the Cramer-Rao bound of the force.
 
@@ -145,10 +157,11 @@ def force_bound(
         force_n: Forces [N], shape (n, 3), none zero.
         unknowns: The unknowns of the read-out.
         step: As for `jacobian_um`.
+        noise_pf: Noise of a conversion [pF, rms].
     """
     closure_um = sensed_closure_um(foot, normal, force_n)
     slope = jacobian_um(foot, normal, force_n, unknowns, step)
-    whitened = slope / closure_sigma_um(foot.response.design, closure_um)[..., None]
+    whitened = slope / closure_sigma_um(foot.response.design, closure_um, noise_pf)[..., None]
     # The inverse of F = J^T J through the triangle of J = Q R: the square of J's condition never appears.
     inverse = np.linalg.inv(np.linalg.qr(whitened, mode="r"))[:, :3]
     size = np.linalg.norm(force_n, axis=1)

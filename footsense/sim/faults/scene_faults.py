@@ -18,7 +18,7 @@ from footsense.sim.faults.schedule import Span
 
 _NS_PER_S = 1_000_000_000
 
-Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
+Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
 Element = Annotated[int, Meta(ge=0, le=ELEMENTS - 1)]
 Line = Annotated[int, Meta(ge=0, le=2)]
 Rate = Annotated[float, Meta(gt=0.0, le=1.0)]

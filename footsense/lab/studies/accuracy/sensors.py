@@ -1,4 +1,4 @@
-"""Study `sensors`: how many elements, and how large.
+"""The first part of the study `sensors`: how many elements, and how large, on the paper's block.
 
 Source:
     Aoyagi et al., sections III B to III E, Figs. 5, 6 and 8, Table I.
@@ -24,9 +24,9 @@ from footsense.lab.fem.other_sensors.block import (
 )
 from footsense.lab.fem.symmetry_classes import single_cell_series, transposed_series
 from footsense.lab.geometry import FootDesign
-from footsense.lab.monte_carlo.statistics import SIGNIFICANT_STANDARD_ERRORS, MeanDifference, MeanStd
+from footsense.lab.monte_carlo.statistics import MeanDifference, MeanStd
 from footsense.lab.response import SERIES_DEGREE, fit_series, mean_over_patch
-from footsense.lab.studies.page import Plots, Study, StudyContext
+from footsense.lab.studies.page import Plots, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.paper.mlp import network_outputs, stack, train, unstack
 from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, start_weights_by_seed
@@ -249,12 +249,3 @@ def gains_of_larger_elements(errors_deg: dict[str, MeanStd]) -> dict[str, MeanDi
 def noise_error_factors(results: Results) -> dict[str, float]:
     """Return the error with random error over the error without, by sensor."""
     return {name: results.noisy_deg[name].mean / clean.mean for name, clean in results.clean_deg.items()}
-
-
-STUDY = Study(
-    name="sensors",
-    title="How many elements, and how large",
-    compute=compute,
-    names={"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
-    uses_network=False,
-)

@@ -1,0 +1,275 @@
+"""Study `sensors`: how many elements, on the paper's block and on the whole chain.
+
+The block is `footsense.lab.studies.accuracy.sensors`. The whole chain is a foot with 2 x 2, 3 x 3 or 4 x 4 elements,
+its converters, the scan of six legs on one simulated bus, and CAN. The arrays fill the same sheet in the same ball.
+Their bars are as wide as those of the foot that the study is about, or wider where larger electrodes would be beyond
+the converter.
+"""
+
+import math
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from matplotlib.figure import Figure
+
+from firmware_interface.chips import fdc1004
+from firmware_interface.wire_timing import can_bits_per_s
+from footsense.acquisition.bus_scanner import BusScanner
+from footsense.acquisition.scan_plan import scan_plan
+from footsense.acquisition.transports import UpstreamBus
+from footsense.config import DEFAULT
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, GAP_CLOSED_REL
+from footsense.foot.direction_sets import direction_grid, paper_directions
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.lab.design.inputs.boards import converter
+from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
+from footsense.lab.fem.mesh import COARSE_MESH
+from footsense.lab.geometry import FootDesign
+from footsense.lab.monte_carlo.statistics import SIGNIFICANT_STANDARD_ERRORS
+from footsense.lab.response import make_response
+from footsense.lab.studies.accuracy import sensors as block
+from footsense.lab.studies.page import Plots, Study, StudyContext
+from footsense.lab.studies.plots import subplot_row
+from footsense.lab.training.load_cases import FULL_SCALE_PF, NOISE_PF
+from footsense.sim.robot import SimulatedRobot, Wiring
+from footsense.sim.scene_files import load_scene
+
+#: Rows of the arrays; the quick form solves the smallest alone, the table of the foot itself being at hand.
+ROWS, QUICK_ROWS = (2, 3, 4), (2,)
+#: Elevations of the range [deg]: the paper's loads end at 40.
+ELEVATIONS_DEG = np.array([90.0, 60.0, 40.0])
+#: Azimuths of the range [deg]: the square has the rest by symmetry.
+AZIMUTHS_DEG = np.array([0.0, 15.0, 30.0, 45.0])
+#: Steps of the range's force over the largest load of the training, and the most that is tried [1].
+STEP_REL, MOST_REL = 0.05, 5.0
+#: Load of the bound over the largest load of the training [1].
+BOUND_REL = 0.5
+#: Scans of the simulated bus: every check has had its turn.
+SCANS = 18
+#: Time that the host adds to a transaction [us].
+HOST_COST_US = 40.0
+#: Steps in which an electrode's side is rounded down [mm].
+_SIDE_STEP_MM = 0.05
+_MUX = 0x71
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArrayFigures:
+    """Figures of a foot with one array.
+
+    Attributes:
+        electrode_mm: Side of an electrode [mm].
+        bar_mm: Width of the bars [mm].
+        unloaded_pf: Capacitance of an unloaded element [pF].
+        half_closed_pf: The same with its gap half closed [pF].
+        boards: Boards that read both.
+        range_n: Least force over the azimuth at which a gap or the converter is at its end, at each elevation [N].
+        scan_ms: Time of a scan of six legs [ms].
+        centred_deg: Least rms direction error of one scan, known to be centred [deg].
+        leaning_deg: The same for five unknowns; None where there are fewer elements.
+        same_time_centred_deg: As `centred_deg`, if the scan takes as long as that of nine elements.
+        same_time_leaning_deg: As `leaning_deg`, likewise.
+        own_range_deg: As `leaning_deg`, at half of the foot's own least range.
+        same_time_own_range_deg: The same, if the scan takes as long as that of nine elements.
+        leaning_gf: Least rms magnitude error of one scan, five unknowns [gf]; None as above.
+        can_bits_per_s: Load of the CAN bus [bit/s].
+        widest_mm: Side of an electrode between bars as wide as those of the foot [mm].
+        widest_half_closed_pf: Capacitance of such an element with its gap half closed [pF].
+    """
+
+    electrode_mm: float
+    bar_mm: float
+    unloaded_pf: float
+    half_closed_pf: float
+    boards: list[str]
+    range_n: list[float]
+    scan_ms: float
+    centred_deg: float
+    leaning_deg: float | None
+    same_time_centred_deg: float
+    same_time_leaning_deg: float | None
+    own_range_deg: float | None
+    same_time_own_range_deg: float | None
+    leaning_gf: float | None
+    can_bits_per_s: float
+    widest_mm: float
+    widest_half_closed_pf: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorResults(block.Results):
+    """Errors of the sensors on the block, and figures of the arrays on the whole chain.
+
+    Attributes:
+        load_n: Load of the bounds [N].
+        arrays: Figures by rows.
+    """
+
+    load_n: float
+    arrays: dict[int, ArrayFigures]
+
+
+def widest_mm(like: FootDesign, rows: int) -> float:
+    """Return the side of the electrodes of an array on the same sheet between bars as wide as the foot's [mm]."""
+    return (like.array_mm - (rows - 1) * (like.pitch_mm - like.electrode_mm)) / rows
+
+
+def array_design(like: FootDesign, rows: int) -> FootDesign:
+    """Return a foot with another array on the same sheet: its bars as wide, or its electrodes as the converter reads.
+
+    Args:
+        like: The foot.
+        rows: Rows of elements, and as many columns.
+    """
+    if rows == like.rows:
+        return like
+    half_open_um = 0.5 * like.gap_um + like.capacitor.film_equivalent_um
+    read_mm = math.sqrt(fdc1004.capacitance_pf(fdc1004.CODE_MAX) * half_open_um / EPS0_PF_UM_PER_MM2)
+    electrode_mm = _SIDE_STEP_MM * math.floor(min(widest_mm(like, rows), read_mm) / _SIDE_STEP_MM + 1e-9)
+    pitch_mm = (like.array_mm - electrode_mm) / (rows - 1)
+    return msgspec.structs.replace(like, rows=rows, electrode_mm=electrode_mm, pitch_mm=pitch_mm)
+
+
+def scan_ms(response: FootResponse) -> float:
+    """Return the time of a scan of six hanging legs on one bus at 400 kHz, board `fdc1004` [ms]."""
+    scene = msgspec.structs.replace(load_scene("hanging"), host_cost_us=HOST_COST_US)
+    channels = {leg: channel for channel, leg in enumerate(DEFAULT.legs)}
+    [bus] = SimulatedRobot(scene, response, [Wiring(400_000, _MUX, channels)]).buses
+    plan = scan_plan(DEFAULT.order, DEFAULT.rate_sps, rows=response.rows)
+    scanner = BusScanner(UpstreamBus(bus, _MUX), bus.clock, channels, plan)
+    scanner.start()
+    scanner.read()
+    start_ns = bus.clock.now_ns()
+    for _ in range(SCANS * response.n_elements):
+        scanner.read()
+    return (bus.clock.now_ns() - start_ns) * 1e-6 / SCANS
+
+
+def range_n(foot: Foot, max_n: float) -> list[float]:
+    """Return the least force over the azimuth that a gap or the converter ends at, at each elevation [N]."""
+    direction = direction_grid(AZIMUTHS_DEG, ELEVATIONS_DEG)
+    design = foot.response.design
+    reached = np.full(len(direction), MOST_REL * max_n)
+    for force_n in np.arange(MOST_REL, 0.0, -STEP_REL) * max_n:
+        pf = foot.capacitance_pf(direction, force_n * direction)
+        closure_um = design.closure_um(pf, foot.unloaded_pf).max(axis=1)
+        reached[(closure_um > GAP_CLOSED_REL * design.gap_um) | (pf.max(axis=1) > FULL_SCALE_PF)] = force_n
+    least: list[float] = reached.reshape(len(AZIMUTHS_DEG), -1).min(axis=0).round(3).tolist()
+    return least
+
+
+def _bounds(foot: Foot, load_n: float, noise_pf: float) -> tuple[float, float | None, float | None]:
+    """Return the rms bounds over the paper's test directions: centred and leaning [deg], and leaning [gf]."""
+    direction = paper_directions("verification")
+    force_n = load_n * direction
+    centred = force_bound(foot, direction, force_n, Unknowns.CENTRED, noise_pf=noise_pf)
+    centred_deg = float(np.sqrt(np.mean(centred.direction_rms_deg**2)))
+    if foot.response.n_elements < Unknowns.LEANING.value:
+        return centred_deg, None, None
+    leaning = force_bound(foot, direction, force_n, Unknowns.LEANING, noise_pf=noise_pf)
+    deg, gf = (
+        float(np.sqrt(np.mean(error**2))) for error in (leaning.direction_rms_deg, leaning.magnitude_gf)
+    )
+    return centred_deg, deg, gf
+
+
+def array_figures(like: FootDesign, design: FootDesign, response: FootResponse) -> ArrayFigures:
+    """Return the figures of a foot with one array.
+
+    Args:
+        like: The foot that the study is about.
+        design: The foot with this array.
+        response: Its response.
+    """
+    foot, max_n, capacitor = Foot(response), design.loads.max_n, design.capacitor
+    half_pf = float(capacitor.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
+    widest = widest_mm(like, response.rows)
+    boards = [converter(name) for name in ("fdc1004", "ad7746")]
+    # As long a scan as of nine elements leaves each conversion another share of the time; the noise is white.
+    same_time_pf = NOISE_PF * math.sqrt(response.n_elements / 9.0)
+    centred_deg, leaning_deg, leaning_gf = _bounds(foot, BOUND_REL * max_n, NOISE_PF)
+    same_centred_deg, same_leaning_deg, _ = _bounds(foot, BOUND_REL * max_n, same_time_pf)
+    reach_n = range_n(foot, max_n)
+    own_deg, same_own_deg = (
+        _bounds(foot, BOUND_REL * min(reach_n), pf)[1] for pf in (NOISE_PF, same_time_pf)
+    )
+    return ArrayFigures(
+        electrode_mm=design.electrode_mm,
+        bar_mm=design.pitch_mm - design.electrode_mm,
+        unloaded_pf=capacitor.unloaded_pf,
+        half_closed_pf=half_pf,
+        boards=[
+            b.name for b in boards if b.range_begin_pf <= capacitor.unloaded_pf and half_pf <= b.range_end_pf
+        ],
+        range_n=reach_n,
+        scan_ms=scan_ms(response),
+        centred_deg=centred_deg,
+        leaning_deg=leaning_deg,
+        same_time_centred_deg=same_centred_deg,
+        same_time_leaning_deg=same_leaning_deg,
+        own_range_deg=own_deg,
+        same_time_own_range_deg=same_own_deg,
+        leaning_gf=leaning_gf,
+        can_bits_per_s=can_bits_per_s(len(DEFAULT.legs), DEFAULT.forces_hz),
+        widest_mm=widest,
+        widest_half_closed_pf=half_pf * widest**2 / design.electrode_mm**2,
+    )
+
+
+def compute_arrays(context: StudyContext) -> dict[int, ArrayFigures]:
+    """Solve the foot with every array on the coarse mesh, and return the figures by rows."""
+    arrays = {}
+    for rows in QUICK_ROWS if context.quick else ROWS:
+        design = array_design(context.foot_design, rows)
+        arrays[rows] = array_figures(context.foot_design, design, make_response(design, COARSE_MESH))
+        context.report_progress(f"sensors: {rows} x {rows} elements on the whole chain")
+    if context.quick:
+        arrays[context.foot_design.rows] = array_figures(
+            context.foot_design, context.foot_design, context.response
+        )
+    return arrays
+
+
+def figure(arrays: dict[int, ArrayFigures]) -> Figure:
+    """Draw the bound and the range over the number of elements."""
+    drawing, (error, reach) = subplot_row(2, 8.2, 3.6)
+    number = [rows**2 for rows in arrays]
+    lines = (
+        ("centred_deg", "o-C0", "centred, 400 conversions/s"),
+        ("same_time_centred_deg", "o:C0", "centred, same time of a scan"),
+        ("leaning_deg", "s-C3", "leaning, 400 conversions/s"),
+        ("same_time_leaning_deg", "s:C3", "leaning, same time of a scan"),
+    )
+    for name, style, label in lines:
+        values = [getattr(one, name) for one in arrays.values()]
+        error.plot(number, [np.nan if value is None else value for value in values], style, label=label)
+    error.set(xlabel="elements", ylabel="least rms direction error [deg]", ylim=(0.0, None))
+    error.legend(fontsize=8)
+    for place, elevation in enumerate(ELEVATIONS_DEG):
+        reach.plot(number, [one.range_n[place] for one in arrays.values()], "o-", label=f"{elevation:g} deg")
+    reach.set(xlabel="elements", ylabel="largest force [N]", ylim=(0.0, None))
+    reach.legend(fontsize=8, title="elevation")
+    for axes in (error, reach):
+        axes.set_xticks(number)
+        axes.minorticks_off()
+    return drawing
+
+
+def compute(context: StudyContext) -> tuple[SensorResults, Plots]:
+    """Read the block by every sensor, and the foot by every array."""
+    on_block, plots = block.compute(context)
+    arrays = compute_arrays(context)
+    load_n = BOUND_REL * context.foot_design.loads.max_n
+    results = SensorResults(**vars(on_block), load_n=load_n, arrays=arrays)
+    return results, plots | {"sensors-arrays.png": figure(arrays)}
+
+
+STUDY = Study(
+    name="sensors",
+    title="How many elements, and how large",
+    compute=compute,
+    names=vars(block) | {"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
+    uses_network=False,
+)
