@@ -9,7 +9,7 @@ A record is one scan of one leg, 50 bytes, little endian::
          +---------+-----+-------+----+-----+---------+------+---------------------+-------+
 
     version  1; a record of another version is counted and ignored
-    leg      node id as on CAN: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr
+    leg      node id as on CAN: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr, 7 l4, 8 r4
     flags    `RecordFlag`
     n        elements, 9; the values are in flat index 3 * row + column, in any order of conversion
     seq      counts the records of a leg, and wraps

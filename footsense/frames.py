@@ -36,8 +36,10 @@ IS_USABLE: Mask = np.isin(np.arange(256), list(USABLE))
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
 ELEMENTS = 9
 
-#: Every leg that a robot may have, in the order of the CAN node ids 1..6.
-LEGS = tuple(NODE_IDS)
+#: Every leg that a robot may have, in the order of the CAN node ids 1..8.
+ALL_LEGS = tuple(NODE_IDS)
+#: The legs of a hexapod, which is simulated where no robot is given.
+LEGS = ALL_LEGS[:6]
 
 
 class Reading(IntEnum):

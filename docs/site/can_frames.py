@@ -29,7 +29,7 @@ def _has_leg(name: str) -> bool:
 def _section(message: Message) -> str:
     name, ids = message.name, f"0x{message.frame_id:03X}"
     if _has_leg(name):
-        name, ids = name[:-2], f"0x{message.frame_id - 1:03X} + node id (1 to 6)"
+        name, ids = name[:-2], f"0x{message.frame_id - 1:03X} + node id (1 to 8)"
     comment = (message.comment or "").replace("left front ", "")
     cycle = f", every {message.cycle_time} ms" if message.cycle_time else ""
     head = f"## `{name}`\n\n{comment}\n\n{ids}, {message.length} bytes{cycle}.\n\n"

@@ -109,21 +109,32 @@ static uint16_t sigma_of(uint32_t code)
     return code == 0xFFu ? FOOTSENSE_NO_SIGMA : (uint16_t)(code * 4u);
 }
 
+bool footsense_is_forces(uint16_t id, uint8_t len)
+{
+    return (id == FOOTSENSE_FORCES_ID && len == FOOTSENSE_FORCES_BYTES)
+           || (id == FOOTSENSE_FORCES4_ID && len == FOOTSENSE_FORCES4_BYTES);
+}
+
+uint8_t footsense_first_node(uint16_t id)
+{
+    return id == FOOTSENSE_FORCES4_ID ? FOOTSENSE_FORCES_LEGS + 1u : 1u;
+}
+
 bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, footsense_forces *out)
 {
-    if (id != FOOTSENSE_FORCES_ID || len != FOOTSENSE_FORCES_BYTES
-        || (data[2] & 0x0Fu) >= FOOTSENSE_COUNTER_PERIOD) {
+    if (!footsense_is_forces(id, len) || (data[2] & 0x0Fu) >= FOOTSENSE_COUNTER_PERIOD) {
         return false;
     }
     uint16_t crc = 0xFFFFu;
-    for (uint8_t i = 2; i < FOOTSENSE_FORCES_BYTES; i++) {
+    for (uint8_t i = 2; i < len; i++) {
         crc = crc16_byte(crc, data[i]);
     }
     crc = crc16_byte(crc16_byte(crc, (uint8_t)(id & 0xFFu)), (uint8_t)(id >> 8));
     if (crc != u16(data)) {
         return false;
     }
-    for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
+    unsigned n_legs = (len - 4u) / 10u;
+    for (unsigned leg = 0; leg < n_legs; leg++) {
         if ((data[4 + 10 * leg] & 0x0Fu) > LAST_STATE) {
             return false;
         }
@@ -131,12 +142,13 @@ bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, foot
     uint8_t common = (uint8_t)((data[2] & 0x20u ? FOOTSENSE_SIMULATED : 0)
                                | (data[2] & 0x40u ? FOOTSENSE_DEGRADED_TIMING : 0));
     out->all_in_air = (data[2] & 0x10u) != 0;
-    for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
+    out->n_legs = (uint8_t)n_legs;
+    for (unsigned leg = 0; leg < n_legs; leg++) {
         const uint8_t *part = data + 4 + 10 * leg;
         uint32_t bits = u16(part) | (uint32_t)u16(part + 2) << 16;
         footsense_force *force = &out->forces[leg];
         footsense_quality *quality = &out->qualities[leg];
-        force->node = quality->node = (uint8_t)(leg + 1);
+        force->node = quality->node = (uint8_t)(footsense_first_node(id) + leg);
         force->counter = quality->counter = data[2] & 0x0Fu;
         force->state = bits & 0x0Fu;
         for (int axis = 0; axis < 3; axis++) {

@@ -16,9 +16,10 @@
 extern "C" {
 #endif
 
-/* CAN ids are these plus the node id of the leg: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr. */
+/* CAN ids are these plus the node id of the leg: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr, 7 l4, 8 r4. */
 #define FOOTSENSE_FAULT_ID 0x080u
-#define FOOTSENSE_FORCES_ID 0x180u /* all legs in one frame of CAN FD */
+#define FOOTSENSE_FORCES_ID 0x180u  /* nodes 1 to 6 in one frame of CAN FD */
+#define FOOTSENSE_FORCES4_ID 0x189u /* nodes 7 and 8 in one frame of CAN FD */
 #define FOOTSENSE_FORCE_ID 0x180u
 #define FOOTSENSE_COMMAND_ID 0x200u
 #define FOOTSENSE_QUALITY_ID 0x280u
@@ -29,8 +30,10 @@ extern "C" {
 #define FOOTSENSE_ANSWER_ID 0x580u
 #define FOOTSENSE_HEARTBEAT_ID 0x700u
 
-#define FOOTSENSE_LEGS 6u
+#define FOOTSENSE_LEGS 8u /* that a robot may have */
+#define FOOTSENSE_FORCES_LEGS 6u /* in one frame of CAN FD */
 #define FOOTSENSE_FORCES_BYTES 64u
+#define FOOTSENSE_FORCES4_BYTES 24u
 #define FOOTSENSE_COUNTER_PERIOD 15u /* counters run 0..14 */
 
 /* No value. None of these is ever a measurement. */
@@ -100,12 +103,13 @@ typedef struct {
     uint32_t age_us;     /* from the measurement to the send; FOOTSENSE_NO_AGE: unknown, or above 409.4 ms */
 } footsense_quality;
 
-/* Forces and contacts of all legs, nodes 1..6 in order, from one frame of CAN FD. Sigma of x and y is the larger one of
- * both, 1016: or more; the age is that of the oldest force. */
+/* Forces and contacts from one frame of CAN FD: of nodes 1 to 6 in order, or of 7 and 8. Sigma of x and y is the larger
+ * one of both, 1016: or more; the age is that of the oldest force. */
 typedef struct {
     bool all_in_air; /* every leg of the robot is known to be without contact */
-    footsense_force forces[FOOTSENSE_LEGS];
-    footsense_quality qualities[FOOTSENSE_LEGS];
+    uint8_t n_legs;
+    footsense_force forces[FOOTSENSE_FORCES_LEGS];
+    footsense_quality qualities[FOOTSENSE_FORCES_LEGS];
 } footsense_forces;
 
 typedef struct {
@@ -177,6 +181,9 @@ uint8_t footsense_crc8(uint16_t id, const uint8_t *data, uint8_t len);
 
 bool footsense_decode_force(uint16_t id, const uint8_t *data, uint8_t len, footsense_force *out);
 bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, footsense_forces *out);
+/* Whether id and length are those of a frame of CAN FD with the forces of several legs; and the first node of it. */
+bool footsense_is_forces(uint16_t id, uint8_t len);
+uint8_t footsense_first_node(uint16_t id);
 bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, footsense_quality *out);
 bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, footsense_fault *out);
 bool footsense_decode_baseline(uint16_t id, const uint8_t *data, uint8_t len, footsense_baseline *out);

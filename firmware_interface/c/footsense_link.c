@@ -117,8 +117,10 @@ static void feed_all(footsense_link *link, uint16_t id, const uint8_t *data, uin
 {
     footsense_forces all;
     bool whole = footsense_decode_forces(id, data, len, &all);
-    for (unsigned i = 0; i < FOOTSENSE_LEGS; i++) {
-        footsense_leg *leg = &link->legs[i];
+    unsigned first = footsense_first_node(id) - 1u;
+    unsigned end = id == FOOTSENSE_FORCES4_ID ? FOOTSENSE_LEGS : FOOTSENSE_FORCES_LEGS;
+    for (unsigned i = 0; first + i < end; i++) {
+        footsense_leg *leg = &link->legs[first + i];
         if (whole) {
             take_half(link, leg, &all.forces[i], NULL, now_us);
             take_half(link, leg, NULL, &all.qualities[i], now_us);
@@ -130,7 +132,7 @@ static void feed_all(footsense_link *link, uint16_t id, const uint8_t *data, uin
 
 bool footsense_feed(footsense_link *link, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
 {
-    if (id == FOOTSENSE_FORCES_ID && len == FOOTSENSE_FORCES_BYTES) {
+    if (footsense_is_forces(id, len)) {
         feed_all(link, id, data, len, now_us);
         return true;
     }

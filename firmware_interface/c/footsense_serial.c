@@ -1,6 +1,6 @@
 #include "footsense_serial.h"
 
-enum { VERSION = 1, LEGS = 6, FLAGS = FOOTSENSE_LO_SHU | FOOTSENSE_RECORD_STARTING, CRC_AT = 48, RECORD = 50 };
+enum { VERSION = 1, LEGS = 8, FLAGS = FOOTSENSE_LO_SHU | FOOTSENSE_RECORD_STARTING, CRC_AT = 48, RECORD = 50 };
 
 uint16_t footsense_crc16(const uint8_t *data, uint8_t len)
 {

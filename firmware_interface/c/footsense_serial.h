@@ -34,7 +34,7 @@ enum footsense_no_value {
 #define FOOTSENSE_NO_VALUE(why) (INT32_MIN + (int32_t)(why))
 
 typedef struct {
-    uint8_t leg;       /* node id: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr */
+    uint8_t leg;       /* node id: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr, 7 l4, 8 r4 */
     uint8_t flags;     /* enum footsense_record_flag */
     uint16_t seq;      /* one more than in the leg's last record */
     uint16_t step_us;  /* from the middle of one conversion to that of the next; 0: all at once */

@@ -1,4 +1,4 @@
-"""The CAN FD frame `Forces`: forces and contacts of all legs in 64 bytes, in place of `Force` and `Quality`.
+"""The CAN FD frame `Forces`: forces and contacts of six legs in 64 bytes, in place of `Force` and `Quality`.
 
 ::
 
@@ -19,7 +19,8 @@
     sigma: 4 mN per bit, the larger one of x and y, 255: no value, 254: 1.016 N or more
     fx, fy, fz: as in `Force`
 
-Age and sigma are rounded up. A leg that the robot does not have is Absent.
+Age and sigma are rounded up. A leg that the robot does not have is Absent. A robot that has node 7 or 8 sends `Forces4`
+beside it, 24 bytes of the same layout with the fourth legs, l4 and r4.
 
 The crc is that of AUTOSAR E2E profile 5, CRC-16/CCITT-FALSE, over all bytes behind it and the CAN id (low byte first);
 profile 11 of the other frames ends at 30 bytes.
@@ -34,18 +35,21 @@ from binascii import crc_hqx
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
+from firmware_interface.can.codes import USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
 from firmware_interface.can.decoding import enum_member
 from firmware_interface.can.force import FORCE_ID, Force, Quality
 
-#: The id of `Force` with node 0, which stands for all legs.
-FORCES_ID = FORCE_ID
-N_BYTES = 64
+#: The id of `Force` with node 0, which stands for nodes 1 to 6, and with node 9, which stands for nodes 7 and 8.
+FORCES_ID, FORCES4_ID = FORCE_ID, FORCE_ID + 9
+#: Nodes in each of the frames, in its order.
+NODES = {FORCES_ID: range(1, 7), FORCES4_ID: range(7, 9)}
 
-_LEGS = len(NODE_IDS)
 _HEADER_STRUCT = struct.Struct("<HBB")
 _LEG_STRUCT = struct.Struct("<Ihhh")
+#: Data bytes of each of the frames.
+N_BYTES = {can_id: _HEADER_STRUCT.size + len(nodes) * _LEG_STRUCT.size for can_id, nodes in NODES.items()}
+
 _NO_FORCE = -32768
 _MAX_FORCE = 32767
 _FORCE_PER_N = 1000
@@ -61,7 +65,7 @@ class Forces(NamedTuple):
 
     Attributes:
         all_in_air: Whether every leg of the robot is known to be without contact.
-        legs: Content of a `Force` and of a `Quality` of each node, in the order of the nodes 1..6.
+        legs: Content of a `Force` and of a `Quality` of each node of the frame, in the order of the nodes.
     """
 
     all_in_air: bool
@@ -69,6 +73,7 @@ class Forces(NamedTuple):
 
 
 def encode_forces(
+    can_id: int,
     counter: int,
     t_sent_ns: int,
     nodes: Sequence[int],
@@ -79,8 +84,11 @@ def encode_forces(
     flags: Sequence[int],
     fault_mask: Sequence[int],
 ) -> bytes:
-    """Return the 64 data bytes of `Forces`; arguments as of `ForceQualityEncoder.encode`, and the nodes of the legs."""
-    legs = [_ABSENT_LEG] * _LEGS
+    """Return the data bytes of one of the frames, of which `can_id` is the id.
+
+    The other arguments are those of `ForceQualityEncoder.encode`, for all legs of the robot, and the legs' nodes.
+    """
+    slots = dict.fromkeys(NODES[can_id], _ABSENT_LEG)
     ages_ns = [0]
     in_air, common = True, 0
     for node, leg_ns, code, leg_n, leg_sigma_n, flag, mask in zip(
@@ -89,13 +97,15 @@ def encode_forces(
         common |= flag & _FLAGS_OF_ALL_LEGS
         known = code in USABLE and all(map(math.isfinite, leg_n))
         in_air = in_air and known and not flag & Flag.CONTACT
+        if node not in slots:
+            continue
         shown = State.ELEMENT_FAULT if code in USABLE and not known else code
         forces = [_force_code(part_n) if known else _NO_FORCE for part_n in leg_n]
         x_n, y_n, z_n = leg_sigma_n
         widest_n = max(x_n, y_n) if math.isfinite(x_n + y_n) else math.nan
         across, along = _sigma_code(widest_n), _sigma_code(z_n)
         bits = shown | bool(flag & Flag.CONTACT) << 4 | bool(flag & Flag.TARE_REFUSED) << 5
-        legs[node - 1] = (bits | (mask & 0x1FF) << 6 | across << 15 | along << 23, *forces)
+        slots[node] = (bits | (mask & 0x1FF) << 6 | across << 15 | along << 23, *forces)
         if known:
             ages_ns.append(t_sent_ns - leg_ns if leg_ns else -1)
     age = -(-max(ages_ns) // _AGE_STEP_NS) if min(ages_ns) >= 0 and len(ages_ns) > 1 else _NO_AGE
@@ -103,18 +113,18 @@ def encode_forces(
         counter | in_air << 4 | bool(common & Flag.SIMULATED) << 5 | bool(common & Flag.DEGRADED_TIMING) << 6
     )
     payload = _HEADER_STRUCT.pack(0, head, min(age, _NO_AGE))[2:] + b"".join(
-        [_LEG_STRUCT.pack(*leg) for leg in legs]
+        [_LEG_STRUCT.pack(*leg) for leg in slots.values()]
     )
-    return _crc(FORCES_ID, payload).to_bytes(2, "little") + payload
+    return _crc(can_id, payload).to_bytes(2, "little") + payload
 
 
 def decode_forces(can_id: int, data: bytes) -> Forces:
-    """Decode a CAN FD `Forces` frame.
+    """Decode a CAN FD `Forces` or `Forces4` frame.
 
     Raises:
         FrameError: The id, length, crc, counter or a state is wrong.
     """
-    if can_id != FORCES_ID or len(data) != N_BYTES:
+    if len(data) != N_BYTES.get(can_id):
         raise FrameError(f"frame 0x{can_id:03x} of {len(data)} bytes is no frame of all legs")
     crc, head, age = _HEADER_STRUCT.unpack_from(data)
     if crc != _crc(can_id, data[2:]):
@@ -127,7 +137,8 @@ def decode_forces(can_id: int, data: bytes) -> Forces:
     common = (Flag.SIMULATED if head & 0x20 else 0) | (Flag.DEGRADED_TIMING if head & 0x40 else 0)
     age_ns = None if age == _NO_AGE else age * _AGE_STEP_NS
     legs = []
-    for node, (bits, *codes) in enumerate(_LEG_STRUCT.iter_unpack(data[_HEADER_STRUCT.size :]), 1):
+    slots = _LEG_STRUCT.iter_unpack(data[_HEADER_STRUCT.size :])
+    for node, (bits, *codes) in zip(NODES[can_id], slots, strict=True):
         x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
         across_n, along_n = (_sigma_n(bits >> shift & 0xFF) for shift in (15, 23))
         flags = Flag(

@@ -23,7 +23,7 @@ class Baseline(NamedTuple):
     """Content of a `Baseline` frame.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14.
         status: Status of the baseline tracking, or why it is refused.
         mean_pf: Offset of the baseline since the last tare, mean over the elements [pF]; NaN: no value.

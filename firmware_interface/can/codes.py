@@ -5,8 +5,9 @@ The same names in CamelCase are the value tables of `footsense.dbc`. No code eve
 
 from enum import IntEnum, IntFlag
 
-#: CAN node id of each leg: left front, left middle, left rear, right front, right middle, right rear.
-NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6}
+#: CAN node id of each leg: left front, left middle, left rear, right front, right middle, right rear; and of a robot
+#: with eight legs the fourth of each side, behind the rear one.
+NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6, "l4": 7, "r4": 8}
 
 
 class State(IntEnum):

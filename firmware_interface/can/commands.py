@@ -44,7 +44,7 @@ class Command(NamedTuple):
     """Content of a command to one leg.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14; the answer repeats it.
         kind: The command.
     """
@@ -58,7 +58,7 @@ class Answer(NamedTuple):
     """Content of an answer: the result of a command.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14.
         result: DONE, or why it was refused.
         kind: Kind byte of the command, known or not.

@@ -23,7 +23,7 @@ class Fault(NamedTuple):
     """Content of a fault report: the state of a leg, its element mask or its cause has changed.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14.
         state: State from now on.
         previous: State until now.
@@ -43,7 +43,7 @@ class Heartbeat(NamedTuple):
     """Content of a heartbeat frame: node, node state and timing flag.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         state: State of the node.
         degraded_timing: Whether the service runs without the scheduling that it asked for.
     """

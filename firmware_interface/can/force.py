@@ -41,7 +41,7 @@ class Force(NamedTuple):
     `force_step_mn` times as much, on all frames of the robot.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14.
         state: State of the leg: whether the force may be used.
         force_n: Ground reaction (fx, fy, fz) on the foot in the foot frame [N]; NaN: no value.
@@ -71,7 +71,7 @@ class Quality(NamedTuple):
     Age and sigma are rounded up: a frame never looks younger or more certain than it is.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14.
         flags: Properties of the force that do not forbid its use.
         age_ns: From the measurement to the send [ns], in steps of 0.1 ms; None: unknown, or above 409.4 ms.
@@ -131,7 +131,7 @@ class ForceQualityEncoder:
     byte of all frames at a time.
 
     Args:
-        nodes: CAN node id of each leg, 1..6.
+        nodes: CAN node id of each leg, 1..8.
     """
 
     def __init__(self, nodes: Sequence[int]) -> None:

@@ -26,7 +26,7 @@ class GaitEvent(NamedTuple):
     """Content of a gait event.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the leg's events, 0..14.
         kind: What happened.
         age_ns: From the event to the send [ns], in steps of 0.1 ms; None: unknown, or above 6553.4 ms.
@@ -46,7 +46,7 @@ class Gait(NamedTuple):
     """Content of a `Gait` frame: a leg's contact.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14.
         contact: Debounced contact.
         contact_raw: Whether the newest load alone is one of contact.
@@ -70,7 +70,7 @@ class Ground(NamedTuple):
     """Content of a `Ground` frame: the ground below a foot.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14.
         normal: Unit normal into the foot, x forward, y left, z along the leg; NaN: no value.
         normal_sigma_rad: Standard deviation of its direction [rad]; NaN: no value; 0.315: or more.

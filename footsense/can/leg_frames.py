@@ -48,7 +48,7 @@ class CanLeg:
 
     Args:
         row: Its row in the frames.
-        node: Its CAN node id, 1..6.
+        node: Its CAN node id, 1..8.
 
     Attributes:
         node: Its CAN node id.

@@ -11,7 +11,8 @@ Where the channel takes only a part, the rest of the cycle is dropped; each time
 queue costs all legs the same. A leg's Force and Quality are neighbours. A fault report that was not taken is sent again
 with the next cycle, with the fault's values of then; a gait event likewise, with its age of then.
 
-With CAN FD one frame, `Forces`, has the forces of all legs, in place of `Force` and `Quality`.
+With CAN FD one frame, `Forces`, has the forces of six legs, in place of `Force` and `Quality`; those of a seventh and
+eighth are in another.
 
 The loop drives all of this, the heartbeats too. It turns even if no leg answers; if it hangs, its heartbeats stop,
 which is their purpose.
@@ -19,7 +20,7 @@ which is their purpose.
 
 from heapq import heapify, heapreplace
 
-from firmware_interface.can.all_legs import FORCES_ID, encode_forces
+from firmware_interface.can.all_legs import NODES, encode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, NmtState
 from firmware_interface.can.commands import COMMAND_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
@@ -89,7 +90,12 @@ class CanSink:
             stats=self.stats,
         )
         self._obeys = settings.commands
-        self._fd = settings.fd
+        #: Ids of the CAN FD frames with the forces of this robot's legs; none with classic CAN.
+        self._fd_ids = [
+            can_id
+            for can_id, of_frame in NODES.items()
+            if settings.fd and not set(nodes).isdisjoint(of_frame)
+        ]
         self._nodes = nodes
         self._clock = clock
         self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
@@ -130,7 +136,7 @@ class CanSink:
         n_events = n_before = len(frames)
         if self._are_forces_due([*present, self._flags]):
             frames += self._force_frames(frame, *present[:2])
-            n_before += 1 if self._fd else FRAMES_PER_LEG * len(self._legs)
+            n_before += len(self._fd_ids) or FRAMES_PER_LEG * len(self._legs)
         for leg, report in reports:
             frames.append(leg.fault_frame(*report))
         room = _MAX_EXTRA_FRAMES - len(reports) - n_events
@@ -166,7 +172,7 @@ class CanSink:
         return True
 
     def _force_frames(self, frame: ContactFrame, states: list[int], masks: list[int]) -> list[bytes]:
-        """Return the Force and Quality of all legs, another leg first each time; with CAN FD all legs in one frame."""
+        """Return the Force and Quality of all legs, another leg first each time; with CAN FD all legs together."""
         force_n, sigma_n = frame.force_n, frame.sigma_n
         if self._force_step_mn != 1:
             force_n, sigma_n = force_n / self._force_step_mn, sigma_n / self._force_step_mn
@@ -180,8 +186,11 @@ class CanSink:
         )
         counter, self._counter = self._counter, (self._counter + 1) % COUNTER_PERIOD
         self.stats.published += 1
-        if self._fd:
-            return [pack_fd_frame(FORCES_ID, encode_forces(counter, frame.t_sent_ns, self._nodes, *legs))]
+        if self._fd_ids:
+            return [
+                pack_fd_frame(can_id, encode_forces(can_id, counter, frame.t_sent_ns, self._nodes, *legs))
+                for can_id in self._fd_ids
+            ]
         forces = self._encoder.encode(counter, frame.t_sent_ns, *legs)
         # A full queue drops frames at its front or refuses them at its end: rotate, so that it strikes each leg.
         self._first = (self._first + _PAIR_BYTES) % len(forces)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from firmware_interface.can.dbc import make_dbc
 from firmware_interface.can.force import force_step_mn
 from footsense.cli.options import FILE
 from footsense.clock import wall_time_iso
@@ -18,13 +19,19 @@ from footsense.foot.files.calibration_reader import FootCalibration
 
 @click.command("check-config")
 @click.argument("file", type=FILE)
-def check_config(file: Path) -> None:
+@click.option(
+    "--dbc", type=click.Path(dir_okay=False, path_type=Path), help="Write the DBC of this robot's CAN frames."
+)
+def check_config(file: Path, dbc: Path | None) -> None:
     """Explain the configuration FILE, or name its first error and the remedy."""
     config = load_config(file)
     models = load_models(config)
     pipeline_for(models, 0)  # raises as a run would
     for line in _summary(models):
         click.echo(line)
+    if dbc is not None:
+        dbc.write_text(make_dbc(config.legs, force_step_mn(models.network.card.max_n)), "utf-8")
+        click.echo(f"wrote {dbc}")
     for warning in warnings(config):
         click.echo(f"warning: {warning}", err=True)
 

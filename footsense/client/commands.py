@@ -11,7 +11,7 @@ class CommandResult(NamedTuple):
     """Result of a command that the service has answered.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         kind: The command.
         result: DONE, or why it was refused.
         duration_ns: From the command to the answer [ns].
@@ -47,7 +47,7 @@ class PendingCommands:
         """Return CAN id and data of a command, pending from now on.
 
         Args:
-            node: CAN node id of the leg, 1..6.
+            node: CAN node id of the leg, 1..8.
             kind: The command.
             now_ns: The time of sending [ns].
         """

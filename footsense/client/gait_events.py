@@ -17,7 +17,7 @@ class LegEvent(NamedTuple):
     """Something that happened to one leg.
 
     Attributes:
-        node: CAN node id of the leg, 1..6.
+        node: CAN node id of the leg, 1..8.
         kind: What happened.
         t_ns: Time at which it happened, in the time of `feed` [ns]; None: not known.
         sigma_s: Standard deviation of that time [s], NaN if not known.

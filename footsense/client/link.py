@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from firmware_interface.can.all_legs import FORCES_ID, N_BYTES, decode_forces
+from firmware_interface.can.all_legs import N_BYTES, NODES, decode_forces
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
 
 #: CAN ids of the accepted frames.
-LINK_IDS = (*(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values()), FORCES_ID)
+LINK_IDS = (*(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values()), *NODES)
 
 _NAN = float("nan")
 _NO_FORCE = (_NAN, _NAN, _NAN)
@@ -100,14 +100,14 @@ class Link:
 
         Args:
             can_id: Its 11-bit id.
-            data: Its bytes; 64 of a CAN FD frame.
+            data: Its bytes; up to 64 of a CAN FD frame.
             now_ns: Time of arrival, on a clock that does not step [ns].
 
         Returns:
             Whether it was a `Force` or `Quality` of a leg, or the `Forces` of all, valid or not.
         """
-        if can_id == FORCES_ID and len(data) == N_BYTES:  # a classic frame with this id is somebody else's
-            self._feed_all(data, now_ns)
+        if len(data) == N_BYTES.get(can_id):  # a classic frame with this id is somebody else's
+            self._feed_all(can_id, data, now_ns)
             return True
         for base, decode in ((FORCE_ID, decode_force), (QUALITY_ID, decode_quality)):
             if can_id - base in self._legs:
@@ -121,13 +121,13 @@ class Link:
                 return True
         return False
 
-    def _feed_all(self, data: bytes, now_ns: int) -> None:
-        """Process a CAN FD frame with the forces of all legs."""
+    def _feed_all(self, can_id: int, data: bytes, now_ns: int) -> None:
+        """Process a CAN FD frame with the forces of several legs."""
         try:
-            forces = decode_forces(FORCES_ID, data)
+            forces = decode_forces(can_id, data)
         except FrameError:
-            for leg in self._legs.values():
-                leg.take_wrong(now_ns)
+            for node in NODES[can_id]:
+                self._legs[node].take_wrong(now_ns)
             return
         for force, quality in forces.legs:
             self._legs[force.node].take(force, now_ns)
@@ -137,7 +137,7 @@ class Link:
         """Return a leg's force and whether it may be used.
 
         Args:
-            node: Its CAN node id, 1..6.
+            node: Its CAN node id, 1..8.
             now_ns: The present time [ns].
         """
         read = self._legs[node].force_at(now_ns)

@@ -103,7 +103,7 @@ class Reports:
         """Return the last reports of a leg.
 
         Args:
-            node: Its CAN node id, 1..6.
+            node: Its CAN node id, 1..8.
             now_ns: The present time [ns].
         """
         fault, _ = self._recent(node, Fault, now_ns)

@@ -47,7 +47,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     board: Literal["fdc1004", "ad7746", "mcu"] = "fdc1004"
-    buses: Annotated[tuple[sections.Bus, ...], Meta(max_length=6)] = ()
+    buses: Annotated[tuple[sections.Bus, ...], Meta(max_length=8)] = ()
     serial: sections.Serial | None = None
     can: Annotated[sections.Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
     scan: sections.Scan = sections.Scan()

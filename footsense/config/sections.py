@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from firmware_interface.chips import tca9548a
-from footsense.frames import ELEMENTS, LEGS
+from footsense.frames import ALL_LEGS, ELEMENTS, LEGS
 
-Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
+Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
 
 #: PCA9685 servo boards answer to it beside their own address unless MODE1.ALLCALL is cleared.
 PCA9685_ALLCALL = 0x70
@@ -131,7 +131,7 @@ class Serial(Section, frozen=True, kw_only=True):
     ]
     baud: Annotated[int, Meta(ge=9600, le=12_000_000)] = 921_600
     rate_hz: Annotated[float, Meta(ge=1.0, le=1000.0)] = 200.0
-    legs: Annotated[tuple[Leg, ...], Meta(min_length=1, max_length=len(LEGS))] = LEGS  # type: ignore[assignment]
+    legs: Annotated[tuple[Leg, ...], Meta(min_length=1, max_length=len(ALL_LEGS))] = LEGS  # type: ignore[assignment]
 
 
 class Scan(Section, frozen=True, kw_only=True):

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from firmware_interface.can.all_legs import FORCES_ID
+from firmware_interface.can.all_legs import NODES
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
 from firmware_interface.can.socketcan import split_frames
@@ -21,6 +21,7 @@ from footsense.client import (
     Reports,
 )
 from footsense.errors import CanError
+from footsense.frames import LEGS
 from footsense.ports import CanWire, Clock
 
 #: Period of reading the channel [ns].
@@ -92,8 +93,8 @@ class Listener:
                 raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
             for can_id, data in split_frames(b"".join(frames)):
                 if self._link.feed(can_id, data, self._last_poll_ns):
-                    if can_id == FORCES_ID:
-                        for node in self._n_force_frames:
+                    if can_id in NODES:
+                        for node in NODES[can_id]:
                             self._n_force_frames[node] += 1
                     elif can_id & ~0xF == FORCE_ID:
                         self._n_force_frames[can_id & 0xF] += 1
@@ -105,16 +106,19 @@ class Listener:
             self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_NS))
 
     def snapshot(self) -> list[LegSnapshot]:
-        """Return every leg at the present time."""
+        """Return every leg at the present time: those of a hexapod, and others that were heard."""
         now_ns = self._clock.now_ns()
         snapshots = []
         for leg, node in NODE_IDS.items():
+            report = self._reports.leg(node, now_ns)
+            if leg not in LEGS and not self._n_force_frames[node] and report.node_state is None:
+                continue
             event = self._last_events.get(node)
             snapshots.append(
                 LegSnapshot(
                     leg,
                     self._link.leg(node, now_ns),
-                    self._reports.leg(node, now_ns),
+                    report,
                     self._n_force_frames[node],
                     event,
                     None if event is None or event.t_ns is None else now_ns - event.t_ns,

@@ -21,9 +21,11 @@ except ImportError:
 
 _FORMATS = (".png", ".svg", ".pdf")
 #: Row and column of each leg, as on the robot from above.
-_PLACES = {"lf": (0, 0), "rf": (0, 1), "lm": (1, 0), "rm": (1, 1), "lr": (2, 0), "rr": (2, 1)}
+_PLACES = {
+    side + place: (row, column) for row, place in enumerate("fmr4") for column, side in enumerate("lr")
+}
 _SIDES = {"l": "left", "r": "right"}
-_POSITIONS = {"f": "front", "m": "middle", "r": "rear"}
+_POSITIONS = {"f": "front", "m": "middle", "r": "rear", "4": "fourth"}
 _NORMAL, _TANGENTIAL, _CONTACT = "#1f5fa8", "#d97706", "#dbeafe"
 _STATES = {
     State.VALID: "#8cc08a",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import RecordingError
-from footsense.frames import LEGS, Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
+from footsense.frames import ALL_LEGS, Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
 from footsense.recording.cycle_fields import (
     FIELDS,
     GAIT_FIELDS,
@@ -113,7 +113,7 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
             if isinstance(record, Header):
                 legs = record.entries["legs"].split(",")
                 n_legs = len(legs)
-                require(set(legs) <= set(LEGS) and len(set(legs)) == n_legs, f"legs {legs}")
+                require(set(legs) <= set(ALL_LEGS) and len(set(legs)) == n_legs, f"legs {legs}")
                 yield record.entries
             elif isinstance(record, LostCycles):
                 yield record

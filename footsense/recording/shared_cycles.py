@@ -28,7 +28,7 @@ import msgspec
 import numpy as np
 
 from footsense.errors import FootsenseError, RecordingError
-from footsense.frames import ELEMENTS, LEGS, CanStatistics, Cycle, Vector
+from footsense.frames import ALL_LEGS, ELEMENTS, CanStatistics, Cycle, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import pack_cycle
 from footsense.recording.cycle_records import NumberedCycle, unpack
@@ -172,7 +172,7 @@ class CycleReader:
         except (ValueError, LookupError, struct.error, OSError, RecursionError) as error:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles: {error}") from error
         n_bytes = _HEAD.size + length + _NUMBER.size + 8 * self._n_doubles + SLOTS * SLOT_BYTES
-        if magic != _MAGIC or not set(self.legs) <= set(LEGS) or len(self._map) != n_bytes:
+        if magic != _MAGIC or not set(self.legs) <= set(ALL_LEGS) or len(self._map) != n_bytes:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles")
         return int(length)
 

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import msgspec
 
 from footsense import strict_yaml
-from footsense.frames import LEGS
+from footsense.frames import ALL_LEGS
 from footsense.ros2.leg_messages import LegSample, contact_state, diagnostics, wrench
 from footsense.ros2.messages import (
     ContactState,
@@ -116,8 +116,8 @@ def load_frames(path: Path) -> dict[str, FootFrame]:
 
 def _contradiction(frames: dict[str, FootFrame]) -> strict_yaml.Problem | None:
     for leg, foot in frames.items():
-        if leg not in LEGS:
-            return strict_yaml.Problem(leg, f"is no leg; there are {', '.join(LEGS)}")
+        if leg not in ALL_LEGS:
+            return strict_yaml.Problem(leg, f"is no leg; there are {', '.join(ALL_LEGS)}")
         length = sum(part * part for part in foot.quaternion_xyzw) ** 0.5
         if abs(length - 1) > 1e-3:
             return strict_yaml.Problem(f"{leg}.quaternion_xyzw", f"has the length {length:.3f}, not 1")

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from footsense.frames import LEGS
+from footsense.frames import ALL_LEGS
 from footsense.sim.faults.scene_faults import Leg
 from footsense.sim.loads import ground_load
 from footsense.sim.loads.measured_walk import measured_walk
@@ -113,7 +113,7 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
         """Return the load from a time on [ns]."""
         reaction = smooth_stance(self.duty_rel, self.peak_force_n, self.friction_rel)
         return Walk(
-            dict.fromkeys(LEGS, reaction),
+            dict.fromkeys(ALL_LEGS, reaction),
             period_ns=_ns(self.period_s),
             duty_rel=self.duty_rel,
             pitch_deg=self.pitch_deg,

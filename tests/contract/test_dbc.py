@@ -1,8 +1,7 @@
-"""`footsense.dbc`, read by cantools, and the Python codecs are two accounts of the same frames."""
+"""The DBC of a robot with eight legs, read by cantools, and the Python codecs are two accounts of the same frames."""
 
 import math
 from enum import IntEnum, IntFlag
-from pathlib import Path
 from typing import Any
 
 import cantools
@@ -10,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.all_legs import FORCES_ID, decode_forces, encode_forces
+from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, NODES, decode_forces, encode_forces
 from firmware_interface.can.baseline import BASELINE_ID, decode_baseline, encode_baseline
 from firmware_interface.can.codes import (
     NODE_IDS,
@@ -36,6 +35,7 @@ from firmware_interface.can.commands import (
     encode_command,
 )
 from firmware_interface.can.crc8 import protect
+from firmware_interface.can.dbc import HEXAPOD_DBC, make_dbc
 from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, decode_fault, encode_fault, encode_heartbeat
 from firmware_interface.can.force import (
     FORCE_ID,
@@ -56,7 +56,7 @@ from firmware_interface.can.gait import (
 )
 from tests.support.can_frames import encode_force, encode_quality
 
-DBC = cantools.database.load_file(Path(__file__).parents[2] / "firmware_interface/can/footsense.dbc")
+DBC = cantools.database.load_string(make_dbc(list(NODE_IDS)), "dbc")
 SENDERS = {
     "Force": (FORCE_ID, 8, "Footsense"),
     "Quality": (QUALITY_ID, 8, "Footsense"),
@@ -97,6 +97,17 @@ def camel(names: type[IntEnum] | type[IntFlag]) -> dict[int, str]:
     return {member.value: str(member.name).title().replace("_", "") for member in names}
 
 
+def test_the_dbc_of_a_hexapod_is_the_committed_one() -> None:
+    """Byte for byte; others have the frames of their legs, and forces in their own unit."""
+    assert make_dbc(["lf", "lm", "lr", "rf", "rm", "rr"]) == HEXAPOD_DBC.read_text("utf-8")
+    trotting = make_dbc(["lf", "lr", "rf", "rr"], force_step_mn=5)
+    assert '"footsense: the contact force of every foot of a four-legged robot' in trotting
+    four = cantools.database.load_string(trotting, "dbc")
+    assert {m.name[-2:] for m in four.messages} == {"Lf", "Lr", "Rf", "Rr", "es"}
+    force_z = four.get_message_by_name("ForceRr").get_signal_by_name("ForceZ")
+    assert (force_z.scale, force_z.maximum) == (0.005, 163.835)
+
+
 def test_every_leg_has_every_frame_and_there_are_no_others() -> None:
     """Names, ids, lengths and senders are those of the codecs."""
     expected = {
@@ -104,10 +115,10 @@ def test_every_leg_has_every_frame_and_there_are_no_others() -> None:
         for name, (base, length, sender) in SENDERS.items()
         for leg in LEGS
     }
-    expected["Forces"] = (FORCES_ID, 64, "Footsense")
+    expected |= {"Forces": (FORCES_ID, 64, "Footsense"), "Forces4": (FORCES4_ID, 24, "Footsense")}
     assert {m.name: (m.frame_id, m.length, m.senders[0]) for m in DBC.messages} == expected
-    assert [message.name for message in DBC.messages if message.is_fd] == ["Forces"]
-    assert DBC.get_message_by_name("Forces").dbc.attributes["CANFD_BRS"].value == 1
+    assert [message.name for message in DBC.messages if message.is_fd] == ["Forces", "Forces4"]
+    assert DBC.get_message_by_name("Forces4").dbc.attributes["CANFD_BRS"].value == 1
     assert not any(message.is_extended_frame for message in DBC.messages)
 
 
@@ -183,13 +194,13 @@ def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
             ("Heartbeat", 200),
         )
         for leg in LEGS
-    } | {"Forces": 11}
+    } | {"Forces": 11, "Forces4": 11}
 
 
 @st.composite
 def robots(draw: st.DrawFn) -> tuple[list[int], list[Any]]:
     """Return the nodes of some legs, and for each state, force, sigma, flags and mask."""
-    nodes = draw(st.lists(st.integers(1, 6), min_size=1, max_size=6, unique=True))
+    nodes = draw(st.lists(st.integers(1, 8), min_size=1, max_size=8, unique=True))
     common = draw(st.sampled_from([0, 1, 2, 3]))
     parts = [
         (
@@ -204,22 +215,24 @@ def robots(draw: st.DrawFn) -> tuple[list[int], list[Any]]:
     return nodes, parts
 
 
-@given(robots(), counters, st.integers(0, 254))
-def test_forces_of_all_legs(robot: tuple[list[int], list[Any]], counter: int, age: int) -> None:
+@given(st.sampled_from([FORCES_ID, FORCES4_ID]), robots(), counters, st.integers(0, 254))
+def test_forces_of_all_legs(can_id: int, robot: tuple[list[int], list[Any]], counter: int, age: int) -> None:
     """cantools, Python and the single frames agree on what one CAN FD frame says of every leg."""
     nodes, parts = robot
     state, force_n, sigma_n, flags, mask = zip(*parts, strict=True)
     t_ns, t_sent_ns = [1] * len(nodes), 1 + age * 500_000
-    data = encode_forces(counter, t_sent_ns, nodes, t_ns, state, force_n, sigma_n, flags, mask)
-    signals = decode("Forces", data)
-    ours = decode_forces(FORCES_ID, data)
+    data = encode_forces(can_id, counter, t_sent_ns, nodes, t_ns, state, force_n, sigma_n, flags, mask)
+    name = "Forces" if can_id == FORCES_ID else "Forces4"
+    signals = decode(name, data)
+    ours = decode_forces(can_id, data)
     assert (signals["CHECKSUM"], signals["COUNTER"]) == (int.from_bytes(data[:2], "little"), counter)
     assert signals["AllInAir"] == ours.all_in_air
     usable = [code in USABLE for code in state]
     assert ours.all_in_air == (all(usable) and not any(flag & Flag.CONTACT for flag in flags))
-    assert signals["Age"] == (age / 2 if any(usable) else 127.5)
-    for leg, (force, quality) in zip(LEGS, ours.legs, strict=True):
-        name = leg.lower()
+    shown = [code for node, code in zip(nodes, usable, strict=True) if node in NODES[can_id]]
+    assert signals["Age"] == (age / 2 if any(shown) else 127.5)
+    of_frame = [LEGS[node - 1] for node in NODES[can_id]]
+    for leg, (force, quality) in zip(of_frame, ours.legs, strict=True):
         read = [signals[f"Force{axis}{leg}"] for axis in "XYZ"]
         assert read == pytest.approx([-32.768 if math.isnan(f) else f for f in force.force_n])
         assert (signals[f"State{leg}"], signals[f"FaultMask{leg}"]) == (force.state, quality.fault_mask)
@@ -227,10 +240,10 @@ def test_forces_of_all_legs(robot: tuple[list[int], list[Any]], counter: int, ag
         assert signals[f"TareRefused{leg}"] == bool(quality.flags & Flag.TARE_REFUSED)
         sigmas = [signals[f"SigmaXY{leg}"]] * 2 + [signals[f"SigmaZ{leg}"]]
         assert sigmas == pytest.approx([1.02 if math.isnan(s) else s for s in quality.sigma_n])
-        if NODE_IDS[name] not in nodes:
+        if NODE_IDS[leg.lower()] not in nodes:
             assert (force.state, quality.fault_mask, quality.age_ns) == (State.ABSENT, 0, None)
             continue
-        row = nodes.index(NODE_IDS[name])
+        row = nodes.index(NODE_IDS[leg.lower()])
         assert (force.counter, force.state, quality.flags) == (counter, state[row], flags[row])
         assert quality.fault_mask == mask[row]
         x_n, y_n, z_n = sigma_n[row]
@@ -240,7 +253,7 @@ def test_forces_of_all_legs(robot: tuple[list[int], list[Any]], counter: int, ag
         else:
             assert all(map(math.isnan, force.force_n))
             assert quality.age_ns is None
-    message = DBC.get_message_by_name("Forces")
+    message = DBC.get_message_by_name(name)
     assert message.encode(signals, strict=False) == data
 
 

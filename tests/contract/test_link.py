@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.all_legs import FORCES_ID, encode_forces
+from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, NODES, encode_forces
 from firmware_interface.can.baseline import BASELINE_ID, decode_baseline
 from firmware_interface.can.codes import (
     BaselineStatus,
@@ -71,18 +71,20 @@ def test_both_see_what_the_vectors_say(case: dict[str, Any]) -> None:
 
 
 @st.composite
-def fd_frames(draw: st.DrawFn, counter: int) -> bytes:
-    """Return a CAN FD frame of all legs, sometimes with a wrong bit."""
+def fd_frames(draw: st.DrawFn, counter: int) -> tuple[int, bytes]:
+    """Return a CAN FD frame of nodes 1 and 2, or of 7 and 8, sometimes with a wrong bit."""
+    can_id = draw(st.sampled_from([FORCES_ID, FORCES_ID, FORCES4_ID]))
+    nodes = NODES[can_id][:2]
     states = draw(st.tuples(*[st.sampled_from([State.VALID, State.VALID, State.DEGRADED, State.STALE])] * 2))
     t_sent_ns = draw(st.sampled_from([15_000_001, 200_000_001]))
     sigma_n = [(0.01, float("nan"), 2.0), (float("nan"), 0.1, 0.2)]
     force_n = [(0.1, -0.2, 40.0), (0.0, float("nan"), 1.0)]
     data = bytearray(
-        encode_forces(counter, t_sent_ns, [1, 2], [1, 1], states, force_n, sigma_n, [9, 4], [5, 0])
+        encode_forces(can_id, counter, t_sent_ns, nodes, [1, 1], states, force_n, sigma_n, [9, 4], [5, 0])
     )
     if draw(st.integers(0, 5)) == 0:
-        data[draw(st.integers(0, 63))] ^= 1 << draw(st.integers(0, 7))
-    return bytes(data)
+        data[draw(st.integers(0, len(data) - 1))] ^= 1 << draw(st.integers(0, 7))
+    return can_id, bytes(data)
 
 
 @st.composite
@@ -111,7 +113,7 @@ def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
         if harm == "x":
             sent[1] = (sent[1][0] ^ 3, sent[1][1])
         if harm == "d":
-            sent = [(FORCES_ID, draw(fd_frames(counter)))]
+            sent = [draw(fd_frames(counter))]
         if harm == "b":
             t_us = max(0, t_us - draw(st.integers(0, 200_000)))
         frames += [(t_us + 270 * place, *frame) for place, frame in enumerate(sent)]
@@ -132,7 +134,7 @@ def test_both_see_the_same_in_any_frames(
     ours, theirs = Link(limits), CLink(limits)
     for t_us, can_id, data in frames:
         assert ours.feed(can_id, data, t_us * 1000) == theirs.feed(can_id, data, t_us)
-        for node in (1, 2):
+        for node in (1, 2, 7):
             for at_us in (t_us, t_us + later_us):
                 view = ours.leg(node, at_us * 1000)
                 assert theirs.look(node, at_us) == in_c_units(view)
@@ -221,7 +223,7 @@ EVENTS = {
 
 
 @given(
-    st.sampled_from(sorted(EVENTS)), st.integers(0, 7), st.binary(min_size=8, max_size=8), st.integers(0, 8)
+    st.sampled_from(sorted(EVENTS)), st.integers(0, 9), st.binary(min_size=8, max_size=8), st.integers(0, 8)
 )
 def test_both_read_and_refuse_the_same_events(name: str, node: int, payload: bytes, harm: int) -> None:
     """Any contents, with one byte too many or one bit wrong now and then."""
@@ -270,7 +272,7 @@ def test_c_writes_the_commands_of_python_and_none_other(node: int, counter: int,
     """The id is 0 for a node, counter or kind that does not exist."""
     data = ctypes.create_string_buffer(8)
     can_id = library().footsense_encode_command(node, counter, kind, data)
-    if 1 <= node <= 6 and counter <= 14 and kind in set(CommandKind):
+    if 1 <= node <= 8 and counter <= 14 and kind in set(CommandKind):
         assert (can_id, data.raw) == (COMMAND_ID + node, encode_command(node, counter, CommandKind(kind)))
     else:
         assert can_id == 0

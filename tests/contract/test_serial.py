@@ -33,7 +33,7 @@ VECTORS = json.loads(serial_vectors.PATH.read_text())
 
 records = st.builds(
     Record,
-    leg=st.integers(1, 6),
+    leg=st.integers(1, 8),
     seq=st.integers(0, 0xFFFF),
     flags=st.integers(0, 3),
     step_us=st.integers(0, 0xFFFF),
@@ -118,7 +118,7 @@ def test_c_writes_what_python_writes(encoder: ctypes.CDLL, record: Record) -> No
     assert SerialDecoder().feed(line) == [record]
 
 
-@pytest.mark.parametrize(("leg", "flags"), [(0, 0), (7, 0), (1, 4), (1, 128)])
+@pytest.mark.parametrize(("leg", "flags"), [(0, 0), (9, 0), (1, 4), (1, 128)])
 def test_what_no_record_has_is_written_by_nobody_and_read_by_nobody(
     encoder: ctypes.CDLL, leg: int, flags: int
 ) -> None:

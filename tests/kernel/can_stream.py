@@ -14,11 +14,13 @@ from typing import NamedTuple
 from firmware_interface.can.codes import NODE_IDS, Cause, State
 from firmware_interface.can.events import FAULT_ID, decode_fault
 from firmware_interface.can.force import FORCE_ID, Force, decode_force
+from footsense.frames import LEGS as HEXAPOD
 from tests.kernel.ports import GuestError, LinePort
 
 _DATA_FRAME = re.compile(rb"[0-9A-F]{3}#([0-9A-F]{2})*")
 
-LEGS = {node: leg for leg, node in NODE_IDS.items()}
+#: The robot's legs by their nodes.
+LEGS = {NODE_IDS[leg]: leg for leg in HEXAPOD}
 
 #: Longest wait for anything on CAN: of the machine's time, and of the host's, which may be busy [s].
 BOUND_S, _HOST_BOUND_S = 30.0, 900.0
@@ -119,9 +121,7 @@ class CanStream:
                 raise GuestError(f"not within {bound_s:.0f} s: {what}; CAN: {self.shown(mark)}")
             time.sleep(0.2)
 
-    def wait_for(
-        self, state: State, legs: Iterable[str] = tuple(NODE_IDS), bound_s: float = BOUND_S
-    ) -> float:
+    def wait_for(self, state: State, legs: Iterable[str] = HEXAPOD, bound_s: float = BOUND_S) -> float:
         """Wait until legs have a state at once, in forces from now on.
 
         Returns:

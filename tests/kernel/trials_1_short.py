@@ -2,7 +2,7 @@
 
 import pytest
 
-from firmware_interface.can.codes import NODE_IDS, Cause, Flag, State
+from firmware_interface.can.codes import Cause, Flag, State
 from firmware_interface.can.force import QUALITY_ID, decode_quality
 from tests.kernel import deploy_page
 from tests.kernel.can_stream import LEGS
@@ -36,7 +36,7 @@ def test_a_pressed_foot(trial: Trial) -> None:
     pressed = pytest.approx((0.05, 0.0, 0.8), abs=0.05)
     trial.can.wait("lr with the force", lambda: trial.can.force_n("lr", trial.mark) == pressed)
     forces = trial.can.forces(trial.mark)
-    for leg in set(NODE_IDS) - {"lr"}:
+    for leg in set(LEGS.values()) - {"lr"}:
         assert forces[leg].force_n == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
     trial.row.shown = "lr (" + ", ".join(f"{part:.2f}" for part in forces["lr"].force_n) + ") N, others 0"
     qualities = [frame for frame in trial.can.since(trial.mark) if frame.can_id - QUALITY_ID in LEGS]
@@ -63,7 +63,7 @@ def test_can_goes_and_comes(trial: Trial) -> None:
 
 def test_a_leg_that_does_not_answer(trial: Trial) -> None:
     """Every transfer to lm fails with EREMOTEIO."""
-    others = set(NODE_IDS) - {"lm"}
+    others = set(LEGS.values()) - {"lm"}
     trial.chips.do("fail lm EREMOTEIO")
     trial.can.wait_for(State.ABSENT, ["lm"])
     trial.can.wait_for(State.VALID, others)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from firmware_interface.can.codes import NODE_IDS, Cause, State
+from firmware_interface.can.codes import Cause, State
+from footsense.frames import LEGS
 from tests.kernel.robot import CONFIG, Trial, matching
 
 #: SILENT: the transfer ends with the adapter's timeout.
@@ -18,7 +19,7 @@ def test_one_leg_fails(trial: Trial, error: str) -> None:
     pid = trial.robot.pid
     trial.chips.do(f"fail rm {error}")
     trial.can.wait_for(State.ABSENT, ["rm"])
-    trial.can.wait_for(State.VALID, set(NODE_IDS) - {"rm"})
+    trial.can.wait_for(State.VALID, set(LEGS) - {"rm"})
     trial.chips.do("clear")
     trial.recovered()
     causes = trial.can.causes(trial.mark)
@@ -76,7 +77,7 @@ def test_held_line_with_reset(trial: Trial) -> None:
         mark, (_, before) = trial.can.mark, trial.chips.counts
         trial.chips.do("hold lm")
         trial.can.wait_for(State.ABSENT, ["lm"])
-        trial.can.wait_for(State.VALID, set(NODE_IDS) - {"lm"})
+        trial.can.wait_for(State.VALID, set(LEGS) - {"lm"})
         pulses = trial.chips.counts[1] - before
         trial.chips.do("clear")
         trial.recovered()

@@ -9,13 +9,11 @@ from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.socketcan import split_frames
 from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
-from footsense.frames import BaselineDrift, ContactFrame
+from footsense.frames import LEGS, BaselineDrift, ContactFrame
 from footsense.sim.can.controller import CanSettings
 from footsense.sim.can.interface import AS_DEPLOYED, SimulatedCan
 from footsense.sim.faults.scene_faults import CanFault
 from tests.support.can_robot import MS, FakeClock
-
-LEGS = tuple(NODE_IDS)
 
 #: Four scans, the service's own age limit.
 MAX_AGE_NS = 98 * MS

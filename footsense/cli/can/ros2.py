@@ -10,7 +10,7 @@ from footsense.cli.options import FILE, StopRequest, duration_option
 from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock, wall_time_ns
 from footsense.daemon.can_listener import open_listener
-from footsense.frames import LEGS
+from footsense.frames import ALL_LEGS
 from footsense.ros2.live_samples import LiveMessages
 from footsense.ros2.participant import Participant
 from footsense.ros2.topics import Topics, load_frames
@@ -41,7 +41,7 @@ def ros2(
 
     Only listens on CAN. A leg without a usable force sends no wrench; its contact state and /diagnostics say so.
     """
-    topics = Topics(LEGS, None if tf is None else load_frames(tf))
+    topics = Topics(ALL_LEGS, None if tf is None else load_frames(tf))
     participant = Participant(domain, topics.types)
     messages = LiveMessages(topics)
     clock, stop = MonotonicClock(), StopRequest()

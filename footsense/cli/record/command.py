@@ -20,7 +20,7 @@ from footsense.daemon.session_guide import practice_scene, session_guide
 from footsense.daemon.simulation import is_simulated
 from footsense.daemon.test_stand import StandSensor, StandSession, is_live
 from footsense.errors import CalibrationError, ConfigError
-from footsense.frames import LEGS
+from footsense.frames import ALL_LEGS
 from footsense.sim.scene import Scene
 from footsense.sim.scene_files import load_scene
 from footsense.sim.test_stand.press_sequence import PressSequence
@@ -44,7 +44,9 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     help="YAML file of the test stand's force sensor.",
 )
 @foot_option
-@click.option("--leg", type=click.Choice(LEGS), default="lf", show_default=True, help="Leg it is wired as.")
+@click.option(
+    "--leg", type=click.Choice(ALL_LEGS), default="lf", show_default=True, help="Leg it is wired as."
+)
 @click.option("--session", help="Name of this mounting of the foot. Default: the name of the file.")
 @options.config_option("a simulated foot")
 @click.option("--scene", "scene_name", help="Scene of a simulated test stand: a name, or a YAML file.")

@@ -10,7 +10,7 @@ from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 
 from footsense.errors import RecordingError
-from footsense.frames import LEGS
+from footsense.frames import ALL_LEGS
 from footsense.recording.container.bounded_file import DAMAGE, BoundedFile
 
 #: Profile of the container, which identifies footsense's files.
@@ -66,7 +66,7 @@ def _check_legs(path: Path, legs: str) -> None:
         RecordingError: It does not.
     """
     names = legs.split(",")
-    if len(set(names)) < len(names) or not set(names) <= set(LEGS):
+    if len(set(names)) < len(names) or not set(names) <= set(ALL_LEGS):
         raise RecordingError(
-            f"{path}: the recording names its legs {legs[:40]!r}, not some of {', '.join(LEGS)}"
+            f"{path}: the recording names its legs {legs[:40]!r}, not some of {', '.join(ALL_LEGS)}"
         )

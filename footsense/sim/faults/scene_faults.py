@@ -17,7 +17,7 @@ from footsense.sim.faults.schedule import Span
 
 _NS_PER_S = 1_000_000_000
 
-Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr"]
+Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
 #: Element, row or column of the largest array; a foot may have fewer.
 Element = Annotated[int, Meta(ge=0, le=15)]
 Line = Annotated[int, Meta(ge=0, le=3)]

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.frames import LEGS, Vector
+from footsense.frames import ALL_LEGS, Vector
 from footsense.sim.loads.walk import Reaction, Walk
 
 _NS_PER_S = 1_000_000_000
-_RIGHT_LEGS = ("rf", "rm", "rr")
+_RIGHT_LEGS = ("rf", "rm", "rr", "r4")
 
 
 class MeasuredStride(NamedTuple):
@@ -79,7 +79,7 @@ def measured_walk(peak_force_n: float, pitch_deg: float, from_ns: int) -> Walk:
 
     by_foot = {foot: replay_stride(stride) for foot, stride in strides.items()}
     return Walk(
-        reaction={leg: by_foot["right" if leg in _RIGHT_LEGS else "left"] for leg in LEGS},
+        reaction={leg: by_foot["right" if leg in _RIGHT_LEGS else "left"] for leg in ALL_LEGS},
         period_ns=round(right.stride_s * _NS_PER_S),
         duty_rel=max(stride.stance_s for stride in strides.values()) / right.stride_s,
         pitch_deg=pitch_deg,

@@ -9,8 +9,8 @@ from footsense.frames import Vector
 from footsense.sim.faults.scene_faults import Leg
 from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 
-#: Legs of a tripod gait that step half a period later than the others.
-SECOND_TRIPOD: tuple[Leg, ...] = ("rf", "lm", "rr")
+#: Legs that step half a period later than the others in a tripod gait of six legs, and a tetrapod gait of eight.
+SECOND_TRIPOD: tuple[Leg, ...] = ("rf", "lm", "rr", "l4")
 
 #: Ground reaction in the world frame [N] over the phase of the gait cycle, 0 at touchdown, in [0, 1).
 Reaction = Callable[[float], Vector]

@@ -35,7 +35,7 @@ export class Plot {
     }));
     this.legButtons = this.legs.map((leg, row) => {
       const button = element("button", { type: "button", "aria-pressed": "true", title: `key ${row + 1}` }, leg.toUpperCase());
-      button.style.setProperty("--c", `var(--leg-${row % 6})`);
+      button.style.setProperty("--c", `var(--leg-${row % 8})`);
       button.onclick = () => toggle(this.shown, row, button);
       return button;
     });
@@ -54,7 +54,7 @@ export class Plot {
     chosen.forEach(([name, label, unit], place) => [...this.shown].sort().forEach((row) => {
       this.pairs.push([row, name]);
       series.push({
-        label: `${this.legs[row].toUpperCase()} ${label}`, scale: unit || "1", stroke: css(`--leg-${row % 6}`),
+        label: `${this.legs[row].toUpperCase()} ${label}`, scale: unit || "1", stroke: css(`--leg-${row % 8}`),
         width: 1.5, dash: DASHES[place % DASHES.length], points: { show: false }, spanGaps: false,
       });
     }));

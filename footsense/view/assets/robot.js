@@ -2,7 +2,9 @@
 
 import { FLAG, css, number, setText, svg } from "./format.js";
 
-const PLACES = { lf: [112, 112], lm: [112, 306], lr: [112, 500], rf: [408, 112], rm: [408, 306], rr: [408, 500] };
+const PLACES = {
+  lf: [112, 112], lm: [112, 306], lr: [112, 500], rf: [408, 112], rm: [408, 306], rr: [408, 500], l4: [112, 694], r4: [408, 694],
+};
 const CELL = 34, GAP = 3, HALF = (3 * CELL + 2 * GAP) / 2;
 const FULL_LOAD_N = 1.5; // of the bar; it grows with the largest load
 const REACH_PX = 74; // of the longest arrow, or the widest cone
@@ -13,16 +15,19 @@ export class Robot {
     this.words = hello.words;
     this.loads = FULL_LOAD_N;
     this.reach = 0.1;
-    const root = svg("svg", { viewBox: "0 0 520 612", role: "img", "aria-label": "six feet from above" });
+    const longer = hello.legs.some((leg) => PLACES[leg][1] > PLACES.rr[1]) ? PLACES.r4[1] - PLACES.rr[1] : 0;
+    const root = svg("svg", { viewBox: `0 0 520 ${612 + longer}`, role: "img", "aria-label": "the feet from above" });
     root.append(
-      svg("path", { class: "body", d: "M260 40 L304 92 L304 520 L260 572 L216 520 L216 92 Z" }),
+      svg("path", { class: "body", d: `M260 40 L304 92 V${520 + longer} L260 ${572 + longer} L216 ${520 + longer} V92 Z` }),
       svg("path", { class: "front", d: "M260 56 L272 78 L248 78 Z" }),
     );
     const front = svg("text", { x: 260, y: 96, "text-anchor": "middle", class: "small" });
     front.textContent = "front";
     root.append(front);
     this.feet = hello.legs.map((leg) => new Foot(root, leg));
-    this.#legend(root);
+    const legend = svg("g", { transform: `translate(0 ${longer})` });
+    root.append(legend);
+    this.#legend(legend);
     parent.replaceChildren(root);
     this.colours();
   }

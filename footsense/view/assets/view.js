@@ -176,7 +176,7 @@ document.addEventListener("keydown", (event) => {
   if (key === " ") pause();
   else if (key === "t") toggleTheme();
   else if (key === "?") $("keys").showModal();
-  else if (key >= "1" && key <= "6") page.plot?.toggleLeg(Number(key) - 1);
+  else if (key >= "1" && key <= "8") page.plot?.toggleLeg(Number(key) - 1);
   else if (!page.replay?.key(event)) return;
   event.preventDefault();
 });

@@ -16,9 +16,9 @@ from footsense.leg_phase import LegPhase, phase_of
 #: Frame of the feet, and place of each in it [m]: x forward, y left.
 FRAME = "robot"
 PLACES_M = {
-    leg: (x_m, y_m, 0.0)
+    side + place: (x_m, y_m, 0.0)
     for side, y_m in (("l", 0.15), ("r", -0.15))
-    for leg, x_m in zip((f"{side}f", f"{side}m", f"{side}r"), (0.2, 0.0, -0.2), strict=True)
+    for place, x_m in (("f", 0.2), ("m", 0.0), ("r", -0.2), ("4", -0.4))
 }
 #: Length of the arrow of a newton [m].
 _M_PER_N = 0.1

@@ -7,7 +7,7 @@ import can
 import numpy as np
 import pytest
 
-from firmware_interface.can.all_legs import FORCES_ID, decode_forces
+from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, decode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, State
 from firmware_interface.can.socketcan import FD_FRAME, pack_fd_frame, pack_frame, split_frames
 from footsense.can import python_can
@@ -15,6 +15,7 @@ from footsense.can.python_can import open_wire
 from footsense.can.socketcan import SocketWire
 from footsense.client import Link, LinkStatus
 from footsense.errors import CanError
+from footsense.frames import ALL_LEGS, LEGS
 from tests.support.can_robot import MS, Robot
 from tests.support.gaits import gait_frame
 
@@ -22,7 +23,7 @@ from tests.support.gaits import gait_frame
 def test_one_frame_has_the_forces_of_all_legs(request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """With the higher bit rate for its data; a client uses it as the single frames, and the log has it whole."""
     log = tmp_path / "walk.log"
-    robot = Robot(request.node.nodeid, tuple(NODE_IDS), log, fd=True)
+    robot = Robot(request.node.nodeid, LEGS, log, fd=True)
     link = Link()
     for n in range(1, 5):
         robot.publish(n * 11 * MS, age_ns=12_300_000, flags=Flag.CONTACT, gait=gait_frame(n * 11 * MS, 6))
@@ -60,6 +61,20 @@ def test_legs_in_the_air_and_legs_without_a_force_are_told(request: pytest.Fixtu
     forces = decode_forces(FORCES_ID, bytes(message.data))
     assert not forces.all_in_air
     assert all(np.isnan(force.force_n).all() and quality.age_ns is None for force, quality in forces.legs)
+    robot.close()
+
+
+def test_a_seventh_and_eighth_leg_have_a_frame_of_their_own(request: pytest.FixtureRequest) -> None:
+    """With the counter of the first; a client uses both. Robots without such legs never send it."""
+    robot = Robot(request.node.nodeid, ALL_LEGS, fd=True)
+    link = Link()
+    for n in range(1, 5):
+        robot.publish(n * 11 * MS)
+        sent = {m.arbitration_id: bytes(m.data) for m in robot.heard() if m.is_fd}
+        assert {can_id: len(data) for can_id, data in sent.items()} == {FORCES_ID: 64, FORCES4_ID: 24}
+        for can_id, data in sent.items():
+            assert link.feed(can_id, data, n * 11 * MS)
+    assert all(link.leg(node, 45 * MS).usable for node in range(1, 9))
     robot.close()
 
 

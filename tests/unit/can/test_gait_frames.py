@@ -6,10 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from firmware_interface.can.codes import NODE_IDS, GaitEventKind, Slip
+from firmware_interface.can.codes import GaitEventKind, Slip
 from firmware_interface.can.gait import GAIT_EVENT_ID, GAIT_ID, GROUND_ID, decode_gait_event
 from footsense.client import GaitEvents, Reports
-from footsense.frames import GaitEvent
+from footsense.frames import LEGS, GaitEvent
 from tests.support.can_robot import MS, NarrowWire, Robot
 from tests.support.gaits import gait_frame
 
@@ -126,7 +126,7 @@ def test_a_client_takes_no_event_twice(robot: Robot) -> None:
 
 def test_all_feet_in_one_cycle_find_room_in_the_next(request: pytest.FixtureRequest) -> None:
     """Six touchdowns at once: four go with the first forces, two with the next cycle."""
-    robot = Robot(request.node.nodeid, tuple(NODE_IDS), every=4)
+    robot = Robot(request.node.nodeid, LEGS, every=4)
     events = tuple(TOUCHDOWN._replace(leg=leg) for leg in range(6))
     for t_ms in range(109, 140, 3):
         robot.publish(t_ms * MS, gait=gait_frame(t_ms * MS, 6, events=events) if t_ms == 121 else None)

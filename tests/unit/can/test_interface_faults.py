@@ -6,11 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from footsense.frames import LEGS
 from footsense.sim.can.controller import CanSettings
 from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
 from tests.support.can_robot import MS
-from tests.support.can_walk import LEGS, MAX_AGE_NS, CanWalk
+from tests.support.can_walk import MAX_AGE_NS, CanWalk
 
 #: Time of a queue and three mailboxes full of frames that each lose to another node's, at 500 kbit/s [ms].
 DRAIN_MS = 2 * 19 * 0.27

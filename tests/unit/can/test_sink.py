@@ -24,7 +24,7 @@ from firmware_interface.can.commands import UNSOLICITED, decode_answer, encode_c
 from firmware_interface.can.crc8 import protect
 from firmware_interface.can.events import decode_fault, decode_heartbeat
 from firmware_interface.can.force import decode_force, decode_quality
-from footsense.frames import BaselineDrift, Command, CommandResult
+from footsense.frames import LEGS, BaselineDrift, Command, CommandResult
 from tests.support.can_robot import MS, NarrowWire, Robot
 
 
@@ -38,7 +38,7 @@ def robot(request: pytest.FixtureRequest) -> Iterator[Robot]:
 
 def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.FixtureRequest) -> None:
     """Twelve frames a scan for six legs, each decodable, counting 0..14 and on; every scan begins with another."""
-    robot = Robot(request.node.nodeid, tuple(NODE_IDS))
+    robot = Robot(request.node.nodeid, LEGS)
     for scan in range(17):
         robot.publish(scan * 20 * MS + MS, age_ns=12_300_000)
         messages = robot.heard()
@@ -171,7 +171,7 @@ def test_a_change_is_reported_once(robot: Robot) -> None:
 
 def test_what_does_not_fit_beside_the_forces_waits_for_the_next_scan(request: pytest.FixtureRequest) -> None:
     """Four frames beside those of the forces: reports first, then heartbeats and baselines."""
-    robot = Robot(request.node.nodeid, tuple(NODE_IDS))
+    robot = Robot(request.node.nodeid, LEGS)
     kinds = []
     for scan in range(4):
         robot.publish(scan * 20 * MS)
@@ -186,26 +186,26 @@ def test_each_fault_report_goes_out_once_whatever_part_of_a_scan_is_taken(
 ) -> None:
     """A report counts as sent only if the interface took it; the others follow, and none comes twice."""
     wire = NarrowWire()
-    robot = Robot(request.node.nodeid, tuple(NODE_IDS), wire=wire)
+    robot = Robot(request.node.nodeid, LEGS, wire=wire)
     for scan in range(5):
         wire.room = room if scan == 0 else 100
         robot.publish(scan * 20 * MS)
     robot.close()
     reported = sorted(can_id for can_id, _ in wire.taken if can_id - 0x080 in NODE_IDS.values())
-    assert reported == [0x080 + node for node in NODE_IDS.values()]
+    assert reported == [0x080 + NODE_IDS[leg] for leg in LEGS]
 
 
 def test_each_leg_boots_before_anything_else(request: pytest.FixtureRequest) -> None:
     """The first frames of all are heartbeats that say so."""
     wire = NarrowWire()
-    robot = Robot(request.node.nodeid, tuple(NODE_IDS), wire=wire)
+    robot = Robot(request.node.nodeid, LEGS, wire=wire)
     robot.close()
     assert wire.taken[:6] == [(0x700 + node, bytes([NmtState.BOOT])) for node in range(1, 7)]
 
 
 def test_the_tares_of_a_start_are_told_a_few_a_scan(request: pytest.FixtureRequest) -> None:
     """Six that nobody asked for: no more than four frames beside those of the forces, and each once."""
-    robot = Robot(request.node.nodeid, tuple(NODE_IDS))
+    robot = Robot(request.node.nodeid, LEGS)
     for scan in range(20):
         robot.publish(scan * 20 * MS)
     robot.heard()

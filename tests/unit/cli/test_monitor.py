@@ -11,7 +11,6 @@ from rich.console import Console
 
 from firmware_interface.can.baseline import BASELINE_ID, encode_baseline
 from firmware_interface.can.codes import (
-    NODE_IDS,
     BaselineStatus,
     Cause,
     Flag,
@@ -29,7 +28,7 @@ from footsense.cli.monitor.table import monitor_table
 from footsense.client import LegForce, LegReport, LinkLimits, LinkStatus, Reports
 from footsense.daemon.can_listener import LegSnapshot, Listener
 from footsense.errors import CanError
-from footsense.frames import GaitEvent
+from footsense.frames import LEGS, GaitEvent
 from tests.support.can_robot import MS, FakeClock, Robot
 from tests.support.gaits import gait_frame
 
@@ -75,7 +74,7 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
     """No line is folded or cut, on a terminal that knows ASCII alone."""
     screen = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
     console = Console(file=screen, width=80, force_terminal=True, color_system=None)
-    console.print(monitor_table([snapshot(leg) for leg in NODE_IDS], "239.74.163.2   12345.6 s"))
+    console.print(monitor_table([snapshot(leg) for leg in LEGS], "239.74.163.2   12345.6 s"))
     screen.seek(0)
     text = screen.read()
     assert len(text.splitlines()) <= 22
@@ -206,7 +205,7 @@ def test_reports_are_known_as_long_as_they_come() -> None:
     assert math.isnan(late.worst_pf)
     assert reports.feed(BASELINE_ID + 3, bytes(8), begin_ns)
     assert reports.feed(BASELINE_ID + 4, bytes(8), begin_ns)
-    assert not reports.feed(BASELINE_ID + 7, bytes(8), begin_ns)
+    assert not reports.feed(BASELINE_ID + 9, bytes(8), begin_ns)
     assert reports.n_wrong == 2
 
 

@@ -73,7 +73,7 @@ DECODERS: list[Callable[[int, bytes], object]] = [
     decode_ground,
 ]
 
-nodes = st.integers(1, 6)
+nodes = st.integers(1, 8)
 counters = st.integers(0, 14)
 masks = st.integers(0, 0x1FF)
 numbers = st.floats(allow_nan=False)
@@ -349,7 +349,7 @@ def test_legs_encoded_together_are_those_encoded_one_by_one(data: st.DataObject)
     """Any numbers in any state, and both frames of a leg with their right crc."""
     number = st.floats() | st.floats(-2.0, 2.0)
     vector = st.tuples(number, number, number)
-    nodes = data.draw(st.permutations(range(1, 7)))
+    nodes = data.draw(st.permutations(range(1, 9)))
     legs = [
         data.draw(
             st.tuples(

@@ -1,0 +1,107 @@
+"""The description of the CAN frames (DBC) for a robot of one to eight legs.
+
+`footsense.dbc`, for a hexapod, is written by hand. Its left front leg is the model of all others: whatever is said of
+node 1 is said again of each leg of the robot, with its id and its name. Nothing else differs but the unit of the forces
+of feet beyond 32 N.
+"""
+
+import re
+from collections.abc import Sequence
+from itertools import groupby
+from pathlib import Path
+
+from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, N_BYTES, NODES
+from firmware_interface.can.codes import NODE_IDS
+
+#: The description of a hexapod's frames.
+HEXAPOD_DBC = Path(__file__).with_name("footsense.dbc")
+
+_SIDES, _PLACES = {"l": "left", "r": "right"}, {"f": "front", "m": "middle", "r": "rear", "4": "fourth"}
+_WORDS = {leg: f"{_SIDES[leg[0]]} {_PLACES[leg[1]]}" for leg in NODE_IDS}
+_COUNTS = ("one", "two", "three", "four", "five", "six", "seven", "eight")
+_ID = re.compile(r'(?:BO_|CM_ SG_|CM_ BO_|VAL_|BA_ "\w+" BO_) (\d+) ')
+_NODE = 0x7F
+_FORCE_SIGNAL = re.compile(r"( SG_ (?:Force|Sigma)\w+ : \S+ )\((\S+),0\) \[(\S+)\|(\S+)\] \"N\"")
+
+
+def make_dbc(legs: Sequence[str], force_step_mn: int = 1) -> str:
+    """Return the DBC of a robot.
+
+    Args:
+        legs: Names of its legs, of `NODE_IDS`.
+        force_step_mn: What a bit of a force stands for [mN], as `footsense check-config` names it.
+
+    Raises:
+        KeyError: There is no such leg.
+    """
+    nodes = sorted(NODE_IDS[leg] for leg in legs)
+    names = {node: leg for leg, node in NODE_IDS.items()}
+    text: list[str] = []
+    for can_id, lines in groupby(
+        _with_ids(HEXAPOD_DBC.read_text("utf-8").splitlines()), key=lambda one: one[0]
+    ):
+        block = [line for _, line in lines]
+        if can_id is None:
+            text += _of_robot(block, [names[node] for node in nodes])
+        elif can_id == FORCES_ID:
+            text += block
+            if not set(nodes).isdisjoint(NODES[FORCES4_ID]):
+                text += _fourth_legs(block)
+        elif can_id & _NODE == 1:
+            for node in nodes:
+                text += _of_leg(block, can_id, node, names[node])
+    return "\n".join(line if force_step_mn == 1 else _scaled(line, force_step_mn) for line in text) + "\n"
+
+
+def _with_ids(lines: Sequence[str]) -> list[tuple[int | None, str]]:
+    """Return each line with the CAN id of its frame; None where it belongs to no frame."""
+    can_id, before, found = None, "", []
+    for line in lines:
+        match = _ID.match(line)
+        if match:
+            can_id = int(match[1])
+        elif not line.startswith(" SG_") and not (before.startswith(" SG_") and not line):
+            can_id = None
+        found.append((can_id, line))
+        before = line
+    return found
+
+
+def _of_robot(lines: list[str], legs: Sequence[str]) -> list[str]:
+    nodes = ", ".join(f"{NODE_IDS[leg]} {leg}" for leg in legs)
+    described = re.sub(r"1 lf, .*?\.", f"{nodes}.", "\n".join(lines))
+    return described.replace("six-legged", f"{_COUNTS[len(legs) - 1]}-legged").split("\n")
+
+
+def _of_leg(lines: list[str], can_id: int, node: int, leg: str) -> list[str]:
+    """Return the lines of a frame of the left front leg as those of another leg."""
+    return [
+        line.replace(f" {can_id} ", f" {can_id - 1 + node} ", 1)
+        .replace("Lf:", f"{leg.capitalize()}:", 1)
+        .replace("left front", _WORDS[leg])
+        for line in lines
+    ]
+
+
+def _fourth_legs(lines: list[str]) -> list[str]:
+    """Return the lines of `Forces` as those of `Forces4`: the first two of its legs are the fourth ones there."""
+    fourth = []
+    for line in lines:
+        if re.search(r"\w(Lr|Rf|Rm|Rr) ", line):
+            continue
+        changed = line.replace(f" {FORCES_ID} ", f" {FORCES4_ID} ", 1)
+        changed = changed.replace(f"Forces: {N_BYTES[FORCES_ID]}", f"Forces4: {N_BYTES[FORCES4_ID]}")
+        changed = re.sub(r"(\w)Lf ", r"\1L4 ", changed).replace("left front", _WORDS["l4"])
+        changed = re.sub(r"(\w)Lm ", r"\1R4 ", changed).replace("left middle", _WORDS["r4"])
+        fourth.append(changed.replace("of all legs", "of the fourth legs"))
+    return fourth
+
+
+def _scaled(line: str, step: int) -> str:
+    """Return a line in which the signals in newtons have another unit."""
+
+    def scale(match: re.Match[str]) -> str:
+        factor, least, most = (format(step * float(number), ".6g") for number in match.groups()[1:])
+        return f'{match[1]}({factor},0) [{least}|{most}] "N"'
+
+    return _FORCE_SIGNAL.sub(scale, line).replace("+-32.767 N", f"+-{step * 32.767:.6g} N")
