@@ -16,7 +16,6 @@ from footsense.errors import ModelError
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card
-from footsense.frames import ELEMENTS
 from footsense.ports import Load, Window
 
 #: Largest file that is read [bytes]; the released network has 80 thousand.
@@ -93,7 +92,7 @@ class Network:
         """
         low, high = np.array(self.card.closure_rel_min), np.array(self.card.closure_rel_max)
         n_rows = len(self._in[0])
-        for closure_rel in (np.zeros(ELEMENTS), *(low + share * (high - low) for share in _TESTED_REL)):
+        for closure_rel in (np.zeros_like(low), *(low + share * (high - low) for share in _TESTED_REL)):
             try:
                 load = self.estimate(at_rest(np.tile(closure_rel, (n_rows, 1))))
             except Exception as error:  # as above
