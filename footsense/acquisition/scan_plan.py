@@ -25,7 +25,7 @@ from footsense.acquisition.boards.board import Board, Check, Step
 from footsense.ports import Transaction
 
 #: Elements in the order of a magic square, by flat index, of each number of rows.
-_SQUARES: Mapping[int, tuple[int, ...]] = MappingProxyType(
+_MAGIC_SQUARE_ORDERS: Mapping[int, tuple[int, ...]] = MappingProxyType(
     {
         2: (0, 3, 2, 1),
         3: (5, 0, 7, 6, 4, 2, 1, 8, 3),
@@ -45,11 +45,13 @@ def conversion_order(order: str, rows: int) -> tuple[int, ...]:
         >>> conversion_order("lo_shu", 2), conversion_order("raster", 2)
         ((0, 3, 2, 1), (0, 1, 2, 3))
     """
-    return _SQUARES[rows] if order == "lo_shu" else tuple(range(rows**2))
+    return _MAGIC_SQUARE_ORDERS[rows] if order == "lo_shu" else tuple(range(rows**2))
 
 
 #: The orders of the paper's foot.
-ORDERS: dict[str, tuple[int, ...]] = {name: conversion_order(name, 3) for name in ("lo_shu", "raster")}
+CONVERSION_ORDERS: dict[str, tuple[int, ...]] = {
+    name: conversion_order(name, 3) for name in ("lo_shu", "raster")
+}
 
 #: The boards, each for a number of rows.
 BOARDS: Mapping[str, Callable[[int], Board]] = MappingProxyType(

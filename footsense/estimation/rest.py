@@ -6,9 +6,9 @@ from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.ports import Window
 
 #: Conversions since each reading, at the end of a scan in the order of the magic square.
-_CONVERSIONS_AGO = np.array((7, 2, 3, 0, 4, 8, 5, 6, 1)) + ELEMENTS * np.arange(3)[:, None]
+_CONVERSIONS_SINCE_READING = np.array((7, 2, 3, 0, 4, 8, 5, 6, 1)) + ELEMENTS * np.arange(3)[:, None]
 #: Ages of the readings of a foot that is read at 400 conversions a second [s], shape (3, 9).
-REST_AGE_S = 3.2e-3 + 2.7e-3 * _CONVERSIONS_AGO
+REST_AGE_S = 3.2e-3 + 2.7e-3 * _CONVERSIONS_SINCE_READING
 
 
 def at_rest(closure_rel: Vector, missing: Mask | None = None) -> Window:

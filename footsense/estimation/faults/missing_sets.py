@@ -8,18 +8,22 @@ from footsense.frames import ELEMENTS, Mask
 _ELEMENTS = np.arange(ELEMENTS)
 
 #: The rows, then the columns, as sets of elements, shape (6, 9).
-LINES: Mask = np.array([n == _ELEMENTS // 3 for n in range(3)] + [n == _ELEMENTS % 3 for n in range(3)])
-ROWS, COLUMNS = LINES[:3], LINES[3:]
+ROWS_AND_COLUMNS: Mask = np.array(
+    [n == _ELEMENTS // 3 for n in range(3)] + [n == _ELEMENTS % 3 for n in range(3)]
+)
+ROWS, COLUMNS = ROWS_AND_COLUMNS[:3], ROWS_AND_COLUMNS[3:]
 #: Every set, the empty one first, shape (16, 9).
-MISSING_SETS: Mask = np.concatenate([np.zeros((1, ELEMENTS), bool), np.eye(ELEMENTS, dtype=bool), LINES])
+MISSING_SETS: Mask = np.concatenate(
+    [np.zeros((1, ELEMENTS), bool), np.eye(ELEMENTS, dtype=bool), ROWS_AND_COLUMNS]
+)
 
 #: Bit of each element in a pattern of elements.
-_BITS = (1 << _ELEMENTS).astype(np.uint16)
-_INDEX_OF = np.zeros(1 << ELEMENTS, np.intp)
-_INDEX_OF[MISSING_SETS @ _BITS] = np.arange(len(MISSING_SETS))
+_ELEMENT_BITS = (1 << _ELEMENTS).astype(np.uint16)
+_SET_INDEX_OF_PATTERN = np.zeros(1 << ELEMENTS, np.intp)
+_SET_INDEX_OF_PATTERN[MISSING_SETS @ _ELEMENT_BITS] = np.arange(len(MISSING_SETS))
 #: Smallest set that contains each of the 512 patterns; the empty one where no set does.
-_PATTERNS = (np.arange(1 << ELEMENTS)[:, None] & _BITS) > 0
-_SMALLEST_AROUND = MISSING_SETS[(~(_PATTERNS[:, None] & ~MISSING_SETS).any(axis=2)).argmax(axis=1)]
+_PATTERNS = (np.arange(1 << ELEMENTS)[:, None] & _ELEMENT_BITS) > 0
+_SMALLEST_CONTAINING_SET = MISSING_SETS[(~(_PATTERNS[:, None] & ~MISSING_SETS).any(axis=2)).argmax(axis=1)]
 
 
 def missing_set_index(missing: Mask) -> NDArray[np.intp]:
@@ -29,7 +33,7 @@ def missing_set_index(missing: Mask) -> NDArray[np.intp]:
         >>> MISSING_SETS[missing_set_index(np.array([[1, 1, 1, 0, 0, 0, 0, 0, 0]], bool))[0]].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    index: NDArray[np.intp] = _INDEX_OF[missing @ _BITS]
+    index: NDArray[np.intp] = _SET_INDEX_OF_PATTERN[missing @ _ELEMENT_BITS]
     return index
 
 
@@ -44,7 +48,7 @@ def missing_elements(faulty: Mask) -> Mask:
         >>> missing_elements(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    missing: Mask = _SMALLEST_AROUND[faulty @ _BITS]
+    missing: Mask = _SMALLEST_CONTAINING_SET[faulty @ _ELEMENT_BITS]
     return missing
 
 
@@ -57,5 +61,5 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
         >>> bin(int(fault_mask(unusable)[0]))
         '0b100000001'
     """
-    masks: NDArray[np.uint16] = unusable @ _BITS
+    masks: NDArray[np.uint16] = unusable @ _ELEMENT_BITS
     return masks

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from footsense.foot.directions import angles_between_deg, directions
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors, magnitude_errors_gf
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, errors, magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import (
@@ -74,7 +74,7 @@ class Results:
     map_max_deg: float
     worst_azimuth_deg: float
     worst_elevation_deg: float
-    verification: dict[str, Errors]
+    verification: dict[str, ForceErrors]
 
 
 def _estimated_forces_n(context: StudyContext, cases: Cases, draws: int) -> Vector:

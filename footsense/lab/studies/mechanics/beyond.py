@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from footsense.foot.direction_sets import direction_grid, paper_directions, random_directions
 from footsense.foot.directions import angles_between_deg, normalized
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Mask, Vector
 from footsense.lab.evaluation.evaluate import Readout, elastance_readout
@@ -94,7 +94,7 @@ class _ReadoutsUnderTest:
         noisy = measured_closure_rel(design, closure_um, np.random.default_rng(SEED)) * design.gap_um
         return noisy, design.capacitance_pf(closure_um).max(axis=1) < FULL_SCALE_PF
 
-    def errors(self, measured_um: Vector, truth_n: Vector) -> dict[str, Errors]:
+    def errors(self, measured_um: Vector, truth_n: Vector) -> dict[str, ForceErrors]:
         """Return the force errors of each read-out on measured closures [um], by the name of the read-out."""
         return {name: errors(truth_n, read(measured_um)) for name, read in self._readouts.items()}
 
@@ -114,13 +114,13 @@ class Results:
 
     arm_mm: float
     friction_deg: float
-    lean: list[dict[str, Errors]]
+    lean: list[dict[str, ForceErrors]]
     in_range_rel: list[float]
-    second: list[dict[str, Errors]]
-    distance: dict[str, dict[str, Errors]]
+    second: list[dict[str, ForceErrors]]
+    distance: dict[str, dict[str, ForceErrors]]
 
 
-def leaning_load_errors(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, Errors]], list[float]]:
+def leaning_load_errors(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
     """Return the errors at each lean, and the share of loads of `PAPER_GF` within the converter's range.
 
     108 force directions, the contact to four sides of each.
@@ -169,7 +169,7 @@ class _SecondLoads:
 
 def _errors_by_contact_angle(
     tested: _ReadoutsUnderTest, second: _SecondLoads
-) -> dict[str, dict[str, Errors]]:
+) -> dict[str, dict[str, ForceErrors]]:
     """Return the errors by the angle between the contacts."""
     measured_um, truth_n, inside = second.measured(SECOND_FORCE_REL_OVER_ANGLE)
     found = {}
@@ -205,7 +205,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     return results, figures
 
 
-def _curves(x: Sequence[float], label: str, found: list[dict[str, Errors]]) -> Figure:
+def _curves(x: Sequence[float], label: str, found: list[dict[str, ForceErrors]]) -> Figure:
     """Draw the mean errors of direction and magnitude over x, a curve for each read-out."""
     figure, row = subplot_row(2, 8.2, 3.9)
     quantities = (

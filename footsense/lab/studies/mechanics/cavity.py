@@ -13,7 +13,7 @@ from footsense.foot.cavity.air import ADIABATIC, AMBIENT_KPA, AMBIENT_MPA, ROOM_
 from footsense.foot.cavity.venting import CHANNEL_MM, channel_s, parylene_s, sorption_s
 from footsense.foot.direction_sets import paper_directions
 from footsense.foot.directions import normalized
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, errors
 from footsense.foot.gap_contact import CELLS, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
@@ -86,8 +86,8 @@ class CavityFigures:
     closure_um_per_n: tuple[float, float, float]
     range_n: float
     contact_n: float
-    linear_change: Errors
-    linear_elastance: Errors
+    linear_change: ForceErrors
+    linear_elastance: ForceErrors
     bound_deg: list[float]
     bound_gf: list[float]
     own_deg: MeanStd
@@ -118,7 +118,7 @@ class Results:
     """
 
     kinds: dict[str, CavityFigures]
-    by_hand: dict[str, Errors]
+    by_hand: dict[str, ForceErrors]
     adiabatic_um_per_n: tuple[float, float, float]
     air_over_solid: tuple[float, float]
     drift_ff_per_kpa: float
@@ -137,7 +137,9 @@ def _corner_edge_middle_means_um(cells_um: Vector) -> tuple[float, float, float]
     return corner, edge, middle
 
 
-def paper_procedure_errors(foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int) -> Errors:
+def paper_procedure_errors(
+    foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int
+) -> ForceErrors:
     """Return the errors of the paper's procedure: a plain network trained on 362 cases of the foot, 180 asked.
 
     Args:
@@ -233,7 +235,7 @@ def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator)
     return Cases(force_n, design.closure_um(read_pf, foot.unloaded_pf))
 
 
-def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> Errors:
+def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> ForceErrors:
     """Return the errors of the paper's procedure on the exact foot with a leak [s], read by hand."""
     foot = Foot(replace(context.response, cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
     rng = np.random.default_rng(SEED)

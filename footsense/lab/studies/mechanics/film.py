@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from footsense.foot import gap_contact
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import directions, normalized
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import elastance_readout
@@ -92,7 +92,7 @@ class DesignFigures:
     sensitivity_pf_per_n: float
     range_n: float
     low_range_n: float
-    linear: Errors
+    linear: ForceErrors
     direction_deg: MeanStd
     magnitude_gf: MeanStd
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, errors
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
@@ -92,7 +92,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     return results, {"paper-procedure.png": _figure(by_feed, points)}
 
 
-def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> Figure:
+def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[ForceErrors]]) -> Figure:
     """Draw each network's magnitude error over its direction error, and the direction error over the force."""
     figure, (cloud, curve) = subplot_row(2, 8.2, 4.0)
     for colour, (feed, name) in zip(("C0", "C1"), FEED_LABELS.items(), strict=True):
