@@ -29,8 +29,6 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         ModelError: The response table of its feet is missing, unreadable, or of another foot type.
         ConfigError: A fault of the scene is for a leg or bus that the robot does not have.
     """
-    for problem in _inapplicable_faults(config, scene):
-        raise ConfigError(f"scene: {problem}")
     wiring = [
         Wiring(
             bus.rate_hz,
@@ -46,11 +44,13 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     table = artefact_path(config, "response.npz")
     response = FootResponse.load(table)
     check_foot_type(table, response.foot_type, config)
+    for problem in _inapplicable_faults(config, scene, response.rows):
+        raise ConfigError(f"scene: {problem}")
     grace_ns = math.inf if config.serial else scan_plan(config.order, config.rate_sps, config.board).wait_ns
     return SimulatedRobot(scene, response, wiring, grace_ns)
 
 
-def _inapplicable_faults(config: Config, scene: Scene) -> Iterator[str]:
+def _inapplicable_faults(config: Config, scene: Scene, rows: int) -> Iterator[str]:
     """Yield the faults of a scene that this robot cannot have, in words."""
     for n, fault in enumerate(scene.faults):
         leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", None)
@@ -60,6 +60,10 @@ def _inapplicable_faults(config: Config, scene: Scene) -> Iterator[str]:
             yield f"faults[{n}].leg: {leg} is no leg of this robot; it has {', '.join(config.legs)}"
         if bus is not None and bus >= len(config.buses):
             yield f"faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
+        for name, end in (("element", rows**2), ("row", rows), ("column", rows)):
+            place = getattr(fault, name, None)
+            if place is not None and place >= end:
+                yield f"faults[{n}].{name}: {place} is no {name} of this foot; it has 0 to {end - 1}"
 
 
 class PacedSource:
@@ -86,5 +90,5 @@ class PacedSource:
         return scan
 
     def close(self) -> None:
-        """Close the wrapped frame source."""
+        """Close the source."""
         self._source.close()

@@ -16,7 +16,6 @@ from footsense.errors import ModelError
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card
-from footsense.frames import ELEMENTS
 from footsense.ports import Load, Window
 
 #: Largest file that is read [bytes]; the released network has 80 thousand.
@@ -94,7 +93,7 @@ class Network:
         low, high = np.array(self.card.closure_rel_min), np.array(self.card.closure_rel_max)
         n_rows = len(self._in[0])
         for closure_rel in (
-            np.zeros(ELEMENTS),
+            np.zeros_like(low),
             *(low + share * (high - low) for share in _TEST_CLOSURE_LEVELS_REL),
         ):
             try:

@@ -26,7 +26,7 @@ from footsense.estimation.faults.status import (
 )
 from footsense.estimation.gait.tracker import GaitTracker
 from footsense.estimation.reading_window import Readings, ReadingWindow
-from footsense.estimation.rest import REST_AGE_S
+from footsense.estimation.rest import rest_age_s
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import (
@@ -100,7 +100,7 @@ class Pipeline:
         self._estimator = estimator
         self._shape = stray_pf.shape
         self._imputation = Imputation(trained.moments)
-        self._window = ReadingWindow(n_legs, scan_ns)
+        self._window = ReadingWindow((n_legs, stray_pf.shape[1]), scan_ns)
         self._trained = trained
         # One per leg: to broadcast a single one takes longer than the operation.
         self._flags = np.full(n_legs, flags, np.uint8)
@@ -301,4 +301,4 @@ def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
     read = ~missing[:, None]
     n_read = np.maximum(read.sum(axis=2, keepdims=True), 1)
     mean_s = np.where(read, age_s, 0.0).sum(axis=2, keepdims=True) / n_read
-    return np.where(usable[:, None, None], np.where(read, age_s, mean_s), REST_AGE_S)
+    return np.where(usable[:, None, None], np.where(read, age_s, mean_s), rest_age_s(missing.shape[1]))

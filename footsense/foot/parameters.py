@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from footsense.foot.correction_terms import N_CORRECTION_TERMS
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import Vector
 
 _N_AXES = 3
 
@@ -27,7 +27,8 @@ class FootParameters:
         stray_pf: Capacitance of the wiring in parallel with each element [pF], shape (9,).
         unloaded_pf: Reading of each element of the unloaded foot, stray included [pF], shape (9,): its fingerprint.
         gap_um: Air gap of each element [um], shape (9,).
-        gain_rel: Closure of each element by the design's electrodes over its real closure [1], shape (9,).
+        gain_rel: Closure of each element by the design's electrodes over its real closure [1], shape (9,); of (1,),
+            that of all.
         stiffness_rel: Stiffness of the whole foot over the design's, minus one [1].
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         correction: C above, shape (3, N_CORRECTION_TERMS); zero for none.
@@ -37,7 +38,7 @@ class FootParameters:
     stray_pf: Vector
     unloaded_pf: Vector
     gap_um: Vector
-    gain_rel: Vector = field(default_factory=lambda: np.ones(ELEMENTS))
+    gain_rel: Vector = field(default_factory=lambda: np.ones(1))
     stiffness_rel: float = 0.0
     mount: Vector = field(default_factory=lambda: np.eye(_N_AXES))
     correction: Vector = field(default_factory=lambda: np.zeros((_N_AXES, N_CORRECTION_TERMS)))
@@ -49,8 +50,10 @@ class FootParameters:
         Raises:
             ValueError: A shape is wrong, a value is not finite or impossible; the message names it.
         """
-        nine = ("stray_pf", "unloaded_pf", "gap_um", "gain_rel")
-        shapes = dict.fromkeys(nine, (ELEMENTS,)) | {
+        if self.gain_rel.shape == (1,):
+            object.__setattr__(self, "gain_rel", np.repeat(self.gain_rel, len(self.unloaded_pf)))
+        of_elements = ("stray_pf", "unloaded_pf", "gap_um", "gain_rel")
+        shapes = dict.fromkeys(of_elements, (len(self.unloaded_pf),)) | {
             "mount": (_N_AXES, _N_AXES),
             "correction": (_N_AXES, N_CORRECTION_TERMS),
         }

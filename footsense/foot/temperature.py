@@ -43,8 +43,10 @@ def force_factor_and_uncertainty(temperature_c: float, then: CalibratedAt | None
         then: Its temperature on the test stand; None for an uncalibrated foot, which is not corrected.
 
     Example:
-        >>> force_factor_and_uncertainty(23.0, CalibratedAt(23.0)), force_factor_and_uncertainty(23.0, CalibratedAt(None))[0]
-        ((1.0, 0.0), 1.0)
+        >>> force_factor_and_uncertainty(23.0, CalibratedAt(23.0))
+        (1.0, 0.0)
+        >>> force_factor_and_uncertainty(23.0, CalibratedAt(None))[0]
+        1.0
         >>> round(force_factor_and_uncertainty(43.0, CalibratedAt(23.0))[0], 3)
         1.088
     """

@@ -12,12 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_lower_bounds
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS, Stamps, Vector
+from footsense.frames import ELEMENTS, LEGS, Stamps, Vector
 from footsense.sim.loads.ground_load import GroundContact
 
 #: Load of one foot at a time [ns].
@@ -58,7 +57,7 @@ def conversion_timing(rate_sps: int) -> ConversionTiming:
     """
     conversion_ns = fdc1004.RATES[rate_sps].conversion_ns
     limits = scan_lower_bounds(
-        n_legs=len(NODE_IDS),
+        n_legs=len(LEGS),
         conversion_ns=conversion_ns,
         bus_hz=BUS_HZ,
         host_cost_ns=HOST_COST_NS,

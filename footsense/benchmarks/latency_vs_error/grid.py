@@ -7,7 +7,6 @@ from functools import partial
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.benchmarks.latency_vs_error.chain import FootLoad, conversion_timing, simulate_conversions
@@ -20,7 +19,7 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
 from footsense.benchmarks.latency_vs_error.publishing import estimate_forces
 from footsense.config import DEFAULT
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, LEGS
 from footsense.lab.studies.page import StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.sim.loads.ground_load import Ramp
@@ -61,7 +60,7 @@ def measure_operating_points(rate_sps: int, truth: TrueLoads, context: StudyCont
         truth: True loads of the walking feet.
         context: Response table and network.
     """
-    standing_feet: Sequence[FootLoad] = [partial(Ramp(STANDING_FORCE_N, 0).contact, leg) for leg in NODE_IDS]
+    standing_feet: Sequence[FootLoad] = [partial(Ramp(STANDING_FORCE_N, 0).contact, leg) for leg in LEGS]
     foot, order = Foot(context.response), CONVERSION_ORDERS["lo_shu"]
     walk, standing = (
         estimate_forces(
@@ -81,7 +80,7 @@ def measure_operating_points(rate_sps: int, truth: TrueLoads, context: StudyCont
                 rate_sps=rate_sps,
                 publish_every=every,
                 forces_hz=forces_hz,
-                can_kbit_s=forces_hz * len(NODE_IDS) * FRAMES_PER_LEG * LONGEST_FRAME_BITS * 1e-3,
+                can_kbit_s=forces_hz * len(LEGS) * FRAMES_PER_LEG * LONGEST_FRAME_BITS * 1e-3,
                 noise_mn=noise_mn,
                 walk=latency_and_errors(walk.every_nth(every), truth),
             )

@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from footsense.estimation.baseline.tare import TareLimits
-from footsense.frames import ELEMENTS, BaselineStatus, Mask, Stamps, Vector
+from footsense.frames import BaselineStatus, Mask, Stamps, Vector
 
 #: Fastest drift [pF/s]: 0.1 K/s of a foot that comes from the sun into the shade, at 1.5 fF/K.
 MAX_DRIFT_PF_PER_S = 0.15e-3
@@ -75,14 +75,14 @@ class LegBaseline:
 
     def discard(self) -> None:
         """Discard the baseline: the leg may carry another foot."""
-        self.baseline_pf = self._tared_pf = self._anchor_pf = np.full(ELEMENTS, np.nan)
+        self.baseline_pf = self._tared_pf = self._anchor_pf = np.full_like(self._unloaded_pf, np.nan)
         self.status = BaselineStatus.NONE
         self.moved_ns = 0
         self.offset_pf = (math.nan, math.nan)
         self.variance_pf2 = math.nan
         self.updated_ns = 0
         self._before: tuple[Vector, int] | None = None
-        self._step_pf2 = np.zeros(ELEMENTS)
+        self._step_pf2 = np.zeros_like(self._unloaded_pf)
 
     def set_tared(self, baseline_pf: Vector, t_ns: int) -> None:
         """Set the baseline to a tare's readings [pF], shape (9,); elements that are NaN there keep theirs."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.faults.causes import SILENT_READINGS
 from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL
-from footsense.frames import ELEMENTS, Codes, Mask, Reading, Result, Stamps, State, Vector
+from footsense.frames import Codes, Mask, Reading, Result, Stamps, State, Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +60,7 @@ class TareWindow:
         self._foot = foot
         self._unloaded_pf = unloaded_pf
         self._readings_pf: list[Vector] = []
-        self._missing = np.zeros(ELEMENTS, bool)
+        self._missing = np.zeros(len(unloaded_pf), bool)
         self._newest_ns = 0
 
     def add(
@@ -86,7 +86,9 @@ class TareWindow:
             return TareResult(Result.ABSENT, "the leg does not answer")
         failed = np.flatnonzero((reading != Reading.OK) & ~missing)
         if failed.size:
-            return TareResult(Result.ELEMENT_FAULT, f"elements {_element_list_text(failed)} give no reading")
+            return TareResult(
+                Result.ELEMENT_FAULT, f"elements {_element_list_text(failed, len(reading))} give no reading"
+            )
         if not (np.isfinite(capacitance_pf) | missing).all() or t_ns[~missing].min() <= self._newest_ns:
             return None
         self._newest_ns = int(t_ns.max())
@@ -118,11 +120,8 @@ class TareWindow:
                 f"expected of {self._foot or 'the free foot (unloaded_pf)'}, "
                 f"at most {self._limits.unloaded_limit_rel:.1%} is allowed",
             )
-        without = (
-            f" without elements {_element_list_text(np.flatnonzero(self._missing))}"
-            if self._missing.any()
-            else ""
-        )
+        left_out = _element_list_text(np.flatnonzero(self._missing), len(self._missing))
+        without = f" without elements {left_out}" if left_out else ""
         return TareResult(
             Result.DONE,
             f"tared over {len(readings_pf)} scans, {noise_ff.max():.2f} fF rms{without}",
@@ -207,5 +206,5 @@ class Tares:
         return TareWindow(self._limits, self._unloaded_pf[leg], self._feet[leg])
 
 
-def _element_list_text(elements: NDArray[np.intp]) -> str:
-    return "0 to 8" if len(elements) == ELEMENTS else ", ".join(map(str, elements.tolist()))
+def _element_list_text(elements: NDArray[np.intp], n: int) -> str:
+    return f"0 to {n - 1}" if len(elements) == n else ", ".join(map(str, elements.tolist()))

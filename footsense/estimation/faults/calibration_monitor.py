@@ -199,9 +199,9 @@ def calibration_change_rel(load_n: Vector, reference_n: Vector) -> Vector:
         >>> softer, turning = reference_n.copy(), reference_n.copy()
         >>> softer[1] *= 1.2
         >>> turning[:3], turning[3:] = 0.4, 0.6
-        >>> attributed_rel(softer, reference_n).round(3).tolist()
+        >>> calibration_change_rel(softer, reference_n).round(3).tolist()
         [0.0, 0.2, 0.0, 0.0, 0.0, 0.0]
-        >>> [bool(attributed_rel(load_n, reference_n).any()) for load_n in (turning, 1.5 * reference_n)]
+        >>> [bool(calibration_change_rel(load_n, reference_n).any()) for load_n in (turning, 1.5 * reference_n)]
         [False, False]
     """
     change_n = load_n - np.median(load_n / reference_n) * reference_n
