@@ -49,7 +49,7 @@ def magnitude_errors_gf(truth_n: Vector, estimate_n: Vector) -> Vector:
     return error_gf
 
 
-def errors(truth_n: Vector, estimate_n: Vector) -> ForceErrors:
+def evaluate_force_errors(truth_n: Vector, estimate_n: Vector) -> ForceErrors:
     """Return the errors of estimated forces [N], both of shape (n, 3), n > 0, no true force zero."""
     angle_deg = angles_between_deg(truth_n, estimate_n)
     error_gf = magnitude_errors_gf(truth_n, estimate_n)

@@ -23,7 +23,7 @@ from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.faults.consistency import ConsistencyTest
 from footsense.foot.directions import normalized, rotation
-from footsense.foot.force_errors import GRAM_FORCE_N, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import ELEMENTS, Mask, Vector
@@ -291,7 +291,7 @@ def _estimate_figures(models: DesignModels, estimates: Estimates, true_n: Vector
     if not usable.any():
         return {"deg": np.nan, "gf": np.nan, "within_2": np.nan, "unread": 1.0, "unexplained": np.nan}
     force_n, true_n, sigma_n = estimates.force_n[usable], true_n[usable], estimates.sigma_n[usable]
-    row = errors(true_n, force_n)
+    row = evaluate_force_errors(true_n, force_n)
     test = ConsistencyTest(
         len(force_n), models.network(1).card.trained_inputs.moments, _RESIDUAL_TEST_DELAY_NS
     )

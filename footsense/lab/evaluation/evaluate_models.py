@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from footsense.errors import ModelError
-from footsense.foot.force_errors import ForceErrors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
@@ -72,7 +72,10 @@ def error_table(
         "random_network": (released, test),
     }
     readouts |= {name: (read, verification) for name, read in (alone or {}).items()}
-    return {name: errors(cases.force_n, read(cases.closure_um)) for name, (read, cases) in readouts.items()}
+    return {
+        name: evaluate_force_errors(cases.force_n, read(cases.closure_um))
+        for name, (read, cases) in readouts.items()
+    }
 
 
 def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
@@ -151,7 +154,10 @@ def paper_protocol(folder: Path) -> dict[str, float]:
 
     response, network = open_models(folder)
     cases = paper_verification(response)
-    rows = [errors(cases.force_n, read(cases.closure_um)) for read in paper_networks(response, quick=False)]
+    rows = [
+        evaluate_force_errors(cases.force_n, read(cases.closure_um))
+        for read in paper_networks(response, quick=False)
+    ]
     ratio = crb_ratio(response, load_foot(folder / FOOT_FILE).loads, network.force_n)
     return {
         "paper_procedure_direction_deg": float(np.mean([row.direction_deg for row in rows])),
