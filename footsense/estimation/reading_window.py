@@ -10,7 +10,7 @@ from footsense.frames import Mask, Stamps, Vector
 READINGS = 3
 #: Longest time between two readings of an element, over the time of a scan [1]: after a stall, older readings are not
 #: mixed with newer ones.
-LONGEST_INTERVAL_REL = 1.75
+MAX_READING_INTERVAL_REL = 1.75
 
 #: Smallest spike that is taken for a wrong reading [1], and change over it of the readings beside it [1].
 _SPIKE_REL, _NEIGHBOUR_CHANGE_REL = 0.1, 0.25
@@ -48,7 +48,7 @@ class ReadingWindow:
         n_legs, self._n_elements = shape
         self._distance_rel = np.full((n_legs, READINGS, self._n_elements), np.nan)
         self._t_ns = np.zeros((n_legs, READINGS, self._n_elements), np.int64)
-        self._longest_ns = np.array(round(LONGEST_INTERVAL_REL * scan_ns))
+        self._longest_ns = np.array(round(MAX_READING_INTERVAL_REL * scan_ns))
 
     def add(self, distance_rel: Vector, t_ns: Stamps) -> Readings:
         """Add the readings of a frame that are new, and return all of them.

@@ -48,7 +48,7 @@ def _bus_json(report: ProbedBus) -> dict[str, Any]:
         },
         "configured_rate_hz": bus.rate_hz,
     }
-    timing = scan.timing
+    timing = scan.bus_timing
     if timing is None:
         names = ("rate_hz", "host_cost_us", "conversion_limit_ms", "readout_limit_ms", "limit")
         return values | dict.fromkeys(names)
