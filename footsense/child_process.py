@@ -15,14 +15,14 @@ from footsense.errors import RecordingError
 
 #: Longest time that bytes stay in the pipe [ms]. A wake-up at every scan would cost the loop, whose write does the
 #: waking. At 370 cycles a second the pipe has room for five times as many.
-_GATHER_MS = 200
-_READ_BYTES = 1 << 18
+_READ_PERIOD_MS = 200
+_MAX_READ_BYTES = 1 << 18
 #: prctl(2).
 _PR_SET_PDEATHSIG = 1
 #: Processors of this process before the loop takes one of them: those that the unit allows.
 _CPUS = os.sched_getaffinity(0)
 #: So many bytes at once come only from a loop in virtual time, which waits for room [bytes].
-_BUSY_BYTES = 1 << 17
+_BUSY_BATCH_BYTES = 1 << 17
 
 
 def check_new_file(name: str, path: Path) -> None:
@@ -94,9 +94,9 @@ def read_batches(pipe: int) -> Iterator[bytes]:
     os.set_blocking(pipe, False)
     n_read = -1
     while n_read:
-        end.poll(0 if n_read >= _BUSY_BYTES else _GATHER_MS)
+        end.poll(0 if n_read >= _BUSY_BATCH_BYTES else _READ_PERIOD_MS)
         try:
-            data = os.read(pipe, _READ_BYTES)
+            data = os.read(pipe, _MAX_READ_BYTES)
         except BlockingIOError:  # the loop sends nothing
             n_read = -1
             continue

@@ -128,7 +128,7 @@ def _set_fifo(priority: int) -> str | None:
 def _lock_memory(libc: ctypes.CDLL) -> str | None:
     # Under a limit that is not reached yet the lock succeeds, and the next allocation fails instead.
     limited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] != resource.RLIM_INFINITY
-    if limited and not int(_status("CapEff"), 16) >> _CAP_IPC_LOCK & 1:
+    if limited and not int(_process_status("CapEff"), 16) >> _CAP_IPC_LOCK & 1:
         return "memory was not locked: LimitMEMLOCK of the service, or `ulimit -l`, has to be unlimited"
     # ONFAULT locks a page at its first use; without it every thread's stack of 8 MiB is resident at once.
     if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT):
@@ -161,10 +161,10 @@ def process_age_ns() -> int:
 
 def resident_mib() -> float:
     """Return the resident memory of this process [MiB]. Linux only."""
-    return int(_status("VmRSS").split()[0]) / 1024
+    return int(_process_status("VmRSS").split()[0]) / 1024
 
 
-def _status(key: str) -> str:
+def _process_status(key: str) -> str:
     """Return the value of a key of /proc/self/status."""
     with open("/proc/self/status", encoding="ascii", errors="replace") as status:  # noqa: PTH123
         return next(line for line in status if line.startswith(f"{key}:")).partition(":")[2].strip()

@@ -17,18 +17,19 @@ from collections import deque
 _NS_PER_MS = 1_000_000
 
 #: Slot of which only the smallest offset is kept [ns]: a tenth of a second has short delays in any stream in use.
-_SLOT_NS = 100 * _NS_PER_MS
+_SLOT_DURATION_NS = 100 * _NS_PER_MS
 #: Window of the fit [ns]: a crystal that warms up stays within 1 ppm over it.
-_WINDOW_NS = 10_000 * _NS_PER_MS
+_FIT_WINDOW_NS = 10_000 * _NS_PER_MS
 #: Smallest span of a slope [ns]: below it the delays dominate.
-_LEAST_SPAN_NS = 500 * _NS_PER_MS
+_MIN_FIT_SPAN_NS = 500 * _NS_PER_MS
 #: Largest drift with which a serial line still works [1]: an RC oscillator, 1 %.
-_MOST_DRIFT_REL = 0.01
+_MAX_DRIFT_REL = 0.01
 #: Stamps of one scan arrive out of order by less than this [ns].
-_DISORDER_NS = 20 * _NS_PER_MS
-#: A delay below the smallest by this much is a jump of the clock, and so is one above it for all of `_LATE_NS` [ns].
-_JUMP_NS = 20 * _NS_PER_MS
-_LATE_NS = 1_000 * _NS_PER_MS
+_MAX_REORDERING_NS = 20 * _NS_PER_MS
+#: A delay below the smallest by this much is a jump of the clock, and so is one above it for all of
+#: `_MAX_LATENESS_NS` [ns].
+_MIN_JUMP_NS = 20 * _NS_PER_MS
+_MAX_LATENESS_NS = 1_000 * _NS_PER_MS
 
 _Point = tuple[int, int]  # foreign time and offset [ns]
 
@@ -62,7 +63,7 @@ class ClockMap:
         """Mean distance of the smallest offsets above the line [ns]: the error of a mapped time."""
         if not self._points:
             return 0
-        return sum(y_ns - self._line_ns(x_ns) for x_ns, y_ns in self._points) // len(self._points)
+        return sum(y_ns - self._fitted_offset_ns(x_ns) for x_ns, y_ns in self._points) // len(self._points)
 
     def map(self, t_foreign_ns: int, t_arrival_ns: int) -> int:
         """Map a foreign stamp to the time of this machine [ns].
@@ -75,36 +76,38 @@ class ClockMap:
             t_arrival_ns: When it was received [ns], never before that of the call before.
         """
         point = (t_foreign_ns, t_arrival_ns - t_foreign_ns)
-        late_ns = point[1] - self._line_ns(t_foreign_ns)
+        late_ns = point[1] - self._fitted_offset_ns(t_foreign_ns)
         since_ns = 0 if self._last is None else t_foreign_ns - self._last[0]
         waited_ns = t_arrival_ns - self._arrived_ns
         if self._last is None or self._has_jumped(since_ns, late_ns, t_arrival_ns):
-            self._restart(point, t_arrival_ns, leapt=since_ns - waited_ns > _LEAST_SPAN_NS)
+            self._restart(point, t_arrival_ns, leapt=since_ns - waited_ns > _MIN_FIT_SPAN_NS)
             mapped_ns = t_arrival_ns
         else:
             slowest_ns = self._last[1] + (since_ns // 2 if since_ns > 0 else since_ns)
             mapped_ns = min(max(t_arrival_ns - max(late_ns, 0), slowest_ns), t_arrival_ns)
-            self._take(point, late_ns, t_arrival_ns)
+            self._add_point(point, late_ns, t_arrival_ns)
         self._last = t_foreign_ns, mapped_ns
         self._arrived_ns = t_arrival_ns
         return mapped_ns
 
-    def _line_ns(self, t_foreign_ns: int) -> int:
+    def _fitted_offset_ns(self, t_foreign_ns: int) -> int:
         """Return the offset at a foreign time [ns]."""
         return self._origin[1] + round(self.drift_rel * (t_foreign_ns - self._origin[0]))
 
     def _has_jumped(self, since_ns: int, late_ns: int, t_arrival_ns: int) -> bool:
-        if late_ns <= _JUMP_NS:
+        if late_ns <= _MIN_JUMP_NS:
             self._late_since_ns = None
         elif self._late_since_ns is None:
             self._late_since_ns = t_arrival_ns
-        stood_still = self._late_since_ns is not None and t_arrival_ns - self._late_since_ns > _LATE_NS
+        stood_still = (
+            self._late_since_ns is not None and t_arrival_ns - self._late_since_ns > _MAX_LATENESS_NS
+        )
         # Reading a backlog lowers the line little by little, and its slope with it.
-        return stood_still or late_ns - self._lowered_ns < -_JUMP_NS or since_ns < -_DISORDER_NS
+        return stood_still or late_ns - self._lowered_ns < -_MIN_JUMP_NS or since_ns < -_MAX_REORDERING_NS
 
     def _restart(self, point: _Point, t_arrival_ns: int, *, leapt: bool) -> None:
-        """Restart the estimate from one point."""
-        is_known = self._points and self._points[-1][0] - self._points[0][0] >= _LEAST_SPAN_NS
+        """Restart the estimate of offset and drift from one point."""
+        is_known = self._points and self._points[-1][0] - self._points[0][0] >= _MIN_FIT_SPAN_NS
         if is_known or leapt:
             self.restarts += 1
         self.drift_rel = 0.0
@@ -112,44 +115,44 @@ class ClockMap:
         self._least = self._origin = point
         self._late_since_ns = None
         self._lowered_ns = 0
-        self._slot_ends_ns = t_arrival_ns + _SLOT_NS
+        self._slot_ends_ns = t_arrival_ns + _SLOT_DURATION_NS
 
-    def _take(self, point: _Point, late_ns: int, t_arrival_ns: int) -> None:
+    def _add_point(self, point: _Point, late_ns: int, t_arrival_ns: int) -> None:
         """Add a point, and begin a new slot when the last one has ended."""
         if late_ns < 0:
             self._lowered_ns -= late_ns
             self._origin, late_ns = point, 0
-        if self._least is None or late_ns < self._least[1] - self._line_ns(self._least[0]):
+        if self._least is None or late_ns < self._least[1] - self._fitted_offset_ns(self._least[0]):
             self._least = point
         if t_arrival_ns < self._slot_ends_ns:
             return
         self._points.append(self._least)
         self._least = None
-        self._slot_ends_ns = t_arrival_ns + _SLOT_NS
-        while len(self._points) > 1 and sum(self._points[0]) < t_arrival_ns - _WINDOW_NS:
+        self._slot_ends_ns = t_arrival_ns + _SLOT_DURATION_NS
+        while len(self._points) > 1 and sum(self._points[0]) < t_arrival_ns - _FIT_WINDOW_NS:
             self._points.popleft()
-        self._fit()
+        self._fit_line()
 
-    def _fit(self) -> None:
-        """Fit the line below all points."""
+    def _fit_line(self) -> None:
+        """Fit the line of smallest offsets, below all points, as offset and drift."""
         self._lowered_ns = 0
         points = sorted(self._points)
-        if points[-1][0] - points[0][0] >= _LEAST_SPAN_NS:
-            slope_rel = _slope_under(points)
-            self.drift_rel = min(max(slope_rel, -_MOST_DRIFT_REL), _MOST_DRIFT_REL)
+        if points[-1][0] - points[0][0] >= _MIN_FIT_SPAN_NS:
+            slope_rel = _lower_hull_slope(points)
+            self.drift_rel = min(max(slope_rel, -_MAX_DRIFT_REL), _MAX_DRIFT_REL)
         self._origin = min(points, key=lambda point: point[1] - self.drift_rel * (point[0] - points[0][0]))
 
 
-def _slope_under(points: list[_Point]) -> float:
+def _lower_hull_slope(points: list[_Point]) -> float:
     """Return the slope of the lower convex hull at the mean time of some points, sorted, not all of one time.
 
     Example:
-        >>> _slope_under([(0, 0), (10, 7), (20, 2), (30, 9), (40, 4)])
+        >>> _lower_hull_slope([(0, 0), (10, 7), (20, 2), (30, 9), (40, 4)])
         0.1
     """
     hull: list[_Point] = []
     for x, y in points:
-        while len(hull) > 1 and _turns_right(hull[-2], hull[-1], (x, y)):
+        while len(hull) > 1 and _is_clockwise(hull[-2], hull[-1], (x, y)):
             hull.pop()
         if hull and hull[-1][0] == x:  # the lower one of two at one time, as they are sorted
             continue
@@ -160,5 +163,5 @@ def _slope_under(points: list[_Point]) -> float:
     return (y1 - y0) / (x1 - x0)
 
 
-def _turns_right(a: _Point, b: _Point, c: _Point) -> bool:
+def _is_clockwise(a: _Point, b: _Point, c: _Point) -> bool:
     return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])

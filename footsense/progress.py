@@ -17,11 +17,11 @@ from rich.progress import (
 from rich.text import Text
 
 #: A task that takes longer than expected stays at this part of its bar.
-_ALMOST_REL = 0.99
+_FULL_BAR_REL = 0.99
 
 
-def on_terminal() -> bool:
-    """Return whether bars are shown."""
+def is_terminal() -> bool:
+    """Return whether standard error is a terminal, where progress bars are shown."""
     return sys.stderr is not None and sys.stderr.isatty()
 
 
@@ -36,7 +36,7 @@ def progress_bar(title: str, total: float) -> Iterator[Callable[[float], None]]:
     Yields:
         A function that takes the work done so far, in the same unit.
     """
-    if not on_terminal():
+    if not is_terminal():
         yield lambda _: None
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
@@ -56,10 +56,10 @@ def timed_bar(title: str, expected_s: float) -> Iterator[None]:
     Yields:
         Nothing.
     """
-    if not (on_terminal() and expected_s):
+    if not (is_terminal() and expected_s):
         yield
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), _TimeLeft())
+    columns = (TextColumn("{task.description}"), BarColumn(), _TimeLeftColumn())
     with _TimedProgress(*columns, console=Console(stderr=True), transient=True) as bar:
         bar.add_task(title, total=expected_s)
         yield
@@ -70,11 +70,11 @@ class _TimedProgress(Progress):
 
     def get_renderables(self) -> Iterable[RenderableType]:
         for task in self.tasks:
-            task.completed = min(task.elapsed or 0.0, _ALMOST_REL * (task.total or 0.0))
+            task.completed = min(task.elapsed or 0.0, _FULL_BAR_REL * (task.total or 0.0))
         yield from super().get_renderables()
 
 
-class _TimeLeft(ProgressColumn):
+class _TimeLeftColumn(ProgressColumn):
     def render(self, task: Task) -> Text:
         left_s = (task.total or 0.0) - (task.elapsed or 0.0)
         words = "longer than usual" if left_s < 0 else f"about {left_s // 60:.0f}:{left_s % 60:02.0f} left"

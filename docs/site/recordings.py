@@ -7,14 +7,14 @@ from docstrings import attributes, table
 
 from footsense.frames import BaselineDrift, CapFrame, ContactFrame, GaitEvent, GaitFrame
 from footsense.recording.container import messages
-from footsense.recording.cycle_fields import FIELDS, GAIT_FIELDS, CycleField
+from footsense.recording.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, CycleField
 
 _FRAMES = {"scan": CapFrame, "forces": ContactFrame, "forces.baseline": BaselineDrift, "gait": GaitFrame}
 _TOPICS = {
-    messages.SCAN: ("With each cycle: the readings, for each leg", FIELDS, "scan"),
+    messages.SCAN: ("With each cycle: the readings, for each leg", CYCLE_FIELDS, "scan"),
     messages.FORCE: (
         "With each cycle, beside `sequence` and `t_sent_ns`: the forces, for each leg",
-        FIELDS,
+        CYCLE_FIELDS,
         "forces",
     ),
     messages.GAIT: (
@@ -32,7 +32,7 @@ def markdown() -> str:
     parts.append(
         f"## `{messages.GAIT_EVENT}`\n\nOne message for each event.\n\n{table(['key', 'meaning'], event)}"
     )
-    keys = json.loads(messages.schemas(["lf"])[messages.EVENT])["properties"]
+    keys = json.loads(messages.topic_schemas(["lf"])[messages.EVENT])["properties"]
     names = ", ".join(f"`{key}`" for key in keys)
     parts.append(
         f"## `{messages.EVENT}`\n\nCommands, their results, lost cycles, changed temperatures; keys: {names}.\n"
@@ -63,5 +63,5 @@ def _meaning(words: str) -> str:
 def _kind(field: CycleField) -> str:
     if field.names is not None:
         return "one of " + ", ".join(f"`{code.name}`" for code in field.names)
-    kind = {"<f8": "number or null", "<i8": "integer"}.get(field.kind, f"0 to {field.most}")
+    kind = {"<f8": "number or null", "<i8": "integer"}.get(field.kind, f"0 to {field.max_value}")
     return f"list of 9: {kind}" if field.shape == (9,) else kind

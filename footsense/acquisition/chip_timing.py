@@ -9,7 +9,7 @@ comes first (`leg_group.py`).
 
 from typing import NamedTuple
 
-from footsense.acquisition.boards.board import SLOWEST
+from footsense.acquisition.boards.board import MAX_WAIT_FACTOR
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus
@@ -67,12 +67,12 @@ def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
 
     if finishes_in_time(1.0, next_started=True):
         return ChipTiming()
-    if not finishes_in_time(SLOWEST, next_started=False):
+    if not finishes_in_time(MAX_WAIT_FACTOR, next_started=False):
         return None
-    keeps_done = finishes_in_time(SLOWEST, next_started=True)
+    keeps_done = finishes_in_time(MAX_WAIT_FACTOR, next_started=True)
     if not keeps_done and finishes_in_time(1.0, next_started=False):
         return ChipTiming(keeps_done=False)
-    low, high = 1.0, SLOWEST
+    low, high = 1.0, MAX_WAIT_FACTOR
     for _ in range(_N_HALVINGS):
         middle = (low + high) / 2
         low, high = (low, middle) if finishes_in_time(middle, next_started=keeps_done) else (middle, high)

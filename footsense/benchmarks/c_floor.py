@@ -15,12 +15,12 @@ from footsense.config import Config
 from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
-from footsense.estimation.reading_window import LONGEST_INTERVAL_REL
+from footsense.estimation.reading_window import MAX_READING_INTERVAL_REL
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, CapFrame, Stamps, Vector
 
-_SOURCE = Path(__file__).with_name("c_floor.c")
+_C_SOURCE_FILE = Path(__file__).with_name("c_floor.c")
 _LEGS = 6
 
 
@@ -34,7 +34,7 @@ def has_c_floor() -> bool:
     return compiler() is not None and importlib.util.find_spec("onnx") is not None
 
 
-def codes_of(scan: CapFrame) -> NDArray[np.int32]:
+def converter_codes(scan: CapFrame) -> NDArray[np.int32]:
     """Return the converter codes of a scan, shape (legs, 9)."""
     return np.ascontiguousarray(np.rint(scan.capacitance_pf * 2.0**19), np.int32)
 
@@ -95,7 +95,7 @@ class CFloor:
                 np.full(n, design.unloaded_pf),
                 calibration.closure_rel_min,
                 calibration.closure_rel_max,
-                [config.stale_after_ms * 1e6, LONGEST_INTERVAL_REL * config.shortest_scan_ms * 1e6],
+                [config.stale_after_ms * 1e6, MAX_READING_INTERVAL_REL * config.shortest_scan_ms * 1e6],
                 *(residual.ravel(), [RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS)]),
             ]
         )
@@ -127,22 +127,22 @@ class CFloor:
         )
         return self._force_n
 
-    def pace(
-        self, period_ns: int, played: list[tuple[CapFrame, int]], n: int, fds: tuple[int, ...]
+    def run_paced(
+        self, period_ns: int, scan_sequence: list[tuple[CapFrame, int]], n: int, fds: tuple[int, ...]
     ) -> Stamps:
         """Run `n` cycles, one per period, on scans repeated in a loop.
 
         Args:
             period_ns: Time from deadline to deadline [ns].
-            played: Scans, each with the time of its cycle [ns].
+            scan_sequence: Scans, each with the time of its cycle [ns].
             n: Cycles.
             fds: File descriptors as of `Loopback.fds`.
 
         Returns:
             Wake-up latency of each cycle [ns], shape (n,).
         """
-        scans, times = zip(*played, strict=True)
-        codes = np.stack([codes_of(scan) for scan in scans])
+        scans, times = zip(*scan_sequence, strict=True)
+        codes = np.stack([converter_codes(scan) for scan in scans])
         t_ns = np.stack([scan.t_ns for scan in scans])
         now_ns, late_ns = np.array(times, np.int64), np.zeros(n, np.int64)
         self._library.floor_pace(
@@ -153,16 +153,16 @@ class CFloor:
                 _data_pointer(t_ns),
                 _data_pointer(now_ns),
                 len(scans),
-                round_ns(played),
+                scan_sequence_duration_ns(scan_sequence),
             ),
             *(*fds, _data_pointer(late_ns)),
         )
         return late_ns
 
 
-def round_ns(played: list[tuple[CapFrame, int]]) -> int:
+def scan_sequence_duration_ns(scan_sequence: list[tuple[CapFrame, int]]) -> int:
     """Return the duration of one round of scans in a loop [ns]."""
-    return played[-1][1] - played[0][1] + (played[1][1] - played[0][1])
+    return scan_sequence[-1][1] - scan_sequence[0][1] + (scan_sequence[1][1] - scan_sequence[0][1])
 
 
 def _data_pointer(array: NDArray[Any]) -> ctypes.c_void_p:
@@ -181,11 +181,14 @@ def _compile_library(folder: Path, n_units: int) -> ctypes.CDLL:
     target = folder / "bench_floor.so"
     options = ("-std=gnu11", "-O2", "-march=native", f"-DUNITS={n_units}", "-fPIC", "-shared")
     done = subprocess.run(  # noqa: S603 - our own source
-        [found, *options, "-o", str(target), str(_SOURCE), "-lm"], check=False, capture_output=True, text=True
+        [found, *options, "-o", str(target), str(_C_SOURCE_FILE), "-lm"],
+        check=False,
+        capture_output=True,
+        text=True,
     )
     if done.returncode:
         raise FootsenseError(
-            f"{found} does not compile {_SOURCE.name}: {done.stderr.strip().splitlines()[0]}"
+            f"{found} does not compile {_C_SOURCE_FILE.name}: {done.stderr.strip().splitlines()[0]}"
         )
     library = ctypes.CDLL(str(target))
     i32, i64, address = ctypes.c_int, ctypes.c_int64, ctypes.c_void_p

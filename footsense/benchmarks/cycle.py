@@ -7,9 +7,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from footsense.benchmarks.c_floor import CFloor, codes_of, has_c_floor
+from footsense.benchmarks.c_floor import CFloor, converter_codes, has_c_floor
 from footsense.benchmarks.naive import NaiveCycle, has_cantools
-from footsense.benchmarks.our_cycle import PRIORITY, WARM_UP, OurCycle, our_cycle, sent_ns, tared_floor
+from footsense.benchmarks.our_cycle import (
+    N_WARM_UP_CYCLES,
+    REALTIME_PRIORITY,
+    ServiceCycle,
+    open_service_cycle,
+    send_time_ns,
+    tared_floor,
+)
 from footsense.clock import fifo_priority, gc_disabled, stopwatch_ns
 from footsense.config import DEFAULT
 from footsense.errors import FootsenseError
@@ -18,11 +25,11 @@ from footsense.frames import CapFrame, Mask, State, Vector
 T = TypeVar("T")
 
 #: The programs that are timed.
-_PROGRAMS = ("ours", "c_floor", "naive")
+_PROGRAM_NAMES = ("ours", "c_floor", "naive")
 #: Cycles in a row of one program before the turn of the next.
 _CYCLES_PER_TURN = 25
 #: Largest difference between the floor's forces and ours [N]: half a step of the wire.
-_MAX_DIFFERENCE_N = 1e-3
+_MAX_FORCE_DIFFERENCE_N = 1e-3
 
 
 def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, Any]:
@@ -34,7 +41,7 @@ def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, Any]:
     rest of a robot's software does.
 
     Args:
-        scans: Scans to process; the first `WARM_UP` do not count.
+        scans: Scans to process; the first `N_WARM_UP_CYCLES` do not count.
 
     Raises:
         FootsenseError: The forces of the C floor are not ours.
@@ -44,11 +51,13 @@ def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, Any]:
 
 def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | None]:
     naive = NaiveCycle(DEFAULT) if has_cantools() else None
-    with TemporaryDirectory() as folder, our_cycle() as ours:
+    with TemporaryDirectory() as folder, open_service_cycle() as ours:
         floor = tared_floor(Path(folder), scans) if has_c_floor() else None
-        with gc_disabled(), fifo_priority(PRIORITY):
+        with gc_disabled(), fifo_priority(REALTIME_PRIORITY):
             times_ns = _time_programs(scans, run, ours, floor, naive)
-    ours_us, floor_us, naive_us = (np.array(times_ns[name][WARM_UP:]) * 1e-3 for name in _PROGRAMS)
+    ours_us, floor_us, naive_us = (
+        np.array(times_ns[name][N_WARM_UP_CYCLES:]) * 1e-3 for name in _PROGRAM_NAMES
+    )
     p50 = float(np.median(ours_us))
     c_floor_p50, naive_p50 = (float(np.median(us)) if len(us) else None for us in (floor_us, naive_us))
     return {
@@ -62,10 +71,10 @@ def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | No
 
 
 def _time_programs(
-    scans: list[CapFrame], run: int, ours: OurCycle, floor: CFloor | None, naive: NaiveCycle | None
+    scans: list[CapFrame], run: int, ours: ServiceCycle, floor: CFloor | None, naive: NaiveCycle | None
 ) -> dict[str, list[int]]:
     """Time the cycles of three programs in alternating runs, so that background load affects all equally [ns]."""
-    times_ns: dict[str, list[int]] = {name: [] for name in _PROGRAMS}
+    times_ns: dict[str, list[int]] = {name: [] for name in _PROGRAM_NAMES}
     loopback = ours.loopback
 
     def run_timed(name: str, program: Callable[..., T], *arguments: object) -> T:
@@ -78,7 +87,7 @@ def _time_programs(
     for first in range(0, len(scans), run):
         done = []
         for scan in scans[first : first + run]:
-            now_ns, baseline_pf = sent_ns(scan), ours.baseline_pf()
+            now_ns, baseline_pf = send_time_ns(scan), ours.baseline_pf()
             forces = run_timed("ours", ours.run, scan, now_ns).forces
             # Keep nothing else of the cycle: the service keeps none, and new memory is cold.
             valid = forces.state == State.VALID
@@ -87,12 +96,12 @@ def _time_programs(
         for number, (scan, now_ns, baseline_pf, ours_n, valid) in enumerate(done, first):
             if floor is None:
                 break
-            codes = codes_of(scan)
+            codes = converter_codes(scan)
             floor.tare(baseline_pf)
             sinks = loopback.socket.fileno(), loopback.pipe
             force_n = run_timed("c_floor", floor.run, scan, codes, now_ns, *sinks)
-            if number >= WARM_UP:
-                _check_same(scan, ours_n, force_n, valid)
+            if number >= N_WARM_UP_CYCLES:
+                _check_equal_forces(scan, ours_n, force_n, valid)
         for scan, now_ns, *_ in done:
             if naive is None:
                 break
@@ -100,7 +109,7 @@ def _time_programs(
     return times_ns
 
 
-def _check_same(
+def _check_equal_forces(
     scan: CapFrame,
     ours_n: Vector,
     floor_n: Vector,
@@ -118,7 +127,7 @@ def _check_same(
         FootsenseError: It gives other forces.
     """
     difference_n = np.abs(ours_n - floor_n[valid]).max(initial=0.0)
-    if not difference_n < _MAX_DIFFERENCE_N:
+    if not difference_n < _MAX_FORCE_DIFFERENCE_N:
         raise FootsenseError(
             f"cycle {scan.sequence}: the floor in C differs by {difference_n:.2g} N from ours"
         )

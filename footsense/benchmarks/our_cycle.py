@@ -36,11 +36,11 @@ from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdObserver
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
-PRIORITY = Realtime().priority
+REALTIME_PRIORITY = Realtime().priority
 #: Cycles at the begin, in which the feet are tared.
-WARM_UP = 120
+N_WARM_UP_CYCLES = 120
 #: The service, with a force on CAN for every cycle: each cycle does all the work.
-ROBOT = replace(DEFAULT, publish_every=1)
+BENCHMARK_CONFIG = replace(DEFAULT, publish_every=1)
 
 
 class Loopback:
@@ -52,7 +52,7 @@ class Loopback:
         os.set_blocking(self._drain, False)
 
     @property
-    def fds(self) -> tuple[int, int, int, int]:
+    def file_descriptors(self) -> tuple[int, int, int, int]:
         """Both ends of the socket, and the pipe's to write and to read."""
         return self.socket.fileno(), self._sink.fileno(), self.pipe, self._drain
 
@@ -72,7 +72,7 @@ class Loopback:
         os.close(self.pipe)
 
 
-class _Recording(Observer):
+class _PipeRecorder(Observer):
     """An observer that copies every cycle into a pipe, as the recorder does."""
 
     def __init__(self, pipe: int, legs: tuple[str, ...]) -> None:
@@ -83,7 +83,7 @@ class _Recording(Observer):
         self._pipe.send(cycle)
 
 
-class OurCycle(NamedTuple):
+class ServiceCycle(NamedTuple):
     """One cycle of the service's pipeline and outputs.
 
     Attributes:
@@ -102,8 +102,8 @@ class OurCycle(NamedTuple):
 
 
 @contextmanager
-def our_cycle(*, shared: bool = False) -> Iterator[OurCycle]:
-    """Compose the cycle of the service.
+def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
+    """Open one cycle of the service: pipeline, CAN sink and observers, with a loopback as CAN.
 
     Args:
         shared: Whether it copies its cycles into shared memory, as with a section `view`.
@@ -117,7 +117,7 @@ def our_cycle(*, shared: bool = False) -> Iterator[OurCycle]:
     wire = SocketWire(loopback.socket, lambda: None)
     with (
         TemporaryDirectory(dir="/dev/shm") as folder,
-        can_sink(ROBOT, clock, None, connect=lambda: wire) as sink,
+        can_sink(BENCHMARK_CONFIG, clock, None, connect=lambda: wire) as sink,
     ):
         counters, cycles = Path(folder) / "counters", Path(folder) / "cycles"
         metrics = MetricsObserver(DEFAULT.legs, sink.stats, counters)
@@ -125,7 +125,7 @@ def our_cycle(*, shared: bool = False) -> Iterator[OurCycle]:
             Journal(DEFAULT.legs),
             SystemdObserver(DEFAULT.legs, {}),
             metrics,
-            _Recording(loopback.pipe, DEFAULT.legs),
+            _PipeRecorder(loopback.pipe, DEFAULT.legs),
         ]
         if shared:
             header = recording_header(models, None, Flag.SIMULATED, clock.now_ns())
@@ -137,10 +137,10 @@ def our_cycle(*, shared: bool = False) -> Iterator[OurCycle]:
 
         def run(scan: CapFrame, now_ns: int) -> Cycle:
             clock.sleep_until_ns(now_ns)
-            return loop.step(scan, tuple(sink.commands()))
+            return loop.run_cycle(scan, tuple(sink.commands()))
 
         try:
-            yield OurCycle(run, lambda: pipeline.baseline_pf, counters, cycles, loopback)
+            yield ServiceCycle(run, lambda: pipeline.baseline_pf, counters, cycles, loopback)
         finally:
             for observer in observers:
                 observer.close()
@@ -153,7 +153,7 @@ def recorded_frames(n: int) -> list[CapFrame]:
         return [scan_source.source.read() for _ in range(n)]
 
 
-def sent_ns(scan: CapFrame) -> int:
+def send_time_ns(scan: CapFrame) -> int:
     """Return the time of sending the forces of a frame [ns]: 2 ms after its newest reading."""
     return int(scan.t_ns.max()) + 2_000_000
 

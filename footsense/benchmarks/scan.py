@@ -21,10 +21,10 @@ from footsense.frames import IS_USABLE, Flag
 from footsense.sim.scene import Scene
 from footsense.sim.scene_files import load_scene
 
-_SCANS = 40
+_N_SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)
 #: Forces of each leg of which the age is measured, after the tare.
-_AGES = 120
+_N_AGES = 120
 
 _TWO_BUSES = replace(
     DEFAULT,
@@ -59,38 +59,38 @@ def conversion_limit_ms() -> float:
 def scan_figures() -> dict[str, dict[str, float | None]]:
     """Return period and ratios of a scan by configuration, named after buses and host's cost of a transaction."""
     return {
-        f"{name}_{host_cost_us}us": _scan(config, host_cost_us)
+        f"{name}_{host_cost_us}us": _measure_scan_periods(config, host_cost_us)
         for (name, config), host_cost_us in itertools.product(_CONFIGURATIONS.items(), _HOST_COSTS_US)
     }
 
 
-def _scan(config: Config, host_cost_us: int) -> dict[str, float | None]:
+def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float | None]:
     """Return scan periods of six legs at 400 kHz, ours and the naive loop's, with their ratios to the limits."""
     scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
     with open_scan_source(config, scene) as scan_source:
-        scan_source.read_scans(1)
+        scan_source.read_whole_scans(1)
         start_ns = scan_source.clock.now_ns()
-        scan_source.read_scans(_SCANS)
-        period_ns = (scan_source.clock.now_ns() - start_ns) / _SCANS
+        scan_source.read_whole_scans(_N_SCANS)
+        period_ns = (scan_source.clock.now_ns() - start_ns) / _N_SCANS
     # Two buses are scanned side by side also by a naive program with two threads.
-    naive_ns = _naive_ns(config, scene) if config.buses[0].channels else None
+    naive_ns = _naive_scan_period_ns(config, scene) if config.buses[0].channels else None
     return {
         "period_ms": period_ns * 1e-6,
         "rate_hz": 1e9 / period_ns,
         "over_limit": period_ns * 1e-6 / config.shortest_scan_ms,
-        "over_best": period_ns / max(_best_ns(config, bus, host_cost_us) for bus in config.buses),
+        "over_best": period_ns / max(_min_scan_period_ns(config, bus, host_cost_us) for bus in config.buses),
         "naive_period_ms": naive_ns * 1e-6 if naive_ns else None,
         "naive_over_ours": naive_ns / period_ns if naive_ns else None,
     }
 
 
-def _naive_ns(config: Config, scene: Scene) -> int:
+def _naive_scan_period_ns(config: Config, scene: Scene) -> int:
     bus = simulated_robot(config, scene).buses[0]
     sequential_scan(bus, bus.clock, config)
     return bus.clock.now_ns()
 
 
-def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
+def _min_scan_period_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
     """Return the lower bound of the scan period on this bus, independent of the program [ns]."""
     return scan_lower_bounds(
         n_legs=len(bus.legs),
@@ -102,14 +102,14 @@ def _best_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
     ).scan_ns
 
 
-def age_ms() -> dict[str, float]:
+def newest_reading_age_ms() -> dict[str, float]:
     """Return the age of the newest reading at sending [ms], for one bus at 40 us per transaction."""
     config = DEFAULT
     scene = replace(load_scene("tripod"), host_cost_us=40.0)
     ages_ns: list[int] = []
     with open_scan_source(config, scene) as scan_source:
         pipeline = pipeline_for(load_models(config), Flag.SIMULATED)
-        while len(ages_ns) < _AGES * len(config.legs):
+        while len(ages_ns) < _N_AGES * len(config.legs):
             forces, _ = pipeline.process(scan_source.source.read(), scan_source.clock.now_ns())
             ages_ns += forces.age_ns[IS_USABLE[forces.state]].tolist()
     return {"p50": float(np.median(ages_ns)) * 1e-6, "p99": float(np.quantile(ages_ns, 0.99)) * 1e-6}

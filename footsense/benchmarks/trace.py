@@ -34,9 +34,9 @@ _COUNTED_CONVERSIONS = 2000
 #: Calls per conversion above which a function counts as steady.
 _MIN_STEADY_CALLS = 0.5
 
-_ROOT = Path(footsense.__file__).parent.parent
-_SIMULATOR = f"{_ROOT.as_posix()}/footsense/sim/"
-_LEFT_OUT = ("footsense/sim/", "footsense/cli/", "footsense/benchmarks/")
+_SOURCE_ROOT = Path(footsense.__file__).parent.parent
+_SIMULATOR = f"{_SOURCE_ROOT.as_posix()}/footsense/sim/"
+_EXCLUDED_PATHS = ("footsense/sim/", "footsense/cli/", "footsense/benchmarks/")
 
 Calls = dict[tuple[str, str], float]
 
@@ -63,13 +63,13 @@ def calls_per_conversion(n: int = _COUNTED_CONVERSIONS) -> tuple[Calls, Calls]:
         open_service(DEFAULT, scene, real_time=False, record=Path(folder) / "walk.mcap") as service,
     ):
         service.observers.append(RunStatistics(service.legs, service.true_force_at_time_n))
-        service.run(_stop_after_turns(_WARM_UP_CONVERSIONS))
+        service.run(_stop_after_iterations(_WARM_UP_CONVERSIONS))
         sys.setprofile(count)
         try:
-            service.run(_stop_after_turns(n))
+            service.run(_stop_after_iterations(n))
         finally:
             sys.setprofile(None)
-    return _by_function(service_calls, n), _by_function(simulator_calls, n)
+    return _mean_calls_by_function(service_calls, n), _mean_calls_by_function(simulator_calls, n)
 
 
 def _is_simulated(frame: FrameType | None) -> bool:
@@ -79,22 +79,24 @@ def _is_simulated(frame: FrameType | None) -> bool:
     return frame is not None
 
 
-def _by_function(calls: Counter[CodeType], n_conversions: int) -> Calls:
+def _mean_calls_by_function(calls: Counter[CodeType], n_conversions: int) -> Calls:
     found: Counter[tuple[str, str]] = Counter()
     for code, n in calls.items():
         path = Path(code.co_filename)
-        module = path.relative_to(_ROOT).as_posix() if path.is_relative_to(_ROOT) else ""
-        if module.startswith(("footsense/", "firmware_interface/")) and not module.startswith(_LEFT_OUT):
+        module = path.relative_to(_SOURCE_ROOT).as_posix() if path.is_relative_to(_SOURCE_ROOT) else ""
+        if module.startswith(("footsense/", "firmware_interface/")) and not module.startswith(
+            _EXCLUDED_PATHS
+        ):
             found[module, code.co_qualname] += n
     return {function: n / n_conversions for function, n in found.items()}
 
 
-def steady_functions(calls: Calls) -> list[tuple[str, str]]:
+def functions_called_every_conversion(calls: Calls) -> list[tuple[str, str]]:
     """Return module and qualified name of every function that runs steadily."""
     return [function for function, n in calls.items() if n > _MIN_STEADY_CALLS]
 
 
-def _stop_after_turns(n: int) -> Callable[[], bool]:
+def _stop_after_iterations(n: int) -> Callable[[], bool]:
     """Return a stop condition that is met after a number of turns of the loop."""
     turns = iter(range(n))
     return lambda: next(turns, None) is None
@@ -112,7 +114,7 @@ def main() -> None:
             click.echo(f"{sum(inside.values()):8.1f} {module}")
             for name, n in sorted(inside.items(), key=lambda function: -function[1]):
                 click.echo(f"{n:17.2f} {name}{'' if n > _MIN_STEADY_CALLS else '  (rare)'}")
-    steady = steady_functions(calls)
+    steady = functions_called_every_conversion(calls)
     n_modules = len({module for module, _ in steady})
     layouts = sum(n for (module, _), n in simulator_calls.items() if module.startswith("firmware_interface/"))
     click.echo(

@@ -21,23 +21,23 @@ from typing import Any
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from footsense.benchmarks.our_cycle import PRIORITY, our_cycle
+from footsense.benchmarks.our_cycle import REALTIME_PRIORITY, open_service_cycle
 from footsense.benchmarks.wakeup_latency import (
     PERIOD_NS,
-    child_process,
+    answer_paced_cycles,
     latency_tails,
-    paced_blocks,
-    receive,
-    warm_up,
+    receive_answer,
+    run_loop_process,
+    run_warm_up_cycles,
 )
 from footsense.clock import request_realtime
 from footsense.frames import CapFrame
 
-_BLOCKS = 4
-_SLOW_CLIENTS = 5
+_N_ALTERNATIONS = 4
+_N_STALLED_CLIENTS = 5
 _PAGE, _FOXGLOVE = Subprotocol("footsense.view.v1"), Subprotocol("foxglove.websocket.v1")
 #: More channels than there are: one client of Foxglove's protocol subscribes to all topics.
-_CHANNELS = 20
+_N_CHANNELS = 20
 
 
 def viewed_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, Any]:
@@ -50,32 +50,32 @@ def viewed_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
     Raises:
         FootsenseError: The loop ended by itself.
     """
-    n = max(1, round(seconds * 1e9 / PERIOD_NS / _BLOCKS))
-    late_ns: dict[str, list[int]] = {"alone": [], "viewed": []}
-    with child_process(_serve_shared, scans) as loop:
-        cycles, refusals = receive(loop)
-        with _viewer(Path(cycles)) as (viewer, host), _clients(host):
+    n = max(1, round(seconds * 1e9 / PERIOD_NS / _N_ALTERNATIONS))
+    wakeup_latencies_ns: dict[str, list[int]] = {"alone": [], "viewed": []}
+    with run_loop_process(_serve_shared, scans) as loop:
+        cycles, refusals = receive_answer(loop)
+        with _run_viewer(Path(cycles)) as (viewer, host), _connect_clients(host):
             for _, (case, do) in itertools.product(
-                range(_BLOCKS), (("alone", signal.SIGSTOP), ("viewed", signal.SIGCONT))
+                range(_N_ALTERNATIONS), (("alone", signal.SIGSTOP), ("viewed", signal.SIGCONT))
             ):
                 viewer.send_signal(do)
                 loop.send(n)
-                late_ns[case] += receive(loop)
-    tails = latency_tails(late_ns)
+                wakeup_latencies_ns[case] += receive_answer(loop)
+    tails = latency_tails(wakeup_latencies_ns)
     return {"fifo": not refusals, "tails": tails, "ratio": tails["viewed"]["p99"] / tails["alone"]["p99"]}
 
 
 def _serve_shared(connection: Connection, scans: list[CapFrame]) -> None:
     logging.disable()  # a walk that begins anew is reported as a jump
-    with our_cycle(shared=True) as cycle:
-        refusals = request_realtime(PRIORITY, None)
-        warm_up(cycle, scans)
+    with open_service_cycle(shared=True) as cycle:
+        refusals = request_realtime(REALTIME_PRIORITY, None)
+        run_warm_up_cycles(cycle, scans)
         connection.send((str(cycle.cycles), refusals))
-        paced_blocks(connection, cycle, scans)
+        answer_paced_cycles(connection, cycle, scans)
 
 
 @contextlib.contextmanager
-def _viewer(cycles: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def _run_viewer(cycles: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """Run `footsense view`, and yield its process and its host and port."""  # noqa: DOC402 - one line
     command = ["-P", "-m", "footsense", "view", "--cycles", str(cycles), "--port", "0"]
     with subprocess.Popen([sys.executable, *command], stdout=subprocess.PIPE, text=True) as process:  # noqa: S603
@@ -88,12 +88,12 @@ def _viewer(cycles: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
 
 
 @contextlib.contextmanager
-def _clients(host: str) -> Iterator[None]:
+def _connect_clients(host: str) -> Iterator[None]:
     """Connect a viewer that draws, and clients that do not read."""
     over = threading.Event()
-    drawing = threading.Thread(target=_draw, args=(host, over))
+    drawing = threading.Thread(target=_acknowledge_cycles, args=(host, over))
     with contextlib.ExitStack() as stack:
-        for number in range(_SLOW_CLIENTS):
+        for number in range(_N_STALLED_CLIENTS):
             protocol = _FOXGLOVE if number % 2 else _PAGE
             slow = stack.enter_context(
                 connect(
@@ -105,7 +105,7 @@ def _clients(host: str) -> Iterator[None]:
                 )
             )
             if protocol is _FOXGLOVE:
-                topics = [{"id": channel, "channelId": channel} for channel in range(1, _CHANNELS)]
+                topics = [{"id": channel, "channelId": channel} for channel in range(1, _N_CHANNELS)]
                 slow.send(json.dumps({"op": "subscribe", "subscriptions": topics}))
         drawing.start()
         stack.callback(drawing.join)
@@ -113,7 +113,7 @@ def _clients(host: str) -> Iterator[None]:
         yield
 
 
-def _draw(host: str, over: threading.Event) -> None:
+def _acknowledge_cycles(host: str, over: threading.Event) -> None:
     """Acknowledge every message of cycles, as a browser does that draws them."""
     with connect(f"ws://{host}/", subprotocols=[_PAGE], close_timeout=0.1, ping_interval=None) as page:
         while not over.is_set():

@@ -21,14 +21,14 @@ from typing import Any
 
 import numpy as np
 
-from footsense.benchmarks.c_floor import has_c_floor, round_ns
+from footsense.benchmarks.c_floor import has_c_floor, scan_sequence_duration_ns
 from footsense.benchmarks.our_cycle import (
-    PRIORITY,
-    WARM_UP,
+    N_WARM_UP_CYCLES,
+    REALTIME_PRIORITY,
     Loopback,
-    OurCycle,
-    our_cycle,
-    sent_ns,
+    ServiceCycle,
+    open_service_cycle,
+    send_time_ns,
     tared_floor,
 )
 from footsense.clock import MonotonicClock, gc_disabled, request_realtime
@@ -37,9 +37,9 @@ from footsense.frames import CapFrame
 
 #: Period of the loop [ns].
 PERIOD_NS = 2_000_000
-_BLOCKS = 4
+_N_ALTERNATIONS = 4
 _SCRAPE_PERIOD_S = 0.2
-_SPIN = "while True: pass"
+_BUSY_LOOP_CODE = "while True: pass"
 _QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
 
 #: A loop: answers each number of cycles with the latency of each [ns], after a first answer with port and refusals.
@@ -56,14 +56,14 @@ def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
     Raises:
         FootsenseError: A loop ended by itself.
     """
-    n = max(1, round(seconds * 1e9 / PERIOD_NS / _BLOCKS))
-    serve: dict[str, _Serve] = {"ours": _serve_ours} | ({"c": _serve_c} if has_c_floor() else {})
+    n = max(1, round(seconds * 1e9 / PERIOD_NS / _N_ALTERNATIONS))
+    serve: dict[str, _Serve] = {"ours": _run_service_loop} | ({"c": _run_c_loop} if has_c_floor() else {})
     figures: dict[str, Any] = {}
     with contextlib.ExitStack() as stack:
-        loops = {name: stack.enter_context(child_process(target, scans)) for name, target in serve.items()}
-        (port, refusals), *_ = [receive(loop) for loop in loops.values()]
+        loops = {name: stack.enter_context(run_loop_process(target, scans)) for name, target in serve.items()}
+        (port, refusals), *_ = [receive_answer(loop) for loop in loops.values()]
         over = threading.Event()
-        scraper = threading.Thread(target=_scrape, args=(port, over))
+        scraper = threading.Thread(target=_scrape_repeatedly, args=(port, over))
         scraper.start()
         stack.callback(scraper.join)
         stack.callback(over.set)
@@ -72,32 +72,33 @@ def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
         for case in ("quiet", "loaded"):
             if case == "loaded":
                 for _ in range(2):
-                    busy = stack.enter_context(subprocess.Popen([sys.executable, "-S", "-c", _SPIN]))  # noqa: S603
+                    command = [sys.executable, "-S", "-c", _BUSY_LOOP_CODE]
+                    busy = stack.enter_context(subprocess.Popen(command))  # noqa: S603
                     stack.callback(busy.kill)
-            late_ns: dict[str, list[int]] = {name: [] for name in loops}
-            for _, (name, loop) in itertools.product(range(_BLOCKS), loops.items()):
+            wakeup_latencies_ns: dict[str, list[int]] = {name: [] for name in loops}
+            for _, (name, loop) in itertools.product(range(_N_ALTERNATIONS), loops.items()):
                 loop.send(n)
-                late_ns[name] += receive(loop)
-            figures[case] = _latency_figures(late_ns)
+                wakeup_latencies_ns[name] += receive_answer(loop)
+            figures[case] = _latency_figures(wakeup_latencies_ns)
     return figures
 
 
-def _latency_figures(late_ns: dict[str, list[int]]) -> dict[str, Any]:
-    tails = latency_tails(late_ns)
+def _latency_figures(wakeup_latencies_ns: dict[str, list[int]]) -> dict[str, Any]:
+    tails = latency_tails(wakeup_latencies_ns)
     ours, c = tails["ours"]["p999"], tails.get("c", {}).get("p999")
     return {"ours": ours, "c": c, "ratio": ours / c if c else None, "tails": tails}
 
 
-def latency_tails(late_ns: Mapping[str, list[int]]) -> dict[str, dict[str, float]]:
+def latency_tails(wakeup_latencies_ns: Mapping[str, list[int]]) -> dict[str, dict[str, float]]:
     """Return median and tails [us] of some latencies [ns]."""
     return {
         name: {tail: float(np.quantile(late, q)) * 1e-3 for tail, q in _QUANTILES.items()}
-        for name, late in late_ns.items()
+        for name, late in wakeup_latencies_ns.items()
     }
 
 
 @contextlib.contextmanager
-def child_process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
+def run_loop_process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
     """Run a loop in a child process, and close the connection to end the loop.
 
     Yields:
@@ -115,7 +116,7 @@ def child_process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]
         process.join()
 
 
-def receive(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
+def receive_answer(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
     """Return the next answer of a loop.
 
     Raises:
@@ -127,7 +128,7 @@ def receive(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
         raise FootsenseError("a loop of the benchmark ended by itself") from None
 
 
-def _scrape(port: int, over: threading.Event) -> None:
+def _scrape_repeatedly(port: int, over: threading.Event) -> None:
     """Read the metrics again and again, as Prometheus does, but more often."""
     while not over.wait(_SCRAPE_PERIOD_S):
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
@@ -140,7 +141,7 @@ def _repeat_scans(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame
     Yields:
         A scan, and when it is processed, in its time [ns].
     """
-    for later_ns in itertools.count(0, round_ns(played)):
+    for later_ns in itertools.count(0, scan_sequence_duration_ns(played)):
         for scan, now_ns in played:
             yield (
                 CapFrame(scan.sequence, scan.t_ns + later_ns, scan.capacitance_pf, scan.reading),
@@ -149,7 +150,7 @@ def _repeat_scans(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame
 
 
 @contextlib.contextmanager
-def _exporter(counters: Path) -> Iterator[int]:
+def _run_exporter(counters: Path) -> Iterator[int]:
     """Run `footsense exporter` as a child process, and yield the port it serves."""  # noqa: DOC402 - one line
     with subprocess.Popen(  # noqa: S603 - our own module
         [sys.executable, "-P", "-m", "footsense", "exporter", "--counters", str(counters), "--port", "0"],
@@ -164,51 +165,51 @@ def _exporter(counters: Path) -> Iterator[int]:
             process.terminate()
 
 
-def _requests(connection: Connection) -> Iterator[int]:
+def _requested_cycle_counts(connection: Connection) -> Iterator[int]:
     """Yield each requested number of cycles until the peer closes the connection."""
     with contextlib.suppress(EOFError):
         while True:
             yield connection.recv()
 
 
-def _serve_ours(connection: Connection, scans: list[CapFrame]) -> None:
+def _run_service_loop(connection: Connection, scans: list[CapFrame]) -> None:
     logging.disable()  # a walk that begins anew is reported as a jump
-    with our_cycle() as cycle, _exporter(cycle.counters) as port:
-        refusals = request_realtime(PRIORITY, None)
-        warm_up(cycle, scans)
+    with open_service_cycle() as cycle, _run_exporter(cycle.counters) as port:
+        refusals = request_realtime(REALTIME_PRIORITY, None)
+        run_warm_up_cycles(cycle, scans)
         connection.send((port, refusals))
-        paced_blocks(connection, cycle, scans)
+        answer_paced_cycles(connection, cycle, scans)
 
 
-def warm_up(cycle: OurCycle, scans: list[CapFrame]) -> None:
+def run_warm_up_cycles(cycle: ServiceCycle, scans: list[CapFrame]) -> None:
     """Run the cycles in which the feet are tared."""
-    for scan in scans[:WARM_UP]:
-        cycle.run(scan, sent_ns(scan))
+    for scan in scans[:N_WARM_UP_CYCLES]:
+        cycle.run(scan, send_time_ns(scan))
         cycle.loopback.drain()
 
 
-def paced_blocks(connection: Connection, cycle: OurCycle, scans: list[CapFrame]) -> None:
+def answer_paced_cycles(connection: Connection, cycle: ServiceCycle, scans: list[CapFrame]) -> None:
     """Answer each number of cycles with the wake-up latency of each [ns], until the peer closes the connection."""
     clock = MonotonicClock()
-    rounds = _repeat_scans([(scan, sent_ns(scan)) for scan in scans[WARM_UP:]])
-    for n in _requests(connection):
-        late_ns = [0] * n
+    rounds = _repeat_scans([(scan, send_time_ns(scan)) for scan in scans[N_WARM_UP_CYCLES:]])
+    for n in _requested_cycle_counts(connection):
+        wakeup_latencies_ns = [0] * n
         with gc_disabled():
             deadline_ns = clock.now_ns()
             for i in range(n):
                 # The next deadline that is still to come: missed ones are not made up for.
                 deadline_ns += PERIOD_NS * max(1, 1 + (clock.now_ns() - deadline_ns) // PERIOD_NS)
                 clock.sleep_until_ns(deadline_ns)
-                late_ns[i] = clock.now_ns() - deadline_ns
+                wakeup_latencies_ns[i] = clock.now_ns() - deadline_ns
                 cycle.run(*next(rounds))
                 cycle.loopback.drain()
-        connection.send(late_ns)
+        connection.send(wakeup_latencies_ns)
 
 
-def _serve_c(connection: Connection, scans: list[CapFrame]) -> None:
+def _run_c_loop(connection: Connection, scans: list[CapFrame]) -> None:
     with TemporaryDirectory() as folder:
         floor, loopback = tared_floor(Path(folder), scans), Loopback()
-        connection.send((0, request_realtime(PRIORITY, None)))
-        played = [(scan, sent_ns(scan)) for scan in scans[WARM_UP:]]
-        for n in _requests(connection):
-            connection.send(floor.pace(PERIOD_NS, played, n, loopback.fds).tolist())
+        connection.send((0, request_realtime(REALTIME_PRIORITY, None)))
+        played = [(scan, send_time_ns(scan)) for scan in scans[N_WARM_UP_CYCLES:]]
+        for n in _requested_cycle_counts(connection):
+            connection.send(floor.run_paced(PERIOD_NS, played, n, loopback.file_descriptors).tolist())

@@ -5,18 +5,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.foot.files.calibration_format import Manifest, Parameters
-from footsense.foot.force_errors import Errors
+from footsense.foot.force_errors import ForceErrors
 
 
 def card_text(manifest: Manifest, parameters: Parameters) -> str:
-    """Return the card as Markdown.
+    """Return the summary of a calibrated foot as Markdown.
 
     Args:
         manifest: Its manifest; the hashes of the files are not used.
         parameters: Its parameters.
     """
     recordings = "\n".join(f"| {name} | `{sha256}` |" for name, sha256 in manifest.recordings.items())
-    n_loads, n_sessions = _with_plural(manifest.n_loads, "load"), _with_plural(manifest.n_sessions, "session")
+    n_loads, n_sessions = (
+        _count_with_plural(manifest.n_loads, "load"),
+        _count_with_plural(manifest.n_sessions, "session"),
+    )
     strayed = "stray capacitance, wiring of the test stand included [pF]"
     return f"""# {manifest.foot}
 
@@ -26,18 +29,18 @@ robot uses these files unchanged, or not at all: it detects and refuses every ed
 
 ## Errors
 
-{_errors(manifest)}
+{_error_table(manifest)}
 
 ## How it differs from its design
 
 | | front row on top, left column left | |
 |---|---|---|
-{_element_row("air gap [um]", parameters.gap_um, 2)}
-{_element_row("reads unloaded [pF]", parameters.unloaded_pf, 3)}
-{_element_row(strayed, parameters.stray_pf, 3)}
-{_element_row("gain of the closure [1]", parameters.gain_rel, 3)}
+{_element_values_row("air gap [um]", parameters.gap_um, 2)}
+{_element_values_row("reads unloaded [pF]", parameters.unloaded_pf, 3)}
+{_element_values_row(strayed, parameters.stray_pf, 3)}
+{_element_values_row("gain of the closure [1]", parameters.gain_rel, 3)}
 
-Stiffness {parameters.stiffness_rel:+.1%}; mounted {_mount_deg(parameters):.1f} deg off; largest term of the
+Stiffness {parameters.stiffness_rel:+.1%}; mounted {_mount_angle_deg(parameters):.1f} deg off; largest term of the
 correction {np.abs(parameters.correction).max():.3f}. Unexplained by the calibration: {parameters.error_rel:.1%} of
 the force.
 
@@ -51,7 +54,7 @@ Network `{parameters.network_sha256}`, training set `{manifest.training_sha256}`
 """
 
 
-def _with_plural(n: int, what: str) -> str:
+def _count_with_plural(n: int, what: str) -> str:
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
@@ -63,11 +66,11 @@ def _temperature_text(parameters: Parameters) -> str:
     return f", at {parameters.temperature_c:.1f} degC{stiffer}"
 
 
-def _errors(manifest: Manifest) -> str:
+def _error_table(manifest: Manifest) -> str:
     held_out = manifest.held_out
     if held_out is None:
         return "Unknown: no load was held out."
-    return f"""{held_out.protocol}, {_with_plural(held_out.calibrated.n, "load")}:
+    return f"""{held_out.protocol}, {_count_with_plural(held_out.calibrated.n, "load")}:
 
 | mean / p95 / largest | direction [deg] | magnitude [gf] |
 |---|---:|---:|
@@ -75,7 +78,7 @@ def _errors(manifest: Manifest) -> str:
 {_error_row("with this calibration", held_out.calibrated)}"""
 
 
-def _error_row(name: str, errors: Errors) -> str:
+def _error_row(name: str, errors: ForceErrors) -> str:
     direction = (
         f"{errors.direction_deg:.2f} / {errors.direction_p95_deg:.2f} / {errors.direction_max_deg:.2f}"
     )
@@ -83,11 +86,11 @@ def _error_row(name: str, errors: Errors) -> str:
     return f"| {name} | {direction} | {magnitude} |"
 
 
-def _element_row(what: str, values: Sequence[float], digits: int) -> str:
+def _element_values_row(what: str, values: Sequence[float], digits: int) -> str:
     rows = [" ".join(f"{value:.{digits}f}" for value in values[i : i + 3]) for i in (0, 3, 6)]
     return f"| {what} | {'<br>'.join(rows)} | mean {np.mean(values):.{digits}f} |"
 
 
-def _mount_deg(parameters: Parameters) -> float:
+def _mount_angle_deg(parameters: Parameters) -> float:
     """Return the angle of the mount's rotation [deg]."""
     return float(np.degrees(np.arccos(np.clip((np.trace(parameters.mount) - 1.0) / 2.0, -1.0, 1.0))))

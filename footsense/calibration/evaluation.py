@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from footsense.calibration.fit.rubber_memory import rested_loads
+from footsense.calibration.fit.rubber_memory import loads_without_rubber_memory
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
@@ -20,7 +20,7 @@ from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import TrainedInputs
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Mask, Vector
@@ -47,10 +47,10 @@ class Estimates(NamedTuple):
     sigma_n: Vector
 
     @property
-    def usable(self) -> Mask:
+    def has_force(self) -> Mask:
         """Which loads have a force, shape (n,)."""
-        usable: Mask = np.asarray(np.isfinite(self.force_n).all(axis=1))
-        return usable
+        has_force: Mask = np.asarray(np.isfinite(self.force_n).all(axis=1))
+        return has_force
 
 
 class DesignModels(NamedTuple):
@@ -89,7 +89,7 @@ class MagnitudeBand(NamedTuple):
 
 
 #: All loads, and one magnitude of the paper in each of the others.
-BANDS = (
+MAGNITUDE_BANDS = (
     MagnitudeBand("all", 0.0, np.inf),
     MagnitudeBand("below 75 gf", 0.0, 75.0),
     MagnitudeBand("75 to 125 gf", 75.0, 125.0),
@@ -109,16 +109,20 @@ class Evaluation(NamedTuple):
     estimates: Mapping[str, Estimates]
 
     @property
-    def compared(self) -> Mask:
+    def is_compared(self) -> Mask:
         """Which loads have a force with and without the calibration, shape (n,)."""
-        compared: Mask = np.all([one.usable for one in self.estimates.values()], axis=0)
-        return compared
+        is_compared: Mask = np.all([one.has_force for one in self.estimates.values()], axis=0)
+        return is_compared
 
-    def errors_of(self, estimates: Estimates, band: MagnitudeBand) -> Errors | None:
+    def errors_of(self, estimates: Estimates, band: MagnitudeBand) -> ForceErrors | None:
         """Return the errors of estimates over the compared loads of a band, None if there are none."""
         magnitude_gf = np.linalg.norm(self.reference_n, axis=1) / GRAM_FORCE_N
-        chosen = self.compared & (magnitude_gf >= band.min_gf) & (magnitude_gf < band.max_gf)
-        return errors(self.reference_n[chosen], estimates.force_n[chosen]) if chosen.any() else None
+        chosen = self.is_compared & (magnitude_gf >= band.min_gf) & (magnitude_gf < band.max_gf)
+        return (
+            evaluate_force_errors(self.reference_n[chosen], estimates.force_n[chosen])
+            if chosen.any()
+            else None
+        )
 
 
 def estimate_loads(
@@ -163,7 +167,7 @@ def evaluate(
     Raises:
         CalibrationError: Too few loads are there, or have a force.
     """
-    loads = rested_loads(models.response, sessions)
+    loads = loads_without_rubber_memory(models.response, sessions)
     if len(loads) < _MIN_LOADS:
         raise CalibrationError(
             f"{len(loads)} accepted loads in {len(sessions)} recordings; "
@@ -173,7 +177,7 @@ def evaluate(
     if foot is not None:
         estimates[CALIBRATED] = models.estimate(loads, foot)
     evaluation = Evaluation(loads.force_n, estimates)
-    n_compared = int(evaluation.compared.sum())
+    n_compared = int(evaluation.is_compared.sum())
     if n_compared < _MIN_LOADS:
         raise CalibrationError(
             f"{n_compared} of {len(loads)} loads lie in the network's training range, at least {_MIN_LOADS} are "

@@ -40,7 +40,7 @@ class _LegCommands:
     #: Counters of the commands without an answer of each kind, oldest first.
     pending: defaultdict[CommandKind, list[int]] = field(default_factory=lambda: defaultdict(list))
 
-    def takes_command(self, t_ns: int) -> bool:
+    def accepts_command(self, t_ns: int) -> bool:
         """Count a command that arrives at a time [ns], and return whether it is not one too many."""
         second = t_ns // _SECOND_NS
         self.n_commands = self.n_commands + 1 if second == self.second else 1
@@ -89,14 +89,14 @@ class CanCommands:
             try:
                 _, counter, kind = decode_command(can_id, data)
             except UnknownCommandError as error:
-                if leg.takes_command(now_ns):
+                if leg.accepts_command(now_ns):
                     self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
                 continue
             except FrameError:
                 continue
             if (kind, counter) == leg.last and now_ns - leg.last_ns < _REPETITION_WITHIN_NS:
                 continue
-            if not leg.takes_command(now_ns):
+            if not leg.accepts_command(now_ns):
                 continue
             leg.last, leg.last_ns = (kind, counter), now_ns
             if counter not in leg.pending[kind]:  # so the list cannot outgrow the counter's range

@@ -20,7 +20,7 @@ from footsense.errors import FootsenseError
 from footsense.telemetry.log_lines import NonBlockingLogHandler
 
 #: Exit code of a command that Ctrl-C ended, as shells have it: 128 + SIGINT. `run` ends well, with 0.
-_INTERRUPTED = 130
+_EXIT_CODE_INTERRUPTED = 130
 
 #: Module and help line of each command, in the order of use; `footsense --help` imports none of them.
 _COMMANDS = {
@@ -81,7 +81,7 @@ class LazyGroup(click.Group):
             error = with_present_word(error)
             raise error from None
         except KeyboardInterrupt:
-            sys.exit(_INTERRUPTED)
+            sys.exit(_EXIT_CODE_INTERRUPTED)
 
     def main(self, *args: Any, **extra: Any) -> Any:  # noqa: ANN401 - click's signature
         """Run the command line; an error of the output, even of the flush at its end, is one line too."""
@@ -92,20 +92,20 @@ class LazyGroup(click.Group):
                 if sys.stdout is not None:  # closed by the parent process
                     sys.stdout.flush()
         except OSError as error:
-            _give_up_output()
+            _redirect_output_to_null()
             if error.errno != errno.EPIPE:  # a reader that has closed the pipe gets no message
                 where = error.filename or "the output"
                 click.echo(f"footsense: {where}: {error.strerror or error}", err=True)
             sys.exit(FootsenseError.exit_code)
 
 
-def _give_up_output() -> None:
+def _redirect_output_to_null() -> None:
     """Redirect buffered output to /dev/null, so that Python's flush at exit does not fail again."""
     with contextlib.suppress(OSError, ValueError, AttributeError), Path(os.devnull).open("wb") as devnull:
         os.dup2(devnull.fileno(), sys.stdout.fileno())
 
 
-def _log_sink() -> logging.Handler:
+def _log_handler() -> logging.Handler:
     try:
         return NonBlockingLogHandler(sys.stderr.fileno())
     except (AttributeError, OSError):  # closed, or replaced by something without a descriptor
@@ -121,5 +121,5 @@ def main(*, verbose: bool) -> None:
     logging.basicConfig(
         level=logging.INFO if verbose else logging.WARNING,
         format="%(levelname)s: %(message)s",
-        handlers=[_log_sink()],
+        handlers=[_log_handler()],
     )

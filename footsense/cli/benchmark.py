@@ -15,8 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from footsense.benchmarks.cycle import compare_cycle_durations
-from footsense.benchmarks.our_cycle import WARM_UP, recorded_frames
-from footsense.benchmarks.scan import age_ms, conversion_limit_ms, scan_figures
+from footsense.benchmarks.our_cycle import N_WARM_UP_CYCLES, recorded_frames
+from footsense.benchmarks.scan import conversion_limit_ms, newest_reading_age_ms, scan_figures
 from footsense.benchmarks.viewed_latency import viewed_latency_figures
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.cli.options import echo_json, json_option
@@ -46,24 +46,24 @@ _SCAN_COLUMNS = (
 def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
     """Measure scan, age, cycle, wake-up latency, start and memory, each beside its limit, C, or a naive program."""
     with timed_bar("benchmark", _QUICK_USUAL_S if quick else _USUAL_S):
-        figures = _figures(cycles or (_QUICK_CYCLES if quick else _CYCLES), quick=quick)
+        figures = _measure_all(cycles or (_QUICK_CYCLES if quick else _CYCLES), quick=quick)
     if as_json:
         echo_json(figures)
     else:
-        _print(figures)
+        _print_figures(figures)
 
 
-def _figures(n_cycles: int, *, quick: bool) -> dict[str, Any]:
-    """Measure everything."""
+def _measure_all(n_cycles: int, *, quick: bool) -> dict[str, Any]:
+    """Measure scan, age, cycle, wake-up latency, start and memory, and return the figures."""
     scan = scan_figures()
     figures: dict[str, Any] = {
         "conversion_limit_ms": conversion_limit_ms(),
         "scan": scan,
         "scan_over_limit": {name: one["over_limit"] for name, one in scan.items()},
         "scan_over_best": {name: one["over_best"] for name, one in scan.items()},
-        "age_ms": age_ms(),
+        "age_ms": newest_reading_age_ms(),
     }
-    scans = recorded_frames(WARM_UP + n_cycles)
+    scans = recorded_frames(N_WARM_UP_CYCLES + n_cycles)
     cycle = compare_cycle_durations(scans)
     return figures | {
         "cycle_us": cycle,
@@ -71,11 +71,11 @@ def _figures(n_cycles: int, *, quick: bool) -> dict[str, Any]:
         "naive_over_cycle": cycle.pop("naive_over_cycle"),
         "wakeup_latency_us": wakeup_latency_figures(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
         "viewed_latency_us": viewed_latency_figures(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
-        **_start_figures(),
+        **_start_time_and_memory(),
     }
 
 
-def _start_figures() -> dict[str, float]:
+def _start_time_and_memory() -> dict[str, float]:
     """Return start time [s] and memory [MiB] that `footsense run` reports.
 
     Raises:
@@ -98,11 +98,11 @@ def _table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) ->
     return table
 
 
-def _number(value: float | None, digits: int) -> str:
+def _number_text(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def _print(figures: dict[str, Any]) -> None:
+def _print_figures(figures: dict[str, Any]) -> None:
     cycle, wakeup = figures["cycle_us"], figures["wakeup_latency_us"]
     c_floor, naive = figures["cycle_over_c_floor"], figures["naive_over_cycle"]
     console = Console(highlight=False)
@@ -111,7 +111,7 @@ def _print(figures: dict[str, Any]) -> None:
             f"scan of six legs, limit {figures['conversion_limit_ms']:.1f} ms",
             ("period [ms]", "rate [Hz]", "over limit", "over best", "naive / ours"),
             (
-                [name.replace("_", " "), *(_number(scan[key], digits) for key, digits in _SCAN_COLUMNS)]
+                [name.replace("_", " "), *(_number_text(scan[key], digits) for key, digits in _SCAN_COLUMNS)]
                 for name, scan in figures["scan"].items()
             ),
         ),
@@ -124,9 +124,14 @@ def _print(figures: dict[str, Any]) -> None:
             "\na cycle of six legs: estimate, publish, count, record",
             ("p50 [us]", "p99 [us]", "ratio"),
             (
-                ("ours", _number(cycle["p50"], 0), _number(cycle["p99"], 0), ""),
-                ("one C call", _number(cycle["c_floor_p50"], 0), "", f"ours / C {_number(c_floor, 1)}"),
-                ("naive", _number(cycle["naive_p50"], 0), "", f"naive / ours {_number(naive, 1)}"),
+                ("ours", _number_text(cycle["p50"], 0), _number_text(cycle["p99"], 0), ""),
+                (
+                    "one C call",
+                    _number_text(cycle["c_floor_p50"], 0),
+                    "",
+                    f"ours / C {_number_text(c_floor, 1)}",
+                ),
+                ("naive", _number_text(cycle["naive_p50"], 0), "", f"naive / ours {_number_text(naive, 1)}"),
             ),
         ),
         sep="\n",
@@ -143,7 +148,7 @@ def _print(figures: dict[str, Any]) -> None:
                 [
                     f"{case}, {name}",
                     *(f"{tail:.0f}" for tail in tails.values()),
-                    _number(wakeup[case]["ratio"], 2) if name == "ours" else "",
+                    _number_text(wakeup[case]["ratio"], 2) if name == "ours" else "",
                 ]
                 for case in ("quiet", "loaded")
                 for name, tails in wakeup[case]["tails"].items()
@@ -157,7 +162,7 @@ def _print(figures: dict[str, Any]) -> None:
                 [
                     case,
                     *(f"{tail:.0f}" for tail in tails.values()),
-                    _number(figures["viewed_latency_us"]["ratio"], 2) if case == "viewed" else "",
+                    _number_text(figures["viewed_latency_us"]["ratio"], 2) if case == "viewed" else "",
                 ]
                 for case, tails in figures["viewed_latency_us"]["tails"].items()
             ),

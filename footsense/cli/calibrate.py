@@ -7,15 +7,15 @@ import click
 
 import footsense
 from footsense.calibration.fit.calibrate import (
-    MAX_DISTANCE,
-    USUAL_DISTANCE,
+    MAX_MAHALANOBIS_DISTANCE,
+    TYPICAL_MAHALANOBIS_DISTANCE,
     CalibrationResult,
     calibrate_sessions,
 )
 from footsense.calibration.session.recorded_session import read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.options import FOLDER, echo_json, json_option
-from footsense.cli.recordings.file_bar import file_bar
+from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.cli.test_stand_options import (
     design_models,
     foot_option,
@@ -58,7 +58,7 @@ def calibrate(
     """
     began_ns = stopwatch_ns()
     check_calibration_target(folder / foot, replace=replace)
-    with file_bar("read", *recordings) as on_read:
+    with file_progress_bar("read", *recordings) as on_read:
         sessions = read_sessions(recordings, foot, on_read)
     for session in sessions:
         for line in session.warnings:
@@ -85,13 +85,15 @@ def calibrate(
     )
     took_s = (stopwatch_ns() - began_ns) * 1e-9
     if as_json:
-        echo_json(_figures(calibration, result, took_s))
+        echo_json(_calibration_figures(calibration, result, took_s))
     else:
-        click.echo(_text(calibration, result, took_s))
+        click.echo(_calibration_text(calibration, result, took_s))
 
 
-def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> dict[str, Any]:
-    predicted, parameters = result.predicted, calibration.parameters
+def _calibration_figures(
+    calibration: FootCalibration, result: CalibrationResult, took_s: float
+) -> dict[str, Any]:
+    predicted, parameters = result.predicted_uncertainty, calibration.parameters
     return {
         "calibration": str(calibration.folder),
         "sha256": calibration.manifest.sha256,
@@ -107,8 +109,8 @@ def _figures(calibration: FootCalibration, result: CalibrationResult, took_s: fl
     }
 
 
-def _text(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> str:
-    parameters, predicted, held_out = calibration.parameters, result.predicted, result.held_out
+def _calibration_text(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> str:
+    parameters, predicted, held_out = calibration.parameters, result.predicted_uncertainty, result.held_out
     strays = f"stray {parameters.stray_pf.min():+.3f} to {parameters.stray_pf.max():+.3f} pF"
     gaps = f"gaps {parameters.gap_um.min():.1f} to {parameters.gap_um.max():.1f} um"
     temperature = "" if result.temperature_c is None else f" at {result.temperature_c:.1f} degC"
@@ -120,12 +122,12 @@ def _text(calibration: FootCalibration, result: CalibrationResult, took_s: float
     ]
     doubt = (
         ""
-        if result.distance <= USUAL_DISTANCE
+        if result.distance <= TYPICAL_MAHALANOBIS_DISTANCE
         else "; more than usual: something differs from the design's kind"
     )
     lines.append(
         f"  median distance of the loads from the fitted foot: {result.distance:.1f}, "
-        f"usual are 2 to {USUAL_DISTANCE:g}, refused from {MAX_DISTANCE:g}{doubt}"
+        f"usual are 2 to {TYPICAL_MAHALANOBIS_DISTANCE:g}, refused from {MAX_MAHALANOBIS_DISTANCE:g}{doubt}"
     )
     if predicted.not_identified:
         lines.append(f"  not identified, near the design's value: {', '.join(predicted.not_identified)}")

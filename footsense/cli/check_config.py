@@ -27,7 +27,7 @@ def check_config(file: Path, dbc: Path | None) -> None:
     config = load_config(file)
     models = load_models(config)
     pipeline_for(models, 0)  # raises as a run would
-    for line in _summary(models):
+    for line in _summary_lines(models):
         click.echo(line)
     if dbc is not None:
         dbc.write_text(make_dbc(config.legs, force_step_mn(models.network.card.max_n)), "utf-8")
@@ -36,7 +36,7 @@ def check_config(file: Path, dbc: Path | None) -> None:
         click.echo(f"warning: {warning}", err=True)
 
 
-def _summary(models: Models) -> list[str]:
+def _summary_lines(models: Models) -> list[str]:
     config, network, calibrations = models.config, models.network, models.calibrations
     realtime, metrics = config.realtime, config.metrics
     model = "that of the calibrations" if calibrations else config.model

@@ -4,7 +4,7 @@ import re
 
 import click
 
-_RENAMED = {
+_PRESENT_WORDS = {
     "bench": "benchmark",
     "ladder": "fidelity",
     "limit": "cramer-rao",
@@ -19,14 +19,14 @@ _RENAMED = {
 }
 
 #: How click's messages begin: "No such command 'bench'", "No such option: --packs", "'quiet' is not one of".
-_REFUSED = re.compile(r"(?:No such (?:command|option):? )?'?(?P<word>[\w-]+)")
+_REFUSED_WORD_PATTERN = re.compile(r"(?:No such (?:command|option):? )?'?(?P<word>[\w-]+)")
 
 
 def with_present_word(error: click.UsageError) -> click.UsageError:
     """Return a usage error; one about a word of an earlier version with the present word."""
-    refused = _REFUSED.match(error.message)
-    if not refused or refused["word"] not in _RENAMED:
+    refused = _REFUSED_WORD_PATTERN.match(error.message)
+    if not refused or refused["word"] not in _PRESENT_WORDS:
         return error
     return click.UsageError(
-        f"{error.format_message()} It is now called {_RENAMED[refused['word']]}.", error.ctx
+        f"{error.format_message()} It is now called {_PRESENT_WORDS[refused['word']]}.", error.ctx
     )

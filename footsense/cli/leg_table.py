@@ -24,7 +24,7 @@ _PHASE_STYLES = {
 }
 
 #: Cell without a value.
-EMPTY = Text("-", "dim")
+EMPTY_CELL = Text("-", "dim")
 
 Leg = TypeVar("Leg")
 #: Alignment and least width, such as ">7", and the cell of a leg, by the title of the column.
@@ -78,7 +78,7 @@ def force_columns(force_n: Callable[[Leg], Sequence[float]]) -> LegColumns[Leg]:
 
 def number_cell(value: float | None, form: str, scale: float = 1.0) -> str | Text:
     """Return a number times `scale` in the format `form`; None and NaN as an empty cell."""
-    return EMPTY if value is None or math.isnan(value) else format(value * scale, form)
+    return EMPTY_CELL if value is None or math.isnan(value) else format(value * scale, form)
 
 
 def enum_words(name: str) -> str:

@@ -32,7 +32,7 @@ class LiveView(ABC):
         """Return the picture after a cycle; `elapsed_s` counts from the first one."""
 
     def observe(self, cycle: Cycle) -> None:
-        """Redraw if the period is over."""
+        """Redraw the picture if the redraw period has passed."""
         t_ns = cycle.forces.t_sent_ns
         if self._start_ns is None:
             self._start_ns = t_ns

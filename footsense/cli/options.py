@@ -90,8 +90,8 @@ class StopRequest:
     def __init__(self) -> None:
         self.requested = False
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, self._request)
+            signal.signal(number, self._set_stop)
 
-    def _request(self, number: int, frame: FrameType | None) -> None:
+    def _set_stop(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         self.requested = True

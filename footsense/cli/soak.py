@@ -11,7 +11,7 @@ import msgspec
 
 from footsense.clock import stopwatch_ns
 from footsense.progress import progress_bar
-from footsense.validation.processes import map_unordered
+from footsense.validation.processes import run_in_processes
 from footsense.validation.soak import StretchResult, walk_stretch
 from footsense.validation.soak_plan import soak_stretches
 
@@ -44,7 +44,7 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
     walks = (
         [walk_stretch(stretches[only])]
         if only is not None
-        else map_unordered(walk_stretch, stretches, jobs or os.cpu_count() or 1, max_parts_per_process=1)
+        else run_in_processes(walk_stretch, stretches, jobs or os.cpu_count() or 1, max_parts_per_process=1)
     )
     results: list[StretchResult] = []
     with progress_bar("walked", sum(stretch.hours for stretch in stretches)) as hours_done:

@@ -21,12 +21,12 @@ from footsense.errors import ConfigError
 from footsense.progress import progress_bar
 
 if TYPE_CHECKING:
-    from footsense.view.recorded import Recorded
-    from footsense.view.tares import Tares
+    from footsense.view.recorded import RecordingSource
+    from footsense.view.tares import TareCommands
 
 
-def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Return an IP address.
+def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Return a valid IP address, or refuse the option.
 
     Raises:
         BadParameter: It is none.
@@ -46,7 +46,7 @@ def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> s
 @click.option("--cycles", type=FILE, help="File of the shared cycles, instead of view.cycles.")
 @click.option(
     "--address",
-    callback=_address,
+    callback=_parse_address,
     help="IP address to serve on, instead of view.address; 0.0.0.0 for every network.",
 )
 @click.option(
@@ -101,23 +101,23 @@ def view(
         os.nice(5)  # a viewer never competes with what else the robot's computer does
     with ExitStack() as stack:
         tares = stack.enter_context(closing(_open_tares(config, file))) if allow_commands else None
-        _serve(stack, file, settings, settings.port if port is None else port, tares, origins)
+        _serve_until_stopped(stack, file, settings, settings.port if port is None else port, tares, origins)
 
 
-def _serve(
+def _serve_until_stopped(
     stack: ExitStack,
     file: Path | None,
     settings: View,
     port: int,
-    tares: "Tares | None",
+    tares: "TareCommands | None",
     origins: tuple[str, ...],
 ) -> None:
-    from footsense.view.live import Live
-    from footsense.view.recorded import Recorded
+    from footsense.view.live import LiveSource
+    from footsense.view.recorded import RecordingSource
     from footsense.view.server import ViewServer
 
-    source: Live | Recorded
-    source = Live(Path(settings.cycles), MonotonicClock()) if file is None else Recorded(file)
+    source: LiveSource | RecordingSource
+    source = LiveSource(Path(settings.cycles), MonotonicClock()) if file is None else RecordingSource(file)
     stack.enter_context(closing(source))
 
     async def serve() -> None:
@@ -128,15 +128,15 @@ def _serve(
             click.echo(url)
             if tares is not None:
                 click.echo(f"token for commands: {tares.token}")
-            if isinstance(source, Recorded):
-                threading.Thread(target=_read, args=(source,), daemon=True).start()
+            if isinstance(source, RecordingSource):
+                threading.Thread(target=_read_with_progress, args=(source,), daemon=True).start()
             await stop.wait()
 
     asyncio.run(serve())
 
 
-def _open_tares(config: Config | None, file: Path | None) -> "Tares":
-    """Open the channel for commands.
+def _open_tares(config: Config | None, file: Path | None) -> "TareCommands":
+    """Open the CAN channel for tare commands.
 
     Raises:
         ConfigError: There is nobody to command.
@@ -145,12 +145,12 @@ def _open_tares(config: Config | None, file: Path | None) -> "Tares":
         raise ConfigError(
             "--allow-commands needs a running service and --config, which names its CAN channel"
         )
-    from footsense.view.tares import open_tares
+    from footsense.view.tares import open_tare_commands
 
-    return open_tares(config, MonotonicClock())
+    return open_tare_commands(config, MonotonicClock())
 
 
-def _read(recorded: "Recorded") -> None:
+def _read_with_progress(recorded: "RecordingSource") -> None:
     """Read a recording, with a bar of progress on a terminal."""
     with progress_bar("reading", recorded.total_s) as seconds_read:
         recorded.read(seconds_read)

@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from footsense import strict_yaml
 from footsense.config.sections import Section
-from footsense.reference.record_columns import TIMES, integer_bits
+from footsense.reference.record_columns import NS_PER_TIME_UNIT, integer_widths_bits
 
 Column = Literal["time_s", "time_ms", "time_us", "sequence", "fx", "fy", "fz", "saturated", "-"]
 Columns = Annotated[tuple[Column, ...], Meta(min_length=3, max_length=40)]
@@ -166,22 +166,22 @@ def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
             "axes", f"{names} names an axis of the sensor twice; each belongs to one of x, y, z"
         )
     if isinstance(test_stand.sensor, Serial):
-        return _framing(test_stand.sensor.framing)
+        return _framing_contradiction(test_stand.sensor.framing)
     return None
 
 
-def _framing(framing: Lines | Binary) -> strict_yaml.Problem | None:
+def _framing_contradiction(framing: Lines | Binary) -> strict_yaml.Problem | None:
     where = "sensor.framing"
     named = [column for column in framing.columns if column != "-"]
     for axis in ("fx", "fy", "fz"):
         if axis not in named:
             return strict_yaml.Problem(f"{where}.columns", f"no column is {axis}; a force has fx, fy and fz")
-    if len(set(named)) < len(named) or len(set(named) & set(TIMES)) > 1:
+    if len(set(named)) < len(named) or len(set(named) & set(NS_PER_TIME_UNIT)) > 1:
         return strict_yaml.Problem(f"{where}.columns", "name one thing twice; call an unused column -")
     if isinstance(framing, Lines):
         return None
     try:
-        n = len(integer_bits(framing.layout))
+        n = len(integer_widths_bits(framing.layout))
     except struct.error as error:
         return strict_yaml.Problem(f"{where}.layout", f"{framing.layout!r} is no layout of numbers: {error}")
     if n != len(framing.columns):

@@ -29,12 +29,12 @@ from footsense.sim.scene import Scene
 _log = logging.getLogger(__name__)
 
 #: Share of the configured clock below which a bus is slow.
-SLOW_REL = 0.9
+MIN_BUS_SPEED_REL = 0.9
 
 
 @dataclass(frozen=True, slots=True)
 class ScanSource:
-    """An open source of frames.
+    """An open source of capacitance frames, with its clock and simulated truth.
 
     Attributes:
         source: The scanner, started.
@@ -55,7 +55,7 @@ class ScanSource:
     wakeups: tuple[WakeupLatency, ...] = ()
     temperature_c: Callable[[], Vector] | None = None
 
-    def read_scans(self, n: int) -> list[CapFrame]:
+    def read_whole_scans(self, n: int) -> list[CapFrame]:
         """Read `n` scans, and return the last frame of each."""
         scans: list[CapFrame] = []
         while len(scans) < n:
@@ -96,7 +96,7 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
         HardwareError: An adapter or a reset line is missing.
     """
     if robot is None:
-        return [OpenBus(bus, MonotonicClock(), _transport(bus, stack)) for bus in config.buses]
+        return [OpenBus(bus, MonotonicClock(), _open_transport(bus, stack)) for bus in config.buses]
     opened = []
     for bus, wires, adapters in zip(config.buses, robot.buses, robot.adapters, strict=True):
         transport: Transport = KernelMux(tuple(adapters.values()))
@@ -118,7 +118,7 @@ def check_adapters(config: Config) -> None:
             LinuxI2cBus.open(device).close()
 
 
-def _transport(bus: Bus, stack: ExitStack) -> Transport:
+def _open_transport(bus: Bus, stack: ExitStack) -> Transport:
     """Open a bus's I2C adapters and its reset line, and return the transport."""
     adapters = []
     for device in bus.adapters.values() or [bus.device]:
@@ -136,12 +136,12 @@ def _transport(bus: Bus, stack: ExitStack) -> Transport:
     return UpstreamBus(adapters[0], bus.mux.address, line, reads_back=bus.mux.read_back)
 
 
-def _log_timing(bus: Bus, timing: BusTiming | None) -> None:
+def _log_bus_timing(bus: Bus, timing: BusTiming | None) -> None:
     """Log the limits of a bus, and whether it is slower than configured."""
     if timing is None:
         return
     _log.info("%s: %s", bus.device, timing)
-    if timing.costs.rate_hz < SLOW_REL * bus.rate_hz:
+    if timing.costs.rate_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
         _log.warning(
             "%s runs at %.0f kHz, not at the %.0f kHz of the configuration: a Raspberry Pi's follows the core clock; "
             "set core_freq_min, or correct rate_hz",
@@ -168,10 +168,10 @@ def open_scan_source(config: Config, scene: Scene | None) -> Iterator[ScanSource
     with ExitStack() as stack:
         robot = None if scene is None else simulated_robot(config, scene)
         if config.serial is not None:
-            opened = _microcontroller(config.serial, robot, scene)
+            opened = _open_microcontroller(config.serial, robot, scene)
             stack.callback(opened.source.close)
         else:
-            opened = _bus_scanners(config, robot, stack)
+            opened = _open_bus_scanners(config, robot, stack)
         if robot is not None:
             opened = replace(
                 opened,
@@ -183,7 +183,7 @@ def open_scan_source(config: Config, scene: Scene | None) -> Iterator[ScanSource
         yield opened
 
 
-def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene | None) -> ScanSource:
+def _open_microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene | None) -> ScanSource:
     """Open the serial line to the microcontroller, or to a simulated one."""
     own = MonotonicClock()
     clock: Clock = own if robot is None else robot.clock
@@ -197,7 +197,7 @@ def _microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene 
     return ScanSource(source, clock, wakeups=(own.wakeups,))
 
 
-def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> ScanSource:
+def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> ScanSource:
     """Open and start the scanner of every bus."""
     buses = open_buses(config, robot, stack)
     plan = scan_plan_for(config)
@@ -209,7 +209,7 @@ def _bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack
     stack.callback(source.close)
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):
-        _log_timing(bus, scanner.timing)
+        _log_bus_timing(bus, scanner.bus_timing)
     return ScanSource(
         source,
         MonotonicClock(),

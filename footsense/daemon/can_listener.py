@@ -25,7 +25,7 @@ from footsense.frames import LEGS
 from footsense.ports import CanWire, Clock
 
 #: Period of reading the channel [ns].
-_POLL_NS = 5_000_000
+_POLL_PERIOD_NS = 5_000_000
 
 
 class LegSnapshot(NamedTuple):
@@ -79,7 +79,7 @@ class Listener:
         self._n_force_frames = dict.fromkeys(NODE_IDS.values(), 0)
 
     def listen(self, until_ns: int) -> None:
-        """Receive frames until a time [ns].
+        """Receive CAN frames until a time [ns].
 
         A frame counts as arrived at the previous poll: the age may be 5 ms too high, never too low.
 
@@ -103,7 +103,7 @@ class Listener:
                 else:
                     self._reports.feed(can_id, data, self._last_poll_ns)
             self._last_poll_ns = now_ns
-            self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_NS))
+            self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_PERIOD_NS))
 
     def snapshot(self) -> list[LegSnapshot]:
         """Return every leg at the present time: those of a hexapod, and others that were heard."""

@@ -38,19 +38,19 @@ def can_sink(
         interface=config.can.interface,
         channel=config.can.channel,
         bitrate=config.can.bitrate,
-        commands=config.can.obeys,
+        commands=config.can.executes_commands,
         fd=config.can.fd,
         log_file=log_file,
         log_waits=not real_time,
         connect=connect,
     )
     sink = CanSink(settings, config.legs, clock, every=config.frames_per_force, force_step_mn=force_step_mn)
-    with closing_at_end(sink.close):
+    with close_at_end(sink.close):
         yield sink
 
 
 @contextmanager
-def closing_at_end(close: Callable[[], None]) -> Iterator[None]:
+def close_at_end(close: Callable[[], None]) -> Iterator[None]:
     """Close at the end; an incomplete log or recording must not hide the error that ended the run."""
     try:
         yield

@@ -14,7 +14,7 @@ from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.drift import MAX_DRIFT_PF_PER_S
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.faults.status import RANGE_END_PF
+from footsense.estimation.faults.status import CONVERTER_MAX_PF
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import Sensitivity, sensitivity
 from footsense.foot.capacitor import CapacitorDesign
@@ -22,11 +22,11 @@ from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
 
 #: Least rise of a load over the fastest drift [1].
-_OVER_DRIFT_REL = 5.0
+_MIN_LOAD_RISE_OVER_DRIFT = 5.0
 #: Contact threshold over the feet's largest force, where none is configured [1].
-_THRESHOLD_REL = 0.015
+_CONTACT_THRESHOLD_REL = 0.015
 #: Least contact threshold over the standard deviation of an element's noise [1].
-_OVER_NOISE_REL = 5.0
+_MIN_THRESHOLD_OVER_NOISE = 5.0
 #: Scans after which a step of the load has passed through all readings that the network sees.
 _SETTLED_SCANS = 4
 
@@ -47,7 +47,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
     design = trained_inputs.design
     stray_pf, unloaded_pf = unloaded_capacitance_pf(models)
     force_sensitivity = sensitivity(network, len(config.legs), trained_inputs.moments)
-    estimator, set_temperature = _estimator(models)
+    estimator, set_temperature = _estimator_and_temperature_receiver(models)
     scan_ns = round(config.shortest_scan_ms * 1e6)
     return Pipeline(
         estimator=estimator,
@@ -66,32 +66,32 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         max_age_ns=round(config.stale_after_ms * 1e6),
         settled_ns=_SETTLED_SCANS * scan_ns,
         flags=flags,
-        gap_um=_per_leg(models, "gap_um", {}, design.gap_um),
-        gain_rel=_per_leg(models, "gain_rel", {}, 1.0),
+        gap_um=_element_parameter(models, "gap_um", {}, design.gap_um),
+        gain_rel=_element_parameter(models, "gain_rel", {}, 1.0),
         feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
         set_temperature=set_temperature,
-        range_end_pf=BOARDS[config.board](3).range_end_pf if config.board in BOARDS else RANGE_END_PF,
+        range_end_pf=BOARDS[config.board](3).range_end_pf if config.board in BOARDS else CONVERTER_MAX_PF,
     )
 
 
 def unloaded_capacitance_pf(models: Models) -> tuple[Vector, Vector]:
     """Return stray, and capacitance without stray, of each element of the free feet [pF], shape (legs, 9) each."""
     # The design's capacitance excludes stray; a configured or calibrated reading of the foot includes it.
-    stray_pf = _per_leg(models, "stray_pf", models.config.stray_pf, 0.0)
-    reading_pf = _per_leg(models, "unloaded_pf", models.config.unloaded_pf, np.nan)
+    stray_pf = _element_parameter(models, "stray_pf", models.config.stray_pf, 0.0)
+    reading_pf = _element_parameter(models, "unloaded_pf", models.config.unloaded_pf, np.nan)
     designed_pf = models.network.card.trained_inputs.design.unloaded_pf
     return stray_pf, np.where(np.isnan(reading_pf), designed_pf, reading_pf - stray_pf)
 
 
-def distance_pf(models: Models) -> Vector:
+def distance_times_capacitance_pf(models: Models) -> Vector:
     """Return the distance of each element's plates over the gap, times capacitance [pF], shape (legs, 9)."""
     design = models.network.card.trained_inputs.design
-    gain_rel = _per_leg(models, "gain_rel", {}, 1.0)
+    gain_rel = _element_parameter(models, "gain_rel", {}, 1.0)
     return design.plate_distance_um(np.ones(1)) / design.gap_um / gain_rel
 
 
-def _estimator(models: Models) -> tuple[Estimator, Callable[[Vector], None] | None]:
+def _estimator_and_temperature_receiver(models: Models) -> tuple[Estimator, Callable[[Vector], None] | None]:
     """Return the estimator of these feet and the receiver of their temperature, None without calibrations."""
     if not models.calibrations:
         return models.network, None
@@ -106,7 +106,9 @@ def _estimator(models: Models) -> tuple[Estimator, Callable[[Vector], None] | No
     return feet, set_temperature
 
 
-def _per_leg(models: Models, name: str, configured: Mapping[Any, Sequence[float]], default: float) -> Vector:
+def _element_parameter(
+    models: Models, name: str, configured: Mapping[Any, Sequence[float]], default: float
+) -> Vector:
     """Return a parameter of every element, shape (legs, 9): the calibration's, the configured, or the default."""
     values: dict[str, Sequence[float] | Vector] = dict(configured)
     values |= {leg: getattr(found.parameters, name) for leg, found in models.calibrations.items()}
@@ -123,7 +125,7 @@ def _closure_rel_per_pf(design: CapacitorDesign) -> float:
 def contact_threshold_n(models: Models) -> float:
     """Return the load from which a foot is in contact [N]: the configured one, or a share of the feet's largest."""
     configured = models.config.contact.threshold_n
-    return round(_THRESHOLD_REL * models.network.card.max_n, 6) if configured is None else configured
+    return round(_CONTACT_THRESHOLD_REL * models.network.card.max_n, 6) if configured is None else configured
 
 
 def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLimits:
@@ -138,12 +140,12 @@ def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLi
     """
     n_per_pf = force_sensitivity.load_n * _closure_rel_per_pf(models.network.card.trained_inputs.design)
     threshold_n = contact_threshold_n(models)
-    least_n = _OVER_NOISE_REL * models.config.rate.noise_ff * 1e-3 * n_per_pf
+    least_n = _MIN_THRESHOLD_OVER_NOISE * models.config.rate.noise_ff * 1e-3 * n_per_pf
     if threshold_n < least_n:
         raise ConfigError(
             f"contact.threshold_n: {threshold_n:g} N are lost in the noise of these feet; "
             f"use at least {least_n:.2g}"
         )
-    drift_n_per_s = _OVER_DRIFT_REL * MAX_DRIFT_PF_PER_S * n_per_pf
+    drift_n_per_s = _MIN_LOAD_RISE_OVER_DRIFT * MAX_DRIFT_PF_PER_S * n_per_pf
     limits = ContactLimits(threshold_n=threshold_n)
     return replace(limits, floor_n_per_s=max(limits.floor_n_per_s, drift_n_per_s))

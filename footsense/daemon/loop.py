@@ -37,7 +37,7 @@ class Loop:
     reference: ReferenceSensor | None = None
     temperature_c: Callable[[], Vector] | None = None
 
-    def run_on(self, source: FrameSource, stop: Callable[[], bool], until_ns: float = math.inf) -> None:
+    def run_until(self, source: FrameSource, stop: Callable[[], bool], until_ns: float = math.inf) -> None:
         """Run cycles until the source ends, `stop` returns true, or the clock has reached a time.
 
         Args:
@@ -45,7 +45,7 @@ class Loop:
             stop: Stop condition, called once a cycle.
             until_ns: Time of the end [ns].
         """
-        last_c: Vector | None = None
+        last_temperature_c: Vector | None = None
         while not stop() and self.clock.now_ns() < until_ns:
             scan = source.read()
             if scan is None:
@@ -54,11 +54,13 @@ class Loop:
             new_c = None
             if self.temperature_c is not None:
                 now_c = self.temperature_c()
-                if last_c is None or not np.array_equal(now_c, last_c, equal_nan=True):
-                    last_c = new_c = now_c
-            self.step(scan, tuple(self.sink.commands()), samples, new_c)
+                if last_temperature_c is None or not np.array_equal(
+                    now_c, last_temperature_c, equal_nan=True
+                ):
+                    last_temperature_c = new_c = now_c
+            self.run_cycle(scan, tuple(self.sink.commands()), samples, new_c)
 
-    def step(
+    def run_cycle(
         self,
         scan: CapFrame,
         commands: tuple[Command, ...],

@@ -15,7 +15,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Models:
-    """Models of a robot's feet.
+    """Network and calibrations of the feet on a robot.
 
     Attributes:
         config: The robot.

@@ -10,7 +10,7 @@ from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
 from footsense.config.former_keys import with_present_keys
 from footsense.config.sections import Can
-from footsense.daemon.estimation import distance_pf, unloaded_capacitance_pf
+from footsense.daemon.estimation import distance_times_capacitance_pf, unloaded_capacitance_pf
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError
 from footsense.frames import Flag
@@ -20,7 +20,7 @@ from footsense.sim.scene import Scene
 if TYPE_CHECKING:
     from footsense.recording.replay import Replay  # a run needs no reader of recordings
 
-_CALIBRATIONS = "calibrations"
+_CALIBRATIONS_KEY = "calibrations"
 #: Key of the element values, which older recordings lack.
 ELEMENTS_KEY = "elements"
 
@@ -39,14 +39,14 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
         "model_sha256": network.sha256,
         "foot_type": network.card.foot_type,
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
-        _CALIBRATIONS: ",".join(hashes),
+        _CALIBRATIONS_KEY: ",".join(hashes),
         **platform_versions(),
         ELEMENTS_KEY: msgspec.json.encode(closure_conversion(models)).decode(),
     }
 
 
 class ClosureConversion(msgspec.Struct, frozen=True):
-    """What turns readings of the elements into closures of their gaps.
+    """Stray capacitance and plate distance of each element, which convert readings into gap closures.
 
     Attributes:
         stray_pf: Capacitance in parallel with each element [pF], shape (legs, 9).
@@ -58,9 +58,9 @@ class ClosureConversion(msgspec.Struct, frozen=True):
 
 
 def closure_conversion(models: Models) -> ClosureConversion:
-    """Return what turns readings of a robot's elements into closures."""
+    """Return the parameters that convert the readings of a robot's elements into gap closures."""
     stray_pf, _ = unloaded_capacitance_pf(models)
-    return ClosureConversion(stray_pf.tolist(), distance_pf(models).tolist())
+    return ClosureConversion(stray_pf.tolist(), distance_times_capacitance_pf(models).tolist())
 
 
 def recorded_flags(recording: "Replay") -> int:
@@ -94,7 +94,7 @@ def recorded_config(recording: "Replay") -> Config:
     return msgspec.structs.replace(config, can=Can(interface="virtual"))
 
 
-def model_difference(header: Mapping[str, str], models: Models) -> str | None:
+def model_mismatch_reason(header: Mapping[str, str], models: Models) -> str | None:
     """Return why a replay cannot reproduce the recorded forces; None if network and calibrations match.
 
     Args:
@@ -107,7 +107,7 @@ def model_difference(header: Mapping[str, str], models: Models) -> str | None:
             f"recorded with network {recorded[:12]}, here is {models.network.sha256[:12]}; "
             "only the same network can give the same forces"
         )
-    entries = [entry.partition("=") for entry in header.get(_CALIBRATIONS, "").split(",") if entry]
+    entries = [entry.partition("=") for entry in header.get(_CALIBRATIONS_KEY, "").split(",") if entry]
     then = {leg: f"the calibration {sha256[:12]}" for leg, _, sha256 in entries}
     here = {
         leg: f"the calibration {found.manifest.sha256[:12]}" for leg, found in models.calibrations.items()

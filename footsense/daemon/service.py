@@ -17,18 +17,18 @@ from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.config import Config
 from footsense.config.sections import Can, Realtime
 from footsense.daemon.acquisition import ScanSource, check_adapters, open_scan_source
-from footsense.daemon.can_output import can_sink, closing_at_end, simulated_can
+from footsense.daemon.can_output import can_sink, close_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recording_header
-from footsense.daemon.simulation import Paced, is_simulated
+from footsense.daemon.simulation import PacedSource, is_simulated
 from footsense.errors import ConfigError, FootsenseError
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline
 from footsense.frames import Flag, Vector
 from footsense.ports import FrameSource, Observer, WakeupLatency
-from footsense.recording.recorder import Recorder, check_target
+from footsense.recording.recorder import Recorder, check_recording_target
 from footsense.recording.shared_cycles import SharedCycles
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
@@ -69,9 +69,9 @@ class Service(Loop):
     def run(self, stop: Callable[[], bool] = bool, until_ns: float = math.inf) -> None:
         """Run until `stop` returns true, or until a time of the clock [ns]."""
         with gc_disabled():
-            self.run_on(self.source, stop, until_ns)
+            self.run_until(self.source, stop, until_ns)
 
-    def figures(self) -> dict[str, object]:
+    def run_figures(self) -> dict[str, object]:
         """Return the counts of forces published, of frames sent, and of frames, commands and cycles lost."""
         stats = self.sink.stats
         return {
@@ -81,7 +81,7 @@ class Service(Loop):
                 "dropped": stats.dropped,
                 "rejected_commands": stats.rejected,
             },
-            "cycles_not_recorded": self.recorder.lost if self.recorder else None,
+            "cycles_not_recorded": self.recorder.n_lost if self.recorder else None,
         }
 
 
@@ -115,7 +115,7 @@ def open_service(
     recorder: Recorder | None = None
     with ExitStack() as stack:
         if record is not None:
-            check_target(record)
+            check_recording_target(record)
         if can_log is not None:
             check_log_target(can_log)
         if scene is not None and not is_simulated(config):
@@ -123,7 +123,7 @@ def open_service(
             config = msgspec.structs.replace(config, can=Can(interface="virtual"))
         models = load_models(config)
         # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
-        flags = _prepare_hardware(config) if scene is None else Flag.SIMULATED
+        flags = _prepare_machine(config) if scene is None else Flag.SIMULATED
         scan = stack.enter_context(open_scan_source(config, scene))
         if scan.response_sha256 not in {None, models.network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
@@ -135,7 +135,7 @@ def open_service(
         wakeups = scan.wakeups
         if scene is not None and real_time:
             pace = MonotonicClock()
-            source, wakeups = Paced(source, scan.clock, pace), (pace.wakeups,)
+            source, wakeups = PacedSource(source, scan.clock, pace), (pace.wakeups,)
         can = simulated_can(config, scene, scan.clock)
         connect = can.connect if can is not None else None
         sink = stack.enter_context(
@@ -162,10 +162,10 @@ def open_service(
             recorder = Recorder(record, legs, header, blocking=not real_time or test_stand is not None)
             observers.append(recorder)
         pipeline = pipeline_for(models, flags)
-        observers += _metrics(config, sink, scan, wakeups, recorder)
-        observers += _shared_cycles(config, header, pipeline, sink)
+        observers += _open_metrics(config, sink, scan, wakeups, recorder)
+        observers += _open_shared_cycles(config, header, pipeline, sink)
         for observer in observers:
-            stack.enter_context(closing_at_end(observer.close))
+            stack.enter_context(close_at_end(observer.close))
         yield Service(
             legs=legs,
             true_force_at_time_n=scan.true_force_at_time_n,
@@ -182,7 +182,7 @@ def open_service(
         )
 
 
-def _metrics(
+def _open_metrics(
     config: Config,
     sink: CanSink,
     scan: ScanSource,
@@ -199,7 +199,7 @@ def _metrics(
             Path(config.metrics.counters),
             wakeups=wakeups,
             late_discards=lambda: scan.source.late_discards,
-            n_lost_cycles=lambda: recorder.lost if recorder else 0,
+            n_lost_cycles=lambda: recorder.n_lost if recorder else 0,
             n_lost_lines=n_lost_lines,
         )
     except FootsenseError as error:
@@ -208,7 +208,7 @@ def _metrics(
     return [metrics]
 
 
-def _shared_cycles(
+def _open_shared_cycles(
     config: Config, header: Mapping[str, str], pipeline: Pipeline, sink: CanSink
 ) -> list[SharedCycles]:
     """Return the configured copy of the cycles for viewers; none if its file cannot be written."""
@@ -225,7 +225,7 @@ def _shared_cycles(
         return []
 
 
-def _prepare_hardware(config: Config) -> Flag:
+def _prepare_machine(config: Config) -> Flag:
     """Check the adapters, request the configured scheduling, and return the flags of every frame.
 
     Raises:

@@ -23,7 +23,7 @@ from footsense.sim.test_stand.press_sequence import paper_presses
 def session_guide(
     test_stand: StandConfig, row: int, wanted: int, network: Network, report: Callable[[str], None]
 ) -> SessionGuide:
-    """Return the guide of a session.
+    """Return the observer that guides a calibration session.
 
     Args:
         test_stand: Its force sensor.
@@ -32,17 +32,17 @@ def session_guide(
         network: Network of the design, whose forces check those of the sensor.
         report: Takes each message, one line.
     """
-    one_row = _OneRow(network)
+    one_row = _SingleFootNetwork(network)
 
     def estimate(load: CalibrationLoad) -> Vector:
-        estimates = estimate_loads(LoadSet.of([load]), one_row, network.card.trained_inputs, None)
+        estimates = estimate_loads(LoadSet.from_loads([load]), one_row, network.card.trained_inputs, None)
         force_n: Vector = estimates.force_n[0]
         return force_n
 
     return SessionGuide(row, wanted, estimate, partial(reference_findings, test_stand), report)
 
 
-class _OneRow:
+class _SingleFootNetwork:
     """Adapter that calls a network of several rows for one foot: every row gets the same input."""
 
     def __init__(self, network: Network) -> None:

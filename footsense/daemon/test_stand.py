@@ -73,11 +73,11 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
     match test_stand.sensor:
         case Serial() as sensor:
             link = SerialLink(sensor.device, sensor.baud, scan_source.clock)
-            stream = _stream(sensor.device, test_stand, sensor.rate_hz, sensor.unit_per_count)
-            return SerialReference(link, _decoder(sensor.framing), stream, sensor.start.encode())
+            stream = _sample_stream(sensor.device, test_stand, sensor.rate_hz, sensor.unit_per_count)
+            return SerialReference(link, _record_decoder(sensor.framing), stream, sensor.start.encode())
         case NetFt() as sensor:
             name = f"{sensor.host}:{sensor.port}"
-            stream = _stream(name, test_stand, sensor.rate_hz, 1 / sensor.counts_per_force)
+            stream = _sample_stream(name, test_stand, sensor.rate_hz, 1 / sensor.counts_per_force)
             return NetFtReference(sensor.host, sensor.port, stream)
         case FileSensor() as sensor:
             return FileReference(_read_recorded_reference(Path(sensor.path), test_stand))
@@ -93,21 +93,21 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
                 sensor.seed,
                 sensor.linearity_rel,
             )
-            stream = _stream("simulated sensor", test_stand, simulated.RATE_HZ, 1.0)
+            stream = _sample_stream("simulated sensor", test_stand, simulated.RATE_HZ, 1.0)
             return SerialReference(port, LineDecoder(simulated.COLUMNS, ","), stream, b"start")
 
 
-def _stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_count: float) -> SampleStream:
+def _sample_stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_count: float) -> SampleStream:
     times = SampleTimes(rate_hz, round(test_stand.latency_ms * 1e6))
-    return SampleStream(name, _mounting(test_stand, unit_per_count), times)
+    return SampleStream(name, _sensor_mounting(test_stand, unit_per_count), times)
 
 
-def _mounting(test_stand: StandConfig, unit_per_count: float) -> SensorMounting:
+def _sensor_mounting(test_stand: StandConfig, unit_per_count: float) -> SensorMounting:
     axes = msgspec.structs.asdict(test_stand.axes)
     return SensorMounting(axes, test_stand.mount_deg, test_stand.units, unit_per_count, test_stand.rated)
 
 
-def _decoder(framing: Lines | Binary) -> RecordDecoder:
+def _record_decoder(framing: Lines | Binary) -> RecordDecoder:
     if isinstance(framing, Lines):
         return LineDecoder(framing.columns, framing.separator)
     return BinaryDecoder(framing.columns, framing.layout, bytes.fromhex(framing.sync), framing.checksum)
@@ -115,7 +115,7 @@ def _decoder(framing: Lines | Binary) -> RecordDecoder:
 
 def _read_recorded_reference(path: Path, test_stand: StandConfig) -> Reference:
     if path.suffix == ".csv":
-        return read_csv(path, _mounting(test_stand, 1.0), round(test_stand.latency_ms * 1e6))
+        return read_csv(path, _sensor_mounting(test_stand, 1.0), round(test_stand.latency_ms * 1e6))
     reference = join_references(cycle.reference for cycle in Replay(path) if cycle.reference is not None)
     if not len(reference.t_ns):
         raise RecordingError(f"{path}: holds no reference; a recording of `footsense record` does")

@@ -18,7 +18,7 @@ from footsense.estimation.faults.consistency import ConsistencyResult, Consisten
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import missing_elements
 from footsense.estimation.faults.status import (
-    RANGE_END_PF,
+    CONVERTER_MAX_PF,
     ElementClassifier,
     ElementStatus,
     LegClassifier,
@@ -26,7 +26,7 @@ from footsense.estimation.faults.status import (
 )
 from footsense.estimation.gait.tracker import GaitTracker
 from footsense.estimation.reading_window import Readings, ReadingWindow
-from footsense.estimation.rest import REST_AGE_S
+from footsense.estimation.rest import rest_age_s
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import (
@@ -89,7 +89,7 @@ class Pipeline:
         settled_ns: int,
         track_baseline: bool = True,
         flags: int = 0,
-        range_end_pf: float = RANGE_END_PF,
+        range_end_pf: float = CONVERTER_MAX_PF,
         gap_um: Vector | None = None,
         gain_rel: Vector | None = None,
         feet: Sequence[str] = (),
@@ -100,7 +100,7 @@ class Pipeline:
         self._estimator = estimator
         self._shape = stray_pf.shape
         self._imputation = Imputation(trained.moments)
-        self._window = ReadingWindow(n_legs, scan_ns)
+        self._window = ReadingWindow((n_legs, stray_pf.shape[1]), scan_ns)
         self._trained = trained
         # One per leg: to broadcast a single one takes longer than the operation.
         self._flags = np.full(n_legs, flags, np.uint8)
@@ -169,7 +169,7 @@ class Pipeline:
         results = baselines.tare(pf, scan.reading, scan.t_ns, elements.missing, now_ns)
         unloaded = baselines.unloaded
         readings = self._window.add(self._distance_pf / pf, scan.t_ns)
-        missing = self._missing(elements, unloaded)
+        missing = self._missing_elements(elements, unloaded)
         closure_rel = unloaded.distance_rel[:, None] - readings.distance_rel
         measured_rel = closure_rel[:, 0]
         consistency = self._consistency.test(measured_rel, readings.motion_rel, missing, now_ns)
@@ -192,7 +192,7 @@ class Pipeline:
             now_ns,
         )
         age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
-        load, state = self._loads(closure_rel, age_s, consistency, legs)
+        load, state = self._estimate_loads(closure_rel, age_s, consistency, legs)
         force_n = load.force_n
         baselines.observe(measured_rel, force_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns)
         gait = self._gait.observe(load, baselines.contacts, now_ns)
@@ -211,7 +211,7 @@ class Pipeline:
             gait=gait,
         ), results
 
-    def _missing(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
+    def _missing_elements(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
         """Return the elements to do without, shape (legs, 9): faulty, excluded, or without a baseline."""
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
@@ -219,7 +219,7 @@ class Pipeline:
             return elements.missing
         return missing_elements(elements.faulty | unloaded.untared)
 
-    def _loads(
+    def _estimate_loads(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
     ) -> tuple[Load, Codes]:
         """Return the loads, with force and sigma NaN where not usable, and the state of each leg.
@@ -301,4 +301,4 @@ def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
     read = ~missing[:, None]
     n_read = np.maximum(read.sum(axis=2, keepdims=True), 1)
     mean_s = np.where(read, age_s, 0.0).sum(axis=2, keepdims=True) / n_read
-    return np.where(usable[:, None, None], np.where(read, age_s, mean_s), REST_AGE_S)
+    return np.where(usable[:, None, None], np.where(read, age_s, mean_s), rest_age_s(missing.shape[1]))

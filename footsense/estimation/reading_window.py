@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.frames import ELEMENTS, Mask, Stamps, Vector
+from footsense.frames import Mask, Stamps, Vector
 
 #: Readings of an element in a window.
 READINGS = 3
 #: Longest time between two readings of an element, over the time of a scan [1]: after a stall, older readings are not
 #: mixed with newer ones.
-LONGEST_INTERVAL_REL = 1.75
+MAX_READING_INTERVAL_REL = 1.75
 
 #: Smallest spike that is taken for a wrong reading [1], and change over it of the readings beside it [1].
 _SPIKE_REL, _NEIGHBOUR_CHANGE_REL = 0.1, 0.25
@@ -40,14 +40,15 @@ class ReadingWindow:
     """Keeps the last three readings of every element.
 
     Args:
-        n_legs: Legs of a frame.
+        shape: Legs of a frame, and elements of each.
         scan_ns: Time of a scan [ns].
     """
 
-    def __init__(self, n_legs: int, scan_ns: int) -> None:
-        self._distance_rel = np.full((n_legs, READINGS, ELEMENTS), np.nan)
-        self._t_ns = np.zeros((n_legs, READINGS, ELEMENTS), np.int64)
-        self._longest_ns = np.array(round(LONGEST_INTERVAL_REL * scan_ns))
+    def __init__(self, shape: tuple[int, int], scan_ns: int) -> None:
+        n_legs, self._n_elements = shape
+        self._distance_rel = np.full((n_legs, READINGS, self._n_elements), np.nan)
+        self._t_ns = np.zeros((n_legs, READINGS, self._n_elements), np.int64)
+        self._longest_ns = np.array(round(MAX_READING_INTERVAL_REL * scan_ns))
 
     def add(self, distance_rel: Vector, t_ns: Stamps) -> Readings:
         """Add the readings of a frame that are new, and return all of them.
@@ -74,7 +75,7 @@ class ReadingWindow:
         if not all_in_order:
             moved_rel[~in_order] = 0.0
         moved_rel = moved_rel.max(axis=1)
-        moved_rel.partition(ELEMENTS - 2, axis=1)
+        moved_rel.partition(self._n_elements - 2, axis=1)
         # One element that moved far alone: a load moves several.
         if (moved_rel[:, -1] > _SPIKE_REL + 3.0 * moved_rel[:, -2]).any():
             _without_spikes(kept_rel)
@@ -91,7 +92,7 @@ class ReadingWindow:
             in_order[:, 0],
             newest_ns,
             of_whole_ns.min(axis=1),
-            moved_rel[:, ELEMENTS - 2],
+            moved_rel[:, self._n_elements - 2],
         )
 
     def discard(self, elements: Mask) -> None:

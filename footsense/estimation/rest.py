@@ -1,14 +1,28 @@
 """Windows of feet at rest: the same reading three times."""
 
+import math
+from functools import cache
+
 import numpy as np
 
+from firmware_interface.conversion_order import conversion_order
 from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.ports import Window
 
-#: Conversions since each reading, at the end of a scan in the order of the magic square.
-_CONVERSIONS_AGO = np.array((7, 2, 3, 0, 4, 8, 5, 6, 1)) + ELEMENTS * np.arange(3)[:, None]
-#: Ages of the readings of a foot that is read at 400 conversions a second [s], shape (3, 9).
-REST_AGE_S = 3.2e-3 + 2.7e-3 * _CONVERSIONS_AGO
+
+@cache
+def rest_age_s(n_elements: int) -> Vector:
+    """Return the ages of the readings of a foot that is read at 400 conversions a second [s], shape (3, elements).
+
+    They are those at the end of a scan in the order of the magic square.
+    """
+    order = conversion_order("lo_shu", math.isqrt(n_elements))
+    conversions_ago = n_elements - 1 - np.argsort(order) + n_elements * np.arange(3)[:, None]
+    return np.asarray(3.2e-3 + 2.7e-3 * conversions_ago, np.float64)
+
+
+#: These ages for the paper's foot, shape (3, 9).
+REST_AGE_S = rest_age_s(ELEMENTS)
 
 
 def at_rest(closure_rel: Vector, missing: Mask | None = None) -> Window:
@@ -18,9 +32,9 @@ def at_rest(closure_rel: Vector, missing: Mask | None = None) -> Window:
         closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, 9).
         missing: The imputed ones, same shape; None for none.
     """
-    rows = len(closure_rel)
+    rows, age_s = len(closure_rel), rest_age_s(closure_rel.shape[1])
     return Window(
         np.repeat(closure_rel[:, None], 3, axis=1),
-        np.broadcast_to(REST_AGE_S, (rows, *REST_AGE_S.shape)),
+        np.broadcast_to(age_s, (rows, *age_s.shape)),
         np.zeros(closure_rel.shape, bool) if missing is None else missing,
     )

@@ -6,11 +6,11 @@ import numpy as np
 
 from footsense.estimation.baseline.contact import trimmed_means
 from footsense.estimation.rest import at_rest
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import Vector
 from footsense.ports import Estimator
 
 #: Largest closures of the loads at which the sensitivity is taken [1], and the step of the differences [1].
-_LEVELS_REL = (0.02, 0.2)
+_CLOSURE_LEVELS_REL = (0.02, 0.2)
 _STEP_REL = 1e-3
 
 #: Share of a drift that differs between the elements; the rest is common to all. An assumption: no foot was heated.
@@ -38,11 +38,12 @@ def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector
         n_rows: Rows that it estimates at once.
         closure_rel: Closures over the gap at which it is taken [1], shape (9,).
     """
-    steps = _STEP_REL * np.concatenate((np.eye(ELEMENTS), -np.eye(ELEMENTS)))
+    n = len(closure_rel)
+    steps = _STEP_REL * np.concatenate((np.eye(n), -np.eye(n)))
     forces_n = np.array(
         [estimator.estimate(at_rest(np.tile(row, (n_rows, 1)))).force_n for row in closure_rel + steps]
     )
-    slopes_n: Vector = (forces_n[:ELEMENTS] - forces_n[ELEMENTS:]) / (2 * _STEP_REL)
+    slopes_n: Vector = (forces_n[:n] - forces_n[n:]) / (2 * _STEP_REL)
     return slopes_n
 
 
@@ -64,11 +65,11 @@ def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivi
     """
     stance_rel = principal_pattern(moments)
     errors_n = []
-    for level in _LEVELS_REL:
-        for pattern in (stance_rel, np.ones(ELEMENTS)):
+    for level in _CLOSURE_LEVELS_REL:
+        for pattern in (stance_rel, np.ones(len(moments))):
             slopes_n = jacobian_n(estimator, n_rows, level * pattern)[:, 0]
             errors_n.append(np.hypot(slopes_n.sum(axis=0), _UNEVEN_REL * np.linalg.norm(slopes_n, axis=0)))
-    stance_rel = _LEVELS_REL[-1] * stance_rel
+    stance_rel = _CLOSURE_LEVELS_REL[-1] * stance_rel
     rows = np.tile(stance_rel, (n_rows, 1))
     force_n = estimator.estimate(at_rest(rows)).force_n
     return Sensitivity(

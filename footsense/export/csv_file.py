@@ -24,10 +24,10 @@ def write_csv(replay: Replay, path: Path) -> int:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         for rows in read_rows(replay):
-            writer.writerows([["" if _is_unknown(value) else value for value in row] for row in rows])
+            writer.writerows([["" if _is_missing_value(value) else value for value in row] for row in rows])
             n_cycles += 1
     return n_cycles
 
 
-def _is_unknown(value: object) -> bool:
+def _is_missing_value(value: object) -> bool:
     return value is None or (isinstance(value, float) and math.isnan(value))

@@ -17,10 +17,10 @@ except ImportError:
     HAS_PYARROW = False
 
 #: Cycles in a group of rows: ten seconds of walking.
-_GROUP_CYCLES = 4_000
-_TEXTS = {"leg", "state", "cause", "baseline_status", "slip", "event"}
-_TRUTHS = {"contact", "contact_raw"}
-_WHOLES = {"sequence", "fault_mask", "flags"}
+_CYCLES_PER_ROW_GROUP = 4_000
+_TEXT_COLUMNS = {"leg", "state", "cause", "baseline_status", "slip", "event"}
+_BOOLEAN_COLUMNS = {"contact", "contact_raw"}
+_INTEGER_COLUMNS = {"sequence", "fault_mask", "flags"}
 
 
 def write_parquet(replay: Replay, path: Path) -> int:
@@ -37,11 +37,11 @@ def write_parquet(replay: Replay, path: Path) -> int:
     """
     if not HAS_PYARROW:
         raise FootsenseError("--parquet needs pyarrow: pip install 'footsense[parquet]'")
-    schema = pa.schema([(name, _type(name)) for name in COLUMNS])
+    schema = pa.schema([(name, _column_type(name)) for name in COLUMNS])
     cycles = read_rows(replay)
     n_cycles = 0
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
-        while group := list(islice(cycles, _GROUP_CYCLES)):
+        while group := list(islice(cycles, _CYCLES_PER_ROW_GROUP)):
             n_cycles += len(group)
             columns = zip(*(row for rows in group for row in rows), strict=True)
             # From pandas' point of view NaN is null, which is how an unknown value reads in every tool.
@@ -53,11 +53,13 @@ def write_parquet(replay: Replay, path: Path) -> int:
     return n_cycles
 
 
-def _type(name: str) -> Any:  # noqa: ANN401 - the library is not typed
-    """Return the type of a column."""
-    if name in _TEXTS:
+def _column_type(name: str) -> Any:  # noqa: ANN401 - the library is not typed
+    """Return the Arrow type of a column."""
+    if name in _TEXT_COLUMNS:
         return pa.dictionary(pa.int8(), pa.string()) if name != "event" else pa.string()
-    if name in _TRUTHS:
+    if name in _BOOLEAN_COLUMNS:
         return pa.bool_()
-    is_whole = name in _WHOLES or name.startswith("reading_") or name.endswith("_ns") or "t_ns_" in name
+    is_whole = (
+        name in _INTEGER_COLUMNS or name.startswith("reading_") or name.endswith("_ns") or "t_ns_" in name
+    )
     return pa.int64() if is_whole else pa.float64()

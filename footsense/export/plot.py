@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from footsense.errors import FootsenseError
-from footsense.export.plot_signals import Signals, collect_signals
+from footsense.export.plot_signals import PlotSignals, collect_signals
 from footsense.frames import GaitEventKind, Mask, State, Vector
 from footsense.recording.replay import Replay
 
@@ -19,15 +19,15 @@ try:
 except ImportError:
     HAS_MATPLOTLIB = False
 
-_FORMATS = (".png", ".svg", ".pdf")
+_PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 #: Row and column of each leg, as on the robot from above.
-_PLACES = {
+_SUBPLOT_OF_LEG = {
     side + place: (row, column) for row, place in enumerate("fmr4") for column, side in enumerate("lr")
 }
-_SIDES = {"l": "left", "r": "right"}
-_POSITIONS = {"f": "front", "m": "middle", "r": "rear", "4": "fourth"}
+_SIDE_NAMES = {"l": "left", "r": "right"}
+_POSITION_NAMES = {"f": "front", "m": "middle", "r": "rear", "4": "fourth"}
 _NORMAL, _TANGENTIAL, _CONTACT = "#1f5fa8", "#d97706", "#dbeafe"
-_STATES = {
+_STATE_COLOURS = {
     State.VALID: "#8cc08a",
     State.DEGRADED: "#f2c14e",
     State.STARTING: "#d9d9d9",
@@ -41,16 +41,16 @@ _STATES = {
     State.CONVERTER_FAULT: "#8c1d18",
     State.ABSENT: "#3b3b3b",
 }
-_MARKS = {
+_EVENT_MARKERS = {
     GaitEventKind.TOUCHDOWN: ("v", "#1b7837", "touchdown"),
     GaitEventKind.LIFT_OFF: ("^", "#1b7837", "lift-off"),
     GaitEventKind.SLIP: ("x", "#b2182b", "slip begins"),
     GaitEventKind.SLIP_END: ("+", "#b2182b", "slip ends"),
 }
 #: Part of a panel's height below zero, where states and events stand.
-_STRIP_REL = 0.16
+_STATE_STRIP_HEIGHT_REL = 0.16
 #: A line with more points is drawn as its extremes within so many columns.
-_COLUMNS = 2_000
+_MAX_PLOTTED_COLUMNS = 2_000
 
 
 def write_plot(replay: Replay, path: Path) -> int:
@@ -67,38 +67,40 @@ def write_plot(replay: Replay, path: Path) -> int:
     """
     if not HAS_MATPLOTLIB:
         raise FootsenseError("--plot needs matplotlib: pip install 'footsense[plot]'")
-    if path.suffix not in _FORMATS:
-        raise FootsenseError(f"{path}: a picture ends in {', '.join(_FORMATS)}")
+    if path.suffix not in _PICTURE_SUFFIXES:
+        raise FootsenseError(f"{path}: a picture ends in {', '.join(_PICTURE_SUFFIXES)}")
     signals, damage = collect_signals(replay)
     # Rows and columns without a leg are left out: a test stand has one leg.
-    lines, columns = (sorted({_PLACES[leg][part] for leg in replay.legs}) for part in (0, 1))
+    lines, columns = (sorted({_SUBPLOT_OF_LEG[leg][part] for leg in replay.legs}) for part in (0, 1))
     figure = Figure(figsize=(12, 1.3 + 2.4 * len(lines)), layout="constrained")
-    figure.suptitle(_title(replay, signals), fontsize=11, x=0.01, ha="left")
+    figure.suptitle(_plot_title(replay, signals), fontsize=11, x=0.01, ha="left")
     axes = figure.subplots(len(lines), len(columns), sharex=True, sharey=True, squeeze=False)
     for axis in axes.flat:
         axis.set_axis_off()
-    top_n = _top_n(signals)
+    force_axis_max_n = _force_axis_max_n(signals)
     for row, leg in enumerate(replay.legs):
-        line, column = _PLACES[leg]
+        line, column = _SUBPLOT_OF_LEG[leg]
         axis = axes[lines.index(line), columns.index(column)]
         axis.set_axis_on()
-        _draw_leg(axis, signals, row, leg, top_n)
+        _draw_leg(axis, signals, row, leg, force_axis_max_n)
     for axis in axes[:, 0]:
         axis.set_ylabel("force [N]")
-        axis.set_yticks([tick for tick in axis.get_yticks() if 0 <= tick <= top_n])
+        axis.set_yticks([tick for tick in axis.get_yticks() if 0 <= tick <= force_axis_max_n])
         if axis.axison:
             axis.text(-0.01, 0.03, "state", transform=axis.transAxes, ha="right", fontsize=8)
             axis.text(-0.01, 0.14, "events", transform=axis.transAxes, ha="right", fontsize=8)
     for axis in axes[-1]:
         axis.set_xlabel("time after the first cycle [s]")
-    figure.legend(handles=_legend(signals), loc="outside lower center", ncols=7, fontsize=8, frameon=False)
+    figure.legend(
+        handles=_legend_entries(signals), loc="outside lower center", ncols=7, fontsize=8, frameon=False
+    )
     figure.savefig(path, dpi=150)
     if damage is not None:
         raise damage
     return len(signals.t_s)
 
 
-def _title(replay: Replay, signals: Signals) -> str:
+def _plot_title(replay: Replay, signals: PlotSignals) -> str:
     header = replay.header
     span_s = signals.t_s[-1] if len(signals.t_s) else 0.0
     source = "simulated" if header.get("scene") else "robot"
@@ -108,32 +110,32 @@ def _title(replay: Replay, signals: Signals) -> str:
     )
 
 
-def _top_n(signals: Signals) -> float:
+def _force_axis_max_n(signals: PlotSignals) -> float:
     """Return the upper end of the force axis [N]."""
     values = signals.normal_n[np.isfinite(signals.normal_n)]
     return max(0.1, 1.15 * float(values.max(initial=0.0)))
 
 
-def _draw_leg(axis: Any, signals: Signals, row: int, leg: str, top_n: float) -> None:  # noqa: ANN401 - not typed
-    bottom_n = -_STRIP_REL * top_n
-    axis.set_title(f"{leg}  {_SIDES[leg[0]]} {_POSITIONS[leg[1]]}", loc="left", fontsize=9)
-    axis.set_ylim(2 * bottom_n, top_n)
+def _draw_leg(axis: Any, signals: PlotSignals, row: int, leg: str, force_axis_max_n: float) -> None:  # noqa: ANN401 - not typed
+    bottom_n = -_STATE_STRIP_HEIGHT_REL * force_axis_max_n
+    axis.set_title(f"{leg}  {_SIDE_NAMES[leg[0]]} {_POSITION_NAMES[leg[1]]}", loc="left", fontsize=9)
+    axis.set_ylim(2 * bottom_n, force_axis_max_n)
     axis.margins(x=0)
     axis.axhline(0, color="#888888", linewidth=0.6)
-    for start_s, end_s in _spans(signals.contact_t_s, signals.contact[:, row]):
+    for start_s, end_s in _true_spans(signals.contact_t_s, signals.contact[:, row]):
         axis.axvspan(start_s, end_s, color=_CONTACT, linewidth=0)
     normal_n, sigma_n = signals.normal_n[:, row], signals.sigma_n[:, row]
     if _shows_sigma(signals):
         axis.fill_between(
             signals.t_s, normal_n - 2 * sigma_n, normal_n + 2 * sigma_n, color=_NORMAL, alpha=0.3, linewidth=0
         )
-    axis.plot(*_thinned(signals.t_s, normal_n), color=_NORMAL, linewidth=1.0)
-    axis.plot(*_thinned(signals.t_s, signals.tangential_n[:, row]), color=_TANGENTIAL, linewidth=0.8)
-    for state, color in _STATES.items():
-        spans = _spans(signals.t_s, signals.state[:, row] == state)
+    axis.plot(*_decimate(signals.t_s, normal_n), color=_NORMAL, linewidth=1.0)
+    axis.plot(*_decimate(signals.t_s, signals.tangential_n[:, row]), color=_TANGENTIAL, linewidth=0.8)
+    for state, color in _STATE_COLOURS.items():
+        spans = _true_spans(signals.t_s, signals.state[:, row] == state)
         widths = [(start_s, end_s - start_s) for start_s, end_s in spans]
         axis.broken_barh(widths, (2 * bottom_n, -0.6 * bottom_n), facecolors=color, linewidth=0)
-    for kind, (mark, color, _) in _MARKS.items():
+    for kind, (mark, color, _) in _EVENT_MARKERS.items():
         t_s = [
             t_s
             for t_s, event in zip(signals.event_t_s, signals.events, strict=True)
@@ -142,23 +144,23 @@ def _draw_leg(axis: Any, signals: Signals, row: int, leg: str, top_n: float) -> 
         axis.plot(t_s, [0.6 * bottom_n] * len(t_s), mark, color=color, markersize=4)
 
 
-def _shows_sigma(signals: Signals) -> bool:
+def _shows_sigma(signals: PlotSignals) -> bool:
     """Return whether the recording is short enough for its uncertainty to be seen."""
-    return len(signals.t_s) <= 2 * _COLUMNS
+    return len(signals.t_s) <= 2 * _MAX_PLOTTED_COLUMNS
 
 
-def _spans(t_s: Vector, holds: Mask) -> list[tuple[float, float]]:
+def _true_spans(t_s: Vector, holds: Mask) -> list[tuple[float, float]]:
     """Return the stretches in which a condition holds; each lasts up to the next sample."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
     ends = np.append(t_s, t_s[-1:])
     return [(float(t_s[start]), float(ends[end])) for start, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _thinned(t_s: Vector, values: Vector) -> tuple[Vector, Vector]:
+def _decimate(t_s: Vector, values: Vector) -> tuple[Vector, Vector]:
     """Return a line, or of a long one its least and largest value within each column of the picture."""
-    if len(values) <= 2 * _COLUMNS:
+    if len(values) <= 2 * _MAX_PLOTTED_COLUMNS:
         return t_s, values
-    size = len(values) // _COLUMNS
+    size = len(values) // _MAX_PLOTTED_COLUMNS
     n_whole = len(values) // size * size
     columns = values[:n_whole].reshape(-1, size)
     some = np.isfinite(columns).any(axis=1)
@@ -167,7 +169,7 @@ def _thinned(t_s: Vector, values: Vector) -> tuple[Vector, Vector]:
     return np.repeat(t_s[:n_whole:size], 2), np.stack([low, high], axis=1).ravel()
 
 
-def _legend(signals: Signals) -> list[Any]:
+def _legend_entries(signals: PlotSignals) -> list[Any]:
     """Return the entries for what the picture shows."""
     lines = [
         Line2D([], [], color=_NORMAL, label="along the leg" + ", ±2 sigma" * _shows_sigma(signals)),
@@ -177,13 +179,13 @@ def _legend(signals: Signals) -> list[Any]:
     kinds = {event.kind for event in signals.events}
     marks = [
         Line2D([], [], marker=mark, color=color, linestyle="", label=label)
-        for kind, (mark, color, label) in _MARKS.items()
+        for kind, (mark, color, label) in _EVENT_MARKERS.items()
         if kind in kinds
     ]
     codes = set(np.unique(signals.state).tolist())
     states = [
         Patch(color=color, label=state.name.lower().replace("_", " "))
-        for state, color in _STATES.items()
+        for state, color in _STATE_COLOURS.items()
         if state in codes
     ]
     return lines + marks + states

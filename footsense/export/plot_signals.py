@@ -11,8 +11,8 @@ from footsense.recording.replay import Replay
 _NS_PER_S = 1e9
 
 
-class Signals(NamedTuple):
-    """What is drawn of a recording; times in seconds after the first cycle.
+class PlotSignals(NamedTuple):
+    """Signals of a recording that the picture shows; times in seconds after the first cycle.
 
     Attributes:
         t_s: Time of sending of each cycle, shape (cycles,).
@@ -37,7 +37,7 @@ class Signals(NamedTuple):
     event_t_s: list[float]
 
 
-class _Collection:
+class _SignalCollector:
     """The signals of the cycles so far."""
 
     def __init__(self, legs: tuple[str, ...]) -> None:
@@ -65,10 +65,10 @@ class _Collection:
             self._events += gait.events
             self._event_t_s += [(event.t_ns - self._first_ns) / _NS_PER_S for event in gait.events]
 
-    def signals(self) -> Signals:
+    def signals(self) -> PlotSignals:
         n_legs = self._n_legs
         forces = np.frombuffer(self._forces, np.float32).reshape(-1, n_legs, 3).astype(np.float64)
-        return Signals(
+        return PlotSignals(
             np.frombuffer(self._t_s, np.float64),
             forces[:, :, 0],
             forces[:, :, 1],
@@ -81,9 +81,9 @@ class _Collection:
         )
 
 
-def collect_signals(replay: Replay) -> tuple[Signals, RecordingError | None]:
-    """Return what is drawn of a recording, and the error that ended it early, if any."""
-    collection = _Collection(replay.legs)
+def collect_signals(replay: Replay) -> tuple[PlotSignals, RecordingError | None]:
+    """Return the plotted signals of a recording, and the error that ended it early, if any."""
+    collection = _SignalCollector(replay.legs)
     damage = None
     try:
         for cycle in replay:

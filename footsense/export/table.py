@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 
 from footsense.frames import USABLE, Cycle, GaitEventKind
-from footsense.recording.cycle_fields import FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField
+from footsense.recording.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField
 from footsense.recording.replay import Replay
 
 #: A column: whole numbers, numbers, or names; NaN and None stand for values that are not known.
 Column = list[Any]
 
-_FORCES = {path: field for path, field in FIELDS.items() if path.startswith("forces.")}
-_SCAN = {path: field for path, field in FIELDS.items() if path.startswith("scan.")}
-_FIRST = ("sequence", "t_sent_ns", "leg")
-_EVENTS = ("event", "event_t_ns", "friction")
+_FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
+_SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("scan.")}
+_FIRST_COLUMNS = ("sequence", "t_sent_ns", "leg")
+_EVENT_COLUMNS = ("event", "event_t_ns", "friction")
 
 
-def _names(fields: Mapping[str, CycleField]) -> list[str]:
+def _column_names(fields: Mapping[str, CycleField]) -> list[str]:
     names: list[str] = []
     for field in fields.values():
         n_values = int(np.prod(field.shape))
@@ -30,14 +30,22 @@ def _names(fields: Mapping[str, CycleField]) -> list[str]:
 
 
 #: Names of the columns in their order; those of the elements end in the number of the element.
-COLUMNS = (*_FIRST, *_names(_FORCES), *_names(GAIT_FIELDS), *_EVENTS, *_names(_SCAN))
+COLUMNS = (
+    *_FIRST_COLUMNS,
+    *_column_names(_FORCE_FIELDS),
+    *_column_names(GAIT_FIELDS),
+    *_EVENT_COLUMNS,
+    *_column_names(_SCAN_FIELDS),
+)
 
-_NO_GAIT: Column = [None] * len(_names(GAIT_FIELDS))
-_CONTACTS = tuple(list(GAIT_FIELDS).index(path) for path in ("gait.contact", "gait.contact_raw"))
+_EMPTY_GAIT_COLUMN: Column = [None] * len(_column_names(GAIT_FIELDS))
+_CONTACT_COLUMN_INDICES = tuple(
+    list(GAIT_FIELDS).index(path) for path in ("gait.contact", "gait.contact_raw")
+)
 
 
 def read_rows(replay: Replay) -> Iterator[list[Column]]:
-    """Return the rows of a recording.
+    """Return the table rows of a recording, one for each leg and cycle.
 
     Args:
         replay: The recording.
@@ -49,13 +57,13 @@ def read_rows(replay: Replay) -> Iterator[list[Column]]:
         RecordingError: The rest of the file is cut off or damaged.
     """
     for cycle in replay:
-        yield _rows(cycle, replay.legs)
+        yield _cycle_rows(cycle, replay.legs)
 
 
-def _rows(cycle: Cycle, legs: tuple[str, ...]) -> list[Column]:
+def _cycle_rows(cycle: Cycle, legs: tuple[str, ...]) -> list[Column]:
     forces, gait = cycle.forces, cycle.forces.gait
-    of_forces, of_scan = _values(cycle, _FORCES), _values(cycle, _SCAN)
-    of_gait = [_NO_GAIT] * len(legs) if gait is None else _values(forces, GAIT_FIELDS)
+    of_forces, of_scan = _leg_columns(cycle, _FORCE_FIELDS), _leg_columns(cycle, _SCAN_FIELDS)
+    of_gait = [_EMPTY_GAIT_COLUMN] * len(legs) if gait is None else _leg_columns(forces, GAIT_FIELDS)
     rows = []
     for row, leg in enumerate(legs):
         events = [event for event in gait.events if event.leg == row] if gait else []
@@ -65,25 +73,27 @@ def _rows(cycle: Cycle, legs: tuple[str, ...]) -> list[Column]:
             gait.friction if gait else None,
         ]
         if int(forces.state[row]) not in USABLE:  # nothing is known about its contact
-            of_gait[row] = [None if at in _CONTACTS else value for at, value in enumerate(of_gait[row])]
+            of_gait[row] = [
+                None if at in _CONTACT_COLUMN_INDICES else value for at, value in enumerate(of_gait[row])
+            ]
         first = [forces.sequence, forces.t_sent_ns, leg]
         rows.append([*first, *of_forces[row], *of_gait[row], *told, *of_scan[row]])
     return rows
 
 
-def _values(frame: Any, fields: Mapping[str, CycleField]) -> list[Column]:  # noqa: ANN401 - frames of three kinds
-    """Return the values of each leg."""
+def _leg_columns(frame: Any, fields: Mapping[str, CycleField]) -> list[Column]:  # noqa: ANN401 - frames of three kinds
+    """Return the columns of a frame's fields, one list of values for each leg."""
     columns: list[Column] = []
     for path, field in fields.items():
         array = attrgetter(path)(frame)
         flat = array.reshape(len(array), -1).T.tolist()
         if field.names is not None:
-            flat = [[_name(field.names, code) for code in one] for one in flat]
+            flat = [[_code_name(field.names, code) for code in one] for one in flat]
         elif field.kind == "<i8":  # times, 0 for none
             flat = [[t_ns or None for t_ns in one] for one in flat]
         columns += flat
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _name(names: Any, code: int) -> str | None:  # noqa: ANN401 - an enumeration
+def _code_name(names: Any, code: int) -> str | None:  # noqa: ANN401 - an enumeration
     return None if code == NOT_RECORDED else str(names(code).name)

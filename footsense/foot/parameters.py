@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from footsense.foot.correction_terms import N_CORRECTION_TERMS
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import Vector
 
-_AXES = 3
+_N_AXES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,7 +27,8 @@ class FootParameters:
         stray_pf: Capacitance of the wiring in parallel with each element [pF], shape (9,).
         unloaded_pf: Reading of each element of the unloaded foot, stray included [pF], shape (9,): its fingerprint.
         gap_um: Air gap of each element [um], shape (9,).
-        gain_rel: Closure of each element by the design's electrodes over its real closure [1], shape (9,).
+        gain_rel: Closure of each element by the design's electrodes over its real closure [1], shape (9,); of (1,),
+            that of all.
         stiffness_rel: Stiffness of the whole foot over the design's, minus one [1].
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         correction: C above, shape (3, N_CORRECTION_TERMS); zero for none.
@@ -37,10 +38,10 @@ class FootParameters:
     stray_pf: Vector
     unloaded_pf: Vector
     gap_um: Vector
-    gain_rel: Vector = field(default_factory=lambda: np.ones(ELEMENTS))
+    gain_rel: Vector = field(default_factory=lambda: np.ones(1))
     stiffness_rel: float = 0.0
-    mount: Vector = field(default_factory=lambda: np.eye(_AXES))
-    correction: Vector = field(default_factory=lambda: np.zeros((_AXES, N_CORRECTION_TERMS)))
+    mount: Vector = field(default_factory=lambda: np.eye(_N_AXES))
+    correction: Vector = field(default_factory=lambda: np.zeros((_N_AXES, N_CORRECTION_TERMS)))
     error_rel: float = 0.0
 
     def __post_init__(self) -> None:
@@ -49,10 +50,12 @@ class FootParameters:
         Raises:
             ValueError: A shape is wrong, a value is not finite or impossible; the message names it.
         """
-        nine = ("stray_pf", "unloaded_pf", "gap_um", "gain_rel")
-        shapes = dict.fromkeys(nine, (ELEMENTS,)) | {
-            "mount": (_AXES, _AXES),
-            "correction": (_AXES, N_CORRECTION_TERMS),
+        if self.gain_rel.shape == (1,):
+            object.__setattr__(self, "gain_rel", np.repeat(self.gain_rel, len(self.unloaded_pf)))
+        of_elements = ("stray_pf", "unloaded_pf", "gap_um", "gain_rel")
+        shapes = dict.fromkeys(of_elements, (len(self.unloaded_pf),)) | {
+            "mount": (_N_AXES, _N_AXES),
+            "correction": (_N_AXES, N_CORRECTION_TERMS),
         }
         for name, shape in shapes.items():
             value = getattr(self, name)
@@ -66,7 +69,7 @@ class FootParameters:
         if not self.stiffness_rel > -1.0:
             raise ValueError(f"stiffness_rel: has to be above -1, got {self.stiffness_rel:g}")
         mirrored = np.linalg.det(self.mount) < 0.0
-        if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(_AXES), atol=1e-6):
+        if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(_N_AXES), atol=1e-6):
             raise ValueError("mount: is no rotation")
         if not self.error_rel >= 0.0:
             raise ValueError(f"error_rel: is a standard deviation, not below 0, got {self.error_rel:g}")

@@ -33,7 +33,7 @@ class CalibratedAt(NamedTuple):
     stiffness_per_k: float = STIFFNESS_PER_K
 
 
-def effect(temperature_c: float, then: CalibratedAt | None) -> tuple[float, float]:
+def force_factor_and_uncertainty(temperature_c: float, then: CalibratedAt | None) -> tuple[float, float]:
     """Return the factor for the force of a foot, and the standard deviation over the force that remains [1].
 
     If either temperature is unknown or outside of a converter's range, the factor is 1.
@@ -43,9 +43,11 @@ def effect(temperature_c: float, then: CalibratedAt | None) -> tuple[float, floa
         then: Its temperature on the test stand; None for an uncalibrated foot, which is not corrected.
 
     Example:
-        >>> effect(23.0, CalibratedAt(23.0)), effect(23.0, CalibratedAt(None))[0]
-        ((1.0, 0.0), 1.0)
-        >>> round(effect(43.0, CalibratedAt(23.0))[0], 3)
+        >>> force_factor_and_uncertainty(23.0, CalibratedAt(23.0))
+        (1.0, 0.0)
+        >>> force_factor_and_uncertainty(23.0, CalibratedAt(None))[0]
+        1.0
+        >>> round(force_factor_and_uncertainty(43.0, CalibratedAt(23.0))[0], 3)
         1.088
     """
     if then is None:

@@ -19,30 +19,30 @@ from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS
-from footsense.foot.force_errors import Errors
+from footsense.foot.force_errors import ForceErrors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Readout
 from footsense.lab.evaluation.evaluate_models import (
-    ALONE,
     HELD_OUT_CASES,
     HELD_OUT_SEED,
     NETWORK_FILE,
+    PAPER_NETWORK_362,
     RESPONSE_FILE,
     error_table,
     evaluate_models,
 )
-from footsense.lab.fem.mesh import COARSE, SHIPPED, MeshSize
+from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH, MeshSize
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
 from footsense.lab.model_card import readme
 from footsense.lab.response import make_response
-from footsense.lab.similarity import force_unit, in_unit, loads_in_unit
+from footsense.lab.similarity import force_unit, loads_in_unit, response_in_force_unit
 from footsense.lab.training import load_cases
-from footsense.lab.training.export import OnnxNetwork, library_versions, onnx_model, stored_weights
+from footsense.lab.training.export import OnnxNetwork, library_versions, load_weights, onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import Cases, paper_training, random_loads
 from footsense.lab.training.snapshot.forward_inversion import forward_model
-from footsense.lab.training.snapshot.train import SnapshotProtocol, moments, train
+from footsense.lab.training.snapshot.train import SnapshotProtocol, closure_moments, train
 from footsense.lab.training.snapshot.train import predict as predict_alone
 from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
 from footsense.lab.training.windowed_network import Weights, predict
@@ -52,17 +52,17 @@ from footsense.progress import timed_bar
 TRAINING_SEED = 1
 #: ONNX Runtime may differ from JAX by this much, over the largest force [1]: of 2 N a tenth of a bit on CAN, five times
 #: what is seen.
-PARITY_REL = 5e-5
+MAX_ONNX_DIFFERENCE_REL = 5e-5
 #: Margin around the trained closures within which the daemon uses the network [1]: noise, and drift since the tare.
-MARGIN_REL = 0.02
+INPUT_RANGE_MARGIN_REL = 0.02
 #: Rows of the feet that a network can be trained for, and columns.
 _NETWORK_ROWS = 3
 #: Decimals of the moments, whose largest is about 1.
-_DECIMALS = 9
+_CARD_DECIMALS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recipe:
+class BuildSettings:
     """Sizes and training protocols of a build.
 
     Attributes:
@@ -70,7 +70,7 @@ class Recipe:
         random_loads: Number of random loads at rest of the training.
         gaits: Number of random gaits of the training, three seconds each.
         released: Training of the released network.
-        only_362: Training on the paper's cases alone.
+        paper_cases_only: Training on the paper's cases alone.
         quick: Whether the model card warns that this is no release.
         start: Network of a similar foot that the training starts from; None for random weights.
     """
@@ -79,51 +79,53 @@ class Recipe:
     random_loads: int
     gaits: int
     released: WindowProtocol
-    only_362: SnapshotProtocol
+    paper_cases_only: SnapshotProtocol
     quick: bool = False
     start: Path | None = None
 
 
 #: The release.
-FULL = Recipe(
-    mesh=SHIPPED,
+FULL_BUILD = BuildSettings(
+    mesh=RELEASED_MESH,
     random_loads=200_000,
     gaits=5_000,
     released=WindowProtocol(),
-    only_362=SnapshotProtocol(steps=6_000, batch=128, masked=False),
+    paper_cases_only=SnapshotProtocol(steps=6_000, batch=128, masked=False),
 )
 #: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
-SIMILAR = replace(FULL, random_loads=60_000, gaits=2_500, released=WindowProtocol(steps=40_000, rate=3e-3))
+SIMILAR_FOOT_BUILD = replace(
+    FULL_BUILD, random_loads=60_000, gaits=2_500, released=WindowProtocol(steps=40_000, rate=3e-3)
+)
 #: Every step of the chain in half a minute; its numbers are no release.
-QUICK = Recipe(
-    mesh=COARSE,
+QUICK_BUILD = BuildSettings(
+    mesh=COARSE_MESH,
     random_loads=10_000,
     gaits=60,
     released=WindowProtocol(channels=8, steps=1_500, batch=256, rate=1e-2),
-    only_362=SnapshotProtocol(steps=1_000, batch=128, masked=False),
+    paper_cases_only=SnapshotProtocol(steps=1_000, batch=128, masked=False),
     quick=True,
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Built:
-    """The result of a build.
+class BuildResult:
+    """Error table, network card and ONNX check of a build.
 
     Attributes:
         table: Errors by row, of the file as ONNX Runtime computes it.
         card: The network's card.
-        parity_n: Largest difference between JAX and ONNX Runtime [N].
+        onnx_difference_n: Largest difference between JAX and ONNX Runtime [N].
     """
 
-    table: dict[str, Errors]
+    table: dict[str, ForceErrors]
     card: dict[str, Any]
-    parity_n: float
+    onnx_difference_n: float
 
 
 #: Usual time of the response table [s], as in the report.
-_SOLID_S = 56.0
+_SOLVE_DURATION_S = 56.0
 #: Conversions of a gait.
-_CONVERSIONS = 1100
+_CONVERSIONS_PER_GAIT = 1100
 
 
 def _readout(weights: Weights, gap_um: float, unit: float) -> Readout:
@@ -143,28 +145,32 @@ def _paper_only_readouts(
     training, gap_um = paper_training(response), response.design.gap_um
     plain = train(training, response.design, protocol)
     alone: dict[str, Readout] = {
-        f"{ALONE}_elastance": lambda closure_um: unit * predict_alone(plain, closure_um / gap_um)[0]
+        f"{PAPER_NETWORK_362}_elastance": lambda closure_um: (
+            unit * predict_alone(plain, closure_um / gap_um)[0]
+        )
     }
     model = forward_model(response)
     try:
         inverted_um = model.mean_um(training.closure_um)
     except ArithmeticError as error:
-        report(f"no {ALONE}: the paper's loads are too large for this foot: {error}")
+        report(f"no {PAPER_NETWORK_362}: the paper's loads are too large for this foot: {error}")
         return alone
     inverted = train(Cases(training.force_n, inverted_um), response.design, protocol)
     return {
-        ALONE: lambda closure_um: unit * predict_alone(inverted, model.mean_um(closure_um) / gap_um)[0],
+        PAPER_NETWORK_362: lambda closure_um: (
+            unit * predict_alone(inverted, model.mean_um(closure_um) / gap_um)[0]
+        ),
         **alone,
     }
 
 
-def _card(
+def _network_card(
     response: FootResponse,
     loads: LoadRange,
-    recipe: Recipe,
+    recipe: BuildSettings,
     weights: Weights,
     cases: Cases,
-    table: dict[str, Errors],
+    table: dict[str, ForceErrors],
 ) -> dict[str, Any]:
     """Return the card: the data that the daemon needs to use the network, and how the network was made."""
     design = response.design
@@ -175,8 +181,12 @@ def _card(
         "inputs": [msgspec.structs.asdict(signal) for signal in INPUTS],
         "outputs": [msgspec.structs.asdict(signal) for signal in OUTPUTS],
         **asdict(design),
-        "closure_rel_min": [round(float(value) - MARGIN_REL, 6) for value in seen_rel.min(axis=0)],
-        "closure_rel_max": [round(float(value) + MARGIN_REL, 6) for value in seen_rel.max(axis=0)],
+        "closure_rel_min": [
+            round(float(value) - INPUT_RANGE_MARGIN_REL, 6) for value in seen_rel.min(axis=0)
+        ],
+        "closure_rel_max": [
+            round(float(value) + INPUT_RANGE_MARGIN_REL, 6) for value in seen_rel.max(axis=0)
+        ],
         "moments": _rounded_moments(seen_rel).tolist(),
         "response_sha256": response.sha256,
         "training": {
@@ -188,10 +198,14 @@ def _card(
                 "noise_pf": load_cases.NOISE_PF,
                 "baseline_noise_pf": load_cases.BASELINE_NOISE_PF,
             },
-            "random_gaits": {"gaits": recipe.gaits, "conversions": _CONVERSIONS, "seed": TRAINING_SEED},
+            "random_gaits": {
+                "gaits": recipe.gaits,
+                "conversions": _CONVERSIONS_PER_GAIT,
+                "seed": TRAINING_SEED,
+            },
             "held_out": {"cases": HELD_OUT_CASES, "seed": HELD_OUT_SEED},
             "released": recipe.released.card(),
-            "only_362": recipe.only_362.card(),
+            "only_362": recipe.paper_cases_only.card(),
             "weights": weights.size,
             **({} if recipe.start is None else {"started_from": recipe.start.parent.name}),
         },
@@ -202,17 +216,17 @@ def _card(
 
 def _rounded_moments(closure_rel: Any) -> Any:
     """Return the moments that a card holds; training fills in with the very same."""
-    return np.round(moments(closure_rel), _DECIMALS)
+    return np.round(closure_moments(closure_rel), _CARD_DECIMALS)
 
 
-def _parity_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
+def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
     """Return the largest difference between ONNX Runtime and JAX [N], over loads with every kind of mask."""
     window = at_rest(closure_rel, MISSING_SETS[np.arange(len(closure_rel)) % len(MISSING_SETS)])
     pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
     return max(float(np.abs(one - unit * other).max()) for one, other in pairs)
 
 
-def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str], None]) -> Built:
+def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable[[str], None]) -> BuildResult:
     """Build all files of a foot type: response table, network and model card.
 
     Args:
@@ -235,7 +249,7 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
             f"{foot_file}: rows: networks are of {_NETWORK_ROWS} x {_NETWORK_ROWS} elements, got {foot_design.rows}; "
             f"use {_NETWORK_ROWS}, or leave rows out"
         )
-    with timed_bar("solid", 0.0 if recipe.quick else _SOLID_S):
+    with timed_bar("solid", 0.0 if recipe.quick else _SOLVE_DURATION_S):
         made = make_response(foot_design, recipe.mesh, report)
     report(f"response table: {made.provenance}")
     output.mkdir(parents=True, exist_ok=True)
@@ -244,28 +258,28 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         response = FootResponse.load(Path(temporary) / RESPONSE_FILE)
         design, loads = response.design, foot_design.loads
         unit = force_unit(loads)
-        response_in_unit, loads_unit = in_unit(response, unit), loads_in_unit(loads, unit)
+        response_in_unit, loads_unit = response_in_force_unit(response, unit), loads_in_unit(loads, unit)
         recipe = replace(recipe, released=replace(recipe.released, min_force_n=loads_unit.min_force_n))
-        alone = _paper_only_readouts(response_in_unit, unit, recipe.only_362, report)
+        alone = _paper_only_readouts(response_in_unit, unit, recipe.paper_cases_only, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")
         cases = random_loads(response_in_unit, loads_unit, recipe.random_loads, TRAINING_SEED)
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
         gaits = random_gaits(
-            response_in_unit, TRAINING_SEED, recipe.gaits, _CONVERSIONS, loads_unit.max_n, jobs=2
+            response_in_unit, TRAINING_SEED, recipe.gaits, _CONVERSIONS_PER_GAIT, loads_unit.max_n, jobs=2
         )
-        report(f"{recipe.gaits} random gaits of {_CONVERSIONS} conversions")
-        start = None if recipe.start is None else stored_weights(recipe.start)
+        report(f"{recipe.gaits} random gaits of {_CONVERSIONS_PER_GAIT} conversions")
+        start = None if recipe.start is None else load_weights(recipe.start)
         weights = train_windowed(gaits, cases, design, recipe.released, imputation, report, start)
         report(f"trained on them: {weights.size} weights")
         table = error_table(response, loads, _readout(weights, design.gap_um, unit), alone)
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
-        card = _card(response, loads, recipe, weights, cases, table)
+        card = _network_card(response, loads, recipe, weights, cases, table)
         network = add_checksum(onnx_model(weights, card, unit).SerializeToString())
         (Path(temporary) / NETWORK_FILE).write_bytes(network)
-        parity = _parity_n(OnnxNetwork(Path(temporary) / NETWORK_FILE), weights, unit, closure_rel)
-        most_n = PARITY_REL * loads.max_n
+        parity = _onnx_difference_n(OnnxNetwork(Path(temporary) / NETWORK_FILE), weights, unit, closure_rel)
+        most_n = MAX_ONNX_DIFFERENCE_REL * loads.max_n
         if not parity <= most_n:
             raise ArithmeticError(f"ONNX Runtime and JAX differ by {parity:.2e} N, more than {most_n:.0e} N")
         (Path(temporary) / FOOT_FILE).write_bytes(description)
@@ -274,4 +288,4 @@ def build(foot_file: Path, output: Path, recipe: Recipe, report: Callable[[str],
         (Path(temporary) / "README.md").write_text(text, encoding="utf-8")
         for name in (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE, "README.md"):
             (Path(temporary) / name).replace(output / name)
-    return Built(table, card, parity)
+    return BuildResult(table, card, parity)

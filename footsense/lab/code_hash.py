@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 
-class _Normalise(ast.NodeTransformer):
+class _NormaliseIdentifiers(ast.NodeTransformer):
     """Number identifiers by first appearance; drop annotations and prose (strings with blanks)."""
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class _Normalise(ast.NodeTransformer):
         return self.generic_visit(node)
 
 
-def _defined(statement: ast.stmt) -> set[str]:
+def _defined_names(statement: ast.stmt) -> set[str]:
     """Return the names that a statement of a module defines, without imports."""
     if isinstance(statement, ast.ClassDef | ast.FunctionDef):
         return {statement.name}
@@ -71,14 +71,14 @@ def function_sha256(source: str, entry: str = "compute") -> str:
     statements = ast.parse(source).body
     used, new = {entry}, {entry}
     while new:
-        reached = [statement for statement in statements if _defined(statement) & new]
+        reached = [statement for statement in statements if _defined_names(statement) & new]
         names = {node.id for one in reached for node in ast.walk(one) if isinstance(node, ast.Name)}
         used, new = used | names, names - used
-    kept = ast.Module([statement for statement in statements if _defined(statement) & used], [])
+    kept = ast.Module([statement for statement in statements if _defined_names(statement) & used], [])
     for node in ast.walk(kept):
         if isinstance(node, ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
             node.body = node.body[1:] or [ast.Pass()]
-    return hashlib.sha256(ast.dump(_Normalise().visit(kept)).encode()).hexdigest()
+    return hashlib.sha256(ast.dump(_NormaliseIdentifiers().visit(kept)).encode()).hexdigest()
 
 
 def compute_sha256(module: str) -> str:

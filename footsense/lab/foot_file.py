@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from firmware_interface.chips import fdc1004
-from footsense.lab.fabrication.dimensions import MIN_RIM_MM
-from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, UM_PER_MM, FootDesign
+from footsense.lab.fabrication.dimensions import MIN_SPACER_RIM_MM
+from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, UM_PER_MM, FootDesign
 from footsense.strict_yaml import Problem, load
 
 #: Name of the file in the folder of a foot type.
@@ -16,7 +16,7 @@ FOOT_FILE = "foot.yaml"
 #: Least unloaded capacitance [pF]: an open line still reads a tenth of a picofarad.
 MIN_UNLOADED_PF = 1.0
 #: Sums of lengths may be off by this much [mm]: rounding, and nothing that can be made.
-_ROUNDING_MM = 1e-9
+_ROUNDING_TOLERANCE_MM = 1e-9
 
 
 def load_foot(source: Path | bytes) -> FootDesign:
@@ -33,22 +33,22 @@ def load_foot(source: Path | bytes) -> FootDesign:
 
 def _contradictions(design: FootDesign) -> Iterator[Problem]:
     """Yield the contradictions of a foot whose numbers are each right by themselves."""
-    yield from _on_the_sheet(design)
-    yield from _between_the_electrodes(design)
-    yield from _in_the_cavities(design)
-    yield from _on_the_converter(design)
-    loads, room_deg = design.loads, MIN_ELEVATION_DEG - FIT_ELEVATION_DEG
-    if design.patch_deg(loads.max_n) > room_deg:
+    yield from _sheet_contradictions(design)
+    yield from _electrode_contradictions(design)
+    yield from _cavity_contradictions(design)
+    yield from _converter_contradictions(design)
+    loads, room_deg = design.loads, MIN_ELEVATION_DEG - MIN_FITTED_ELEVATION_DEG
+    if design.hertz_patch_angle_deg(loads.max_n) > room_deg:
         # The patch grows with the cube root of the force.
-        most_n = loads.max_n * (room_deg / design.patch_deg(loads.max_n)) ** 3
+        most_n = loads.max_n * (room_deg / design.hertz_patch_angle_deg(loads.max_n)) ** 3
         yield Problem(
             "loads.max_n",
-            f"{loads.max_n:g} N flatten {design.patch_deg(loads.max_n):.0f} deg of this ball around the contact, the "
-            f"response holds to {room_deg:g} deg; use at most {math.floor(most_n * 100.0) / 100.0:g}",
+            f"{loads.max_n:g} N flatten {design.hertz_patch_angle_deg(loads.max_n):.0f} deg of this ball around the "
+            f"contact, the response holds to {room_deg:g} deg; use at most {math.floor(most_n * 100.0) / 100.0:g}",
         )
 
 
-def _on_the_sheet(design: FootDesign) -> Iterator[Problem]:
+def _sheet_contradictions(design: FootDesign) -> Iterator[Problem]:
     if design.electrode_mm >= design.pitch_mm:
         yield Problem(
             "electrode_mm",
@@ -56,14 +56,14 @@ def _on_the_sheet(design: FootDesign) -> Iterator[Problem]:
             "use less than the pitch",
         )
     array_mm = design.array_mm
-    if array_mm > design.sheet_mm + _ROUNDING_MM:
+    if array_mm > design.sheet_mm + _ROUNDING_TOLERANCE_MM:
         yield Problem(
             "sheet_mm",
             f"an array of {array_mm:g} mm does not fit on a sheet of {design.sheet_mm:g} mm; "
             f"use at least {array_mm:g}",
         )
-    strip_mm, closed_mm = 0.5 * (design.sheet_mm - array_mm), array_mm + 2.0 * MIN_RIM_MM
-    if _ROUNDING_MM < strip_mm < MIN_RIM_MM - _ROUNDING_MM:
+    strip_mm, closed_mm = 0.5 * (design.sheet_mm - array_mm), array_mm + 2.0 * MIN_SPACER_RIM_MM
+    if _ROUNDING_TOLERANCE_MM < strip_mm < MIN_SPACER_RIM_MM - _ROUNDING_TOLERANCE_MM:
         yield Problem(
             "sheet_mm",
             f"a sheet of {design.sheet_mm:g} mm leaves {strip_mm:g} mm of spacer beside an array of {array_mm:g} mm, "
@@ -78,16 +78,16 @@ def _on_the_sheet(design: FootDesign) -> Iterator[Problem]:
         )
 
 
-def _between_the_electrodes(design: FootDesign) -> Iterator[Problem]:
+def _electrode_contradictions(design: FootDesign) -> Iterator[Problem]:
     spacer_um = UM_PER_MM * design.spacer_mm
     filled_um = design.gap_um + design.film_um
-    if design.gap_um > spacer_um + UM_PER_MM * _ROUNDING_MM:
+    if design.gap_um > spacer_um + UM_PER_MM * _ROUNDING_TOLERANCE_MM:
         yield Problem(
             "gap_um",
             f"a gap of {design.gap_um:g} um is thicker than the spacer of {spacer_um:g} um that holds it open; "
             f"use at most {spacer_um:g}",
         )
-    if spacer_um > filled_um + UM_PER_MM * _ROUNDING_MM:
+    if spacer_um > filled_um + UM_PER_MM * _ROUNDING_TOLERANCE_MM:
         yield Problem(
             "spacer_mm",
             f"a spacer of {spacer_um:g} um leaves room beside gap and film, which fill {filled_um:g} um; "
@@ -95,7 +95,7 @@ def _between_the_electrodes(design: FootDesign) -> Iterator[Problem]:
         )
 
 
-def _in_the_cavities(design: FootDesign) -> Iterator[Problem]:
+def _cavity_contradictions(design: FootDesign) -> Iterator[Problem]:
     if design.cavity == "leaking" and design.leak_time_s is None:
         yield Problem(
             "cavity", "a leaking cavity needs leak_time_s, the time in which an excess pressure falls to 1/e"
@@ -109,7 +109,7 @@ def _in_the_cavities(design: FootDesign) -> Iterator[Problem]:
         )
 
 
-def _on_the_converter(design: FootDesign) -> Iterator[Problem]:
+def _converter_contradictions(design: FootDesign) -> Iterator[Problem]:
     capacitor, most_pf = design.capacitor, fdc1004.capacitance_pf(fdc1004.CODE_MAX)
     half_pf = float(capacitor.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
     if capacitor.unloaded_pf < MIN_UNLOADED_PF:

@@ -24,7 +24,7 @@ UM_PER_MM = 1000.0
 #: Lowest contact normal that a foot's response table answers for [deg].
 MIN_ELEVATION_DEG = 25.0
 #: Rim of the disc that the table is fitted on [deg]: below the lowest contact by more than the largest patch.
-FIT_ELEVATION_DEG = 12.0
+MIN_FITTED_ELEVATION_DEG = 12.0
 
 _Length = Annotated[float, Meta(gt=0.0, le=200.0, description="a length in mm")]
 _Layer = Annotated[float, Meta(ge=0.1, le=2000.0, description="a thickness in um")]
@@ -98,8 +98,8 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     centred_share: _Share
 
     @property
-    def lightest_n(self) -> float:
-        """Lightest force of the training [N]."""
+    def min_training_force_n(self) -> float:
+        """Smallest force of the training loads [N]."""
         return 0.005 * self.max_n
 
     @property
@@ -108,7 +108,7 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return 0.15 * self.max_n
 
     @property
-    def min_judged_n(self) -> float:
+    def min_evaluated_force_n(self) -> float:
         """Force from which errors are tabled [N]: the converter's noise alone hides the direction of less."""
         return 0.1 * self.max_n
 
@@ -168,7 +168,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     )
 
     @property
-    def air(self) -> Cavity:
+    def cavity_air(self) -> Cavity:
         """How the cavities hold their air, for the response table."""
         return Cavity(
             kind=self.cavity,
@@ -212,15 +212,15 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Area of one square cell of a cavity [mm2]."""
         return (self.electrode_mm / CELLS_PER_SIDE) ** 2
 
-    def touch_mm(self, normal: Vector) -> Vector:
+    def touch_point_mm(self, normal: Vector) -> Vector:
         """Return where a floor touches the unloaded ball [mm], shape (..., 3), of inward unit normals."""
         touch: Vector = -self.ball_radius_mm * normal - np.array([0.0, 0.0, self.plate_mm])
         return touch
 
-    def patch_mm(self, force_n: float) -> float:
+    def hertz_patch_radius_mm(self, force_n: float) -> float:
         """Return the Hertz contact radius under a normal force [mm]."""
         return float(contact_radius_mm(force_n, self.ball_radius_mm, self.rubber.hertz_mpa))
 
-    def patch_deg(self, force_n: float) -> float:
+    def hertz_patch_angle_deg(self, force_n: float) -> float:
         """Return the radius of a contact patch as an angle around the ball [deg]."""
-        return float(np.degrees(self.patch_mm(force_n) / self.ball_radius_mm))
+        return float(np.degrees(self.hertz_patch_radius_mm(force_n) / self.ball_radius_mm))

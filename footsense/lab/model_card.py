@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from footsense.foot.force_errors import Errors
+from footsense.foot.force_errors import ForceErrors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_CASES, as_markdown
 from footsense.lab.foot_file import FOOT_FILE
@@ -15,18 +15,18 @@ def readme(
     foot_design: FootDesign,
     response: FootResponse,
     card: dict[str, Any],
-    table: dict[str, Errors],
-    parity_n: float,
+    table: dict[str, ForceErrors],
+    onnx_difference_n: float,
     *,
     quick: bool,
 ) -> str:
-    """Return the model card for people."""
+    """Return the README of the model files as Markdown."""
     names = {
         "foot_design": foot_design,
         "response": response,
         "card": card,
         "error_table": as_markdown(table),
-        "parity_n": parity_n,
+        "onnx_difference_n": onnx_difference_n,
         "quick": quick,
         "force_unit": force_unit(foot_design.loads),
         "FOOT_FILE": FOOT_FILE,

@@ -13,8 +13,8 @@ import numpy as np
 
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
-from footsense.lab.fem.mesh import COARSE, MeshSize
-from footsense.lab.fem.whole import ASSEMBLED, Imperfection, whole_table, with_change
+from footsense.lab.fem.mesh import COARSE_MESH, MeshSize
+from footsense.lab.fem.whole import NO_IMPERFECTION, Imperfection, solve_whole_foot, with_added_response
 from footsense.lab.geometry import FootDesign, ThinFilm
 from footsense.lab.response import make_response
 
@@ -39,7 +39,7 @@ class OtherSolid:
     pdms: float = 1.0
     poisson: float | None = None
     gold: ThinFilm | None = None
-    own: Imperfection = ASSEMBLED
+    own: Imperfection = NO_IMPERFECTION
     size: MeshSize | None = None
 
     def design(self, design: FootDesign) -> FootDesign:
@@ -56,7 +56,9 @@ class OtherSolid:
 AS_DESIGNED = OtherSolid()
 
 
-def response_of(solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path) -> FootResponse:
+def solid_response(
+    solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path
+) -> FootResponse:
     """Return the response table of a solid, from a file or solved and kept there.
 
     Args:
@@ -75,19 +77,21 @@ def response_of(solid: OtherSolid, response: FootResponse, design: FootDesign, f
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".partial")
-        _solved(solid, response, design, folder).save(part)
+        _solve_response(solid, response, design, folder).save(part)
         part.replace(path)
     return FootResponse.load(path)
 
 
-def _solved(solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path) -> FootResponse:
+def _solve_response(
+    solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path
+) -> FootResponse:
     if solid.size is not None:
         return make_response(solid.design(design), solid.size)
-    if solid.own != ASSEMBLED:
-        series, compliance = _whole(design, solid.own, folder)
-        designed, designed_compliance = _whole(design, ASSEMBLED, folder)
-        return with_change(response, design, series - designed, compliance - designed_compliance)
-    changed, coarse = (make_response(one, COARSE) for one in (solid.design(design), design))
+    if solid.own != NO_IMPERFECTION:
+        series, compliance = _cached_whole_foot(design, solid.own, folder)
+        designed, designed_compliance = _cached_whole_foot(design, NO_IMPERFECTION, folder)
+        return with_added_response(response, design, series - designed, compliance - designed_compliance)
+    changed, coarse = (make_response(one, COARSE_MESH) for one in (solid.design(design), design))
     return replace(
         response,
         hertz_modulus_mpa=changed.hertz_modulus_mpa,
@@ -98,11 +102,11 @@ def _solved(solid: OtherSolid, response: FootResponse, design: FootDesign, folde
     )
 
 
-def _whole(design: FootDesign, own: Imperfection, folder: Path) -> tuple[Vector, Vector]:
+def _cached_whole_foot(design: FootDesign, own: Imperfection, folder: Path) -> tuple[Vector, Vector]:
     """Return series and compliance of a whole foot, kept in a file."""
     path = folder / f"whole-{hashlib.sha256(f'{design} {own}'.encode()).hexdigest()[:16]}.npz"
     if not path.exists():
-        series, compliance = whole_table(design, own)
+        series, compliance = solve_whole_foot(design, own)
         np.savez(path, series=series, compliance=compliance)
     with np.load(path) as kept:
         return kept["series"], kept["compliance"]

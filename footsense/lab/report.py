@@ -17,11 +17,11 @@ from typing import Any
 from footsense.errors import FootsenseError
 from footsense.lab.code_hash import compute_sha256
 from footsense.lab.studies.page import Page, Study, StudyContext
-from footsense.lab.targets import targets
+from footsense.lab.targets import targets_markdown
 from footsense.lab.template import render
-from footsense.progress import on_terminal, progress_bar
+from footsense.progress import is_terminal, progress_bar
 
-_LAB_STUDIES = {
+_LAB_STUDY_MODULES = {
     "released": "accuracy.released",
     "gaits": "accuracy.gaits",
     "tracker": "accuracy.tracker",
@@ -45,11 +45,11 @@ _LAB_STUDIES = {
     "hard-cases": "accuracy.hard_cases",
 }
 #: The studies in the order of the report, each with its module.
-STUDIES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDIES.items()}
+STUDIES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDY_MODULES.items()}
 #: Pages about the daemon or its scan, which the lab does not import: `footsense.cli.lab` makes them.
-OTHERS = ("sensors", "tradeoff", "touchdown", "faults", "experiment", "mismatch")
+OTHER_PAGES = ("sensors", "tradeoff", "touchdown", "faults", "experiment", "mismatch")
 #: Former names of studies.
-_RENAMED = {
+_FORMER_STUDY_NAMES = {
     "shipped": "released",
     "paper-way": "paper-procedure",
     "ladder": "fidelity",
@@ -57,7 +57,7 @@ _RENAMED = {
 }
 README, BUILD = "README.md", "build.json"
 #: Stale pages that are kept, with the reason of each, as JSON.
-STALE = "stale.json"
+STALE_PAGES_FILE = "stale.json"
 
 
 def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> Page:
@@ -71,15 +71,15 @@ def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STU
     Raises:
         FootsenseError: There is no such study.
     """
-    if name in _RENAMED:
-        raise FootsenseError(f"the study {name} is now {_RENAMED[name]}")
+    if name in _FORMER_STUDY_NAMES:
+        raise FootsenseError(f"the study {name} is now {_FORMER_STUDY_NAMES[name]}")
     if name not in studies:
         raise FootsenseError(f"no study {name!r}: there are {', '.join(studies)}")
     study: Study = import_module(studies[name]).STUDY
     return study.page(context)
 
 
-def _json(path: Path) -> dict[str, Any]:
+def _read_json(path: Path) -> dict[str, Any]:
     """Return a JSON object from a file; empty if the file is missing or damaged."""
     try:
         return dict(json.loads(path.read_text(encoding="utf-8")))
@@ -89,10 +89,10 @@ def _json(path: Path) -> dict[str, Any]:
 
 def page_values(name: str, folder: Path) -> dict[str, Any]:
     """Return the JSON of a page in a folder; empty if the page is missing or damaged."""
-    return _json(folder / f"{name}.json") if (folder / f"{name}.md").exists() else {}
+    return _read_json(folder / f"{name}.json") if (folder / f"{name}.md").exists() else {}
 
 
-def is_made(name: str, folder: Path, context: StudyContext) -> bool:
+def is_page_current(name: str, folder: Path, context: StudyContext) -> bool:
     """Tell whether a folder holds a study's page about this network or foot, in this form (quick or full)."""
     values = page_values(name, folder)
     if "response_sha256" in values:
@@ -102,18 +102,18 @@ def is_made(name: str, folder: Path, context: StudyContext) -> bool:
     return made and values.get("quick") == context.quick
 
 
-def why_stale(name: str, folder: Path, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> str:
+def stale_reason(name: str, folder: Path, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> str:
     """Return the reason to make a page again: another network or changed study code; empty if up to date."""
-    if not is_made(name, folder, context):
+    if not is_page_current(name, folder, context):
         return "missing, or made about another network or foot"
     if page_values(name, folder).get("code_sha256", "") != compute_sha256(studies[name]):
         return f"the code that measures its numbers has changed ({studies[name]})"
     return ""
 
 
-def noted_stale(folder: Path) -> dict[str, str]:
+def noted_stale_reasons(folder: Path) -> dict[str, str]:
     """Return the reasons of the stale pages that a folder keeps."""
-    return _json(folder / STALE)
+    return _read_json(folder / STALE_PAGES_FILE)
 
 
 def make_report(
@@ -146,11 +146,11 @@ def make_report(
             "quick": context.quick,
         }
         (folder / BUILD).write_text(json.dumps(built, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-    kept = [name for name in studies if resume and not why_stale(name, folder, context, studies)]
+    kept = [name for name in studies if resume and not stale_reason(name, folder, context, studies)]
     for name in kept:
         report(f"{name}: kept")
     missing = [name for name in studies if name not in kept]
-    usual_s = {name: usual_seconds(name, folder, quick=context.quick) for name in missing}
+    usual_s = {name: last_duration_s(name, folder, quick=context.quick) for name in missing}
     with progress_bar("pages", sum(usual_s.values()) or len(missing)) as done_so_far:
         for at, name in enumerate(missing, 1):
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
@@ -158,44 +158,44 @@ def make_report(
                 seconds = made.result()
             report(f"{name}: {seconds:.0f} s")
             done_so_far(sum(usual_s[one] for one in missing[:at]) or at)
-    return bind(folder, context)
+    return bind_pages(folder, context)
 
 
-def usual_seconds(name: str, folder: Path, *, quick: bool) -> float:
+def last_duration_s(name: str, folder: Path, *, quick: bool) -> float:
     """Return the time that the page of a study took the last time [s]; 0 if there is none of this kind."""
-    page = _json(folder / f"{name}.json")
+    page = _read_json(folder / f"{name}.json")
     return float(page["seconds"]) if page.get("quick") == quick else 0.0
 
 
 def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
     """Run one study in this process, write the page, and return the elapsed time [s]."""
-    page = make_page(name, StudyContext(models=models, quick=quick, say=_print_progress), studies)
+    page = make_page(name, StudyContext(models=models, quick=quick, report_progress=_print_progress), studies)
     page.write(folder)
     return page.seconds
 
 
 def _print_progress(line: str) -> None:
     """Print a progress line of a study, indented; none beside the bar of the process that waits."""
-    if on_terminal():
+    if is_terminal():
         return
     sys.stdout.write(f"    {line}\n")
     sys.stdout.flush()
 
 
-def bind(folder: Path, context: StudyContext) -> Path:
+def bind_pages(folder: Path, context: StudyContext) -> Path:
     """Bind all pages about one network into a document with the targets on top; return the document's path.
 
     Args:
         folder: Where the pages are.
         context: Tells the network; pages about another one, or of the other form, are left out and named.
     """
-    made = [name for name in (*STUDIES, *OTHERS) if is_made(name, folder, context)]
-    left_out = [name for name in (*STUDIES, *OTHERS) if name not in made]
+    made = [name for name in (*STUDIES, *OTHER_PAGES) if is_page_current(name, folder, context)]
+    left_out = [name for name in (*STUDIES, *OTHER_PAGES) if name not in made]
     values = {name: page_values(name, folder) for name in made}
     pages = [(folder / f"{name}.md").read_text(encoding="utf-8").strip() for name in made]
     titles = [page.partition("\n")[0].removeprefix("## ") for page in pages]
     studies_s = sum(value["seconds"] for value in values.values())
-    built = _json(folder / BUILD)
+    built = _read_json(folder / BUILD)
     build_s = built["seconds"] if built.get("network_sha256") == context.network_sha256 else None
     if build_s is not None and not left_out:
         values["report"] = {"minutes": (build_s + studies_s) / 60.0}
@@ -205,9 +205,9 @@ def bind(folder: Path, context: StudyContext) -> Path:
         "left_out": left_out,
         "pages": pages,
         "quick": context.quick,
-        "stale": noted_stale(folder),
+        "stale": noted_stale_reasons(folder),
         "studies_s": studies_s,
-        "targets": targets(values),
+        "targets": targets_markdown(values),
     }
     path = folder / README
     path.write_text(render(__name__, names) + "\n", encoding="utf-8")

@@ -22,29 +22,29 @@ from footsense.foot.directions import tangent_frame
 from footsense.foot.response_table import FootResponse, n_products, series_basis
 from footsense.foot.symmetry import product_powers
 from footsense.frames import Vector
-from footsense.lab.fem.adjoint import ClassField, class_field
-from footsense.lab.fem.elasticity import Layer
+from footsense.lab.fem.adjoint import AdjointField, solve_adjoint_fields
+from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_grid
 from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.symmetry_classes import (
-    SOLVED,
+    SOLVED_CLASSES,
     Parity,
     add_compliance,
     single_cell_series,
     transposed_series,
 )
-from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign
+from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, FootDesign
 
 #: Total degree of the series. Higher ones fit the mesh's noise; see `interpolation_rel` in the provenance.
-DEGREE = 12
+SERIES_DEGREE = 12
 #: Radius of the patch that G2 is got from, over the ball's [1]: that of 0.9 N on the shipped foot.
-PATCH_REL = 0.1
+MAX_PATCH_RADIUS_REL = 0.1
 #: Decimals that are kept of the table [um/N]: a parallel solve differs from run to run by 1e-9, and two builds are to
 #: give the same bytes. What is cut off is below 0.1 nm per newton.
-DECIMALS = 6
+STORED_DECIMALS = 6
 
 
-def fit_class(field: ClassField, degree: int = DEGREE) -> Vector:
+def fit_series(field: AdjointField, degree: int = SERIES_DEGREE) -> Vector:
     """Return the series of a class [um/N], shape (products, 81, 3), by area-weighted least squares.
 
     Args:
@@ -52,9 +52,9 @@ def fit_class(field: ClassField, degree: int = DEGREE) -> Vector:
         degree: Degree of the series.
     """
     i, j = product_powers(degree)
-    used = field.normal[:, 2] >= np.sin(np.radians(FIT_ELEVATION_DEG))
+    used = field.normal[:, 2] >= np.sin(np.radians(MIN_FITTED_ELEVATION_DEG))
     root = np.sqrt(field.weight_mm2[used])[:, None]
-    basis = series_basis(field.normal[used], degree, FIT_ELEVATION_DEG) * root
+    basis = series_basis(field.normal[used], degree, MIN_FITTED_ELEVATION_DEG) * root
     series = np.zeros((n_products(degree), field.influence.shape[1], 3))
     for component in range(3):
         sign_x, sign_y = field.parity.signs(component)
@@ -64,11 +64,13 @@ def fit_class(field: ClassField, degree: int = DEGREE) -> Vector:
     return series
 
 
-def patch_mean(point_series: Vector, normal: Vector, radius_mm: float, foot_design: FootDesign) -> Vector:
+def mean_over_patch(
+    point_series: Vector, normal: Vector, radius_mm: float, foot_design: FootDesign
+) -> Vector:
     """Return the mean of the point response over a Hertz patch, p ~ sqrt(1 - r^2/a^2), on the sphere.
 
     Args:
-        point_series: Coefficients of G0 of degree `DEGREE`, shape (products, m).
+        point_series: Coefficients of G0 of degree `SERIES_DEGREE`, shape (products, m).
         normal: Normals at the centre of the patch, shape (n, 3).
         radius_mm: Radius a of the patch [mm].
         foot_design: The foot, for its radius.
@@ -87,12 +89,12 @@ def patch_mean(point_series: Vector, normal: Vector, radius_mm: float, foot_desi
         for angle in turn:
             sideways = np.cos(angle) * first + np.sin(angle) * second
             around = np.sqrt(1.0 - distance**2) * normal + distance * sideways
-            basis += part / 12.0 * series_basis(around, DEGREE, FIT_ELEVATION_DEG)
+            basis += part / 12.0 * series_basis(around, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     mean: Vector = basis @ point_series
     return mean
 
 
-def disc_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> Vector:
+def cap_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> Vector:
     """Return unit normals spread over the cap above an elevation [deg], shape (rings * spokes, 3)."""
     elevation = np.radians(90.0 - (90.0 - lowest_deg) * (np.arange(rings) + 0.5) / rings)
     azimuth = 2.0 * np.pi * np.arange(spokes) / spokes
@@ -106,8 +108,8 @@ def _relative_rms(difference: Vector, reference: Vector) -> float:
 
 
 def _round_to_stored(table: Any) -> Vector:
-    """Return the kept decimals, without -0.0, which would be other bytes."""
-    kept: Vector = np.round(table, DECIMALS) + 0.0
+    """Return values rounded to the stored decimals, with -0.0 as 0.0 so that the bytes are the same."""
+    kept: Vector = np.round(table, STORED_DECIMALS) + 0.0
     return kept
 
 
@@ -115,7 +117,7 @@ def make_response(
     foot_design: FootDesign,
     size: MeshSize,
     report: Callable[[str], None] = lambda _: None,
-    layer: Layer | None = None,
+    layer: BondedLayer | None = None,
 ) -> FootResponse:
     """Solve a foot, and return the response table with the fit errors in the provenance.
 
@@ -130,18 +132,20 @@ def make_response(
     """
     mesh = build_mesh(foot_design, size)
     fields = {}
-    for parity in SOLVED:
+    for parity in SOLVED_CLASSES:
         quarter = Quarter(foot_design, size, parity, mesh, layer)
-        fields[parity] = class_field(quarter)
+        fields[parity] = solve_adjoint_fields(quarter)
         report(
             f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, "
             f"{fields[parity].compliance.shape[0]} solves"
         )
-    return tabulate(foot_design, size, fields, {"elements": int(mesh.ne), "unknowns": quarter.n_unknowns})
+    return tabulate_response(
+        foot_design, size, fields, {"elements": int(mesh.ne), "unknowns": quarter.n_unknowns}
+    )
 
 
-def tabulate(
-    foot_design: FootDesign, size: MeshSize, fields: dict[Parity, ClassField], counts: dict[str, int]
+def tabulate_response(
+    foot_design: FootDesign, size: MeshSize, fields: dict[Parity, AdjointField], counts: dict[str, int]
 ) -> FootResponse:
     """Return the response table of sampled fields.
 
@@ -154,12 +158,12 @@ def tabulate(
 
     def table_of_degree(degree: int) -> Vector:
         return single_cell_series(
-            {p: quarter_grid(fit_class(f, degree), foot_design, 1) for p, f in fields.items()}, degree
+            {p: quarter_grid(fit_series(f, degree), foot_design, 1) for p, f in fields.items()}, degree
         )
 
-    raw = table_of_degree(DEGREE)
-    point = _round_to_stored((raw + transposed_series(raw, DEGREE)) / 2.0)
-    lower = table_of_degree(DEGREE - 4)
+    raw = table_of_degree(SERIES_DEGREE)
+    point = _round_to_stored((raw + transposed_series(raw, SERIES_DEGREE)) / 2.0)
+    lower = table_of_degree(SERIES_DEGREE - 4)
     compliance = add_compliance(
         {
             p: quarter_grid(quarter_grid(f.compliance, foot_design, 0), foot_design, 2)
@@ -167,46 +171,50 @@ def tabulate(
         }
     )
     compliance = (compliance + compliance.transpose(1, 0, 3, 2)) / 2.0
-    normal = disc_normals(MIN_ELEVATION_DEG)
-    basis = series_basis(normal, DEGREE, FIT_ELEVATION_DEG)
+    normal = cap_normals(MIN_ELEVATION_DEG)
+    basis = series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     flat = point.reshape(len(point), -1)
     on_disc = basis @ flat
-    patch_mm = PATCH_REL * foot_design.ball_radius_mm
-    growth = (patch_mean(flat, normal, patch_mm, foot_design) - on_disc) / patch_mm**2
+    hertz_patch_radius_mm = MAX_PATCH_RADIUS_REL * foot_design.ball_radius_mm
+    growth = (
+        mean_over_patch(flat, normal, hertz_patch_radius_mm, foot_design) - on_disc
+    ) / hertz_patch_radius_mm**2
     patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(point.shape)
-    shorter = series_basis(normal, DEGREE - 4, FIT_ELEVATION_DEG) @ lower.reshape(len(lower), -1)
+    shorter = series_basis(normal, SERIES_DEGREE - 4, MIN_FITTED_ELEVATION_DEG) @ lower.reshape(
+        len(lower), -1
+    )
     return FootResponse(
         foot_type=foot_design.foot_type,
         design=foot_design.capacitor,
         ball_radius_mm=foot_design.ball_radius_mm,
         hertz_modulus_mpa=foot_design.rubber.hertz_mpa,
         min_elevation_deg=MIN_ELEVATION_DEG,
-        fit_elevation_deg=FIT_ELEVATION_DEG,
-        degree=DEGREE,
+        fit_elevation_deg=MIN_FITTED_ELEVATION_DEG,
+        degree=SERIES_DEGREE,
         quarter_series=np.stack([point, _round_to_stored(patch)]),
         quarter_compliance=_round_to_stored(compliance),
-        cavity=foot_design.air,
+        cavity=foot_design.cavity_air,
         provenance={
             "mesh": asdict(size),
-            **films_of(foot_design),
+            **film_provenance(foot_design),
             **counts,
             "mesh_asymmetry_rel": _relative_rms(basis @ raw.reshape(len(raw), -1) - on_disc, on_disc),
-            "fit_residual_rel": max(_residual(field) for field in fields.values()),
+            "fit_residual_rel": max(_series_residual_rel(field) for field in fields.values()),
             "interpolation_rel": _relative_rms(shorter - on_disc, on_disc),
         },
     )
 
 
-def films_of(foot_design: FootDesign) -> dict[str, dict[str, float]]:
+def film_provenance(foot_design: FootDesign) -> dict[str, dict[str, float]]:
     """Return the thin films that stiffen a foot's plates, by name, as a table's provenance keeps them."""
     films = {"gold": foot_design.gold, "parylene": foot_design.parylene}
     return {name: msgspec.structs.asdict(film) for name, film in films.items() if film is not None}
 
 
-def _residual(field: ClassField) -> float:
+def _series_residual_rel(field: AdjointField) -> float:
     """Return the relative rms error [1] of a symmetry class's series against the sampled influence."""
     seen = field.normal[:, 2] >= np.sin(np.radians(MIN_ELEVATION_DEG))
-    series = fit_class(field)
-    basis = series_basis(field.normal[seen], DEGREE, FIT_ELEVATION_DEG)
+    series = fit_series(field)
+    basis = series_basis(field.normal[seen], SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     sampled = field.influence[seen]
     return _relative_rms(np.tensordot(basis, series, 1) - sampled, sampled)

@@ -12,15 +12,15 @@ from footsense.foot.response_table import FootResponse
 from footsense.lab.geometry import LoadRange
 
 #: Full load of the paper's foot [N].
-PAPER_MAX_N = 2.0
+PAPER_MAX_FORCE_N = 2.0
 
 
 def force_unit(loads: LoadRange) -> float:
     """Return the force unit of a foot [1]: its full load over that of the paper's foot."""
-    return loads.max_n / PAPER_MAX_N
+    return loads.max_n / PAPER_MAX_FORCE_N
 
 
-def in_unit(response: FootResponse, unit: float) -> FootResponse:
+def response_in_force_unit(response: FootResponse, unit: float) -> FootResponse:
     """Return the response to forces in a unit: the same closures under forces smaller by this factor.
 
     Args:

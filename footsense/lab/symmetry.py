@@ -14,8 +14,8 @@ SYMMETRIES: tuple[Vector, ...] = tuple(
 )
 
 
-def element_map(symmetry: Vector, rows: int = 3) -> NDArray[np.intp]:
-    """Return m with: element e of the foot comes to lie on element m[e] when the foot is mapped by `symmetry`.
+def element_permutation(symmetry: Vector, rows: int = 3) -> NDArray[np.intp]:
+    """Return the permutation m of the elements by a symmetry: element e comes to lie on element m[e].
 
     Args:
         symmetry: One of `SYMMETRIES`.

@@ -7,9 +7,9 @@ from footsense.lab.evaluation.compare import DIRECTION_DEG, MAGNITUDE_GF
 from footsense.lab.template import render
 
 #: Share of a row's calibrations from which the row counts as refused [1].
-_MOSTLY = 0.5
+_MAJORITY_REL = 0.5
 #: Loads of the accuracy table, by the name of test and calibration in the study `mismatch`.
-_LOADS = {
+_LOAD_LABELS = {
     "centred_all": "centred, 100 gf",
     "centred_few": "the same, calibrated with 20 loads",
     "leaning_all": "leaning up to 35 deg, 100 gf",
@@ -17,7 +17,7 @@ _LOADS = {
 }
 
 
-def targets(values: Mapping[str, Mapping[str, Any]]) -> str:
+def targets_markdown(values: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the tables of the targets as Markdown; a missing figure is shown as not measured.
 
     Args:
@@ -25,10 +25,10 @@ def targets(values: Mapping[str, Mapping[str, Any]]) -> str:
     """
     gaits = {row["name"]: row for row in values.get("gaits", {}).get("gaits", [])}
     matrix = values.get("mismatch", {}).get("means", {})
-    refused = [name for name, row in matrix.items() if row["refused_all"] > _MOSTLY]
+    refused = [name for name, row in matrix.items() if row["refused_all"] > _MAJORITY_REL]
     names = {
         "refused": refused,
-        "accuracy": _accuracy({name: row for name, row in matrix.items() if name not in refused}),
+        "accuracy": _accuracy_rows({name: row for name, row in matrix.items() if name not in refused}),
         "DIRECTION_DEG": DIRECTION_DEG,
         "MAGNITUDE_GF": MAGNITUDE_GF,
         "values": values,
@@ -39,12 +39,12 @@ def targets(values: Mapping[str, Mapping[str, Any]]) -> str:
     return render(__name__, names)
 
 
-def _accuracy(accepted: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
+def _accuracy_rows(accepted: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
     """Return the rows of the accuracy table: the foot as supposed, and the worst of all rows that are not refused."""
     if "none" not in accepted:
         return []
     rows = []
-    for test, loads in _LOADS.items():
+    for test, loads in _LOAD_LABELS.items():
         supposed = accepted["none"]
         row: dict[str, Any] = {"loads": loads, "within_2": supposed[f"{test}_within_2"]}
         for unit in ("deg", "gf"):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ContactFrame, Mask
-from footsense.recording.cycle_fields import FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField
+from footsense.recording.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField
 
 #: Largest difference of a force computed on another processor or with other library versions [N].
 TOLERANCE_N = 1e-3
@@ -23,8 +23,10 @@ TOLERANCE_REL, TOLERANCE_NS = 1e-2, 1_000_000
 #: Compared fields of the forces in their order; the later ones are not in recordings from before causes.
 _FIRST_FIELDS = ("state", "t_ns", "fault_mask", "flags", "force_n", "sigma_n")
 _LATER_FIELDS = ("cause", "baseline.status", "baseline.moved_ns", "baseline.mean_pf", "baseline.worst_pf")
-_COMPARED = {f"forces.{name}": FIELDS[f"forces.{name}"] for name in (*_FIRST_FIELDS, *_LATER_FIELDS)}
-_OLD = dict(islice(_COMPARED.items(), len(_FIRST_FIELDS)))
+_COMPARED_FIELDS = {
+    f"forces.{name}": CYCLE_FIELDS[f"forces.{name}"] for name in (*_FIRST_FIELDS, *_LATER_FIELDS)
+}
+_FIRST_COMPARED_FIELDS = dict(islice(_COMPARED_FIELDS.items(), len(_FIRST_FIELDS)))
 
 
 def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
@@ -32,7 +34,7 @@ def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
     return all(header.get(key) == value for key, value in here.items())
 
 
-def compare(
+def first_difference(
     recorded: ContactFrame, recomputed: ContactFrame, *, exact: bool, legs: Sequence[str]
 ) -> str | None:
     """Return a message about the first difference between two frames.
@@ -52,10 +54,10 @@ def compare(
             return f"cycle {recorded.sequence}: {field} was {then}, is now {now}"
     both, gaits = (recorded, recomputed), (recorded.gait, recomputed.gait)
     for row, leg in enumerate(legs):
-        fields = _OLD if recorded.cause[row] == NOT_RECORDED else _COMPARED
-        difference = _difference(both, row, fields, exact=exact)
+        fields = _FIRST_COMPARED_FIELDS if recorded.cause[row] == NOT_RECORDED else _COMPARED_FIELDS
+        difference = _leg_difference(both, row, fields, exact=exact)
         if None not in gaits:
-            difference = difference or _difference(gaits, row, GAIT_FIELDS, exact=exact)
+            difference = difference or _leg_difference(gaits, row, GAIT_FIELDS, exact=exact)
         if difference:
             t_s = recorded.t_sent_ns * 1e-9
             return f"cycle {recorded.sequence}, sent at {t_s:.3f} s, leg {leg}: {difference}"
@@ -69,14 +71,14 @@ def compare(
     return None
 
 
-def _difference(
+def _leg_difference(
     frames: tuple[object, object], row: int, fields: Mapping[str, CycleField], *, exact: bool
 ) -> str | None:
     """Return the first difference of a leg in two frames: the field's key and both values."""
     for path, field in fields.items():
         values = attrgetter(path.partition(".")[2])
         then, now = (np.atleast_1d(values(frame)[row]) for frame in frames)
-        same = _same(then, now, 0.0 if exact else _tolerance(path, field))
+        same = _is_close(then, now, 0.0 if exact else _field_tolerance(path, field))
         for k in np.flatnonzero(~same).tolist():
             words = [
                 str(value) if field.names is None else field.names(value).name for value in (then[k], now[k])
@@ -85,7 +87,7 @@ def _difference(
     return None
 
 
-def _tolerance(path: str, field: CycleField) -> float:
+def _field_tolerance(path: str, field: CycleField) -> float:
     """Return the largest difference of a field on another machine."""
     if path.startswith("gait."):
         return {"<f8": TOLERANCE_REL, "<i8": TOLERANCE_NS}.get(field.kind, 0.0)
@@ -94,7 +96,7 @@ def _tolerance(path: str, field: CycleField) -> float:
     return TOLERANCE_PF if field.keys[0].endswith("_pf") else TOLERANCE_N
 
 
-def _same(then: NDArray[Any], now: NDArray[Any], tolerance: float) -> Mask:
+def _is_close(then: NDArray[Any], now: NDArray[Any], tolerance: float) -> Mask:
     """Return which values are equal, or as near as the tolerance; NaN equals NaN."""
     if tolerance:
         return np.asarray(np.isclose(then, now, rtol=0.0, atol=tolerance, equal_nan=True), np.bool_)

@@ -36,24 +36,24 @@ class CycleField(NamedTuple):
         kind: Type of its entries, as numpy calls it.
         shape: Shape of a leg's row.
         keys: Keys of a leg's row in JSON: one, or one for each component.
-        most: Largest code or mask with a meaning; None for numbers.
+        max_value: Largest code or mask with a meaning; None for numbers.
         names: Enumeration by whose names JSON calls the codes; None for numbers.
     """
 
     kind: str
     shape: tuple[int, ...]
     keys: tuple[str, ...]
-    most: int | None = None
+    max_value: int | None = None
     names: type[IntEnum] | None = None
 
 
-_NINE = (ELEMENTS,)
+_PER_ELEMENT_SHAPE = (ELEMENTS,)
 
 #: The arrays by their place in a cycle.
-FIELDS = {
-    "scan.t_ns": CycleField("<i8", _NINE, ("t_ns",)),
-    "scan.capacitance_pf": CycleField("<f8", _NINE, ("capacitance_pf",)),
-    "scan.reading": CycleField("u1", _NINE, ("reading",), max(Reading)),
+CYCLE_FIELDS = {
+    "scan.t_ns": CycleField("<i8", _PER_ELEMENT_SHAPE, ("t_ns",)),
+    "scan.capacitance_pf": CycleField("<f8", _PER_ELEMENT_SHAPE, ("capacitance_pf",)),
+    "scan.reading": CycleField("u1", _PER_ELEMENT_SHAPE, ("reading",), max(Reading)),
     "forces.force_n": CycleField("<f8", (3,), ("fx_n", "fy_n", "fz_n")),
     "forces.sigma_n": CycleField("<f8", (3,), ("sigma_x_n", "sigma_y_n", "sigma_z_n")),
     "forces.state": CycleField("u1", (), ("state",), max(State), State),
@@ -85,18 +85,18 @@ GAIT_FIELDS = {
 }
 
 
-def scan_of(sequence: int, arrays: Mapping[str, NDArray[Any]]) -> CapFrame:
-    """Return the scan with these arrays, by their places in `FIELDS`."""
-    return CapFrame(sequence, **_arrays_of_frame("scan", arrays))
+def scan_from_arrays(sequence: int, arrays: Mapping[str, NDArray[Any]]) -> CapFrame:
+    """Return the scan with these arrays, by their places in `CYCLE_FIELDS`."""
+    return CapFrame(sequence, **_frame_arrays("scan", arrays))
 
 
-def forces_of(sequence: int, t_sent_ns: int, arrays: Mapping[str, NDArray[Any]]) -> ContactFrame:
-    """Return the forces with these arrays, by their places in `FIELDS`."""
-    baseline = BaselineDrift(**_arrays_of_frame("forces.baseline", arrays))
-    return ContactFrame(sequence, t_sent_ns, **_arrays_of_frame("forces", arrays), baseline=baseline)
+def forces_from_arrays(sequence: int, t_sent_ns: int, arrays: Mapping[str, NDArray[Any]]) -> ContactFrame:
+    """Return the forces with these arrays, by their places in `CYCLE_FIELDS`."""
+    baseline = BaselineDrift(**_frame_arrays("forces.baseline", arrays))
+    return ContactFrame(sequence, t_sent_ns, **_frame_arrays("forces", arrays), baseline=baseline)
 
 
-def gait_of(
+def gait_from_arrays(
     t_ns: int,
     friction: float,
     all_in_air: bool,  # noqa: FBT001 - a value of the frame
@@ -110,6 +110,6 @@ def gait_of(
     return GaitFrame(t_ns=t_ns, friction=friction, all_in_air=all_in_air, events=events, **values)
 
 
-def _arrays_of_frame(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    split = (path.rpartition(".") for path in FIELDS)
+def _frame_arrays(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    split = (path.rpartition(".") for path in CYCLE_FIELDS)
     return {name: arrays[f"{parent}.{name}"] for parent, _, name in split if parent == place}

@@ -13,15 +13,15 @@ import msgspec
 import numpy as np
 
 from footsense.frames import Cycle, GaitFrame
-from footsense.recording.cycle_records import ARRAYS, GAIT_ARRAYS, LENGTH_BYTES, Header, LostCycles
+from footsense.recording.cycle_records import ARRAY_ORDER, GAIT_ARRAY_ORDER, LENGTH_BYTES, Header, LostCycles
 
 #: Longest reason of a command's result [characters].
-_MAX_REASON = 10_000
+_MAX_REASON_CHARACTERS = 10_000
 
 #: Integers of numpy become Python's.
 _encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
-_arrays_of = attrgetter(*ARRAYS)
-_gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in GAIT_ARRAYS))
+_arrays_of = attrgetter(*ARRAY_ORDER)
+_gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in GAIT_ARRAY_ORDER))
 
 
 class CyclePipe:
@@ -118,12 +118,12 @@ def pack_header(header: Mapping[str, str]) -> bytes:
 
 
 def pack_loss(loss: LostCycles) -> bytes:
-    """Return the record of lost cycles."""
+    """Return the pipe record that counts lost cycles."""
     return _with_length(_encode(loss))
 
 
 def pack_cycle(counter: int, cycle: Cycle) -> bytes:
-    """Return one cycle as a record.
+    """Return one cycle as a msgpack record for the pipe.
 
     Args:
         counter: Number of the cycle since the recording began.
@@ -134,7 +134,7 @@ def pack_cycle(counter: int, cycle: Cycle) -> bytes:
     """
     scan, commands, forces, outcomes, reference, temperature_c = cycle
     if outcomes:
-        outcomes = tuple(outcome._replace(reason=_text(outcome.reason)) for outcome in outcomes)
+        outcomes = tuple(outcome._replace(reason=_encodable_text(outcome.reason)) for outcome in outcomes)
     record = _encode(
         (
             *("cycle", counter, scan.sequence, forces.sequence, forces.t_sent_ns),
@@ -142,13 +142,13 @@ def pack_cycle(counter: int, cycle: Cycle) -> bytes:
             *(commands, outcomes),
             None if reference is None else tuple(column.tobytes() for column in reference),
             None if temperature_c is None else temperature_c.tobytes(),
-            None if forces.gait is None else _packed_gait(forces.gait),
+            None if forces.gait is None else _pack_gait(forces.gait),
         )
     )
     return _with_length(record)
 
 
-def _packed_gait(gait: GaitFrame) -> tuple[object, ...]:
+def _pack_gait(gait: GaitFrame) -> tuple[object, ...]:
     arrays = b"".join(map(np.ndarray.tobytes, _gait_arrays_of(gait)))
     return (gait.t_ns, gait.friction, gait.all_in_air, gait.events, arrays)
 
@@ -157,6 +157,6 @@ def _with_length(record: bytes) -> bytes:
     return len(record).to_bytes(LENGTH_BYTES, "little") + record
 
 
-def _text(reason: str) -> str:
+def _encodable_text(reason: str) -> str:
     """Return a text with unencodable characters (lone surrogates) replaced."""
-    return reason[:_MAX_REASON].encode(errors="backslashreplace").decode()
+    return reason[:_MAX_REASON_CHARACTERS].encode(errors="backslashreplace").decode()

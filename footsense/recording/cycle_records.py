@@ -1,8 +1,9 @@
 """The records on the pipe between the loop and the writer: their layout, and the reader's end; `cycle_pipe` packs them.
 
 Each record is its length (u32, little-endian) and one msgpack array: the header first, then cycles, and a loss before
-the cycle that follows a gap. The arrays of a cycle's frames stand in one binary field, in the order of `ARRAYS`, so
-that packing is copying. The reader checks every field: a damaged record ends the recording in one line.
+the cycle that follows a gap. The arrays of a cycle's frames stand in one binary field, in the order of
+`ARRAY_ORDER`, so that packing is copying. The reader checks every field: a damaged record ends the recording in one
+line.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,18 +16,18 @@ from numpy.typing import NDArray
 from footsense.errors import RecordingError
 from footsense.frames import ALL_LEGS, Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
 from footsense.recording.cycle_fields import (
-    FIELDS,
+    CYCLE_FIELDS,
     GAIT_FIELDS,
     Count,
     CycleField,
-    forces_of,
-    gait_of,
-    scan_of,
+    forces_from_arrays,
+    gait_from_arrays,
+    scan_from_arrays,
 )
 
 LENGTH_BYTES = 4
 #: Longest record [bytes], far above any cycle.
-_MAX_RECORD = 1 << 24
+_MAX_RECORD_BYTES = 1 << 24
 
 
 class NumberedCycle(NamedTuple):
@@ -85,11 +86,15 @@ class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
 _decode = msgspec.msgpack.Decoder(Header | _Cycle | LostCycles).decode
 
 #: The fields of a record in their order, wide entries first so that all are aligned.
-ARRAYS = sorted(FIELDS, key=lambda path: np.dtype(FIELDS[path].kind).itemsize, reverse=True)
-GAIT_ARRAYS = sorted(GAIT_FIELDS, key=lambda path: np.dtype(GAIT_FIELDS[path].kind).itemsize, reverse=True)
+ARRAY_ORDER = sorted(CYCLE_FIELDS, key=lambda path: np.dtype(CYCLE_FIELDS[path].kind).itemsize, reverse=True)
+GAIT_ARRAY_ORDER = sorted(
+    GAIT_FIELDS, key=lambda path: np.dtype(GAIT_FIELDS[path].kind).itemsize, reverse=True
+)
 
 
-def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | NumberedCycle | LostCycles]:
+def unpack_records(
+    buffer: bytearray, n_legs: int | None
+) -> Iterator[dict[str, str] | NumberedCycle | LostCycles]:
     """Remove every complete record from the front of a buffer, and decode it.
 
     Args:
@@ -105,7 +110,7 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
     try:
         while len(buffer) >= LENGTH_BYTES:
             end = LENGTH_BYTES + int.from_bytes(buffer[:LENGTH_BYTES], "little")
-            require(end <= _MAX_RECORD, f"a record of {end} bytes")
+            require_valid(end <= _MAX_RECORD_BYTES, f"a record of {end} bytes")
             if len(buffer) < end:
                 return
             record = _decode(bytes(buffer[LENGTH_BYTES:end]))
@@ -113,19 +118,19 @@ def unpack(buffer: bytearray, n_legs: int | None) -> Iterator[dict[str, str] | N
             if isinstance(record, Header):
                 legs = record.entries["legs"].split(",")
                 n_legs = len(legs)
-                require(set(legs) <= set(ALL_LEGS) and len(set(legs)) == n_legs, f"legs {legs}")
+                require_valid(set(legs) <= set(ALL_LEGS) and len(set(legs)) == n_legs, f"legs {legs}")
                 yield record.entries
             elif isinstance(record, LostCycles):
                 yield record
             else:
-                require(n_legs is not None, "no header before the first cycle")
+                require_valid(n_legs is not None, "no header before the first cycle")
                 yield _decode_cycle(record, n_legs or 0)
     except (msgspec.MsgspecError, ValueError, LookupError) as error:
         raise RecordingError(f"the cycles of the loop arrive damaged ({error})") from None
 
 
-def require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
-    """Refuse a field without a meaning.
+def require_valid(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
+    """Raise an error with these words if a field of a record is invalid.
 
     Raises:
         ValueError: It does not hold.
@@ -135,21 +140,23 @@ def require(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the s
 
 
 def _decode_cycle(record: _Cycle, n_legs: int) -> NumberedCycle:
-    entry = _arrays(record.arrays, FIELDS, ARRAYS, n_legs)
+    entry = _decode_arrays(record.arrays, CYCLE_FIELDS, ARRAY_ORDER, n_legs)
     commands = (*record.commands, *(outcome.command for outcome in record.outcomes))
-    require(all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs")
-    scan = scan_of(record.scan_sequence, entry)
-    forces = forces_of(record.force_sequence, record.t_sent_ns, entry)
+    require_valid(
+        all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs"
+    )
+    scan = scan_from_arrays(record.scan_sequence, entry)
+    forces = forces_from_arrays(record.force_sequence, record.t_sent_ns, entry)
     if record.gait is not None:
-        forces = forces._replace(gait=_gait(record.gait, n_legs))
-    reference = None if record.reference is None else _reference(*record.reference)
+        forces = forces._replace(gait=_decode_gait(record.gait, n_legs))
+    reference = None if record.reference is None else _decode_reference(*record.reference)
     temperature_c = None if record.temperature_c is None else np.frombuffer(record.temperature_c, "<f8")
-    require(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
+    require_valid(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
     cycle = Cycle(scan, record.commands, forces, record.outcomes, reference, temperature_c)
     return NumberedCycle(record.counter, cycle)
 
 
-def _arrays(
+def _decode_arrays(
     data: bytes, fields: Mapping[str, CycleField], order: list[str], n_legs: int
 ) -> Mapping[str, NDArray[Any]]:
     """Return the arrays in a binary field by their places, checked.
@@ -161,26 +168,30 @@ def _arrays(
         n_legs: Rows of each array.
     """
     layout = np.dtype([(path, fields[path].kind, (n_legs, *fields[path].shape)) for path in order])
-    require(len(data) == layout.itemsize, f"arrays of {len(data)} bytes")
+    require_valid(len(data) == layout.itemsize, f"arrays of {len(data)} bytes")
     entry: Mapping[str, NDArray[Any]] = np.frombuffer(data, dtype=layout)[0]
     for path, field in fields.items():
-        if field.most is not None:
+        if field.max_value is not None:
             found = entry[path].max()
-            require(found <= field.most, f"{path} {found}, at most {field.most} has a meaning")
+            require_valid(
+                found <= field.max_value, f"{path} {found}, at most {field.max_value} has a meaning"
+            )
     return entry
 
 
-def _gait(record: _Gait, n_legs: int) -> GaitFrame:
-    """Return the gait of a record."""
-    require(all(0 <= event.leg < n_legs for event in record.events), f"an event of none of {n_legs} legs")
-    arrays = _arrays(record.arrays, GAIT_FIELDS, GAIT_ARRAYS, n_legs)
-    return gait_of(record.t_ns, record.friction, record.all_in_air, record.events, arrays)
+def _decode_gait(record: _Gait, n_legs: int) -> GaitFrame:
+    """Return the gait frame of a decoded record."""
+    require_valid(
+        all(0 <= event.leg < n_legs for event in record.events), f"an event of none of {n_legs} legs"
+    )
+    arrays = _decode_arrays(record.arrays, GAIT_FIELDS, GAIT_ARRAY_ORDER, n_legs)
+    return gait_from_arrays(record.t_ns, record.friction, record.all_in_air, record.events, arrays)
 
 
-def _reference(times: bytes, forces: bytes, saturations: bytes) -> Reference:
+def _decode_reference(times: bytes, forces: bytes, saturations: bytes) -> Reference:
     """Return the samples of a test stand's force sensor from recorded bytes, which may hold no sample."""
     t_ns, saturated = np.frombuffer(times, "<i8"), np.frombuffer(saturations, "u1")
     force_n = np.frombuffer(forces, "<f8").reshape(len(t_ns), 3)
     meant = len(saturated) == len(t_ns) and t_ns.min(initial=0) >= 0 and saturated.max(initial=0) <= 1
-    require(meant, "a sample of the reference has no such time or mark")
+    require_valid(meant, "a sample of the reference has no such time or mark")
     return Reference(t_ns, force_n, saturated.astype(np.bool_))

@@ -6,34 +6,34 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 #: Lines of /proc/cpuinfo that name a processor, on x86 and on ARM.
-_NAMES = ("model name", "CPU implementer", "CPU part", "CPU variant", "CPU revision")
+_PROCESSOR_KEYS = ("model name", "CPU implementer", "CPU part", "CPU variant", "CPU revision")
 
 #: Lines that list its instruction sets: a virtual machine may hide some, and kernels are chosen by them.
-_FEATURES = ("flags", "Features")
+_FEATURE_KEYS = ("flags", "Features")
 
 
 def platform_versions(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, str]:
     """Return the header entries `processor`, `python`, `numpy` and `onnxruntime` for this process."""
     return {
-        "processor": _processor(cpuinfo),
+        "processor": _processor_description(cpuinfo),
         "python": platform.python_version(),
-        "numpy": _version("numpy"),
-        "onnxruntime": _version("onnxruntime"),
+        "numpy": _package_version("numpy"),
+        "onnxruntime": _package_version("onnxruntime"),
     }
 
 
-def _processor(cpuinfo: Path) -> str:
+def _processor_description(cpuinfo: Path) -> str:
     lines = cpuinfo.read_text(errors="replace").splitlines() if cpuinfo.exists() else []
     first: dict[str, str] = {}
     for line in lines:
         key, _, value = line.partition(":")
         first.setdefault(key.strip(), value.strip())
-    names = " ".join(first[key] for key in _NAMES if key in first)
-    features = " ".join(sorted(" ".join(first.get(key, "") for key in _FEATURES).split()))
+    names = " ".join(first[key] for key in _PROCESSOR_KEYS if key in first)
+    features = " ".join(sorted(" ".join(first.get(key, "") for key in _FEATURE_KEYS).split()))
     return f"{platform.machine()} {names} [{zlib.crc32(features.encode()):08x}]"
 
 
-def _version(package: str) -> str:
+def _package_version(package: str) -> str:
     try:
         return version(package)
     except PackageNotFoundError:

@@ -20,7 +20,7 @@ from footsense.recording.cycle_pipe import CyclePipe
 
 _log = logging.getLogger(__name__)
 
-SUFFIX = ".mcap"
+RECORDING_SUFFIX = ".mcap"
 
 #: Size of the pipe [bytes], the most that Linux grants a user by default: 512 cycles of six legs, two to a page. These
 #: are 1.4 s; the writer empties it five times a second, even while its disk hangs.
@@ -38,15 +38,15 @@ def partial_path(path: Path) -> Path:
     return path.with_name(path.name + ".partial")
 
 
-def check_target(path: Path) -> None:
+def check_recording_target(path: Path) -> None:
     """Check, before anything is started, that a recording may be written to `path`.
 
     Raises:
         ConfigError: The name does not end in .mcap.
         RecordingError: The file or its unfinished form exists, or the directory cannot be written to.
     """
-    if path.suffix != SUFFIX:
-        raise ConfigError(f"recording {path}: the name has to end in {SUFFIX}")
+    if path.suffix != RECORDING_SUFFIX:
+        raise ConfigError(f"recording {path}: the name has to end in {RECORDING_SUFFIX}")
     partial = partial_path(path)
     if partial.exists() and not path.exists():
         check_not_being_written(partial)
@@ -93,7 +93,7 @@ class Recorder:
     """
 
     def __init__(self, path: Path, legs: Sequence[str], header: Mapping[str, str], *, blocking: bool) -> None:
-        check_target(path)
+        check_recording_target(path)
         self._path = path.absolute()
         self._writer, fd = _start_writer(self._path)
         header = {**header, "legs": ",".join(legs)}
@@ -103,7 +103,7 @@ class Recorder:
         self.observe = self._pipe.send  # the loop calls it every cycle
 
     @property
-    def lost(self) -> int:
+    def n_lost(self) -> int:
         """Number of cycles known to be missing in the recording; final after `close`."""
         return (
             self._pipe.lost
@@ -140,7 +140,7 @@ class Recorder:
         self._n_cycles_written = int(parsed["n_cycles"])
         if parsed["failure"]:
             raise RecordingError(
-                f"{self._path}: {parsed['failure']}; {self.lost} of {self._pipe.n_cycles} cycles are missing, "
+                f"{self._path}: {parsed['failure']}; {self.n_lost} of {self._pipe.n_cycles} cycles are missing, "
                 f"the others are in {partial_path(self._path).name}"
             )
 

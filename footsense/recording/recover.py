@@ -8,12 +8,12 @@ from typing import NamedTuple
 from footsense.errors import RecordingError
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
-from footsense.recording.recorder import check_not_being_written, check_target, partial_path
+from footsense.recording.recorder import check_not_being_written, check_recording_target, partial_path
 from footsense.recording.replay import Replay
 
 
-class Recovered(NamedTuple):
-    """Result of a recovery.
+class RecoveryResult(NamedTuple):
+    """Result of a recovery: number of cycles, and the damage that ended the recording.
 
     Attributes:
         n_cycles: Cycles in the new file.
@@ -34,7 +34,7 @@ def recovered_path(path: Path) -> Path:
     return path.with_suffix("") if path.suffix == ".partial" else path.with_suffix(f".recovered{path.suffix}")
 
 
-def recover(path: Path, target: Path, on_read: Callable[[int], None] | None = None) -> Recovered:
+def recover(path: Path, target: Path, on_read: Callable[[int], None] | None = None) -> RecoveryResult:
     """Copy the complete cycles of a recording to a new one, with its index.
 
     Args:
@@ -54,7 +54,7 @@ def recover(path: Path, target: Path, on_read: Callable[[int], None] | None = No
     # The unfinished form of the target may be the very file that is recovered.
     unfinished = target.with_name(target.name + ".recovering")
     if target.exists() or partial_path(target) != path:
-        check_target(target)
+        check_recording_target(target)
     n_cycles, damage = 0, None
     try:
         fd = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
@@ -62,7 +62,7 @@ def recover(path: Path, target: Path, on_read: Callable[[int], None] | None = No
             file = McapFile(fd, replay.header)
             try:
                 for entry in replay.entries():
-                    file.add(entry)
+                    file.add_entry(entry)
                     n_cycles += isinstance(entry, NumberedCycle)
             except RecordingError as error:
                 damage = error
@@ -74,4 +74,4 @@ def recover(path: Path, target: Path, on_read: Callable[[int], None] | None = No
     except OSError as error:
         unfinished.unlink(missing_ok=True)
         raise RecordingError(f"{target}: cannot be written: {error.strerror}") from None
-    return Recovered(n_cycles, damage)
+    return RecoveryResult(n_cycles, damage)

@@ -31,14 +31,14 @@ from footsense.errors import FootsenseError, RecordingError
 from footsense.frames import ALL_LEGS, ELEMENTS, CanStatistics, Cycle, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import pack_cycle
-from footsense.recording.cycle_records import NumberedCycle, unpack
+from footsense.recording.cycle_records import NumberedCycle, unpack_records
 from footsense.shared_file import SharedFile, is_locked
 
 _MAGIC = b"FSCYCLE1"
-_HEAD = struct.Struct("<8sQ")
-_NUMBER = struct.Struct("<Q")
+_HEADER_STRUCT = struct.Struct("<8sQ")
+_COUNTER_STRUCT = struct.Struct("<Q")
 #: Cycles in the ring: 1.4 s at the highest rate, so that a viewer that was not scheduled for a second misses nothing.
-SLOTS = 512
+N_SLOTS = 512
 #: Bytes of a slot: twice a cycle of six legs with its gait.
 SLOT_BYTES = 4096
 _N_COUNTS = len(fields(CanStatistics))
@@ -74,11 +74,13 @@ class SharedCycles(Observer):
         text = json.dumps({**header, "legs": ",".join(legs)}).encode()
         text += b" " * (-len(text) % 8)
         n_doubles = len(legs) * ELEMENTS + _N_COUNTS
-        n_bytes = _NUMBER.size + 8 * n_doubles + SLOTS * SLOT_BYTES
-        self._file = SharedFile(path, _HEAD.pack(_MAGIC, len(text)) + text, n_bytes)
+        n_bytes = _COUNTER_STRUCT.size + 8 * n_doubles + N_SLOTS * SLOT_BYTES
+        self._file = SharedFile(path, _HEADER_STRUCT.pack(_MAGIC, len(text)) + text, n_bytes)
         self._cells = self._file.cells
-        self._doubles = self._cells[_NUMBER.size : _NUMBER.size + 8 * n_doubles].cast("d")
-        self._first_slot = _NUMBER.size + 8 * n_doubles
+        self._float64_values = self._cells[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + 8 * n_doubles].cast(
+            "d"
+        )
+        self._first_slot = _COUNTER_STRUCT.size + 8 * n_doubles
         self._baseline_pf = baseline_pf
         self._baseline: Vector | None = None
         self._can = can
@@ -90,30 +92,30 @@ class SharedCycles(Observer):
         baseline = self._baseline_pf()
         if baseline is not self._baseline:
             self._baseline = baseline
-            self._doubles[: baseline.size] = baseline.ravel().data
+            self._float64_values[: baseline.size] = baseline.ravel().data
         if cycle.forces.t_sent_ns >= self._copy_due_ns:
             self._copy_due_ns = cycle.forces.t_sent_ns + _COPY_PERIOD_NS
-            self._doubles[-_N_COUNTS:] = array("d", astuple(self._can))
+            self._float64_values[-_N_COUNTS:] = array("d", astuple(self._can))
         record = pack_cycle(self._n, cycle)
-        if len(record) > SLOT_BYTES - _NUMBER.size:  # a burst of a test stand's samples
+        if len(record) > SLOT_BYTES - _COUNTER_STRUCT.size:  # a burst of a test stand's samples
             record = pack_cycle(self._n, cycle._replace(reference=None))
-        start = self._first_slot + self._n % SLOTS * SLOT_BYTES
+        start = self._first_slot + self._n % N_SLOTS * SLOT_BYTES
         self._n += 1
-        _NUMBER.pack_into(self._cells, start, 0)
-        if len(record) <= SLOT_BYTES - _NUMBER.size:
-            self._cells[start + _NUMBER.size : start + _NUMBER.size + len(record)] = record
-            _NUMBER.pack_into(self._cells, start, self._n)
-        _NUMBER.pack_into(self._cells, 0, self._n)
+        _COUNTER_STRUCT.pack_into(self._cells, start, 0)
+        if len(record) <= SLOT_BYTES - _COUNTER_STRUCT.size:
+            self._cells[start + _COUNTER_STRUCT.size : start + _COUNTER_STRUCT.size + len(record)] = record
+            _COUNTER_STRUCT.pack_into(self._cells, start, self._n)
+        _COUNTER_STRUCT.pack_into(self._cells, 0, self._n)
 
     def close(self) -> None:
-        """Remove the file."""
-        self._doubles.release()
+        """Remove the shared-memory file."""
+        self._float64_values.release()
         self._cells.release()
         self._file.close()
 
 
 class NewCycles(NamedTuple):
-    """Cycles since the last reading.
+    """Cycles since the last reading of the ring buffer, and how many were missed.
 
     Attributes:
         cycles: The cycles, oldest first.
@@ -149,9 +151,9 @@ class CycleReader:
         except BaseException:
             self._file.close()
             raise
-        self._start = _HEAD.size + length
-        self._first_slot = self._start + _NUMBER.size + 8 * self._n_doubles
-        self._next = max(0, self._n_written - SLOTS // 2)
+        self._start = _HEADER_STRUCT.size + length
+        self._first_slot = self._start + _COUNTER_STRUCT.size + 8 * self._n_doubles
+        self._next = max(0, self._n_written - N_SLOTS // 2)
 
     def _open(self) -> int:
         """Map the file, read its header, and return the length of the header.
@@ -163,22 +165,24 @@ class CycleReader:
             raise FootsenseError(f"{self._path}: its service has ended")
         try:
             self._map = mmap.mmap(self._file.fileno(), 0, prot=mmap.PROT_READ)
-            magic, length = _HEAD.unpack_from(self._map)
+            magic, length = _HEADER_STRUCT.unpack_from(self._map)
             self.header = msgspec.json.decode(
-                self._map[_HEAD.size : _HEAD.size + length], type=dict[str, str]
+                self._map[_HEADER_STRUCT.size : _HEADER_STRUCT.size + length], type=dict[str, str]
             )
             self.legs = tuple(self.header["legs"].split(","))
             self._n_doubles = len(self.legs) * ELEMENTS + _N_COUNTS
         except (ValueError, LookupError, struct.error, OSError, RecursionError) as error:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles: {error}") from error
-        n_bytes = _HEAD.size + length + _NUMBER.size + 8 * self._n_doubles + SLOTS * SLOT_BYTES
+        n_bytes = (
+            _HEADER_STRUCT.size + length + _COUNTER_STRUCT.size + 8 * self._n_doubles + N_SLOTS * SLOT_BYTES
+        )
         if magic != _MAGIC or not set(self.legs) <= set(ALL_LEGS) or len(self._map) != n_bytes:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles")
         return int(length)
 
     @property
     def _n_written(self) -> int:
-        number: int = _NUMBER.unpack_from(self._map, self._start)[0]
+        number: int = _COUNTER_STRUCT.unpack_from(self._map, self._start)[0]
         return number
 
     def is_current(self) -> bool:
@@ -194,7 +198,7 @@ class CycleReader:
             FootsenseError: A record is damaged.
         """
         n_written = self._n_written
-        first = max(self._next, n_written - SLOTS + 1)
+        first = max(self._next, n_written - N_SLOTS + 1)
         cycles = list(self._cycles(first, n_written))
         n_missed = n_written - self._next - len(cycles)
         self._next = n_written
@@ -202,15 +206,17 @@ class CycleReader:
 
     def _cycles(self, first: int, end: int) -> Iterator[NumberedCycle]:
         for number in range(first, end):
-            start = self._first_slot + number % SLOTS * SLOT_BYTES
+            start = self._first_slot + number % N_SLOTS * SLOT_BYTES
             record = self._map[start : start + SLOT_BYTES]
             # Read again behind the copy: the writer may have come round to this slot.
-            after = _NUMBER.unpack_from(self._map, start)[0]
-            if not number + 1 == _NUMBER.unpack_from(record)[0] == after:
+            after = _COUNTER_STRUCT.unpack_from(self._map, start)[0]
+            if not number + 1 == _COUNTER_STRUCT.unpack_from(record)[0] == after:
                 continue
-            length = 4 + int.from_bytes(record[_NUMBER.size : _NUMBER.size + 4], "little")
+            length = 4 + int.from_bytes(record[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + 4], "little")
             try:
-                for entry in unpack(bytearray(record[_NUMBER.size : _NUMBER.size + length]), len(self.legs)):
+                for entry in unpack_records(
+                    bytearray(record[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + length]), len(self.legs)
+                ):
                     if isinstance(entry, NumberedCycle) and entry.counter == number:
                         yield entry
             except RecordingError as error:
@@ -219,17 +225,19 @@ class CycleReader:
     @property
     def baseline_pf(self) -> Vector:
         """Unloaded reading of each element, without stray [pF], shape (legs, 9), NaN where unknown."""
-        return self._doubles()[:-_N_COUNTS].reshape(len(self.legs), ELEMENTS)
+        return self._float64_values()[:-_N_COUNTS].reshape(len(self.legs), ELEMENTS)
 
     @property
     def can(self) -> CanStatistics:
         """Counts of the CAN channel, at most 0.1 s old while cycles come."""
-        return CanStatistics(*map(int, np.nan_to_num(self._doubles()[-_N_COUNTS:]).tolist()))
+        return CanStatistics(*map(int, np.nan_to_num(self._float64_values()[-_N_COUNTS:]).tolist()))
 
-    def _doubles(self) -> Vector:
-        return np.frombuffer(self._map, np.float64, self._n_doubles, self._start + _NUMBER.size).copy()
+    def _float64_values(self) -> Vector:
+        return np.frombuffer(
+            self._map, np.float64, self._n_doubles, self._start + _COUNTER_STRUCT.size
+        ).copy()
 
     def close(self) -> None:
-        """Release the file."""
+        """Release the shared-memory file."""
         self._map.close()
         self._file.close()

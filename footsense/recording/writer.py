@@ -17,13 +17,13 @@ from pathlib import Path
 from footsense.child_process import drop_realtime, read_batches
 from footsense.errors import RecordingError
 from footsense.recording.container.mcap_writer import McapFile
-from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
 
 #: Longest time that cycles stay in an unfinished chunk [ns].
 FLUSH_PERIOD_NS = 400_000_000
 
 #: Pieces of the pipe that are kept while the disk hangs: 20 s at any rate of cycles.
-_WAITING_PIECES = 100
+_MAX_WAITING_BATCHES = 100
 
 
 class PipeWriter:
@@ -52,7 +52,7 @@ class PipeWriter:
             RecordingError: The bytes are damaged.
         """
         self._buffer += data
-        for entry in unpack(self._buffer, self._n_legs):
+        for entry in unpack_records(self._buffer, self._n_legs):
             if isinstance(entry, dict):
                 self._file = McapFile(self._fd, entry)
                 self._n_legs = len(entry["legs"].split(","))
@@ -62,7 +62,7 @@ class PipeWriter:
     def _add(self, file: McapFile, entry: NumberedCycle | LostCycles) -> None:
         """Write a cycle or a loss; close the chunk where it is due."""
         n_bytes_written = file.n_bytes_written
-        file.add(entry)
+        file.add_entry(entry)
         if isinstance(entry, LostCycles):
             return
         # A chunk was full and is written; the force of this cycle may be in the next one.
@@ -96,17 +96,17 @@ class PipeWriter:
 
 def _write_until_end(writer: PipeWriter, pipe: int) -> None:
     # A disk may hang for longer than the pipe has room, so a thread of its own empties the pipe.
-    pieces: queue.Queue[bytes] = queue.Queue(_WAITING_PIECES)
+    batches: queue.Queue[bytes] = queue.Queue(_MAX_WAITING_BATCHES)
 
     def empty_pipe() -> None:
         for data in read_batches(pipe):
-            pieces.put(data)
-        pieces.put(b"")
+            batches.put(data)
+        batches.put(b"")
 
     threading.Thread(target=empty_pipe, daemon=True).start()
     while True:
         try:
-            data = pieces.get(timeout=FLUSH_PERIOD_NS * 1e-9)
+            data = batches.get(timeout=FLUSH_PERIOD_NS * 1e-9)
         except queue.Empty:
             writer.flush()
             continue
@@ -115,7 +115,7 @@ def _write_until_end(writer: PipeWriter, pipe: int) -> None:
         writer.feed(data)
 
 
-def _give_name(path: Path) -> None:
+def _remove_partial_suffix(path: Path) -> None:
     """Turn `FILE.partial` into FILE.
 
     Raises:
@@ -145,7 +145,7 @@ def main(path: Path, pipe: int = 0, fd: int = 1, report: int = 2) -> int:
         _write_until_end(writer, pipe)
         writer.finish()
         os.fsync(fd)
-        _give_name(path)
+        _remove_partial_suffix(path)
     except OSError as error:
         failure = error.strerror or str(error)
     except RecordingError as error:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from footsense.reference.record_columns import MAX_RECORD_BYTES, integer_bits
+from footsense.reference.record_columns import MAX_RECORD_BYTES, integer_widths_bits
 from footsense.reference.record_decoder import RecordDecoder
 
 #: Checksums of a binary record: length [bytes], and function of the bytes between sync bytes and checksum; sent
@@ -21,7 +21,7 @@ CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {
 
 
 class BinaryDecoder(RecordDecoder):
-    """Binary records of one length.
+    """Decoder of binary records of fixed length.
 
         sync bytes | values | checksum
 
@@ -33,7 +33,9 @@ class BinaryDecoder(RecordDecoder):
     """
 
     def __init__(self, columns: Sequence[str], layout: str, sync: bytes, checksum: str) -> None:
-        super().__init__(columns, [None if bits is None else 1 << bits for bits in integer_bits(layout)])
+        super().__init__(
+            columns, [None if bits is None else 1 << bits for bits in integer_widths_bits(layout)]
+        )
         self._values = struct.Struct(layout)
         self._sync = sync
         self._n_check, self._check = CHECKSUMS[checksum]
@@ -49,42 +51,42 @@ class BinaryDecoder(RecordDecoder):
         self._buffer.clear()
         self._skipped = b""
 
-    def _parse(self, data: bytes) -> list[list[float]]:
+    def _parse_bytes(self, data: bytes) -> list[list[float]]:
         buffer = self._buffer
         buffer += data
         records: list[list[float]] = []
         at = 0
         while (found := buffer.find(self._sync, at)) >= 0:
-            self._skip(buffer[at:found])
+            self._skip_to_sync(buffer[at:found])
             at = found
             end = at + self._length + self._n_ahead
             if len(buffer) < end:
                 break
-            record = self._record(bytes(buffer[at:end]))
+            record = self._parse_record(bytes(buffer[at:end]))
             if record is None:
-                self._skip(buffer[at : at + 1])
+                self._skip_to_sync(buffer[at : at + 1])
                 at += 1
             else:
                 if self._skipped and self._synchronised:
-                    self._count_bad(self._skipped)
+                    self._count_bad_record(self._skipped)
                 self._skipped, self._synchronised = b"", True
                 records.append(record)
                 at += self._length
         else:  # the last bytes may be the first of the next sync bytes
             keep = max(at, len(buffer) - len(self._sync) + 1)
-            self._skip(buffer[at:keep])
+            self._skip_to_sync(buffer[at:keep])
             at = keep
         del buffer[:at]
         return records
 
-    def _record(self, record: bytes) -> list[float] | None:
+    def _parse_record(self, record: bytes) -> list[float] | None:
         body = record[len(self._sync) : self._length - self._n_check]
         checksum = int.from_bytes(record[self._length - self._n_check : self._length], "little")
         if self._n_ahead and record[self._length :] != self._sync:
             return None
         if self._check(body) != checksum:
             return None
-        return self._plausible([float(value) for value in self._values.unpack(body)])
+        return self._plausible_or_none([float(value) for value in self._values.unpack(body)])
 
-    def _skip(self, data: bytes | bytearray) -> None:
+    def _skip_to_sync(self, data: bytes | bytearray) -> None:
         self._skipped += data[: MAX_RECORD_BYTES - len(self._skipped)]

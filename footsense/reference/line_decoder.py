@@ -7,7 +7,7 @@ from footsense.reference.record_decoder import RecordDecoder
 
 
 class LineDecoder(RecordDecoder):
-    r"""Lines of numbers, each ended by \n or \r\n.
+    r"""Decoder of text lines of numbers, each ended by \n or \r\n.
 
     Args:
         columns: Column of each number, of `COLUMNS` or "-".
@@ -24,22 +24,22 @@ class LineDecoder(RecordDecoder):
         super().reset()
         self._rest = b""
 
-    def _parse(self, data: bytes) -> list[list[float]]:
+    def _parse_bytes(self, data: bytes) -> list[list[float]]:
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > MAX_RECORD_BYTES:
-            self._count_bad(self._rest)
+            self._count_bad_record(self._rest)
             self._rest = b""
         records = []
         for line in lines:
-            record = self._record(line)
+            record = self._parse_record(line)
             if record is not None:
                 records.append(record)
             elif self._synchronised and line.strip():
-                self._count_bad(line)
+                self._count_bad_record(line)
             self._synchronised = True  # the first line may have begun before the port was opened
         return records
 
-    def _record(self, line: bytes) -> list[float] | None:
+    def _parse_record(self, line: bytes) -> list[float] | None:
         fields = line.decode("ascii", "replace").strip().split(self._separator)
         if len(fields) != self._n_columns:
             return None
@@ -49,4 +49,4 @@ class LineDecoder(RecordDecoder):
                 record[index] = float(fields[index])
         except ValueError:
             return None
-        return self._plausible(record)
+        return self._plausible_or_none(record)

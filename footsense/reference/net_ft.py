@@ -24,14 +24,14 @@ from footsense.reference.record_decoder import SensorRecords
 from footsense.reference.sample_stream import SampleStream
 
 RDT_PORT = 49_152
-_REQUEST = struct.Struct(">HHI")
+_REQUEST_STRUCT = struct.Struct(">HHI")
 _HEADER, _STOP, _START = 0x1234, 0x0000, 0x0002
-_RECORD = np.dtype(
+_RECORD_DTYPE = np.dtype(
     [("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("force", ">i4", 3), ("torque", ">i4", 3)]
 )
 #: Silence after which the stream is requested again [ns]: the sensor was switched off.
-_REQUEST_AGAIN_NS = 1_000_000_000
-_MOST_PACKETS = 4096
+_REQUEST_RETRY_NS = 1_000_000_000
+_MAX_PACKETS_PER_READ = 4096
 
 _log = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ def rdt_request(command: int) -> bytes:
         >>> rdt_request(2).hex()
         '1234000200000000'
     """
-    return _REQUEST.pack(_HEADER, command, 0)
+    return _REQUEST_STRUCT.pack(_HEADER, command, 0)
 
 
 class NetFtReference:
@@ -84,16 +84,16 @@ class NetFtReference:
         Raises:
             SensorError: The received data are not RDT records.
         """
-        packets = self._packets()
-        good = [packet for packet in packets if len(packet) % _RECORD.itemsize == 0]
+        packets = self._receive_packets()
+        good = [packet for packet in packets if len(packet) % _RECORD_DTYPE.itemsize == 0]
         for packet in packets:
-            if len(packet) % _RECORD.itemsize:
+            if len(packet) % _RECORD_DTYPE.itemsize:
                 self.statistics.n_bad, self._bad = self.statistics.n_bad + 1, packet[:40]
-        records = self._in_order(np.frombuffer(b"".join(good), _RECORD))
+        records = self._sort_records(np.frombuffer(b"".join(good), _RECORD_DTYPE))
         # If all records come late, the sensor has restarted its sequence at the request of another client.
-        silent = self._requested_ns is None or now_ns - self._requested_ns > _REQUEST_AGAIN_NS
+        silent = self._requested_ns is None or now_ns - self._requested_ns > _REQUEST_RETRY_NS
         if self._requested_ns is None or (silent and not len(records.raw)):
-            self._request()
+            self._request_stream()
             self._requested_ns = now_ns
         elif len(records.raw):
             self._requested_ns = now_ns
@@ -104,7 +104,7 @@ class NetFtReference:
         self._send(_STOP)
         self._socket.close()
 
-    def _request(self) -> None:
+    def _request_stream(self) -> None:
         if self.statistics.n_opened:
             self._stream.restart()
             self._last_rdt = None
@@ -117,9 +117,9 @@ class NetFtReference:
         except OSError as error:  # it is requested again, and the stream logs the silence
             _log.info("%s: %s", self._name, error.strerror)
 
-    def _packets(self) -> list[bytes]:
+    def _receive_packets(self) -> list[bytes]:
         packets = []
-        for _ in range(_MOST_PACKETS):
+        for _ in range(_MAX_PACKETS_PER_READ):
             try:
                 packets.append(self._socket.recv(2048))
             except BlockingIOError:
@@ -129,7 +129,7 @@ class NetFtReference:
                     raise SensorError(f"{self._name}: {error.strerror}") from None
         return packets
 
-    def _in_order(self, records: np.ndarray[tuple[int], np.dtype[np.void]]) -> SensorRecords:
+    def _sort_records(self, records: np.ndarray[tuple[int], np.dtype[np.void]]) -> SensorRecords:
         """Return the records in order; count and drop repeated and late ones."""
         sequence, keep = [], []
         for number in records["rdt"].tolist():
@@ -151,10 +151,10 @@ class NetFtReference:
 
     def _faulty_readings(self, status: NDArray[np.uint32]) -> Mask:
         """Return which readings the sensor flags as faulty, and log when that begins."""
-        bad: Mask = status != 0
-        now = int(status[bad][0]) if bad.any() else 0
+        is_faulty: Mask = status != 0
+        now = int(status[is_faulty][0]) if is_faulty.any() else 0
         if len(status):
             if now and not self._status:
                 _log.warning("%s: status %#010x; its web page shows the cause", self._name, now)
             self._status = now
-        return bad
+        return is_faulty

@@ -4,9 +4,9 @@ import re
 import struct
 
 #: Time columns and their unit [ns].
-TIMES = {"time_s": 1_000_000_000, "time_ms": 1_000_000, "time_us": 1_000}
+NS_PER_TIME_UNIT = {"time_s": 1_000_000_000, "time_ms": 1_000_000, "time_us": 1_000}
 #: Columns with a meaning; others are called "-".
-COLUMNS = (*TIMES, "sequence", "fx", "fy", "fz", "saturated")
+COLUMNS = (*NS_PER_TIME_UNIT, "sequence", "fx", "fy", "fz", "saturated")
 
 #: Longest line or record [bytes].
 MAX_RECORD_BYTES = 1024
@@ -16,21 +16,21 @@ MAX_RECORD_BYTES = 1024
 _MAX_NS, _MAX_SEQUENCE, _MAX_FORCE = 4e18, 3e10, 1e12
 
 
-def largest_plausible(column: str) -> float:
+def max_plausible_magnitude(column: str) -> float:
     """Return the largest magnitude that a sensor can send in a column, in that column's unit."""
-    if column in TIMES:
-        return _MAX_NS / TIMES[column]
+    if column in NS_PER_TIME_UNIT:
+        return _MAX_NS / NS_PER_TIME_UNIT[column]
     return _MAX_SEQUENCE if column == "sequence" else _MAX_FORCE
 
 
-def integer_bits(layout: str) -> list[int | None]:
+def integer_widths_bits(layout: str) -> list[int | None]:
     """Return the width of each value of a layout of Python's `struct` [bits], None for a floating-point number.
 
     Raises:
         struct.error: The layout is invalid, too long, has gaps, or holds something else than numbers.
 
     Example:
-        >>> integer_bits("<IH2hf")
+        >>> integer_widths_bits("<IH2hf")
         [32, 16, 16, 16, None]
     """
     size = struct.Struct(layout).size  # raises if it is invalid

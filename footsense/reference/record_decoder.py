@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.frames import Mask, Stamps, Vector
-from footsense.reference.record_columns import TIMES, largest_plausible
+from footsense.reference.record_columns import NS_PER_TIME_UNIT, max_plausible_magnitude
 
 
 class SensorRecords(NamedTuple):
-    """Records of a sensor, oldest first.
+    """Decoded records of a force sensor, oldest first.
 
     Attributes:
         t_ns: Time of each by the sensor's clock [ns], shape (n,), int64; None if it sends none.
@@ -44,10 +44,14 @@ class RecordDecoder(ABC):
     def __init__(self, names: Sequence[str], wraps: Sequence[int | None]) -> None:
         self._n_columns = len(names)
         self._forces = [names.index(axis) for axis in ("fx", "fy", "fz")]
-        self._time = next(((names.index(name), unit) for name, unit in TIMES.items() if name in names), None)
+        self._time = next(
+            ((names.index(name), unit) for name, unit in NS_PER_TIME_UNIT.items() if name in names), None
+        )
         self._sequence = names.index("sequence") if "sequence" in names else None
         self._saturated = names.index("saturated") if "saturated" in names else None
-        self._limits = {index: largest_plausible(name) for index, name in enumerate(names) if name != "-"}
+        self._limits = {
+            index: max_plausible_magnitude(name) for index, name in enumerate(names) if name != "-"
+        }
         self._wraps = wraps
         self._unwrapped: dict[int, int] = {}
         self._synchronised = False
@@ -56,7 +60,7 @@ class RecordDecoder(ABC):
 
     def feed(self, data: bytes) -> SensorRecords:
         """Return the records that these bytes complete."""
-        values = np.array(self._parse(data), dtype=np.float64).reshape(-1, self._n_columns)
+        values = np.array(self._parse_bytes(data), dtype=np.float64).reshape(-1, self._n_columns)
         t_ns = sequence = None
         if self._time is not None:
             index, unit_ns = self._time
@@ -72,14 +76,14 @@ class RecordDecoder(ABC):
         self._synchronised = False
 
     @abstractmethod
-    def _parse(self, data: bytes) -> list[list[float]]:
+    def _parse_bytes(self, data: bytes) -> list[list[float]]:
         """Return the values of the records that these bytes complete."""
 
-    def _plausible(self, record: list[float]) -> list[float] | None:
+    def _plausible_or_none(self, record: list[float]) -> list[float] | None:
         """Return the record, or None if its values are impossible for a sensor; NaN fails every comparison."""
         return record if all(abs(record[index]) <= limit for index, limit in self._limits.items()) else None
 
-    def _count_bad(self, data: bytes) -> None:
+    def _count_bad_record(self, data: bytes) -> None:
         self.n_bad += 1
         self.last_bad = data[:60]
 

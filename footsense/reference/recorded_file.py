@@ -8,12 +8,12 @@ import numpy as np
 
 from footsense.errors import SensorError
 from footsense.frames import Reference, Vector
-from footsense.reference.record_columns import TIMES, largest_plausible
+from footsense.reference.record_columns import NS_PER_TIME_UNIT, max_plausible_magnitude
 from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.sensor_statistics import SensorStatistics
 
 #: Longest line that is read [characters]; a file without line ends would else be read whole.
-_MAX_LINE = 10_000
+_MAX_LINE_CHARACTERS = 10_000
 
 
 class FileReference:
@@ -60,33 +60,35 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = csv.DictReader(iter(partial(file.readline, _MAX_LINE), ""), skipinitialspace=True)
+            rows = csv.DictReader(
+                iter(partial(file.readline, _MAX_LINE_CHARACTERS), ""), skipinitialspace=True
+            )
             names = [name.strip() for name in rows.fieldnames or ()]
-            time = next((name for name in TIMES if name in names), None)
+            time = next((name for name in NS_PER_TIME_UNIT if name in names), None)
             if time is None or not {"fx", "fy", "fz"} <= set(names):
-                wanted = f"one of {', '.join(TIMES)}, and fx, fy, fz"
+                wanted = f"one of {', '.join(NS_PER_TIME_UNIT)}, and fx, fy, fz"
                 raise SensorError(f"{path}: its first line names {', '.join(names)[:60]}; it needs {wanted}")
             rows.fieldnames = names
-            samples = [_sample(path, rows.line_num, row, time) for row in rows]
+            samples = [_parse_sample(path, rows.line_num, row, time) for row in rows]
     except OSError as error:
         raise SensorError(f"{path}: cannot be read: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise SensorError(f"{path}: is no CSV: {error}") from None
     values = np.array(samples, np.float64).reshape(-1, 4)
-    t_ns = np.rint(values[:, 0] * TIMES[time]).astype(np.int64)
+    t_ns = np.rint(values[:, 0] * NS_PER_TIME_UNIT[time]).astype(np.int64)
     if len(t_ns) == 0 or (np.diff(t_ns) <= 0).any():
         raise SensorError(f"{path}: holds no samples, or not in the order of their times")
-    force_n, saturated = mounting.apply(values[:, 1:])
+    force_n, saturated = mounting.to_foot_force_n(values[:, 1:])
     return Reference(t_ns - latency_ns, force_n, saturated)
 
 
-def _sample(path: Path, line: int, row: dict[str, str], time: str) -> Vector:
+def _parse_sample(path: Path, line: int, row: dict[str, str], time: str) -> Vector:
     columns = (time, "fx", "fy", "fz")
     try:
         values = np.array([row[column] for column in columns], dtype=np.float64)
     except (TypeError, ValueError):
         values = np.full(4, np.nan)
     # A NaN fails every comparison.
-    if not (np.abs(values) <= [largest_plausible(column) for column in columns]).all():
+    if not (np.abs(values) <= [max_plausible_magnitude(column) for column in columns]).all():
         raise SensorError(f"{path}, line {line}: is not four numbers that a sensor can send")
     return values

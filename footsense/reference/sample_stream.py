@@ -12,8 +12,8 @@ from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.sensor_statistics import SensorStatistics
 
 #: Silence that is logged, and silence from the start on that is an error [ns].
-_SILENT_NS = 500_000_000
-_NEVER_NS = 3_000_000_000
+_SILENCE_WARNING_NS = 500_000_000
+_FIRST_RECORD_TIMEOUT_NS = 3_000_000_000
 #: Bytes without a single record that are another format [bytes].
 _WRONG_FORMAT_BYTES = 4096
 
@@ -58,8 +58,8 @@ class SampleStream:
         Raises:
             SensorError: There has never been a record, or never a byte.
         """
-        t_ns = self._times.stamp(records, now_ns)
-        force_n, saturated = self._mounting.apply(records.raw)
+        t_ns = self._times.time_stamps_ns(records, now_ns)
+        force_n, saturated = self._mounting.to_foot_force_n(records.raw)
         saturated |= records.saturated
         # Samples older than the clock of a simulation have no time.
         fresh = np.full(len(t_ns), self._heard_ns is not None) & (t_ns >= 0)
@@ -75,35 +75,37 @@ class SampleStream:
         counts.n_missing, counts.residual_ms = times.n_missing, times.residual_ns * 1e-6
         self._n_bytes += n_bytes
         if counts.n_samples == 0:
-            self._require_records(now_ns - self._heard_ns, example)
+            self._check_first_record(now_ns - self._heard_ns, example)
         elif n:
             if self._silent:
                 missing = counts.n_missing - self._n_missing_before
                 _log.warning("%s: sends again; %d samples are missing", self._name, missing)
             self._heard_ns, self._silent = now_ns, False
             self._n_missing_before = counts.n_missing
-        elif now_ns - self._heard_ns > _SILENT_NS and not self._silent:
+        elif now_ns - self._heard_ns > _SILENCE_WARNING_NS and not self._silent:
             self._silent = True
             _log.warning(
-                "%s: no sample for %g s; the recording goes on without", self._name, _SILENT_NS * 1e-9
+                "%s: no sample for %g s; the recording goes on without",
+                self._name,
+                _SILENCE_WARNING_NS * 1e-9,
             )
         if times.n_jumps > counts.n_jumps:
             counts.n_jumps = times.n_jumps
             _log.warning("%s: its clock has jumped; the clock map restarts", self._name)
 
-    def _require_records(self, waited_ns: int, example: bytes) -> None:
+    def _check_first_record(self, waited_ns: int, example: bytes) -> None:
         """Check a sensor that has not sent a record yet.
 
         Raises:
             SensorError: It sends something else, or nothing for too long.
         """
-        if self._n_bytes > _WRONG_FORMAT_BYTES or (self._n_bytes and waited_ns > _NEVER_NS):
+        if self._n_bytes > _WRONG_FORMAT_BYTES or (self._n_bytes and waited_ns > _FIRST_RECORD_TIMEOUT_NS):
             raise SensorError(
                 f"{self._name}: no record in {self._n_bytes} bytes, such as {example!r}; "
                 "baud, framing and columns have to be the sensor's"
             )
-        if waited_ns > _NEVER_NS:
+        if waited_ns > _FIRST_RECORD_TIMEOUT_NS:
             raise SensorError(
-                f"{self._name}: nothing arrives for {_NEVER_NS * 1e-9:g} s; is it switched on, does it need a start "
-                "command (`start`), is the baud rate its own?"
+                f"{self._name}: nothing arrives for {_FIRST_RECORD_TIMEOUT_NS * 1e-9:g} s; is it switched on, does it "
+                "need a start command (`start`), is the baud rate its own?"
             )

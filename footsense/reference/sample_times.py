@@ -16,13 +16,13 @@ from footsense.reference.record_decoder import SensorRecords
 
 _NS_PER_S = 1_000_000_000
 #: Reads in a row whose newest sample is late before counted samples are taken as missing.
-_LATE_READS = 8
+_N_LATE_READS = 8
 #: Lateness that a miscount causes, in periods: a sample that has just arrived is up to one period old.
-_LATE_REL = 1.05
+_MIN_LATENESS_PERIODS = 1.05
 
 
 class SampleTimes:
-    """Stamps the samples of one sensor.
+    """Assigns sampling times in the daemon's clock to the samples of one force sensor.
 
     Args:
         rate_hz: Samples per second of the sensor's clock [Hz].
@@ -37,7 +37,7 @@ class SampleTimes:
         self._latency_ns = latency_ns
         self._map = ClockMap()
         self._count = 0
-        self._late_ns: deque[int] = deque(maxlen=_LATE_READS)
+        self._late_ns: deque[int] = deque(maxlen=_N_LATE_READS)
         self._last: tuple[int, int] | None = None  # time of the last sample, sensor's clock and ours
         self._restarted = False
         self._n_jumps_before = 0
@@ -60,7 +60,7 @@ class SampleTimes:
         self._restarted = True
         self._late_ns.clear()
 
-    def stamp(self, records: SensorRecords, arrival_ns: int) -> Stamps:
+    def time_stamps_ns(self, records: SensorRecords, arrival_ns: int) -> Stamps:
         """Return the sampling time of each record [ns], shape (n,).
 
         Args:
@@ -72,47 +72,51 @@ class SampleTimes:
             return np.zeros(0, np.int64)
         counted = records.t_ns is None and records.sequence is None
         if records.t_ns is not None:
-            theirs = records.t_ns.tolist()
+            sensor_times_ns = records.t_ns.tolist()
         else:
             numbers = list(range(self._count + 1, self._count + n + 1))
             if records.sequence is not None:
                 numbers = records.sequence.tolist()
-            theirs = [round(number * self._period_ns) for number in numbers]
+            sensor_times_ns = [round(number * self._period_ns) for number in numbers]
             self._count += n
         # By the sensor's clock, relative to the newest, which alone has just arrived.
-        waited = [arrival_ns - (theirs[-1] - t_ns) for t_ns in theirs]
+        from_arrival_ns = [arrival_ns - (sensor_times_ns[-1] - t_ns) for t_ns in sensor_times_ns]
         if self._last is None or self._restarted:
-            self._map.map(theirs[-1], arrival_ns)
-            ours, restarts = waited, [True] + [False] * (n - 1)
+            self._map.map(sensor_times_ns[-1], arrival_ns)
+            daemon_times_ns, is_restart = from_arrival_ns, [True] + [False] * (n - 1)
             self._restarted = False
         else:
-            ours, restarts = [], []
-            for t_ns in theirs:
+            daemon_times_ns, is_restart = [], []
+            for t_ns in sensor_times_ns:
                 jumps = self._map.restarts
-                ours.append(self._map.map(t_ns, arrival_ns))
-                restarts.append(self._map.restarts != jumps)
-        self._count_missing(theirs, ours, waited, restarts)
-        self._last = theirs[-1], ours[-1]
+                daemon_times_ns.append(self._map.map(t_ns, arrival_ns))
+                is_restart.append(self._map.restarts != jumps)
+        self._count_missing(sensor_times_ns, daemon_times_ns, from_arrival_ns, is_restart)
+        self._last = sensor_times_ns[-1], daemon_times_ns[-1]
         if counted:
-            self._correct_count(arrival_ns - ours[-1])
-        return np.array(ours, np.int64) - self._latency_ns
+            self._correct_missing_count(arrival_ns - daemon_times_ns[-1])
+        return np.array(daemon_times_ns, np.int64) - self._latency_ns
 
     def _count_missing(
-        self, theirs: list[int], ours: list[int], waited: list[int], restarts: list[bool]
+        self,
+        sensor_times_ns: list[int],
+        daemon_times_ns: list[int],
+        from_arrival_ns: list[int],
+        is_restart: list[bool],
     ) -> None:
         """Count the gaps by the sensor's clock; across a jump or restart, by ours."""
         before = self._last
         for t_theirs_ns, t_ours_ns, t_waited_ns, restarted in zip(
-            theirs, ours, waited, restarts, strict=True
+            sensor_times_ns, daemon_times_ns, from_arrival_ns, is_restart, strict=True
         ):
             if before is not None:
                 since_ns = t_waited_ns - before[1] if restarted else t_theirs_ns - before[0]
                 self.n_missing += max(round(since_ns / self._period_ns) - 1, 0)
             before = t_theirs_ns, t_ours_ns
 
-    def _correct_count(self, late_ns: int) -> None:
+    def _correct_missing_count(self, late_ns: int) -> None:
         self._late_ns.append(late_ns)
         least_ns = min(self._late_ns)
-        if len(self._late_ns) == _LATE_READS and least_ns > _LATE_REL * self._period_ns:
+        if len(self._late_ns) == _N_LATE_READS and least_ns > _MIN_LATENESS_PERIODS * self._period_ns:
             self._count += int(least_ns // self._period_ns)
             self._late_ns.clear()

@@ -8,10 +8,16 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Mask, Vector
 
 #: Units of force [N]; the pound is the international one of 0.45359237 kg.
-NEWTON_PER = {"N": 1.0, "mN": 1e-3, "kgf": 1e3 * GRAM_FORCE_N, "gf": GRAM_FORCE_N, "lbf": 4.4482216152605}
+NEWTONS_PER_UNIT = {
+    "N": 1.0,
+    "mN": 1e-3,
+    "kgf": 1e3 * GRAM_FORCE_N,
+    "gf": GRAM_FORCE_N,
+    "lbf": 4.4482216152605,
+}
 
 #: Share of its range from which an axis counts as saturated.
-_SATURATED_REL = 0.999
+_SATURATION_THRESHOLD_REL = 0.999
 
 
 class SensorMounting:
@@ -21,7 +27,7 @@ class SensorMounting:
         axes: Signed sensor axis along each of the foot's: {"x": "-y", "y": "x", "z": "-z"}. A sensor under the foot
             reads the foot's push, so that all three have a minus.
         mount_deg: Further rotation of the sensor about the foot's x, then y, then z [deg], shape (3,).
-        unit: One of `NEWTON_PER`.
+        unit: One of `NEWTONS_PER_UNIT`.
         unit_per_count: Value of one count of the readings [unit].
         rated: End of the range of the sensor's own x, y and z [unit], shape (3,).
     """
@@ -37,11 +43,11 @@ class SensorMounting:
         permutation = np.zeros((3, 3))
         for row, axis in enumerate("xyz"):
             permutation[row, "xyz".index(axes[axis][-1])] = -1.0 if axes[axis][0] == "-" else 1.0
-        self._to_foot = rotation_matrix(mount_deg) @ permutation * NEWTON_PER[unit]
+        self._to_foot = rotation_matrix(mount_deg) @ permutation * NEWTONS_PER_UNIT[unit]
         self._unit_per_count = unit_per_count
-        self._limit = _SATURATED_REL * np.array(rated)
+        self._limit = _SATURATION_THRESHOLD_REL * np.array(rated)
 
-    def apply(self, raw: Vector) -> tuple[Vector, Mask]:
+    def to_foot_force_n(self, raw: Vector) -> tuple[Vector, Mask]:
         """Return forces [N], shape (n, 3), and whether an axis is saturated, shape (n,), of readings, shape (n, 3)."""
         readings = raw * self._unit_per_count
         saturated: Mask = np.any(np.abs(readings) >= self._limit, axis=1)

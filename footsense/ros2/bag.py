@@ -16,12 +16,12 @@ from mcap.writer import CompressionType, Writer
 
 from footsense.errors import RecordingError
 from footsense.ros2.cdr import encode
-from footsense.ros2.definitions import definition, ros_name
+from footsense.ros2.definitions import message_definition, ros_name
 from footsense.ros2.topics import TF_STATIC, TopicMessage, Topics
 
 #: Codes of rmw: keep the last, reliable, transient local or volatile, automatic liveliness; and its infinite time.
 _KEEP_LAST, _RELIABLE, _TRANSIENT_LOCAL, _VOLATILE, _AUTOMATIC = 1, 1, 1, 2, 1
-_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+_INFINITE_DURATION = {"sec": 9223372036, "nsec": 854775807}
 
 
 def qos_profile(topic: str) -> str:
@@ -31,10 +31,10 @@ def qos_profile(topic: str) -> str:
         "depth": 1 if topic == TF_STATIC else 10,
         "reliability": _RELIABLE,
         "durability": _TRANSIENT_LOCAL if topic == TF_STATIC else _VOLATILE,
-        "deadline": dict(_INFINITE),
-        "lifespan": dict(_INFINITE),
+        "deadline": dict(_INFINITE_DURATION),
+        "lifespan": dict(_INFINITE_DURATION),
         "liveliness": _AUTOMATIC,
-        "liveliness_lease_duration": dict(_INFINITE),
+        "liveliness_lease_duration": dict(_INFINITE_DURATION),
         "avoid_ros_namespace_conventions": False,
     }
     return yaml.safe_dump([profile], sort_keys=False)
@@ -56,18 +56,18 @@ class Bag:
         for topic, kind in topics.types.items():
             if kind not in schemas:
                 schemas[kind] = self._writer.register_schema(
-                    ros_name(kind), "ros2msg", definition(kind).encode()
+                    ros_name(kind), "ros2msg", message_definition(kind).encode()
                 )
             metadata = {"offered_qos_profiles": qos_profile(topic)}
             self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[kind], metadata)
 
     @property
     def n_messages(self) -> int:
-        """Messages so far."""
+        """Number of messages written so far."""
         return self._n_messages.total()
 
     def add(self, message: TopicMessage, t_ns: int) -> None:
-        """Write a message.
+        """Write a ROS 2 message to the bag.
 
         Args:
             message: The message and its topic.

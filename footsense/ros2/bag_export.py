@@ -6,7 +6,7 @@ from footsense.errors import RecordingError
 from footsense.recording.replay import Replay
 from footsense.ros2.bag import Bag, create_bag
 from footsense.ros2.recorded_samples import RecordedSamples, recorded_samples
-from footsense.ros2.topics import DIAGNOSTICS_NS, FootFrame, Topics
+from footsense.ros2.topics import DIAGNOSTICS_PERIOD_NS, FootFrame, Topics
 
 
 def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None = None) -> int:
@@ -28,7 +28,7 @@ def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None 
     damage: RecordingError | None = None
     n_cycles = 0
     with create_bag(folder, topics) as bag:
-        cycles = _Cycles(bag, topics)
+        cycles = _CycleWriter(bag, topics)
         try:
             for cycle in recorded_samples(replay):
                 cycles.add(cycle)
@@ -40,7 +40,7 @@ def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None 
     return n_cycles
 
 
-class _Cycles:
+class _CycleWriter:
     """Writes the messages of cycles to a bag."""
 
     def __init__(self, bag: Bag, topics: Topics) -> None:
@@ -50,7 +50,7 @@ class _Cycles:
         self._diagnosed_ns: int | None = None
 
     def add(self, cycle: RecordedSamples) -> None:
-        """Write the messages of a cycle."""
+        """Write the ROS 2 messages of a cycle to the bag."""
         t_ns, samples, has_gait = cycle
         if self._diagnosed_ns is None:
             for message in self._topics.transforms(t_ns):
@@ -66,7 +66,7 @@ class _Cycles:
         if (
             self._diagnosed_ns is None
             or states != self._states
-            or t_ns - self._diagnosed_ns >= DIAGNOSTICS_NS
+            or t_ns - self._diagnosed_ns >= DIAGNOSTICS_PERIOD_NS
         ):
             self._bag.add(self._topics.diagnostics(samples, t_ns), t_ns)
             self._states, self._diagnosed_ns = list(states), t_ns

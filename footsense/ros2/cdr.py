@@ -16,32 +16,32 @@ from typing import Any
 from footsense.ros2.definitions import fields_of
 from footsense.ros2.messages import Message
 
-_HEADER = b"\x00\x01\x00\x00"
-_NUMBERS = {"byte": "B", "uint8": "B", "int32": "i", "uint32": "I", "float64": "d"}
+_CDR_HEADER = b"\x00\x01\x00\x00"
+_STRUCT_FORMATS = {"byte": "B", "uint8": "B", "int32": "i", "uint32": "I", "float64": "d"}
 
 _Write = Callable[[bytearray, Any], None]
 
 
 def encode(message: Message) -> bytes:
     """Return a message with its header of four bytes."""
-    out, kind = bytearray(), _class_of(message)
-    _writer(kind)(out, message)
-    return _HEADER + out
+    out, kind = bytearray(), _message_class(message)
+    _value_writer(kind)(out, message)
+    return _CDR_HEADER + out
 
 
-def _class_of(message: Message) -> type:
+def _message_class(message: Message) -> type:
     return type(message)
 
 
 @cache
-def _writer(kind: type | str) -> _Write:
+def _value_writer(kind: type | str) -> _Write:
     """Return the function that appends a value of a type."""
     if kind == "string":
         return _write_string
     if isinstance(kind, str):
-        return _number_writer(struct.Struct(f"<{_NUMBERS[kind]}"))
+        return _number_writer(struct.Struct(f"<{_STRUCT_FORMATS[kind]}"))
     parts = [
-        (attrgetter(field.name), _list_writer(field.kind) if field.is_list else _writer(field.kind))
+        (attrgetter(field.name), _list_writer(field.kind) if field.is_list else _value_writer(field.kind))
         for field in fields_of(kind)
     ]
 
@@ -69,7 +69,7 @@ def _write_string(out: bytearray, value: str) -> None:
 
 
 def _list_writer(kind: type | str) -> _Write:
-    write_entry = _writer(kind)
+    write_entry = _value_writer(kind)
 
     def write(out: bytearray, values: list[object]) -> None:
         _write_length(out, len(values))

@@ -4,9 +4,9 @@ from dataclasses import fields
 from functools import cache
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
-from footsense.ros2.messages import PACKAGES
+from footsense.ros2.messages import ROS_PACKAGE_OF_TYPE
 
-_SEPARATOR = "=" * 80
+_DEFINITION_SEPARATOR = "=" * 80
 
 
 class Field(NamedTuple):
@@ -27,32 +27,32 @@ class Field(NamedTuple):
 def fields_of(message: type) -> tuple[Field, ...]:
     """Return the fields of a class of messages in their order."""
     hints = get_type_hints(message, include_extras=True)
-    return tuple(_field(one.name, hints[one.name]) for one in fields(message))
+    return tuple(_field_from_hint(one.name, hints[one.name]) for one in fields(message))
 
 
-def _field(name: str, hint: Any) -> Field:  # noqa: ANN401 - a type
+def _field_from_hint(name: str, hint: Any) -> Field:  # noqa: ANN401 - a type
     is_list = get_origin(hint) is list
     kind = get_args(hint)[0] if is_list else hint
-    return Field(name, is_list, kind if kind in PACKAGES else get_args(kind)[1])
+    return Field(name, is_list, kind if kind in ROS_PACKAGE_OF_TYPE else get_args(kind)[1])
 
 
 def ros_name(message: type, middle: str = "/msg/") -> str:
-    """Return the name of a type.
+    """Return the ROS 2 name of a message type, such as `geometry_msgs/msg/Wrench`.
 
     Example:
         >>> from footsense.ros2.messages import Wrench
         >>> ros_name(Wrench)
         'geometry_msgs/msg/Wrench'
     """
-    return f"{PACKAGES[message]}{middle}{message.__name__}"
+    return f"{ROS_PACKAGE_OF_TYPE[message]}{middle}{message.__name__}"
 
 
-def definition(message: type) -> str:
+def message_definition(message: type) -> str:
     """Return the definition of a type and of all types within, in the form `ros2msg` of MCAP.
 
     Example:
         >>> from footsense.ros2.messages import Header
-        >>> print(definition(Header).replace(_SEPARATOR, "==="))
+        >>> print(message_definition(Header).replace(_DEFINITION_SEPARATOR, "==="))
         builtin_interfaces/Time stamp
         string frame_id
         ===
@@ -61,21 +61,24 @@ def definition(message: type) -> str:
         uint32 nanosec
         <BLANKLINE>
     """
-    parts = [_lines(message)]
-    parts += [f"{_SEPARATOR}\nMSG: {ros_name(one, '/')}\n{_lines(one)}" for one in nested(message)]
+    parts = [_definition_lines(message)]
+    parts += [
+        f"{_DEFINITION_SEPARATOR}\nMSG: {ros_name(one, '/')}\n{_definition_lines(one)}"
+        for one in nested_types(message)
+    ]
     return "".join(parts)
 
 
-def nested(message: type) -> list[type]:
+def nested_types(message: type) -> list[type]:
     """Return the types within a type, each once, in the order in which they are met."""
     found: dict[type, None] = {}
     for field in fields_of(message):
         if isinstance(field.kind, type):
-            found |= dict.fromkeys([field.kind, *nested(field.kind)])
+            found |= dict.fromkeys([field.kind, *nested_types(field.kind)])
     return list(found)
 
 
-def _lines(message: type) -> str:
+def _definition_lines(message: type) -> str:
     return "".join(
         f"{field.kind if isinstance(field.kind, str) else ros_name(field.kind, '/')}"
         f"{'[]' if field.is_list else ''} {field.name}\n"

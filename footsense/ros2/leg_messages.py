@@ -27,12 +27,12 @@ from footsense.ros2.messages import (
     WrenchStamped,
 )
 
-_NO_VECTOR = (math.nan, math.nan, math.nan)
-_LOCOMOTION = 0
+_NAN_VECTOR = (math.nan, math.nan, math.nan)
+_CONTACT_TYPE_LOCOMOTION = 0
 _UNKNOWN, _INACTIVE, _ACTIVE, _SLIPPING = range(4)
 _OK, _WARN, _ERROR, _STALE = range(4)
 #: States that end by themselves or were commanded.
-_WARNINGS = {
+_WARNING_STATES = {
     State.DEGRADED,
     State.STARTING,
     State.NO_BASELINE,
@@ -67,14 +67,14 @@ class LegSample(NamedTuple):
     t_ns: int | None = None
     state: State | None = None
     cause: Cause | None = None
-    force_n: tuple[float, float, float] = _NO_VECTOR
-    sigma_n: tuple[float, float, float] = _NO_VECTOR
+    force_n: tuple[float, float, float] = _NAN_VECTOR
+    sigma_n: tuple[float, float, float] = _NAN_VECTOR
     fault_mask: int = 0
     age_ms: float = math.nan
     baseline: BaselineStatus | None = None
     contact: bool | None = None
     slip: Slip = Slip.UNKNOWN
-    normal: tuple[float, float, float] = _NO_VECTOR
+    normal: tuple[float, float, float] = _NAN_VECTOR
     friction: float = math.nan
 
 
@@ -91,7 +91,7 @@ def wrench(sample: LegSample, frame: str) -> WrenchStamped | None:
 
 
 def contact_state(sample: LegSample, frame: str) -> ContactState:
-    """Return a leg's contact.
+    """Return a leg's contact as a ROS 2 message.
 
     Args:
         sample: The leg.
@@ -99,7 +99,7 @@ def contact_state(sample: LegSample, frame: str) -> ContactState:
     """
     return ContactState(
         name=frame,
-        type=_LOCOMOTION,
+        type=_CONTACT_TYPE_LOCOMOTION,
         status=_contact_status(sample),
         pose=Pose(Point(), Quaternion()),
         velocity=Twist(Vector3(), Vector3()),
@@ -110,13 +110,13 @@ def contact_state(sample: LegSample, frame: str) -> ContactState:
 
 
 def diagnostics(samples: Sequence[LegSample], t_ns: int) -> DiagnosticArray:
-    """Return the health of all legs.
+    """Return the health of all legs as a ROS 2 diagnostic message.
 
     Args:
         samples: The legs.
         t_ns: The present time, since 1970 [ns].
     """
-    return DiagnosticArray(Header(Time.from_ns(t_ns), ""), [_status(sample) for sample in samples])
+    return DiagnosticArray(Header(Time.from_ns(t_ns), ""), [_diagnostic_status(sample) for sample in samples])
 
 
 def _wrench(sample: LegSample) -> Wrench:
@@ -132,11 +132,11 @@ def _contact_status(sample: LegSample) -> int:
     return _SLIPPING if sample.slip is Slip.SLIPPING else _ACTIVE
 
 
-def _status(sample: LegSample) -> DiagnosticStatus:
+def _diagnostic_status(sample: LegSample) -> DiagnosticStatus:
     state, cause = sample.state, sample.cause
-    words = "no answer on CAN" if state is None else _words(state.name)
+    words = "no answer on CAN" if state is None else _name_as_words(state.name)
     if cause:
-        words += f": {_words(cause.name)}"
+        words += f": {_name_as_words(cause.name)}"
     elements = [str(e) for e in range(ELEMENTS) if sample.fault_mask >> e & 1]
     values = {
         "state": "unknown" if state is None else state.name,
@@ -147,7 +147,7 @@ def _status(sample: LegSample) -> DiagnosticStatus:
         "baseline": "unknown" if sample.baseline is None else sample.baseline.name,
     }
     return DiagnosticStatus(
-        _level(state),
+        _diagnostic_level(state),
         f"footsense: {sample.leg}",
         words,
         sample.foot,
@@ -155,13 +155,13 @@ def _status(sample: LegSample) -> DiagnosticStatus:
     )
 
 
-def _level(state: State | None) -> int:
+def _diagnostic_level(state: State | None) -> int:
     if state is None or state is State.STALE:
         return _STALE
     if state is State.VALID:
         return _OK
-    return _WARN if state in _WARNINGS else _ERROR
+    return _WARN if state in _WARNING_STATES else _ERROR
 
 
-def _words(name: str) -> str:
+def _name_as_words(name: str) -> str:
     return name.lower().replace("_", " ")

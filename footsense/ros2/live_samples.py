@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 from footsense.daemon.can_listener import LegSnapshot
 from footsense.ros2.leg_messages import LegSample
-from footsense.ros2.topics import DIAGNOSTICS_NS, TopicMessage, Topics
+from footsense.ros2.topics import DIAGNOSTICS_PERIOD_NS, TopicMessage, Topics
 
 if TYPE_CHECKING:
     from footsense.client import LegEvent
 
 #: Period of the contacts [ns]: that of `Gait` and `Ground` on CAN.
-_CONTACT_NS = 100_000_000
+_CONTACT_PERIOD_NS = 100_000_000
 
 
 def live_sample(snapshot: LegSnapshot, wall_ns: int) -> LegSample:
@@ -44,7 +44,7 @@ def live_sample(snapshot: LegSnapshot, wall_ns: int) -> LegSample:
 
 
 class LiveMessages:
-    """What is to be published of the legs on CAN, and when.
+    """Decides which ROS 2 messages of the legs on CAN are due, and builds them.
 
     Args:
         topics: The messages of the legs.
@@ -57,7 +57,7 @@ class LiveMessages:
         self._states: list[object] = []
         self._contact_ns = self._diagnosed_ns = -math.inf
 
-    def due(self, snapshots: Sequence[LegSnapshot], wall_ns: int, now_ns: int) -> list[TopicMessage]:
+    def due_messages(self, snapshots: Sequence[LegSnapshot], wall_ns: int, now_ns: int) -> list[TopicMessage]:
         """Return the messages that are due: a wrench for each new force, the rest as `write_bag` has it.
 
         Args:
@@ -66,7 +66,7 @@ class LiveMessages:
             now_ns: The present time on a clock that does not step [ns].
         """
         messages = self._topics.transforms(wall_ns) if self._diagnosed_ns < 0 else []
-        contacts_due = now_ns - self._contact_ns >= _CONTACT_NS
+        contacts_due = now_ns - self._contact_ns >= _CONTACT_PERIOD_NS
         samples = [live_sample(snapshot, wall_ns) for snapshot in snapshots]
         for snapshot, sample in zip(snapshots, samples, strict=True):
             leg = snapshot.leg
@@ -79,7 +79,7 @@ class LiveMessages:
         if contacts_due:
             self._contact_ns = now_ns
         states = [(sample.state, sample.cause) for sample in samples]
-        if states != self._states or now_ns - self._diagnosed_ns >= DIAGNOSTICS_NS:
+        if states != self._states or now_ns - self._diagnosed_ns >= DIAGNOSTICS_PERIOD_NS:
             self._states, self._diagnosed_ns = list(states), now_ns
             messages.append(self._topics.diagnostics(samples, wall_ns))
         return messages

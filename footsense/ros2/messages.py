@@ -164,7 +164,7 @@ class ContactState:
 Message = WrenchStamped | ContactState | DiagnosticArray | TFMessage
 
 #: The package of each type.
-PACKAGES: dict[type, str] = {
+ROS_PACKAGE_OF_TYPE: dict[type, str] = {
     Time: "builtin_interfaces",
     Header: "std_msgs",
     **dict.fromkeys(

@@ -80,11 +80,11 @@ class Participant:
             raise FootsenseError("ROS 2 messages need cyclonedds: pip install 'footsense[ros2]'")
         try:
             self._participant = DomainParticipant(domain)
-            self._writers = {topic: self._writer(topic, kind) for topic, kind in topics.items()}
+            self._writers = {topic: self._topic_writer(topic, kind) for topic, kind in topics.items()}
         except DDSException as error:
             raise FootsenseError(f"no DDS in domain {domain}: {error}; see CYCLONEDDS_URI") from None
 
-    def _writer(self, topic: str, kind: type) -> Any:  # noqa: ANN401 - the library is not typed
+    def _topic_writer(self, topic: str, kind: type) -> Any:  # noqa: ANN401 - the library is not typed
         is_static = topic == TF_STATIC
         qos = Qos(
             Policy.Reliability.Reliable(duration(milliseconds=100)),

@@ -14,7 +14,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class RecordedSamples(NamedTuple):
-    """The legs in one cycle.
+    """State and force of all legs in one recorded cycle.
 
     Attributes:
         t_sent_ns: Time of sending, since 1970 [ns].
@@ -28,7 +28,7 @@ class RecordedSamples(NamedTuple):
 
 
 def recorded_samples(replay: Replay) -> Iterator[RecordedSamples]:
-    """Return the cycles of a recording.
+    """Return the cycles of a recording as samples for ROS 2.
 
     Args:
         replay: The recording.
@@ -45,7 +45,7 @@ def recorded_samples(replay: Replay) -> Iterator[RecordedSamples]:
         forces = cycle.forces
         if offset_ns is None:
             offset_ns = _wall_offset_ns(replay, forces.t_sent_ns)
-        samples = [_sample(forces, row, leg, feet, offset_ns) for row, leg in enumerate(replay.legs)]
+        samples = [_leg_sample(forces, row, leg, feet, offset_ns) for row, leg in enumerate(replay.legs)]
         yield RecordedSamples(forces.t_sent_ns + offset_ns, samples, forces.gait is not None)
 
 
@@ -64,7 +64,7 @@ def _wall_offset_ns(replay: Replay, t_first_ns: int) -> int:
         raise RecordingError(f"{replay.path}: the header's time of start: {error}") from None
 
 
-def _sample(forces: ContactFrame, row: int, leg: str, feet: dict[str, str], offset_ns: int) -> LegSample:
+def _leg_sample(forces: ContactFrame, row: int, leg: str, feet: dict[str, str], offset_ns: int) -> LegSample:
     state, cause = State(int(forces.state[row])), int(forces.cause[row])
     usable = state in USABLE
     sample = LegSample(

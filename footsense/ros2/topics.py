@@ -24,7 +24,7 @@ from footsense.ros2.messages import (
 )
 
 #: Period of the health of all legs [ns].
-DIAGNOSTICS_NS = 1_000_000_000
+DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 DIAGNOSTICS, TF_STATIC = "/diagnostics", "/tf_static"
 
@@ -49,14 +49,14 @@ class FootFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TopicMessage(NamedTuple):
-    """A message and its topic."""
+    """A ROS 2 message and the topic that it is published on."""
 
     topic: str
     message: Message
 
 
 class Topics:
-    """The messages of a robot's legs.
+    """Builds the ROS 2 messages of a robot's legs.
 
     Args:
         legs: Names of the legs.
@@ -105,16 +105,16 @@ class Topics:
         return [TopicMessage(TF_STATIC, TFMessage(transforms))] if transforms else []
 
 
-def load_frames(path: Path) -> dict[str, FootFrame]:
+def load_foot_frames(path: Path) -> dict[str, FootFrame]:
     """Return the frames of the feet in a YAML file, by leg.
 
     Raises:
         ConfigError: The file is missing or wrong; the message names the line.
     """
-    return strict_yaml.load(path, dict[str, FootFrame], check=_contradiction)
+    return strict_yaml.load(path, dict[str, FootFrame], check=_frame_contradiction)
 
 
-def _contradiction(frames: dict[str, FootFrame]) -> strict_yaml.Problem | None:
+def _frame_contradiction(frames: dict[str, FootFrame]) -> strict_yaml.Problem | None:
     for leg, foot in frames.items():
         if leg not in ALL_LEGS:
             return strict_yaml.Problem(leg, f"is no leg; there are {', '.join(ALL_LEGS)}")

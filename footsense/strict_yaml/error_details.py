@@ -10,15 +10,15 @@ from msgspec import inspect
 
 from footsense.strict_yaml.plain_data import item_path
 
-_PLACE = re.compile(r" - at (?P<key>`key` in )?`\$(?P<path>[^`]*)`$")
-_STEP = re.compile(r"\.(?P<field>[^.\[]+)|\[(?P<index>\d+|\.\.\.)\]")
-_UNKNOWN = re.compile(r"(?P<fault>.*unknown field) `(?P<name>.*)`", re.DOTALL)
-_MISSING = re.compile(r".*required field `(?P<name>.*)`")
-_EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
+_ERROR_PATH_PATTERN = re.compile(r" - at (?P<key>`key` in )?`\$(?P<path>[^`]*)`$")
+_PATH_STEP_PATTERN = re.compile(r"\.(?P<field>[^.\[]+)|\[(?P<index>\d+|\.\.\.)\]")
+_UNKNOWN_FIELD_PATTERN = re.compile(r"(?P<fault>.*unknown field) `(?P<name>.*)`", re.DOTALL)
+_MISSING_FIELD_PATTERN = re.compile(r".*required field `(?P<name>.*)`")
+_EXPONENT_NUMBER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 
 
 class Problem(NamedTuple):
-    """One fault of a text.
+    """One fault of a YAML text: path of the key, and message.
 
     Attributes:
         path: Keys and indices from the top to the value, such as "buses[0].legs.lf"; empty for the text as a whole.
@@ -42,11 +42,11 @@ def locate_error(data: Any, type_: type[object], error: str, former: Mapping[str
         error: Error of msgspec, such as "Expected `int` <= 7 - at `$.legs[...]`".
         former: Keys and values of earlier versions, each with what replaces it.
     """
-    place = _PLACE.search(error)
+    place = _ERROR_PATH_PATTERN.search(error)
     fault = error[: place.start()] if place else error
     path = ""
     value, info = data, inspect.type_info(type_)
-    for step in _STEP.finditer(place["path"] if place else ""):
+    for step in _PATH_STEP_PATTERN.finditer(place["path"] if place else ""):
         if step["index"] == "...":
             key: str | int = _failing_key(value, lambda: msgspec.convert(data, type_), error)
         else:
@@ -56,42 +56,43 @@ def locate_error(data: Any, type_: type[object], error: str, former: Mapping[str
         info = next(
             type_.key_type for type_, _ in _union_members(info) if isinstance(type_, inspect.DictType)
         )
-        value = next(key for key in value if key not in _choices(info))
+        value = next(key for key in value if key not in _allowed_values(info))
         path = item_path(path, value)
-    if unknown := _UNKNOWN.fullmatch(fault):
+    if unknown := _UNKNOWN_FIELD_PATTERN.fullmatch(fault):
         name = unknown["name"]
         return Problem(
-            item_path(path, name), unknown["fault"] + _remedy(name, list(_fields(info, value)), former)
+            item_path(path, name),
+            unknown["fault"] + _word_remedy(name, list(_mapping_field_types(info, value)), former),
         )
-    if missing := _MISSING.fullmatch(fault):
+    if missing := _MISSING_FIELD_PATTERN.fullmatch(fault):
         info = _item_type(info, value, missing["name"])
-        return Problem(path, fault.replace("`", "") + _expected(info))
-    return Problem(path, fault.replace("`", "") + _hint(fault, value, info, former))
+        return Problem(path, fault.replace("`", "") + _expected_values(info))
+    return Problem(path, fault.replace("`", "") + _error_hint(fault, value, info, former))
 
 
-def _hint(fault: str, value: object, info: inspect.Type, former: Mapping[str, str]) -> str:
+def _error_hint(fault: str, value: object, info: inspect.Type, former: Mapping[str, str]) -> str:
     """Return the value, unless the message shows it, and the allowed values."""
-    if choices := _choices(info):
-        return _remedy(value, choices, former)
+    if choices := _allowed_values(info):
+        return _word_remedy(value, choices, former)
     got = ""
     if isinstance(value, str):
         got = f" {value[:40]!r}" if "got" in fault else f", got {value[:40]!r}"
-        if _EXPONENT.fullmatch(value):
+        if _EXPONENT_NUMBER_PATTERN.fullmatch(value):
             got += f" (YAML reads that as text, write {float(value):g})"
     elif "got" not in fault:
         got = f", got {len(value) if isinstance(value, dict | list) else value}"
-    return got + _expected(info)
+    return got + _expected_values(info)
 
 
-def _expected(info: inspect.Type) -> str:
+def _expected_values(info: inspect.Type) -> str:
     """Return the choices of a type, or the descriptions of its fields."""
-    if choices := _choices(info):
+    if choices := _allowed_values(info):
         return f"; expected {', '.join(map(str, choices))}"
     reasons = dict.fromkeys(reason for _, reason in _union_members(info) if reason)
     return f" ({', or '.join(reasons)})" if reasons else ""
 
 
-def _remedy(word: object, allowed: Sequence[object], former: Mapping[str, str]) -> str:
+def _word_remedy(word: object, allowed: Sequence[object], former: Mapping[str, str]) -> str:
     """Return the end of an error message about a word that is not allowed: its new name, or the allowed words."""
     if str(word) in former:
         return f"; {former[str(word)]}"
@@ -110,12 +111,12 @@ def _union_members(info: inspect.Type) -> list[tuple[inspect.Type, str]]:
     return [(info, "")]
 
 
-def _choices(info: inspect.Type) -> list[object]:
+def _allowed_values(info: inspect.Type) -> list[object]:
     types = (type_ for type_, _ in _union_members(info) if isinstance(type_, inspect.LiteralType))
     return [value for type_ in types for value in type_.values]
 
 
-def _fields(info: inspect.Type, value: dict[str, object]) -> dict[str, inspect.Type]:
+def _mapping_field_types(info: inspect.Type, value: dict[str, object]) -> dict[str, inspect.Type]:
     """Return the types of a mapping's fields; where several structs are possible, those of the struct with its tag."""
     structs = [type_ for type_, _ in _union_members(info) if isinstance(type_, inspect.StructType)]
     fields: dict[str, inspect.Type] = {}
@@ -132,7 +133,7 @@ def _item_type(info: inspect.Type, value: Any, key: str | int) -> inspect.Type: 
     for type_, _ in _union_members(info):
         match type_:
             case inspect.StructType() if isinstance(value, dict):
-                return _fields(info, value)[str(key)]
+                return _mapping_field_types(info, value)[str(key)]
             case inspect.TupleType(item_types=types):
                 return types[int(key)]
             case inspect.ListType(item_type=item) | inspect.VarTupleType(item_type=item):

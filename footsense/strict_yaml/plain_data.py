@@ -16,9 +16,9 @@ MAX_DEPTH = 30
 #: Most values, each use of an alias counted: a text of ten lines can stand for 10^9 of them.
 MAX_VALUES = 50_000
 
-_WORD = re.compile(r"[\w-]+")
-_PREFIX = "tag:yaml.org,2002:"
-_TAGS = {
+_PLAIN_KEY_PATTERN = re.compile(r"[\w-]+")
+_YAML_TAG_PREFIX = "tag:yaml.org,2002:"
+_ALLOWED_TAGS = {
     yaml.MappingNode: {"map"},
     yaml.SequenceNode: {"seq"},
     yaml.ScalarNode: {"str", "int", "float", "bool", "null"},
@@ -77,7 +77,7 @@ def read_yaml(source: Path | str | bytes) -> PlainData:
     Raises:
         YamlError: The file cannot be read, or the text is not YAML, is empty, or uses an unsupported feature.
     """
-    text = _text(source)
+    text = _read_text(source)
     lines: dict[str, int] = {}
     try:
         _check_depth(text)
@@ -85,11 +85,11 @@ def read_yaml(source: Path | str | bytes) -> PlainData:
         root = loader.get_single_node()
         if root is None:
             raise YamlError("is empty")
-        data = _plain(root, "", 0, _line(root.start_mark), loader, lines)
+        data = _plain_value(root, "", 0, _line_number(root.start_mark), loader, lines)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         fault = ", ".join(part for part in (error.context, error.problem) if part)
-        raise YamlError(f"is not valid YAML: {fault}", _line(mark) if mark else None) from None
+        raise YamlError(f"is not valid YAML: {fault}", _line_number(mark) if mark else None) from None
     except (yaml.YAMLError, ValueError, LookupError, RecursionError) as error:
         # Numbers go through int() and float(), which refuse thousands of digits.
         raise YamlError(f"is not valid YAML: {error}") from None
@@ -98,7 +98,7 @@ def read_yaml(source: Path | str | bytes) -> PlainData:
     return PlainData(data, lines)
 
 
-def _text(source: Path | str | bytes) -> str:
+def _read_text(source: Path | str | bytes) -> str:
     try:
         if isinstance(source, Path):
             with source.open("rb") as file:
@@ -128,10 +128,10 @@ def _check_depth(text: str) -> None:
     for event in yaml.parse(text, Loader=_Loader):
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if depth > MAX_DEPTH:
-            raise YamlError(f"is nested deeper than {MAX_DEPTH} levels", _line(event.start_mark))
+            raise YamlError(f"is nested deeper than {MAX_DEPTH} levels", _line_number(event.start_mark))
 
 
-def _plain(
+def _plain_value(
     node: yaml.Node, path: str, depth: int, line: int, loader: yaml.SafeLoader, lines: dict[str, int]
 ) -> object:
     """Return the value of a node with aliases expanded, and add the lines of all its values to `lines`.
@@ -144,43 +144,43 @@ def _plain(
             f"stands for more than {MAX_VALUES} values or {MAX_DEPTH} levels: aliases multiply", line
         )
     lines[path] = line
-    kind = node.tag.removeprefix(_PREFIX)
-    if kind not in _TAGS[type(node)]:
+    kind = node.tag.removeprefix(_YAML_TAG_PREFIX)
+    if kind not in _ALLOWED_TAGS[type(node)]:
         raise YamlError(f"{str(node.value)[:40]!r} reads as a {kind}, which is not supported; quote it", line)
     if isinstance(node, yaml.SequenceNode):
         return [
-            _plain(item, item_path(path, n), depth + 1, _line(item.start_mark), loader, lines)
+            _plain_value(item, item_path(path, n), depth + 1, _line_number(item.start_mark), loader, lines)
             for n, item in enumerate(node.value)
         ]
     if isinstance(node, yaml.MappingNode):
-        return _mapping(node, path, depth, loader, lines)
+        return _plain_mapping(node, path, depth, loader, lines)
     value = loader.construct_object(node)
     if isinstance(value, float) and not math.isfinite(value):
         raise YamlError(f"{node.value} is not a finite number", line)
     return value
 
 
-def _mapping(
+def _plain_mapping(
     node: yaml.MappingNode, path: str, depth: int, loader: yaml.SafeLoader, lines: dict[str, int]
 ) -> dict[str, object]:
     """Return a dict; a doubled key is an error, where PyYAML keeps the last one.
 
     Raises:
-        YamlError: A key stands twice, is not a word, or is the merge key; or as `_plain`.
+        YamlError: A key stands twice, is not a word, or is the merge key; or as `_plain_value`.
     """
     data: dict[str, object] = {}
     for key, item in node.value:
-        line = _line(key.start_mark)
-        if key.tag == f"{_PREFIX}merge":
+        line = _line_number(key.start_mark)
+        if key.tag == f"{_YAML_TAG_PREFIX}merge":
             raise YamlError("the merge key << is not supported; write the keys out", line)
-        if not isinstance(key, yaml.ScalarNode) or not _WORD.fullmatch(key.value):
+        if not isinstance(key, yaml.ScalarNode) or not _PLAIN_KEY_PATTERN.fullmatch(key.value):
             raise YamlError("a key has to be a single word", line)
         place = item_path(path, key.value)
         if key.value in data:
             raise YamlError(f"the key {key.value!r} stands twice, first on line {lines[place]}", line)
-        data[key.value] = _plain(item, place, depth + 1, line, loader, lines)
+        data[key.value] = _plain_value(item, place, depth + 1, line, loader, lines)
     return data
 
 
-def _line(mark: Any) -> int:  # noqa: ANN401 - the two parsers of PyYAML have each their own class
+def _line_number(mark: Any) -> int:  # noqa: ANN401 - the two parsers of PyYAML have each their own class
     return int(mark.line) + 1

@@ -61,7 +61,9 @@ def _metric(family: MetricFamily, cells: Sequence[float]) -> Metric:
         histogram = HistogramMetricFamily(family.name, family.help, labels=names)
         bounds = [*(f"{bound:g}" for bound in family.bounds), "+Inf"]
         for number, labels in enumerate(combinations):
-            *counts, total = cells[number * family.width : (number + 1) * family.width]
+            *counts, total = cells[
+                number * family.cells_per_label_set : (number + 1) * family.cells_per_label_set
+            ]
             histogram.add_metric(labels, list(zip(bounds, accumulate(counts), strict=True)), total)
         return histogram
     kind = CounterMetricFamily if family.kind == "counter" else GaugeMetricFamily

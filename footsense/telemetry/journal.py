@@ -38,7 +38,7 @@ class Journal:
         """Log changes of state and cause, and results of commands."""
         forces = cycle.forces
         if forces.t_sent_ns // _MINUTE_NS != self._minute:
-            self._next_minute(forces.t_sent_ns // _MINUTE_NS)
+            self._start_minute(forces.t_sent_ns // _MINUTE_NS)
         present = (forces.state.tobytes(), forces.cause.tobytes())
         if present != self._last:
             self._log_changes(*present)
@@ -47,11 +47,11 @@ class Journal:
             level = logging.INFO if outcome.result is Result.DONE else logging.WARNING
             command = CommandKind(outcome.command.kind).name.lower()
             result = "done" if outcome.result is Result.DONE else "refused"
-            self._line(outcome.command.leg, level, f"{command} {result}: {outcome.reason}")
+            self._log_line(outcome.command.leg, level, f"{command} {result}: {outcome.reason}")
 
     def close(self) -> None:
         """Log how many lines of the last minute were suppressed."""
-        self._next_minute(0)
+        self._start_minute(0)
 
     def _log_changes(self, states: bytes, causes: bytes) -> None:
         """Log every leg whose state or cause has changed."""
@@ -65,16 +65,16 @@ class Journal:
                     change = f"{now.name.lower()}: {Cause(cause_before).name.lower()} -> {reason}"
                 # A valid leg may have a cause too, such as a stale calibration.
                 level = logging.WARNING if cause or now not in FAULT_FREE else logging.INFO
-                self._line(leg, level, change)
+                self._log_line(leg, level, change)
 
-    def _line(self, leg: int, level: int, text: str) -> None:
+    def _log_line(self, leg: int, level: int, text: str) -> None:
         if self._lines[leg] >= _LINES_PER_MINUTE:
             self._suppressed[leg] += 1
             return
         self._lines[leg] += 1
         _log.log(level, "leg %s: %s", self._legs[leg], text)
 
-    def _next_minute(self, minute: int) -> None:
+    def _start_minute(self, minute: int) -> None:
         self._minute = minute
         for leg, count in enumerate(self._suppressed):
             if count:

@@ -17,7 +17,7 @@ import stat
 from collections.abc import Callable
 
 #: Up to this length a pipe takes a line whole or not at all [bytes]. Source: pipe(7), PIPE_BUF.
-_LINE_BYTES = 4096
+_MAX_LINE_BYTES = 4096
 
 
 class NonBlockingLogHandler(logging.Handler):
@@ -32,7 +32,7 @@ class NonBlockingLogHandler(logging.Handler):
 
     def __init__(self, fd: int) -> None:
         super().__init__()
-        self._write, self._release = _writer(fd)
+        self._write, self._release = _nonblocking_writer(fd)
         self._rest = b""
         self._unreported = 0
         self.lost = 0
@@ -49,7 +49,7 @@ class NonBlockingLogHandler(logging.Handler):
                 _encoded_line(f"WARNING: {self._unreported} lines of the log found no room and are lost")
                 + data
             )
-        if self._put(data):
+        if self._write_without_waiting(data):
             self._unreported = 0
         else:
             self._unreported += 1
@@ -60,7 +60,7 @@ class NonBlockingLogHandler(logging.Handler):
         self._release()
         super().close()
 
-    def _put(self, data: bytes) -> bool:
+    def _write_without_waiting(self, data: bytes) -> bool:
         """Write the rest of the line before and then `data`; return whether `data` was accepted."""
         try:
             self._rest = self._rest[self._write(self._rest) :] if self._rest else b""
@@ -79,10 +79,10 @@ def n_lost_lines() -> int:
 
 def _encoded_line(text: str) -> bytes:
     data = " ".join(text.splitlines()).encode(errors="backslashreplace")
-    return data[: _LINE_BYTES // 2 - 1] + b"\n"
+    return data[: _MAX_LINE_BYTES // 2 - 1] + b"\n"
 
 
-def _writer(fd: int) -> tuple[Callable[[bytes], int], Callable[[], None]]:
+def _nonblocking_writer(fd: int) -> tuple[Callable[[bytes], int], Callable[[], None]]:
     """Return two functions for a file descriptor: a write that does not wait, and the release."""
     kind = os.fstat(fd).st_mode
     if stat.S_ISSOCK(kind):  # as systemd gives it to a service

@@ -44,7 +44,7 @@ AGE_BOUNDS_S = [
 ]
 
 #: States that are faults.
-FAULTS = [state for state in State if state not in FAULT_FREE]
+FAULT_STATES = [state for state in State if state not in FAULT_FREE]
 
 #: Gauges of which exactly one series per leg is 1, as Prometheus enums are: label, codes, meaning.
 STATE_SETS: dict[str, tuple[str, type[IntEnum], str]] = {
@@ -73,7 +73,7 @@ GAIT_GAUGES = {
     ),
 }
 #: Axes of a vector in the frame of the force.
-AXES = ["x", "y", "z"]
+AXIS_NAMES = ["x", "y", "z"]
 
 #: Counters of the CAN channel, by field of `CanStatistics`.
 CAN_COUNTERS = {
@@ -94,61 +94,67 @@ CAN_COUNTERS = {
 
 
 def service_metrics(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> list[MetricFamily]:
-    """Return the metrics of a robot.
+    """Return the Prometheus metrics of a robot with these legs.
 
     Args:
         legs: Name of the leg in each row of the frames.
         wakeup_bounds_s: Bounds of the wake-up latency's histogram [s]; None in virtual time, where nothing sleeps.
     """
     leg = {"leg": list(legs)}
-    states = {**leg, "state": _names(State)}
+    states = {**leg, "state": _code_names(State)}
     offset = "baseline offset since the last tare; NaN without a baseline."
     return [
         *(_wakeup_metrics(wakeup_bounds_s) if wakeup_bounds_s is not None else ()),
-        _family("footsense_degraded_timing", "1 while the loop lacks the scheduling it asked for."),
-        _family(
+        _metric_family("footsense_degraded_timing", "1 while the loop lacks the scheduling it asked for."),
+        _metric_family(
             "footsense_cycles_total",
             "Forces estimated: one a conversion, or one a record of a microcontroller.",
         ),
-        _family(
+        _metric_family(
             "footsense_cycle_period_seconds",
             "Time from one estimate of the forces to the next.",
             {},
             PERIOD_BOUNDS_S,
         ),
-        _family(
+        _metric_family(
             "footsense_frame_age_seconds", "Age of a leg's newest reading at its estimate.", leg, AGE_BOUNDS_S
         ),
         *(
-            _family(name, meaning, {**leg, label: _names(codes)})
+            _metric_family(name, meaning, {**leg, label: _code_names(codes)})
             for name, (label, codes, meaning) in STATE_SETS.items()
         ),
-        _family("footsense_leg_contact", "1 while the foot is in contact with the ground.", leg),
-        *(_family(name, meaning, leg) for name, meaning in GAIT_GAUGES.values()),
-        _family(
+        _metric_family("footsense_leg_contact", "1 while the foot is in contact with the ground.", leg),
+        *(_metric_family(name, meaning, leg) for name, meaning in GAIT_GAUGES.values()),
+        _metric_family(
             "footsense_ground_normal",
             "Unit normal of the ground into the foot; NaN if no load tells it.",
-            {**leg, "axis": AXES},
+            {**leg, "axis": AXIS_NAMES},
         ),
-        _family(
+        _metric_family(
             "footsense_ground_friction_coefficient",
             "Coefficient of friction that slips have taught; NaN until then.",
         ),
-        _family("footsense_all_in_air", "1 while every leg is known to be without contact."),
-        _family(
-            "footsense_gait_events_total", "Gait events by kind.", {**leg, "kind": _names(GaitEventKind)}
+        _metric_family("footsense_all_in_air", "1 while every leg is known to be without contact."),
+        _metric_family(
+            "footsense_gait_events_total", "Gait events by kind.", {**leg, "kind": _code_names(GaitEventKind)}
         ),
-        _family("footsense_leg_cycles_total", "Estimates by the leg's state.", states),
-        _family(
-            "footsense_faults_total", "Transitions of a leg into a fault.", {**leg, "kind": _names(FAULTS)}
+        _metric_family("footsense_leg_cycles_total", "Estimates by the leg's state.", states),
+        _metric_family(
+            "footsense_faults_total",
+            "Transitions of a leg into a fault.",
+            {**leg, "kind": _code_names(FAULT_STATES)},
         ),
-        _family("footsense_tares_total", "Tares by result.", {**leg, "result": _names(Result)}),
-        _family("footsense_baseline_mean_offset_farads", f"Mean over the elements of the {offset}", leg),
-        _family("footsense_baseline_worst_offset_farads", f"Largest element's {offset}", leg),
-        _family("footsense_baseline_age_seconds", "Time since the last tare or move; NaN if never.", leg),
-        *(_family(name, meaning) for name, meaning in CAN_COUNTERS.values()),
-        _family("footsense_recorder_lost_cycles_total", "Cycles missing in the recording."),
-        _family("footsense_log_lost_lines_total", "Log lines dropped because their reader was slow."),
+        _metric_family("footsense_tares_total", "Tares by result.", {**leg, "result": _code_names(Result)}),
+        _metric_family(
+            "footsense_baseline_mean_offset_farads", f"Mean over the elements of the {offset}", leg
+        ),
+        _metric_family("footsense_baseline_worst_offset_farads", f"Largest element's {offset}", leg),
+        _metric_family(
+            "footsense_baseline_age_seconds", "Time since the last tare or move; NaN if never.", leg
+        ),
+        *(_metric_family(name, meaning) for name, meaning in CAN_COUNTERS.values()),
+        _metric_family("footsense_recorder_lost_cycles_total", "Cycles missing in the recording."),
+        _metric_family("footsense_log_lost_lines_total", "Log lines dropped because their reader was slow."),
     ]
 
 
@@ -156,13 +162,15 @@ def _wakeup_metrics(bounds_s: Sequence[float]) -> list[MetricFamily]:
     latency = "Time from the deadline of a sleeping thread to its wake-up."
     missed = "Conversions given up because a wake-up came too late; never made up for."
     return [
-        _family("footsense_wakeup_latency_seconds", latency, {}, bounds_s),
-        _family("footsense_overruns_total", "Deadlines that had passed before the thread could sleep."),
-        _family("footsense_missed_deadlines_total", missed),
+        _metric_family("footsense_wakeup_latency_seconds", latency, {}, bounds_s),
+        _metric_family(
+            "footsense_overruns_total", "Deadlines that had passed before the thread could sleep."
+        ),
+        _metric_family("footsense_missed_deadlines_total", missed),
     ]
 
 
-def _family(
+def _metric_family(
     name: str, meaning: str, labels: Mapping[str, list[str]] | None = None, bounds: Sequence[float] = ()
 ) -> MetricFamily:
     """Return a metric: a histogram if it has bounds, a counter if its name ends in `_total`, else a gauge."""
@@ -170,5 +178,5 @@ def _family(
     return MetricFamily(name, "histogram" if bounds else kind, meaning, dict(labels or {}), list(bounds))
 
 
-def _names(codes: "type[IntEnum] | list[State]") -> list[str]:
+def _code_names(codes: "type[IntEnum] | list[State]") -> list[str]:
     return [code.name.lower() for code in codes]

@@ -27,7 +27,7 @@ from footsense.ports import Observer, WakeupLatency
 from footsense.telemetry.metric_families import (
     AGE_BOUNDS_S,
     CAN_COUNTERS,
-    FAULTS,
+    FAULT_STATES,
     GAIT_GAUGES,
     PERIOD_BOUNDS_S,
     STATE_SETS,
@@ -35,12 +35,12 @@ from footsense.telemetry.metric_families import (
 )
 from footsense.telemetry.shared_counters import SharedCounters
 
-_COPY_PERIOD_NS = 100_000_000
+_SLOW_COPY_PERIOD_NS = 100_000_000
 _FARADS_PER_PF = 1e-12
 
 # Looked up by plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _N_CODES = {name: len(codes) for name, (_, codes, _) in STATE_SETS.items()}
-_PHASES = {state.value: phase_of(state).value for state in State}
+_PHASE_OF_STATE = {state.value: phase_of(state).value for state in State}
 _CONTACT, _DEGRADED_TIMING = int(Flag.CONTACT), int(Flag.DEGRADED_TIMING)
 
 
@@ -85,10 +85,12 @@ class MetricsObserver(Observer):
         self._copy_due_ns: int | None = None
         self._last: tuple[bytes, bytes, bytes] | None = None
         self._states = [-1] * len(legs)
-        self._fault_column = {state.value: column for column, state in enumerate(FAULTS)}
+        self._fault_column = {state.value: column for column, state in enumerate(FAULT_STATES)}
         self._period = self._first["footsense_cycle_period_seconds"]
-        width = len(AGE_BOUNDS_S) + 2
-        self._ages = [self._first["footsense_frame_age_seconds"] + row * width for row in range(len(legs))]
+        cells_per_label_set = len(AGE_BOUNDS_S) + 2
+        self._ages = [
+            self._first["footsense_frame_age_seconds"] + row * cells_per_label_set for row in range(len(legs))
+        ]
         self._cycle_cells: list[int] = []
         self._can_cells = [(self._first[name], field) for field, (name, _) in CAN_COUNTERS.items()]
         self._state_cells: dict[str, list[int]] = {}
@@ -116,7 +118,7 @@ class MetricsObserver(Observer):
         if forces.gait is not None:
             self._update_gait(forces.gait)
         if self._copy_due_ns is None or sent_ns >= self._copy_due_ns:
-            self._copy_due_ns = sent_ns + _COPY_PERIOD_NS
+            self._copy_due_ns = sent_ns + _SLOW_COPY_PERIOD_NS
             self._copy_external_counts(forces)
         for outcome in cycle.outcomes:
             if outcome.command.kind == CommandKind.TARE:
@@ -131,27 +133,27 @@ class MetricsObserver(Observer):
         """Update states, causes and flags, and choose the counters of the cycles to come."""
         states, flags = forces.state.tolist(), forces.flags.tolist()
         self._set_states("footsense_leg_state", states)
-        self._set_states("footsense_leg_phase", [_PHASES[state] for state in states])
+        self._set_states("footsense_leg_phase", [_PHASE_OF_STATE[state] for state in states])
         self._set_states("footsense_leg_cause", forces.cause.tolist())
-        self._set("footsense_leg_contact", [bool(flag & _CONTACT) for flag in flags])
-        self._set("footsense_degraded_timing", [any(flag & _DEGRADED_TIMING for flag in flags)])
+        self._set_cells("footsense_leg_contact", [bool(flag & _CONTACT) for flag in flags])
+        self._set_cells("footsense_degraded_timing", [any(flag & _DEGRADED_TIMING for flag in flags)])
         by_state, n_states = self._first["footsense_leg_cycles_total"], len(State)
         self._cycle_cells = [self._first["footsense_cycles_total"]]
         self._cycle_cells += [by_state + row * n_states + state for row, state in enumerate(states)]
         for row, (state, before) in enumerate(zip(states, self._states, strict=True)):
             column = self._fault_column.get(state)
             if state != before and column is not None:
-                cell = self._first["footsense_faults_total"] + row * len(FAULTS) + column
+                cell = self._first["footsense_faults_total"] + row * len(FAULT_STATES) + column
                 self._counters.cells[cell] += 1
         self._states = states
 
     def _update_gait(self, gait: GaitFrame) -> None:
         """Update the gauges of the gait, and count its events."""
         for field, (name, _) in GAIT_GAUGES.items():
-            self._set(name, getattr(gait, field).tolist())
-        self._set("footsense_ground_normal", gait.normal.ravel().tolist())
-        self._set("footsense_ground_friction_coefficient", [gait.friction])
-        self._set("footsense_all_in_air", [gait.all_in_air])
+            self._set_cells(name, getattr(gait, field).tolist())
+        self._set_cells("footsense_ground_normal", gait.normal.ravel().tolist())
+        self._set_cells("footsense_ground_friction_coefficient", [gait.friction])
+        self._set_cells("footsense_all_in_air", [gait.all_in_air])
         self._set_states("footsense_leg_slip", gait.slip.tolist())
         first = self._first["footsense_gait_events_total"]
         for event in gait.events:
@@ -162,21 +164,23 @@ class MetricsObserver(Observer):
         baseline, cells = forces.baseline, self._counters.cells
         for cell, field in self._can_cells:
             cells[cell] = getattr(self._can, field)
-        self._set("footsense_recorder_lost_cycles_total", [self._n_lost_cycles()])
-        self._set("footsense_log_lost_lines_total", [self._n_lost_lines()])
+        self._set_cells("footsense_recorder_lost_cycles_total", [self._n_lost_cycles()])
+        self._set_cells("footsense_log_lost_lines_total", [self._n_lost_lines()])
         self._set_states("footsense_baseline_status", baseline.status.tolist())
-        self._set("footsense_baseline_mean_offset_farads", (baseline.mean_pf * _FARADS_PER_PF).tolist())
-        self._set("footsense_baseline_worst_offset_farads", (baseline.worst_pf * _FARADS_PER_PF).tolist())
+        self._set_cells("footsense_baseline_mean_offset_farads", (baseline.mean_pf * _FARADS_PER_PF).tolist())
+        self._set_cells(
+            "footsense_baseline_worst_offset_farads", (baseline.worst_pf * _FARADS_PER_PF).tolist()
+        )
         now_ns = forces.t_sent_ns
         ages_s = [(now_ns - t_ns) * 1e-9 if t_ns > 0 else math.nan for t_ns in baseline.moved_ns.tolist()]
-        self._set("footsense_baseline_age_seconds", ages_s)
+        self._set_cells("footsense_baseline_age_seconds", ages_s)
         if self._wakeups:
             histograms = [wakeups.histogram for wakeups in self._wakeups]
-            self._set(
+            self._set_cells(
                 "footsense_wakeup_latency_seconds", [sum(cell) for cell in zip(*histograms, strict=True)]
             )
-            self._set("footsense_overruns_total", [sum(wakeups.overruns for wakeups in self._wakeups)])
-            self._set("footsense_missed_deadlines_total", [self._late_discards()])
+            self._set_cells("footsense_overruns_total", [sum(wakeups.overruns for wakeups in self._wakeups)])
+            self._set_cells("footsense_missed_deadlines_total", [self._late_discards()])
 
     def _set_states(self, name: str, states: Sequence[int]) -> None:
         """Set each leg's series of a state set: 1 for its present code, 0 for the one before."""
@@ -189,7 +193,7 @@ class MetricsObserver(Observer):
             cells[cell] = 1.0
         self._state_cells[name] = present
 
-    def _set(self, name: str, values: Sequence[float]) -> None:
-        """Write the cells of a family."""
+    def _set_cells(self, name: str, values: Sequence[float]) -> None:
+        """Write the values of a metric family to the shared counters."""
         first = self._first[name]
         self._counters.cells[first : first + len(values)] = array("d", values)

@@ -13,13 +13,13 @@ from footsense.frames import FAULT_FREE, IS_USABLE, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
 
 #: Smallest true force of a loaded frame, whose direction is defined, over the feet's largest force [1].
-LOADED_REL = 0.05
+LOADED_THRESHOLD_REL = 0.05
 
 _MAGNITUDE_BIN_REL = 0.001
 _DIRECTION_BIN_DEG = 0.02
 _AGE_BIN_MS = 0.05
 #: Cycles that are kept before they are added to the tables.
-_KEPT_CYCLES = 256
+_CYCLES_PER_COUNT = 256
 
 
 class RunStatistics(Observer):
@@ -38,7 +38,7 @@ class RunStatistics(Observer):
         max_n: float = 2.0,
     ) -> None:
         self._legs = legs
-        self._loaded_n = LOADED_REL * max_n
+        self._loaded_n = LOADED_THRESHOLD_REL * max_n
         self._true_force_at_time_n = true_force_at_time_n
         self._cycles = 0
         self._first_ns = self._last_ns = 0
@@ -65,10 +65,10 @@ class RunStatistics(Observer):
         self._ages_ns.append((forces.t_sent_ns - forces.t_ns)[valid])
         if self._true_force_at_time_n is not None:
             self._pairs_n.append((forces.force_n[valid], self._true_force_at_time_n(forces.t_sent_ns)[valid]))
-        if len(self._ages_ns) >= _KEPT_CYCLES:
-            self._count()
+        if len(self._ages_ns) >= _CYCLES_PER_COUNT:
+            self._count_kept_cycles()
 
-    def _count(self) -> None:
+    def _count_kept_cycles(self) -> None:
         """Add the kept cycles to the tables: all at once costs a tenth of one by one."""
         if self._ages_ns:
             self._age_ms.add(np.asarray(np.concatenate(self._ages_ns) * 1e-6, np.float64))
@@ -86,7 +86,7 @@ class RunStatistics(Observer):
 
     def summary(self) -> dict[str, object]:
         """Return the statistics as plain values; None for a figure without samples."""
-        self._count()
+        self._count_kept_cycles()
         span_s = (self._last_ns - self._first_ns) * 1e-9
         summary: dict[str, object] = {
             "cycles": self._cycles,
@@ -118,13 +118,13 @@ class Histogram:
     """Histogram with bins of equal width from 0; the last bin also counts all larger values.
 
     Args:
-        width: Width of a bin.
+        cells_per_label_set: Width of a bin.
         end: Upper end of the last one.
     """
 
-    def __init__(self, width: float, end: float) -> None:
-        self._width = width
-        self._counts = np.zeros(round(end / width), np.int64)
+    def __init__(self, cells_per_label_set: float, end: float) -> None:
+        self._width = cells_per_label_set
+        self._counts = np.zeros(round(end / cells_per_label_set), np.int64)
         self._sum = 0.0
 
     def add(self, values: Vector) -> None:

@@ -29,7 +29,7 @@ from footsense.errors import FootsenseError
 from footsense.shared_file import SharedFile, is_locked
 
 _MAGIC = b"FSCOUNT1"
-_HEAD = struct.Struct("<8sQ")
+_HEADER_STRUCT = struct.Struct("<8sQ")
 #: Most that is read of a file of counters [bytes]; that of six legs has 14 thousand.
 _MAX_BYTES = 1 << 20
 
@@ -53,14 +53,14 @@ class MetricFamily:
     bounds: list[float] = field(default_factory=list)
 
     @property
-    def width(self) -> int:
+    def cells_per_label_set(self) -> int:
         """Cells of one combination of label values."""
         return len(self.bounds) + 2 if self.kind == "histogram" else 1
 
     @property
     def n_cells(self) -> int:
         """Cells of the whole family."""
-        return self.width * math.prod(len(values) for values in self.labels.values())
+        return self.cells_per_label_set * math.prod(len(values) for values in self.labels.values())
 
 
 class SharedCounters:
@@ -86,7 +86,9 @@ class SharedCounters:
         for family in families:
             self.first_cell[family.name] = n_cells
             n_cells += family.n_cells
-        self._file = SharedFile(path, _HEAD.pack(_MAGIC, len(description)) + description, 8 * n_cells)
+        self._file = SharedFile(
+            path, _HEADER_STRUCT.pack(_MAGIC, len(description)) + description, 8 * n_cells
+        )
         self.cells = self._file.cells.cast("d")
 
     def close(self) -> None:
@@ -106,9 +108,9 @@ def read_counters(path: Path) -> tuple[list[MetricFamily], list[float]]:
             content = file.read(_MAX_BYTES) if is_locked(file) else b""
         if not content:
             raise FootsenseError(f"{path}: its service has ended")
-        magic, length = _HEAD.unpack_from(content)
-        start = _HEAD.size + length
-        families = msgspec.json.decode(content[_HEAD.size : start], type=list[MetricFamily])
+        magic, length = _HEADER_STRUCT.unpack_from(content)
+        start = _HEADER_STRUCT.size + length
+        families = msgspec.json.decode(content[_HEADER_STRUCT.size : start], type=list[MetricFamily])
         cells: list[float] = memoryview(content)[start:].cast("d").tolist()  # type: ignore[assignment]
     except OSError as error:
         raise FootsenseError(f"{path}: {error.strerror}") from error

@@ -60,13 +60,13 @@ class SystemdObserver(Observer):
         """Report the first cycle as readiness, and send watchdog and status when due."""
         now_ns = cycle.forces.t_sent_ns
         if self._alive_ns is None:
-            self.send(READY="1", STATUS=self._status(cycle))
+            self.send(READY="1", STATUS=self._status_line(cycle))
             self._alive_ns = self._status_ns = now_ns
         if self._interval_ns is not None and now_ns - self._alive_ns >= self._interval_ns:
             self.send(WATCHDOG="1")
             self._alive_ns = now_ns
         if now_ns - self._status_ns >= _STATUS_PERIOD_NS:
-            self.send(STATUS=self._status(cycle))
+            self.send(STATUS=self._status_line(cycle))
             self._status_ns = now_ns
 
     def send(self, **assignments: str) -> None:
@@ -84,7 +84,7 @@ class SystemdObserver(Observer):
             self._socket.close()
             self._socket = None
 
-    def _status(self, cycle: Cycle) -> str:
+    def _status_line(self, cycle: Cycle) -> str:
         states = zip(self._legs, cycle.forces.state.tolist(), strict=True)
         status = ", ".join(f"{leg} {State(state).name.lower()}" for leg, state in states)
         degraded = any(flags & Flag.DEGRADED_TIMING for flags in cycle.forces.flags.tolist())

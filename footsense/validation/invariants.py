@@ -20,40 +20,40 @@ from footsense.ports import Observer
 from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.sim.faults.schedule import Schedule
-from footsense.validation.tolerances import Rules, tolerated_delays_s, tolerated_spans_s
+from footsense.validation.tolerances import WalkLimits, tolerated_delays_s, tolerated_spans_s
 
 _NS_PER_S = 1_000_000_000
 #: Name of each leg by its node id.
 _LEG_OF_NODE = {node: leg for leg, node in NODE_IDS.items()}
 _USABLE = frozenset(int(state) for state in USABLE)
 #: Limit of an error in sigmas.
-_SIGMAS = 5.0
+_LARGE_ERROR_SIGMAS = 5.0
 #: Violations that are kept; the others are counted.
-_KEPT = 20
+_MAX_KEPT_VIOLATIONS = 20
 
 #: Time after a fault of CAN in which frames may still be lost [s]: the interface is opened again, and the kernel checks
 #: its carrier once a second.
 CAN_RECOVERY_S = 2.0
 
 #: Delay of the next cycle by the search for a leg [s].
-_SEARCH_DELAY_S = 1.5e-3
+_LEG_SEARCH_DELAY_S = 1.5e-3
 #: Frames ahead of one on the wire: a full queue and the mailboxes, each of which loses to another node's [bits].
-_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.mailboxes) * LONGEST_FRAME_BITS
+_QUEUE_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.mailboxes) * LONGEST_FRAME_BITS
 #: Values of the counter in a frame of CAN.
 _COUNTER_VALUES = 15
 
 
 class Violation(NamedTuple):
-    """A violation of an invariant.
+    """A violation of an invariant: which one, when, and on which leg.
 
     Attributes:
-        rule: The invariant.
+        invariant: The invariant.
         t_s: Time [s].
         leg: Name of the leg; empty for all.
         detail: Offending value.
     """
 
-    rule: str
+    invariant: str
     t_s: float
     leg: str
     detail: str
@@ -81,7 +81,7 @@ class Invariants(Observer):
     """
 
     def __init__(
-        self, rules: Rules, script: Sequence[Fault], true_force_at_time_n: Callable[[int], Vector]
+        self, rules: WalkLimits, script: Sequence[Fault], true_force_at_time_n: Callable[[int], Vector]
     ) -> None:
         self._rules = rules
         self._true_force_at_time_n = true_force_at_time_n
@@ -97,11 +97,11 @@ class Invariants(Observer):
         self._good_s = [0.0] * len(rules.legs)  # last time of each leg with a force, or in a tolerated span
         self._last: tuple[int, int] | None = None  # sequence, t_sent_ns
         self._counters: dict[int, tuple[int, int]] = {}  # by node: counter, t_ns
-        self._on_time_s = 1.1 * rules.period_s + _SEARCH_DELAY_S
+        self._on_time_s = 1.1 * rules.period_s + _LEG_SEARCH_DELAY_S
         # A full queue holds so many forces: two of six legs, three of three legs.
         n_forces = math.ceil(AS_DEPLOYED.queue_frames / (FRAMES_PER_LEG * len(rules.legs)))
         force_period_s = rules.frames_per_force * rules.period_s
-        self._longest_wait_s = n_forces * force_period_s + _DRAIN_BITS / rules.bitrate
+        self._longest_wait_s = n_forces * force_period_s + _QUEUE_DRAIN_BITS / rules.bitrate
         self.violations: list[Violation] = []
         self.n_violations: Counter[str] = Counter()
         self.n_cycles = self.n_checked = self.n_received = self.n_missed = 0
@@ -114,7 +114,7 @@ class Invariants(Observer):
         frame, rules = cycle.forces, self._rules
         t_s = frame.t_sent_ns / _NS_PER_S
         self.n_cycles += 1
-        self._check_pace(frame.sequence, frame.t_sent_ns, t_s)
+        self._check_period(frame.sequence, frame.t_sent_ns, t_s)
         states: list[int] = frame.state.tolist()
         force_n: list[list[float]] = frame.force_n.tolist()
         sigma_n: list[list[float]] = frame.sigma_n.tolist()
@@ -126,15 +126,17 @@ class Invariants(Observer):
             some = any(map(math.isfinite, force_n[leg]))
             numbers = all(map(math.isfinite, (*force_n[leg], *sigma_n[leg])))
             if not numbers == some == is_usable:
-                self._violate("a number if and only if the state allows one", t_s, name, State(state).name)
+                self._add_violation(
+                    "a number if and only if the state allows one", t_s, name, State(state).name
+                )
             age_ns = frame.t_sent_ns - t_ns
             if is_usable and age_ns > rules.max_age_s * _NS_PER_S:
-                self._violate("no force above its age limit", t_s, name, f"{age_ns / 1e6:.1f} ms")
-            if is_usable or t_s < rules.from_s or self._tolerated[leg].at(t_s):
+                self._add_violation("no force above its age limit", t_s, name, f"{age_ns / 1e6:.1f} ms")
+            if is_usable or t_s < rules.checks_start_s or self._tolerated[leg].at(t_s):
                 self._good_s[leg] = t_s
-            elif t_s - self._good_s[leg] > self._on_time_s + self._delay_s(self._good_s[leg], t_s):
+            elif t_s - self._good_s[leg] > self._on_time_s + self._tolerated_delay_s(self._good_s[leg], t_s):
                 detail = f"{State(state).name}, cause {frame.cause[leg]}"
-                self._violate("the other legs go on", t_s, name, detail)
+                self._add_violation("the other legs go on", t_s, name, detail)
         self._check_errors(frame, np.flatnonzero(usable).tolist())
 
     def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
@@ -153,7 +155,7 @@ class Invariants(Observer):
         wait_ns = t_ns - handed_ns
         if wait_ns > self._longest_wait_s * _NS_PER_S:
             detail = f"0x{can_id:03x} {wait_ns / 1e6:.1f} ms"
-            self._violate("no frame waits longer than in a full queue", t_s, _LEG_OF_NODE[node], detail)
+            self._add_violation("no frame waits longer than in a full queue", t_s, _LEG_OF_NODE[node], detail)
         if kind == QUALITY_ID:
             self._check_age_on_wire(can_id, data, wait_ns, t_s)
             return
@@ -162,21 +164,21 @@ class Invariants(Observer):
         before, self._counters[node] = self._counters.get(node), (counter, t_ns)
         missed = (counter - before[0] - 1) % _COUNTER_VALUES if before is not None else 0
         self.n_missed += missed
-        if before is not None and missed and not self._can_was_broken(before[1] / _NS_PER_S, t_s):
-            self._violate("every frame reaches CAN", t_s, _LEG_OF_NODE[node], f"{missed} missing")
+        if before is not None and missed and not self._had_can_fault(before[1] / _NS_PER_S, t_s):
+            self._add_violation("every frame reaches CAN", t_s, _LEG_OF_NODE[node], f"{missed} missing")
 
-    def _check_pace(self, sequence: int, t_sent_ns: int, t_s: float) -> None:
+    def _check_period(self, sequence: int, t_sent_ns: int, t_s: float) -> None:
         last, self._last = self._last, (sequence, t_sent_ns)
         if last is None:
             return
         if sequence != last[0] + 1:
-            self._violate("no frame is left out", t_s, "", f"{last[0]}, then {sequence}")
+            self._add_violation("no frame is left out", t_s, "", f"{last[0]}, then {sequence}")
         gap_s = (t_sent_ns - last[1]) / _NS_PER_S
         self.longest_gap_s = max(self.longest_gap_s, gap_s)
-        if not 0.0 < gap_s <= self._on_time_s + self._delay_s(t_s - gap_s, t_s):
-            self._violate("frames keep coming on time", t_s, "", f"{1e3 * gap_s:.1f} ms")
+        if not 0.0 < gap_s <= self._on_time_s + self._tolerated_delay_s(t_s - gap_s, t_s):
+            self._add_violation("frames keep coming on time", t_s, "", f"{1e3 * gap_s:.1f} ms")
 
-    def _delay_s(self, from_s: float, until_s: float) -> float:
+    def _tolerated_delay_s(self, from_s: float, until_s: float) -> float:
         """Return the tolerated delay of a frame by faults of a bus [s]."""
         return sum(
             delay_s for start_s, end_s, delay_s in self._delays_s if start_s <= until_s and from_s <= end_s
@@ -188,7 +190,7 @@ class Invariants(Observer):
         self.n_checked += len(usable)
         for leg in usable:
             error_n = np.abs(frame.force_n[leg] - true_n[leg])
-            self.n_beyond += error_n > _SIGMAS * frame.sigma_n[leg]
+            self.n_beyond += error_n > _LARGE_ERROR_SIGMAS * frame.sigma_n[leg]
 
     def _check_age_on_wire(self, can_id: int, data: bytes, wait_ns: int, t_s: float) -> None:
         quality = decode_quality(can_id, data)
@@ -196,14 +198,14 @@ class Invariants(Observer):
             return  # no force goes with it
         age_ns = quality.age_ns + wait_ns
         if age_ns > (self._rules.max_age_s + self._longest_wait_s) * _NS_PER_S:
-            self._violate(
+            self._add_violation(
                 "nothing old leaves the wire", t_s, _LEG_OF_NODE[quality.node], f"{age_ns / 1e6:.1f} ms"
             )
 
-    def _can_was_broken(self, from_s: float, until_s: float) -> bool:
+    def _had_can_fault(self, from_s: float, until_s: float) -> bool:
         return any(at_s <= until_s and from_s <= end_s for at_s, end_s in self._can_broken_s)
 
-    def _violate(self, rule: str, t_s: float, leg: str, detail: str) -> None:
-        self.n_violations[rule] += 1
-        if len(self.violations) < _KEPT:
-            self.violations.append(Violation(rule, round(t_s, 4), leg, detail))
+    def _add_violation(self, invariant: str, t_s: float, leg: str, detail: str) -> None:
+        self.n_violations[invariant] += 1
+        if len(self.violations) < _MAX_KEPT_VIOLATIONS:
+            self.violations.append(Violation(invariant, round(t_s, 4), leg, detail))

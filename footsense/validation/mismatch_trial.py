@@ -13,24 +13,24 @@ import numpy as np
 from firmware_interface.chips import fdc1004
 from footsense.calibration.evaluation import DesignModels, Estimates
 from footsense.calibration.fit.calibrate import (
-    USUAL_DISTANCE,
+    TYPICAL_MAHALANOBIS_DISTANCE,
     CalibrationResult,
-    fit_foot,
+    fit_foot_unchecked,
     require_plausible,
 )
-from footsense.calibration.fit.rubber_memory import without_memory
+from footsense.calibration.fit.rubber_memory import remove_rubber_memory
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.faults.consistency import ConsistencyTest
 from footsense.foot.directions import normalized, rotation
-from footsense.foot.force_errors import GRAM_FORCE_N, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import ELEMENTS, Mask, Vector
-from footsense.sim.foot.fabrication import REMOUNT_DEG, FootTolerances, fabricate, remounted
+from footsense.sim.foot.fabrication import REMOUNT_DEG, FootTolerances, fabricate, with_new_mounting
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.test_stand.press_sequence import paper_presses
-from footsense.sim.test_stand.reference_sensor import STEP_GF, drawn_bow_gf, nonlinearity_gf
+from footsense.sim.test_stand.reference_sensor import RESOLUTION_GF, drawn_bow_gf, nonlinearity_gf
 
 if TYPE_CHECKING:
     from footsense.foot.parameters import FootParameters
@@ -40,10 +40,10 @@ _RISE_S, _DWELL_S, _PAUSE_S = 0.05, 0.5, 0.5
 #: Noise of a mean reading, of one reading and of a baseline [pF].
 _MEAN_PF, _ONE_PF, _BASELINE_PF = 0.15e-3, 0.5e-3, 0.2e-3
 #: Noise of a mean force over the reference's resolution, as the session finds it [1].
-_MEAN_STEPS = 0.07
+_MEAN_FORCE_NOISE_STEPS = 0.07
 _FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Time after which the residual test acts on what it sees [ns].
-_SETTLED_NS = 100_000_000
+_RESIDUAL_TEST_DELAY_NS = 100_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,29 +51,29 @@ class Disturbance:
     """How foot, test stand and floor differ from what the calibration supposes, beside the foot's response.
 
     Attributes:
-        turn_deg: Turn of the sheet about the axis of the balls [deg].
-        worn_mm: Height of the cap that the ball has lost at its pole [mm].
-        creep: Creep over that assumed [1].
-        play: Play over that assumed [1].
-        touchdown_pf: Largest capacitance that the floor adds to every element of a foot in contact [pF]; a foot has
-            between a quarter of it and all of it. The stick of the test stand adds none.
-        microphonics_pf: Noise of the cables in motion, rms, the same during one dwell [pF].
+        sheet_rotation_deg: Turn of the sheet about the axis of the balls [deg].
+        worn_cap_height_mm: Height of the cap that the ball has lost at its pole [mm].
+        creep_factor: Creep over that assumed [1].
+        play_factor: Play over that assumed [1].
+        max_ground_capacitance_pf: Largest capacitance that the floor adds to every element of a foot in contact
+            [pF]; a foot has between a quarter of it and all of it. The stick of the test stand adds none.
+        cable_noise_pf: Noise of the cables in motion, rms, the same during one dwell [pF].
         reference_linearity_rel: Nonlinearity of the reference over its rated value [1].
-        reference_steps: Scatter of a press's mean force, rms, over the reference's resolution [1].
-        lean_deg: Angle between the contact's normal and the force of a press of the calibration, rms [deg].
-        fringe: Whether the electrodes have a fringe field at their edges.
+        reference_noise_steps: Scatter of a press's mean force, rms, over the reference's resolution [1].
+        press_lean_rms_deg: Angle between the contact's normal and the force of a press of the calibration, rms [deg].
+        has_fringe_field: Whether the electrodes have a fringe field at their edges.
     """
 
-    turn_deg: float = 0.0
-    worn_mm: float = 0.0
-    creep: float = 1.0
-    play: float = 1.0
-    touchdown_pf: float = 0.0
-    microphonics_pf: float = 0.0
+    sheet_rotation_deg: float = 0.0
+    worn_cap_height_mm: float = 0.0
+    creep_factor: float = 1.0
+    play_factor: float = 1.0
+    max_ground_capacitance_pf: float = 0.0
+    cable_noise_pf: float = 0.0
     reference_linearity_rel: float = 0.0
-    reference_steps: float = 0.07
-    lean_deg: float = 1.0
-    fringe: bool = False
+    reference_noise_steps: float = 0.07
+    press_lean_rms_deg: float = 1.0
+    has_fringe_field: bool = False
 
 
 #: As the calibration supposes.
@@ -93,24 +93,24 @@ class TestLoads:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialPlan:
-    """What is done with each foot.
+    """Tolerances, seed, presses and test loads of the mismatch trials.
 
     Attributes:
         tolerances: Fabrication tolerances.
         seed: Seed of all feet.
         every: Use one of so many of the paper's 362 presses.
-        few: Loads of a second calibration; 0 for none.
-        tests: Test loads by name.
+        n_few_loads: Loads of a second calibration; 0 for none.
+        test_loads_by_name: Test loads by name.
     """
 
     tolerances: FootTolerances
     seed: int
     every: int = 3
-    few: int = 20
-    tests: dict[str, TestLoads] = field(default_factory=dict)
+    n_few_loads: int = 20
+    test_loads_by_name: dict[str, TestLoads] = field(default_factory=dict)
 
 
-class _OnTestStand:
+class _FootOnTestStand:
     """A foot with its rubber, in the order of time.
 
     Args:
@@ -129,11 +129,11 @@ class _OnTestStand:
             disturbance,
             rng,
         )
-        self._flat_sine = 1.0 - disturbance.worn_mm / response.ball_radius_mm
+        self._flat_sine = 1.0 - disturbance.worn_cap_height_mm / response.ball_radius_mm
         self._min_sine = np.sin(np.radians(response.min_elevation_deg))
         self._bow_gf = drawn_bow_gf(rng, disturbance.reference_linearity_rel)
         self._touchdown_pf = (
-            disturbance.touchdown_pf * rng.uniform(0.25, 1.0) * rng.uniform(0.7, 1.0, ELEMENTS)
+            disturbance.max_ground_capacitance_pf * rng.uniform(0.25, 1.0) * rng.uniform(0.7, 1.0, ELEMENTS)
         )
 
     def press(self, loads: TestLoads, noise_pf: float, *, on_floor: bool) -> LoadSet:
@@ -144,10 +144,10 @@ class _OnTestStand:
             noise_pf: Noise of a reading [pF].
             on_floor: Whether the floor adds its capacitance.
         """
-        rubber = ViscoelasticElement(self._disturbance.creep, self._disturbance.play)
+        rubber = ViscoelasticElement(self._disturbance.creep_factor, self._disturbance.play_factor)
         step_ns = [round(1e9 * part) for part in (_PAUSE_S, _RISE_S, _DWELL_S / 2, _DWELL_S / 2, _RISE_S)]
         t_ns, normals, forces = 0, [], []
-        for normal, force_n in zip(self._touched(loads.normal), loads.force_n, strict=True):
+        for normal, force_n in zip(self._contact_normals(loads.normal), loads.force_n, strict=True):
             for duration_ns, share in zip(step_ns, (0.0, 1.0, 1.0, 1.0, 0.0), strict=True):
                 t_ns += duration_ns
                 effective = rubber.effective_load(t_ns, normal, share * force_n)
@@ -155,10 +155,10 @@ class _OnTestStand:
                 forces.append(effective[1])
         pf = self._capacitance_pf(np.array(normals), np.array(forces), step_ns).reshape(-1, 5, ELEMENTS)
         noise = self._rng.normal(size=(4, len(pf), ELEMENTS))
-        at_pf = pf[:, 2] + noise_pf * noise[0] + self._disturbance.microphonics_pf * noise[1]
+        at_pf = pf[:, 2] + noise_pf * noise[0] + self._disturbance.cable_noise_pf * noise[1]
         return LoadSet(
-            force_n=self._reference_n(loads.force_n, noise[3, :, :3]),
-            sigma_n=np.full(loads.force_n.shape, _MEAN_STEPS * STEP_GF * GRAM_FORCE_N),
+            force_n=self._reference_reading_n(loads.force_n, noise[3, :, :3]),
+            sigma_n=np.full(loads.force_n.shape, _MEAN_FORCE_NOISE_STEPS * RESOLUTION_GF * GRAM_FORCE_N),
             capacitance_pf=at_pf + (self._touchdown_pf if on_floor else 0.0),
             baseline_pf=pf[:, 0] + _BASELINE_PF * noise[2],
         )
@@ -177,7 +177,7 @@ class _OnTestStand:
             found.append(one_pf[0])
         return np.array(found)
 
-    def _touched(self, normal: Vector) -> Vector:
+    def _contact_normals(self, normal: Vector) -> Vector:
         """Return the normals at which the ball is touched, shape (n, 3): at the edge of a worn pole, not inside it.
 
         A flat of radius a under a force f has its pressure in the middle only for tilts below f / (4/3 E* a^2), half
@@ -196,11 +196,11 @@ class _OnTestStand:
         lowered[low, 2] = self._min_sine
         return normalized(lowered) @ self._mount
 
-    def _reference_n(self, force_n: Vector, noise: Vector) -> Vector:
+    def _reference_reading_n(self, force_n: Vector, noise: Vector) -> Vector:
         """Return what the reference reads of forces [N], shape (n, 3)."""
         load_gf = -force_n / GRAM_FORCE_N
         read_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf)
-        read_gf += self._disturbance.reference_steps * STEP_GF * noise
+        read_gf += self._disturbance.reference_noise_steps * RESOLUTION_GF * noise
         return -read_gf * GRAM_FORCE_N
 
 
@@ -224,56 +224,59 @@ def run_mismatch_trial(
     """
     rng = np.random.default_rng((plan.seed, number, 4))
     own = fabricate(truth, plan.tolerances, plan.seed, number)
-    turned = rotation(np.array([0.0, 0.0, np.radians(disturbance.turn_deg)]))
+    turned = rotation(np.array([0.0, 0.0, np.radians(disturbance.sheet_rotation_deg)]))
     own = Deviations(
         **{name: getattr(own, name) for name in ("gap_um", "film_um", "stray_pf", "stiffness_rel")},
         mount=turned @ own.mount,
-        fringe=disturbance.fringe,
+        fringe=disturbance.has_fringe_field,
     )
-    foot = _OnTestStand(truth, own, disturbance, rng)
+    foot = _FootOnTestStand(truth, own, disturbance, rng)
     force_n = paper_presses("training")[:: plan.every]
     direction = normalized(force_n)
     lean = (
-        np.radians(disturbance.lean_deg)
+        np.radians(disturbance.press_lean_rms_deg)
         * np.sqrt(0.5)
         * np.cross(rng.normal(size=direction.shape), direction)
     )
     pressed = foot.press(TestLoads(normalized(direction + lean), force_n), _MEAN_PF, on_floor=False)
-    rested = without_memory(models.response, pressed)
-    loads = rested.subset(_in_range(rested))
+    rested = remove_rubber_memory(models.response, pressed)
+    loads = rested.subset(_is_in_converter_range(rested))
     feet: dict[str, FootParameters | None] = {"design": None}
     figures: dict[str, float] = {}
-    for name, used in {"all": loads, "few": loads.subset(loads.spread_order()[: plan.few])}.items():
+    for name, used in {
+        "all": loads,
+        "few": loads.subset(loads.space_filling_order()[: plan.n_few_loads]),
+    }.items():
         if len(used) == 0:
             continue
-        fit = fit_foot(models, used)
+        fit = fit_foot_unchecked(models, used)
         feet[name] = fit.parameters
         figures |= {
-            f"refused_{name}": float(_refused(fit)),
+            f"refused_{name}": float(_is_refused(fit)),
             f"distance_{name}": fit.distance,
-            f"said_{name}": float(fit.distance > USUAL_DISTANCE),
+            f"said_{name}": float(fit.distance > TYPICAL_MAHALANOBIS_DISTANCE),
         }
-    again = remounted(own, REMOUNT_DEG, plan.seed, number, 2)
-    remade = _OnTestStand(truth, again, disturbance, np.random.default_rng((plan.seed, number, 5)))
-    for test, test_loads in plan.tests.items():
+    again = with_new_mounting(own, REMOUNT_DEG, plan.seed, number, 2)
+    remade = _FootOnTestStand(truth, again, disturbance, np.random.default_rng((plan.seed, number, 5)))
+    for test, test_loads in plan.test_loads_by_name.items():
         read = remade.press(test_loads, _ONE_PF, on_floor=True)
         # A robot tares rested feet, and its baseline hardly moves in the time of these loads.
         read = replace(read, baseline_pf=np.tile(read.baseline_pf[0], (len(read), 1)))
         for name, parameters in feet.items():
             estimates = models.estimate(read, parameters)
-            estimates.force_n[~_in_range(read)] = np.nan
-            judged = _judged(models, estimates, test_loads.force_n)
+            estimates.force_n[~_is_in_converter_range(read)] = np.nan
+            judged = _estimate_figures(models, estimates, test_loads.force_n)
             figures |= {f"{test}_{name}_{figure}": value for figure, value in judged.items()}
     return figures
 
 
-def _in_range(loads: LoadSet) -> Mask:
+def _is_in_converter_range(loads: LoadSet) -> Mask:
     """Return which loads are within the converter's range, shape (n,): of others there is no reading and no force."""
     in_range: Mask = loads.capacitance_pf.max(axis=1) < _FULL_SCALE_PF
     return in_range
 
 
-def _refused(fit: CalibrationResult) -> bool:
+def _is_refused(fit: CalibrationResult) -> bool:
     """Return whether `footsense calibrate` would refuse the foot."""
     try:
         require_plausible(fit)
@@ -282,16 +285,18 @@ def _refused(fit: CalibrationResult) -> bool:
     return False
 
 
-def _judged(models: DesignModels, estimates: Estimates, true_n: Vector) -> dict[str, float]:
+def _estimate_figures(models: DesignModels, estimates: Estimates, true_n: Vector) -> dict[str, float]:
     """Return the figures of the estimates of some loads."""
-    usable = estimates.usable
+    usable = estimates.has_force
     if not usable.any():
         return {"deg": np.nan, "gf": np.nan, "within_2": np.nan, "unread": 1.0, "unexplained": np.nan}
     force_n, true_n, sigma_n = estimates.force_n[usable], true_n[usable], estimates.sigma_n[usable]
-    row = errors(true_n, force_n)
-    test = ConsistencyTest(len(force_n), models.network(1).card.trained_inputs.moments, _SETTLED_NS)
+    row = evaluate_force_errors(true_n, force_n)
+    test = ConsistencyTest(
+        len(force_n), models.network(1).card.trained_inputs.moments, _RESIDUAL_TEST_DELAY_NS
+    )
     closure_rel, missing = estimates.closure_rel[usable], np.zeros((len(force_n), ELEMENTS), bool)
-    for t_ns in range(0, 2 * _SETTLED_NS, _SETTLED_NS // 4):
+    for t_ns in range(0, 2 * _RESIDUAL_TEST_DELAY_NS, _RESIDUAL_TEST_DELAY_NS // 4):
         consistency: Any = test.test(closure_rel, np.zeros(len(force_n)), missing, t_ns)
     noticed = consistency.unexplained | consistency.missing.any(axis=1)
     return {

@@ -17,7 +17,7 @@ from footsense.validation import test_stand_trial
 from footsense.validation.code_digest import code_digest
 
 #: All code between a made foot and the loads in its recordings.
-_ROOMS = (
+_DIGESTED_PACKAGES = (
     *(firmware_interface, acquisition, daemon, foot, recording, reference, sim),
     *(calibration_loads, session),
 )
@@ -41,7 +41,9 @@ class PressedFoot(NamedTuple):
     read_s: float
 
     @classmethod
-    def press(cls, batch: test_stand_trial.FootBatch, number: int, every: int, kept: Path | None) -> Self:
+    def load_or_press(
+        cls, batch: test_stand_trial.FootBatch, number: int, every: int, kept: Path | None
+    ) -> Self:
         """Return the loads of a foot of a batch, from its file or pressed and kept there.
 
         Args:
@@ -54,18 +56,18 @@ class PressedFoot(NamedTuple):
             FootsenseError: The daemon cannot be started.
         """
         if kept is None:
-            return cls._pressed(batch, number, every)
-        key = f"{batch} {every} {code_digest(*_ROOMS)}"
+            return cls._press(batch, number, every)
+        key = f"{batch} {every} {code_digest(*_DIGESTED_PACKAGES)}"
         digest = hashlib.sha256(key.encode()).hexdigest()[:12]
         path = kept / f"{test_stand_trial.foot_name(number)}-{digest}.npz"
         if not path.exists():
             kept.mkdir(parents=True, exist_ok=True)
             part = path.with_suffix(".partial")
             with part.open("wb") as file:
-                np.savez(file, **cls._pressed(batch, number, every).arrays())
+                np.savez(file, **cls._press(batch, number, every).arrays())
             part.replace(path)
         with np.load(path) as arrays:
-            return cls.of_arrays(arrays)
+            return cls.from_arrays(arrays)
 
     def arrays(self) -> dict[str, Any]:
         """Return the loads as arrays by name."""
@@ -75,8 +77,8 @@ class PressedFoot(NamedTuple):
         return {**fields, **own, "true_force_n": self.true_force_n}
 
     @classmethod
-    def of_arrays(cls, arrays: "np.lib.npyio.NpzFile") -> Self:
-        """Return the loads of these arrays."""
+    def from_arrays(cls, arrays: "np.lib.npyio.NpzFile") -> Self:
+        """Return the loads of a foot from arrays read from a file."""
         training, test = (
             LoadSet(**{name: arrays[f"{one}.{name}"] for name in LoadSet.__slots__})
             for one in ("training", "test")
@@ -85,8 +87,8 @@ class PressedFoot(NamedTuple):
         return cls(training, test, arrays["true_force_n"], n_rejected, read_s)
 
     @classmethod
-    def _pressed(cls, batch: test_stand_trial.FootBatch, number: int, every: int) -> Self:
+    def _press(cls, batch: test_stand_trial.FootBatch, number: int, every: int) -> Self:
         with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
-            trial = test_stand_trial.run_trial(batch, number, Path(folder), every=every)
-        training, test = LoadSet.of(trial.training.loads), LoadSet.of(trial.test.loads)
+            trial = test_stand_trial.run_test_stand_trial(batch, number, Path(folder), every=every)
+        training, test = LoadSet.from_loads(trial.training.loads), LoadSet.from_loads(trial.test.loads)
         return cls(training, test, trial.true_force_n, trial.test.rejected.total(), trial.read_s)

@@ -10,7 +10,7 @@ Part = TypeVar("Part")
 PartResult = TypeVar("PartResult")
 
 
-def map_unordered(
+def run_in_processes(
     work: Callable[[Part], PartResult],
     parts: Iterable[Part],
     n_processes: int,

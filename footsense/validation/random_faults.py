@@ -9,19 +9,19 @@ from footsense.frames import ELEMENTS
 from footsense.sim.faults import scene_faults
 
 #: Kinds of faults of a leg or its bus, kinds of faults of CAN, and the share of the latter.
-ON_ROBOT: tuple[type[scene_faults.Fault], ...] = get_args(
+ROBOT_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(
     scene_faults.OnChips | scene_faults.OnFoot | scene_faults.OnWires
 )
-ON_CAN: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.CanFault)
-_SHARE_OF_CAN = 0.2
+CAN_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.CanFault)
+_CAN_FAULT_SHARE_REL = 0.2
 #: Rates of lost acknowledges and corrupt reads.
 READ_ERROR_RATES_REL = (0.01, 0.05, 0.3)
 #: Largest rate of lost arbitrations; beyond, the bus belongs to the other master.
 _MAX_ARBITRATION_LOSS_REL = 0.05
 #: Ids of another node on CAN: above all of ours in priority, among them, and below.
-OTHER_CAN_IDS = (0x000, 0x183, 0x7FF)
+OTHER_TRAFFIC_CAN_IDS = (0x000, 0x183, 0x7FF)
 #: More than a bus carries at 500 kbit/s.
-_FLOOD_HZ = 5_000.0
+_FLOODING_RATE_HZ = 5_000.0
 #: Durations of a fault, and mean time between two starts [s].
 _MIN_DURATION_S, _MAX_DURATION_S, _MEAN_INTERVAL_S = 0.05, 6.0, 30.0
 
@@ -58,7 +58,7 @@ def random_transient_fault(
         at_s: Start [s].
         lasts_s: Duration [s].
     """
-    kinds = ON_CAN if rng.random() < _SHARE_OF_CAN else ON_ROBOT
+    kinds = CAN_FAULT_TYPES if rng.random() < _CAN_FAULT_SHARE_REL else ROBOT_FAULT_TYPES
     kind = kinds[int(rng.integers(len(kinds)))]
     return transient_fault(
         kind,
@@ -71,7 +71,7 @@ def random_transient_fault(
         rate_rel=float(rng.choice(READ_ERROR_RATES_REL)),
         rate_ff_per_s=float(rng.uniform(-800.0, 800.0)) / max(lasts_s, 1.0),
         unplugged=bool(rng.integers(2)),
-        can_id=int(rng.choice(OTHER_CAN_IDS)),
+        can_id=int(rng.choice(OTHER_TRAFFIC_CAN_IDS)),
         rate_hz=float(rng.uniform(1.0, 1800.0)),
     )
 
@@ -84,7 +84,7 @@ def transient_fault(kind: type[scene_faults.Fault], **values: Any) -> list[scene
         values: Values of all fields that any fault has; others than those of the class are ignored.
     """
     if kind is scene_faults.CanQueueFull:
-        values["rate_hz"] = _FLOOD_HZ
+        values["rate_hz"] = _FLOODING_RATE_HZ
     if kind is scene_faults.ArbitrationLost:
         values["rate_rel"] = min(values["rate_rel"], _MAX_ARBITRATION_LOSS_REL)
     fault = kind(**{name: values[name] for name in kind.__struct_fields__ if name in values})

@@ -18,17 +18,17 @@ from footsense.sim.scene import Scene
 from footsense.validation.invariants import Invariants, Violation
 from footsense.validation.random_faults import random_faults
 from footsense.validation.soak_plan import IDLE_TRAFFIC, LEAD_IN_S, Stretch, robot_and_scene
-from footsense.validation.tolerances import Rules
+from footsense.validation.tolerances import WalkLimits
 
 _NS_PER_S = 1_000_000_000
 #: Length of the walk without faults [gait periods].
-_FAULT_FREE_PERIODS = 200
+_N_FAULT_FREE_GAIT_PERIODS = 200
 #: Time of the first look at the memory [s]: everything has been used once by then.
-_FIRST_MEMORY_CHECK_S = 120.0
+_FIRST_MEMORY_CHECK_AFTER_S = 120.0
 #: Standard deviations of a count that are chance.
-_CHANCE_SIGMAS = 5.0
+_CHANCE_LIMIT_SIGMAS = 5.0
 #: Frames that count as one: an error lasts for a few frames, and recurs in every step.
-_CORRELATED_FRAMES = 20
+_N_CORRELATED_FRAMES = 20
 #: Growth of memory within the variation of the allocator, over an hour at least [MiB/h].
 _MAX_GROWTH_MIB_PER_H = 2.0
 #: Time without faults at the end [s].
@@ -81,31 +81,31 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         ModelError: The released network or the response table is missing.
     """
     ends_s = 3600.0 * stretch.hours
-    calm_s = LEAD_IN_S + _FAULT_FREE_PERIODS * stretch.gait_period_s
+    calm_s = LEAD_IN_S + _N_FAULT_FREE_GAIT_PERIODS * stretch.gait_period_s
     config, calm_scene = robot_and_scene(stretch, calm_rel=calm_s / ends_s)
-    rules = Rules(
+    rules = WalkLimits(
         legs=config.legs,
         period_s=math.inf,
         max_age_s=config.stale_after_ms * 1e-3,
         gait_period_s=stretch.gait_period_s,
-        from_s=LEAD_IN_S + 1.0,
+        checks_start_s=LEAD_IN_S + 1.0,
         frames_per_force=config.frames_per_force,
         bitrate=config.can.bitrate,
     )
-    calm, _ = _walk(config, calm_scene, rules, calm_s)
-    begins_s = min(_FIRST_MEMORY_CHECK_S, 0.1 * ends_s)
+    fault_free, _ = _simulate_stretch(config, calm_scene, rules, calm_s)
+    begins_s = min(_FIRST_MEMORY_CHECK_AFTER_S, 0.1 * ends_s)
     # The last fault ends in time for all legs to recover.
     last_s = ends_s - _FAULT_FREE_END_S - 3.0 * stretch.gait_period_s
     script = random_faults(np.random.default_rng(stretch.seed), config.legs, begins_s, last_s)
-    rules = rules._replace(period_s=calm_s / calm.n_cycles, stands_s=stretch.stands_s)
+    rules = rules._replace(period_s=calm_s / fault_free.n_cycles, stands_s=stretch.stands_s)
     config, scene = robot_and_scene(stretch)
     began_ns = stopwatch_ns()
-    seen, (warm_mib, end_mib) = _walk(
+    with_faults, (warm_mib, end_mib) = _simulate_stretch(
         config, msgspec.structs.replace(scene, faults=(IDLE_TRAFFIC, *script)), rules, ends_s
     )
     wall_s = (stopwatch_ns() - began_ns) / _NS_PER_S
-    growth_mib_per_h = (end_mib - warm_mib) / (max(ends_s - _FIRST_MEMORY_CHECK_S, 1.0) / 3600.0)
-    violations = _frequent_errors(calm, seen, ends_s)
+    growth_mib_per_h = (end_mib - warm_mib) / (max(ends_s - _FIRST_MEMORY_CHECK_AFTER_S, 1.0) / 3600.0)
+    violations = _too_frequent_errors(fault_free, with_faults, ends_s)
     if stretch.hours >= 1.0 and growth_mib_per_h > _MAX_GROWTH_MIB_PER_H:
         violations.append(Violation(_MEMORY_RULE, ends_s, "", f"{warm_mib:.1f} to {end_mib:.1f} MiB"))
     return StretchResult(
@@ -113,41 +113,43 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         virtual_s=ends_s,
         wall_s=wall_s,
         n_faults=len(script),
-        n_cycles=seen.n_cycles,
-        n_states={State(state).name.lower(): n for state, n in sorted(seen.n_states.items())},
-        n_violations=dict(seen.n_violations + Counter(violation.rule for violation in violations)),
-        violations=seen.violations + violations,
-        longest_gap_s=seen.longest_gap_s,
-        beyond_rel=tuple((seen.n_beyond / seen.n_checked).tolist()),
-        calibrated_rel=tuple((calm.n_beyond / calm.n_checked).tolist()),
-        n_received=seen.n_received,
-        n_missed=seen.n_missed,
+        n_cycles=with_faults.n_cycles,
+        n_states={State(state).name.lower(): n for state, n in sorted(with_faults.n_states.items())},
+        n_violations=dict(
+            with_faults.n_violations + Counter(violation.invariant for violation in violations)
+        ),
+        violations=with_faults.violations + violations,
+        longest_gap_s=with_faults.longest_gap_s,
+        beyond_rel=tuple((with_faults.n_beyond / with_faults.n_checked).tolist()),
+        calibrated_rel=tuple((fault_free.n_beyond / fault_free.n_checked).tolist()),
+        n_received=with_faults.n_received,
+        n_missed=with_faults.n_missed,
         resident_mib=(warm_mib, end_mib),
         growth_mib_per_h=growth_mib_per_h,
     )
 
 
-def _frequent_errors(calm: Invariants, seen: Invariants, ends_s: float) -> list[Violation]:
+def _too_frequent_errors(fault_free: Invariants, with_faults: Invariants, ends_s: float) -> list[Violation]:
     """Return a violation for each axis with more errors beyond 5 sigma than without faults, chance allowed for."""
     # Both shares are counts; the shorter walk may have met no rare error.
-    both_rel = (calm.n_beyond + seen.n_beyond) / (calm.n_checked + seen.n_checked)
-    chance_rel = _CHANCE_SIGMAS * np.sqrt(
-        _CORRELATED_FRAMES * both_rel * (1.0 / calm.n_checked + 1.0 / seen.n_checked)
+    both_rel = (fault_free.n_beyond + with_faults.n_beyond) / (fault_free.n_checked + with_faults.n_checked)
+    chance_rel = _CHANCE_LIMIT_SIGMAS * np.sqrt(
+        _N_CORRELATED_FRAMES * both_rel * (1.0 / fault_free.n_checked + 1.0 / with_faults.n_checked)
     )
-    allowed = seen.n_checked * (calm.n_beyond / calm.n_checked + chance_rel)
+    allowed = with_faults.n_checked * (fault_free.n_beyond / fault_free.n_checked + chance_rel)
     return [
         Violation(
             _RARE_ERRORS_RULE,
             ends_s,
             "",
-            f"f{'xyz'[axis]}: {seen.n_beyond[axis]} of {seen.n_checked}, at most {allowed[axis]:.0f}",
+            f"f{'xyz'[axis]}: {with_faults.n_beyond[axis]} of {with_faults.n_checked}, at most {allowed[axis]:.0f}",
         )
-        for axis in np.flatnonzero(seen.n_beyond > allowed).tolist()
+        for axis in np.flatnonzero(with_faults.n_beyond > allowed).tolist()
     ]
 
 
-def _walk(
-    config: Config, scene: Scene, rules: Rules, until_s: float
+def _simulate_stretch(
+    config: Config, scene: Scene, rules: WalkLimits, until_s: float
 ) -> tuple[Invariants, tuple[float, float]]:
     """Walk up to a time [s]; return the checks, and the memory after the first minutes and at the end [MiB]."""
     with open_service(config, scene, real_time=False) as running:
@@ -156,7 +158,7 @@ def _walk(
         checks = Invariants(rules, scene.faults, running.true_force_at_time_n)
         running.observers.append(checks)
         running.can.controller.on_delivered = checks.on_delivered
-        running.run(until_ns=min(_FIRST_MEMORY_CHECK_S, until_s) * _NS_PER_S)
+        running.run(until_ns=min(_FIRST_MEMORY_CHECK_AFTER_S, until_s) * _NS_PER_S)
         warm_mib = resident_mib()
         running.run(until_ns=until_s * _NS_PER_S)
         return checks, (warm_mib, resident_mib())

@@ -9,7 +9,7 @@ from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Stand, Tripod
 
 #: Hours of a day at the full rate.
-_FAST_HOURS = 4.0
+_FAST_GAIT_HOURS = 4.0
 #: Stretches with a stand, and begin and end of the stand [s].
 _N_STANDS, _STAND_S = 2, (1200.0, 3000.0)
 
@@ -48,7 +48,7 @@ def soak_stretches(hours: float, seed: int) -> list[Stretch]:
     cooling, and the rest at 100 S/s, which takes a third of the computing time, with two stands. Up to four hours are
     three stretches: 400 S/s, the same with each force on CAN, and 100 S/s.
     """
-    if hours <= _FAST_HOURS:
+    if hours <= _FAST_GAIT_HOURS:
         third = hours / 3.0
         plan = [
             Stretch(hours=third),
@@ -58,7 +58,7 @@ def soak_stretches(hours: float, seed: int) -> list[Stretch]:
     else:
         plan = [Stretch(hours=1.0, publish_every=1)]
         plan += [Stretch(hours=1.0, kelvin=kelvin) for kelvin in (0.0, 20.0, -20.0)]
-        for number, begun in enumerate(np.arange(_FAST_HOURS, hours, 2.0).tolist()):
+        for number, begun in enumerate(np.arange(_FAST_GAIT_HOURS, hours, 2.0).tolist()):
             length = min(2.0, hours - begun)
             stands = number < _N_STANDS and length * 3600.0 > _STAND_S[1] + 600.0
             plan.append(Stretch(hours=length, rate_sps=100, stands_s=(_STAND_S,) if stands else ()))

@@ -27,17 +27,17 @@ from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS
 
 #: Twenty feet of this seed have errors near the mean of 160.
-_TYPICAL_SEED = 8
+_TYPICAL_FOOT_SEED = 8
 
-LEG: Final = "lf"
+TRIAL_LEG: Final = "lf"
 #: Rise and fall of a press, dwell, and pause before the next [s].
 _RISE_S, _DWELL_S, _PAUSE_S = 0.05, 0.5, 0.5
 #: Accuracy of the rails of the stick [deg].
-_LEAN_DEG = 1.0
+_PRESS_LEAN_DEG = 1.0
 #: Time before the first press, for the tare and the offset of the reference [s].
 _LEAD_IN_S = 1.5
 #: Scans of the unloaded reading.
-_UNLOADED_SCANS = 40
+_N_UNLOADED_SCANS = 40
 
 #: All effects of a test stand that are not ideal.
 _EFFECTS = Effects(converter_noise=True, converter_clock_rel=0.02, gap_contact=True, rubber=True)
@@ -51,12 +51,12 @@ class FootBatch(NamedTuple):
         foot_type: A released type, or a folder.
     """
 
-    seed: int = _TYPICAL_SEED
+    seed: int = _TYPICAL_FOOT_SEED
     foot_type: str = DEFAULT_FOOT_TYPE
 
 
-class FootTrial(NamedTuple):
-    """The sessions of one foot.
+class TestStandTrial(NamedTuple):
+    """Training and test session of one foot on the simulated test stand.
 
     Attributes:
         training: Session for the calibration, 362 presses.
@@ -71,7 +71,7 @@ class FootTrial(NamedTuple):
     read_s: float
 
 
-def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> FootTrial:
+def run_test_stand_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> TestStandTrial:
     """Press a foot in both sessions and read the recordings.
 
     Args:
@@ -83,11 +83,13 @@ def run_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) ->
     Raises:
         FootsenseError: The daemon cannot be started, or a recording exists.
     """
-    config = _config(batch, number)
-    training, _, read_ns = _session(batch, number, config, "training", folder, every)
-    test, presses, _ = _session(batch, number, config, "verification", folder, every)
-    true_force_n = np.array([presses.contact(LEG, sum(load.dwell_ns) // 2).force_n for load in test.loads])
-    return FootTrial(training, test, true_force_n, read_ns * 1e-9)
+    config = _trial_config(batch, number)
+    training, _, read_ns = _record_session(batch, number, config, "training", folder, every)
+    test, presses, _ = _record_session(batch, number, config, "verification", folder, every)
+    true_force_n = np.array(
+        [presses.contact(TRIAL_LEG, sum(load.dwell_ns) // 2).force_n for load in test.loads]
+    )
+    return TestStandTrial(training, test, true_force_n, read_ns * 1e-9)
 
 
 def foot_name(number: int) -> str:
@@ -95,7 +97,7 @@ def foot_name(number: int) -> str:
     return f"foot-{number:04d}"
 
 
-def _session(
+def _record_session(
     batch: FootBatch,
     number: int,
     config: Config,
@@ -109,7 +111,7 @@ def _session(
         The session read from file, the simulated presses, and how long reading took [ns].
     """
     foot, mounting = foot_name(number), 1 + (protocol == "verification")
-    seed = _seed(batch, number)
+    seed = _foot_seed(batch, number)
     scene = Scene(
         description=f"{foot} on the test stand, {protocol}",
         load=CalibrationLoads(
@@ -117,7 +119,7 @@ def _session(
             rise_s=_RISE_S,
             dwell_s=_DWELL_S,
             pause_s=_PAUSE_S,
-            lean_deg=_LEAN_DEG,
+            lean_deg=_PRESS_LEAN_DEG,
             seed=seed + mounting - 1,
         ),
         lead_in_s=_LEAD_IN_S,
@@ -133,37 +135,37 @@ def _session(
         rated=(x_gf, y_gf, z_gf),
         latency_ms=TRANSMISSION_NS / 1e6,
     )
-    run = StandSession(test_stand=test_stand, leg=LEG, foot=foot, session=protocol)
+    run = StandSession(test_stand=test_stand, leg=TRIAL_LEG, foot=foot, session=protocol)
     path = folder / f"{foot}-{protocol}.mcap"
     load = scene.load.build(round(scene.lead_in_s * 1e9))
     assert isinstance(load, PressSequence), "the scene is of presses"
     with open_service(config, scene, real_time=False, record=path, test_stand=run) as running:
-        running.run(until_ns=load.ends_ns)
+        running.run(until_ns=load.end_ns)
     began_ns = stopwatch_ns()
     return read_session(path, foot), load, stopwatch_ns() - began_ns
 
 
-def _config(batch: FootBatch, number: int) -> Config:
+def _trial_config(batch: FootBatch, number: int) -> Config:
     """Return the configuration of one leg, with the unloaded readings that a probe would measure."""
     config = Config(
-        buses=(Bus(device="sim", legs={LEG: 0}),),
+        buses=(Bus(device="sim", legs={TRIAL_LEG: 0}),),
         can=Can(interface="virtual"),
-        feet={LEG: foot_name(number)},
+        feet={TRIAL_LEG: foot_name(number)},
         foot_type=batch.foot_type,
     )
     hanging = Scene(
         description="unloaded",
         load=Unloaded(),
-        seed=_seed(batch, number),
+        seed=_foot_seed(batch, number),
         effects=_EFFECTS,
         fabrication=Fabrication.with_paper_tolerances(seed=batch.seed, first=number, mounting=0),
     )
     with open_scan_source(config, hanging) as found:
-        scans = found.read_scans(_UNLOADED_SCANS)
+        scans = found.read_whole_scans(_N_UNLOADED_SCANS)
     readings_pf = [scan.capacitance_pf[0] for scan in scans if not scan.reading.any()]
     unloaded_pf = tuple(np.mean(readings_pf, axis=0).round(4).tolist())
-    return msgspec.structs.replace(config, unloaded_pf={LEG: unloaded_pf})
+    return msgspec.structs.replace(config, unloaded_pf={TRIAL_LEG: unloaded_pf})
 
 
-def _seed(batch: FootBatch, number: int) -> int:
+def _foot_seed(batch: FootBatch, number: int) -> int:
     return 10_000 * batch.seed + 2 * number

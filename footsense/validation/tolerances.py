@@ -15,10 +15,10 @@ _PAUSE_S, _STUCK_PAUSE_S, _TRY_S, _TARE_PERIODS = 4.0, 16.0, 1.0, 3.0
 _STUCK_LEG_DELAY_S, _STUCK_BUS_DELAY_S = 0.085, 0.45
 #: Delay of a leg whose transaction lost the arbitration twice, in scans: this one, and two until its elements have been
 #: read three times in a row again.
-_ARBITRATION_DELAY_SCANS = 3.4
+_MAX_ARBITRATION_DELAY_SCANS = 3.4
 
 
-class Rules(NamedTuple):
+class WalkLimits(NamedTuple):
     """Limits for the forces of a walk: legs, period of the cycles [s], age limit [s], gait timing and CAN bit rate.
 
     Attributes:
@@ -26,7 +26,7 @@ class Rules(NamedTuple):
         period_s: Period of the cycles without faults, one for each conversion [s].
         max_age_s: Age limit of a force [s].
         gait_period_s: Gait period: each leg is in swing once in it [s].
-        from_s: Time from which every leg is tared [s].
+        checks_start_s: Time from which every leg is tared [s].
         frames_per_force: Cycles for each force on CAN.
         stands_s: Spans without any swing [s].
         bitrate: Bit rate of CAN [bit/s].
@@ -36,13 +36,13 @@ class Rules(NamedTuple):
     period_s: float
     max_age_s: float
     gait_period_s: float
-    from_s: float
+    checks_start_s: float
     frames_per_force: int
     stands_s: tuple[tuple[float, float], ...] = ()
     bitrate: int = 500_000
 
 
-def tolerated_spans_s(rules: Rules, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
+def tolerated_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
     """Return the spans in which a leg may lack a force [s]: a fault on it, and the time of recovery.
 
     A leg without an answer is tried again after pauses that double: the last is no longer than the fault.
@@ -56,18 +56,18 @@ def tolerated_spans_s(rules: Rules, script: Sequence[Fault], leg: str) -> list[t
         until_s = max(getattr(fault, "until_s", None) or fault.at_s, fault.at_s)
         longest_s = _STUCK_PAUSE_S if isinstance(fault, StuckSda | StuckUpstreamBus) else _PAUSE_S
         recovery_s = min(until_s - begin_s, longest_s) + _TRY_S + _TARE_PERIODS * rules.gait_period_s
-        spans.append((begin_s, max(end_s, _walked_s(rules, until_s, recovery_s))))
+        spans.append((begin_s, max(end_s, _time_after_walking_s(rules, until_s, recovery_s))))
     return spans
 
 
-def _walked_s(rules: Rules, t_s: float, walking_s: float) -> float:
+def _time_after_walking_s(rules: WalkLimits, t_s: float, walking_s: float) -> float:
     """Return the time after `t_s` by which a robot has walked for `walking_s`, standstills excluded [s]."""
     end_s = t_s + walking_s
-    for from_s, until_s in rules.stands_s:
+    for checks_start_s, until_s in rules.stands_s:
         # A stand begins and ends with the legs in the middle of their stance.
         stood_s = until_s + 2.0 * rules.gait_period_s
-        if from_s < end_s and t_s < stood_s:
-            end_s += stood_s - max(from_s, t_s)
+        if checks_start_s < end_s and t_s < stood_s:
+            end_s += stood_s - max(checks_start_s, t_s)
     return end_s
 
 
@@ -78,7 +78,7 @@ def tolerated_delays_s(script: Sequence[Fault], period_s: float) -> list[tuple[f
         script: Faults of the walk.
         period_s: Period of the cycles without faults [s].
     """
-    arbitration_s = _ARBITRATION_DELAY_SCANS * ELEMENTS * period_s
+    arbitration_s = _MAX_ARBITRATION_DELAY_SCANS * ELEMENTS * period_s
     recovery_s = _STUCK_PAUSE_S + _TRY_S
     delays = []
     for fault in script:

@@ -13,19 +13,19 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.fit.calibrate import calibrate
-from footsense.calibration.fit.rubber_memory import without_memory
+from footsense.calibration.fit.rubber_memory import remove_rubber_memory
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import foot_type_folder
 from footsense.errors import CalibrationError
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.frames import Vector
 from footsense.validation.pressed_feet import PressedFoot
 from footsense.validation.test_stand_trial import FootBatch, foot_name
 
 #: Numbers of loads that a calibration uses; the last is all there are.
-LOAD_COUNTS = (5, 10, 20, 50, 100)
-ALL_LOADS = 362
+CALIBRATION_LOAD_COUNTS = (5, 10, 20, 50, 100)
+N_ALL_LOADS = 362
 
 #: Trains on changes of capacitance [pF], shape (n, 9), and forces [N], shape (n, 3); returns those of other changes.
 PerFootNetwork = Callable[[Vector, Vector, Vector], Vector]
@@ -87,33 +87,33 @@ def evaluate_foot(
         kept: Folder of the loads of pressed feet; None keeps none.
     """
     models = DesignModels.load(foot_type_folder(batch.foot_type))
-    pressed = PressedFoot.press(batch, number, every, kept)
-    training, test = (without_memory(models.response, one) for one in (pressed.training, pressed.test))
+    pressed = PressedFoot.load_or_press(batch, number, every, kept)
+    training, test = (remove_rubber_memory(models.response, one) for one in (pressed.training, pressed.test))
     refused: dict[str, str] = {}
     calibrated = {}
-    order = training.spread_order()
-    for wanted in (ALL_LOADS, *(n for n in LOAD_COUNTS if n < len(training))):
-        loads = training if wanted == ALL_LOADS else training.subset(order[:wanted])
+    order = training.space_filling_order()
+    for wanted in (N_ALL_LOADS, *(n for n in CALIBRATION_LOAD_COUNTS if n < len(training))):
+        loads = training if wanted == N_ALL_LOADS else training.subset(order[:wanted])
         began_ns = stopwatch_ns()
         try:
             calibrated[f"calibrated_{wanted}"] = calibrate(models, loads).parameters
         except CalibrationError as error:
             refused[f"calibrated_{wanted}"] = str(error)
-        if wanted == ALL_LOADS:
+        if wanted == N_ALL_LOADS:
             fit_s = (stopwatch_ns() - began_ns) * 1e-9
     estimates_n = {
         name: models.estimate(test, foot).force_n
         for name, foot in ({"design_only": None} | calibrated).items()
     }
     usable = np.logical_and.reduce([np.isfinite(force_n).all(axis=1) for force_n in estimates_n.values()])
-    estimates_n |= _without_model(training, test, per_foot_network)
+    estimates_n |= _per_foot_estimates_n(training, test, per_foot_network)
     return FootResult(
         foot=foot_name(number),
         n_training=len(training),
         n_test=int(usable.sum()),
         n_unread=int((~usable).sum()) + pressed.n_rejected,
         errors={
-            name: _errors(test.force_n[usable], pressed.true_force_n[usable], force_n[usable])
+            name: _foot_errors(test.force_n[usable], pressed.true_force_n[usable], force_n[usable])
             for name, force_n in estimates_n.items()
         },
         refused=refused,
@@ -121,7 +121,7 @@ def evaluate_foot(
     )
 
 
-def _without_model(
+def _per_foot_estimates_n(
     training: LoadSet, test: LoadSet, per_foot_network: PerFootNetwork | None
 ) -> dict[str, Vector]:
     """Return the test forces of estimators trained on this foot alone [N], shape (n, 3) each."""
@@ -132,8 +132,11 @@ def _without_model(
     return found
 
 
-def _errors(reference_n: Vector, true_force_n: Vector, force_n: Vector) -> FootErrors:
-    by_reference, by_truth = errors(reference_n, force_n), errors(true_force_n, force_n)
+def _foot_errors(reference_n: Vector, true_force_n: Vector, force_n: Vector) -> FootErrors:
+    by_reference, by_truth = (
+        evaluate_force_errors(reference_n, force_n),
+        evaluate_force_errors(true_force_n, force_n),
+    )
     return FootErrors(
         by_reference.direction_deg, by_reference.magnitude_gf, by_truth.direction_deg, by_truth.magnitude_gf
     )

@@ -14,7 +14,7 @@ FOXGLOVE_ORIGINS = frozenset(
 MAX_CLIENTS = 16
 
 
-def own_names() -> frozenset[str]:
+def own_host_names() -> frozenset[str]:
     """Return the names under which this computer may be addressed."""
     name = socket.gethostname().lower()
     return frozenset({"localhost", name, f"{name}.local", name.partition(".")[0] + ".local"})

@@ -7,7 +7,7 @@ from importlib.resources import files
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
-_TYPES = {
+_CONTENT_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -16,7 +16,7 @@ _TYPES = {
 }
 
 #: The page loads nothing from elsewhere, and no other page may embed it.
-_SECURITY = {
+_SECURITY_HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
@@ -25,15 +25,15 @@ _SECURITY = {
 }
 
 
-class Assets:
+class PageFiles:
     """The files of the page by their paths."""
 
     def __init__(self) -> None:
         self._files: dict[str, tuple[str, bytes]] = {}
         for entry in files(__package__).joinpath("assets").iterdir():
             suffix = entry.name[entry.name.rfind(".") :]
-            if entry.is_file() and suffix in _TYPES:
-                self._files[f"/{entry.name}"] = (_TYPES[suffix], entry.read_bytes())
+            if entry.is_file() and suffix in _CONTENT_TYPES:
+                self._files[f"/{entry.name}"] = (_CONTENT_TYPES[suffix], entry.read_bytes())
         self._files["/"] = self._files["/index.html"]
 
     def response(self, path: str) -> Response:
@@ -46,17 +46,17 @@ class Assets:
 
 
 def text_response(status: HTTPStatus, text: str) -> Response:
-    """Return an answer of one line."""
-    return _response(status, _TYPES[".txt"], f"{text}\n".encode())
+    """Return an HTTP response of one line of text."""
+    return _response(status, _CONTENT_TYPES[".txt"], f"{text}\n".encode())
 
 
 def json_response(values: object) -> Response:
-    """Return an answer in JSON."""
+    """Return an HTTP response in JSON."""
     return _response(HTTPStatus.OK, "application/json", json.dumps(values).encode())
 
 
 def _response(status: HTTPStatus, content_type: str, content: bytes) -> Response:
-    headers = Headers(_SECURITY)
+    headers = Headers(_SECURITY_HEADERS)
     headers["Content-Type"] = content_type
     headers["Content-Length"] = str(len(content))
     headers["Connection"] = "close"

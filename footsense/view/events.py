@@ -17,7 +17,7 @@ from footsense.frames import (
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Something that happened.
+    """An event of a leg or of the service, in words, with its time and level.
 
     Attributes:
         t_ns: When it happened, in the time of the frames [ns].
@@ -43,7 +43,7 @@ _GAIT_TEXTS = {
 
 
 class EventLog:
-    """Turns cycles into events.
+    """Derives events from successive cycles: gait events, state changes, command results.
 
     Args:
         n_legs: Rows of the frames.
@@ -65,7 +65,7 @@ class EventLog:
                 events.append(Event(event.t_ns, event.leg, kind, level, text))
         present = forces.state.tobytes(), forces.cause.tobytes(), forces.flags.tobytes()
         if present != self._present:
-            events += self._changes(now_ns, present)
+            events += self._state_changes(now_ns, present)
             self._present = present
         for outcome in cycle.outcomes:
             command = CommandKind(outcome.command.kind).name.lower()
@@ -76,7 +76,7 @@ class EventLog:
             )
         return events
 
-    def _changes(self, now_ns: int, present: Sequence[bytes]) -> list[Event]:
+    def _state_changes(self, now_ns: int, present: Sequence[bytes]) -> list[Event]:
         """Return the changes of states and causes, and of the scheduling; none in the first cycle."""
         if not self._present[0]:
             return []
@@ -88,7 +88,7 @@ class EventLog:
                 level = "good" if state is State.VALID else "info" if state in FAULT_FREE else "fault"
                 if state is State.DEGRADED or (cause and level != "fault"):
                     level = "warning"
-                text = words(state.name) + (f": {words(cause.name)}" if cause else "")
+                text = enum_words(state.name) + (f": {enum_words(cause.name)}" if cause else "")
                 events.append(Event(now_ns, leg, "state", level, text))
         degraded, was_degraded = (
             any(flag & Flag.DEGRADED_TIMING for flag in flags) for flags in (present[2], self._present[2])
@@ -99,6 +99,6 @@ class EventLog:
         return events
 
 
-def words(name: str) -> str:
+def enum_words(name: str) -> str:
     """Return the name of an enum's member as words."""
     return name.lower().replace("_", " ")

@@ -17,14 +17,14 @@ from footsense.view.events import Event, EventLog
 from footsense.view.signals import SignalTable, Table
 
 #: Cycles that are kept for viewers [1]: a browser that comes back gets these, and no backlog.
-_KEPT = 512
-_KEPT_EVENTS = 200
+_MAX_KEPT_CYCLES = 512
+_MAX_KEPT_EVENTS = 200
 #: Period of looking for a new service, and whether the present one lives [ns].
-_LOOK_NS = 250_000_000
+_SEARCH_PERIOD_NS = 250_000_000
 
 
 class ViewedCycle(NamedTuple):
-    """One cycle for viewers.
+    """One live cycle with its number, time and table of signals.
 
     Attributes:
         number: Its number since this process began.
@@ -39,7 +39,7 @@ class ViewedCycle(NamedTuple):
     table: Table
 
 
-class Live:
+class LiveSource:
     """Follows the cycles of the running service.
 
     Args:
@@ -67,8 +67,8 @@ class Live:
         self.service = 0
         self.header: dict[str, str] = {}
         self.legs: tuple[str, ...] = ()
-        self.cycles: deque[ViewedCycle] = deque(maxlen=_KEPT)
-        self.events: deque[tuple[int, Event]] = deque(maxlen=_KEPT_EVENTS)
+        self.cycles: deque[ViewedCycle] = deque(maxlen=_MAX_KEPT_CYCLES)
+        self.events: deque[tuple[int, Event]] = deque(maxlen=_MAX_KEPT_EVENTS)
         self.n_missed = 0
         self.problem = ""
         self.can = CanStatistics()
@@ -77,8 +77,8 @@ class Live:
         """Read the new cycles; look for a service from time to time."""
         now_ns = self._clock.now_ns()
         if now_ns >= self._look_ns:
-            self._look_ns = now_ns + _LOOK_NS
-            self._look()
+            self._look_ns = now_ns + _SEARCH_PERIOD_NS
+            self._find_service()
         if self._reader is None:
             return
         try:
@@ -100,11 +100,11 @@ class Live:
                 self.events.append((self._n_events, event))
                 self._n_events += 1
 
-    def seconds(self, event: Event) -> float:
+    def event_time_s(self, event: Event) -> float:
         """Return the time of an event in the time of the cycles [s]."""
         return (event.t_ns - self._first_ns) * 1e-9
 
-    def _look(self) -> None:
+    def _find_service(self) -> None:
         """Open the file of a service, or notice its end."""
         if self._reader is not None and self._reader.is_current():
             with suppress(ValueError):

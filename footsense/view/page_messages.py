@@ -15,9 +15,9 @@ import numpy as np
 from footsense import __version__
 from footsense.view.events import Event
 from footsense.view.signals import SIGNALS, Table
-from footsense.view.words import word_tables
+from footsense.view.words import code_texts
 
-_HEAD = struct.Struct("<IIII")
+_CYCLES_HEADER_STRUCT = struct.Struct("<IIII")
 
 
 class Drawn(msgspec.Struct, tag="drawn", tag_field="type", forbid_unknown_fields=True):
@@ -42,7 +42,7 @@ _decoder: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
 
 
 def decode_request(message: str | bytes) -> Request:
-    """Return a page's message.
+    """Return the decoded request of a page.
 
     Raises:
         ValueError: It is none of this protocol.
@@ -52,7 +52,7 @@ def decode_request(message: str | bytes) -> Request:
     return _decoder.decode(message)
 
 
-def hello(
+def hello_message(
     mode: Literal["live", "replay"], title: str, legs: Sequence[str], *, simulated: bool, commands: bool
 ) -> str:
     """Return the first message: what is shown, the signals, and the words.
@@ -72,13 +72,13 @@ def hello(
         "simulated": simulated,
         "commands": commands,
         "signals": [signal._asdict() for signal in SIGNALS],
-        "words": word_tables(),
+        "words": code_texts(),
     }
     return message("hello", values)
 
 
 def events_message(events: Sequence[tuple[float, Event]], legs: Sequence[str]) -> str:
-    """Return events with their times [s]."""
+    """Return a JSON message of events with their times [s]."""
     return message(
         "events",
         {
@@ -113,5 +113,5 @@ def encode_cycles(kind: int, times_s: Sequence[float], tables: Sequence[Table]) 
         tables: Signals of each, shape (legs, signals).
     """
     n_legs, n_signals = tables[0].shape if tables else (0, len(SIGNALS))
-    head = _HEAD.pack(kind, len(tables), n_legs, n_signals)
+    head = _CYCLES_HEADER_STRUCT.pack(kind, len(tables), n_legs, n_signals)
     return b"".join((head, np.array(times_s, "<f8").tobytes(), *(t.astype("<f4").tobytes() for t in tables)))

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import msgspec
 
-from footsense.view.live import Live
+from footsense.view.live import LiveSource
 from footsense.view.page_messages import (
     ChunkRequest,
     Drawn,
@@ -17,16 +17,16 @@ from footsense.view.page_messages import (
     decode_request,
     encode_cycles,
     events_message,
-    hello,
+    hello_message,
     message,
 )
-from footsense.view.recorded import Recorded
-from footsense.view.tares import Tares
+from footsense.view.recorded import RecordingSource
+from footsense.view.tares import TareCommands
 
 #: Messages of cycles that a page may have ahead.
-_CREDITS = 2
+_MAX_UNDRAWN_MESSAGES = 2
 #: Cycles in one message at most: those of a page that has just come, or come back.
-_MAX_CYCLES = 256
+_MAX_CYCLES_PER_MESSAGE = 256
 _STATUS_PERIOD_S = 0.5
 
 
@@ -38,18 +38,18 @@ class Connection(Protocol):
         ...
 
 
-class LivePage:
-    """The state of one page.
+class LivePageSession:
+    """State of one browser page that follows the live cycles.
 
     Args:
         live: The followed service.
         tares: Sends tares; None if none are allowed.
     """
 
-    def __init__(self, live: Live, tares: Tares | None = None) -> None:
+    def __init__(self, live: LiveSource, tares: TareCommands | None = None) -> None:
         self._live = live
         self._tares = tares
-        self._credits = _CREDITS
+        self._credits = _MAX_UNDRAWN_MESSAGES
         self._service = -1
         self._next = 0
         self._next_event = 0
@@ -64,12 +64,12 @@ class LivePage:
         """
         request = decode_request(text)
         if isinstance(request, Drawn):
-            self._credits = min(self._credits + 1, _CREDITS)
+            self._credits = min(self._credits + 1, _MAX_UNDRAWN_MESSAGES)
         elif isinstance(request, TareRequest):
             tares = self._tares
             answer = "no commands: start `footsense view` with --allow-commands"
             if tares is not None:
-                answer = tares.command(request.leg, request.token)
+                answer = tares.send_tare(request.leg, request.token)
             return [message("answer", {"text": answer})]
         return []
 
@@ -93,25 +93,25 @@ class LivePage:
         events = [(number, event) for number, event in live.events if number >= self._next_event]
         if events:
             self._next_event = events[-1][0] + 1
-            timed = [(live.seconds(event), event) for _, event in events]
+            timed = [(live.event_time_s(event), event) for _, event in events]
             await connection.send(events_message(timed, live.legs))
         if not live.cycles or live.cycles[-1].number < self._next:
             return
-        n_new = min(live.cycles[-1].number + 1 - self._next, len(live.cycles), _MAX_CYCLES)
+        n_new = min(live.cycles[-1].number + 1 - self._next, len(live.cycles), _MAX_CYCLES_PER_MESSAGE)
         new = [live.cycles[-k] for k in range(n_new, 0, -1)]
         self._next = new[-1].number + 1
         self._credits -= 1
         await connection.send(encode_cycles(0, [one.t_s for one in new], [one.table for one in new]))
 
 
-class RecordingPage:
+class RecordingPageSession:
     """The state of one page that shows a recording; the page asks for each second of it.
 
     Args:
         recorded: The recording.
     """
 
-    def __init__(self, recorded: Recorded) -> None:
+    def __init__(self, recorded: RecordingSource) -> None:
         self._recorded = recorded
         self._n_events = 0
         self._progress = ""
@@ -144,31 +144,31 @@ class RecordingPage:
             ValueError: It is none of this protocol.
         """
         request = decode_request(text)
-        if isinstance(request, ChunkRequest) and (cycles := self._recorded.second(request.number)):
+        if isinstance(request, ChunkRequest) and (cycles := self._recorded.encoded_second(request.number)):
             return [cycles]
         return []
 
 
-def recording_hello(recorded: Recorded) -> str:
+def recording_hello(recorded: RecordingSource) -> str:
     """Return the first message of the page of a recording."""
     is_simulated = bool(recorded.header.get("scene"))
-    return hello("replay", recorded.path.name, recorded.legs, simulated=is_simulated, commands=False)
+    return hello_message("replay", recorded.path.name, recorded.legs, simulated=is_simulated, commands=False)
 
 
-def live_hello(live: Live, *, commands: bool) -> str:
+def live_hello(live: LiveSource, *, commands: bool) -> str:
     """Return the first message of the page of a service."""
     scene = msgspec.json.decode(live.header.get("scene") or "{}")
     title = scene.get("description", "") if scene else "on the robot" if live.legs else "no service"
-    return hello("live", title, live.legs, simulated=bool(scene), commands=commands)
+    return hello_message("live", title, live.legs, simulated=bool(scene), commands=commands)
 
 
-class Pulse:
+class WakeUpSignal:
     """Wakes all waiting tasks again and again."""
 
     def __init__(self) -> None:
         self._event = asyncio.Event()
 
-    def wake(self) -> None:
+    def wake_all(self) -> None:
         """Wake every task that waits."""
         self._event.set()
         self._event = asyncio.Event()

@@ -33,7 +33,7 @@ from footsense.view.signals import SignalTable, Table
 _MAX_EVENTS = 100_000
 
 
-class Recorded:
+class RecordingSource:
     """A recording for viewers; `read` fills it, in a thread of its own.
 
     Args:
@@ -59,11 +59,11 @@ class Recorded:
         self.header, self.legs = self._replay.header, self._replay.legs
         config = recorded_config(self._replay)
         self.damage = ""
-        self._closures = Closures(self._elements(config))
+        self._closures = Closures(self._closure_conversion(config))
         self._baselines = RecordedBaselines(self._closures.stray_pf, config.tare.window_scans)
         self._table = SignalTable(len(self.legs))
         self._log = EventLog(len(self.legs))
-        self.total_s = _length_s(path)
+        self.total_s = _recording_duration_s(path)
         self.end_s = 0.0
         self.done = False
         self.events: list[tuple[float, Event]] = []
@@ -76,7 +76,7 @@ class Recorded:
         self._first_ns: int | None = None
         self._stopped = False
 
-    def _elements(self, config: Config) -> ClosureConversion:
+    def _closure_conversion(self, config: Config) -> ClosureConversion:
         """Return the element values of the header; those of the models for recordings from before these were stored."""
         if ELEMENTS_KEY in self.header:
             with suppress(msgspec.MsgspecError):
@@ -103,14 +103,14 @@ class Recorded:
                         Event(entry.t_ns, None, "loss", "fault", f"{entry.n_cycles} cycles were lost")
                     )
                 else:
-                    self._add(entry.cycle, on_progress)
+                    self._add_cycle(entry.cycle, on_progress)
         except RecordingError as error:
             self.damage = str(error)
         self._store_second()
         self.done = True
         on_progress(self.end_s)
 
-    def _add(self, cycle: Cycle, on_progress: Callable[[float], None]) -> None:
+    def _add_cycle(self, cycle: Cycle, on_progress: Callable[[float], None]) -> None:
         if self._first_ns is None:
             self._first_ns = cycle.forces.t_sent_ns
         t_s = (cycle.forces.t_sent_ns - self._first_ns) * 1e-9
@@ -138,7 +138,7 @@ class Recorded:
         self._places.append((place, len(packed)))
         self._times_s, self._tables = [], []
 
-    def second(self, number: int) -> bytes:
+    def encoded_second(self, number: int) -> bytes:
         """Return the cycles of a second of the recording as a message for the page; empty if it has no such second."""
         if not 0 <= number < len(self._places):
             return b""
@@ -150,7 +150,7 @@ class Recorded:
 
     @property
     def n_seconds(self) -> int:
-        """Seconds that can be shown."""
+        """Number of seconds of the recording that can be shown."""
         return len(self._places)
 
     def close(self) -> None:
@@ -160,7 +160,7 @@ class Recorded:
             self._file.close()
 
 
-def _length_s(path: Path) -> float:
+def _recording_duration_s(path: Path) -> float:
     """Return the length of a recording by its index [s]; 0 without one, as in a recording that was cut short."""
     try:
         with path.open("rb") as file:

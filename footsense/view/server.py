@@ -18,29 +18,35 @@ from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
 from footsense.errors import ConfigError
-from footsense.view.access import FOXGLOVE_ORIGINS, MAX_CLIENTS, is_allowed_origin, is_own_host, own_names
-from footsense.view.assets import Assets, text_response
+from footsense.view.access import (
+    FOXGLOVE_ORIGINS,
+    MAX_CLIENTS,
+    is_allowed_origin,
+    is_own_host,
+    own_host_names,
+)
+from footsense.view.assets import PageFiles, text_response
 from footsense.view.foxglove.session import (
     FOXGLOVE_PROTOCOLS,
     MAX_REQUEST_BYTES,
     FoxgloveClient,
     FoxgloveRefusal,
 )
-from footsense.view.live import Live
-from footsense.view.page_session import Connection, LivePage, Pulse, RecordingPage
-from footsense.view.recorded import Recorded
-from footsense.view.tares import Tares
+from footsense.view.live import LiveSource
+from footsense.view.page_session import Connection, LivePageSession, RecordingPageSession, WakeUpSignal
+from footsense.view.recorded import RecordingSource
+from footsense.view.tares import TareCommands
 
 _log = logging.getLogger(__name__)
 
 #: Period of polling the cycles while somebody looks [s]: 60 pictures a second.
-_POLL_S = 0.015
+_POLL_PERIOD_S = 0.015
 #: Bytes towards a client that waits, from which the sender waits too.
-_WRITE_LIMIT = 32_768
+_WRITE_BUFFER_BYTES = 32_768
 #: Time in which a connection has to ask for something [s].
 _OPEN_TIMEOUT_S = 5.0
 #: WebSocket's close code for a message that breaks the rules.
-_POLICY_VIOLATION = 1008
+_CLOSE_CODE_POLICY_VIOLATION = 1008
 
 PAGE_PROTOCOL = Subprotocol("footsense.view.v1")
 
@@ -55,14 +61,17 @@ class ViewServer:
     """
 
     def __init__(
-        self, source: Live | Recorded, tares: Tares | None = None, origins: Sequence[str] = ()
+        self,
+        source: LiveSource | RecordingSource,
+        tares: TareCommands | None = None,
+        origins: Sequence[str] = (),
     ) -> None:
         self._source = source
         self._tares = tares
         self._origins = {*FOXGLOVE_ORIGINS, *origins}
-        self._assets = Assets()
-        self._names = own_names()
-        self._pulse = Pulse()
+        self._assets = PageFiles()
+        self._names = own_host_names()
+        self._pulse = WakeUpSignal()
         self._n_clients = 0
 
     @asynccontextmanager
@@ -103,13 +112,13 @@ class ViewServer:
             self._session,
             address,
             port,
-            process_request=self._answer,
+            process_request=self._answer_http,
             subprotocols=[PAGE_PROTOCOL, *FOXGLOVE_PROTOCOLS],
             open_timeout=_OPEN_TIMEOUT_S,
             compression=None,
             max_size=MAX_REQUEST_BYTES,
             max_queue=4,
-            write_limit=_WRITE_LIMIT,
+            write_limit=_WRITE_BUFFER_BYTES,
             server_header=None,
             close_timeout=1.0,
         )
@@ -117,12 +126,12 @@ class ViewServer:
     async def _poll(self) -> None:
         while True:
             if self._n_clients:
-                if isinstance(self._source, Live):
+                if isinstance(self._source, LiveSource):
                     self._source.poll()
-                self._pulse.wake()
-            await asyncio.sleep(_POLL_S)
+                self._pulse.wake_all()
+            await asyncio.sleep(_POLL_PERIOD_S)
 
-    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+    def _answer_http(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer a request: a file, a refusal, or None to go on with a WebSocket."""
         del connection
         host = request.headers.get("Host")
@@ -148,7 +157,7 @@ class ViewServer:
 
     async def _session(self, connection: ServerConnection) -> None:
         self._n_clients += 1
-        if isinstance(self._source, Live):
+        if isinstance(self._source, LiveSource):
             self._source.poll()
         try:
             with suppress(ConnectionClosed):
@@ -156,14 +165,22 @@ class ViewServer:
         finally:
             self._n_clients -= 1
 
-    def _client(self, connection: ServerConnection) -> "Client":
+    def _client_session(self, connection: ServerConnection) -> "Client":
         source = self._source
         if connection.subprotocol in FOXGLOVE_PROTOCOLS:
-            return FoxgloveRefusal(source.path) if isinstance(source, Recorded) else FoxgloveClient(source)
-        return RecordingPage(source) if isinstance(source, Recorded) else LivePage(source, self._tares)
+            return (
+                FoxgloveRefusal(source.path)
+                if isinstance(source, RecordingSource)
+                else FoxgloveClient(source)
+            )
+        return (
+            RecordingPageSession(source)
+            if isinstance(source, RecordingSource)
+            else LivePageSession(source, self._tares)
+        )
 
     async def _serve_client(self, connection: ServerConnection) -> None:
-        client = self._client(connection)
+        client = self._client_session(connection)
         sender = asyncio.create_task(self._send(connection, client))
         try:
             async for text in connection:
@@ -171,7 +188,7 @@ class ViewServer:
                     answers = client.request(text)
                 except ValueError as error:
                     _log.warning("a viewer sent no message of its protocol, and was dismissed: %s", error)
-                    await connection.close(_POLICY_VIOLATION, "no message of this protocol")
+                    await connection.close(_CLOSE_CODE_POLICY_VIOLATION, "no message of this protocol")
                     return
                 for answer in answers:
                     await connection.send(answer)

@@ -11,11 +11,11 @@ from footsense.frames import ELEMENTS, Cycle, GaitFrame, Vector
 Table = NDArray[np.float32]
 
 #: Age from which contact and ground are unknown [ns]: three of their periods, as a consumer of CAN has it.
-_GAIT_LIMIT_NS = 300_000_000
+_MAX_GAIT_AGE_NS = 300_000_000
 
 
 class Signal(NamedTuple):
-    """One column of the table.
+    """One signal of a leg, a column of the table: name and unit.
 
     Attributes:
         name: Its name, the same in JSON and on the page.
@@ -26,13 +26,13 @@ class Signal(NamedTuple):
     unit: str
 
 
-_CLOSURES = tuple(Signal(f"closure_{element}", "") for element in range(ELEMENTS))
+_CLOSURE_SIGNALS = tuple(Signal(f"closure_{element}", "") for element in range(ELEMENTS))
 
 #: The columns of the table in their order.
 SIGNALS = (
     *(Signal("fx", "N"), Signal("fy", "N"), Signal("fz", "N")),
     *(Signal("sigma_x", "N"), Signal("sigma_y", "N"), Signal("sigma_z", "N")),
-    *_CLOSURES,
+    *_CLOSURE_SIGNALS,
     Signal("age", "ms"),
     *(Signal("state", ""), Signal("cause", ""), Signal("fault_mask", ""), Signal("flags", "")),
     *(Signal("baseline_status", ""), Signal("baseline_mean", "fF"), Signal("baseline_worst", "fF")),
@@ -42,33 +42,33 @@ SIGNALS = (
     *(Signal("friction_use", ""), Signal("friction_use_sigma", ""), Signal("friction", "")),
     *(Signal("slip", ""), Signal("all_in_air", "")),
 )
-_COLUMN = {signal.name: column for column, signal in enumerate(SIGNALS)}
-_FORCE = slice(_COLUMN["fx"], _COLUMN["fx"] + 3)
-_SIGMA = slice(_COLUMN["sigma_x"], _COLUMN["sigma_x"] + 3)
+_COLUMN_OF_SIGNAL = {signal.name: column for column, signal in enumerate(SIGNALS)}
+_FORCE_SLICE = slice(_COLUMN_OF_SIGNAL["fx"], _COLUMN_OF_SIGNAL["fx"] + 3)
+_SIGMA_SLICE = slice(_COLUMN_OF_SIGNAL["sigma_x"], _COLUMN_OF_SIGNAL["sigma_x"] + 3)
 #: The columns of the closures.
-CLOSURE_COLUMNS = slice(_COLUMN["closure_0"], _COLUMN["closure_0"] + ELEMENTS)
-_NORMAL = slice(_COLUMN["normal_x"], _COLUMN["normal_x"] + 3)
+CLOSURE_COLUMNS = slice(_COLUMN_OF_SIGNAL["closure_0"], _COLUMN_OF_SIGNAL["closure_0"] + ELEMENTS)
+_NORMAL_SLICE = slice(_COLUMN_OF_SIGNAL["normal_x"], _COLUMN_OF_SIGNAL["normal_x"] + 3)
 
 _FORCE_COLUMNS: tuple[tuple[int, Callable[[Any], Any]], ...] = (
-    (_COLUMN["age"], lambda forces: np.where(forces.t_ns > 0, forces.age_ns * 1e-6, np.nan)),
-    (_COLUMN["state"], lambda forces: forces.state),
-    (_COLUMN["cause"], lambda forces: forces.cause),
-    (_COLUMN["fault_mask"], lambda forces: forces.fault_mask),
-    (_COLUMN["flags"], lambda forces: forces.flags),
-    (_COLUMN["baseline_status"], lambda forces: forces.baseline.status),
-    (_COLUMN["baseline_mean"], lambda forces: forces.baseline.mean_pf * 1e3),
-    (_COLUMN["baseline_worst"], lambda forces: forces.baseline.worst_pf * 1e3),
+    (_COLUMN_OF_SIGNAL["age"], lambda forces: np.where(forces.t_ns > 0, forces.age_ns * 1e-6, np.nan)),
+    (_COLUMN_OF_SIGNAL["state"], lambda forces: forces.state),
+    (_COLUMN_OF_SIGNAL["cause"], lambda forces: forces.cause),
+    (_COLUMN_OF_SIGNAL["fault_mask"], lambda forces: forces.fault_mask),
+    (_COLUMN_OF_SIGNAL["flags"], lambda forces: forces.flags),
+    (_COLUMN_OF_SIGNAL["baseline_status"], lambda forces: forces.baseline.status),
+    (_COLUMN_OF_SIGNAL["baseline_mean"], lambda forces: forces.baseline.mean_pf * 1e3),
+    (_COLUMN_OF_SIGNAL["baseline_worst"], lambda forces: forces.baseline.worst_pf * 1e3),
 )
 _GAIT_COLUMNS = {
-    _COLUMN["contact"]: "contact",
-    _COLUMN["probability"]: "probability",
-    _COLUMN["load_share"]: "load_share",
-    _COLUMN["normal_sigma"]: "normal_sigma_rad",
-    _COLUMN["friction_use"]: "friction_use",
-    _COLUMN["friction_use_sigma"]: "friction_use_sigma",
-    _COLUMN["friction"]: "friction",
-    _COLUMN["slip"]: "slip",
-    _COLUMN["all_in_air"]: "all_in_air",
+    _COLUMN_OF_SIGNAL["contact"]: "contact",
+    _COLUMN_OF_SIGNAL["probability"]: "probability",
+    _COLUMN_OF_SIGNAL["load_share"]: "load_share",
+    _COLUMN_OF_SIGNAL["normal_sigma"]: "normal_sigma_rad",
+    _COLUMN_OF_SIGNAL["friction_use"]: "friction_use",
+    _COLUMN_OF_SIGNAL["friction_use_sigma"]: "friction_use_sigma",
+    _COLUMN_OF_SIGNAL["friction"]: "friction",
+    _COLUMN_OF_SIGNAL["slip"]: "slip",
+    _COLUMN_OF_SIGNAL["all_in_air"]: "all_in_air",
 }
 
 
@@ -97,15 +97,15 @@ class SignalTable:
         if cycle.temperature_c is not None:
             self._temperature_c = cycle.temperature_c
         table = np.full((self._n_legs, len(SIGNALS)), np.nan, np.float32)
-        table[:, _FORCE] = forces.force_n
-        table[:, _SIGMA] = forces.sigma_n
+        table[:, _FORCE_SLICE] = forces.force_n
+        table[:, _SIGMA_SLICE] = forces.sigma_n
         table[:, CLOSURE_COLUMNS] = closure_rel
         for column, value in _FORCE_COLUMNS:
             table[:, column] = value(forces)
-        table[:, _COLUMN["temperature"]] = self._temperature_c
+        table[:, _COLUMN_OF_SIGNAL["temperature"]] = self._temperature_c
         gait = self._gait
-        if gait is not None and forces.t_sent_ns - gait.t_ns <= _GAIT_LIMIT_NS:
-            table[:, _NORMAL] = gait.normal
+        if gait is not None and forces.t_sent_ns - gait.t_ns <= _MAX_GAIT_AGE_NS:
+            table[:, _NORMAL_SLICE] = gait.normal
             for column, name in _GAIT_COLUMNS.items():
                 table[:, column] = getattr(gait, name)
         return table

@@ -13,12 +13,12 @@ from footsense.errors import ConfigError
 from footsense.ports import CanWire, Clock
 
 #: Counters of commands before they repeat.
-_N_COUNTERS = 15
+_N_COUNTER_VALUES = 15
 _NS_PER_S = 1_000_000_000
 
 
-class Tares:
-    """Sends tares to the service.
+class TareCommands:
+    """Sends tare commands to the service by CAN.
 
     Args:
         wire: The CAN channel of the service.
@@ -32,10 +32,10 @@ class Tares:
         self._wire = wire
         self._clock = clock
         # Another counter than that of a viewer that has just ended.
-        self._commands = PendingCommands(clock.now_ns() // _NS_PER_S % _N_COUNTERS)
+        self._commands = PendingCommands(clock.now_ns() // _NS_PER_S % _N_COUNTER_VALUES)
         self.token = secrets.token_urlsafe(12)
 
-    def command(self, leg: str, token: str) -> str:
+    def send_tare(self, leg: str, token: str) -> str:
         """Send a tare, and return the answer in words; the result of the tare is an event of the service."""
         if not hmac.compare_digest(token.encode(), self.token.encode()):
             return "no tare: the token is not the one that was printed at start"
@@ -53,7 +53,7 @@ class Tares:
         self._wire.close()
 
 
-def open_tares(config: Config, clock: Clock) -> Tares:
+def open_tare_commands(config: Config, clock: Clock) -> TareCommands:
     """Open the CAN channel of a robot for commands.
 
     Raises:
@@ -65,6 +65,6 @@ def open_tares(config: Config, clock: Clock) -> Tares:
         raise ConfigError(
             "--allow-commands: can.interface virtual stays within the service, no command gets in"
         )
-    if not can.obeys:
+    if not can.executes_commands:
         raise ConfigError("--allow-commands: the service executes none, can.commands is false")
-    return Tares(open_wire(can.interface, can.channel, can.bitrate, []), clock)
+    return TareCommands(open_wire(can.interface, can.channel, can.bitrate, []), clock)

@@ -4,10 +4,10 @@ from typing import Any
 
 from footsense.frames import FAULT_FREE, BaselineStatus, Cause, Slip, State
 from footsense.leg_phase import phase_of
-from footsense.view.events import words
+from footsense.view.events import enum_words
 
 #: Meaning of each state, and what to do where a cause says nothing better.
-_STATES = {
+_STATE_TEXTS = {
     State.ABSENT: ("its chips do not answer", "its plug, its 3.3 V, and whether this is its channel"),
     State.VALID: ("its force may be used", ""),
     State.NO_BASELINE: ("no tare has succeeded yet", "lift the foot off the ground, and tare it"),
@@ -32,7 +32,7 @@ _STATES = {
 }
 
 #: Each cause in words, and what to check: as `footsense probe` has it.
-_CAUSES = {
+_CAUSE_TEXTS = {
     Cause.NO_ANSWER: ("its chips do not answer", "its plug, its 3.3 V, and whether this is its channel"),
     Cause.BUS_STUCK: (
         "it holds SDA or SCL low as soon as it is connected",
@@ -85,24 +85,24 @@ _CAUSES = {
 }
 
 
-def word_tables() -> dict[str, Any]:
+def code_texts() -> dict[str, Any]:
     """Return codes in words: states with phase, meaning and remedy; causes with both; baseline statuses and slips."""
     return {
         "states": [
             {
-                "name": words(state.name),
+                "name": enum_words(state.name),
                 "phase": phase_of(state).name.lower(),
                 "fault_free": state in FAULT_FREE,
-                "what": _STATES[state][0],
-                "check": _STATES[state][1],
+                "what": _STATE_TEXTS[state][0],
+                "check": _STATE_TEXTS[state][1],
             }
             for state in State
         ],
         "causes": [
-            {"name": words(cause.name), "what": what, "check": check}
+            {"name": enum_words(cause.name), "what": what, "check": check}
             for cause in Cause
-            for what, check in [_CAUSES.get(cause, ("", ""))]
+            for what, check in [_CAUSE_TEXTS.get(cause, ("", ""))]
         ],
-        "baselines": [words(status.name) for status in BaselineStatus],
-        "slips": [words(slip.name) for slip in Slip],
+        "baselines": [enum_words(status.name) for status in BaselineStatus],
+        "slips": [enum_words(slip.name) for slip in Slip],
     }

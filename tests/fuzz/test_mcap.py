@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from footsense.recording.container import event_messages, messages
-from footsense.recording.container.mcap_header import HEADER_CRC, METADATA, PROFILE, header_crc
+from footsense.recording.container.mcap_header import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
 from tests.fuzz.outcome import TRIED, refusal
@@ -88,8 +88,8 @@ def forged(path: Path, records: list[tuple[str, bytes]], header: dict[str, str] 
     header = HEADER if header is None else header
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
-        writer.start(profile=PROFILE)
-        writer.add_metadata(METADATA, {**header, HEADER_CRC: header_crc(header)})
+        writer.start(profile=MCAP_PROFILE)
+        writer.add_metadata(METADATA_NAME, {**header, HEADER_CRC_KEY: header_crc(header)})
         channels = {
             topic: writer.register_channel(topic, "json", 0)
             for topic in ("/scan", "/force", "/event", "/reference", "/x")

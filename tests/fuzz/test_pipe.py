@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from footsense.errors import RecordingError
 from footsense.frames import CommandResult, Result
 from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
-from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
 from footsense.recording.writer import PipeWriter
 from tests.fuzz.outcome import TRIED, refusal
 from tests.support.cycles import LEGS, TARE, cycle, same
@@ -41,7 +41,7 @@ heads = lengths | st.lists(anything, max_size=4).map(framed)
 def test_any_bytes(parts: list[bytes], n_legs: int | None) -> None:
     """They are records, or are refused; none is read twice, and a record that never ends waits."""
     buffer = bytearray(b"".join(parts))
-    refusal(lambda: list(unpack(buffer, n_legs)), RecordingError)
+    refusal(lambda: list(unpack_records(buffer, n_legs)), RecordingError)
 
 
 @given(st.data())
@@ -60,7 +60,7 @@ def test_a_flipped_byte(tmp_path: Path, data: st.DataObject) -> None:
 def test_legs_that_a_recording_cannot_have(legs: str) -> None:
     """Twice, or none of a robot's: a reader would refuse the recording."""
     stream = bytearray(pack_header({"legs": legs}))
-    assert refusal(lambda: list(unpack(stream, None)), RecordingError)
+    assert refusal(lambda: list(unpack_records(stream, None)), RecordingError)
 
 
 def write(stream: bytes, fd: int) -> None:
@@ -74,7 +74,7 @@ def write(stream: bytes, fd: int) -> None:
 @TRIED
 def test_any_header(header: object) -> None:
     """Whatever stands in its place."""
-    refusal(lambda: list(unpack(bytearray(framed(["header", header])), None)), RecordingError)
+    refusal(lambda: list(unpack_records(bytearray(framed(["header", header])), None)), RecordingError)
 
 
 @given(st.integers(1, len(FIELDS) - 1), anything)
@@ -82,7 +82,7 @@ def test_any_header(header: object) -> None:
 def test_any_field_of_a_cycle(place: int, value: object) -> None:
     """Each field in turn is something else: refused, or it may be so."""
     fields = [*FIELDS[:place], value, *FIELDS[place + 1 :]]
-    refusal(lambda: list(unpack(bytearray(HEADER + framed(fields)), None)), RecordingError)
+    refusal(lambda: list(unpack_records(bytearray(HEADER + framed(fields)), None)), RecordingError)
 
 
 @pytest.mark.parametrize(
@@ -105,12 +105,12 @@ def test_any_field_of_a_cycle(place: int, value: object) -> None:
 def test_a_field_without_a_meaning_is_refused(place: int, value: object) -> None:
     """Codes and legs that do not exist, arrays that are too short, times before the start."""
     fields = [*FIELDS[:place], value, *FIELDS[place + 1 :]]
-    assert refusal(lambda: list(unpack(bytearray(HEADER + framed(fields)), None)), RecordingError)
+    assert refusal(lambda: list(unpack_records(bytearray(HEADER + framed(fields)), None)), RecordingError)
 
 
 def test_what_is_right_is_read() -> None:
     """What the tests above damage is right as it is."""
-    _, numbered, loss = unpack(bytearray(STREAM), None)
+    _, numbered, loss = unpack_records(bytearray(STREAM), None)
     assert isinstance(numbered, NumberedCycle)
     assert same(numbered.cycle, SHOWN)
     assert loss == LostCycles(3, 5, 2)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.frames import CanStatistics
-from footsense.recording.shared_cycles import SLOTS, CycleReader, SharedCycles
+from footsense.recording.shared_cycles import N_SLOTS, CycleReader, SharedCycles
 from footsense.view.access import is_allowed_origin, is_own_host
 from footsense.view.page_messages import Request, decode_request
 from tests.fuzz.outcome import TRIED, refusal
@@ -38,7 +38,7 @@ def read(path: Path, content: bytes) -> str | None:
 
     def reading() -> None:
         with closing(CycleReader(path)) as reader:
-            assert len(reader.read().cycles) <= SLOTS
+            assert len(reader.read().cycles) <= N_SLOTS
             assert reader.baseline_pf.shape == (len(reader.legs), 9)
             assert isinstance(reader.can, CanStatistics)
 

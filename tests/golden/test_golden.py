@@ -53,6 +53,6 @@ def test_every_message_has_the_keys_of_its_schema() -> None:
         for _, channel, message in make_reader(file).iter_messages():
             told[channel.topic] |= set(paths(json.loads(message.data)))
     legs = Replay(GOLDEN).legs
-    for topic, schema in messages.schemas(legs).items():
+    for topic, schema in messages.topic_schemas(legs).items():
         listed = set(paths(properties(json.loads(schema))))
         assert told[topic] <= listed if topic == messages.EVENT else told[topic] == listed, topic

@@ -7,7 +7,7 @@ import pytest
 
 if TYPE_CHECKING:
     from footsense.foot.response_table import FootResponse
-    from footsense.lab.fem.adjoint import ClassField
+    from footsense.lab.fem.adjoint import AdjointField
     from footsense.lab.fem.quarter import Quarter
     from footsense.lab.fem.symmetry_classes import Parity
 
@@ -19,37 +19,37 @@ def mesh() -> Any:
     """Return the coarse mesh of the quarter."""
     import ngsolve
 
-    from footsense.lab.fem.mesh import COARSE, build_mesh
+    from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
     from tests.lab.released import FOOT_DESIGN
 
     ngsolve.SetNumThreads(1)  # a second thread that waits for a busy processor costs more than it gains
-    return build_mesh(FOOT_DESIGN, COARSE)
+    return build_mesh(FOOT_DESIGN, COARSE_MESH)
 
 
 @pytest.fixture(scope="session")
 def quarters(mesh: Any) -> "dict[Parity, Quarter]":
     """Return the factorised symmetry classes of the coarse foot."""
-    from footsense.lab.fem.mesh import COARSE
+    from footsense.lab.fem.mesh import COARSE_MESH
     from footsense.lab.fem.quarter import Quarter
-    from footsense.lab.fem.symmetry_classes import SOLVED
+    from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES
     from tests.lab.released import FOOT_DESIGN
 
-    return {parity: Quarter(FOOT_DESIGN, COARSE, parity, mesh) for parity in SOLVED}
+    return {parity: Quarter(FOOT_DESIGN, COARSE_MESH, parity, mesh) for parity in SOLVED_CLASSES}
 
 
 @pytest.fixture(scope="session")
-def fields(quarters: "dict[Parity, Quarter]") -> "dict[Parity, ClassField]":
+def fields(quarters: "dict[Parity, Quarter]") -> "dict[Parity, AdjointField]":
     """Return their adjoint fields."""
-    from footsense.lab.fem.adjoint import class_field
+    from footsense.lab.fem.adjoint import solve_adjoint_fields
 
-    return {parity: class_field(quarter) for parity, quarter in quarters.items()}
+    return {parity: solve_adjoint_fields(quarter) for parity, quarter in quarters.items()}
 
 
 @pytest.fixture(scope="session")
-def response(fields: "dict[Parity, ClassField]") -> "FootResponse":
+def response(fields: "dict[Parity, AdjointField]") -> "FootResponse":
     """Return the coarse foot's response table."""
-    from footsense.lab.fem.mesh import COARSE
-    from footsense.lab.response import tabulate
+    from footsense.lab.fem.mesh import COARSE_MESH
+    from footsense.lab.response import tabulate_response
     from tests.lab.released import FOOT_DESIGN
 
-    return tabulate(FOOT_DESIGN, COARSE, fields, {})
+    return tabulate_response(FOOT_DESIGN, COARSE_MESH, fields, {})

@@ -18,7 +18,7 @@ from footsense.lab.design.prediction.shapes import ShapeLibrary
 from footsense.lab.design.screen import TRAINED_REL
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
-from footsense.lab.similarity import in_unit
+from footsense.lab.similarity import response_in_force_unit
 from footsense.lab.training.load_cases import sensed_closure_um
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
@@ -85,13 +85,13 @@ def test_a_force_unit_leaves_closures_alone() -> None:
     """A foot in a unit of 6 closes under 0.3 N as it does under 1.8 N."""
     released = FootResponse.load(RELEASED / "response.npz")
     normal = np.array([[0.0, 0.0, 1.0], [0.5, 0.3, np.sqrt(0.66)]])
-    scaled = in_unit(released, 6.0)
+    scaled = response_in_force_unit(released, 6.0)
     np.testing.assert_allclose(
         sensed_closure_um(Foot(scaled), normal, 0.3 * normal),
         sensed_closure_um(Foot(released), normal, 1.8 * normal),
         rtol=1e-9,
     )
-    assert in_unit(released, 1.0).hertz_modulus_mpa == released.hertz_modulus_mpa
+    assert response_in_force_unit(released, 1.0).hertz_modulus_mpa == released.hertz_modulus_mpa
 
 
 def paper_design(library: ShapeLibrary) -> FootDesign:

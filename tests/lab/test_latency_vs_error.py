@@ -8,14 +8,23 @@ import pytest
 from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
-from footsense.acquisition.scan_plan import ORDERS
-from footsense.benchmarks.latency_vs_error.chain import Readings, convert, pace, true_loads
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
+from footsense.benchmarks.latency_vs_error.chain import (
+    Readings,
+    conversion_timing,
+    simulate_conversions,
+    true_loads,
+)
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     TrueLoads,
     latency_and_errors,
     settling_ms,
 )
-from footsense.benchmarks.latency_vs_error.publishing import PublishedForces, published_forces, windows
+from footsense.benchmarks.latency_vs_error.publishing import (
+    PublishedForces,
+    conversion_windows,
+    estimate_forces,
+)
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
@@ -46,14 +55,14 @@ class FirstThree:
 
 def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -> Readings:
     """Return readings of one foot whose elements follow polynomials of time [s], shape (9, coefficients)."""
-    step_ns, lead_ns = pace(400)
+    step_ns, lead_ns = conversion_timing(400)
     t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
-    element = np.resize(ORDERS[order], n)
+    element = np.resize(CONVERSION_ORDERS[order], n)
     values = [
         np.polyval(distance_of_time_s[e], t * 1e-9) for e, t in zip(element, t_ns.tolist(), strict=True)
     ]
     return Readings(
-        order=ORDERS[order],
+        order=CONVERSION_ORDERS[order],
         t_ns=t_ns,
         sent_ns=t_ns + lead_ns,
         distance_rel=np.array(values)[:, None],
@@ -66,20 +75,20 @@ def test_the_daemon_keeps_the_same_pace() -> None:
     figures = run_json(
         "--operating-point", "low-latency", "--scene", "measured_walk", "--duration", "3", "--fast"
     )
-    step_ns, lead_ns = pace(400)
+    step_ns, lead_ns = conversion_timing(400)
     assert figures["cycle_rate_hz"] == pytest.approx(1e9 / step_ns, rel=0.03)
     assert figures["age_ms"]["p50"] == pytest.approx(lead_ns * 1e-6, abs=0.1)
 
 
-@pytest.mark.parametrize("order", list(ORDERS))
+@pytest.mark.parametrize("order", list(CONVERSION_ORDERS))
 def test_a_force_is_made_of_what_was_known(order: str) -> None:
     """A window is of the last 27 conversions, the newest of each element first, with their ages at sending."""
     said = readings(order, np.tile([1.0, 0.0], (9, 1)))  # every reading is its own time
-    window = windows(said)
+    window = conversion_windows(said)
     sent_ns = said.sent_ns[26:, None, None]
     assert len(window.closure_rel) == len(sent_ns)
     np.testing.assert_allclose(-window.closure_rel, sent_ns * 1e-9 - window.age_s, atol=1e-12)
-    step_ns, lead_ns = pace(400)
+    step_ns, lead_ns = conversion_timing(400)
     since = (window.age_s * 1e9 - lead_ns) / step_ns
     assert (np.diff(since, axis=1) > 0).all()
     np.testing.assert_allclose(
@@ -91,26 +100,28 @@ def test_a_force_is_made_of_what_was_known(order: str) -> None:
 def test_extrapolation_is_exact_for_its_own_kind_of_motion(degree: int) -> None:
     """The newest readings follow what stands still, lines what moves evenly, parabolas what accelerates evenly."""
     motion = np.random.default_rng(1).standard_normal((9, degree + 1))
-    published = published_forces(readings("lo_shu", motion), FirstThree(), ANY, degree)
+    published = estimate_forces(readings("lo_shu", motion), FirstThree(), ANY, degree)
     wanted = [[-np.polyval(motion[e], t * 1e-9) for e in range(3)] for t in published.sent_ns.tolist()]
     np.testing.assert_allclose(published.force_n[:, 0], wanted, atol=1e-9)
 
 
 def test_every_fourth_force_is_one_of_all() -> None:
     """With its time of sending and its newest reading."""
-    published = published_forces(readings("lo_shu", np.tile([1.0, 0.0], (9, 1))), FirstThree(), ANY)
-    fourth = published.every(4)
+    published = estimate_forces(readings("lo_shu", np.tile([1.0, 0.0], (9, 1))), FirstThree(), ANY)
+    fourth = published.every_nth(4)
     np.testing.assert_array_equal(fourth.sent_ns, published.sent_ns[::4])
     np.testing.assert_array_equal(fourth.force_n, published.force_n[::4])
-    assert set(fourth.sent_ns - fourth.newest_reading_ns) == {pace(400).lead_ns}
+    assert set(fourth.sent_ns - fourth.newest_reading_ns) == {conversion_timing(400).send_delay_ns}
 
 
 def test_a_converted_foot_reads_its_load() -> None:
     """At rest the tare; under a load every element is pressed, by what the foot says to noise and step."""
     response, _ = open_models(RELEASED)
     foot, load = Foot(response), Ramp((0.0, 0.0, 0.5), 100 * MS)
-    said = convert(foot, [partial(load.contact, "lf")], ORDERS["lo_shu"], 100, 400 * MS, seed=1)
-    values, _ = said.elements()
+    said = simulate_conversions(
+        foot, [partial(load.contact, "lf")], CONVERSION_ORDERS["lo_shu"], 100, 400 * MS, seed=1
+    )
+    values, _ = said.latest_by_element()
     closure_rel = said.unloaded_rel - values[:, 0]
     # dC / C = -d(distance) / distance.
     noise_rel = said.unloaded_rel.mean() * fdc1004.RATES[100].noise_ff * 1e-3 / response.design.unloaded_pf

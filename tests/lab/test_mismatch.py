@@ -9,10 +9,10 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.cli import main
-from footsense.cli.lab.pages.mismatch_rows import ROWS
+from footsense.cli.lab.pages.mismatch_rows import MISMATCH_ROWS
 from footsense.errors import ModelError
 from footsense.foot.response_table import FootResponse
-from footsense.lab.fem.whole import Imperfection, whole_table, with_change
+from footsense.lab.fem.whole import Imperfection, solve_whole_foot, with_added_response
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -40,10 +40,14 @@ def test_a_row_is_made_and_resumed(tmp_path: Path) -> None:
 
 def test_gold_is_in_the_solid_of_its_row() -> None:
     """A row is a foot of other dimensions or materials; one that changes nothing is no row."""
-    assert ROWS["gold"].solid.design(FOOT_DESIGN).gold is not None
+    assert MISMATCH_ROWS["gold"].solid.design(FOOT_DESIGN).gold is not None
     assert FOOT_DESIGN.gold is None
-    titles = [row.title for row in ROWS.values()]
-    assert len({str(replace(row, title="")) for row in ROWS.values()}) == len(set(titles)) == len(titles)
+    titles = [row.title for row in MISMATCH_ROWS.values()]
+    assert (
+        len({str(replace(row, title="")) for row in MISMATCH_ROWS.values()})
+        == len(set(titles))
+        == len(titles)
+    )
 
 
 def test_an_unknown_row_is_answered_with_those_that_are(tmp_path: Path) -> None:
@@ -57,13 +61,13 @@ def test_an_unknown_row_is_answered_with_those_that_are(tmp_path: Path) -> None:
 def test_a_bubble_that_leaves_the_ball_is_one_clear_line() -> None:
     """A mismatch that the mesh cannot hold is refused before it is meshed."""
     with pytest.raises(ModelError, match="is not inside the ground-side ball"):
-        whole_table(FOOT_DESIGN, Imperfection(bubble_mm=(0.0, 0.0, -1.0, 0.75)))
+        solve_whole_foot(FOOT_DESIGN, Imperfection(bubble_mm=(0.0, 0.0, -1.0, 0.75)))
 
 
 def test_a_whole_table_without_change_is_the_quarter_mirrored(tmp_path: Path) -> None:
     """A foot that is not symmetric has a table of all cells; without a change it reads the same, after a file, too."""
     none = np.zeros((RESPONSE.series.shape[1], 324, 3))
-    whole = with_change(RESPONSE, FOOT_DESIGN, none, np.zeros((324, 324)))
+    whole = with_added_response(RESPONSE, FOOT_DESIGN, none, np.zeros((324, 324)))
     whole.save(tmp_path / "whole.npz")
     kept = FootResponse.load(tmp_path / "whole.npz")
     assert len(kept.quarter_compliance) == 18

@@ -15,11 +15,22 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Job, ReadoutErrors, Tolerances, Work, run_resumable
-from footsense.lab.monte_carlo.specimens import measure, readout_errors
+from footsense.lab.monte_carlo.specimens import measure_foot, readout_errors
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.monte_carlo.sweeps import FEET, FULL, QUICK, TEST_STANDS, SweepResults
-from footsense.lab.monte_carlo.workers import parallel
-from footsense.lab.studies.accuracy.tolerance import ON_DESIGN, ON_FOOT, STUDY, run_study
+from footsense.lab.monte_carlo.sweeps import (
+    FOOT_SWEEPS,
+    FULL_PLAN,
+    QUICK_PLAN,
+    TEST_STAND_SWEEPS,
+    SweepResults,
+)
+from footsense.lab.monte_carlo.workers import job_runner
+from footsense.lab.studies.accuracy.tolerance import (
+    DESIGN_TRAINED_READOUTS,
+    FOOT_TRAINED_READOUTS,
+    STUDY,
+    run_study,
+)
 from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
 from footsense.sim.foot.fabrication import MIN_DRAWN_REL, fabricate
@@ -129,12 +140,12 @@ def test_a_damaged_line_is_named(file: Path) -> None:
 def test_a_scheduler_that_is_not_there_is_one_clear_line(address: str, why: str) -> None:
     """Within seconds, and with what to do."""
     with pytest.raises(FootsenseError, match=rf"^[^\n]*{why}[^\n]*$"):
-        run_resumable(ABOUT, JOBS, double, workers=parallel(address))
+        run_resumable(ABOUT, JOBS, double, workers=job_runner(address))
 
 
 def test_other_processes_judge_alike_and_end_with_the_run(file: Path) -> None:
     """Same figures as in this process, whatever comes back first; no process stays behind."""
-    found = run_resumable(ABOUT, JOBS, abs_gap, workers=parallel(), file=file)
+    found = run_resumable(ABOUT, JOBS, abs_gap, workers=job_runner(), file=file)
     assert list(found.items()) == [(job, abs_gap(job)) for job in JOBS]
     assert not multiprocessing.active_children()
 
@@ -142,7 +153,7 @@ def test_other_processes_judge_alike_and_end_with_the_run(file: Path) -> None:
 def test_a_dask_cluster_judges_alike(file: Path) -> None:
     """The workers of a scheduler get the jobs by its address."""
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
-        workers = parallel(cluster.scheduler_address)
+        workers = job_runner(cluster.scheduler_address)
         assert run_resumable(ABOUT, JOBS, double, workers=workers, file=file) == {
             job: double(job) for job in JOBS
         }
@@ -175,7 +186,9 @@ def test_an_exact_bench_measures_what_the_daemon_senses(released: FootResponse) 
     """Of a foot with any deviations: the closures of the project's own verification cases, to rounding."""
     own = fabricate(released, Tolerances(gap_um=2.0, stray_pf=0.1, mount_deg=2.0), 1, 0)
     cases = paper_verification(released, own)
-    measured = measure(Foot(released, own), own.mount, cases.force_n, Tolerances(), np.random.default_rng(0))
+    measured = measure_foot(
+        Foot(released, own), own.mount, cases.force_n, Tolerances(), np.random.default_rng(0)
+    )
     np.testing.assert_allclose(measured.closure_um, cases.closure_um, atol=1e-9)
     np.testing.assert_array_equal(measured.force_n, cases.force_n)
 
@@ -200,17 +213,18 @@ def test_a_foot_is_judged_the_same_each_time() -> None:
 
 def test_levels_are_interpolated_linearly() -> None:
     """The crossing of a target, or none; quick plans keep the exact foot and the largest level."""
-    sweep = FEET[0]
-    assert QUICK.levels(sweep)[0] == 0.0
-    assert QUICK.levels(sweep)[-1] == FULL.levels(sweep)[-1]
+    sweep = FOOT_SWEEPS[0]
+    assert QUICK_PLAN.levels(sweep)[0] == 0.0
+    assert QUICK_PLAN.levels(sweep)[-1] == FULL_PLAN.levels(sweep)[-1]
     levels = {
-        f"{gap_um:g}": {"network_deg": MeanStd.over([2.0 * gap_um] * 2)} for gap_um in FULL.levels(sweep)
+        f"{gap_um:g}": {"network_deg": MeanStd.of_values([2.0 * gap_um] * 2)}
+        for gap_um in FULL_PLAN.levels(sweep)
     }
-    results = SweepResults(plan=FULL, gap_um=20.0, figures={sweep.what: levels})
-    assert results.reached(sweep, "network_deg", 9.0) == pytest.approx(4.5)
-    assert results.reached(sweep, "network_deg", 0.0) == 0.0
-    assert results.reached(sweep, "network_deg", 99.0) is None
-    assert all(job.with_network for job in FULL.jobs(TEST_STANDS[0], 1.0))
+    results = SweepResults(plan=FULL_PLAN, gap_um=20.0, figures={sweep.what: levels})
+    assert results.level_reaching(sweep, "network_deg", 9.0) == pytest.approx(4.5)
+    assert results.level_reaching(sweep, "network_deg", 0.0) == 0.0
+    assert results.level_reaching(sweep, "network_deg", 99.0) is None
+    assert all(job.with_network for job in FULL_PLAN.jobs(TEST_STAND_SWEEPS[0], 1.0))
 
 
 def test_the_page_reports_the_level_of_the_papers_error() -> None:
@@ -220,11 +234,11 @@ def test_the_page_reports_the_level_of_the_papers_error() -> None:
         for job in jobs:
             yield job, dict.fromkeys(names, 4.0 * job.tolerances.gap_um)
 
-    readouts = (*ON_DESIGN, *ON_FOOT, "reference")
+    readouts = (*DESIGN_TRAINED_READOUTS, *FOOT_TRAINED_READOUTS, "reference")
     names = ["within_1", "within_2", *(f"{name}_{unit}" for name in readouts for unit in ("deg", "gf"))]
     lines: list[str] = []
     study = replace(STUDY, compute=partial(run_study, workers=canned))
-    page = study.page(StudyContext(models=RELEASED, quick=True, say=lines.append))
+    page = study.page(StudyContext(models=RELEASED, quick=True, report_progress=lines.append))
     assert "Quick run" in page.body
     assert "| gap [um] | 4 | 4 | 4 | 4.7 | 4.7 | 4.7 |" in page.body
     assert "| film [um] | no (0.0 at 4) |" in page.body

@@ -7,20 +7,20 @@ from pathlib import Path
 
 import pytest
 
-from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT
+from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT_STUDIES
 from footsense.errors import FootsenseError
 from footsense.lab.report import (
-    OTHERS,
+    OTHER_PAGES,
     STUDIES,
-    bind,
-    is_made,
+    bind_pages,
+    is_page_current,
     make_page,
-    noted_stale,
+    noted_stale_reasons,
     page_values,
-    why_stale,
+    stale_reason,
 )
 from footsense.lab.studies.page import Page, StudyContext
-from footsense.lab.targets import targets
+from footsense.lab.targets import targets_markdown
 
 pytestmark = pytest.mark.lab
 
@@ -32,13 +32,13 @@ PAGES = Path(__file__).parents[2] / "docs" / "report"
 _ERRORS = {"direction_deg": "deg", "magnitude_gf": "gf"}
 ALL = STUDIES | DAEMON_STUDIES
 #: Studies whose text is rendered from their JSON.
-RENDERED = list(ALL | EXPERIMENT)
+RENDERED = list(ALL | EXPERIMENT_STUDIES)
 
 
 @pytest.fixture
 def context() -> StudyContext:
     """Return the quick form on the released models."""
-    return StudyContext(models=RELEASED, quick=True, say=lambda _: None)
+    return StudyContext(models=RELEASED, quick=True, report_progress=lambda _: None)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -53,8 +53,8 @@ def test_a_study_makes_its_page(name: str, context: StudyContext, tmp_path: Path
     assert {part.partition(")")[0] for part in text.split("![](")[1:]} == set(page.figures)
     values = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
     assert values["quick"] is True
-    assert is_made(name, tmp_path, context)
-    assert not is_made(name, tmp_path, replace(context, quick=False))
+    assert is_page_current(name, tmp_path, context)
+    assert not is_page_current(name, tmp_path, replace(context, quick=False))
     if name == "hard-cases":
         assert not [case for group in values["groups"].values() for case in group if not case["held"]]
 
@@ -69,7 +69,7 @@ def test_pages_about_another_network_are_left_out(context: StudyContext, tmp_pat
     """They are named instead of bound."""
     about = {"network_sha256": "0" * 64, "quick": True, "seconds": 1.0}
     Page(name="solid", title="Old", body="of another network", figures={}, values=about).write(tmp_path)
-    text = bind(tmp_path, context).read_text(encoding="utf-8")
+    text = bind_pages(tmp_path, context).read_text(encoding="utf-8")
     assert "of another network" not in text
     assert "Not made about this network yet: released" in text
     assert "not measured" in text
@@ -78,23 +78,23 @@ def test_pages_about_another_network_are_left_out(context: StudyContext, tmp_pat
 @pytest.mark.parametrize("name", RENDERED)
 def test_a_committed_page_is_the_text_of_its_numbers(name: str) -> None:
     """Rendered again from its JSON, the page is the committed one to the byte."""
-    page: Page = import_module((ALL | EXPERIMENT)[name]).STUDY.rendered(page_values(name, PAGES))
+    page: Page = import_module((ALL | EXPERIMENT_STUDIES)[name]).STUDY.rerender(page_values(name, PAGES))
     assert page.markdown == (PAGES / f"{name}.md").read_text(encoding="utf-8")
 
 
 def test_no_committed_page_is_stale_without_a_note(context: StudyContext) -> None:
     """A page whose code has changed is made again with `footsense lab study`, or noted with the reason."""
     full = replace(context, quick=False)
-    stale = {name for name in RENDERED if why_stale(name, PAGES, full, ALL | EXPERIMENT)}
-    assert stale == set(noted_stale(PAGES))
+    stale = {name for name in RENDERED if stale_reason(name, PAGES, full, ALL | EXPERIMENT_STUDIES)}
+    assert stale == set(noted_stale_reasons(PAGES))
 
 
 @pytest.mark.parametrize("foot_type", ["hexapod-2kg", "quadruped-12kg"])
 def test_another_released_foot_has_a_fault_table(foot_type: str) -> None:
     """It is of the foot's network and of the code as it is, and is the text of its numbers."""
     folder = RELEASED.parent / foot_type
-    assert why_stale("faults", folder, StudyContext(models=folder), ALL) == ""
-    page: Page = import_module(ALL["faults"]).STUDY.rendered(page_values("faults", folder))
+    assert stale_reason("faults", folder, StudyContext(models=folder), ALL) == ""
+    page: Page = import_module(ALL["faults"]).STUDY.rerender(page_values("faults", folder))
     assert page.markdown == (folder / "faults.md").read_text(encoding="utf-8")
 
 
@@ -102,16 +102,17 @@ def test_the_committed_report_binds_the_committed_pages(context: StudyContext, t
     """Bound again, the document is the committed one."""
     for file in PAGES.glob("*.*"):
         (tmp_path / file.name).write_bytes(file.read_bytes())
-    bound = bind(tmp_path, replace(context, quick=False)).read_text(encoding="utf-8")
+    bound = bind_pages(tmp_path, replace(context, quick=False)).read_text(encoding="utf-8")
     assert bound == (PAGES / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_released_report_has_every_target_and_says_why_one_is_missed() -> None:
     """The committed pages hold all numbers that the table on top is made of."""
     values = {
-        name: json.loads((PAGES / f"{name}.json").read_text(encoding="utf-8")) for name in (*STUDIES, *OTHERS)
+        name: json.loads((PAGES / f"{name}.json").read_text(encoding="utf-8"))
+        for name in (*STUDIES, *OTHER_PAGES)
     }
-    text = targets({**values, "report": {"minutes": 1.0}})
+    text = targets_markdown({**values, "report": {"minutes": 1.0}})
     assert "not measured" not in text
     assert "at 150 gf that makes" in text
 
@@ -119,7 +120,9 @@ def test_the_released_report_has_every_target_and_says_why_one_is_missed() -> No
 def test_the_front_page_has_the_figures_of_the_experiment_and_of_the_matrix() -> None:
     """README's accuracies of made feet are those of the committed pages, the worst physics beside the supposed one."""
     front = (PAGES.parents[1] / "README.md").read_text(encoding="utf-8")
-    experiment, matrix = (json.loads((PAGES / f"{name}.json").read_text("utf-8")) for name in EXPERIMENT)
+    experiment, matrix = (
+        json.loads((PAGES / f"{name}.json").read_text("utf-8")) for name in EXPERIMENT_STUDIES
+    )
 
     def of_estimator(name: str, prefix: str = "") -> str:
         one = experiment["estimators"][name]

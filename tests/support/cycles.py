@@ -26,7 +26,7 @@ from footsense.frames import (
     Slip,
     State,
 )
-from footsense.recording.compare import compare
+from footsense.recording.compare import first_difference
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.replay import Replay
@@ -131,7 +131,7 @@ def same(a: Cycle, b: Cycle) -> bool:
         scans
         and (zeros or bool(np.isnan(a.scan.capacitance_pf).any()))
         and a.scan.sequence == b.scan.sequence
-        and compare(a.forces, b.forces, exact=True, legs=legs) is None
+        and first_difference(a.forces, b.forces, exact=True, legs=legs) is None
         and _same_gait(a.forces.gait, b.forces.gait)
         and (a.commands, a.outcomes) == (b.commands, b.outcomes)
         and _same_reference(a.reference, b.reference)
@@ -163,7 +163,7 @@ def write(path: Path, cycles: list[Cycle], every: int = 10) -> Path:
     with path.open("wb") as file:
         recording = McapFile(file.fileno(), {"legs": ",".join(LEGS), "scene": "test"})
         for number, one in enumerate(cycles):
-            recording.add(NumberedCycle(number, one))
+            recording.add_entry(NumberedCycle(number, one))
             if number % every == every - 1:
                 recording.flush()
         recording.finish()

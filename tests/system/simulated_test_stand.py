@@ -63,13 +63,13 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
     )
     load = CalibrationLoads(presses=presses(n), rise_s=0.1, dwell_s=0.4, pause_s=0.4)
     scene = Scene(description="a test stand", load=load, fabrication=MADE)
-    end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 200_000_000
+    end_ns = load.build(round(scene.lead_in_s * 1e9)).end_ns + 200_000_000
     with open_service(config, scene, record=path, real_time=False) as service:
         true_force_at_time_n, clock = service.true_force_at_time_n, service.clock
         assert true_force_at_time_n is not None
         sensor = ExactReference(true_force_at_time_n) if reference else None
         loop = Loop(service.pipeline, service.sink, service.observers, clock, sensor)
-        loop.run_on(service.source, lambda: clock.now_ns() >= end_ns)
+        loop.run_until(service.source, lambda: clock.now_ns() >= end_ns)
     return path
 
 

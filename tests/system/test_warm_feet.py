@@ -106,7 +106,7 @@ def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     with old.open("wb") as file:
         recording = McapFile(file.fileno(), Replay(walk).header)
         for number, cycle in enumerate(Replay(walk)):
-            recording.add(NumberedCycle(number, cycle._replace(temperature_c=None)))
+            recording.add_entry(NumberedCycle(number, cycle._replace(temperature_c=None)))
         recording.finish()
     assert CliRunner().invoke(replay, [str(old)]).output == f"{len(cycles)} cycles replayed\n"
     result = CliRunner().invoke(replay, [str(old), "--check"])

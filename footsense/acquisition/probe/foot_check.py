@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf
+from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL, floating_row_crosstalk_pf
 from footsense.frames import ELEMENTS, Cause, Codes, Mask, Reading, Vector
 
 _ROW, _COLUMN = np.divmod(np.arange(ELEMENTS), 3)
@@ -32,33 +32,39 @@ class FootFault(NamedTuple):
     is_fit: bool = False
 
 
-_ALL = tuple(range(ELEMENTS))
+_ALL_ELEMENTS = tuple(range(ELEMENTS))
 
 #: Faults of a leg's chips by the readings that show them; the gravest first.
 _CHIP_FAULTS = {
     Reading.MISCONFIGURED: FootFault(
         Cause.SETTINGS_LOST,
-        _ALL,
+        _ALL_ELEMENTS,
         "a chip does not hold its settings",
         "the supply of its chips and the switches' RESET pin; or a loose contact",
     ),
     Reading.EXCITATION: FootFault(
         Cause.CANNOT_EXCITE,
-        _ALL,
+        _ALL_ELEMENTS,
         "its converter cannot drive the rows",
         "a row line that is shorted or leaks to ground",
     ),
     Reading.CORRUPT: FootFault(
         Cause.CORRUPT,
-        _ALL,
+        _ALL_ELEMENTS,
         "its answers are such as no healthy chip gives",
         "pull-ups, cable length and ground of this leg",
     ),
     Reading.NOT_READY: FootFault(
-        Cause.NEVER_FINISHES, _ALL, "its converter does not finish its conversions", "its 3.3 V supply"
+        Cause.NEVER_FINISHES,
+        _ALL_ELEMENTS,
+        "its converter does not finish its conversions",
+        "its 3.3 V supply",
     ),
     Reading.DELAYED: FootFault(
-        Cause.DELAYED, _ALL, "its readings came too late", "what else loads this computer or this bus"
+        Cause.DELAYED,
+        _ALL_ELEMENTS,
+        "its readings came too late",
+        "what else loads this computer or this bus",
     ),
 }
 
@@ -135,11 +141,13 @@ def foot_faults(
             return (fault,)
     mean_pf = scans.mean_pf - stray_pf
     over = scans.worst_reading == Reading.OVER_RANGE
-    opened = (mean_pf < OPEN_REL * unloaded_pf) | (scans.worst_reading == Reading.UNDER_RANGE)
-    broken = [*_over_range(over, opened), *_open_faults(opened, over)]
+    opened = (mean_pf < OPEN_ELEMENT_THRESHOLD_REL * unloaded_pf) | (
+        scans.worst_reading == Reading.UNDER_RANGE
+    )
+    broken = [*_over_range_faults(over, opened), *_open_faults(opened, over)]
     wrong = opened | over
     # An interrupted row floats, and adds its capacitance to ground to the other elements.
-    mean_pf = mean_pf - floating_pf(scans.mean_pf[None], opened[None])[0]
+    mean_pf = mean_pf - floating_row_crosstalk_pf(scans.mean_pf[None], opened[None])[0]
     noisy = ~wrong & (scans.noise_ff > noise_limit_ff)
     if noisy.any():
         what = f"noise of up to {scans.noise_ff[noisy].max():.1f} fF; a tare is refused above {noise_limit_ff:g} fF"
@@ -160,7 +168,7 @@ def foot_faults(
     return tuple(broken)
 
 
-def _over_range(over: Mask, opened: Mask) -> list[FootFault]:
+def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
     """Return the faults of elements over the converter's range: a whole column of them has its line at ground."""
     faults = []
     for column in range(3):
@@ -188,7 +196,7 @@ def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
     """Return the faults of elements without their electrode: whole lines first, then single elements."""
     if opened.all():
         what, check = "none of its elements is connected", "whether the foot is plugged in"
-        return [FootFault(Cause.ELEMENT_OPEN, _ALL, what, check)]
+        return [FootFault(Cause.ELEMENT_OPEN, _ALL_ELEMENTS, what, check)]
     # A shorted element makes the others of its column read as open.
     taken = [bool((opened | over)[column::3].all() and over[column::3].any()) for column in range(3)]
     left = opened & ~np.array(taken)[_COLUMN]

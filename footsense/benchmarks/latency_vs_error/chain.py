@@ -27,22 +27,22 @@ BUS_HZ, HOST_COST_NS = 400_000, 40_000
 #: Scans that a tare averages.
 _TARE_SCANS = 8
 #: At 400 S/s the noise exceeds the lower register of a result, which is then not read.
-_ONE_REGISTER_SPS = 400
+_SINGLE_REGISTER_RATE_SPS = 400
 
 
-class Pace(NamedTuple):
+class ConversionTiming(NamedTuple):
     """Time between conversions, and from a conversion to the sending of its force [ns].
 
     Attributes:
         step_ns: From one conversion to the next [ns].
-        lead_ns: From the middle of a conversion to the sending of the force that ends with it [ns].
+        send_delay_ns: From the middle of a conversion to the sending of the force that ends with it [ns].
     """
 
     step_ns: int
-    lead_ns: int
+    send_delay_ns: int
 
 
-def pace(rate_sps: int) -> Pace:
+def conversion_timing(rate_sps: int) -> ConversionTiming:
     """Return the pace of six legs on one bus.
 
     The step is a ninth of the shortest scan. A force is sent after half a conversion, the tolerance of the slowest
@@ -52,8 +52,8 @@ def pace(rate_sps: int) -> Pace:
         rate_sps: Conversions per second: 100, 200 or 400.
 
     Example:
-        >>> pace(400)
-        Pace(step_ns=2716733, lead_ns=3234933)
+        >>> conversion_timing(400)
+        ConversionTiming(step_ns=2716733, send_delay_ns=3234933)
     """
     conversion_ns = fdc1004.RATES[rate_sps].conversion_ns
     limits = scan_lower_bounds(
@@ -61,13 +61,13 @@ def pace(rate_sps: int) -> Pace:
         conversion_ns=conversion_ns,
         bus_hz=BUS_HZ,
         host_cost_ns=HOST_COST_NS,
-        n_result_reads=1 if rate_sps == _ONE_REGISTER_SPS else 2,
+        n_result_reads=1 if rate_sps == _SINGLE_REGISTER_RATE_SPS else 2,
     )
     wait_ns = round(conversion_ns * (0.5 + fdc1004.CLOCK_TOLERANCE_REL))
-    return Pace(limits.scan_ns // ELEMENTS, wait_ns + limits.readout_ns // ELEMENTS)
+    return ConversionTiming(limits.scan_ns // ELEMENTS, wait_ns + limits.readout_ns // ELEMENTS)
 
 
-def latest_conversions(order: Sequence[int], n: int) -> NDArray[np.intp]:
+def latest_conversion_indices(order: Sequence[int], n: int) -> NDArray[np.intp]:
     """Return the number of the latest conversion of every element, after each of `n` conversions.
 
     Args:
@@ -81,17 +81,17 @@ def latest_conversions(order: Sequence[int], n: int) -> NDArray[np.intp]:
     return now - (now - np.argsort(order)) % ELEMENTS
 
 
-def converted_pf(capacitance_pf: Vector, rate_sps: int, rng: np.random.Generator) -> Vector:
+def quantized_capacitance_pf(capacitance_pf: Vector, rate_sps: int, rng: np.random.Generator) -> Vector:
     """Return capacitances with the noise and the step of the registers that are read [pF], of any shape."""
     noisy_pf = capacitance_pf + fdc1004.RATES[rate_sps].noise_ff * 1e-3 * rng.standard_normal(
         capacitance_pf.shape
     )
-    codes_per_pf = fdc1004.CODES_PER_PF / ((1 << 8) if rate_sps == _ONE_REGISTER_SPS else 1)
+    codes_per_pf = fdc1004.CODES_PER_PF / ((1 << 8) if rate_sps == _SINGLE_REGISTER_RATE_SPS else 1)
     quantized_pf: Vector = np.floor(noisy_pf * codes_per_pf) / codes_per_pf
     return quantized_pf
 
 
-def noise_rel(design: CapacitorDesign, rate_sps: int) -> float:
+def distance_noise_rel(design: CapacitorDesign, rate_sps: int) -> float:
     """Return the standard deviation of the distance of an unloaded element over its gap [1]."""
     # dC / C = -d(distance) / distance.
     rest_um = design.plate_distance_um(np.array([design.unloaded_pf]))[0]
@@ -116,13 +116,13 @@ class Readings:
     distance_rel: Vector
     unloaded_rel: Vector
 
-    def elements(self) -> tuple[Vector, Stamps]:
+    def latest_by_element(self) -> tuple[Vector, Stamps]:
         """Return the newest reading of every element after each conversion from the first scan on.
 
         Returns:
             Distances [1] and time stamps [ns], shape (conversions, feet, 9) each.
         """
-        numbers = latest_conversions(self.order, len(self.t_ns))
+        numbers = latest_conversion_indices(self.order, len(self.t_ns))
         distance_rel = self.distance_rel[numbers].swapaxes(1, 2)
         return distance_rel, np.broadcast_to(self.t_ns[numbers][:, None], distance_rel.shape)
 
@@ -134,7 +134,7 @@ def true_loads(feet: Sequence[FootLoad], t_ns: Stamps) -> tuple[Vector, Vector]:
     return normal, force_n
 
 
-def convert(
+def simulate_conversions(
     foot: Foot, feet: Sequence[FootLoad], order: tuple[int, ...], rate_sps: int, until_ns: int, seed: int
 ) -> Readings:
     """Return the readings of some feet of one make from time 0 on.
@@ -147,22 +147,22 @@ def convert(
         until_ns: End of the last scan [ns].
         seed: Seed of the noise.
     """
-    step_ns, lead_ns = pace(rate_sps)
+    step_ns, send_delay_ns = conversion_timing(rate_sps)
     n = (until_ns // (ELEMENTS * step_ns) + 1) * ELEMENTS
     t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
     normal, force_n = (part.reshape(-1, 3) for part in true_loads(feet, t_ns))
     all_pf = foot.capacitance_pf(normal, force_n).reshape(n, len(feet), ELEMENTS)
     rng = np.random.default_rng(seed)
-    baseline_pf = converted_pf(np.tile(foot.unloaded_pf, (_TARE_SCANS, len(feet), 1)), rate_sps, rng).mean(
-        axis=0
-    )
+    baseline_pf = quantized_capacitance_pf(
+        np.tile(foot.unloaded_pf, (_TARE_SCANS, len(feet), 1)), rate_sps, rng
+    ).mean(axis=0)
     scanned = np.resize(order, n)[:, None, None]
-    read_pf = converted_pf(np.take_along_axis(all_pf, scanned, axis=2)[..., 0], rate_sps, rng)
+    read_pf = quantized_capacitance_pf(np.take_along_axis(all_pf, scanned, axis=2)[..., 0], rate_sps, rng)
     design = foot.response.design
     return Readings(
         order=order,
         t_ns=t_ns,
-        sent_ns=t_ns + lead_ns,
+        sent_ns=t_ns + send_delay_ns,
         distance_rel=design.plate_distance_um(read_pf) / design.gap_um,
         unloaded_rel=design.plate_distance_um(baseline_pf) / design.gap_um,
     )

@@ -8,26 +8,26 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
-from footsense.acquisition.scan_plan import ORDERS
-from footsense.benchmarks.latency_vs_error.chain import FootLoad, convert, pace
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
+from footsense.benchmarks.latency_vs_error.chain import FootLoad, conversion_timing, simulate_conversions
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     LatencyAndErrors,
     TrueLoads,
     latency_and_errors,
     rms_mn,
 )
-from footsense.benchmarks.latency_vs_error.publishing import published_forces
+from footsense.benchmarks.latency_vs_error.publishing import estimate_forces
 from footsense.config import DEFAULT
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, LEGS
 from footsense.lab.studies.page import StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.sim.loads.ground_load import Ramp
 
 #: Load of the standing feet of which the noise is measured [N].
-STANDING_N = (0.1, 0.05, 0.5)
+STANDING_FORCE_N = (0.1, 0.05, 0.5)
 #: Conversions for each published force: all, the daemon's default, and one force for each scan.
-PUBLISH_EVERY = (1, DEFAULT.publish_every, ELEMENTS)
+PUBLISH_INTERVALS = (1, DEFAULT.publish_every, ELEMENTS)
 _SEED = 5
 
 
@@ -52,7 +52,7 @@ class OperatingPoint:
     walk: LatencyAndErrors
 
 
-def operating_points(rate_sps: int, truth: TrueLoads, context: StudyContext) -> list[OperatingPoint]:
+def measure_operating_points(rate_sps: int, truth: TrueLoads, context: StudyContext) -> list[OperatingPoint]:
     """Return the operating points at one rate: a walk and standing feet, published every few conversions.
 
     Args:
@@ -60,19 +60,21 @@ def operating_points(rate_sps: int, truth: TrueLoads, context: StudyContext) -> 
         truth: True loads of the walking feet.
         context: Response table and network.
     """
-    standing_feet: Sequence[FootLoad] = [partial(Ramp(STANDING_N, 0).contact, leg) for leg in LEGS]
-    foot, order = Foot(context.response), ORDERS["lo_shu"]
+    standing_feet: Sequence[FootLoad] = [partial(Ramp(STANDING_FORCE_N, 0).contact, leg) for leg in LEGS]
+    foot, order = Foot(context.response), CONVERSION_ORDERS["lo_shu"]
     walk, standing = (
-        published_forces(
-            convert(foot, feet, order, rate_sps, truth.end_ns, seed), context.network, context.trained_inputs
+        estimate_forces(
+            simulate_conversions(foot, feet, order, rate_sps, truth.end_ns, seed),
+            context.network,
+            context.trained_inputs,
         )
         for seed, feet in enumerate((truth.feet, standing_feet), _SEED)
     )
     standing_n = standing.force_n[standing.sent_ns >= truth.start_ns]
     noise_mn = rms_mn(standing_n - standing_n.mean(axis=0))
     points = []
-    for every in PUBLISH_EVERY:
-        forces_hz = 1e9 / pace(rate_sps).step_ns / every
+    for every in PUBLISH_INTERVALS:
+        forces_hz = 1e9 / conversion_timing(rate_sps).step_ns / every
         points.append(
             OperatingPoint(
                 rate_sps=rate_sps,
@@ -80,15 +82,15 @@ def operating_points(rate_sps: int, truth: TrueLoads, context: StudyContext) -> 
                 forces_hz=forces_hz,
                 can_kbit_s=forces_hz * len(LEGS) * FRAMES_PER_LEG * LONGEST_FRAME_BITS * 1e-3,
                 noise_mn=noise_mn,
-                walk=latency_and_errors(walk.every(every), truth),
+                walk=latency_and_errors(walk.every_nth(every), truth),
             )
         )
     return points
 
 
-def grid_figure(points: Sequence[OperatingPoint]) -> Figure:
+def operating_points_figure(points: Sequence[OperatingPoint]) -> Figure:
     """Draw the error on the walk over the age of the held force: a line for each rate, over `publish_every`."""
-    figure, (axes,) = panels(1, 6.4, 4.4)
+    figure, (axes,) = subplot_row(1, 6.4, 4.4)
     for rate in sorted({p.rate_sps for p in points}, reverse=True):
         of_rate = [p for p in points if p.rate_sps == rate]
         ages_ms = [p.walk.age_held_ms[0] for p in of_rate]

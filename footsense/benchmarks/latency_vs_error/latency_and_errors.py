@@ -15,7 +15,7 @@ LOADED_N, CONTACT_N = 0.1, 0.02
 #: Multiples of sigma of which the coverage is counted.
 SIGMA_MULTIPLES = (1, 2, 3, 5)
 #: Period at which a consumer reads the last force [ns].
-SAMPLE_PERIOD_NS = 1_000_000
+TRUTH_SAMPLE_PERIOD_NS = 1_000_000
 #: Shifts of the truth in the search for the lag [ms]: later, for a force that runs ahead, and earlier.
 _AHEAD_MS, _BEHIND_MS = 30, 600
 
@@ -48,13 +48,14 @@ class LatencyAndErrors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueLoads:
-    """True forces on some feet [N], sampled every `SAMPLE_PERIOD_NS`.
+    """True forces on some feet [N], sampled every `TRUTH_SAMPLE_PERIOD_NS`.
 
     Attributes:
         feet: Load of each foot.
         start_ns: Start of the time in which errors count [ns].
         end_ns: End of it [ns].
-        sampled_n: Forces at every `SAMPLE_PERIOD_NS` from time 0 to 30 ms after the end [N], shape (times, feet, 3).
+        sampled_n: Forces at every `TRUTH_SAMPLE_PERIOD_NS` from time 0 to 30 ms after the end [N], shape
+            (times, feet, 3).
     """
 
     feet: Sequence[FootLoad]
@@ -65,7 +66,7 @@ class TrueLoads:
     @classmethod
     def sample(cls, feet: Sequence[FootLoad], start_ns: int, end_ns: int) -> "TrueLoads":
         """Sample the true loads of some feet, to be compared between two times [ns]."""
-        read_ns = np.arange(0, end_ns + _AHEAD_MS * 1_000_000, SAMPLE_PERIOD_NS)
+        read_ns = np.arange(0, end_ns + _AHEAD_MS * 1_000_000, TRUTH_SAMPLE_PERIOD_NS)
         return cls(feet, start_ns, end_ns, true_loads(feet, read_ns)[1])
 
 
@@ -75,7 +76,7 @@ def _held_forces(published: PublishedForces, truth: TrueLoads) -> tuple[Vector, 
     Returns:
         Times [ms], shape (times,); held forces [N], shape (times, feet, 3); ages of their newest readings [ms].
     """
-    read_ns: Stamps = np.arange(truth.start_ns, truth.end_ns, SAMPLE_PERIOD_NS)
+    read_ns: Stamps = np.arange(truth.start_ns, truth.end_ns, TRUTH_SAMPLE_PERIOD_NS)
     last = np.searchsorted(published.sent_ns, read_ns, side="right") - 1
     return read_ns / 1e6, published.force_n[last], (read_ns - published.newest_reading_ns[last]) / 1e6
 
@@ -96,7 +97,7 @@ def latency_and_errors(published: PublishedForces, truth: TrueLoads) -> LatencyA
         direction_deg=(float(angle_deg.mean()), float(np.percentile(angle_deg, 95))),
         held_error_norm_mn=rms_mn(held_n - true_read_n),
         held_direction_deg=float(_angles_deg(true_read_n, held_n).mean()),
-        share_within_sigma=_share_within(true_n, force_n, published.sigma_n[counts]),
+        share_within_sigma=_share_within_sigmas(true_n, force_n, published.sigma_n[counts]),
         lag_ms=_lag_ms(held_n, truth.sampled_n, first),
     )
 
@@ -112,7 +113,7 @@ def _angles_deg(true_n: Vector, force_n: Vector) -> Vector:
     return angles_between_deg(true_n[loaded], force_n[loaded])
 
 
-def _share_within(true_n: Vector, force_n: Vector, sigma_n: Vector) -> tuple[float, ...]:
+def _share_within_sigmas(true_n: Vector, force_n: Vector, sigma_n: Vector) -> tuple[float, ...]:
     """Return the share of components of feet in contact that are within each of `SIGMA_MULTIPLES` [1]."""
     in_contact = np.linalg.norm(true_n, axis=-1) >= CONTACT_N
     error_sigmas = np.abs(force_n - true_n)[in_contact] / sigma_n[in_contact]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.benchmarks.latency_vs_error.chain import FootLoad, pace
+from footsense.benchmarks.latency_vs_error.chain import FootLoad, conversion_timing
 from footsense.benchmarks.latency_vs_error.latency_and_errors import TrueLoads
 from footsense.frames import ELEMENTS, LEGS
 from footsense.sim.loads.ground_load import GroundContact, Ramp
@@ -17,16 +17,16 @@ from footsense.sim.loads.walk import Walk, smooth_stance
 #: Largest vertical force of a walk [N] and lean of its legs [deg].
 PEAK_N, PITCH_DEG = 1.0, 10.0
 #: Forces of steps and ramps [N], and their rise times [ns].
-PRESSES_N = ((0.0, 0.0, 0.8), (0.2, 0.1, 0.7), (-0.25, 0.1, 0.6), (0.1, -0.3, 0.7))
+PRESS_FORCES_N = ((0.0, 0.0, 0.8), (0.2, 0.1, 0.7), (-0.25, 0.1, 0.6), (0.1, -0.3, 0.7))
 STEP_NS, RAMP_NS = 5_000_000, 200_000_000
 #: Start of the counted time of a walk: the windows have filled by then [ns].
-_WALK_FROM_NS = 1_100_000_000
+_WALK_START_NS = 1_100_000_000
 #: Start of the counted time of steps and ramps, start of the first load, end of the counted time [ns].
 _COUNT_FROM_NS, _PRESS_NS, _COUNT_TO_NS = 200_000_000, 300_000_000, 800_000_000
 #: Strides of the measured walk and of the tripod gait [ns].
 _MEASURED_NS, _TRIPOD_NS = 1_145_000_000, 1_200_000_000
-_DUTY_REL = 0.6
-_TO_THE_LEFT = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+_DUTY_FACTOR = 0.6
+_ROTATION_90_DEG = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 class LoadCase(NamedTuple):
@@ -35,12 +35,12 @@ class LoadCase(NamedTuple):
     Attributes:
         title: Heading of its table.
         truth: True loads of the feet.
-        starts_ns: Start of the load of each foot [ns]; None for a walk.
+        load_starts_ns: Start of the load of each foot [ns]; None for a walk.
     """
 
     title: str
     truth: TrueLoads
-    starts_ns: tuple[int, ...] | None = None
+    load_starts_ns: tuple[int, ...] | None = None
 
 
 def _walk_loads(
@@ -50,21 +50,21 @@ def _walk_loads(
     feet: list[FootLoad] = []
     for number, leg in enumerate(LEGS):
         contact = partial(walk(-4 * period_ns - number * period_ns // len(LEGS)).contact, leg)
-        feet.append(partial(_turned_left, contact) if sideways else contact)
-    return TrueLoads.sample(feet, _WALK_FROM_NS, _WALK_FROM_NS + strides * period_ns)
+        feet.append(partial(_contact_turned_left, contact) if sideways else contact)
+    return TrueLoads.sample(feet, _WALK_START_NS, _WALK_START_NS + strides * period_ns)
 
 
-def _turned_left(contact: FootLoad, t_ns: int) -> GroundContact:
+def _contact_turned_left(contact: FootLoad, t_ns: int) -> GroundContact:
     """Return a foot's ground contact turned to the left, as in a walk sideways."""
-    return GroundContact(*(_TO_THE_LEFT @ vector for vector in contact(t_ns)))
+    return GroundContact(*(_ROTATION_90_DEG @ vector for vector in contact(t_ns)))
 
 
 def _press_case(title: str, rise_ns: int, n_phases: int) -> LoadCase:
     """Return feet pressed in several directions, at several phases of the scan."""
-    scan_ns = ELEMENTS * pace(400).step_ns
+    scan_ns = ELEMENTS * conversion_timing(400).step_ns
     cases = [
         (force_n, _PRESS_NS + phase * scan_ns // n_phases)
-        for force_n, phase in product(PRESSES_N, range(n_phases))
+        for force_n, phase in product(PRESS_FORCES_N, range(n_phases))
     ]
     feet = [partial(Ramp(force_n, start_ns, rise_ns).contact, LEGS[0]) for force_n, start_ns in cases]
     return LoadCase(
@@ -72,7 +72,7 @@ def _press_case(title: str, rise_ns: int, n_phases: int) -> LoadCase:
     )
 
 
-def measured_truth(strides: int, *, sideways: bool = False) -> TrueLoads:
+def measured_walk_truth(strides: int, *, sideways: bool = False) -> TrueLoads:
     """Return the true loads of six feet on the measured walk over a number of strides."""
     return _walk_loads(partial(measured_walk, PEAK_N, PITCH_DEG), _MEASURED_NS, strides, sideways=sideways)
 
@@ -84,11 +84,11 @@ def load_cases(strides: int, phases: int) -> dict[str, LoadCase]:
         strides: Strides that are counted.
         phases: Phases of a scan at which a foot is pressed.
     """
-    reactions = dict.fromkeys(LEGS, smooth_stance(_DUTY_REL, PEAK_N, 0.15))
-    tripod = partial(Walk, reactions, _TRIPOD_NS, _DUTY_REL, PITCH_DEG)
-    sideways = measured_truth(strides, sideways=True)
+    reactions = dict.fromkeys(LEGS, smooth_stance(_DUTY_FACTOR, PEAK_N, 0.15))
+    tripod = partial(Walk, reactions, _TRIPOD_NS, _DUTY_FACTOR, PITCH_DEG)
+    sideways = measured_walk_truth(strides, sideways=True)
     return {
-        "measured_walk": LoadCase("Measured walk", measured_truth(strides)),
+        "measured_walk": LoadCase("Measured walk", measured_walk_truth(strides)),
         "sideways": LoadCase("Measured walk to the left: legs lean along the columns", sideways),
         "tripod": LoadCase("Tripod gait with rounded stances", _walk_loads(tripod, _TRIPOD_NS, strides)),
         "step": _press_case("A step: full load within 5 ms", STEP_NS, phases),

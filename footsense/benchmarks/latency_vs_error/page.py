@@ -6,13 +6,18 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_interface.wire_timing import LONGEST_FRAME_BITS
-from footsense.acquisition.scan_plan import ORDERS
-from footsense.benchmarks.latency_vs_error.chain import BUS_HZ, HOST_COST_NS, convert, pace
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
+from footsense.benchmarks.latency_vs_error.chain import (
+    BUS_HZ,
+    HOST_COST_NS,
+    conversion_timing,
+    simulate_conversions,
+)
 from footsense.benchmarks.latency_vs_error.grid import (
-    PUBLISH_EVERY,
+    PUBLISH_INTERVALS,
     OperatingPoint,
-    grid_figure,
-    operating_points,
+    measure_operating_points,
+    operating_points_figure,
 )
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     SIGMA_MULTIPLES,
@@ -20,8 +25,8 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     latency_and_errors,
     settling_ms,
 )
-from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_truth
-from footsense.benchmarks.latency_vs_error.publishing import published_forces
+from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_walk_truth
+from footsense.benchmarks.latency_vs_error.publishing import estimate_forces
 from footsense.foot.specimen import Foot
 from footsense.lab.studies.page import Plots, Study, StudyContext
 
@@ -30,7 +35,7 @@ EVERY, SKEWED = "every conversion", "newest readings as they are"
 LINES, PARABOLAS = "extrapolated by lines", "extrapolated by parabolas"
 
 
-class Size(NamedTuple):
+class StudySize(NamedTuple):
     """Size of the study `tradeoff`: numbers of strides and phases, and rates.
 
     Attributes:
@@ -90,20 +95,20 @@ class TradeoffResults:
 
     step_ms: float
     lead_ms: float
-    size: Size
+    size: StudySize
     loads: dict[str, LoadResult]
     points: list[OperatingPoint]
 
 
-FULL = Size(strides=4, phases=6, rates_sps=(400, 200, 100))
-QUICK = Size(strides=1, phases=2, rates_sps=(400,))
+FULL_SIZE = StudySize(strides=4, phases=6, rates_sps=(400, 200, 100))
+QUICK_SIZE = StudySize(strides=1, phases=2, rates_sps=(400,))
 
 _SEED = 3
 
 #: Publishing methods by name: degree of the extrapolation, conversions for each force, and orders of the scan.
 _METHODS: dict[str, tuple[int | None, int, tuple[str, ...]]] = {
     EVERY: (None, 1, ("raster", "lo_shu")),
-    **{f"every {n}th": (None, n, ("lo_shu",)) for n in PUBLISH_EVERY[1:]},
+    **{f"every {n}th": (None, n, ("lo_shu",)) for n in PUBLISH_INTERVALS[1:]},
     SKEWED: (0, 1, ("raster", "lo_shu")),
     LINES: (1, 1, ("lo_shu",)),
     PARABOLAS: (2, 1, ("lo_shu",)),
@@ -114,17 +119,18 @@ def _load_result(load: LoadCase, context: StudyContext) -> LoadResult:
     """Return the results of every publishing method under one load."""
     foot, truth = Foot(context.response), load.truth
     readings = {
-        name: convert(foot, truth.feet, order, 400, truth.end_ns, _SEED) for name, order in ORDERS.items()
+        name: simulate_conversions(foot, truth.feet, order, 400, truth.end_ns, _SEED)
+        for name, order in CONVERSION_ORDERS.items()
     }
     methods = []
     for method, (degree, every, orders) in _METHODS.items():
         for order in orders:
-            published = published_forces(
+            published = estimate_forces(
                 readings[order], context.network, context.trained_inputs, degree
-            ).every(every)
+            ).every_nth(every)
             settling = None
-            if load.starts_ns is not None:
-                each_ms = settling_ms(published, truth, load.starts_ns)
+            if load.load_starts_ns is not None:
+                each_ms = settling_ms(published, truth, load.load_starts_ns)
                 settling = (float(np.median(each_ms)), float(each_ms.max()))
             errors = latency_and_errors(published, truth)
             methods.append(MethodResult(method=method, order=order, errors=errors, settling_ms=settling))
@@ -133,23 +139,23 @@ def _load_result(load: LoadCase, context: StudyContext) -> LoadResult:
 
 def compute(context: StudyContext) -> tuple[TradeoffResults, Plots]:
     """Publish the forces of all loads by every method, and of the walk at every operating point."""
-    size = QUICK if context.quick else FULL
+    size = QUICK_SIZE if context.quick else FULL_SIZE
     loads = {}
     for name, load in load_cases(size.strides, size.phases).items():
         loads[name] = _load_result(load, context)
-        context.say(f"tradeoff: {name}")
-    truth, points = measured_truth(size.strides), []
+        context.report_progress(f"tradeoff: {name}")
+    truth, points = measured_walk_truth(size.strides), []
     for rate_sps in size.rates_sps:
-        points += operating_points(rate_sps, truth, context)
-        context.say(f"tradeoff: {rate_sps} S/s")
+        points += measure_operating_points(rate_sps, truth, context)
+        context.report_progress(f"tradeoff: {rate_sps} S/s")
     results = TradeoffResults(
-        step_ms=pace(400).step_ns * 1e-6,
-        lead_ms=pace(400).lead_ns * 1e-6,
+        step_ms=conversion_timing(400).step_ns * 1e-6,
+        lead_ms=conversion_timing(400).send_delay_ns * 1e-6,
         size=size,
         loads=loads,
         points=points,
     )
-    return results, {"tradeoff.png": grid_figure(points)}
+    return results, {"tradeoff.png": operating_points_figure(points)}
 
 
 STUDY = Study(

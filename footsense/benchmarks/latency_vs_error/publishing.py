@@ -12,7 +12,7 @@ from footsense.frames import ELEMENTS, Stamps, Vector
 from footsense.ports import Estimator, Window
 
 #: Conversions before the first one that ends a whole window, counted from the end of the first scan.
-_FILLING_CONVERSIONS = (READINGS - 1) * ELEMENTS
+_CONVERSIONS_TO_FILL_WINDOW = (READINGS - 1) * ELEMENTS
 
 
 class PublishedForces(NamedTuple):
@@ -30,34 +30,36 @@ class PublishedForces(NamedTuple):
     force_n: Vector
     sigma_n: Vector
 
-    def every(self, n: int) -> "PublishedForces":
+    def every_nth(self, n: int) -> "PublishedForces":
         """Return the forces of every n-th conversion."""
         return PublishedForces(
             self.sent_ns[::n], self.newest_reading_ns[::n], self.force_n[::n], self.sigma_n[::n]
         )
 
 
-def windows(readings: Readings) -> Window:
+def conversion_windows(readings: Readings) -> Window:
     """Return the daemon's windows of all feet after each conversion from the third scan on.
 
     One row for each conversion and foot, the foot fast; no element is missing.
     """
     n_feet = len(readings.unloaded_rel)
-    kept = ReadingWindow(n_feet, ELEMENTS * int(readings.t_ns[1] - readings.t_ns[0]))
+    kept = ReadingWindow((n_feet, ELEMENTS), ELEMENTS * int(readings.t_ns[1] - readings.t_ns[0]))
     closure_rel, age_s = [], []
     for distance_rel, t_ns, now_ns in zip(
-        *readings.elements(), readings.sent_ns[ELEMENTS - 1 :], strict=True
+        *readings.latest_by_element(), readings.sent_ns[ELEMENTS - 1 :], strict=True
     ):
         last = kept.add(distance_rel, t_ns)
         closure_rel.append(readings.unloaded_rel[:, None] - last.distance_rel)
         age_s.append((now_ns - last.t_ns) * 1e-9)
-    closures_rel = np.concatenate(closure_rel[_FILLING_CONVERSIONS:])
+    closures_rel = np.concatenate(closure_rel[_CONVERSIONS_TO_FILL_WINDOW:])
     return Window(
-        closures_rel, np.concatenate(age_s[_FILLING_CONVERSIONS:]), np.zeros(closures_rel[:, 0].shape, bool)
+        closures_rel,
+        np.concatenate(age_s[_CONVERSIONS_TO_FILL_WINDOW:]),
+        np.zeros(closures_rel[:, 0].shape, bool),
     )
 
 
-def extrapolated(window: Window, degree: int) -> Vector:
+def extrapolate_closures(window: Window, degree: int) -> Vector:
     """Return each element's closure at age zero [1], shape (rows, 9), by a polynomial through its last readings.
 
     Args:
@@ -75,7 +77,7 @@ def extrapolated(window: Window, degree: int) -> Vector:
     return now_rel
 
 
-def published_forces(
+def estimate_forces(
     readings: Readings, network: Estimator, trained: TrainedInputs, degree: int | None = None
 ) -> PublishedForces:
     """Return the forces after each conversion from the third scan on.
@@ -87,9 +89,9 @@ def published_forces(
         degree: None for the daemon's forces. For comparison, the closures of a foot at rest: extrapolated to the time
             of sending by polynomials of this degree.
     """
-    window = windows(readings)
+    window = conversion_windows(readings)
     if degree is not None:
-        window = at_rest(extrapolated(window, degree))
+        window = at_rest(extrapolate_closures(window, degree))
     closure_rel = np.clip(window.closure_rel, trained.closure_rel_min, trained.closure_rel_max)
     load = network.estimate(window._replace(closure_rel=closure_rel))
     force_n, sigma_n = (

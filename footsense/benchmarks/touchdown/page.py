@@ -5,21 +5,21 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.benchmarks.latency_vs_error.chain import pace
-from footsense.benchmarks.touchdown.run import Run, run
-from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, TOUCHDOWNS, TREMOR_N, Steps
+from footsense.benchmarks.latency_vs_error.chain import conversion_timing
+from footsense.benchmarks.touchdown.run import PublishedRun, simulate_touchdowns
+from footsense.benchmarks.touchdown.touchdowns import CONTACT_FORCE_N, TOUCHDOWNS, TREMOR_N, RandomTouchdowns
 from footsense.frames import Mask, Vector
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 
 #: Feet of each manner, and length of the run [s].
 _FULL, _QUICK = (6, 25.0), (2, 4.0)
 #: Time after a touchdown in which the error counts [s].
-_ERROR_WINDOW_S = 0.05
+_FORCE_ERROR_WINDOW_S = 0.05
 #: Upper bound of a Poisson mean at 95 % without an occurrence.
-_POISSON_95_OF_ZERO = 3
+_POISSON_UPPER_95_FOR_ZERO_EVENTS = 3
 _SEED = 5
-_FIGURE = "touchdown.png"
+_FIGURE_FILE = "touchdown.png"
 
 #: Median and 99th percentile [ms].
 _P50P99 = tuple[float, float]
@@ -30,8 +30,8 @@ class Latencies:
     """Latencies and error in one manner of touchdown.
 
     Attributes:
-        contact_ms: Latency of the flag CONTACT, from a load of `CONTACT_N` on [ms].
-        force_ms: Latency of the first force above `CONTACT_N` [ms].
+        contact_ms: Latency of the flag CONTACT, from a load of `CONTACT_FORCE_N` on [ms].
+        force_ms: Latency of the first force above `CONTACT_FORCE_N` [ms].
         error_mn: Error of the force along the leg in the time after a touchdown, rms [mN].
     """
 
@@ -47,7 +47,7 @@ class FalseReports:
     Attributes:
         minutes: Time in swing of all feet [min].
         contact: False flags CONTACT.
-        force: Forces above `CONTACT_N` without load.
+        force: Forces above `CONTACT_FORCE_N` without load.
         bound_per_h: Upper bound of a rate of which no case occurred, at 95 % [1/h].
         largest_mn: Largest force along the leg in swing [mN].
     """
@@ -61,7 +61,7 @@ class FalseReports:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchdownResults:
-    """Results of the study.
+    """Results of the study `touchdown`: latencies by manner, and false reports.
 
     Attributes:
         n_touchdowns: Touchdowns of each manner.
@@ -80,24 +80,26 @@ class TouchdownResults:
 _Each = tuple[Vector, Vector]
 
 
-def _first_ms(reported: Mask, sent_s: Vector, starts_s: Vector, crossed_s: Vector) -> Vector:
+def _first_report_latency_ms(reported: Mask, sent_s: Vector, starts_s: Vector, crossed_s: Vector) -> Vector:
     """Return the latency of the first report of one foot, shape (frames,), after each touchdown [ms]."""
     first = [np.flatnonzero(reported & (sent_s > start_s))[0] for start_s in starts_s.tolist()]
     latencies_ms: Vector = 1e3 * (sent_s[first] - crossed_s)
     return latencies_ms
 
 
-def _latencies(result: Run, steps: Steps, until_s: float, kind: int) -> tuple[_Each, float]:
+def _latencies(
+    result: PublishedRun, steps: RandomTouchdowns, until_s: float, kind: int
+) -> tuple[_Each, float]:
     """Return all latencies of one manner, and the error of the force [mN]."""
     contact_ms, force_ms, squares_n2 = [], [], []
     for foot in np.flatnonzero(steps.kind == kind).tolist():
-        complete = steps.crossed_s[foot] < until_s - 2 * _ERROR_WINDOW_S
+        complete = steps.crossed_s[foot] < until_s - 2 * _FORCE_ERROR_WINDOW_S
         times = result.sent_s, steps.starts_s[foot, complete], steps.crossed_s[foot, complete]
-        contact_ms.append(_first_ms(result.contact[:, foot], *times))
-        force_ms.append(_first_ms(result.force_n[:, foot] > CONTACT_N, *times))
+        contact_ms.append(_first_report_latency_ms(result.contact[:, foot], *times))
+        force_ms.append(_first_report_latency_ms(result.force_n[:, foot] > CONTACT_FORCE_N, *times))
         error_n = result.force_n[:, foot] - result.true_force_n[:, foot]
         for crossed_s in times[2].tolist():
-            after = (result.sent_s > crossed_s) & (result.sent_s < crossed_s + _ERROR_WINDOW_S)
+            after = (result.sent_s > crossed_s) & (result.sent_s < crossed_s + _FORCE_ERROR_WINDOW_S)
             squares_n2.append(np.nanmean(error_n[after] ** 2))
     error_mn = 1e3 * float(np.sqrt(np.mean(squares_n2)))
     return (np.concatenate(contact_ms), np.concatenate(force_ms)), error_mn
@@ -108,9 +110,9 @@ def _p50_p99(values_ms: Vector) -> _P50P99:
     return p50, p99
 
 
-def _false_reports(result: Run) -> FalseReports:
-    hours = float(np.gradient(result.sent_s) @ result.swings.sum(axis=1)) / 3600
-    swings = result.swings[1:]
+def _false_reports(result: PublishedRun) -> FalseReports:
+    hours = float(np.gradient(result.sent_s) @ result.is_swing.sum(axis=1)) / 3600
+    swings = result.is_swing[1:]
 
     def count_false_reports(reported: Mask) -> tuple[int, int]:
         begins = reported[1:] & ~reported[:-1] & (result.true_force_n[1:] == 0.0)
@@ -119,22 +121,24 @@ def _false_reports(result: Run) -> FalseReports:
     return FalseReports(
         minutes=60 * hours,
         contact=count_false_reports(result.contact),
-        force=count_false_reports(result.force_n > CONTACT_N),
-        bound_per_h=_POISSON_95_OF_ZERO / hours,
-        largest_mn=1e3 * float(np.nanmax(result.force_n[result.swings])),
+        force=count_false_reports(result.force_n > CONTACT_FORCE_N),
+        bound_per_h=_POISSON_UPPER_95_FOR_ZERO_EVENTS / hours,
+        largest_mn=1e3 * float(np.nanmax(result.force_n[result.is_swing])),
     )
 
 
 def _figure(latencies: dict[str, _Each]) -> Figure:
     """Draw the share of reported touchdowns over the time since."""
-    figure, axes = panels(2, 9.0, 3.4, sharey=True)
+    figure, axes = subplot_row(2, 9.0, 3.4, sharey=True)
     for axis, speed in zip(axes, ("hard", "soft"), strict=True):
         for report, (style, label) in enumerate((("-", "Contact"), (":", "force"))):
             kinds = [each[report] for kind, each in latencies.items() if kind.startswith(speed)]
             all_ms = np.sort(np.concatenate(kinds))
             share = 100 * np.arange(1, len(all_ms) + 1) / len(all_ms)
             axis.step(all_ms, share, style, where="post", color="tab:blue", label=label)
-        axis.set(title=f"{speed} touchdowns", xlabel=f"time since {1e3 * CONTACT_N:g} mN [ms]", xlim=(0, 45))
+        axis.set(
+            title=f"{speed} touchdowns", xlabel=f"time since {1e3 * CONTACT_FORCE_N:g} mN [ms]", xlim=(0, 45)
+        )
     axes[0].set_ylabel("reported touchdowns [%]")
     axes[0].legend(fontsize=8, loc="lower right")
     return figure
@@ -143,8 +147,8 @@ def _figure(latencies: dict[str, _Each]) -> Figure:
 def compute(context: StudyContext) -> tuple[TouchdownResults, Plots]:
     """Simulate touchdowns, estimate after every conversion, and measure the latencies."""
     n_feet, until_s = _QUICK if context.quick else _FULL
-    steps = Steps(n_feet, until_s, np.random.default_rng(_SEED))
-    result = run(context, steps, until_s, _SEED)
+    steps = RandomTouchdowns(n_feet, until_s, np.random.default_rng(_SEED))
+    result = simulate_touchdowns(context, steps, until_s, _SEED)
     latencies: dict[str, Latencies] = {}
     every: dict[str, _Each] = {}
     for kind, name in enumerate(TOUCHDOWNS):
@@ -158,7 +162,7 @@ def compute(context: StudyContext) -> tuple[TouchdownResults, Plots]:
         median_ms={report: float(np.median(np.concatenate(kinds))) for report, kinds in reports},
         false_reports=_false_reports(result),
     )
-    return results, {_FIGURE: _figure(every)}
+    return results, {_FIGURE_FILE: _figure(every)}
 
 
 STUDY = Study(
@@ -167,10 +171,10 @@ STUDY = Study(
     compute=compute,
     names={
         "TOUCHDOWNS": TOUCHDOWNS,
-        "contact_mn": 1e3 * CONTACT_N,
+        "contact_mn": 1e3 * CONTACT_FORCE_N,
         "tremor_mn": 1e3 * TREMOR_N,
-        "after_ms": 1e3 * _ERROR_WINDOW_S,
-        "step_ms": pace(400).step_ns * 1e-6,
-        "lead_ms": pace(400).lead_ns * 1e-6,
+        "after_ms": 1e3 * _FORCE_ERROR_WINDOW_S,
+        "step_ms": conversion_timing(400).step_ns * 1e-6,
+        "lead_ms": conversion_timing(400).send_delay_ns * 1e-6,
     },
 )

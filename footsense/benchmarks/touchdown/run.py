@@ -7,9 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.acquisition.scan_plan import ORDERS
-from footsense.benchmarks.latency_vs_error.chain import converted_pf, latest_conversions, pace
-from footsense.benchmarks.touchdown.touchdowns import CONTACT_N, Steps
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
+from footsense.benchmarks.latency_vs_error.chain import (
+    conversion_timing,
+    latest_conversion_indices,
+    quantized_capacitance_pf,
+)
+from footsense.benchmarks.touchdown.touchdowns import CONTACT_FORCE_N, RandomTouchdowns
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
@@ -21,27 +25,29 @@ from footsense.lab.studies.page import StudyContext
 
 #: Conversions per second, and elements in the order of the scan.
 RATE_SPS = 400
-ORDER = ORDERS["lo_shu"]
+SCAN_ORDER = CONVERSION_ORDERS["lo_shu"]
 #: 20 K in ten minutes at 1.5 fF/K, and the difference between elements in that [pF/s, 1].
 _DRIFT_PF_PER_S, _DRIFT_SPREAD_REL = -1.5e-3 * 20 / 600, 0.2
 #: Force at which the response is linearised [N].
-_PROBE_N = 1e-3
+_SENSITIVITY_PROBE_N = 1e-3
 
 
-def readings_pf(foot: Foot, steps: Steps, t_ns: Stamps, rng: np.random.Generator) -> Vector:
+def readings_pf(foot: Foot, steps: RandomTouchdowns, t_ns: Stamps, rng: np.random.Generator) -> Vector:
     """Return the reading of each conversion [pF], shape (conversions, feet), with drift, tremor, noise and step."""
     design = foot.response.design
     t_s = t_ns / 1e9
-    n_feet, element = len(steps.kind), np.resize(ORDER, len(t_ns))
+    n_feet, element = len(steps.kind), np.resize(SCAN_ORDER, len(t_ns))
     spread = 1.0 + _DRIFT_SPREAD_REL * rng.standard_normal((n_feet, ELEMENTS))
     drift_pf_per_s = _DRIFT_PF_PER_S * spread
     # No gap closes, so that closures are proportional to the force.
     normals = steps.normals.reshape(-1, 3)
-    cells_um = foot.cells_um(normals, normals * _PROBE_N).reshape(*steps.normals.shape[:2], -1)
-    cells_um_per_n = cells_um / _PROBE_N
-    up_n = np.array([[0.0, 0.0, _PROBE_N]])
-    pf_per_n = (foot.capacitance_pf(up_n / _PROBE_N, up_n)[0] - foot.unloaded_pf) / _PROBE_N
-    force_n, step = steps.force_n(t_s), steps.step(t_s)
+    cells_um = foot.cells_um(normals, normals * _SENSITIVITY_PROBE_N).reshape(*steps.normals.shape[:2], -1)
+    cells_um_per_n = cells_um / _SENSITIVITY_PROBE_N
+    up_n = np.array([[0.0, 0.0, _SENSITIVITY_PROBE_N]])
+    pf_per_n = (
+        foot.capacitance_pf(up_n / _SENSITIVITY_PROBE_N, up_n)[0] - foot.unloaded_pf
+    ) / _SENSITIVITY_PROBE_N
+    force_n, step = steps.force_n(t_s), steps.touchdown_number(t_s)
     all_pf = foot.unloaded_pf[element][:, None].repeat(n_feet, axis=1)
     for loaded in np.array_split(np.argwhere(force_n), 64):  # in parts, for the memory of all cells
         at, feet = loaded.T
@@ -49,11 +55,11 @@ def readings_pf(foot: Foot, steps: Steps, t_ns: Stamps, rng: np.random.Generator
         distance_um = design.gap_um - closure_um + design.film_equivalent_um
         all_pf[at, feet] = capacitance_pf(design, distance_um)[np.arange(len(at)), element[at]]
     all_pf += drift_pf_per_s.T[element] * t_s[:, None] + steps.tremor_n(t_s) * pf_per_n[element][:, None]
-    return converted_pf(all_pf, RATE_SPS, rng)
+    return quantized_capacitance_pf(all_pf, RATE_SPS, rng)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Run:
+class PublishedRun:
     """Published frames, shape (frames, feet) each but for the times.
 
     Attributes:
@@ -61,17 +67,19 @@ class Run:
         contact: Flag CONTACT.
         force_n: Force along the leg [N], NaN without one.
         true_force_n: True force along the leg at the time of sending [N].
-        swings: Whether the foot was in swing.
+        is_swing: Whether the foot was in swing.
     """
 
     sent_s: Vector
     contact: Mask
     force_n: Vector
     true_force_n: Vector
-    swings: Mask
+    is_swing: Mask
 
 
-def run(context: StudyContext, steps: Steps, until_s: float, seed: int) -> Run:
+def simulate_touchdowns(
+    context: StudyContext, steps: RandomTouchdowns, until_s: float, seed: int
+) -> PublishedRun:
     """Return the frames of feet that touch down, one after every conversion.
 
     Args:
@@ -80,12 +88,12 @@ def run(context: StudyContext, steps: Steps, until_s: float, seed: int) -> Run:
         until_s: End of the run [s].
         seed: Seed of noise and drift.
     """
-    step_ns, lead_ns = pace(RATE_SPS)
+    step_ns, lead_ns = conversion_timing(RATE_SPS)
     n_feet, n = len(steps.kind), int(until_s * 1e9) // step_ns
     t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
     read_pf = readings_pf(Foot(context.response, contact=False), steps, t_ns, np.random.default_rng(seed))
     pipeline = _pipeline(context, n_feet)
-    numbers = latest_conversions(ORDER, n)
+    numbers = latest_conversion_indices(SCAN_ORDER, n)
     sent_ns = (t_ns + lead_ns)[ELEMENTS - 1 :]
     ok = np.full((n_feet, ELEMENTS), Reading.OK, np.uint8)
     contact, force_n = [], []
@@ -96,13 +104,13 @@ def run(context: StudyContext, steps: Steps, until_s: float, seed: int) -> Run:
         force_n.append(forces.force_n[:, 2])
     sent_s = sent_ns / 1e9
     true_force_n = steps.force_n(sent_s) * steps.upright
-    return Run(sent_s, np.array(contact), np.array(force_n), true_force_n, steps.swings(sent_s))
+    return PublishedRun(sent_s, np.array(contact), np.array(force_n), true_force_n, steps.is_swing(sent_s))
 
 
 def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
     """Return the daemon's pipeline of as many legs as there are feet."""
     network, trained = context.network, context.trained_inputs
-    scan_ns = ELEMENTS * pace(RATE_SPS).step_ns
+    scan_ns = ELEMENTS * conversion_timing(RATE_SPS).step_ns
     return Pipeline(
         network,
         trained,
@@ -110,7 +118,7 @@ def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
         np.full((n_feet, ELEMENTS), trained.design.unloaded_pf),
         sensitivity=sensitivity(network, 1, trained.moments),
         tare=TareLimits(window_frames=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-        contact=ContactLimits(threshold_n=CONTACT_N),
+        contact=ContactLimits(threshold_n=CONTACT_FORCE_N),
         scan_ns=scan_ns,
         max_age_ns=4 * scan_ns,
         settled_ns=4 * scan_ns,

@@ -31,18 +31,18 @@ TOUCHDOWNS = {
 
 
 #: Load from which a foot counts as in contact [N].
-CONTACT_N = 0.03
+CONTACT_FORCE_N = 0.03
 #: First touchdown, and times in the air and on the ground after that [s].
 _FIRST_S, _SWING_S, _STANCE_S = 1.6, (0.55, 0.75), 0.35
 #: Fall time of the load [s], and time after lift-off until a foot counts as in swing [s].
 _LIFT_S, _SETTLED_S = 0.05, 0.1
 #: Rise time up to which a load rises evenly [s], else rounded like a step of the walk.
-_EVEN_RISE_S = 0.01
+_MAX_LINEAR_RISE_S = 0.01
 #: Tremor of a foot in the air after a step of its neighbour [N, Hz, s]: an assumption, a quarter of a contact.
-TREMOR_N, _TREMOR_HZ, _TREMOR_S = CONTACT_N / 4, 25.0, 0.05
+TREMOR_N, _TREMOR_HZ, _TREMOR_S = CONTACT_FORCE_N / 4, 25.0, 0.05
 
 
-class Steps:
+class RandomTouchdowns:
     """Touchdowns of some feet at random times; each foot always touches down in the same manner.
 
     Args:
@@ -53,7 +53,7 @@ class Steps:
     Attributes:
         kind: Number of the manner of each foot, shape (feet,).
         starts_s: First touch of each step [s], shape (feet, steps).
-        crossed_s: Time at which each step reaches `CONTACT_N` along the leg [s], same shape.
+        crossed_s: Time at which each step reaches `CONTACT_FORCE_N` along the leg [s], same shape.
         normals: Inward normal of each contact, shape (feet, steps, 3).
         upright: Share of the force of each foot that is along its leg [1], shape (feet,).
     """
@@ -69,11 +69,11 @@ class Steps:
         self.upright = np.cos(lean_rad)
         sin, up = np.sin(lean_rad)[:, None], np.broadcast_to(self.upright[:, None], azimuth_rad.shape)
         self.normals = np.stack((sin * np.cos(azimuth_rad), sin * np.sin(azimuth_rad), up), axis=2)
-        share = CONTACT_N / (self._force_n * self.upright)
-        rises = np.where(self._rise_s <= _EVEN_RISE_S, share, np.arccos(1 - 2 * share) / np.pi)
+        share = CONTACT_FORCE_N / (self._force_n * self.upright)
+        rises = np.where(self._rise_s <= _MAX_LINEAR_RISE_S, share, np.arccos(1 - 2 * share) / np.pi)
         self.crossed_s = self.starts_s + (rises * self._rise_s)[:, None]
 
-    def step(self, t_s: Vector) -> NDArray[np.intp]:
+    def touchdown_number(self, t_s: Vector) -> NDArray[np.intp]:
         """Return the number of the last step of each foot at some times, shape (times, feet); -1 before the first."""
         return np.stack(
             [np.searchsorted(starts_s, t_s, side="right") - 1 for starts_s in self.starts_s], axis=1
@@ -81,27 +81,31 @@ class Steps:
 
     def force_n(self, t_s: Vector) -> Vector:
         """Return the normal force on each foot at the given times [N], shape (times, feet)."""
-        since_s = self._since_s(t_s)
+        since_s = self._time_since_touchdown_s(t_s)
         risen = np.clip(since_s / self._rise_s, 0.0, 1.0)
-        risen = np.where(self._rise_s <= _EVEN_RISE_S, risen, 0.5 - 0.5 * np.cos(np.pi * risen))
+        risen = np.where(self._rise_s <= _MAX_LINEAR_RISE_S, risen, 0.5 - 0.5 * np.cos(np.pi * risen))
         force_n: Vector = self._force_n * risen * np.clip((_STANCE_S - since_s) / _LIFT_S, 0.0, 1.0)
         return force_n
 
-    def swings(self, t_s: Vector) -> Mask:
+    def is_swing(self, t_s: Vector) -> Mask:
         """Return which feet have carried nothing for 0.1 s at least, shape (times, feet)."""
-        swings: Mask = self._since_s(t_s) > _STANCE_S + _SETTLED_S
-        return swings
+        is_swing: Mask = self._time_since_touchdown_s(t_s) > _STANCE_S + _SETTLED_S
+        return is_swing
 
     def tremor_n(self, t_s: Vector) -> Vector:
         """Return the decaying vibration on each foot after a neighbour's touchdown [N], shape (times, feet)."""
-        since_s = np.roll(self._since_s(t_s), len(TOUCHDOWNS) // 2 + 1, axis=1)
+        since_s = np.roll(self._time_since_touchdown_s(t_s), len(TOUCHDOWNS) // 2 + 1, axis=1)
         wave = np.sin(2 * np.pi * _TREMOR_HZ * np.minimum(since_s, 1.0))
         tremor_n: Vector = TREMOR_N * np.exp(-since_s / _TREMOR_S) * wave
         return tremor_n
 
-    def _since_s(self, t_s: Vector) -> Vector:
+    def _time_since_touchdown_s(self, t_s: Vector) -> Vector:
         """Return the time since the last touch of each foot [s], shape (times, feet); infinite before the first."""
-        step = self.step(t_s)
-        start_s = np.where(step < 0, -np.inf, self.starts_s[np.arange(step.shape[1]), step])
+        touchdown_number = self.touchdown_number(t_s)
+        start_s = np.where(
+            touchdown_number < 0,
+            -np.inf,
+            self.starts_s[np.arange(touchdown_number.shape[1]), touchdown_number],
+        )
         since_s: Vector = t_s[:, None] - start_s
         return since_s

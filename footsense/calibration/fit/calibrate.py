@@ -20,7 +20,7 @@ from footsense.calibration.fit.predicted_uncertainty import (
     predict_uncertainty,
     require_identified,
 )
-from footsense.calibration.fit.rubber_memory import rested_loads
+from footsense.calibration.fit.rubber_memory import loads_without_rubber_memory
 from footsense.calibration.fit.session_checks import require_consistent_reference, require_one_foot
 from footsense.calibration.fit.twin import FootTwin, reference_gains
 from footsense.calibration.loads.load_set import LoadSet
@@ -28,7 +28,7 @@ from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.foot.directions import rotation
 from footsense.foot.files.calibration_format import HeldOut
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.frames import Mask
 
@@ -36,13 +36,13 @@ from footsense.frames import Mask
 MIN_LOADS = 5
 #: Median Mahalanobis distance of nine readings above which the loads are of no foot of the type: feet of the type have
 #: 2 to 4, one with its sheet 0.6 mm off centre 6 (study `mismatch`).
-MAX_DISTANCE = 8.0
+MAX_MAHALANOBIS_DISTANCE = 8.0
 #: Distance up to which nothing is said.
-USUAL_DISTANCE = 4.0
+TYPICAL_MAHALANOBIS_DISTANCE = 4.0
 #: Stiffness over the design's outside of which a foot is not made of that rubber.
 _MIN_STIFFNESS, _MAX_STIFFNESS = 0.25, 4.0
 #: Share of the loads of a single session that is held out: one in so many.
-_HELD_OUT_OF = 5
+_HOLD_OUT_EVERY = 5
 
 
 class CalibrationResult(NamedTuple):
@@ -51,7 +51,7 @@ class CalibrationResult(NamedTuple):
     Attributes:
         parameters: Parameters of the foot.
         fit: ParameterFit of its model.
-        predicted: Force errors expected from what remains unknown.
+        predicted_uncertainty: Force errors expected from what remains unknown.
         n_loads: Loads used.
         held_out: Errors of a calibration without some of the loads on those; None if there are too few.
         temperature_c: Mean temperature over the loads [degC]; None if a session has none.
@@ -59,7 +59,7 @@ class CalibrationResult(NamedTuple):
 
     parameters: FootParameters
     fit: ParameterFit
-    predicted: PredictedUncertainty
+    predicted_uncertainty: PredictedUncertainty
     n_loads: int
     held_out: HeldOut | None = None
     temperature_c: float | None = None
@@ -86,15 +86,18 @@ def calibrate_sessions(
     """
     require_one_foot(sessions)
     require_consistent_reference(models, sessions)
-    loads = rested_loads(models.response, sessions)
+    loads = loads_without_rubber_memory(models.response, sessions)
     result = calibrate(models, loads)
-    out, protocol = _held_out(sessions, loads, hold_out)
+    out, protocol = _held_out_loads(sessions, loads, hold_out)
     held_out = None
     if min(out.sum(), (~out).sum()) >= MIN_LOADS:
         parameters = calibrate(models, loads.subset(~out)).parameters
         test = loads.subset(out)
-        estimates = [_estimates(models, test, foot) for foot in (None, parameters)]
-        before, after = (errors(test.force_n[one.usable], one.force_n[one.usable]) for one in estimates)
+        estimates = [_estimate_loads(models, test, foot) for foot in (None, parameters)]
+        before, after = (
+            evaluate_force_errors(test.force_n[one.has_force], one.force_n[one.has_force])
+            for one in estimates
+        )
         held_out = HeldOut(protocol=protocol, design_only=before, calibrated=after)
     temperatures_c = [session.temperature_c for session in sessions if session.temperature_c is not None]
     temperature_c = None
@@ -113,7 +116,7 @@ def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
     Raises:
         CalibrationError: The loads are too few, do not identify the parameters, or are of no foot of this type.
     """
-    result = fit_foot(models, loads)
+    result = fit_foot_unchecked(models, loads)
     require_plausible(result)
     return result
 
@@ -130,15 +133,15 @@ def require_plausible(result: CalibrationResult) -> None:
             f"the foot would be {1.0 + stiffness_rel:.2f} times as stiff as designed; check the reference's unit "
             "(1 kgf is 9.81 N), its axes, and that the foot is of this type"
         )
-    if result.distance > MAX_DISTANCE:
+    if result.distance > MAX_MAHALANOBIS_DISTANCE:
         raise CalibrationError(
             f"half of the loads are {result.distance:.0f} standard deviations or more from any foot of this type, "
             "about 3 are usual; check the reference's axes, and that the foot is of this type and undamaged"
         )
-    require_identified(result.predicted, result.n_loads)
+    require_identified(result.predicted_uncertainty, result.n_loads)
 
 
-def fit_foot(models: DesignModels, loads: LoadSet) -> CalibrationResult:
+def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResult:
     """Fit the parameters of a foot, plausible or not; arguments as of `calibrate`.
 
     Raises:
@@ -148,18 +151,18 @@ def fit_foot(models: DesignModels, loads: LoadSet) -> CalibrationResult:
         raise CalibrationError(f"{len(loads)} loads; at least {MIN_LOADS} from all sides make a calibration")
     twin = FootTwin(models.response, loads.unloaded_pf)
     fit = fit_parameters(twin, loads)
-    predicted = predict_uncertainty(twin, fit)
+    predicted_uncertainty = predict_uncertainty(twin, fit)
     electrodes = FootParameters(
         stray_pf=fit.parameters[STRAY],
         unloaded_pf=loads.unloaded_pf,
         gap_um=twin.gap_um(fit.parameters),
         gain_rel=1.0 + fit.parameters[GAIN],
     )
-    designed = _estimates(models, loads, electrodes)
-    read = designed.usable
+    designed = _estimate_loads(models, loads, electrodes)
+    read = designed.has_force
     mount = rotation(fit.parameters[MOUNT])
     stiffness_rel = float(fit.parameters[STIFFNESS][0])
-    physical = replace(electrodes, stiffness_rel=twin.felt_stiffness_rel(stiffness_rel), mount=mount)
+    physical = replace(electrodes, stiffness_rel=twin.effective_stiffness_rel(stiffness_rel), mount=mount)
     # The reference's own error, as far as the foot shows it, is not to be learnt.
     designed_n, force_n = designed.force_n[read], loads.force_n[read] / reference_gains(fit.parameters)
     correction = fit_correction(designed_n, designed_n @ physical.force_matrix.T, force_n)
@@ -167,18 +170,18 @@ def fit_foot(models: DesignModels, loads: LoadSet) -> CalibrationResult:
     limit_rel = 5.0 * np.median(np.abs(correction.residual_rel)) + 1e-9
     unexplained_rel2 = np.minimum(correction.residual_rel**2, limit_rel**2).mean()
     error_rel = np.sqrt(unexplained_rel2 + np.diag(fit.covariance)[REFERENCE].mean())
-    parameters = replace(physical, correction=correction.matrix, error_rel=float(error_rel))
-    return CalibrationResult(parameters, fit, predicted, len(loads))
+    parameters = replace(physical, correction=correction.correction_matrix, error_rel=float(error_rel))
+    return CalibrationResult(parameters, fit, predicted_uncertainty, len(loads))
 
 
-def _estimates(models: DesignModels, loads: LoadSet, foot: FootParameters | None) -> Estimates:
+def _estimate_loads(models: DesignModels, loads: LoadSet, foot: FootParameters | None) -> Estimates:
     """Return the estimates of a foot, calibrated or as designed.
 
     Raises:
         CalibrationError: There is none.
     """
     estimates = models.estimate(loads, foot)
-    if not estimates.usable.any():
+    if not estimates.has_force.any():
         raise CalibrationError(
             f"none of {len(loads)} loads lies in the network's training range; press less hard, "
             "and check that the foot is of this type"
@@ -186,7 +189,9 @@ def _estimates(models: DesignModels, loads: LoadSet, foot: FootParameters | None
     return estimates
 
 
-def _held_out(sessions: Sequence[RecordedSession], loads: LoadSet, hold_out: str | None) -> tuple[Mask, str]:
+def _held_out_loads(
+    sessions: Sequence[RecordedSession], loads: LoadSet, hold_out: str | None
+) -> tuple[Mask, str]:
     """Return which loads are held out, shape (n,), and the protocol in words.
 
     Raises:
@@ -197,8 +202,8 @@ def _held_out(sessions: Sequence[RecordedSession], loads: LoadSet, hold_out: str
     )  # one mounting may have several recordings
     if hold_out is None and len(names) == 1:
         out = np.zeros(len(loads), bool)
-        out[loads.spread_order()[_HELD_OUT_OF - 1 :: _HELD_OUT_OF]] = True
-        return out, f"every {_HELD_OUT_OF}th load of the one session; another session would be stricter"
+        out[loads.space_filling_order()[_HOLD_OUT_EVERY - 1 :: _HOLD_OUT_EVERY]] = True
+        return out, f"every {_HOLD_OUT_EVERY}th load of the one session; another session would be stricter"
     hold_out = hold_out or names[-1]
     if hold_out not in names or len(names) == 1:
         raise CalibrationError(

@@ -25,7 +25,7 @@ from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.frames import Vector
 
 #: Penalties per load, for features scaled to a root mean square of one.
-_PENALTIES = np.logspace(-4.0, 1.0, 11)
+_RIDGE_PENALTIES = np.logspace(-4.0, 1.0, 11)
 #: Fewest loads, and groups of them, for a correction.
 _MIN_LOADS, _MIN_GROUPS = 40, 6
 
@@ -34,12 +34,12 @@ class Correction(NamedTuple):
     """Fitted residual correction of the force.
 
     Attributes:
-        matrix: C above, shape (3, N_CORRECTION_TERMS); zeros for none.
+        correction_matrix: C above, shape (3, N_CORRECTION_TERMS); zeros for none.
         residual_rel: Cross-validated error of each load over its magnitude [1], shape (n, 3), its part along the force
             included.
     """
 
-    matrix: Vector
+    correction_matrix: Vector
     residual_rel: Vector
 
 
@@ -58,29 +58,31 @@ def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> C
     terms = correction_terms(designed_n) / magnitude_n
     scale = np.sqrt((terms**2).mean(axis=0))
     terms = terms / scale
-    group = _groups(force_n)
+    group = _cross_validation_groups(force_n)
     none = Correction(np.zeros((3, N_CORRECTION_TERMS)), error_rel)
     if len(force_n) < _MIN_LOADS or len(np.unique(group)) < _MIN_GROUPS:
         return none
     tried = []
-    for penalty in _PENALTIES * len(terms):
+    for penalty in _RIDGE_PENALTIES * len(terms):
         residual = target.copy()
         for left_out in (group == one for one in np.unique(group)):
-            residual[left_out] -= terms[left_out] @ _ridge(terms[~left_out], target[~left_out], penalty)
-        tried.append((penalty, residual, _score(residual)))
+            residual[left_out] -= terms[left_out] @ _ridge_regression(
+                terms[~left_out], target[~left_out], penalty
+            )
+        tried.append((penalty, residual, _mean_clipped_error(residual)))
     best, standard_error = min(score for *_, score in tried)
-    if best + standard_error > _score(target)[0]:
+    if best + standard_error > _mean_clipped_error(target)[0]:
         return none
     penalty, residual, _ = next(one for one in reversed(tried) if one[2][0] <= best + 0.5 * standard_error)
-    return Correction(_ridge(terms, target, penalty).T / scale, residual + along)
+    return Correction(_ridge_regression(terms, target, penalty).T / scale, residual + along)
 
 
-def _ridge(terms: Vector, target: Vector, penalty: float) -> Vector:
+def _ridge_regression(terms: Vector, target: Vector, penalty: float) -> Vector:
     solution = np.linalg.solve(terms.T @ terms + penalty * np.eye(N_CORRECTION_TERMS), terms.T @ target)
     return np.asarray(solution, np.float64)
 
 
-def _groups(force_n: Vector) -> NDArray[np.intp]:
+def _cross_validation_groups(force_n: Vector) -> NDArray[np.intp]:
     """Return the group of each load, shape (n,): eight sectors of azimuth, above and below the median magnitude."""
     magnitude_n = np.linalg.norm(force_n, axis=1)
     sector = np.floor((np.arctan2(force_n[:, 1], force_n[:, 0]) / np.pi + 1.0) * 3.999)
@@ -88,7 +90,7 @@ def _groups(force_n: Vector) -> NDArray[np.intp]:
     return groups
 
 
-def _score(error_rel: Vector) -> tuple[float, float]:
+def _mean_clipped_error(error_rel: Vector) -> tuple[float, float]:
     """Return the mean error size [1] and its standard error [1], with errors clipped at five times the median."""
     size = np.linalg.norm(error_rel, axis=1)
     size = np.minimum(size, 5.0 * np.median(size))

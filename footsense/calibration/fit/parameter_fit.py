@@ -34,8 +34,8 @@ from footsense.frames import ELEMENTS, Vector
 #: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
 #: [um], rubber of uncertain cure [1], a foot mounted by hand [rad], a sheet laid by hand, half a millimetre of 10 [1],
 #: and a reference with the paper's linearity, 1.5 % of a range that is hardly used [1].
-_COUNTS = [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3, 2, 3]
-PRIOR_SIGMA = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0), 0.05, 0.02], _COUNTS)
+_PARAMETER_COUNTS = [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3, 2, 3]
+PRIOR_SIGMA = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0), 0.05, 0.02], _PARAMETER_COUNTS)
 
 #: Errors of a test stand: lean of the stick [deg], share of a force that creep makes uncertain [1], share of a change
 #: of capacitance that no model explains [1], noise of a mean reading [pF].
@@ -44,7 +44,7 @@ _STICK_LEAN_DEG, _CREEP_UNCERTAINTY_REL, _MODEL_ERROR_REL, _READING_NOISE_PF = 1
 _MIN_SIGMA_N = 0.003
 
 #: Steps of the finite differences, by parameter, by normal [rad] and by force [1].
-_STEP = np.repeat([0.01, 1e-3, 0.02, 0.005, 2e-3, 2e-3, 1e-3], _COUNTS)
+_DIFFERENCE_STEPS = np.repeat([0.01, 1e-3, 0.02, 0.005, 2e-3, 2e-3, 1e-3], _PARAMETER_COUNTS)
 _NORMAL_STEP, _FORCE_STEP_REL = 2e-3, 1e-3
 #: Mahalanobis distance of nine readings above which a load counts less: 99th percentile of chi with 9 degrees.
 _HUBER_DISTANCE = 4.65
@@ -52,7 +52,7 @@ _MAX_ITERATIONS, _MAX_DAMPING = 25, 1e8
 #: Gain of the cost below which a fit ends, and one that is only the start of another.
 _TOLERANCE_REL, _ROUGH_TOLERANCE_REL = 1e-5, 1e-3
 #: Iteration before which the covariance is evaluated again, at parameters that are nearly right.
-_REWHITEN_ITERATION = 3
+_REWHITENING_ITERATION = 3
 #: Light loads needed for a first fit, and how many of them are used.
 _MIN_LIGHT_LOADS, _MAX_LIGHT_LOADS = 15, 40
 
@@ -90,29 +90,31 @@ def fit_parameters(twin: FootTwin, loads: LoadSet) -> ParameterFit:
     magnitude_n = np.linalg.norm(loads.force_n, axis=1)
     light = loads.subset(magnitude_n <= np.median(magnitude_n))
     if len(light) >= _MIN_LIGHT_LOADS:
-        light = light.subset(light.spread_order()[:_MAX_LIGHT_LOADS])
-        start = _solve(twin, light, start, shared_gap=True).parameters
+        light = light.subset(light.space_filling_order()[:_MAX_LIGHT_LOADS])
+        start = _levenberg_marquardt(twin, light, start, shared_gap=True).parameters
     # A gap that closes in the foot and not yet in the model has no slope and would never close. So on the way each gap
     # has the slope of all gaps together; at the end it has its own, and a gap that never closes stays as designed.
-    start = _solve(twin, loads, start, shared_gap=True).parameters
-    return _solve(twin, loads, start, shared_gap=False)
+    start = _levenberg_marquardt(twin, loads, start, shared_gap=True).parameters
+    return _levenberg_marquardt(twin, loads, start, shared_gap=False)
 
 
-def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -> ParameterFit:
-    """Return the optimum that Levenberg-Marquardt reaches from `start`; `shared_gap` as of `_State.slopes`."""
-    state = _State(twin, loads, _whitening(twin, start, loads), start)
+def _levenberg_marquardt(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -> ParameterFit:
+    """Return the optimum of Levenberg-Marquardt from `start`; `shared_gap` as of `_FitState.residual_jacobian`."""
+    state = _FitState(twin, loads, _whitening_matrices(twin, start, loads), start)
     damping, tolerance_rel = 1e-3, _ROUGH_TOLERANCE_REL if shared_gap else _TOLERANCE_REL
     for iteration in range(_MAX_ITERATIONS):
-        if iteration == _REWHITEN_ITERATION:
-            state = state.with_parameters(state.parameters, _whitening(twin, state.parameters, loads))
-        slopes = state.slopes(shared_gap=shared_gap)
-        curvature, gradient = slopes.T @ slopes, slopes.T @ state.residual
+        if iteration == _REWHITENING_ITERATION:
+            state = state.with_parameters(
+                state.parameters, _whitening_matrices(twin, state.parameters, loads)
+            )
+        residual_jacobian = state.residual_jacobian(shared_gap=shared_gap)
+        curvature, gradient = residual_jacobian.T @ residual_jacobian, residual_jacobian.T @ state.residual
         while damping < _MAX_DAMPING:
             step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), -gradient)
             if -(2.0 * gradient + curvature @ step) @ step < tolerance_rel * state.cost:
                 damping = _MAX_DAMPING  # a step as short as this gains nothing
                 break
-            tried = state.with_parameters(np.clip(state.parameters + step, *twin.bounds()))
+            tried = state.with_parameters(np.clip(state.parameters + step, *twin.parameter_bounds()))
             if tried.cost < state.cost:
                 break
             damping *= 10.0
@@ -120,14 +122,14 @@ def _solve(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -
             break
         gain_rel = 1.0 - tried.cost / state.cost
         state, damping = tried, max(damping / 10.0, 1e-9)
-        if gain_rel < tolerance_rel and iteration > _REWHITEN_ITERATION:
+        if gain_rel < tolerance_rel and iteration > _REWHITENING_ITERATION:
             break
-    slopes = state.slopes(shared_gap=shared_gap)
-    covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), np.float64)
+    residual_jacobian = state.residual_jacobian(shared_gap=shared_gap)
+    covariance = np.asarray(np.linalg.inv(residual_jacobian.T @ residual_jacobian), np.float64)
     return ParameterFit(state.parameters, covariance, state.distance)
 
 
-class _State:
+class _FitState:
     """Model and whitened misfit at some parameters.
 
     Args:
@@ -143,12 +145,12 @@ class _State:
     """
 
     def __init__(self, twin: FootTwin, loads: LoadSet, whitening: Vector, parameters: Vector) -> None:
-        self._twin, self._loads, self._whitening = twin, loads, whitening
+        self._twin, self._loads, self._whitening_matrices = twin, loads, whitening
         self._contact = ContactLoads.centred(loads.force_n)
         self.parameters = parameters
-        self._cells_um = twin.cells_um(parameters, self._contact)
+        self._cells_um = twin.cell_closures_um(parameters, self._contact)
         self._model_pf = twin.reading_pf(parameters, self._cells_um)
-        white = np.einsum("nij,nj->ni", whitening, self._model_pf - loads.undrifted_pf)
+        white = np.einsum("nij,nj->ni", whitening, self._model_pf - loads.drift_corrected_pf)
         self.distance = np.linalg.norm(white, axis=1)
         within = np.minimum(self.distance, _HUBER_DISTANCE)
         self._weight = np.sqrt(_HUBER_DISTANCE / np.maximum(self.distance, _HUBER_DISTANCE))
@@ -156,12 +158,12 @@ class _State:
         self.residual = np.concatenate([(self._weight[:, None] * white).ravel(), prior])
         self.cost = float((within * (2.0 * self.distance - within)).sum() + (prior**2).sum())
 
-    def with_parameters(self, parameters: Vector, whitening: Vector | None = None) -> "_State":
+    def with_parameters(self, parameters: Vector, whitening: Vector | None = None) -> "_FitState":
         """Return the state of the fit at other parameters, with this whitening unless another is given."""
-        whitening = self._whitening if whitening is None else whitening
-        return _State(self._twin, self._loads, whitening, parameters)
+        whitening = self._whitening_matrices if whitening is None else whitening
+        return _FitState(self._twin, self._loads, whitening, parameters)
 
-    def slopes(self, *, shared_gap: bool) -> Vector:
+    def residual_jacobian(self, *, shared_gap: bool) -> Vector:
         """Return the slopes of the residual by each parameter, shape (9 n + N_PARAMETERS, N_PARAMETERS).
 
         Args:
@@ -171,43 +173,45 @@ class _State:
         slopes_pf = np.zeros((*self._model_pf.shape, N_PARAMETERS))
         diagonal = np.arange(ELEMENTS)
         for kind in (STRAY, GAIN):
-            slope_pf = self._reading_slope_pf(kind, self._cells_um)
+            slope_pf = self._reading_derivative_pf(kind, self._cells_um)
             slopes_pf[:, diagonal, kind.start + diagonal] = slope_pf
         moved = [slice(number, number + 1) for number in range(STIFFNESS.start, REFERENCE.stop)]
         moved += [GAP] if shared_gap else [slice(number, number + 1) for number in range(GAP.start, GAP.stop)]
-        closed = self._twin.closed(self.parameters, self._cells_um)
-        nearby_um = self._twin.cells_nearby_um([(self._moved(one), self._contact) for one in moved], closed)
+        closed = self._twin.closed_cells(self.parameters, self._cells_um)
+        nearby_um = self._twin.nearby_cell_closures_um(
+            [(self._shifted_parameters(one), self._contact) for one in moved], closed
+        )
         for which, cells_um in zip(moved, nearby_um, strict=True):
-            slope_pf = self._reading_slope_pf(which, cells_um)
+            slope_pf = self._reading_derivative_pf(which, cells_um)
             if which == GAP:
                 slopes_pf[:, diagonal, GAP.start + diagonal] = slope_pf
             else:
                 slopes_pf[..., which.start] = slope_pf
-        white = self._weight[:, None, None] * (self._whitening @ slopes_pf)
+        white = self._weight[:, None, None] * (self._whitening_matrices @ slopes_pf)
         return np.concatenate([white.reshape(-1, N_PARAMETERS), np.diag(1.0 / PRIOR_SIGMA)])
 
-    def _moved(self, which: slice) -> Vector:
+    def _shifted_parameters(self, which: slice) -> Vector:
         """Return the parameters with these moved by a step."""
         moved = self.parameters.copy()
-        moved[which] += _STEP[which]
+        moved[which] += _DIFFERENCE_STEPS[which]
         return moved
 
-    def _reading_slope_pf(self, which: slice, cells_um: Vector) -> Vector:
+    def _reading_derivative_pf(self, which: slice, cells_um: Vector) -> Vector:
         """Return the derivative of the readings by parameters that move together [pF per unit], shape (n, 9).
 
         Args:
             which: The parameters, all of one kind.
             cells_um: Closures of the cells with them moved by a step [um], shape (n, 324).
         """
-        moved_pf = self._twin.reading_pf(self._moved(which), cells_um)
-        slope_pf: Vector = (moved_pf - self._model_pf) / _STEP[which]
+        moved_pf = self._twin.reading_pf(self._shifted_parameters(which), cells_um)
+        slope_pf: Vector = (moved_pf - self._model_pf) / _DIFFERENCE_STEPS[which]
         return slope_pf
 
 
-def _whitening(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
+def _whitening_matrices(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
     """Return one whitening matrix per load, shape (n, 9, 9): the inverse Cholesky factor of the covariance S."""
     contact = ContactLoads.centred(loads.force_n)
-    cells_um = twin.cells_um(parameters, contact)
+    cells_um = twin.cell_closures_um(parameters, contact)
     model_pf = twin.reading_pf(parameters, cells_um)
     step_n = _FORCE_STEP_REL * np.linalg.norm(contact.force_n, axis=1, keepdims=True)
     # Of the contact's normal moved along an axis, and normalised, only the part across the normal remains.
@@ -216,7 +220,7 @@ def _whitening(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
     ]
     pushed = [ContactLoads(contact.normal, contact.force_n + step_n * axis) for axis in np.eye(3)]
     nearby = [(parameters, one) for one in (*leaning, *pushed)]
-    nearby_um = twin.cells_nearby_um(nearby, twin.closed(parameters, cells_um))
+    nearby_um = twin.nearby_cell_closures_um(nearby, twin.closed_cells(parameters, cells_um))
     changes_pf = [twin.reading_pf(parameters, one_um) - model_pf for one_um in nearby_um]
     by_normal = [change_pf / _NORMAL_STEP for change_pf in changes_pf[:3]]
     slope_pf = np.stack([change_pf / step_n for change_pf in changes_pf[3:]], axis=2)

@@ -10,7 +10,7 @@ STRAY, GAIN, GAP = slice(0, 9), slice(9, 18), slice(18, 27)
 STIFFNESS, MOUNT, OFFSET, REFERENCE = slice(27, 28), slice(28, 31), slice(31, 33), slice(33, 36)
 N_PARAMETERS = 36
 #: Kinds of parameters of the foot itself.
-KINDS = {
+SLICE_OF_KIND = {
     "stray": STRAY,
     "gain": GAIN,
     "gap": GAP,

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.calibration.fit.parameter_fit import PRIOR_SIGMA, ParameterFit
-from footsense.calibration.fit.parameter_vector import KINDS, REFERENCE, parameter_names
+from footsense.calibration.fit.parameter_vector import REFERENCE, SLICE_OF_KIND, parameter_names
 from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.errors import CalibrationError
 from footsense.foot.direction_sets import direction_grid
@@ -16,7 +16,7 @@ from footsense.foot.gap_contact import element_means
 #: Largest predicted errors with which a calibration is made: an uncalibrated, carelessly made foot is not much worse.
 _MAX_DIRECTION_DEG, _MAX_MAGNITUDE_REL = 4.0, 0.1
 #: Closure over the smallest gap up to which a load is evaluated: a foot is not read where a gap closes.
-_OPEN_REL = 0.7
+_MAX_CLOSURE_REL = 0.7
 _DRAWS, _DRAWS_OF_KIND = 24, 6
 _SEED = 1
 #: A parameter counts as identified if calibration halves its prior standard deviation.
@@ -29,13 +29,13 @@ class PredictedUncertainty(NamedTuple):
     Attributes:
         direction_deg: Median angle [deg].
         magnitude_rel: Median relative error of the magnitude [1].
-        dominant: Kind of parameter that causes most of the angle.
+        dominant_parameter: Kind of parameter that causes most of the angle.
         not_identified: Names of the parameters that stay near the design's value, for lack of data.
     """
 
     direction_deg: float
     magnitude_rel: float
-    dominant: str
+    dominant_parameter: str
     not_identified: tuple[str, ...]
 
 
@@ -54,8 +54,8 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
     force_n = np.concatenate([size * GRAM_FORCE_N * directions for size in (50.0, 120.0)])
     fitted = fit.parameters.copy()
     fitted[REFERENCE] = 0.0  # these forces are true ones
-    closure_um = element_means(twin.cells_um(fitted, ContactLoads.centred(force_n)))
-    force_n = force_n[closure_um.max(axis=1) < _OPEN_REL * twin.gap_um(fitted).min()]
+    closure_um = element_means(twin.cell_closures_um(fitted, ContactLoads.centred(force_n)))
+    force_n = force_n[closure_um.max(axis=1) < _MAX_CLOSURE_REL * twin.gap_um(fitted).min()]
     if not len(force_n):
         return PredictedUncertainty(np.inf, np.inf, "gap", ())
     loads, magnitude_n = ContactLoads.centred(force_n), np.linalg.norm(force_n, axis=1)
@@ -68,7 +68,7 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
     force_per_pf = np.linalg.pinv(np.stack(by_force, axis=2))
     rng = np.random.default_rng(_SEED)
 
-    def errors_from(which: slice, n_draws: int) -> tuple[float, float]:
+    def median_errors_from(which: slice, n_draws: int) -> tuple[float, float]:
         """Return median angle [deg] and relative magnitude error [1] if only these parameters are uncertain."""
         root = np.linalg.cholesky(fit.covariance[which, which])
         angles_deg, magnitudes_rel = [], []
@@ -77,18 +77,18 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
             deviation = root @ rng.normal(size=len(root))
             drawn[which] += np.clip(deviation, -2.0 * PRIOR_SIGMA[which], 2.0 * PRIOR_SIGMA[which])
             drawn[REFERENCE] = 0.0
-            change_pf = twin.capacitance_pf(np.clip(drawn, *twin.bounds()), loads) - at_pf
+            change_pf = twin.capacitance_pf(np.clip(drawn, *twin.parameter_bounds()), loads) - at_pf
             estimate_n = force_n + np.einsum("nij,nj->ni", force_per_pf, change_pf)
             angles_deg.append(angles_between_deg(force_n, estimate_n))
             magnitudes_rel.append(np.abs(np.linalg.norm(estimate_n, axis=1) / magnitude_n - 1.0))
         return float(np.median(angles_deg)), float(np.median(magnitudes_rel))
 
-    direction_deg, magnitude_rel = errors_from(slice(None), _DRAWS)
-    by_kind = {kind: errors_from(which, _DRAWS_OF_KIND)[0] for kind, which in KINDS.items()}
+    direction_deg, magnitude_rel = median_errors_from(slice(None), _DRAWS)
+    by_kind = {kind: median_errors_from(which, _DRAWS_OF_KIND)[0] for kind, which in SLICE_OF_KIND.items()}
     contractions = zip(parameter_names(), fit.contraction, strict=True)
     not_identified = tuple(name for name, value in contractions if value < IDENTIFIED_CONTRACTION)
-    dominant = max(by_kind, key=by_kind.__getitem__)
-    return PredictedUncertainty(direction_deg, magnitude_rel, dominant, not_identified)
+    dominant_parameter = max(by_kind, key=by_kind.__getitem__)
+    return PredictedUncertainty(direction_deg, magnitude_rel, dominant_parameter, not_identified)
 
 
 def require_identified(predicted: PredictedUncertainty, n_loads: int) -> None:
@@ -101,5 +101,6 @@ def require_identified(predicted: PredictedUncertainty, n_loads: int) -> None:
         raise CalibrationError(
             f"{n_loads} loads leave half of all forces uncertain by {predicted.direction_deg:.1f} deg and "
             f"{predicted.magnitude_rel:.0%} or more, at most {_MAX_DIRECTION_DEG:g} deg and {_MAX_MAGNITUDE_REL:.0%} "
-            f"make a calibration; least is known of the {predicted.dominant}; press from more sides, at two magnitudes"
+            f"make a calibration; least is known of the {predicted.dominant_parameter}; press from more sides, "
+            "at two magnitudes"
         )

@@ -29,16 +29,16 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Vector
 
 #: Weight of the newest press in the mean of the last ones [1]: creep of ten seconds, presses of one.
-_NEWEST_WEIGHT = 0.1
+_NEWEST_PRESS_WEIGHT = 0.1
 #: Force that stays after a release [N], which gives the slopes.
-_STAYING_N = 0.02
+_RESIDUAL_FORCE_N = 0.02
 #: Square of the scatter of an unloaded distance [um] over that of a_j [N], b_j and c_j [1], and of a scale [1], before
 #: they are known.
 _RIDGE, _SCALE_RIDGE = (0.01 / 0.02) ** 2, (0.01 / 0.15) ** 2
-_ROUNDS = 4
+_FIT_ROUNDS = 4
 
 
-def rested_loads(response: FootResponse, sessions: Sequence[RecordedSession]) -> LoadSet:
+def loads_without_rubber_memory(response: FootResponse, sessions: Sequence[RecordedSession]) -> LoadSet:
     """Return the loads of all sessions, with the unloaded readings of a rested foot.
 
     Args:
@@ -47,34 +47,34 @@ def rested_loads(response: FootResponse, sessions: Sequence[RecordedSession]) ->
     """
     loads = []
     for session in sessions:
-        rested_pf = without_memory(response, LoadSet.of(session.loads)).baseline_pf
+        rested_pf = remove_rubber_memory(response, LoadSet.from_loads(session.loads)).baseline_pf
         loads += [load._replace(baseline_pf=pf) for load, pf in zip(session.loads, rested_pf, strict=True)]
-    return LoadSet.of(loads)
+    return LoadSet.from_loads(loads)
 
 
-def without_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
+def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
     """Return the loads with the unloaded readings that a rested foot would have had.
 
     Args:
         response: Response table of the foot type.
         loads: Loads of one session in the order of time, at least one.
     """
-    after_um = _memory_um(FootTwin(response, loads.unloaded_pf), loads.force_n)
+    after_um = _residual_closures_um(FootTwin(response, loads.unloaded_pf), loads.force_n)
     before_um = np.concatenate([np.zeros_like(after_um[:1]), after_um[:-1]])
     memory_um = np.concatenate([before_um, after_um], axis=2)
     distance_um = response.design.plate_distance_um(loads.baseline_pf)
     n = len(loads)
     steady = np.linalg.qr(np.column_stack([np.ones(n), np.linspace(-1.0, 1.0, n)]))[0]
 
-    def unsteady(values: Vector) -> Vector:
+    def detrended(values: Vector) -> Vector:
         """Return values over the presses, shape (n, ...), without their mean and linear drift."""
         flat = values.reshape(n, -1)
         left: Vector = flat - steady @ (steady.T @ flat)
         return left
 
-    slopes = unsteady(memory_um).reshape(n, ELEMENTS, -1)
-    moved_um, scale = -unsteady(distance_um), np.ones((ELEMENTS, 1))
-    for _ in range(_ROUNDS):
+    slopes = detrended(memory_um).reshape(n, ELEMENTS, -1)
+    moved_um, scale = -detrended(distance_um), np.ones((ELEMENTS, 1))
+    for _ in range(_FIT_ROUNDS):
         scaled = (scale * slopes).reshape(n * ELEMENTS, -1)
         curvature = scaled.T @ scaled + _RIDGE * np.eye(scaled.shape[1])
         staying = np.linalg.solve(curvature, scaled.T @ moved_um.ravel())
@@ -85,19 +85,21 @@ def without_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
     return replace(loads, baseline_pf=loads.baseline_pf * distance_um / (distance_um + remembered_um))
 
 
-def _memory_um(twin: FootTwin, force_n: Vector) -> Vector:
+def _residual_closures_um(twin: FootTwin, force_n: Vector) -> Vector:
     """Return the closures after each press per a, b and c, shape (n, 9, 3) [um]."""
     mean_n, means_n = np.zeros(3), []
     for one_n in force_n:
-        mean_n = mean_n + _NEWEST_WEIGHT * (one_n - mean_n)
+        mean_n = mean_n + _NEWEST_PRESS_WEIGHT * (one_n - mean_n)
         means_n.append(mean_n)
     normal = normalized(force_n)
     designed = np.zeros(N_PARAMETERS)
     unit_um = [
         element_means(
-            twin.cells_um(designed, ContactLoads(normal, np.tile(_STAYING_N * axis, (len(normal), 1))))
+            twin.cell_closures_um(
+                designed, ContactLoads(normal, np.tile(_RESIDUAL_FORCE_N * axis, (len(normal), 1)))
+            )
         )
-        / _STAYING_N
+        / _RESIDUAL_FORCE_N
         for axis in np.eye(3)
     ]
     staying = np.stack([normal, force_n, np.array(means_n)], axis=2)

@@ -11,7 +11,7 @@ from footsense.calibration.session.reference_checks import reference_findings
 from footsense.errors import CalibrationError
 
 #: Largest difference of an element's unloaded reading between sessions of one foot [1], that of a tare.
-_SAME_FOOT_REL = 0.03
+_SAME_FOOT_TOLERANCE_REL = 0.03
 
 
 def require_one_foot(sessions: Sequence[RecordedSession]) -> None:
@@ -26,14 +26,15 @@ def require_one_foot(sessions: Sequence[RecordedSession]) -> None:
             raise CalibrationError(
                 f"{session.path}: no load is accepted; {'; '.join(session.warnings) or 'it has none'}"
             )
-        unloaded_pf = LoadSet.of(session.loads).unloaded_pf
+        unloaded_pf = LoadSet.from_loads(session.loads).unloaded_pf
         first_pf = unloaded_pf if first_pf is None else first_pf
         difference_rel = unloaded_pf / first_pf - 1.0
         worst = int(np.argmax(np.abs(difference_rel)))
-        if abs(difference_rel[worst]) > _SAME_FOOT_REL:
+        if abs(difference_rel[worst]) > _SAME_FOOT_TOLERANCE_REL:
             raise CalibrationError(
                 f"{session.path}: element {worst} of {session.foot} reads {unloaded_pf[worst]:.3f} pF unloaded, "
-                f"{first_pf[worst]:.3f} pF in {first.path}; two feet with one id? at most {_SAME_FOOT_REL:.0%} differ"
+                f"{first_pf[worst]:.3f} pF in {first.path}; two feet with one id? at most "
+                f"{_SAME_FOOT_TOLERANCE_REL:.0%} differ"
             )
 
 
@@ -51,7 +52,7 @@ def require_consistent_reference(models: DesignModels, sessions: Sequence[Record
     for session in sessions:
         if session.test_stand is None:
             continue
-        loads = LoadSet.of(session.loads)
+        loads = LoadSet.from_loads(session.loads)
         own_n = models.estimate(loads, None).force_n
         if findings := reference_findings(session.test_stand, loads.force_n, own_n):
             found.append(f"{session.path}: {'; '.join(findings)}")

@@ -34,9 +34,9 @@ from footsense.frames import Mask, Vector
 #: Smallest distance of the electrodes [um]; the designed film is as thick as 6.3 um of air.
 _MIN_DISTANCE_UM = 1.0
 #: A load under which a foot is linear [N].
-_SMALL_N = 0.05
+_SMALL_FORCE_N = 0.05
 #: Distance to the gap within which a cell counts as closed [um].
-_CLOSED_WITHIN_UM = 1e-6
+_CLOSED_TOLERANCE_UM = 1e-6
 
 
 def reference_gains(parameters: Vector) -> Vector:
@@ -45,7 +45,7 @@ def reference_gains(parameters: Vector) -> Vector:
     return gains
 
 
-def _softness(parameters: Vector) -> float:
+def _compliance_factor(parameters: Vector) -> float:
     return 1.0 / (1.0 + float(parameters[STIFFNESS][0]))
 
 
@@ -74,7 +74,7 @@ class FootTwin:
         self._unloaded_pf = unloaded_pf
         self._min_sine = np.sin(np.radians(response.min_elevation_deg))
 
-    def bounds(self) -> tuple[Vector, Vector]:
+    def parameter_bounds(self) -> tuple[Vector, Vector]:
         """Return the lower and upper limit of each parameter: capacitance beside the stray, a gap, and stiffness."""
         lower, upper = np.full(N_PARAMETERS, -np.inf), np.full(N_PARAMETERS, np.inf)
         upper[STRAY] = 0.5 * self._unloaded_pf
@@ -90,58 +90,66 @@ class FootTwin:
         gap_um: Vector = self._response.design.gap_um + parameters[GAP]
         return gap_um
 
-    def cells_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
+    def cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the closure of each cell [um], shape (n, 324), limited to the cell's gap; ignores stray and gain."""
-        response, free_um = self._response, self._free_um(parameters, loads)
+        response, free_um = self._response, self._free_cell_closures_um(parameters, loads)
         gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS)
         if response.cavity.kind != "vented":
-            compliance = _softness(parameters) * response.compliance_um_per_n
+            compliance = _compliance_factor(parameters) * response.compliance_um_per_n
             air = CavityPressures(self.gap_um(parameters), compliance, response.design.electrode_area_mm2)
-            unloaded_um = air.held_um(np.zeros((1, response.n_cells)), response.cavity, contact=True)
-            return air.held_um(free_um, response.cavity, contact=True) - unloaded_um
+            unloaded_um = air.sustained_closures_um(
+                np.zeros((1, response.n_cells)), response.cavity, contact=True
+            )
+            return air.sustained_closures_um(free_um, response.cavity, contact=True) - unloaded_um
         if not (free_um > gap_um).any():  # scaling the compliance would take longer than the rest
             return free_um
-        compliance = _softness(parameters) * response.compliance_um_per_n
+        compliance = _compliance_factor(parameters) * response.compliance_um_per_n
         return gap_contact.contact_closures_um(free_um, gap_um, compliance)
 
-    def closed(self, parameters: Vector, cells_um: Vector) -> Mask:
+    def closed_cells(self, parameters: Vector, cell_closures_um: Vector) -> Mask:
         """Return which cells are closed, shape (n, 324), at these closures [um]."""
-        closed: Mask = cells_um >= np.repeat(self.gap_um(parameters), gap_contact.CELLS) - _CLOSED_WITHIN_UM
-        return closed
+        closed_cells: Mask = (
+            cell_closures_um >= np.repeat(self.gap_um(parameters), gap_contact.CELLS) - _CLOSED_TOLERANCE_UM
+        )
+        return closed_cells
 
-    def cells_nearby_um(self, nearby: Sequence[tuple[Vector, ContactLoads]], closed: Mask) -> Vector:
+    def nearby_cell_closures_um(
+        self, nearby: Sequence[tuple[Vector, ContactLoads]], closed_cells: Mask
+    ) -> Vector:
         """Return the closures of the cells for derivatives [um], shape (k, n, 324): contact problems are not solved.
 
         Args:
             nearby: Parameters and n loads, k times, all near those of the closed cells.
-            closed: Cells that are closed, shape (n, 324); all others are open. Air is not held to them.
+            closed_cells: Cells that are closed, shape (n, 324); all others are open. Air is not held to them.
         """
         if self._response.cavity.kind != "vented":
-            return np.stack([self.cells_um(*one) for one in nearby])
+            return np.stack([self.cell_closures_um(*one) for one in nearby])
         # Gaps and stiffness leave a load where it is: one evaluation of the table for all of them.
         places = [(parameters[MOUNT.start :].tobytes(), id(loads)) for parameters, loads in nearby]
         one_of = dict(zip(places, nearby, strict=True))
-        designed_um = {place: self._designed_um(*one) for place, one in one_of.items()}
+        designed_um = {place: self._designed_cell_closures_um(*one) for place, one in one_of.items()}
         free_um = np.stack(
-            [_softness(p) * designed_um[place] for place, (p, _) in zip(places, nearby, strict=True)]
+            [_compliance_factor(p) * designed_um[place] for place, (p, _) in zip(places, nearby, strict=True)]
         )
         gap_um = np.stack([np.repeat(self.gap_um(parameters), gap_contact.CELLS) for parameters, _ in nearby])
         # A softer solid is pushed as far back by less force: the closures do not depend on the compliance's scale.
-        return gap_contact.closures_of_closed_um(free_um, gap_um, self._response.compliance_um_per_n, closed)
+        return gap_contact.closures_of_closed_um(
+            free_um, gap_um, self._response.compliance_um_per_n, closed_cells
+        )
 
-    def _free_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
+    def _free_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the closure of each cell as if no gap could close [um], shape (n, 324)."""
-        return _softness(parameters) * self._designed_um(parameters, loads)
+        return _compliance_factor(parameters) * self._designed_cell_closures_um(parameters, loads)
 
-    def _designed_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
+    def _designed_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the same closures of a solid as stiff as designed."""
         mount = rotation(parameters[MOUNT])
         moved = loads.normal @ mount.T
         moved[:, :2] += parameters[OFFSET]
         force_n = (loads.force_n / reference_gains(parameters)) @ mount.T
-        return self._response.free_closure_um(self._lifted_to_rim(normalized(moved)), force_n)
+        return self._response.free_closure_um(self._clamped_to_min_elevation(normalized(moved)), force_n)
 
-    def felt_stiffness_rel(self, stiffness_rel: float) -> float:
+    def effective_stiffness_rel(self, stiffness_rel: float) -> float:
         """Return the load that closes the gaps as far over that of the design, upright, minus one [1].
 
         It is the stiffness where the solid alone resists; air that resists is as stiff in every foot.
@@ -153,24 +161,26 @@ class FootTwin:
             return stiffness_rel
         parameters = np.zeros(N_PARAMETERS)
         parameters[STIFFNESS] = stiffness_rel
-        up = ContactLoads.centred(np.array([[0.0, 0.0, _SMALL_N]]))
-        closures_um = (self.cells_um(vector, up).mean() for vector in (np.zeros(N_PARAMETERS), parameters))
+        up = ContactLoads.centred(np.array([[0.0, 0.0, _SMALL_FORCE_N]]))
+        closures_um = (
+            self.cell_closures_um(vector, up).mean() for vector in (np.zeros(N_PARAMETERS), parameters)
+        )
         designed_um, own_um = closures_um
         return float(designed_um / own_um) - 1.0
 
-    def reading_pf(self, parameters: Vector, cells_um: Vector) -> Vector:
+    def reading_pf(self, parameters: Vector, cell_closures_um: Vector) -> Vector:
         """Return the reading of each element [pF], shape (n, 9), at cell closures [um], shape (n, 324)."""
         design, stray_pf = self._response.design, parameters[STRAY]
         unloaded_um = design.plate_distance_um(self._unloaded_pf - stray_pf)
-        closure_um = cells_um * np.repeat(1.0 + parameters[GAIN], gap_contact.CELLS)
+        closure_um = cell_closures_um * np.repeat(1.0 + parameters[GAIN], gap_contact.CELLS)
         distance_um = np.maximum(np.repeat(unloaded_um, gap_contact.CELLS) - closure_um, _MIN_DISTANCE_UM)
         return gap_contact.capacitance_pf(design, distance_um) + stray_pf
 
     def capacitance_pf(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the reading of each element under loads [pF], shape (n, 9)."""
-        return self.reading_pf(parameters, self.cells_um(parameters, loads))
+        return self.reading_pf(parameters, self.cell_closures_um(parameters, loads))
 
-    def _lifted_to_rim(self, normal: Vector) -> Vector:
+    def _clamped_to_min_elevation(self, normal: Vector) -> Vector:
         """Return the normals, with elevations below the table's lowest raised to it."""
         low = normal[:, 2] < self._min_sine
         lifted = normal.copy()

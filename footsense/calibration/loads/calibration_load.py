@@ -21,7 +21,7 @@ class Rejection(StrEnum):
 
 
 class CalibrationLoad(NamedTuple):
-    """The means over one press's dwell.
+    """Mean force and capacitances over the dwell of one press.
 
     Attributes:
         dwell_ns: Start and end of the dwell, the longest time without motion [ns].
@@ -60,18 +60,18 @@ class Press(NamedTuple):
         capacitance_pf: Reading of each element [pF], shape (scans, 9).
         reading: State of each reading, shape (scans, 9), uint8 of `Reading`.
         reference: Samples of the reference sensor.
-        before_ns: Start and end of the unloaded span before it [ns].
-        pressed_ns: Start and end of the press [ns].
-        after_ns: Start and end of the unloaded span after it [ns]; None if there is none.
-        offset_n: Unsaturated reference samples in the unloaded spans of the last seconds, `before_ns` included [N],
-            shape (n, 3): the offset drifts less than one span's noise.
+        unloaded_before_ns: Start and end of the unloaded span before it [ns].
+        pressed_span_ns: Start and end of the press [ns].
+        unloaded_after_ns: Start and end of the unloaded span after it [ns]; None if there is none.
+        reference_offset_n: Unsaturated reference samples in the unloaded spans of the last seconds,
+            `unloaded_before_ns` included [N], shape (n, 3): the offset drifts less than one span's noise.
     """
 
     t_ns: Stamps
     capacitance_pf: Vector
     reading: Codes
     reference: Reference
-    before_ns: tuple[int, int]
-    pressed_ns: tuple[int, int]
-    after_ns: tuple[int, int] | None
-    offset_n: Vector
+    unloaded_before_ns: tuple[int, int]
+    pressed_span_ns: tuple[int, int]
+    unloaded_after_ns: tuple[int, int] | None
+    reference_offset_n: Vector

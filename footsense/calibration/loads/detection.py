@@ -12,27 +12,27 @@ import numpy as np
 
 from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, RejectedPress, Rejection
 from footsense.calibration.loads.press_reduction import reduce_press
-from footsense.calibration.loads.span_means import column_means, unsaturated_n
+from footsense.calibration.loads.span_means import column_means, unsaturated_samples_n
 from footsense.frames import Codes, Cycle, Reading, Reference, Vector
 
 _NS_PER_MS = 1_000_000
 
 #: Mean change of the elements that begins a press [1]: 20 fF of 5 pF, that of some 10 mN.
-_PRESSED_REL = 0.005
+_PRESS_THRESHOLD_REL = 0.005
 #: Share of the largest change below which the foot is released: rubber keeps some hundredths for a while.
-_RELEASED_REL = 0.15
+_RELEASE_THRESHOLD_REL = 0.15
 #: Unloaded span before a press, and its distance from a press that begins slowly [ns].
-_UNLOADED_NS = 500 * _NS_PER_MS
-_SLOW_START_NS = 100 * _NS_PER_MS
+_UNLOADED_BEFORE_SPAN_NS = 500 * _NS_PER_MS
+_UNLOADED_TO_PRESS_MARGIN_NS = 100 * _NS_PER_MS
 #: Most of the rubber's recovery after a release, and the unloaded span that follows it [ns].
-_RECOVERY_NS = 100 * _NS_PER_MS
-_UNLOADED_AFTER_NS = 200 * _NS_PER_MS
+_RECOVERY_WAIT_NS = 100 * _NS_PER_MS
+_UNLOADED_AFTER_SPAN_NS = 200 * _NS_PER_MS
 #: Age up to which unloaded spans contribute to the offset of the reference [ns].
 _OFFSET_MAX_AGE_NS = 10_000 * _NS_PER_MS
 #: Longest press [ns]; a longer load has changed the unloaded reading.
-_LONGEST_PRESS_NS = 60_000 * _NS_PER_MS
+_MAX_PRESS_DURATION_NS = 60_000 * _NS_PER_MS
 #: Scans in a row that make a transition: a single one may be misread.
-_AGREEING_SCANS = 2
+_N_AGREEING_SCANS = 2
 #: Fewest scans of an unloaded span.
 _MIN_UNLOADED_SCANS = 2
 
@@ -65,20 +65,20 @@ class LoadDetector:
         self._newest_ns = 0
 
     @property
-    def pressed(self) -> bool:
+    def is_pressed(self) -> bool:
         """Whether the foot is pressed now."""
         return self._phase is _Phase.PRESSED
 
     @property
-    def offset_n(self) -> Vector:
+    def reference_offset_n(self) -> Vector:
         """Unloaded reading of the reference sensor [N], shape (3,); NaN until known."""
         samples_n = self._offset_samples_n()
         if self._phase is _Phase.UNLOADED:
-            now_n = unsaturated_n(join_references(self._reference), self._before_ns)
+            now_n = unsaturated_samples_n(join_references(self._reference), self._before_ns)
             samples_n = np.concatenate([samples_n, now_n])
         return column_means(samples_n)
 
-    def take(self, cycle: Cycle) -> CalibrationLoad | RejectedPress | None:
+    def process_cycle(self, cycle: Cycle) -> CalibrationLoad | RejectedPress | None:
         """Process a cycle; return the load or rejected press that ends with this cycle, or None."""
         if cycle.reference is not None and len(cycle.reference.t_ns):
             self._reference.append(cycle.reference)
@@ -107,59 +107,66 @@ class LoadDetector:
         if phase is _Phase.UNLOADED:
             return None
         if phase is _Phase.RELEASED:
-            return reduce_press(self._press(None))
+            return reduce_press(self._recorded_press(None))
         return RejectedPress(Rejection.NOT_RELEASED, "the recording ends in it")
 
     def _await_press(self, t_ns: int, capacitance_pf: Vector) -> None:
         if self._n_agreeing == 0:
-            self._before_ns = (t_ns - _SLOW_START_NS - _UNLOADED_NS, t_ns - _SLOW_START_NS)
+            self._before_ns = (
+                t_ns - _UNLOADED_TO_PRESS_MARGIN_NS - _UNLOADED_BEFORE_SPAN_NS,
+                t_ns - _UNLOADED_TO_PRESS_MARGIN_NS,
+            )
             self._baseline_pf = self._mean_pf(self._before_ns)
-            self._forget_until(self._before_ns[0])
-        if self._agrees(change=self._change_rel(capacitance_pf) > _PRESSED_REL):
+            self._drop_samples_before(self._before_ns[0])
+        if self._confirm_change(change=self._mean_change_rel(capacitance_pf) > _PRESS_THRESHOLD_REL):
             self._begin_press()
 
     def _begin_press(self) -> None:
         self._phase = _Phase.PRESSED
-        self._pressed_ns = self._scans[-_AGREEING_SCANS][0]
+        self._pressed_ns = self._scans[-_N_AGREEING_SCANS][0]
         self._peak_rel = 0.0
         while self._offsets and self._offsets[0][0] < self._before_ns[0] - _OFFSET_MAX_AGE_NS:
             self._offsets.popleft()
-        before_n = unsaturated_n(join_references(self._reference), self._before_ns)
+        before_n = unsaturated_samples_n(join_references(self._reference), self._before_ns)
         if len(before_n):
             self._offsets.append((self._before_ns[1], before_n))
 
     def _await_release(self, t_ns: int, capacitance_pf: Vector) -> RejectedPress | None:
-        change_rel = self._change_rel(capacitance_pf)
+        change_rel = self._mean_change_rel(capacitance_pf)
         self._peak_rel = max(self._peak_rel, change_rel)
-        if self._agrees(change=change_rel < max(_PRESSED_REL, _RELEASED_REL * self._peak_rel)):
+        if self._confirm_change(
+            change=change_rel < max(_PRESS_THRESHOLD_REL, _RELEASE_THRESHOLD_REL * self._peak_rel)
+        ):
             self._phase = _Phase.RELEASED
-            self._released_ns = self._scans[-_AGREEING_SCANS][0]
-        elif t_ns - self._pressed_ns >= _LONGEST_PRESS_NS:
+            self._released_ns = self._scans[-_N_AGREEING_SCANS][0]
+        elif t_ns - self._pressed_ns >= _MAX_PRESS_DURATION_NS:
             self._end_press(t_ns)
-            return RejectedPress(Rejection.TOO_LONG, f"pressed for more than {_LONGEST_PRESS_NS / 1e9:g} s")
+            return RejectedPress(
+                Rejection.TOO_LONG, f"pressed for more than {_MAX_PRESS_DURATION_NS / 1e9:g} s"
+            )
         return None
 
     def _await_recovery(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | RejectedPress | None:
-        recovered_ns = self._released_ns + _RECOVERY_NS
-        pressed_rel = max(_PRESSED_REL, 2 * _RELEASED_REL * self._peak_rel)
-        if self._agrees(change=self._change_rel(capacitance_pf) > pressed_rel):
+        recovered_ns = self._released_ns + _RECOVERY_WAIT_NS
+        pressed_rel = max(_PRESS_THRESHOLD_REL, 2 * _RELEASE_THRESHOLD_REL * self._peak_rel)
+        if self._confirm_change(change=self._mean_change_rel(capacitance_pf) > pressed_rel):
             # Pressed again at once: the span between is unloaded for both presses, if it is long enough.
-            between_ns = (recovered_ns, self._scans[-_AGREEING_SCANS][0] - _SLOW_START_NS)
+            between_ns = (recovered_ns, self._scans[-_N_AGREEING_SCANS][0] - _UNLOADED_TO_PRESS_MARGIN_NS)
             between_pf = self._mean_pf(between_ns)
-            load = reduce_press(self._press(None if between_pf is None else between_ns))
+            load = reduce_press(self._recorded_press(None if between_pf is None else between_ns))
             if between_pf is not None:
                 self._before_ns, self._baseline_pf = between_ns, between_pf
             self._begin_press()
             return load
-        if t_ns < recovered_ns + _UNLOADED_AFTER_NS:
+        if t_ns < recovered_ns + _UNLOADED_AFTER_SPAN_NS:
             return None
-        load = reduce_press(self._press((recovered_ns, t_ns)))
+        load = reduce_press(self._recorded_press((recovered_ns, t_ns)))
         self._end_press(recovered_ns)
         return load
 
-    def _agrees(self, *, change: bool) -> bool:
+    def _confirm_change(self, *, change: bool) -> bool:
         """Return whether enough scans in a row show a change; the count restarts then."""
-        self._n_agreeing = (self._n_agreeing + 1) % _AGREEING_SCANS if change else 0
+        self._n_agreeing = (self._n_agreeing + 1) % _N_AGREEING_SCANS if change else 0
         return change and self._n_agreeing == 0
 
     def _mean_pf(self, span_ns: tuple[int, int]) -> Vector | None:
@@ -167,7 +174,7 @@ class LoadDetector:
         scans = [entry[1] for entry in self._scans if span_ns[0] <= entry[0] <= span_ns[1]]
         return column_means(np.array(scans)) if len(scans) >= _MIN_UNLOADED_SCANS else None
 
-    def _change_rel(self, capacitance_pf: Vector) -> float:
+    def _mean_change_rel(self, capacitance_pf: Vector) -> float:
         """Return the mean relative change of the elements [1]; NaN without a baseline or a reading."""
         if self._baseline_pf is None:
             return np.nan
@@ -181,15 +188,15 @@ class LoadDetector:
         """Wait for the next press; drop the samples before `since_ns` [ns]."""
         self._phase = _Phase.UNLOADED
         self._baseline_pf = None
-        self._forget_until(since_ns)
+        self._drop_samples_before(since_ns)
 
-    def _forget_until(self, t_ns: int) -> None:
+    def _drop_samples_before(self, t_ns: int) -> None:
         while self._scans and self._scans[0][0] < t_ns:
             self._scans.popleft()
         while self._reference and int(self._reference[0].t_ns[-1]) < t_ns:
             self._reference.popleft()
 
-    def _press(self, after_ns: tuple[int, int] | None) -> Press:
+    def _recorded_press(self, unloaded_after_ns: tuple[int, int] | None) -> Press:
         t_ns, capacitance_pf, reading = zip(*self._scans, strict=True)
         return Press(
             np.array(t_ns, np.int64),
@@ -198,7 +205,7 @@ class LoadDetector:
             join_references(self._reference),
             self._before_ns,
             (self._pressed_ns, self._released_ns),
-            after_ns,
+            unloaded_after_ns,
             self._offset_samples_n(),
         )
 

@@ -5,7 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.calibration.loads.calibration_load import Press
-from footsense.calibration.loads.span_means import column_deviations, column_means, in_span, unsaturated_n
+from footsense.calibration.loads.span_means import (
+    column_deviations,
+    column_means,
+    is_in_span,
+    unsaturated_samples_n,
+)
 from footsense.calibration.loads.steady_span import longest_steady
 from footsense.frames import Reference, Stamps, Vector
 
@@ -17,11 +22,11 @@ _HALF_WINDOW_NS = 60_000_000
 #: Largest range in a dwell, of the force and of the largest change of capacitance [1]; rubber creeps by 2 % a second.
 _FORCE_REL, _CAPACITANCE_REL = 0.04, 0.05
 #: Range of some dozen noisy values [standard deviations].
-_NOISE_RANGE = 5.0
+_NOISE_RANGE_SIGMAS = 5.0
 
 
 class UnloadedSpan(NamedTuple):
-    """Readings over an unloaded span.
+    """Mean readings and reference force over a span in which the foot is unloaded.
 
     Attributes:
         t_ns: Mean time of the scans [ns].
@@ -38,23 +43,23 @@ class UnloadedSpan(NamedTuple):
 
 def mean_unloaded(press: Press, span_ns: tuple[int, int]) -> UnloadedSpan:
     """Return the readings over an unloaded span [ns] beside a press."""
-    inside = in_span(press.t_ns, span_ns)
+    inside = is_in_span(press.t_ns, span_ns)
     scans = press.capacitance_pf[inside]
     t_ns = float(press.t_ns[inside].mean()) if inside.any() else sum(span_ns) / 2
     return UnloadedSpan(
-        t_ns, column_means(scans), column_deviations(scans), unsaturated_n(press.reference, span_ns)
+        t_ns, column_means(scans), column_deviations(scans), unsaturated_samples_n(press.reference, span_ns)
     )
 
 
 def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
     """Return start and end of the longest span without motion [ns], equal if there is none."""
-    t_ns = press.t_ns[pressed := in_span(press.t_ns, press.pressed_ns)]
-    force_n = _reference_around(press.reference, t_ns) - column_means(before.force_n)
+    t_ns = press.t_ns[pressed := is_in_span(press.t_ns, press.pressed_span_ns)]
+    force_n = _reference_means_n(press.reference, t_ns) - column_means(before.force_n)
     change_pf = press.capacitance_pf[pressed] - before.capacitance_pf
     # A mean of n samples has less noise than each of them.
     n_beside = max(2 * _HALF_WINDOW_NS / sample_period_ns(press.reference), 1.0)
-    noise_n = _NOISE_RANGE * column_deviations(before.force_n) / np.sqrt(n_beside)
-    noise_pf = _NOISE_RANGE * before.noise_pf
+    noise_n = _NOISE_RANGE_SIGMAS * column_deviations(before.force_n) / np.sqrt(n_beside)
+    noise_pf = _NOISE_RANGE_SIGMAS * before.noise_pf
     limit_n = _FORCE_REL * np.linalg.norm(force_n, axis=1, keepdims=True) + noise_n
     largest_pf = np.fmax.reduce(np.abs(change_pf), axis=1, keepdims=True)
     limit_pf = _CAPACITANCE_REL * largest_pf + noise_pf
@@ -65,7 +70,7 @@ def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
     return start_ns + edge_ns, end_ns - edge_ns
 
 
-def _reference_around(reference: Reference, t_ns: Stamps) -> Vector:
+def _reference_means_n(reference: Reference, t_ns: Stamps) -> Vector:
     """Return the mean of the reference about each time [N], shape (times, 3); NaN without a sample."""
     first = np.searchsorted(reference.t_ns, t_ns - _HALF_WINDOW_NS)
     last = np.searchsorted(reference.t_ns, t_ns + _HALF_WINDOW_NS)

@@ -29,8 +29,8 @@ class LoadSet:
     baseline_pf: Vector
 
     @classmethod
-    def of(cls, loads: Sequence[CalibrationLoad]) -> Self:
-        """Return the arrays of some loads."""
+    def from_loads(cls, loads: Sequence[CalibrationLoad]) -> Self:
+        """Return the set of some calibration loads."""
         widths = {"force_n": 3, "sigma_n": 3, "capacitance_pf": 9, "baseline_pf": 9}
         return cls(
             **{
@@ -54,11 +54,11 @@ class LoadSet:
         return unloaded_pf
 
     @property
-    def undrifted_pf(self) -> Vector:
+    def drift_corrected_pf(self) -> Vector:
         """Readings minus the drift of the unloaded reading since its median [pF], shape (n, 9)."""
         return self.capacitance_pf - self.baseline_pf + self.unloaded_pf
 
-    def spread_order(self) -> NDArray[np.intp]:
+    def space_filling_order(self) -> NDArray[np.intp]:
         """Return load indices, shape (n,), ordered so that the first k cover the forces well for any k.
 
         The first load is the nearest to the mean; each next one is the farthest from all before it, by direction and

@@ -6,52 +6,52 @@ import numpy as np
 
 from footsense.calibration.loads import dwell
 from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, RejectedPress, Rejection
-from footsense.calibration.loads.reference_lag import lag_s
-from footsense.calibration.loads.span_means import column_means, in_span
+from footsense.calibration.loads.reference_lag import reference_lag_s
+from footsense.calibration.loads.span_means import column_means, is_in_span
 from footsense.frames import Mask, Reading
 
 #: Smallest force of a load [N]: a sensor for 80 N resolves 0.12 N, averaged over a dwell a tenth of that.
 _MIN_FORCE_N = 0.1
 #: Least share of the expected samples and scans.
-_MIN_ANSWERED_REL = 0.9
+_MIN_ANSWERED_SCANS_REL = 0.9
 
 
 def reduce_press(press: Press) -> CalibrationLoad | RejectedPress:
     """Return the calibration load of a recorded press, or the reason for rejecting the press."""
-    before = dwell.mean_unloaded(press, press.before_ns)
+    before = dwell.mean_unloaded(press, press.unloaded_before_ns)
     dwell_ns = dwell.longest_dwell(press, before)
-    return next(_rejections(press, before, dwell_ns), None) or _mean_load(press, dwell_ns, before)
+    return next(_rejection_reasons(press, before, dwell_ns), None) or _mean_load(press, dwell_ns, before)
 
 
-def _rejections(
+def _rejection_reasons(
     press: Press, before: dwell.UnloadedSpan, dwell_ns: tuple[int, int]
 ) -> Iterator[RejectedPress]:
     """Yield why a press gives no load, causes before their consequences."""
-    reading = press.reading[in_span(press.t_ns, press.pressed_ns)]
+    reading = press.reading[is_in_span(press.t_ns, press.pressed_span_ns)]
     over = (reading == Reading.OVER_RANGE).any(axis=0)
-    silent = (reading != Reading.OK).mean(axis=0) > 1 - _MIN_ANSWERED_REL
+    silent = (reading != Reading.OK).mean(axis=0) > 1 - _MIN_ANSWERED_SCANS_REL
     # An element that was not read unloaded, or not in the dwell, is unknown as well.
-    dwell_pf = press.capacitance_pf[in_span(press.t_ns, dwell_ns)]
+    dwell_pf = press.capacitance_pf[is_in_span(press.t_ns, dwell_ns)]
     silent |= np.isnan(before.capacitance_pf) | (len(dwell_pf) > 0) & np.isnan(dwell_pf).all(axis=0)
     if over.any():
-        reason = f"element {_element_list(over)} at the end of the converter's range"
+        reason = f"element {_element_list_text(over)} at the end of the converter's range"
         yield RejectedPress(Rejection.OVER_RANGE, reason)
     if silent.any():
-        yield RejectedPress(Rejection.NOT_READ, f"element {_element_list(silent)} did not answer")
+        yield RejectedPress(Rejection.NOT_READ, f"element {_element_list_text(silent)} did not answer")
     if not len(before.force_n):
         yield RejectedPress(
             Rejection.REFERENCE_MISSING, "no unsaturated reference sample just before the press"
         )
-    dwell_s, pressed_s = _duration_s(dwell_ns), _duration_s(press.pressed_ns)
+    dwell_s, pressed_s = _duration_s(dwell_ns), _duration_s(press.pressed_span_ns)
     dwelt = dwell_s >= dwell.MIN_DWELL_S
-    samples = in_span(press.reference.t_ns, dwell_ns if dwelt else press.pressed_ns)
+    samples = is_in_span(press.reference.t_ns, dwell_ns if dwelt else press.pressed_span_ns)
     if press.reference.saturated[samples].any():
         largest_n = np.abs(press.reference.force_n[samples]).max()
         yield RejectedPress(
             Rejection.REFERENCE_SATURATED, f"an axis is at the end of its range, {largest_n:.1f} N"
         )
     expected = round((dwell_s if dwelt else pressed_s) * 1e9 / dwell.sample_period_ns(press.reference))
-    if samples.sum() < _MIN_ANSWERED_REL * expected:
+    if samples.sum() < _MIN_ANSWERED_SCANS_REL * expected:
         yield RejectedPress(
             Rejection.REFERENCE_MISSING, f"{samples.sum()} of about {expected} samples are there"
         )
@@ -67,16 +67,16 @@ def _mean_load(
     press: Press, dwell_ns: tuple[int, int], before: dwell.UnloadedSpan
 ) -> CalibrationLoad | RejectedPress:
     """Return the means over a dwell minus the means of the unloaded spans before and after it."""
-    scans, samples = in_span(press.t_ns, dwell_ns), in_span(press.reference.t_ns, dwell_ns)
-    baseline_pf, offsets_n = before.capacitance_pf, press.offset_n
-    after = None if press.after_ns is None else dwell.mean_unloaded(press, press.after_ns)
+    scans, samples = is_in_span(press.t_ns, dwell_ns), is_in_span(press.reference.t_ns, dwell_ns)
+    baseline_pf, offsets_n = before.capacitance_pf, press.reference_offset_n
+    after = None if press.unloaded_after_ns is None else dwell.mean_unloaded(press, press.unloaded_after_ns)
     if after is not None and len(after.force_n) and not np.isnan(after.capacitance_pf).any():
         share = (sum(dwell_ns) // 2 - before.t_ns) / (after.t_ns - before.t_ns)
         baseline_pf = baseline_pf + share * (after.capacitance_pf - before.capacitance_pf)
         offsets_n = np.concatenate([offsets_n, after.force_n])
-    offset_n = offsets_n.mean(axis=0)
+    reference_offset_n = offsets_n.mean(axis=0)
     dwell_n = press.reference.force_n[samples]
-    force_n = dwell_n.mean(axis=0) - offset_n
+    force_n = dwell_n.mean(axis=0) - reference_offset_n
     magnitude_n = float(np.linalg.norm(force_n))
     if magnitude_n < _MIN_FORCE_N:
         reason = f"the reference measured {magnitude_n:.3f} N, at least {_MIN_FORCE_N:g} N are needed"
@@ -87,7 +87,7 @@ def _mean_load(
         sigma_n=dwell_n.std(axis=0) / np.sqrt(len(dwell_n)),
         capacitance_pf=column_means(press.capacitance_pf[scans]),
         baseline_pf=baseline_pf,
-        lag_s=lag_s(press, dwell_ns, baseline_pf, offset_n, force_n),
+        lag_s=reference_lag_s(press, dwell_ns, baseline_pf, reference_offset_n, force_n),
     )
 
 
@@ -95,5 +95,5 @@ def _duration_s(span_ns: tuple[int, int]) -> float:
     return (span_ns[1] - span_ns[0]) / 1e9
 
 
-def _element_list(which: Mask) -> str:
+def _element_list_text(which: Mask) -> str:
     return ", ".join(map(str, np.flatnonzero(which)))

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.calibration.loads.calibration_load import Press
-from footsense.calibration.loads.span_means import in_span
+from footsense.calibration.loads.span_means import is_in_span
 from footsense.frames import Vector
 
 #: Span of unloaded foot and of dwell used beside each edge, and the least of the unloaded span after it [ns].
@@ -20,8 +20,8 @@ _MIN_REPORTED_LAG_S = 0.06
 _MIN_PRESSES = 5
 
 
-def lag_s(
-    press: Press, dwell_ns: tuple[int, int], baseline_pf: Vector, offset_n: Vector, force_n: Vector
+def reference_lag_s(
+    press: Press, dwell_ns: tuple[int, int], baseline_pf: Vector, reference_offset_n: Vector, force_n: Vector
 ) -> float:
     """Return the delay of the reference sensor behind the foot [s]; NaN if the end of the press is missing.
 
@@ -29,21 +29,21 @@ def lag_s(
         press: The press.
         dwell_ns: Start and end of its dwell [ns].
         baseline_pf: Unloaded reading of each element [pF], shape (9,).
-        offset_n: Unloaded reading of the reference [N], shape (3,).
+        reference_offset_n: Unloaded reading of the reference [N], shape (3,).
         force_n: Force in the dwell minus the offset [N], shape (3,).
     """
     # Closures are nearly linear in the force; strays bend the curve a little.
     closure = (1.0 - baseline_pf / press.capacitance_pf).mean(axis=1)
     read = np.isfinite(closure)
-    dwelling = read & in_span(press.t_ns, dwell_ns)
-    reference_rel = (press.reference.force_n - offset_n) @ force_n / (force_n @ force_n)
+    dwelling = read & is_in_span(press.t_ns, dwell_ns)
+    reference_rel = (press.reference.force_n - reference_offset_n) @ force_n / (force_n @ force_n)
     ends_ns = min(press.t_ns[-1], press.reference.t_ns[-1])
-    if not dwelling.any() or ends_ns < press.pressed_ns[1] + _MIN_AFTER_NS:
+    if not dwelling.any() or ends_ns < press.pressed_span_ns[1] + _MIN_AFTER_NS:
         return np.nan
     inside_ns = min(_HALF_WINDOW_NS, (dwell_ns[1] - dwell_ns[0]) // 2)
     area_ns = 0.0
     for start_ns, end_ns, sign in (
-        (press.before_ns[1] - _HALF_WINDOW_NS, dwell_ns[0] + inside_ns, 1),
+        (press.unloaded_before_ns[1] - _HALF_WINDOW_NS, dwell_ns[0] + inside_ns, 1),
         (dwell_ns[1] - inside_ns, ends_ns, -1),
     ):
         t_ns = np.arange(start_ns, end_ns, _STEP_NS)

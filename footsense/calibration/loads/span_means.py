@@ -17,12 +17,12 @@ def column_deviations(values: Vector) -> Vector:
     return deviations
 
 
-def unsaturated_n(reference: Reference, span_ns: tuple[int, int]) -> Vector:
+def unsaturated_samples_n(reference: Reference, span_ns: tuple[int, int]) -> Vector:
     """Return the samples in a span [ns] with no axis at the end of its range [N], shape (n, 3)."""
-    return reference.force_n[in_span(reference.t_ns, span_ns) & ~reference.saturated]
+    return reference.force_n[is_in_span(reference.t_ns, span_ns) & ~reference.saturated]
 
 
-def in_span(t_ns: Stamps, span_ns: tuple[int, int]) -> Mask:
+def is_in_span(t_ns: Stamps, span_ns: tuple[int, int]) -> Mask:
     """Return which times lie in a span, its ends included [ns]."""
-    inside: Mask = (t_ns >= span_ns[0]) & (t_ns <= span_ns[1])
-    return inside
+    is_inside: Mask = (t_ns >= span_ns[0]) & (t_ns <= span_ns[1])
+    return is_inside

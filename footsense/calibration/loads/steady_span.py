@@ -13,7 +13,11 @@ from footsense.frames import Stamps, Vector
 
 
 def longest_steady(
-    t_ns: Stamps, force_n: Vector, change_pf: Vector, limit_n: Vector, limit_pf: Vector
+    t_ns: Stamps,
+    force_n: Vector,
+    change_pf: Vector,
+    force_tolerance_n: Vector,
+    capacitance_tolerance_pf: Vector,
 ) -> tuple[int, int]:
     """Return the first and the last scan of the longest span without motion; one scan if there is none.
 
@@ -21,24 +25,24 @@ def longest_steady(
         t_ns: Time of each scan [ns], shape (scans,), at least one.
         force_n: Reference force about each [N], shape (scans, 3); no span contains a NaN.
         change_pf: Change of each element [pF], shape (scans, 9); NaN, not read, is ignored.
-        limit_n: Largest range of the force in a span that ends at each scan [N], shape (scans, 3).
-        limit_pf: The same of the elements [pF], shape (scans, 9); NaN for no limit.
+        force_tolerance_n: Largest range of the force in a span that ends at each scan [N], shape (scans, 3).
+        capacitance_tolerance_pf: The same of the elements [pF], shape (scans, 9); NaN for no limit.
     """
     scans = np.arange(len(t_ns))
     unknown = np.isnan(force_n).any(axis=1)
     first = np.minimum(np.maximum.accumulate(np.where(unknown, scans + 1, 0)), scans)
-    values, limits = np.hstack([force_n, change_pf]), np.hstack([limit_n, limit_pf])
+    values, limits = np.hstack([force_n, change_pf]), np.hstack([force_tolerance_n, capacitance_tolerance_pf])
     for value, limit in zip(values.T, limits.T, strict=True):
-        first = np.maximum(first, _steady_since(value.tolist(), limit.tolist()))
+        first = np.maximum(first, _steady_span_starts(value.tolist(), limit.tolist()))
     last = int(np.argmax(t_ns - t_ns[first]))
     return int(first[last]), last
 
 
-def _steady_since(values: list[float], limits: list[float]) -> list[int]:
+def _steady_span_starts(values: list[float], limits: list[float]) -> list[int]:
     """Return for each scan the first one since which the range of the values is within its limit; NaN is ignored.
 
     Example:
-        >>> _steady_since([0.0, 1.0, 5.0, 5.5], [1.0, 1.0, 1.0, 1.0])
+        >>> _steady_span_starts([0.0, 1.0, 5.0, 5.5], [1.0, 1.0, 1.0, 1.0])
         [0, 0, 2, 2]
     """
     # The values that can still become the largest, or the smallest, of the span; the first one is it now.

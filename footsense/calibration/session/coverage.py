@@ -19,16 +19,16 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 
 #: Magnitude of each band [gf]; a load belongs to the nearest.
-BANDS_GF = (50.0, 100.0, 150.0)
+MAGNITUDE_BANDS_GF = (50.0, 100.0, 150.0)
 #: Bands to cover: loads of one magnitude do not tell how gaps close with the force.
-N_BANDS = 2
+N_BANDS_TO_COVER = 2
 #: Lowest elevation of the protocol [deg].
 MIN_ELEVATION_DEG = 40.0
 #: Share of the directions to cover [1]; the last 5 % cost as many loads as all others.
 COMPLETE_COVERAGE_REL = 0.95
 
 _HEXAGONAL_DENSITY = 2 * math.pi / math.sqrt(27)
-_REACH_FACTOR = 1.6
+_LOAD_RADIUS_FACTOR = 1.6
 _N_DIRECTIONS = 400
 
 
@@ -60,21 +60,21 @@ class Coverage:
     def __init__(self, wanted: int) -> None:
         self._wanted = wanted
         self._directions = spiral_directions(_N_DIRECTIONS, MIN_ELEVATION_DEG)
-        per_band = max(wanted / N_BANDS, 1.0)
+        per_band = max(wanted / N_BANDS_TO_COVER, 1.0)
         cap_sr = 2 * math.pi * (1 - math.sin(math.radians(MIN_ELEVATION_DEG)))
         self.reach_deg = math.degrees(
-            _REACH_FACTOR * math.sqrt(_HEXAGONAL_DENSITY * cap_sr / (math.pi * per_band))
+            _LOAD_RADIUS_FACTOR * math.sqrt(_HEXAGONAL_DENSITY * cap_sr / (math.pi * per_band))
         )
-        self.counts = [0] * len(BANDS_GF)
+        self.counts = [0] * len(MAGNITUDE_BANDS_GF)
         # Angle from each direction to the nearest load of each band.
-        self._nearest_deg = np.full((len(BANDS_GF), _N_DIRECTIONS), np.inf)
+        self._nearest_deg = np.full((len(MAGNITUDE_BANDS_GF), _N_DIRECTIONS), np.inf)
 
     @property
     def n_loads(self) -> int:
         """Number of accepted calibration loads so far."""
         return sum(self.counts)
 
-    def add(self, force_n: Vector) -> None:
+    def add_load(self, force_n: Vector) -> None:
         """Count a load of this force [N], shape (3,)."""
         band = nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N)
         self.counts[band] += 1
@@ -83,48 +83,52 @@ class Coverage:
 
     @property
     def covered_directions_rel(self) -> list[float]:
-        """Share of the force directions that the loads of each magnitude band cover [1], in the order of `BANDS_GF`."""
+        """Share of the force directions covered by the loads of each of `MAGNITUDE_BANDS_GF` [1]."""
         return [float(share) for share in (self._nearest_deg <= self.reach_deg).mean(axis=1)]
 
-    def covers(self, band: int, direction: Vector) -> bool:
+    def is_covered(self, band: int, direction: Vector) -> bool:
         """Return whether a band covers a direction, a unit vector of shape (3,)."""
         return bool(self._nearest_deg[band][int(np.argmax(self._directions @ direction))] <= self.reach_deg)
 
     @property
-    def complete(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether there are enough loads, spread over the directions in two bands."""
-        fullest = sorted(self.covered_directions_rel)[-N_BANDS:]
+        fullest = sorted(self.covered_directions_rel)[-N_BANDS_TO_COVER:]
         return self.n_loads >= self._wanted and min(fullest) >= COMPLETE_COVERAGE_REL
 
     @property
-    def next(self) -> NextLoad:
+    def next_load(self) -> NextLoad:
         """The next load: in the emptier of the two fullest bands, the direction farthest from every load."""
         shares = self.covered_directions_rel
         # Of equally empty bands the outer ones come first: those of the paper's training set.
-        fullest = sorted(range(len(BANDS_GF)), key=lambda band: (-shares[band], band == 1, band))[:N_BANDS]
+        fullest = sorted(range(len(MAGNITUDE_BANDS_GF)), key=lambda band: (-shares[band], band == 1, band))[
+            :N_BANDS_TO_COVER
+        ]
         band = min(fullest, key=lambda band: shares[band])
-        azimuth_deg, elevation_deg = angles_deg(self._directions[int(np.argmax(self._nearest_deg[band]))])
-        return NextLoad(azimuth_deg, elevation_deg, BANDS_GF[band])
+        azimuth_deg, elevation_deg = azimuth_and_elevation_deg(
+            self._directions[int(np.argmax(self._nearest_deg[band]))]
+        )
+        return NextLoad(azimuth_deg, elevation_deg, MAGNITUDE_BANDS_GF[band])
 
-    def summary(self) -> str:
-        """Return the progress in one line."""
+    def progress_text(self) -> str:
+        """Return the number of loads and the covered share of the directions in one line."""
         shares = ", ".join(
             f"{100 * share:.0f} % at {gf:.0f} gf"
-            for gf, share in zip(BANDS_GF, self.covered_directions_rel, strict=True)
+            for gf, share in zip(MAGNITUDE_BANDS_GF, self.covered_directions_rel, strict=True)
         )
         return f"{self.n_loads} of {self._wanted} loads; directions covered: {shares}"
 
 
 def nearest_band(magnitude_gf: float) -> int:
     """Return the band of a magnitude [gf]."""
-    return int(np.argmin(np.abs(np.array(BANDS_GF) - magnitude_gf)))
+    return int(np.argmin(np.abs(np.array(MAGNITUDE_BANDS_GF) - magnitude_gf)))
 
 
-def angles_deg(force: Vector) -> tuple[float, float]:
+def azimuth_and_elevation_deg(force: Vector) -> tuple[float, float]:
     """Return azimuth, 0 to 360, and elevation of one force [deg].
 
     Example:
-        >>> angles_deg(np.array([0.0, 1.0, 1.0]))
+        >>> azimuth_and_elevation_deg(np.array([0.0, 1.0, 1.0]))
         (90.0, 45.0)
     """
     azimuth_deg, elevation_deg = azimuth_elevation_deg(force)

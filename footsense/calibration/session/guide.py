@@ -8,12 +8,12 @@ import numpy as np
 from footsense.calibration.loads.calibration_load import CalibrationLoad, RejectedPress, Rejection
 from footsense.calibration.loads.detection import LoadDetector
 from footsense.calibration.loads.reference_lag import lag_message
-from footsense.calibration.session.coverage import Coverage, angles_deg
+from footsense.calibration.session.coverage import Coverage, azimuth_and_elevation_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Cycle, Vector
 
 #: Span of the displayed mean of the reference [ns].
-_SHOWN_NS = 100_000_000
+_REFERENCE_MEAN_SPAN_NS = 100_000_000
 
 
 class SessionGuide:
@@ -59,31 +59,33 @@ class SessionGuide:
         return np.array([load.force_n for load in self._loads]).reshape(-1, 3)
 
     @property
-    def pressed(self) -> bool:
+    def is_pressed(self) -> bool:
         """Whether the foot is pressed now."""
-        return self._detector.pressed
+        return self._detector.is_pressed
 
     @property
     def reference_n(self) -> Vector:
         """Present force on the reference sensor, offset subtracted [N], shape (3,); NaN without samples."""
         if not self._shown:
             return np.full(3, np.nan)
-        force_n: Vector = np.mean([force_n for _, force_n in self._shown], axis=0) - self._detector.offset_n
+        force_n: Vector = (
+            np.mean([force_n for _, force_n in self._shown], axis=0) - self._detector.reference_offset_n
+        )
         return force_n
 
     def observe(self, cycle: Cycle) -> None:
         """Detect presses in a cycle, and update coverage and guidance."""
         if cycle.reference is not None:
             self._shown.extend(zip(cycle.reference.t_ns.tolist(), cycle.reference.force_n, strict=True))
-        while self._shown and self._shown[0][0] < cycle.forces.t_sent_ns - _SHOWN_NS:
+        while self._shown and self._shown[0][0] < cycle.forces.t_sent_ns - _REFERENCE_MEAN_SPAN_NS:
             self._shown.popleft()
-        self._take(self._detector.take(cycle))
+        self._add_load(self._detector.process_cycle(cycle))
 
     def close(self) -> None:
         """Process the press that is still open at the end of the session."""
-        self._take(self._detector.finish())
+        self._add_load(self._detector.finish())
 
-    def _take(self, load: CalibrationLoad | RejectedPress | None) -> None:
+    def _add_load(self, load: CalibrationLoad | RejectedPress | None) -> None:
         if load is None:
             return
         number = self.coverage.n_loads + self.rejected.total() + 1
@@ -91,10 +93,10 @@ class SessionGuide:
             self.rejected[load.rejection] += 1
             self.report(f"press {number} is rejected: {load.rejection}: {load.reason}")
             return
-        self.coverage.add(load.force_n)
+        self.coverage.add_load(load.force_n)
         self._loads.append(load)
         self._estimate_n.append(self._estimate(load))
-        azimuth_deg, elevation_deg = map(round, angles_deg(load.force_n))
+        azimuth_deg, elevation_deg = map(round, azimuth_and_elevation_deg(load.force_n))
         magnitude_gf = np.linalg.norm(load.force_n) / GRAM_FORCE_N
         self.report(
             f"press {number}: {magnitude_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"

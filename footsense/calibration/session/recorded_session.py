@@ -87,7 +87,7 @@ def read_sessions(
     sessions: list[RecordedSession] = []
     n_before = 0
     for path in paths:
-        session = read_session(path, foot, on_read and partial(_add, on_read, n_before))
+        session = read_session(path, foot, on_read and partial(_report_bytes_read, on_read, n_before))
         n_before += path.stat().st_size
         for other in sessions:
             if session.sha256 == other.sha256:
@@ -105,7 +105,7 @@ def read_sessions(
     return sessions
 
 
-def _add(on_read: Callable[[int], None], n_before: int, n_read: int) -> None:
+def _report_bytes_read(on_read: Callable[[int], None], n_before: int, n_read: int) -> None:
     on_read(n_before + n_read)
 
 
@@ -143,7 +143,7 @@ def read_session(path: Path, foot: str, on_read: Callable[[int], None] | None = 
             if entry.cycle.temperature_c is not None:
                 now_c = float(entry.cycle.temperature_c[row])
             if n_samples:
-                presses.append(detector.take(entry.cycle))
+                presses.append(detector.process_cycle(entry.cycle))
                 if math.isfinite(now_c):
                     temperatures_c.append(now_c)
     except RecordingError as error:

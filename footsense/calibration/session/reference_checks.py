@@ -14,7 +14,7 @@ from msgspec.structs import astuple
 from footsense.config.test_stand import StandConfig
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import Vector
-from footsense.reference.sensor_mounting import NEWTON_PER, rotation_matrix
+from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, rotation_matrix
 
 #: Fewest loads of a finding.
 _MIN_LOADS = 5
@@ -38,16 +38,19 @@ def reference_findings(test_stand: StandConfig, reference_n: Vector, estimate_n:
         return []
     reference_n, estimate_n = reference_n[known], estimate_n[known]
     return [
-        *_wrong_units(reference_n, estimate_n, test_stand.units),
-        *_wrong_axes(reference_n, estimate_n, test_stand),
+        *_unit_findings(reference_n, estimate_n, test_stand.units),
+        *_axis_findings(reference_n, estimate_n, test_stand),
     ]
 
 
-def _wrong_units(reference_n: Vector, estimate_n: Vector, units: str) -> Iterator[str]:
+def _unit_findings(reference_n: Vector, estimate_n: Vector, units: str) -> Iterator[str]:
     ratio = float(np.median(np.linalg.norm(reference_n, axis=1) / np.linalg.norm(estimate_n, axis=1)))
     if abs(math.log(ratio)) < math.log(_MAGNITUDE_RATIO):
         return
-    off = {unit: abs(math.log(ratio * value / NEWTON_PER[units])) for unit, value in NEWTON_PER.items()}
+    off = {
+        unit: abs(math.log(ratio * value / NEWTONS_PER_UNIT[units]))
+        for unit, value in NEWTONS_PER_UNIT.items()
+    }
     best = min(off, key=off.__getitem__)
     finding = f"the reference reads {ratio:.3g} times the force that the foot itself estimates"
     if best != units and off[best] < math.log(_EXPLAINED_RATIO):
@@ -59,7 +62,7 @@ def _wrong_units(reference_n: Vector, estimate_n: Vector, units: str) -> Iterato
         )
 
 
-def _wrong_axes(reference_n: Vector, estimate_n: Vector, test_stand: StandConfig) -> Iterator[str]:
+def _axis_findings(reference_n: Vector, estimate_n: Vector, test_stand: StandConfig) -> Iterator[str]:
     given_deg = float(angles_between_deg(reference_n, estimate_n).mean())
     if given_deg < _SUSPICIOUS_DEG:
         return

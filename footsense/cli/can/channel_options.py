@@ -9,11 +9,11 @@ import click
 from firmware_interface.can.force import FORCE_STEPS_MN
 
 #: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
-_CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
+_DEFAULT_CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
 
 interface_option = click.option(
     "--interface",
-    type=click.Choice(list(_CHANNELS)),
+    type=click.Choice(list(_DEFAULT_CHANNELS)),
     default="socketcan",
     is_eager=True,  # the default of the channel depends on it
     show_default=True,
@@ -21,7 +21,7 @@ interface_option = click.option(
 )
 
 
-def _channel(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
+def _channel_or_default(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
     """Return the channel, or the interface's default.
 
     Raises:
@@ -29,17 +29,17 @@ def _channel(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     """
     del param
     interface = ctx.params["interface"]
-    name = value or _CHANNELS[interface]
+    name = value or _DEFAULT_CHANNELS[interface]
     if interface == "udp_multicast" and not _is_multicast(name):
         raise click.BadParameter(
-            f"{name} is no IPv4 multicast address; try {_CHANNELS[interface]}", param_hint="--channel"
+            f"{name} is no IPv4 multicast address; try {_DEFAULT_CHANNELS[interface]}", param_hint="--channel"
         )
     return name
 
 
 #: Stands below `interface_option`, whose value it needs.
 channel_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
-    "--channel", callback=_channel, help="Name of the channel. Default: can0, or 239.74.163.2."
+    "--channel", callback=_channel_or_default, help="Name of the channel. Default: can0, or 239.74.163.2."
 )
 
 #: For robots whose feet carry more than 32 N.

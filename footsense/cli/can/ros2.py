@@ -13,10 +13,10 @@ from footsense.daemon.can_listener import open_listener
 from footsense.frames import ALL_LEGS
 from footsense.ros2.live_samples import LiveMessages
 from footsense.ros2.participant import Participant
-from footsense.ros2.topics import Topics, load_frames
+from footsense.ros2.topics import Topics, load_foot_frames
 
 #: Period of reading CAN and publishing [ns].
-_PERIOD_NS = 5_000_000
+_PUBLISH_PERIOD_NS = 5_000_000
 _NS_PER_S = 1_000_000_000
 
 
@@ -41,7 +41,7 @@ def ros2(
 
     Only listens on CAN. A leg without a usable force sends no wrench; its contact state and /diagnostics say so.
     """
-    topics = Topics(ALL_LEGS, None if tf is None else load_frames(tf))
+    topics = Topics(ALL_LEGS, None if tf is None else load_foot_frames(tf))
     participant = Participant(domain, topics.types)
     messages = LiveMessages(topics)
     clock, stop = MonotonicClock(), StopRequest()
@@ -51,8 +51,8 @@ def ros2(
     with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
         click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
-            listener.listen(now_ns + _PERIOD_NS)
-            for message in messages.due(listener.snapshot(), wall_time_ns(), clock.now_ns()):
+            listener.listen(now_ns + _PUBLISH_PERIOD_NS)
+            for message in messages.due_messages(listener.snapshot(), wall_time_ns(), clock.now_ns()):
                 participant.publish(message)
                 n_published += 1
     click.echo(f"{n_published} messages published")

@@ -9,9 +9,9 @@ import click
 
 from footsense.calibration.evaluation import evaluate as evaluate_sessions
 from footsense.calibration.session.recorded_session import RecordedSession, read_sessions
-from footsense.cli.evaluate.summary import evaluation_figures, text
+from footsense.cli.evaluate.summary import evaluation_figures, summary_text
 from footsense.cli.options import FOLDER, echo_json, json_option
-from footsense.cli.recordings.file_bar import file_bar
+from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.cli.test_stand_options import design_models, foot_option, foot_type_option, recordings_argument
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
@@ -45,8 +45,8 @@ def evaluate(
 ) -> None:
     """Compare a foot's forces with the reference of the test stand, with its calibration and without."""
     if out is not None:
-        _require_figures(out)
-    with file_bar("read", *recordings) as on_read:
+        _require_writable_page(out)
+    with file_progress_bar("read", *recordings) as on_read:
         sessions = read_sessions(recordings, foot, on_read)
     foot_type = sessions[0].foot_type
     models, _ = design_models(foot_type, foot_type_folder)
@@ -58,7 +58,9 @@ def evaluate(
             calibration.parameters,
         )
     evaluation = evaluate_sessions(sessions, models, parameters)
-    warnings = [line for session in sessions for line in session.warnings] + _fitted_on(sessions, calibration)
+    warnings = [line for session in sessions for line in session.warnings] + _fitted_on_warnings(
+        sessions, calibration
+    )
     for line in warnings:
         click.echo(f"warning: {line}", err=True)
     figures = evaluation_figures(foot, foot_type, sessions, calibration, evaluation)
@@ -70,7 +72,7 @@ def evaluate(
     if as_json:
         echo_json(figures)
     else:
-        click.echo(text(figures))
+        click.echo(summary_text(figures))
 
 
 def _calibration_of(folder: Path | None, foot: str, foot_type: str) -> FootCalibration | None:
@@ -86,7 +88,9 @@ def _calibration_of(folder: Path | None, foot: str, foot_type: str) -> FootCalib
     return read_calibration(folder, foot_type, foot)
 
 
-def _fitted_on(sessions: Sequence[RecordedSession], calibration: FootCalibration | None) -> list[str]:
+def _fitted_on_warnings(
+    sessions: Sequence[RecordedSession], calibration: FootCalibration | None
+) -> list[str]:
     """Return a warning if the calibration was fitted on some of the recordings."""
     used = set() if calibration is None else set(calibration.manifest.recordings.values())
     fitted = [str(session.path) for session in sessions if session.sha256 in used]
@@ -97,7 +101,7 @@ def _fitted_on(sessions: Sequence[RecordedSession], calibration: FootCalibration
     ]
 
 
-def _require_figures(out: Path) -> None:
+def _require_writable_page(out: Path) -> None:
     """Check, before the work, that the page can be drawn and written.
 
     Raises:

@@ -10,7 +10,7 @@ from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 
 from footsense.calibration.evaluation import Evaluation
-from footsense.cli.evaluate.summary import headline, table
+from footsense.cli.evaluate.summary import error_table_rows, headline_text
 from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg, directions, normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, magnitude_errors_gf
 from footsense.foot.parameters import FootParameters
@@ -24,13 +24,13 @@ from footsense.lab.template import render
 PAPER_DEG, PAPER_GF = 15.9, 18.7
 
 #: Steps of the map's colours [deg].
-_LEVELS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0)
+_COLOUR_LEVELS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0)
 #: Centre of the circles of the mean error, as in the paper's Fig. 19: a contact half way down the ball.
-_CIRCLE_AT = np.array([np.cos(np.radians(60.0)), 0.0, np.sin(np.radians(60.0))])
-_ELEVATIONS_DEG = (30.0, 50.0, 70.0)
+_CIRCLE_CENTRE = np.array([np.cos(np.radians(60.0)), 0.0, np.sin(np.radians(60.0))])
+_MAP_CIRCLE_ELEVATIONS_DEG = (30.0, 50.0, 70.0)
 
 
-def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
+def error_map_figure(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
     """Draw the direction errors on a map of the ball: one dot at the contact point of each load.
 
     Args:
@@ -45,7 +45,7 @@ def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
     order = np.argsort(-magnitude_n)
     for axes, (name, force_n) in zip(row, estimates_n.items(), strict=True):
         error_deg = angles_between_deg(reference_n, force_n)
-        for elevation_deg in _ELEVATIONS_DEG:
+        for elevation_deg in _MAP_CIRCLE_ELEVATIONS_DEG:
             axes.plot(
                 *map_circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="0.6", lw=0.7, ls=":"
             )
@@ -56,13 +56,15 @@ def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
             *map_position(direction[order]),
             s=8.0 + 45.0 * magnitude_n[order],
             c=error_deg[order],
-            norm=BoundaryNorm(_LEVELS_DEG, 256, extend="max"),
+            norm=BoundaryNorm(_COLOUR_LEVELS_DEG, 256, extend="max"),
             edgecolors="k",
             linewidths=0.3,
         )
         mean_deg = float(error_deg.mean())
-        axes.plot(*map_circle(_CIRCLE_AT, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg")
-        axes.plot(*map_circle(_CIRCLE_AT, PAPER_DEG), "r--", lw=1.2, label=f"the paper's, {PAPER_DEG} deg")
+        axes.plot(*map_circle(_CIRCLE_CENTRE, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg")
+        axes.plot(
+            *map_circle(_CIRCLE_CENTRE, PAPER_DEG), "r--", lw=1.2, label=f"the paper's, {PAPER_DEG} deg"
+        )
         axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
         axes.set_title(f"{name}\nforward", fontsize=10)
         axes.legend(fontsize=8, loc="lower left")
@@ -73,8 +75,8 @@ def error_map(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
     return figure
 
 
-def histograms(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
-    """Draw histograms of the errors; arguments as of `error_map`."""
+def error_histograms_figure(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
+    """Draw histograms of the errors; arguments as of `error_map_figure`."""
     figure = Figure(figsize=(8.6, 3.6), layout="constrained")
     kinds = (
         (angles_between_deg, "direction error [deg]", PAPER_DEG),
@@ -94,7 +96,7 @@ def histograms(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure
     return figure
 
 
-def patterns(closures_um: Mapping[str, Mapping[str, Vector]]) -> Figure:
+def closure_patterns_figure(closures_um: Mapping[str, Mapping[str, Vector]]) -> Figure:
     """Return the closures of the nine elements under each load as bars, by element, front row first.
 
     Args:
@@ -120,7 +122,7 @@ def patterns(closures_um: Mapping[str, Mapping[str, Vector]]) -> Figure:
 _MAP, _HISTOGRAMS, _PATTERNS = "error-map.png", "errors.png", "patterns.png"
 
 #: Azimuth and elevation of the loads whose patterns are shown [deg]: that of Fig. 17, two others, and straight up.
-_SHOWN_DEG = ((0.0, 45.0), (90.0, 60.0), (225.0, 60.0), (0.0, 90.0))
+_PATTERN_DIRECTIONS_DEG = ((0.0, 45.0), (90.0, 60.0), (225.0, 60.0), (0.0, 90.0))
 
 
 def write_page(
@@ -141,26 +143,26 @@ def write_page(
         foot: Parameters of the calibration; None without one.
         response: Response table of the foot's type.
     """
-    compared = evaluation.compared
+    compared = evaluation.is_compared
     estimates_n = {source: one.force_n[compared] for source, one in evaluation.estimates.items()}
     reference_n = evaluation.reference_n[compared]
     drawn = {
-        _MAP: error_map(reference_n, estimates_n),
-        _HISTOGRAMS: histograms(reference_n, estimates_n),
-        _PATTERNS: patterns(_patterns(evaluation, foot, response)),
+        _MAP: error_map_figure(reference_n, estimates_n),
+        _HISTOGRAMS: error_histograms_figure(reference_n, estimates_n),
+        _PATTERNS: closure_patterns_figure(_closure_patterns_um(evaluation, foot, response)),
     }
     for name, figure in drawn.items():
         figure.savefig(folder / name, dpi=110, bbox_inches="tight", metadata={"Software": None})
     stem = figures["foot"]
     (folder / f"{stem}.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    header, *rows = table(figures)
-    names = {"headline": headline(figures), "header": header, "rows": rows, "warnings": warnings}
+    header, *rows = error_table_rows(figures)
+    names = {"headline": headline_text(figures), "header": header, "rows": rows, "warnings": warnings}
     page = folder / f"{stem}.md"
     page.write_text(render(__name__, names) + "\n", encoding="utf-8")
     return page
 
 
-def _patterns(
+def _closure_patterns_um(
     evaluation: Evaluation, foot: FootParameters | None, response: FootResponse
 ) -> dict[str, dict[str, Vector]]:
     """Return measured and simulated closures under some of the loads."""
@@ -172,22 +174,22 @@ def _patterns(
             gap_um=foot.gap_um - response.design.gap_um, stiffness_rel=foot.stiffness_rel, mount=foot.mount
         )
         specimen, normal = Foot(response, deviations), direction @ foot.mount.T
-    simulated = evaluation.compared & (normal[:, 2] > np.sin(np.radians(response.min_elevation_deg)))
+    simulated = evaluation.is_compared & (normal[:, 2] > np.sin(np.radians(response.min_elevation_deg)))
     chosen = dict.fromkeys(
         int(np.where(simulated, direction @ directions(*shown_deg), -np.inf).argmax())
-        for shown_deg in _SHOWN_DEG
+        for shown_deg in _PATTERN_DIRECTIONS_DEG
     )
     shown: dict[str, dict[str, Vector]] = {}
     for row in chosen:
         loaded_pf = specimen.capacitance_pf(direction[row][None], reference_n[row][None])[0]
-        shown[_title(reference_n[row])] = {
+        shown[_load_title(reference_n[row])] = {
             f"measured, {source}": response.design.gap_um * one.closure_rel[row]
             for source, one in evaluation.estimates.items()
         } | {"simulated": response.design.closure_um(loaded_pf, specimen.unloaded_pf)}
     return shown
 
 
-def _title(force_n: Vector) -> str:
+def _load_title(force_n: Vector) -> str:
     azimuth_deg, elevation_deg = azimuth_elevation_deg(force_n)
     return (
         f"{np.linalg.norm(force_n) / GRAM_FORCE_N:.0f} gf from ({azimuth_deg:.0f}, {elevation_deg:.0f}) deg"

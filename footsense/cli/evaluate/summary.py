@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
-from footsense.calibration.evaluation import BANDS, Evaluation, MagnitudeBand
+from footsense.calibration.evaluation import MAGNITUDE_BANDS, Evaluation, MagnitudeBand
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.foot.files.calibration_reader import FootCalibration
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors
 
 
 def evaluation_figures(
@@ -18,7 +18,7 @@ def evaluation_figures(
 ) -> dict[str, Any]:
     """Return all numbers of an evaluation as plain values; a band without loads is left out."""
     ways = evaluation.estimates
-    bands = {band.name: _band_errors(evaluation, band) for band in BANDS}
+    bands = {band.name: _band_errors(evaluation, band) for band in MAGNITUDE_BANDS}
     kept = ("made", "footsense", "n_loads", "sha256")
     return {
         "foot": foot,
@@ -26,8 +26,8 @@ def evaluation_figures(
         "calibration": calibration and {key: getattr(calibration.manifest, key) for key in kept},
         "sessions": {session.name: len(session.loads) for session in sessions},
         "n_loads": len(evaluation.reference_n),
-        "n_compared": int(evaluation.compared.sum()),
-        "outside_training_range": {way: int((~estimates.usable).sum()) for way, estimates in ways.items()},
+        "n_compared": int(evaluation.is_compared.sum()),
+        "outside_training_range": {way: int((~estimates.has_force).sum()) for way, estimates in ways.items()},
         "bands": {name: errors for name, errors in bands.items() if errors},
     }
 
@@ -38,7 +38,7 @@ def _band_errors(evaluation: Evaluation, band: MagnitudeBand) -> dict[str, dict[
     return {way: _error_figures(errors) for way, errors in found.items() if errors is not None}
 
 
-def _error_figures(errors: Errors) -> dict[str, float]:
+def _error_figures(errors: ForceErrors) -> dict[str, float]:
     return {
         "loads": errors.n,
         "direction_deg": errors.direction_deg,
@@ -50,7 +50,7 @@ def _error_figures(errors: Errors) -> dict[str, float]:
     }
 
 
-def table(figures: dict[str, Any]) -> list[list[str]]:
+def error_table_rows(figures: dict[str, Any]) -> list[list[str]]:
     """Return the table of errors, its header first."""
     rows = [["magnitude", "forces by the", "loads", "deg", "p95", "gf", "p95", "N", "p95"]]
     for band, of_way in figures["bands"].items():
@@ -61,7 +61,7 @@ def table(figures: dict[str, Any]) -> list[list[str]]:
     return rows
 
 
-def headline(figures: dict[str, Any]) -> str:
+def headline_text(figures: dict[str, Any]) -> str:
     """Return foot, calibration and number of loads in one line."""
     calibration = figures["calibration"]
     by = "no calibration"
@@ -74,9 +74,9 @@ def headline(figures: dict[str, Any]) -> str:
     )
 
 
-def text(figures: dict[str, Any]) -> str:
-    """Return headline and table as text."""
-    rows = table(figures)
+def summary_text(figures: dict[str, Any]) -> str:
+    """Return the headline and the table of force errors as text."""
+    rows = error_table_rows(figures)
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
         "  ".join(
@@ -85,4 +85,4 @@ def text(figures: dict[str, Any]) -> str:
         ).rstrip()
         for row in rows
     ]
-    return "\n".join([headline(figures), *lines])
+    return "\n".join([headline_text(figures), *lines])

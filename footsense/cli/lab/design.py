@@ -154,7 +154,7 @@ def shapes(*, out: Path) -> None:
     from footsense.lab.design.prediction.solving import solve
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
-    solve(load_foot(released_path(FOOT_FILE)), out, options.stopwatch_report())
+    solve(load_foot(released_path(FOOT_FILE)), out, options.elapsed_time_reporter())
 
 
 def _print(designed: "Designed") -> None:

@@ -11,7 +11,7 @@ from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError, FootsenseError, ModelError
 
 #: Libraries of the extra `fabrication`.
-_EXTRA = ("ezdxf", "gerbonara", "shapely")
+_REQUIRED_PACKAGES = ("ezdxf", "gerbonara", "shapely")
 
 
 @click.command()
@@ -27,7 +27,7 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
     FOOT is a foot.yaml, a folder with one, or the name of a released foot type. Every file is read back and measured;
     README.md in the folder lists the figures.
     """  # noqa: DOC501 - click shows this text
-    missing = [name for name in _EXTRA if importlib.util.find_spec(name) is None]
+    missing = [name for name in _REQUIRED_PACKAGES if importlib.util.find_spec(name) is None]
     if missing:
         raise FootsenseError(
             f"lab fabricate needs {', '.join(missing)}: pip install 'footsense[lab,fabrication]'"
@@ -35,7 +35,7 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
     from footsense.lab.fabrication.package import fabricate as write_package
     from footsense.lab.foot_file import load_foot
 
-    path = _description(foot)
+    path = _foot_description_path(foot)
     design = load_foot(path)
     options.require_writable(out)
     try:
@@ -43,14 +43,14 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
     element = next(iter(package.elements.values()))
-    range_pf = f"{element.lowest_pf:.2f} to {element.highest_pf:.2f}"
+    range_pf = f"{element.min_reading_pf:.2f} to {element.max_reading_pf:.2f}"
     click.echo(
         f"wrote {out}, process {package.assumed.name}: {len(package.elements)} elements of "
         f"{element.unloaded_pf:.2f} pF ({range_pf}); {len(package.checks)} checks of the files passed"
     )
 
 
-def _description(foot: str) -> Path:
+def _foot_description_path(foot: str) -> Path:
     """Return the path of a foot's description.
 
     Raises:

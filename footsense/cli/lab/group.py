@@ -8,7 +8,7 @@ from footsense.cli.lab import design, experiment, fabricate, models, report, res
 from footsense.errors import FootsenseError
 
 #: Libraries of the extra.
-_EXTRA = ("ngsolve", "jax", "jinja2", "joblib", "optax", "onnx", "scipy")
+_REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "optax", "onnx", "scipy")
 
 
 def _require_extra() -> None:
@@ -17,7 +17,7 @@ def _require_extra() -> None:
     Raises:
         FootsenseError: One is not.
     """
-    missing = [name for name in _EXTRA if importlib.util.find_spec(name) is None]
+    missing = [name for name in _REQUIRED_PACKAGES if importlib.util.find_spec(name) is None]
     if missing:
         raise FootsenseError(
             f"the lab needs {', '.join(missing)}: pip install 'footsense[lab]', "

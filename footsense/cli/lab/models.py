@@ -41,25 +41,25 @@ def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None
     foot_design = load_foot(description)
     folder = (out or Path("models-quick" if quick else "models")) / foot_design.foot_type
     for known in (folder, released_path(FOOT_FILE, foot_design.foot_type).parent):
-        _require_no_other(known / FOOT_FILE, description, foot_design)
+        _require_unique_foot_type(known / FOOT_FILE, description, foot_design)
     options.require_writable(folder)
-    from footsense.lab.build import FULL, QUICK, SIMILAR
+    from footsense.lab.build import FULL_BUILD, QUICK_BUILD, SIMILAR_FOOT_BUILD
     from footsense.lab.build import build as build_models
     from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, as_markdown
 
     if quick and like is not None:
         raise click.UsageError("--quick and --like exclude each other")
-    recipe = QUICK if quick else FULL
+    recipe = QUICK_BUILD if quick else FULL_BUILD
     if like is not None:
-        recipe = replace(SIMILAR, start=like / NETWORK_FILE)
+        recipe = replace(SIMILAR_FOOT_BUILD, start=like / NETWORK_FILE)
 
-    report = options.stopwatch_report()
+    report = options.elapsed_time_reporter()
     built = build_models(description, folder, recipe, report)
-    report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.parity_n:.4f} mN")
+    report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.onnx_difference_n:.4f} mN")
     click.echo(as_markdown(built.table))
 
 
-def _require_no_other(known: Path, description: Path, foot_design: "FootDesign") -> None:
+def _require_unique_foot_type(known: Path, description: Path, foot_design: "FootDesign") -> None:
     """Check that no other foot has this foot type's name: their networks would be indistinguishable.
 
     Raises:
@@ -108,11 +108,11 @@ def compare(*, other: Path, models: Path | None) -> None:
 
     Ends with exit code 1 where one is beyond what is tolerated; a better network is none.
     """  # noqa: DOC501 - click shows this text
-    from footsense.lab.evaluation.compare import compare as compare_builds
+    from footsense.lab.evaluation.compare import compare_builds
 
     differences = compare_builds(models or options.released_folder(), other)
     for row in differences:
-        result = "same" if row.same else "DIFFERS"
-        click.echo(f"{row.what}: {row.measured:.3g}, tolerated {row.tolerated:.3g}: {result}")
-    if not all(row.same for row in differences):
+        result = "same" if row.is_within_tolerance else "DIFFERS"
+        click.echo(f"{row.figure_name}: {row.measured:.3g}, tolerated {row.tolerance:.3g}: {result}")
+    if not all(row.is_within_tolerance for row in differences):
         raise FootsenseError(f"{other} is not the same release")

@@ -57,7 +57,7 @@ def require_writable(folder: Path) -> None:
         ) from error
 
 
-def stopwatch_report() -> Callable[[str], None]:
+def elapsed_time_reporter() -> Callable[[str], None]:
     """Return a function that prints a line with the seconds since now."""
     started_ns = stopwatch_ns()
 

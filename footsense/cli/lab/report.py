@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from footsense.cli.lab import options
-from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT
+from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT_STUDIES
 from footsense.cli.options import FOLDER
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
@@ -29,27 +29,29 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
     folder = models or Path("models") / (f"{DEFAULT_FOOT_TYPE}-quick" if quick else DEFAULT_FOOT_TYPE)
     options.require_writable(folder)
     pages = options.report_folder(output, quick=quick)
-    from footsense.lab.build import FULL, QUICK, build
+    from footsense.lab.build import FULL_BUILD, QUICK_BUILD, build
     from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
     from footsense.lab.foot_file import FOOT_FILE
     from footsense.lab.report import STUDIES, make_report
     from footsense.lab.studies.page import StudyContext
 
-    say, started_ns, build_s = options.stopwatch_report(), stopwatch_ns(), None
+    report_progress, started_ns, build_s = options.elapsed_time_reporter(), stopwatch_ns(), None
     if not (resume and all((folder / name).exists() for name in (NETWORK_FILE, RESPONSE_FILE))):
-        build(released_path(FOOT_FILE), folder, QUICK if quick else FULL, say)
+        build(released_path(FOOT_FILE), folder, QUICK_BUILD if quick else FULL_BUILD, report_progress)
         build_s = (stopwatch_ns() - started_ns) / 1e9
-    context = StudyContext(models=folder, quick=quick, say=say)
+    context = StudyContext(models=folder, quick=quick, report_progress=report_progress)
     studies = STUDIES | DAEMON_STUDIES
-    say(f"wrote {make_report(pages, context, studies, build_s=build_s, resume=resume, report=say)}")
+    report_progress(
+        f"wrote {make_report(pages, context, studies, build_s=build_s, resume=resume, report=report_progress)}"
+    )
 
 
 def _print_stale(models: Path, pages: Path, *, quick: bool) -> None:
     """Print each page that has to be made again, with the reason."""
-    from footsense.lab.report import STUDIES, why_stale
+    from footsense.lab.report import STUDIES, stale_reason
     from footsense.lab.studies.page import StudyContext
 
-    context, studies = StudyContext(models=models, quick=quick), STUDIES | DAEMON_STUDIES | EXPERIMENT
+    context, studies = StudyContext(models=models, quick=quick), STUDIES | DAEMON_STUDIES | EXPERIMENT_STUDIES
     for name in studies:
-        if reason := why_stale(name, pages, context, studies):
+        if reason := stale_reason(name, pages, context, studies):
             click.echo(f"{name}: {reason}")

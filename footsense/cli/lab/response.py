@@ -9,7 +9,7 @@ from footsense.cli.options import echo_json, json_option
 from footsense.errors import FootsenseError
 
 
-def _direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float, float]:
+def _parse_direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float, float]:
     """Return the two angles of a direction [deg].
 
     Raises:
@@ -27,7 +27,7 @@ def _direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float,
     "--direction",
     "direction_deg",
     required=True,
-    callback=_direction,
+    callback=_parse_direction,
     metavar="T1,T2",
     help="Azimuth and elevation of the force [deg].",
 )
@@ -45,13 +45,13 @@ def response(
 ) -> None:
     """Print closures and capacitances of the nine elements under one centred load."""  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluation.evaluate_models import open_models
-    from footsense.lab.fidelity.levels import response_to
+    from footsense.lab.fidelity.levels import response_json
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
     folder = models or options.released_folder()
     table, _ = open_models(folder)
     try:
-        found = response_to(table, load_foot(folder / FOOT_FILE), direction_deg, force_n, level)
+        found = response_json(table, load_foot(folder / FOOT_FILE), direction_deg, force_n, level)
     except ValueError as error:
         raise FootsenseError(str(error)) from error
     if as_json:

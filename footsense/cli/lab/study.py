@@ -26,7 +26,7 @@ DAEMON_STUDIES = {
 }
 
 #: The studies that are too long for the report, with their modules.
-EXPERIMENT = {
+EXPERIMENT_STUDIES = {
     "experiment": "footsense.cli.lab.pages.experiment",
     "mismatch": "footsense.cli.lab.pages.mismatch",
 }
@@ -52,19 +52,21 @@ def write_study(
         bound: Whether the page becomes part of the report.
     """
     folder = options.report_folder(output, quick=quick)
-    from footsense.lab.report import STUDIES, bind, make_page, usual_seconds
+    from footsense.lab.report import STUDIES, bind_pages, last_duration_s, make_page
     from footsense.lab.studies.page import StudyContext
 
-    say = (lambda _: None) if as_json else options.stopwatch_report()
-    context = StudyContext(models=models or options.released_folder(), quick=quick, say=say)
-    usual_s = usual_seconds(study, folder, quick=quick) if isinstance(study, str) else 0.0
+    report_progress = (lambda _: None) if as_json else options.elapsed_time_reporter()
+    context = StudyContext(
+        models=models or options.released_folder(), quick=quick, report_progress=report_progress
+    )
+    usual_s = last_duration_s(study, folder, quick=quick) if isinstance(study, str) else 0.0
     with timed_bar(str(study), usual_s):
         page = (
             make_page(study, context, STUDIES | DAEMON_STUDIES) if isinstance(study, str) else study(context)
         )
     page.write(folder)
     if bound:
-        bind(folder, context)
+        bind_pages(folder, context)
     if as_json:
         echo_json(page.values)
         return
@@ -102,18 +104,18 @@ def mismatch(
     as_json: bool,
 ) -> None:
     """Calibrate and read feet whose physics the calibration does not know, on this machine or a cluster, resumable."""
-    from footsense.cli.lab.pages.mismatch import KEPT, STUDY, run_study
-    from footsense.lab.monte_carlo.workers import parallel
+    from footsense.cli.lab.pages.mismatch import KEPT_FEET_FOLDER, STUDY, run_study
+    from footsense.lab.monte_carlo.workers import job_runner
 
     given = tuple(rows.split(",")) if rows else ()
     own = replace(
         STUDY,
         compute=partial(
             run_study,
-            workers=parallel(scheduler) if scheduler else None,
+            workers=job_runner(scheduler) if scheduler else None,
             rows=given,
             n_feet=n_feet,
-            kept=kept or KEPT,
+            kept=kept or KEPT_FEET_FOLDER,
         ),
     )
     write_study(own.page, models, output, quick=quick, as_json=as_json, bound=not given)
@@ -173,8 +175,8 @@ faults = _study_command(
 )
 
 
-def _renamed_file(_: click.Context, __: click.Parameter, given: str | None) -> None:
-    """Answer the former name of `--file`.
+def _refuse_former_option(_: click.Context, __: click.Parameter, given: str | None) -> None:
+    """Refuse `--campaign`, the former name of `--file`.
 
     Raises:
         FootsenseError: It is used.
@@ -189,7 +191,7 @@ def _renamed_file(_: click.Context, __: click.Parameter, given: str | None) -> N
     metavar="ADDRESS",
     help="Of a dask cluster, such as tcp://host:8786; without it two processes on this machine.",
 )
-@click.option("--campaign", hidden=True, expose_value=False, callback=_renamed_file)
+@click.option("--campaign", hidden=True, expose_value=False, callback=_refuse_former_option)
 @click.option(
     "--file",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -202,8 +204,8 @@ def tolerance(
     *, scheduler: str | None, file: Path | None, models: Path | None, output: Path | None, quick: bool
 ) -> None:
     """Run the Monte Carlo over fabricated feet, on this machine or a cluster, resumable."""
-    from footsense.lab.monte_carlo.workers import parallel
+    from footsense.lab.monte_carlo.workers import job_runner
     from footsense.lab.studies.accuracy.tolerance import STUDY, run_study
 
-    own = replace(STUDY, compute=partial(run_study, workers=parallel(scheduler), file=file))
+    own = replace(STUDY, compute=partial(run_study, workers=job_runner(scheduler), file=file))
     write_study(own.page, models, output, quick=quick)

@@ -16,7 +16,7 @@ from footsense.clock import MonotonicClock
 from footsense.daemon.can_listener import Listener, open_listener
 
 _NS_PER_S = 1_000_000_000
-_DRAW_NS = 200_000_000
+_REDRAW_PERIOD_NS = 200_000_000
 
 
 @click.command()
@@ -53,18 +53,18 @@ def monitor(
     end_ns = start_ns + duration_s * _NS_PER_S
     with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
         if as_json or not console.is_terminal:
-            for t_ns in _periods(listener, start_ns, end_ns, _NS_PER_S, stop):
+            for t_ns in _listening_periods(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():
                     t_s = round((t_ns - start_ns) * 1e-9, 3)
                     echo_json({"t_s": t_s, **snapshot_json(snapshot)}, indent=0)
             return
         with Live(console=console, auto_refresh=False, screen=False) as live:
-            for t_ns in _periods(listener, start_ns, end_ns, _DRAW_NS, stop):
+            for t_ns in _listening_periods(listener, start_ns, end_ns, _REDRAW_PERIOD_NS, stop):
                 title = f"{channel}   {(t_ns - start_ns) * 1e-9:5.1f} s"
                 live.update(monitor_table(listener.snapshot(), title), refresh=True)
 
 
-def _periods(
+def _listening_periods(
     listener: Listener, start_ns: int, end_ns: float, period_ns: int, stop: StopRequest
 ) -> Iterator[int]:
     """Listen until the end or a signal.
@@ -75,7 +75,7 @@ def _periods(
     t_ns = start_ns
     while t_ns + period_ns <= end_ns:
         while t_ns < (due_ns := start_ns + period_ns):
-            t_ns = min(due_ns, t_ns + _DRAW_NS)
+            t_ns = min(due_ns, t_ns + _REDRAW_PERIOD_NS)
             listener.listen(t_ns)
             if stop.requested:
                 return

@@ -33,13 +33,13 @@ def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
             "worst_ff": round(report.worst_pf * 1e3, 1),
             "moved_s_ago": None if report.moved_ago_ns is None else round(report.moved_ago_ns * 1e-9, 1),
         },
-        **_gait(snapshot),
+        **_gait_json(snapshot),
         "heartbeat": None if report.node_state is None else report.node_state.name.lower(),
         "degraded_timing": report.degraded_timing,
     }
 
 
-def _gait(snapshot: LegSnapshot) -> dict[str, Any]:
+def _gait_json(snapshot: LegSnapshot) -> dict[str, Any]:
     """Return a leg's contact, ground and last event; None for each that is not known."""
     gait, ground, event = snapshot.report.gait, snapshot.report.ground, snapshot.event
     return {

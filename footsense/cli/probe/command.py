@@ -17,8 +17,8 @@ from footsense.daemon.simulation import is_simulated
 from footsense.sim.scene_files import load_scene
 
 #: Exit code if there is a fault.
-_FAULTY = 1
-_SCENE = "hanging"
+_EXIT_CODE_FAULTY = 1
+_DEFAULT_SCENE = "hanging"
 
 
 @click.command()
@@ -49,18 +49,18 @@ def probe(config_file: Path | None, scene_name: str | None, png: Path | None, *,
         return
     config = load_config(config_file) if config_file else DEFAULT
     if scene_name is None and is_simulated(config):
-        scene_name = _SCENE
+        scene_name = _DEFAULT_SCENE
     # The diagnoses replace the scanner's own warnings about legs.
     logging.getLogger("footsense.acquisition").setLevel(logging.ERROR)
     result = probe_robot(config, load_scene(scene_name) if scene_name else None)
     title = f"scene {scene_name}, simulated" if scene_name else str(config_file)
     if png is not None:
-        from footsense.cli.probe.figure import draw
+        from footsense.cli.probe.figure import draw_probed_feet
 
-        draw(result, title, png)
+        draw_probed_feet(result, title, png)
     if as_json:
         echo_json(probe_json(result))
     else:
         console.print(probe_picture(result, title))
     if result.diagnoses:
-        sys.exit(_FAULTY)
+        sys.exit(_EXIT_CODE_FAULTY)

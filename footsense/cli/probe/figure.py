@@ -8,10 +8,10 @@ from footsense.cli.probe.picture import element_marks
 from footsense.daemon.probe.report import ProbeResult
 from footsense.errors import FootsenseError
 
-_PER_ROW = 3
+_FEET_PER_ROW = 3
 
 
-def draw(result: ProbeResult, title: str, file: Path) -> None:
+def draw_probed_feet(result: ProbeResult, title: str, file: Path) -> None:
     """Draw every foot's elements, forwards up, coloured by their deviation from the foot's median.
 
     Raises:
@@ -21,10 +21,10 @@ def draw(result: ProbeResult, title: str, file: Path) -> None:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise FootsenseError("--png needs matplotlib: pip install 'footsense[lab]'") from error
-    n_rows = -(-len(result.legs) // _PER_ROW)
+    n_rows = -(-len(result.legs) // _FEET_PER_ROW)
     figure = Figure(figsize=(9.0, 0.8 + 2.9 * n_rows), layout="constrained")
     figure.suptitle(f"{title}: capacitance of each element [pF], forwards up")
-    axes = figure.subplots(n_rows, _PER_ROW, squeeze=False).ravel()
+    axes = figure.subplots(n_rows, _FEET_PER_ROW, squeeze=False).ravel()
     for ax in axes:
         ax.set_axis_off()
     for ax, report in zip(axes, result.legs, strict=False):

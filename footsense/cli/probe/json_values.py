@@ -12,8 +12,8 @@ def probe_json(result: ProbeResult) -> dict[str, Any]:
     """Return buses, legs, the shortest scan and the diagnoses."""
     scan_ns = result.scan_ns
     return {
-        "buses": [_bus(report) for report in result.buses],
-        "legs": {report.leg: _leg(report) for report in result.legs},
+        "buses": [_bus_json(report) for report in result.buses],
+        "legs": {report.leg: _leg_json(report) for report in result.legs},
         "scan_ms": None if scan_ns is None else round(scan_ns * 1e-6, 3),
         "scan_over_conversions": None if scan_ns is None else round(scan_ns / result.conversions_ns, 3),
         "frames_hz": None if scan_ns is None else round(1e9 / scan_ns, 2),
@@ -27,8 +27,8 @@ def adapters_json(reports: list[ProbedAdapter]) -> dict[str, Any]:
         "adapters": [
             {
                 "device": report.device,
-                **_address_scan(report.addresses, "answering"),
-                "kernel_drivers": _drivers(report.kernel_drivers),
+                **_address_scan_json(report.addresses, "answering"),
+                "kernel_drivers": _drivers_json(report.kernel_drivers),
                 "error": report.error or None,
             }
             for report in reports
@@ -36,17 +36,19 @@ def adapters_json(reports: list[ProbedAdapter]) -> dict[str, Any]:
     }
 
 
-def _bus(report: ProbedBus) -> dict[str, Any]:
+def _bus_json(report: ProbedBus) -> dict[str, Any]:
     bus, scan, drivers = report
     values: dict[str, Any] = {
         "device": bus.device,
         "mux": None if bus.adapters else {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers},
-        **_address_scan(scan.upstream, "upstream"),
-        "kernel_drivers": _drivers(drivers),
-        "channels": {str(number): _addresses(chips.answering) for number, chips in scan.channels.items()},
+        **_address_scan_json(scan.upstream, "upstream"),
+        "kernel_drivers": _drivers_json(drivers),
+        "channels": {
+            str(number): _addresses_json(chips.answering) for number, chips in scan.channels.items()
+        },
         "configured_rate_hz": bus.rate_hz,
     }
-    timing = scan.timing
+    timing = scan.bus_timing
     if timing is None:
         names = ("rate_hz", "host_cost_us", "conversion_limit_ms", "readout_limit_ms", "limit")
         return values | dict.fromkeys(names)
@@ -59,12 +61,12 @@ def _bus(report: ProbedBus) -> dict[str, Any]:
     }
 
 
-def _leg(report: ProbedLeg) -> dict[str, Any]:
+def _leg_json(report: ProbedLeg) -> dict[str, Any]:
     chips, scans = report.chips, report.scans
     return {
         "bus": report.device,
         "channel": report.channel,
-        "answering": None if chips is None else _addresses(chips.answering),
+        "answering": None if chips is None else _addresses_json(chips.answering),
         "chips": None if chips is None else chips.outcome.name.lower(),
         "slowness_rel": None if report.timing is None else round(report.timing.slowness, 3),
         "keeps_done": None if report.timing is None else report.timing.keeps_done,
@@ -80,17 +82,17 @@ def _leg(report: ProbedLeg) -> dict[str, Any]:
     }
 
 
-def _address_scan(scan: AddressProbe | None, name: str) -> dict[str, list[str] | None]:
+def _address_scan_json(scan: AddressProbe | None, name: str) -> dict[str, list[str] | None]:
     """Return the addresses that answer, under `name`, and those that could not be scanned."""
     return {
-        name: None if scan is None else _addresses(scan.answering),
-        "not_scanned": None if scan is None else _addresses(scan.not_probed),
+        name: None if scan is None else _addresses_json(scan.answering),
+        "not_scanned": None if scan is None else _addresses_json(scan.not_probed),
     }
 
 
-def _addresses(addresses: tuple[int, ...]) -> list[str]:
+def _addresses_json(addresses: tuple[int, ...]) -> list[str]:
     return [f"{address:#04x}" for address in addresses]
 
 
-def _drivers(drivers: Mapping[int, str]) -> dict[str, str]:
+def _drivers_json(drivers: Mapping[int, str]) -> dict[str, str]:
     return {f"{address:#04x}": name for address, name in sorted(drivers.items())}

@@ -12,20 +12,20 @@ from rich.text import Text
 from firmware_interface.chips import ad7746, adg715, fdc1004
 from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.foot_check import FootScans
-from footsense.cli.leg_table import EMPTY, LegColumns, enum_words, leg_table
+from footsense.cli.leg_table import EMPTY_CELL, LegColumns, enum_words, leg_table
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Cause, Reading, Vector
 
-_CHIPS = {
+_CHIP_NAMES = {
     fdc1004.ADDRESS: "FDC1004",
     ad7746.ADDRESS: "AD7746",
     adg715.ADDRESS: "ADG715",
     adg715.COLUMN_ADDRESS: "ADG715",
 }
-_LEG_WIDTH = 24
+_LEG_PICTURE_WIDTH = 24
 
 #: Mark in the place of a capacitance, by the fault of the element.
-_MARKS = {
+_CAUSE_MARKS = {
     Cause.ELEMENT_OPEN: "open",
     Cause.ROW_OPEN: "open",
     Cause.COLUMN_OPEN: "open",
@@ -49,7 +49,7 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
     if feet:
         parts += [
             Text("every foot from above, forwards up: pF of each element", "dim"),
-            Columns(feet, width=_LEG_WIDTH),
+            Columns(feet, width=_LEG_PICTURE_WIDTH),
         ]
     if result.scan_ns is not None:
         parts.append(
@@ -70,9 +70,9 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
         parts.append(Text("No faults.", "green"))
     else:
         parts.append(Text(f"{len(result.diagnoses)} wrong:", "bold red"))
-    for where, what, check in result.diagnoses:
-        parts.append(Padding(Text.assemble((where, "bold"), f": {what}"), (0, 0, 0, 2)))
-        parts.append(Padding(Text(f"check {check}", "dim"), (0, 0, 0, 6)))
+    for location, observation, advice in result.diagnoses:
+        parts.append(Padding(Text.assemble((location, "bold"), f": {observation}"), (0, 0, 0, 2)))
+        parts.append(Padding(Text(f"check {advice}", "dim"), (0, 0, 0, 6)))
     if yaml := unloaded_yaml(result):
         parts += [Text(), Text("For the configuration, if these feet hang free:", "dim"), Text(yaml)]
     return Group(*parts)
@@ -86,7 +86,9 @@ def adapters_picture(reports: list[ProbedAdapter]) -> Group:
         if report.addresses is None:
             parts.append(Text(f"  {report.error}", "bold red"))
         else:
-            parts += [Text(f"  {line}") for line in _addresses(report.addresses, report.kernel_drivers, {})]
+            parts += [
+                Text(f"  {line}") for line in _address_lines(report.addresses, report.kernel_drivers, {})
+            ]
     parts += [
         Text(),
         Text("Feet are behind a mux (TCA9548A, 0x70 to 0x77): name it and the legs with --config FILE."),
@@ -110,7 +112,7 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
     ]
     for fault in report.faults:
         for element in fault.elements:
-            marks[element] = (_MARKS.get(fault.cause, marks[element][0]), True)
+            marks[element] = (_CAUSE_MARKS.get(fault.cause, marks[element][0]), True)
             if fault.cause is Cause.ELEMENT_SHORTED:
                 for other in {element % 3, element % 3 + 3, element % 3 + 6} - set(fault.elements):
                     marks[other] = ("lost", True)
@@ -118,13 +120,13 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
 
 
 def _bus_lines(report: ProbedBus) -> Iterator[Text]:
-    """Yield the lines of one bus."""
+    """Yield the lines of one bus: chips found, addresses, timing."""
     bus, scan, drivers = report
     device = (bus.device, "bold")
-    if scan.timing is None:
+    if scan.bus_timing is None:
         yield Text.assemble(device, f"   {bus.rate_hz / 1e3:.0f} kHz configured, could not be timed")
     else:
-        (rate_hz, host_cost_ns), limits = scan.timing.costs, scan.timing.limits
+        (rate_hz, host_cost_ns), limits = scan.bus_timing.costs, scan.bus_timing.limits
         yield Text.assemble(
             device, f"   {rate_hz / 1e3:.0f} kHz, {host_cost_ns / 1e3:.0f} us of host per transaction"
         )
@@ -136,11 +138,11 @@ def _bus_lines(report: ProbedBus) -> Iterator[Text]:
     if scan.upstream is None:
         yield Text("  upstream: a line is held low", "bold red")
         return
-    for line in _addresses(scan.upstream, drivers, names):
+    for line in _address_lines(scan.upstream, drivers, names):
         yield Text(f"  upstream: {line}")
 
 
-def _addresses(
+def _address_lines(
     addresses: AddressProbe, drivers: Mapping[int, str], names: Mapping[int, str]
 ) -> Iterator[str]:
     """Yield one line each: answering addresses, addresses of kernel drivers, number of addresses not probed."""
@@ -158,23 +160,29 @@ def _legs_overview(legs: tuple[ProbedLeg, ...]) -> Table:
     columns: LegColumns[ProbedLeg] = {
         **({"bus": ("<1", lambda leg: leg.device)} if several else {}),
         "at": ("<1", lambda leg: str(leg.channel)),
-        "answering": ("<1", _answering_chips),
-        "C0 [pF]": (">1", lambda leg: _of_sound(leg, lambda scans: scans.mean_pf, "{0:.2f}..{1:.2f}")),
-        "noise [fF]": (">1", lambda leg: _of_sound(leg, lambda scans: scans.noise_ff, "{1:.2f}")),
-        "foot": ("<1", _foot_result),
+        "answering": ("<1", _answering_chips_cell),
+        "C0 [pF]": (
+            ">1",
+            lambda leg: _sound_element_range_text(leg, lambda scans: scans.mean_pf, "{0:.2f}..{1:.2f}"),
+        ),
+        "noise [fF]": (
+            ">1",
+            lambda leg: _sound_element_range_text(leg, lambda scans: scans.noise_ff, "{1:.2f}"),
+        ),
+        "foot": ("<1", _foot_result_cell),
     }
     return leg_table({report.leg: report for report in legs}, columns)
 
 
-def _answering_chips(leg: ProbedLeg) -> Text:
+def _answering_chips_cell(leg: ProbedLeg) -> Text:
     if leg.chips is None:
-        return EMPTY
-    names = _CHIPS if leg.chips.outcome is Reading.OK else {}
+        return EMPTY_CELL
+    names = _CHIP_NAMES if leg.chips.outcome is Reading.OK else {}
     answering = (names.get(address, f"{address:#04x} ?") for address in leg.chips.answering)
     return Text(", ".join(answering) or "nobody", "" if names else "bold red")
 
 
-def _of_sound(leg: ProbedLeg, values: Callable[[FootScans], Vector], form: str) -> str:
+def _sound_element_range_text(leg: ProbedLeg, values: Callable[[FootScans], Vector], form: str) -> str:
     """Return the smallest and largest value of the sound elements as text, "-" without any."""
     if leg.scans is None:
         return "-"
@@ -182,7 +190,7 @@ def _of_sound(leg: ProbedLeg, values: Callable[[FootScans], Vector], form: str) 
     return form.format(sound.min(), sound.max()) if sound.size else "-"
 
 
-def _foot_result(leg: ProbedLeg) -> Text:
+def _foot_result_cell(leg: ProbedLeg) -> Text:
     if leg.scans is None:
         return Text("not scanned", "bold red")
     return Text("see below", "bold red") if leg.faults else Text("sound", "green")

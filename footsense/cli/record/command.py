@@ -11,7 +11,7 @@ from rich.console import Console
 
 from footsense.calibration.session.guide import SessionGuide
 from footsense.cli import options
-from footsense.cli.record.table import MESSAGES, RecordTable
+from footsense.cli.record.table import N_MESSAGES, RecordTable
 from footsense.cli.test_stand_options import foot_option
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.test_stand import load_test_stand
@@ -27,20 +27,20 @@ from footsense.sim.test_stand.press_sequence import PressSequence
 
 _NS_PER_S = 1_000_000_000
 #: Time that a simulated test stand runs on after its last press, for the offset of the reference [s].
-_AFTER_S = 0.5
+_PAUSE_AFTER_SESSION_S = 0.5
 #: Limit of the unloaded readings of a foot that is not calibrated, over the designed ones minus one [1].
 _UNCALIBRATED_REL = 0.5
 
-_FILE = click.Path(dir_okay=False, path_type=Path)
+_FILE_PATH_TYPE = click.Path(dir_okay=False, path_type=Path)
 
 
 @click.command()
-@click.argument("out", type=_FILE)
+@click.argument("out", type=_FILE_PATH_TYPE)
 @click.option(
     "--reference",
     "test_stand_file",
     required=True,
-    type=_FILE,
+    type=_FILE_PATH_TYPE,
     help="YAML file of the test stand's force sensor.",
 )
 @foot_option
@@ -106,7 +106,7 @@ def record(
         service = stack.enter_context(
             open_service(config, scene, record=out, real_time=paced or scene is None, test_stand=run)
         )
-        messages: deque[str] = deque(maxlen=MESSAGES)
+        messages: deque[str] = deque(maxlen=N_MESSAGES)
         report = messages.append if live else click.echo
         guide = session_guide(test_stand, row, wanted, service.network, report)
         service.observers.append(guide)
@@ -115,15 +115,15 @@ def record(
             table = RecordTable(console, guide, messages, row, title)
             stack.callback(table.close)
             service.observers.append(table)
-        longest_s = min(duration_s, _ends_s(scene))
+        longest_s = min(duration_s, _session_end_s(scene))
         service.run(
-            lambda: stop.requested or guide.coverage.complete,
+            lambda: stop.requested or guide.coverage.is_complete,
             service.clock.now_ns() + longest_s * _NS_PER_S,
         )
         guide.report = click.echo  # the picture is not drawn again
         guide.close()
     _print_session(out, guide, service.reference)
-    _draw(out, guide, f"{foot}, session {run.session}")
+    _write_coverage_figure(out, guide, f"{foot}, session {run.session}")
     if guide.findings:
         raise CalibrationError(f"{out} is kept, but do not calibrate with it: {'; '.join(guide.findings)}")
 
@@ -160,20 +160,20 @@ def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
         raise ConfigError(f"--foot {foot}: is no identity of a foot, such as foot-0007") from None
 
 
-def _ends_s(scene: Scene | None) -> float:
+def _session_end_s(scene: Scene | None) -> float:
     """Return the end of a simulated test stand's last press, and a pause [s]; infinity if there is none."""
     load = None if scene is None else scene.load.build(round(scene.lead_in_s * _NS_PER_S))
-    return load.ends_ns / _NS_PER_S + _AFTER_S if isinstance(load, PressSequence) else math.inf
+    return load.end_ns / _NS_PER_S + _PAUSE_AFTER_SESSION_S if isinstance(load, PressSequence) else math.inf
 
 
 def _print_session(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
     """Print coverage, rejected presses, the next load, and the statistics of the reference."""
-    click.echo(f"{out}: {guide.coverage.summary()}")
+    click.echo(f"{out}: {guide.coverage.progress_text()}")
     if guide.rejected:
         reasons = ", ".join(f"{n} {why}" for why, n in guide.rejected.most_common())
         click.echo(f"rejected: {reasons}")
-    if not guide.coverage.complete:
-        target = guide.coverage.next
+    if not guide.coverage.is_complete:
+        target = guide.coverage.next_load
         click.echo(
             f"not complete; next would be {target.magnitude_gf:.0f} gf from azimuth {target.azimuth_deg:.0f}, "
             f"elevation {target.elevation_deg:.0f} deg, in another session"
@@ -187,7 +187,7 @@ def _print_session(out: Path, guide: SessionGuide, sensor: StandSensor | None) -
         )
 
 
-def _draw(out: Path, guide: SessionGuide, title: str) -> None:
+def _write_coverage_figure(out: Path, guide: SessionGuide, title: str) -> None:
     try:
         from footsense.cli.record.coverage_figure import draw_coverage
     except ImportError:

@@ -11,40 +11,40 @@ import numpy as np
 from rich.text import Text
 
 from footsense.calibration.session.coverage import (
-    BANDS_GF,
+    MAGNITUDE_BANDS_GF,
     MIN_ELEVATION_DEG,
     Coverage,
     NextLoad,
-    angles_deg,
+    azimuth_and_elevation_deg,
     nearest_band,
 )
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 
-_ROWS = 11
-COLUMNS = 2 * _ROWS - 1
-_MIDDLE = (_ROWS - 1) / 2
-_RIM_DEG = 90.0 - MIN_ELEVATION_DEG
+_DISC_ROWS = 11
+DISC_COLUMNS = 2 * _DISC_ROWS - 1
+_CENTRE_ROW = (_DISC_ROWS - 1) / 2
+_RIM_ANGLE_DEG = 90.0 - MIN_ELEVATION_DEG
 
 
 class Glyphs(NamedTuple):
-    """Characters of the cells."""
+    """Characters for uncovered and covered directions, loads, and the next load."""
 
-    bare: str
+    uncovered: str
     covered: str
     load: str
-    next: str
+    next_load: str
 
 
 GLYPHS = Glyphs("·", "░", "●", "◎")
 #: For a terminal without those.
 PLAIN_GLYPHS = Glyphs(".", ":", "o", "X")
 
-_STYLES = Glyphs("dim", "green", "bold green", "bold yellow")
+_GLYPH_STYLES = Glyphs("dim", "green", "bold green", "bold yellow")
 
 
-def discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs: Glyphs) -> list[Text]:
+def coverage_discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs: Glyphs) -> list[Text]:
     """Return the lines of three discs side by side.
 
     Args:
@@ -54,46 +54,51 @@ def discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs: Glyphs)
         glyphs: Characters to draw with.
     """
     loads = {
-        (nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N), *_cell(*angles_deg(force_n)))
+        (
+            nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N),
+            *_disc_cell(*azimuth_and_elevation_deg(force_n)),
+        )
         for force_n in loads_n
     }
-    next_cell = (nearest_band(target.magnitude_gf), *_cell(target.azimuth_deg, target.elevation_deg))
+    next_cell = (nearest_band(target.magnitude_gf), *_disc_cell(target.azimuth_deg, target.elevation_deg))
     titles = [
-        f"{gf:.0f} gf: {100 * share:.0f} %".center(COLUMNS)
-        for gf, share in zip(BANDS_GF, coverage.covered_directions_rel, strict=True)
+        f"{gf:.0f} gf: {100 * share:.0f} %".center(DISC_COLUMNS)
+        for gf, share in zip(MAGNITUDE_BANDS_GF, coverage.covered_directions_rel, strict=True)
     ]
     lines = [Text("   ".join(titles), "bold")]
-    for row in range(_ROWS):
+    for row in range(_DISC_ROWS):
         line = Text()
-        for band in range(len(BANDS_GF)):
-            for column in range(COLUMNS):
-                direction, cell = _direction(row, column), (band, row, column)
+        for band in range(len(MAGNITUDE_BANDS_GF)):
+            for column in range(DISC_COLUMNS):
+                direction, cell = _cell_direction(row, column), (band, row, column)
                 if direction is None:
                     line.append(" ")
                 elif cell == next_cell:
-                    line.append(glyphs.next, _STYLES.next)
+                    line.append(glyphs.next_load, _GLYPH_STYLES.next_load)
                 elif cell in loads:
-                    line.append(glyphs.load, _STYLES.load)
-                elif coverage.covers(band, direction):
-                    line.append(glyphs.covered, _STYLES.covered)
+                    line.append(glyphs.load, _GLYPH_STYLES.load)
+                elif coverage.is_covered(band, direction):
+                    line.append(glyphs.covered, _GLYPH_STYLES.covered)
                 else:
-                    line.append(glyphs.bare, _STYLES.bare)
+                    line.append(glyphs.uncovered, _GLYPH_STYLES.uncovered)
             line.append("   ")
         lines.append(line)
     return lines
 
 
-def _cell(azimuth_deg: float, elevation_deg: float) -> tuple[int, int]:
+def _disc_cell(azimuth_deg: float, elevation_deg: float) -> tuple[int, int]:
     """Return row and column of a direction; below the lowest elevation it is drawn on the rim."""
-    radius = min((90.0 - elevation_deg) / _RIM_DEG, 1.0) * _MIDDLE
+    radius = min((90.0 - elevation_deg) / _RIM_ANGLE_DEG, 1.0) * _CENTRE_ROW
     azimuth = math.radians(azimuth_deg)
-    return round(_MIDDLE - radius * math.cos(azimuth)), round(2 * (_MIDDLE - radius * math.sin(azimuth)))
+    return round(_CENTRE_ROW - radius * math.cos(azimuth)), round(
+        2 * (_CENTRE_ROW - radius * math.sin(azimuth))
+    )
 
 
-def _direction(row: int, column: int) -> Vector | None:
+def _cell_direction(row: int, column: int) -> Vector | None:
     """Return the direction of a cell, a unit vector of shape (3,); None outside of the disc."""
-    forward, left = (_MIDDLE - row) / _MIDDLE, (_MIDDLE - column / 2) / _MIDDLE
+    forward, left = (_CENTRE_ROW - row) / _CENTRE_ROW, (_CENTRE_ROW - column / 2) / _CENTRE_ROW
     radius = math.hypot(forward, left)
     if radius > 1.05:
         return None
-    return directions(math.degrees(math.atan2(left, forward)), 90.0 - min(radius, 1.0) * _RIM_DEG)
+    return directions(math.degrees(math.atan2(left, forward)), 90.0 - min(radius, 1.0) * _RIM_ANGLE_DEG)

@@ -7,7 +7,7 @@ import click
 
 from footsense.child_process import check_new_file
 from footsense.cli.options import FILE
-from footsense.cli.recordings.file_bar import file_bar
+from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.errors import RecordingError
 from footsense.recording.replay import Replay
 
@@ -44,9 +44,9 @@ def export(
     forms: list[tuple[Path, _Write]] = []
     if ros2 is not None:
         from footsense.ros2.bag_export import write_bag
-        from footsense.ros2.topics import load_frames
+        from footsense.ros2.topics import load_foot_frames
 
-        frames = None if tf is None else load_frames(tf)
+        frames = None if tf is None else load_foot_frames(tf)
         forms.append((ros2, lambda replay, folder: write_bag(replay, folder, frames)))
     if csv is not None:
         from footsense.export.csv_file import write_csv
@@ -70,12 +70,12 @@ def export(
 
 
 def _convert(file: Path, target: Path, write: _Write) -> None:
-    """Write one form.
+    """Write a recording in one output format.
 
     Raises:
         RecordingError: It cannot be written, or the recording is cut short.
     """
-    with file_bar(target.name, file) as on_read:
+    with file_progress_bar(target.name, file) as on_read:
         try:
             n_cycles = write(Replay(file, on_read), target)
         except RecordingError:

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from footsense.cli.options import FILE
-from footsense.cli.recordings.file_bar import file_bar
+from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.recording.recover import recover as rewrite
 from footsense.recording.recover import recovered_path
 
@@ -16,7 +16,7 @@ from footsense.recording.recover import recovered_path
 def recover(file: Path, output: Path | None) -> None:
     """Rewrite the intact part of the recording FILE, with an index."""
     target = output or recovered_path(file)
-    with file_bar("recover", file) as on_read:
+    with file_progress_bar("recover", file) as on_read:
         recovered = rewrite(file, target, on_read)
     click.echo(f"{target}: {recovered.n_cycles} cycles")
     if recovered.damage is not None:

@@ -8,16 +8,16 @@ import msgspec
 
 from footsense.can.frame_log import check_log_target
 from footsense.cli.options import FILE, FOLDER, can_log_option
-from footsense.cli.recordings.file_bar import file_bar
+from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
-from footsense.daemon.recording_header import model_difference, recorded_config, recorded_flags
-from footsense.daemon.simulation import Paced
+from footsense.daemon.recording_header import model_mismatch_reason, recorded_config, recorded_flags
+from footsense.daemon.simulation import PacedSource
 from footsense.errors import FootsenseError, ModelError, RecordingError
-from footsense.recording.compare import compare, same_machine
+from footsense.recording.compare import first_difference, same_machine
 from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 
@@ -47,11 +47,11 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
         check_log_target(can_log)
     with ExitStack() as showing:
         # At the speed of the recording there is nothing to wait for.
-        on_read = None if realtime else showing.enter_context(file_bar("replay", file))
-        _replay(Replay(file, on_read), folder, can_log, check=check, realtime=realtime)
+        on_read = None if realtime else showing.enter_context(file_progress_bar("replay", file))
+        _run_replay(Replay(file, on_read), folder, can_log, check=check, realtime=realtime)
 
 
-def _replay(
+def _run_replay(
     recording: Replay, folder: Path | None, can_log: Path | None, *, check: bool, realtime: bool
 ) -> None:
     """Run a recording through the pipeline.
@@ -67,7 +67,7 @@ def _replay(
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
     models = load_models(config)
-    if difference := model_difference(recording.header, models):
+    if difference := model_mismatch_reason(recording.header, models):
         error = ModelError(f"{file}: {difference}")
         if check:
             raise error
@@ -78,23 +78,25 @@ def _replay(
     with ExitStack() as stack:
         sink = stack.enter_context(can_sink(config, clock, can_log, real_time=realtime))
         loop = Loop(pipeline, sink, (), clock)
-        frames = Paced(source, clock, MonotonicClock()) if realtime else source
+        frames = PacedSource(source, clock, MonotonicClock()) if realtime else source
         while (scan := frames.read()) is not None:
             recorded = source.cycle
             assert recorded is not None
             commands = (*source.commands(), *sink.commands())
-            made = loop.step(scan, commands, temperature_c=recorded.temperature_c)
+            made = loop.run_cycle(scan, commands, temperature_c=recorded.temperature_c)
             if check and not source.lost:
-                if different := compare(recorded.forces, made.forces, exact=exact, legs=recording.legs):
+                if different := first_difference(
+                    recorded.forces, made.forces, exact=exact, legs=recording.legs
+                ):
                     raise FootsenseError(f"{file}: {different}")
                 n_equal += 1
             n_frames += 1
     how = "bit for bit" if exact else "to 1 mN (another processor or library version)"
     click.echo(f"{n_equal} cycles equal {how}" if check else f"{n_frames} cycles replayed")
-    _require_whole(file, source, n_equal if check else None)
+    _require_complete_recording(file, source, n_equal if check else None)
 
 
-def _require_whole(file: Path, source: ReplaySource, n_equal: int | None) -> None:
+def _require_complete_recording(file: Path, source: ReplaySource, n_equal: int | None) -> None:
     """Check at the end that the recording has no gaps and a proper end.
 
     Raises:

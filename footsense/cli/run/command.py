@@ -10,7 +10,7 @@ import click
 from msgspec.structs import replace
 
 from footsense.cli import options
-from footsense.cli.run.page import own_view, page_of
+from footsense.cli.run.page import serve_page, view_section_of_run
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
@@ -29,16 +29,16 @@ _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
 
 
-class FirstFrameTime(Observer):
+class FirstFrameAge(Observer):
     """An observer that notes the age of the process when the first frame was out."""
 
-    after_s: float | None = None
+    process_age_s: float | None = None
 
     def observe(self, cycle: Cycle) -> None:
         """Store the age of the process at the first cycle."""
         del cycle
-        if self.after_s is None:
-            self.after_s = process_age_ns() * 1e-9
+        if self.process_age_s is None:
+            self.process_age_s = process_age_ns() * 1e-9
 
 
 @click.command()
@@ -96,15 +96,15 @@ def run(
     with ExitStack() as stack:
         page = None
         if opens_view or (config_file is None and paced):
-            own = own_view(config.view or View())
+            own = view_section_of_run(config.view or View())
             config = replace(config, view=own)
-            page = stack.enter_context(page_of(own))
+            page = stack.enter_context(serve_page(own))
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
         statistics = RunStatistics(service.legs, service.true_force_at_time_n, service.network.card.max_n)
         service.observers.append(statistics)
-        first = FirstFrameTime()
+        first = FirstFrameAge()
         service.observers.append(first)
         title = f"{scene_name}, simulated" if scene else "on the robot"
         url = page.url if page is not None else ""
@@ -119,15 +119,17 @@ def run(
             stack.callback(table.close)
             service.observers.append(table)
         if scene and not paced and math.isfinite(duration_s):
-            from footsense.cli.run.run_bar import RunBar
+            from footsense.cli.run.run_bar import SimulationProgressBar
 
-            service.observers.append(stack.enter_context(closing(RunBar(service.clock.now_ns(), duration_s))))
+            service.observers.append(
+                stack.enter_context(closing(SimulationProgressBar(service.clock.now_ns(), duration_s)))
+            )
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
     figures = {
         "scene": scene_name,
         **statistics.summary(),
-        **service.figures(),
-        "start_to_first_frame_s": first.after_s,
+        **service.run_figures(),
+        "start_to_first_frame_s": first.process_age_s,
         "resident_mib": resident_mib(),
     }
     if summary == "json":

@@ -7,13 +7,13 @@ from rich.console import Console, Group, RenderableType
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
-from footsense.cli.leg_table import EMPTY, force_columns, leg_table, state_text
+from footsense.cli.leg_table import EMPTY_CELL, force_columns, leg_table, state_text
 from footsense.cli.live_view import LiveView
 from footsense.frames import IS_USABLE, Cycle, State, Vector
 
-_PERIOD_NS = 66_000_000
-_BAR_CELLS = 10
-_BAR_FULL_N = 1.2
+_REDRAW_PERIOD_NS = 66_000_000
+_BAR_WIDTH_CELLS = 10
+_BAR_FULL_SCALE_N = 1.2
 _STATE_WIDTH = max(len(state.name) for state in State)
 
 
@@ -36,7 +36,7 @@ class LiveTable(LiveView):
         true_force_at_time_n: Callable[[int], Vector] | None,
         url: str = "",
     ) -> None:
-        super().__init__(console, _PERIOD_NS)
+        super().__init__(console, _REDRAW_PERIOD_NS)
         self._legs = legs
         self._title = title
         self._true_force_at_time_n = true_force_at_time_n
@@ -50,19 +50,26 @@ class LiveTable(LiveView):
         columns: dict[str, tuple[str, Callable[[int], RenderableType]]] = {
             "state": (f"<{_STATE_WIDTH}", lambda row: state_text(State(int(forces.state[row])))),
             **force_columns(lambda row: force_n[row].tolist()),
-            "load": (f"<{_BAR_CELLS}", lambda row: _bar(force_n[row, 2]) if usable[row] else ""),
+            "load": (f"<{_BAR_WIDTH_CELLS}", lambda row: _force_bar(force_n[row, 2]) if usable[row] else ""),
         }
         if self._true_force_at_time_n is not None:
             true_n = self._true_force_at_time_n(forces.t_sent_ns)
             columns["true [N]"] = (">8", lambda row: Text(f"{true_n[row, 2]:.3f}", "dim"))
-        columns["age [ms]"] = (">8", lambda row: f"{forces.age_ns[row] * 1e-6:.1f}" if usable[row] else EMPTY)
+        columns["age [ms]"] = (
+            ">8",
+            lambda row: f"{forces.age_ns[row] * 1e-6:.1f}" if usable[row] else EMPTY_CELL,
+        )
         table = leg_table({leg: row for row, leg in enumerate(self._legs)}, columns)
         head = Text.assemble(("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s", "dim"))
         head.append(*((f"   {self._url}", "cyan") if self._url else (f"   cycle {forces.sequence}", "dim")))
         return Group(head, Text(), table)
 
 
-def _bar(force_n: float) -> ProgressBar:
+def _force_bar(force_n: float) -> ProgressBar:
     return ProgressBar(
-        _BAR_FULL_N, max(force_n, 0.0), width=_BAR_CELLS, complete_style="cyan", finished_style="cyan"
+        _BAR_FULL_SCALE_N,
+        max(force_n, 0.0),
+        width=_BAR_WIDTH_CELLS,
+        complete_style="cyan",
+        finished_style="cyan",
     )

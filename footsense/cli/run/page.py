@@ -13,7 +13,7 @@ from footsense.config.sections import View
 from footsense.shared_file import is_locked
 
 
-def own_view(view: View) -> View:
+def view_section_of_run(view: View) -> View:
     """Return the section with a file of this run: its own, or another one where a running service has taken it."""
     path = Path(view.cycles)
     with contextlib.suppress(OSError), path.open("rb") as taken:
@@ -23,7 +23,7 @@ def own_view(view: View) -> View:
 
 
 @contextlib.contextmanager
-def page_of(view: View) -> Iterator["Page"]:
+def serve_page(view: View) -> Iterator["ViewProcess"]:
     """Serve the page of a run on the configured port, or on a free one where that is in use.
 
     The child process starts before the loop asks for real-time scheduling, and ends with the run.
@@ -31,14 +31,14 @@ def page_of(view: View) -> Iterator["Page"]:
     Yields:
         The page.
     """
-    page = Page(view)
+    page = ViewProcess(view)
     try:
         yield page
     finally:
         page.close()
 
 
-class Page:
+class ViewProcess:
     """A running `footsense view`.
 
     Args:
@@ -47,10 +47,10 @@ class Page:
 
     def __init__(self, view: View) -> None:
         self._view = view
-        self._process = self._start(view.port)
+        self._process = self._start_process(view.port)
         self._url: str | None = None
 
-    def _start(self, port: int) -> subprocess.Popen[str]:
+    def _start_process(self, port: int) -> subprocess.Popen[str]:
         view = self._view
         arguments = ["--cycles", view.cycles, "--address", view.address, "--port", str(port), "--with-parent"]
         return subprocess.Popen(  # noqa: S603 - our own module
@@ -65,19 +65,19 @@ class Page:
     def url(self) -> str:
         """Address of the page; waits until it is served. Empty if it cannot be."""
         if self._url is None:
-            self._url = self._read()
+            self._url = self._read_url()
             if not self._url:
                 self._process.wait()
-                self._process = self._start(0)
-                self._url = self._read()
+                self._process = self._start_process(0)
+                self._url = self._read_url()
         return self._url
 
-    def _read(self) -> str:
+    def _read_url(self) -> str:
         assert self._process.stdout is not None
         return self._process.stdout.readline().strip()
 
     def close(self) -> None:
-        """End the process."""
+        """End the process that serves the page."""
         self._process.terminate()
         self._process.wait()
         if self._process.stdout is not None:

@@ -9,7 +9,7 @@ from footsense.progress import progress_bar
 _NS_PER_S = 1_000_000_000
 
 
-class RunBar(Observer):
+class SimulationProgressBar(Observer):
     """An observer that shows the simulated time.
 
     Args:
@@ -24,12 +24,12 @@ class RunBar(Observer):
         self._seconds_done = self._stack.enter_context(progress_bar("simulated", duration_s))
 
     def observe(self, cycle: Cycle) -> None:
-        """Show each new second."""
+        """Update the progress bar at each new second of simulated time."""
         now_s = (cycle.forces.t_sent_ns - self._start_ns) // _NS_PER_S
         if now_s != self._shown_s:
             self._shown_s = now_s
             self._seconds_done(now_s)
 
     def close(self) -> None:
-        """Remove the bar."""
+        """Remove the progress bar."""
         self._stack.close()

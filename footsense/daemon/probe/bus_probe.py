@@ -23,14 +23,14 @@ from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
 from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
-from footsense.estimation.faults.causes import SILENT
+from footsense.estimation.faults.causes import SILENT_READINGS
 from footsense.frames import ELEMENTS
 from footsense.sim.scene import Scene
 
 #: Scans for the noise: they give its standard deviation to a sixth.
 _N_SCANS = 20
 #: Scans before them: converters that were just set up may still settle, and legs that fail are left out.
-_N_SETTLING = 4
+_N_DISCARDED_SCANS = 4
 
 
 def scan_adapters() -> list[ProbedAdapter]:
@@ -81,7 +81,7 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
     feet, timings = None, None
     if all(report.scan.mux_answers for report in buses):
         try:
-            feet, timings = _foot_scans(config, scene)
+            feet, timings = _scan_feet(config, scene)
         except HardwareError as error:
             diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
     legs = tuple(_probe_legs(config, buses, feet, timings))
@@ -102,12 +102,10 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
             yield ProbedBus(bus, scan, drivers)
 
 
-def _foot_scans(
-    config: Config, scene: Scene | None
-) -> tuple[list[FootScans], list[ChipTiming | None] | None]:
+def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[ChipTiming | None] | None]:
     """Return the scans of each leg's foot, and the timing of its converter; None where a microcontroller scans."""
     with open_scan_source(config, scene) as started:
-        frames = started.read_scans(_N_SETTLING + _N_SCANS)[_N_SETTLING:]
+        frames = started.read_whole_scans(_N_DISCARDED_SCANS + _N_SCANS)[_N_DISCARDED_SCANS:]
         timings = None
         if isinstance(started.source, RobotScanner):
             timings = [leg.timing if leg.is_timed else None for leg in started.source.legs]
@@ -123,17 +121,17 @@ def _probe_legs(
     timings: list[ChipTiming | None] | None,
 ) -> Iterator[ProbedLeg]:
     """Yield the report of every leg, in the order of the configuration."""
-    places: list[tuple[str, str, int | str, ChannelScan | None]] = []
+    leg_channels: list[tuple[str, str, int | str, ChannelScan | None]] = []
     for report in buses:
         for number, (leg, channel) in enumerate(report.bus.legs.items()):
             chips = report.scan.channels.get(channel if isinstance(channel, int) else number)
-            places.append((leg, report.bus.device, channel, chips))
+            leg_channels.append((leg, report.bus.device, channel, chips))
     if config.serial is not None:
-        places = [(name, config.serial.device, "mcu", None) for name in config.legs]
+        leg_channels = [(name, config.serial.device, "mcu", None) for name in config.legs]
     # By the configuration and the design alone, without the calibrations.
     stray_pf, unloaded_pf = unloaded_capacitance_pf(replace(load_models(config), calibrations={}))
-    for row, place in enumerate(places):
-        scans = None if feet is None or np.isin(feet[row].reading, SILENT).all() else feet[row]
+    for row, place in enumerate(leg_channels):
+        scans = None if feet is None or np.isin(feet[row].reading, SILENT_READINGS).all() else feet[row]
         faults: tuple[FootFault, ...] = ()
         if (
             scans is not None and not scans.is_intermittent

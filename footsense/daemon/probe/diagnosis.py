@@ -8,13 +8,13 @@ from footsense.acquisition.probe.bus_scan import leg_chip_addresses
 from footsense.acquisition.probe.foot_check import CHIP_READINGS
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.config.contradictions import pull_up_fault
-from footsense.daemon.acquisition import SLOW_REL
+from footsense.daemon.acquisition import MIN_BUS_SPEED_REL
 from footsense.daemon.probe.report import Diagnosis, ProbedBus, ProbedLeg
 from footsense.frames import Reading
 
-_MUXES = range(0x70, 0x78)
+_MUX_ADDRESSES = range(0x70, 0x78)
 
-_CHECKS = {
+_PARTS_TO_CHECK = {
     Reading.NO_ANSWER: "its plug, its 3.3 V, and whether this is its channel",
     Reading.WRONG_CHIP: "what is plugged in there, and `board` in the configuration",
     Reading.DELAYED: "other masters on this bus, its pull-ups and its clock",
@@ -23,8 +23,8 @@ _CHECKS = {
 
 def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
     """Yield the faults of a bus as a whole."""
-    for what, check in _bus_faults(report, plan):
-        yield Diagnosis(report.bus.device, what, check)
+    for observation, advice in _bus_faults(report, plan):
+        yield Diagnosis(report.bus.device, observation, advice)
 
 
 def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
@@ -48,10 +48,10 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
                 "what it is; move it to another address or another bus",
             )
     if not scan.mux_answers:
-        yield _no_mux(report)
-    if scan.timing is not None and scan.timing.costs.rate_hz < SLOW_REL * bus.rate_hz:
+        yield _missing_mux(report)
+    if scan.bus_timing is not None and scan.bus_timing.costs.rate_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
         yield (
-            f"it runs at {scan.timing.costs.rate_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
+            f"it runs at {scan.bus_timing.costs.rate_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
             "dtparam=i2c_arm_baudrate and core_freq_min on a Raspberry Pi, or correct rate_hz",
         )
     skipped = [leg for leg, channel in bus.channels.items() if channel not in scan.channels]
@@ -73,7 +73,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
             )
 
 
-def _no_mux(report: ProbedBus) -> tuple[str, str]:
+def _missing_mux(report: ProbedBus) -> tuple[str, str]:
     """Return observation and advice where the mux does not answer."""
     bus, scan, drivers = report
     assert scan.upstream is not None
@@ -88,7 +88,7 @@ def _no_mux(report: ProbedBus) -> tuple[str, str]:
             f"the chip at {address:#04x} does not read back what is written, as a TCA9548A does",
             "which chip that is; LED and servo drivers have such addresses too",
         )
-    others = ", ".join(f"{other:#04x}" for other in scan.upstream.answering if other in _MUXES)
+    others = ", ".join(f"{other:#04x}" for other in scan.upstream.answering if other in _MUX_ADDRESSES)
     if others:
         return (
             f"no mux (TCA9548A) answers at {address:#04x}; {others} does",
@@ -102,21 +102,28 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
 
     A leg that could not be scanned is a fault of its bus.
     """
-    where = f"{'channel' if isinstance(report.channel, int) else 'adapter'} {report.channel}"
+    location = f"{'channel' if isinstance(report.channel, int) else 'adapter'} {report.channel}"
     chips, scans = report.chips, report.scans
     chips_fail = chips is not None and chips.outcome is not Reading.OK
     if scans is not None and (scans.is_intermittent or chips_fail):
         n_lost = int(np.isin(scans.reading, CHIP_READINGS).sum())
-        what = f"{where}: its chips answer now and then; {n_lost} of {scans.reading.size} readings were lost"
-        yield Diagnosis(report.leg, what, "its plug and cable: a loose contact")
+        observation = (
+            f"{location}: its chips answer now and then; {n_lost} of {scans.reading.size} readings were lost"
+        )
+        yield Diagnosis(report.leg, observation, "its plug and cable: a loose contact")
     elif chips is not None and chips.outcome is Reading.BUS_STUCK:
-        what = f"it holds SDA or SCL low as soon as {where} is connected"
-        yield Diagnosis(report.leg, what, "short in its cable or plug, and whether its chips have power")
+        observation = f"it holds SDA or SCL low as soon as {location} is connected"
+        yield Diagnosis(
+            report.leg, observation, "short in its cable or plug, and whether its chips have power"
+        )
     elif chips is not None and chips_fail:
-        yield Diagnosis(report.leg, f"{where}: {chips.why}", _CHECKS[chips.outcome])
+        yield Diagnosis(report.leg, f"{location}: {chips.why}", _PARTS_TO_CHECK[chips.outcome])
     if report.timing is not None and report.timing.slowness > 1.0:
         slower = f"{100 * (report.timing.slowness - 1):.0f} %"
-        what = f"{where}: its conversions take {slower} longer than the slowest converter may; all legs wait for them"
-        yield Diagnosis(report.leg, what, "its supply; or replace the converter")
+        observation = (
+            f"{location}: its conversions take {slower} longer than the slowest converter may; "
+            "all legs wait for them"
+        )
+        yield Diagnosis(report.leg, observation, "its supply; or replace the converter")
     for fault in report.faults:
         yield Diagnosis(report.leg, fault.what, fault.check)

@@ -1,6 +1,6 @@
 """Residual test of the elements of a foot, and isolation of the faulty ones.
 
-A foot has nine elements and a load far fewer unknowns, so each closure follows roughly from the other eight. With
+A foot has nine elements and a load far fewer unknowns, so each closure follows roughly from the others. With
 S = E[x x^T] over the loads of a foot, the least-squares prediction of x_i from all others leaves the residual
 (S^-1 x)_i / (S^-1)_ii: one matrix product tests all elements at once. Over the loads that a foot is trained for the
 residual is at most 14 % of the others' closures.
@@ -21,13 +21,11 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.frames import ELEMENTS, Mask, Vector
+from footsense.estimation.faults.missing_sets import missing_sets
+from footsense.frames import Mask, Vector
 
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
-#: The latter over the root of the others' sum of squares [1].
-_LIMIT_REL_OF_SUM = np.array(RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS))
 #: Share of the largest residual that goes into sigma [1]: its root mean square in fast gaits and steps is a third.
 INCONSISTENCY_REL = 0.5
 #: Predicted closure from which the motion of an element can be tested [1].
@@ -42,10 +40,6 @@ READMISSION_LOSS_RATE = 4
 CAUSE_HOLD_REL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_REL = 0.3
-
-_SUMS_OF_BOTH = np.kron(np.eye(2), np.ones((ELEMENTS, 1)))
-_SINGLE, _LINES = slice(1, 1 + ELEMENTS), slice(1 + ELEMENTS, None)
-_N_KEPT = (~MISSING_SETS).sum(axis=1)
 
 
 class ConsistencyResult(NamedTuple):
@@ -85,10 +79,17 @@ class ConsistencyTest:
         self._imputation = Imputation(moments)
         self._settled_ns = settled_ns
         self._matrices: dict[bytes, Vector] = {}
-        shape = (n_legs, ELEMENTS)
-        self._residual_matrices = np.stack([self._residual_matrix(missing) for missing in MISSING_SETS])
+        n = len(moments)
+        shape = (n_legs, n)
+        self._sets = missing_sets(n).sets
+        self._n_kept = (~self._sets).sum(axis=1)
+        self._single_and_lines = slice(1, 1 + n), slice(1 + n, None)
+        # The second limit over the root of the sum of squares.
+        self._limit_rel_of_sum = np.array(RESIDUAL_LIMIT_REL / math.sqrt(n))
+        self._sums_of_both = np.kron(np.eye(2), np.ones((n, 1)))
+        self._residual_matrices = np.stack([self._residual_matrix(missing) for missing in self._sets])
         self._whole = np.ascontiguousarray(self._residual_matrices[0].T)
-        self._residual_and_closure = np.hstack([self._whole, np.eye(ELEMENTS)])
+        self._residual_and_closure = np.hstack([self._whole, np.eye(n)])
         self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
         self._unexplained = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
@@ -115,7 +116,7 @@ class ConsistencyTest:
             closure_rel: Closures over the gap [1], shape (legs, 9).
         """
         both = closure_rel @ self._residual_and_closure
-        squares: Vector = both * both @ _SUMS_OF_BOTH
+        squares: Vector = both * both @ self._sums_of_both
         return squares
 
     def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
@@ -132,7 +133,7 @@ class ConsistencyTest:
         residual = np.abs(closure_rel @ self._whole)
         sum_rel2 = np.add.reduce(closure_rel * closure_rel, axis=1, keepdims=True)
         # A NaN is never consistent: its leg is tested by itself, like a leg with a missing element.
-        consistent = residual <= (RESIDUAL_LIMIT + motion_rel[:, None]) + _LIMIT_REL_OF_SUM * np.sqrt(
+        consistent = residual <= (RESIDUAL_LIMIT + motion_rel[:, None]) + self._limit_rel_of_sum * np.sqrt(
             sum_rel2
         )
         if (
@@ -257,13 +258,15 @@ class ConsistencyTest:
 
     def _isolate(self, closure_rel: Vector, missing: Mask, motion_rel: float) -> Mask:
         """Return the smallest known set around `missing` without which the rest is consistent; else `missing`."""
-        known = np.where(MISSING_SETS, 0.0, closure_rel)
+        known = np.where(self._sets, 0.0, closure_rel)
         residual = np.abs(np.einsum("sij,sj->si", self._residual_matrices, known)).max(axis=1)
-        excess = residual / _residual_limit_rel(np.sqrt(np.square(known).sum(axis=1) / _N_KEPT), motion_rel)
-        excess[(missing & ~MISSING_SETS).any(axis=1)] = np.inf
-        for sets in (_SINGLE, _LINES):
+        excess = residual / _residual_limit_rel(
+            np.sqrt(np.square(known).sum(axis=1) / self._n_kept), motion_rel
+        )
+        excess[(missing & ~self._sets).any(axis=1)] = np.inf
+        for sets in self._single_and_lines:
             if excess[sets].min() <= 1.0:
-                isolated: Mask = MISSING_SETS[sets][excess[sets].argmin()]
+                isolated: Mask = self._sets[sets][excess[sets].argmin()]
                 return isolated
         return missing
 
@@ -271,7 +274,7 @@ class ConsistencyTest:
         """Return R of the residuals R @ x of closures x, shape (9, 9); rows and columns are zero where missing."""
         key = missing.tobytes()
         if key not in self._matrices:
-            matrix = np.zeros((ELEMENTS, ELEMENTS))
+            matrix = np.zeros_like(self._moments)
             kept = np.flatnonzero(~missing)
             precision = np.linalg.inv(self._moments[np.ix_(kept, kept)])
             matrix[np.ix_(kept, kept)] = precision / precision.diagonal()[:, None]

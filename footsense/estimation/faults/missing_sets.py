@@ -1,35 +1,66 @@
 """Sets of missing elements that the network is trained for: none, any single one, any row or column."""
 
+import math
+from functools import cache
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ELEMENTS, Mask
 
-_ELEMENTS = np.arange(ELEMENTS)
 
-#: The rows, then the columns, as sets of elements, shape (6, 9).
-LINES: Mask = np.array([n == _ELEMENTS // 3 for n in range(3)] + [n == _ELEMENTS % 3 for n in range(3)])
-ROWS, COLUMNS = LINES[:3], LINES[3:]
-#: Every set, the empty one first, shape (16, 9).
-MISSING_SETS: Mask = np.concatenate([np.zeros((1, ELEMENTS), bool), np.eye(ELEMENTS, dtype=bool), LINES])
+class MissingSets(NamedTuple):
+    """The sets of a foot with n elements in r rows and r columns, as masks of elements.
 
-#: Bit of each element in a pattern of elements.
-_BITS = (1 << _ELEMENTS).astype(np.uint16)
-_INDEX_OF = np.zeros(1 << ELEMENTS, np.intp)
-_INDEX_OF[MISSING_SETS @ _BITS] = np.arange(len(MISSING_SETS))
-#: Smallest set that contains each of the 512 patterns; the empty one where no set does.
-_PATTERNS = (np.arange(1 << ELEMENTS)[:, None] & _BITS) > 0
-_SMALLEST_AROUND = MISSING_SETS[(~(_PATTERNS[:, None] & ~MISSING_SETS).any(axis=2)).argmax(axis=1)]
+    Attributes:
+        sets: Every set, the empty one first, then the single elements, rows, and columns, shape (1 + n + 2 r, n).
+        rows: The rows, shape (r, n).
+        columns: The columns, shape (r, n).
+        bits: Bit of each element in a pattern of elements, shape (n,).
+        index_of: Index in `sets` of each of the 2^n patterns; 0 also where it is no set.
+        smallest_around: Smallest set that contains each pattern; the empty one where no set does, shape (2^n, n).
+    """
+
+    sets: Mask
+    rows: Mask
+    columns: Mask
+    bits: NDArray[np.uint16]
+    index_of: NDArray[np.intp]
+    smallest_around: Mask
+
+
+@cache
+def missing_sets(n_elements: int) -> MissingSets:
+    """Return the sets of a foot with so many elements, at most 16."""
+    element, n_rows = np.arange(n_elements), math.isqrt(n_elements)
+    rows, columns = (np.array([n == line for n in range(n_rows)]) for line in divmod(element, n_rows))
+    none = np.zeros((1, n_elements), bool)
+    sets: Mask = np.concatenate([none, np.eye(n_elements, dtype=bool), rows, columns])
+    bits = (1 << element).astype(np.uint16)
+    index_of = np.zeros(1 << n_elements, np.intp)
+    index_of[sets @ bits] = np.arange(len(sets))
+    patterns = (np.arange(1 << n_elements)[:, None] & bits) > 0
+    # Set by set, the smaller ones last: all pairs at once would take a gigabyte of 16 elements.
+    smallest = np.zeros(1 << n_elements, np.intp)
+    for number in range(len(sets))[::-1]:
+        smallest[~(patterns & ~sets[number]).any(axis=1)] = number
+    return MissingSets(sets, rows, columns, bits, index_of, sets[smallest])
+
+
+#: Every set of the paper's foot, shape (16, 9).
+MISSING_SETS: Mask = missing_sets(ELEMENTS).sets
 
 
 def missing_set_index(missing: Mask) -> NDArray[np.intp]:
-    """Return the index in `MISSING_SETS` of each leg's missing elements, shape (legs,); 0 also for any other set.
+    """Return the index in the sets of each leg's missing elements, shape (legs,); 0 also for any other set.
 
     Example:
         >>> MISSING_SETS[missing_set_index(np.array([[1, 1, 1, 0, 0, 0, 0, 0, 0]], bool))[0]].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    index: NDArray[np.intp] = _INDEX_OF[missing @ _BITS]
+    known = missing_sets(missing.shape[1])
+    index: NDArray[np.intp] = known.index_of[missing @ known.bits]
     return index
 
 
@@ -44,7 +75,8 @@ def missing_elements(faulty: Mask) -> Mask:
         >>> missing_elements(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    missing: Mask = _SMALLEST_AROUND[faulty @ _BITS]
+    known = missing_sets(faulty.shape[1])
+    missing: Mask = known.smallest_around[faulty @ known.bits]
     return missing
 
 
@@ -57,5 +89,5 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
         >>> bin(int(fault_mask(unusable)[0]))
         '0b100000001'
     """
-    masks: NDArray[np.uint16] = unusable @ _BITS
+    masks: NDArray[np.uint16] = unusable @ missing_sets(unusable.shape[1]).bits
     return masks

@@ -3,18 +3,20 @@
 Pressing only adds capacitance, so an element that has lost half of its unloaded capacitance is an open line.
 """
 
+import math
+
 import numpy as np
 
-from footsense.frames import ELEMENTS, Mask, Vector
+from footsense.frames import Mask, Vector
 
 #: Capacitance below which an element is open, over its unloaded capacitance [1].
-OPEN_REL = 0.5
+OPEN_ELEMENT_THRESHOLD_REL = 0.5
 
 
-def floating_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
+def floating_row_crosstalk_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
     """Return the crosstalk of undriven rows into the readings of the other rows [pF], shape (legs, 9).
 
-    A row whose three elements are open has lost its line. Its electrodes float, and each column sees them in series
+    A row whose elements are open has lost its line. Its electrodes float, and each column sees them in series
     with their small capacitance to ground whichever row is selected: as much as the open element itself reads. An open
     element under the converter's range is on a board that grounds unselected columns: nothing is added there.
 
@@ -22,8 +24,9 @@ def floating_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
         capacitance_pf: Readings, stray included [pF], shape (legs, 9), NaN under the range.
         opened: Open elements, shape (legs, 9).
     """
-    floating = opened.reshape(-1, 3, 3).all(axis=2, keepdims=True)
-    readings_pf = capacitance_pf.reshape(-1, 3, 3)
+    rows = math.isqrt(opened.shape[1])
+    floating = opened.reshape(-1, rows, rows).all(axis=2, keepdims=True)
+    readings_pf = capacitance_pf.reshape(-1, rows, rows)
     per_column_pf = np.where(floating & ~np.isnan(readings_pf), readings_pf, 0.0).sum(axis=1, keepdims=True)
-    added_pf: Vector = np.where(floating, 0.0, per_column_pf).reshape(-1, ELEMENTS)
+    added_pf: Vector = np.where(floating, 0.0, per_column_pf).reshape(opened.shape)
     return added_pf

@@ -7,7 +7,7 @@ from operator import itemgetter
 from typing import NamedTuple
 
 #: Conversions that are kept: the hold of a contact, and the fall before it.
-KEPT = 40
+N_KEPT_CONVERSIONS = 40
 #: Share of the load at the touchdown [1] whose passing dates it, and the loads among which it is looked for.
 _PASSED_REL, _LOOKED = 0.18, 12
 #: Time from the touchdown to that passing: what the readings lag [s], and over the time since then [1]; and the spread

@@ -19,7 +19,7 @@ import msgspec
 from msgspec import Meta
 
 from footsense.foot.correction_terms import N_CORRECTION_TERMS
-from footsense.foot.force_errors import Errors
+from footsense.foot.force_errors import ForceErrors
 from footsense.foot.temperature import COLDEST_C, WARMEST_C
 
 FORMAT = 2
@@ -51,8 +51,8 @@ class HeldOut(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     """
 
     protocol: Annotated[str, Meta(min_length=1)]
-    design_only: Errors
-    calibrated: Errors
+    design_only: ForceErrors
+    calibrated: ForceErrors
 
 
 class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

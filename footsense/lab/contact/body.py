@@ -17,14 +17,14 @@ import ngsolve.comp
 import numpy as np
 
 from footsense.frames import Vector
-from footsense.lab.contact.floor import FACE, Floor
-from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
+from footsense.lab.contact.floor import GROUND_FACE, FloorModel
+from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy, strain_energy
 from footsense.lab.geometry import FootDesign
 
 #: Stiffness k of a closed gap to begin with [MPa/mm].
-GAP_STIFFNESS = 200.0
+INITIAL_GAP_STIFFNESS_MPA_PER_MM = 200.0
 #: Deepest penetration of a closed gap, over the gap [1].
-PENETRATION_REL = 0.01
+MAX_PENETRATION_REL = 0.01
 
 
 class Body:
@@ -40,56 +40,58 @@ class Body:
 
     def __init__(self, design: FootDesign, mesh: Any, order: int, axes: tuple[int, ...] = ()) -> None:
         self.design, self.mesh, self._axes = design, mesh, axes
-        ground = ng.VectorH1(mesh, order=order, definedon="rubber_ground|pdms_ground", dirichlety="mirror")
-        leg = ng.VectorH1(
+        ground_displacement_mm = ng.VectorH1(
+            mesh, order=order, definedon="rubber_ground|pdms_ground", dirichlety="mirror"
+        )
+        leg_displacement_mm = ng.VectorH1(
             mesh, order=order, definedon="rubber_leg|pdms_leg", dirichlet="curved_leg", dirichlety="mirror"
         )
         pressure = ng.H1(mesh, order=order - 1, definedon="rubber_ground|rubber_leg")
         # No ng.Compress here: it would lose what dirichlety holds.
-        self.space = ground * leg * pressure
+        self.space = ground_displacement_mm * leg_displacement_mm * pressure
         for _ in axes:
             self.space *= ng.NumberSpace(mesh)
         self.state = ng.GridFunction(self.space)
-        self._gap_stiffness = ng.Parameter(GAP_STIFFNESS)
+        self._gap_stiffness = ng.Parameter(INITIAL_GAP_STIFFNESS_MPA_PER_MM)
         self._points = ngsolve.comp.IntegrationRuleSpaceSurface(
             mesh, order=2 * order + 2, definedon=mesh.Boundaries("cavity")
         )
 
     @property
-    def ground(self) -> Any:
+    def ground_displacement_mm(self) -> Any:
         """Present displacement of the ground side [mm]."""
         return self.state.components[0]
 
     @property
-    def leg(self) -> Any:
+    def leg_displacement_mm(self) -> Any:
         """Present displacement of the leg side [mm]."""
         return self.state.components[1]
 
-    def form(self, floor: Floor, *, finite_strain: bool, gap_contact: bool) -> Any:
+    def weak_form(self, floor: FloorModel, *, finite_strain: bool, gap_contact: bool) -> Any:
         """Return internal work minus work of the ground contact, as a nonlinear form."""
         trial, test = self.space.TnT()
         (u_ground, u_leg, p, *_), (v_ground, v_leg, *_) = trial, test
-        form = ng.BilinearForm(self.space, symmetric=True)
+        weak_form = ng.BilinearForm(self.space, symmetric=True)
         rubber, pdms = self.design.rubber, self.design.pdms
         for side, u in (("ground", u_ground), ("leg", u_leg)):
-            mixed = mixed_energy(rubber, u, p, finite_strain=finite_strain).Compile()
-            plain = energy(pdms, u, finite_strain=finite_strain).Compile()
-            form += ng.Variation(mixed * ng.dx(f"rubber_{side}"))
-            form += ng.Variation(plain * ng.dx(f"pdms_{side}"))
+            mixed = mixed_strain_energy(rubber, u, p, finite_strain=finite_strain).Compile()
+            plain = strain_energy(pdms, u, finite_strain=finite_strain).Compile()
+            weak_form += ng.Variation(mixed * ng.dx(f"rubber_{side}"))
+            weak_form += ng.Variation(plain * ng.dx(f"pdms_{side}"))
         jump, jump_v = u_ground - u_leg, v_ground - v_leg
-        bars = Layer(pdms, self.design.spacer_mm)
-        form += bars.traction(jump) * jump_v * ng.ds(bars.faces)
+        bars = BondedLayer(pdms, self.design.spacer_mm)
+        weak_form += bars.traction(jump) * jump_v * ng.ds(bars.face_name)
         if gap_contact:
             deep = jump[2] - self.design.gap_um * 1e-3
             stress = self._gap_stiffness * ng.IfPos(deep, deep, 0.0)
-            form += stress * jump_v[2] * ng.ds("cavity", intrules=self._points.GetIntegrationRules())
-        form += floor.work(self._from_floor(trial), -self._from_floor(test))
-        area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds(FACE), self.mesh)
+            weak_form += stress * jump_v[2] * ng.ds("cavity", intrules=self._points.GetIntegrationRules())
+        weak_form += floor.work(self._relative_to_floor(trial), -self._relative_to_floor(test))
+        area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds(GROUND_FACE), self.mesh)
         for target_n, e in zip(floor.target_n, test[3:], strict=True):
-            form += -target_n / area_mm2 * e * ng.ds(FACE)
-        return form
+            weak_form += -target_n / area_mm2 * e * ng.ds(GROUND_FACE)
+        return weak_form
 
-    def _from_floor(self, functions: Sequence[Any]) -> Any:
+    def _relative_to_floor(self, functions: Sequence[Any]) -> Any:
         """Return the ground side's displacement relative to the floor, from functions of `space`."""
         floor = [ng.CF(0.0)] * 3
         for axis, position in zip(self._axes, functions[3:], strict=True):
@@ -97,9 +99,9 @@ class Body:
         return functions[0] - ng.CF(tuple(floor))
 
     @property
-    def ground_from_floor(self) -> Any:
+    def ground_relative_to_floor_mm(self) -> Any:
         """Present displacement of the ground side relative to the floor [mm]."""
-        return self._from_floor(self.state.components)
+        return self._relative_to_floor(self.state.components)
 
     @property
     def floor_mm(self) -> Vector:
@@ -118,7 +120,10 @@ class Body:
         """Return the deepest penetration of the electrode planes, over the gap [1]; below 0 while open."""
         gap_mm = self.design.gap_um * 1e-3
         deep = ng.GridFunction(self._points)
-        deep.Interpolate(self.ground[2] - self.leg[2] - gap_mm, definedon=self.mesh.Boundaries("cavity"))
+        deep.Interpolate(
+            self.ground_displacement_mm[2] - self.leg_displacement_mm[2] - gap_mm,
+            definedon=self.mesh.Boundaries("cavity"),
+        )
         return float(np.max(deep.vec.FV().NumPy())) / gap_mm
 
     def stiffen_gaps(self, factor: float) -> None:

@@ -26,12 +26,12 @@ class Equilibrium:
 
     Args:
         body: The foot; its state is the unknown.
-        form: Weak form of the foot with the ground contact.
+        weak_form: Weak form of the foot with the ground contact.
         scale_n: Force that residuals are divided by [N].
     """
 
-    def __init__(self, body: Body, form: Any, scale_n: float) -> None:
-        self._body, self._form, self._scale_n = body, form, scale_n
+    def __init__(self, body: Body, weak_form: Any, scale_n: float) -> None:
+        self._body, self._form, self._scale_n = body, weak_form, scale_n
         self._free = body.space.FreeDofs()
         self._held = ~np.array(list(self._free), dtype=bool)
         self._inverse: Any = None
@@ -48,7 +48,7 @@ class Equilibrium:
         residual.FV().NumPy()[self._held] = 0.0
         return residual
 
-    def _step(self, residual: Any) -> None:
+    def _newton_step(self, residual: Any) -> None:
         """Move the state by one Newton step."""
         self._form.AssembleLinearization(self._body.state.vec)
         if self._inverse is None:
@@ -80,7 +80,7 @@ class Equilibrium:
             if not math.isfinite(residual_rel):
                 break
             if steps < MAX_NEWTON_STEPS:
-                self._step(residual)
+                self._newton_step(residual)
         raise ConvergenceError(
             f"residual {residual_rel:.1e} of the force, wanted {tolerance_rel:.1e}, after {steps} Newton steps"
         )

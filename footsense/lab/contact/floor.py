@@ -4,25 +4,25 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 #: The face that a floor touches.
-FACE = "curved_ground"
+GROUND_FACE = "curved_ground"
 
 
 @dataclass(frozen=True, slots=True)
-class Patch:
+class ContactPatch:
     """Radius [mm], approach [mm] and peak pressure [MPa] of the contact between floor and ball.
 
     Attributes:
         radius_mm: Radius of the circle with the area of the touching surface, undeformed [mm].
         approach_mm: Travel of the floor along the normal since it touched [mm].
-        peak_mpa: Largest pressure per undeformed area [MPa], of its projection on linear elements.
+        peak_pressure_mpa: Largest pressure per undeformed area [MPa], of its projection on linear elements.
     """
 
     radius_mm: float
     approach_mm: float
-    peak_mpa: float
+    peak_pressure_mpa: float
 
 
-class Floor(Protocol):
+class FloorModel(Protocol):
     """Ground model that the equilibrium solver uses.
 
     Attributes:
@@ -37,8 +37,8 @@ class Floor(Protocol):
     def set_load_fraction(self, fraction: float) -> None:
         """Prescribe a fraction of the load case's force [1], and move the floor close to where it exerts that force."""
 
-    def settle(self) -> None:
+    def accept_load_step(self) -> None:
         """Accept the present displacements as the start of the next load step."""
 
-    def patch(self) -> Patch:
-        """Return the present contact patch."""
+    def patch(self) -> ContactPatch:
+        """Return radius, approach and peak pressure of the present contact patch."""

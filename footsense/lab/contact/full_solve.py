@@ -6,9 +6,9 @@ from typing import Literal
 import numpy as np
 
 from footsense.frames import Vector
-from footsense.lab.contact.body import PENETRATION_REL, Body
+from footsense.lab.contact.body import MAX_PENETRATION_REL, Body
 from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
-from footsense.lab.contact.floor import Floor, Patch
+from footsense.lab.contact.floor import ContactPatch, FloorModel
 from footsense.lab.contact.hertz_floor import HertzFloor
 from footsense.lab.contact.load_case import LoadCase
 from footsense.lab.contact.mesh import ContactMeshSize, build_mesh
@@ -46,7 +46,7 @@ class FullSolution:
     capacitance_pf: Vector
     cells_um: Vector
     penetration_rel: float
-    patch: Patch
+    patch: ContactPatch
     newton_steps: int
     n_unknowns: int
 
@@ -87,24 +87,30 @@ class FullFoot:
             ConvergenceError: No equilibrium was found.
         """
         case = LoadCase(self.design, normal, force_n, self.friction)
-        mesh = build_mesh(self.design, self.size, normal, case.hertz_mm, half=case.half)
+        mesh = build_mesh(self.design, self.size, normal, case.hertz_radius_mm, half=case.is_mirrored_at_y0)
         solved = self.floor == "solved"
-        body = Body(self.design, mesh, self.size.order, case.axes if solved else ())
-        element_mm = self.size.patch_rel * case.hertz_mm
-        floor: Floor = PlaneFloor(case, body, element_mm) if solved else HertzFloor(case, body)
+        body = Body(self.design, mesh, self.size.order, case.floor_axes if solved else ())
+        element_mm = self.size.patch_rel * case.hertz_radius_mm
+        floor: FloorModel = PlaneFloor(case, body, element_mm) if solved else HertzFloor(case, body)
         contact = self.gaps == "contact"
-        form = body.form(floor, finite_strain=self.finite_strain, gap_contact=contact)
-        equations = Equilibrium(body, form, float(np.linalg.norm(force_n)))
-        newton_steps = self._press(body, floor, equations)
+        weak_form = body.weak_form(floor, finite_strain=self.finite_strain, gap_contact=contact)
+        equations = Equilibrium(body, weak_form, float(np.linalg.norm(force_n)))
+        newton_steps = self._apply_load(body, floor, equations)
         stiffenings = 0
-        while contact and body.penetration_rel() > PENETRATION_REL:
+        while contact and body.penetration_rel() > MAX_PENETRATION_REL:
             if stiffenings == MAX_GAP_STIFFENINGS:
                 raise ConvergenceError(f"a gap is entered by {body.penetration_rel():.1%} of its height")
             body.stiffen_gaps(GAP_STIFFENING)
             newton_steps += equations.solve(LOAD_STEP_TOLERANCE_REL)
             stiffenings += 1
         newton_steps += equations.solve(TOLERANCE_REL)
-        samples_um = sampled_closure_um(self.design, mesh, body.ground, body.leg, half=case.half)
+        samples_um = sampled_closure_um(
+            self.design,
+            mesh,
+            body.ground_displacement_mm,
+            body.leg_displacement_mm,
+            half=case.is_mirrored_at_y0,
+        )
         cells_um = cell_means(samples_um)
         return FullSolution(
             closure_um=cells_um.mean(axis=1),
@@ -116,7 +122,7 @@ class FullFoot:
             n_unknowns=equations.n_unknowns,
         )
 
-    def _press(self, body: Body, floor: Floor, equations: Equilibrium) -> int:
+    def _apply_load(self, body: Body, floor: FloorModel, equations: Equilibrium) -> int:
         """Raise the load at once, or in halves of a step that does not converge; return the number of Newton steps.
 
         Returns:
@@ -141,6 +147,6 @@ class FullFoot:
                 stride, halvings = stride / 2.0, halvings + 1
                 continue
             if goal < 1.0:
-                floor.settle()
+                floor.accept_load_step()
             done = goal
         return newton_steps

@@ -8,9 +8,9 @@ from footsense.frames import Vector
 from footsense.lab.geometry import FootDesign
 
 #: A unit vector may be this far from length one.
-UNIT_TOLERANCE = 1e-6
+UNIT_LENGTH_TOLERANCE = 1e-6
 #: A component below this share of the vector counts as none.
-IN_PLANE = 1e-12
+IN_PLANE_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,43 +35,44 @@ class LoadCase:
         Raises:
             ValueError: The normal is no unit vector, or the force is outside the cone of friction around it.
         """
-        if not abs(np.linalg.norm(self.normal) - 1.0) <= UNIT_TOLERANCE:
+        if not abs(np.linalg.norm(self.normal) - 1.0) <= UNIT_LENGTH_TOLERANCE:
             raise ValueError(f"a contact normal has length 1, got {np.linalg.norm(self.normal):g}")
-        along = float(np.linalg.norm(self.force_n - self.pressing_n * self.normal))
-        if not (self.pressing_n > 0.0 and along < self.friction * self.pressing_n):
+        along = float(np.linalg.norm(self.force_n - self.normal_force_n * self.normal))
+        if not (self.normal_force_n > 0.0 and along < self.friction * self.normal_force_n):
             raise ValueError(
-                f"a floor of friction {self.friction:g} that is pressed with {self.pressing_n:g} N holds less than "
-                f"{max(self.friction * self.pressing_n, 0.0):g} N along itself, got {along:g} N"
+                f"a floor of friction {self.friction:g} that is pressed with {self.normal_force_n:g} N holds less than "
+                f"{max(self.friction * self.normal_force_n, 0.0):g} N along itself, got {along:g} N"
             )
 
     @property
-    def pressing_n(self) -> float:
+    def normal_force_n(self) -> float:
         """Force along the normal [N]."""
         return float(self.normal @ self.force_n)
 
     @property
-    def half(self) -> bool:
+    def is_mirrored_at_y0(self) -> bool:
         """Whether the plane y = 0 mirrors the case."""
         return bool(
-            abs(self.normal[1]) < IN_PLANE and abs(self.force_n[1]) < IN_PLANE * np.linalg.norm(self.force_n)
+            abs(self.normal[1]) < IN_PLANE_TOLERANCE
+            and abs(self.force_n[1]) < IN_PLANE_TOLERANCE * np.linalg.norm(self.force_n)
         )
 
     @property
-    def share(self) -> float:
+    def meshed_share(self) -> float:
         """The part of the foot that is meshed [1]."""
-        return 0.5 if self.half else 1.0
+        return 0.5 if self.is_mirrored_at_y0 else 1.0
 
     @property
-    def axes(self) -> tuple[int, ...]:
+    def floor_axes(self) -> tuple[int, ...]:
         """Directions in which the floor may move: not through the mirror."""
-        return (0, 2) if self.half else (0, 1, 2)
+        return (0, 2) if self.is_mirrored_at_y0 else (0, 1, 2)
 
     @property
-    def touch_mm(self) -> Vector:
+    def touch_point_mm(self) -> Vector:
         """Where the floor touches the unloaded ball [mm], shape (3,)."""
-        return self.design.touch_mm(self.normal)
+        return self.design.touch_point_mm(self.normal)
 
     @property
-    def hertz_mm(self) -> float:
+    def hertz_radius_mm(self) -> float:
         """Radius of the Hertz patch on a rigid plane [mm]: a^3 = 3 f.n R / (4 E*)."""
-        return self.design.patch_mm(self.pressing_n)
+        return self.design.hertz_patch_radius_mm(self.normal_force_n)

@@ -14,11 +14,11 @@ from netgen.meshing import MeshingParameters
 
 from footsense.foot.directions import tangent_frame
 from footsense.frames import Vector
-from footsense.lab.fem.solids import NEAR_MM, bodies, curved_mesh, lies_in, square
+from footsense.lab.fem.solids import EQUAL_WITHIN_MM, bodies, curved_mesh, lies_in_coordinate_plane, square
 from footsense.lab.geometry import FootDesign
 
 #: The mesh is fine out to this many radii of the expected contact patch: finite strain and friction shift it.
-PATCH_MARGIN = 1.3
+PATCH_REFINEMENT_FACTOR = 1.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,15 +45,17 @@ class ContactMeshSize:
 def _cut_at_y0(shape: Any) -> list[Any]:
     """Return the part with y > 0 as a list of one, or nothing; a shape that is not cut stays itself."""
     low, high = shape.bounding_box
-    if high.y < NEAR_MM:
+    if high.y < EQUAL_WITHIN_MM:
         return []
     # Cutting a face that needs no cut would lose it.
-    return [shape] if low.y > -NEAR_MM else [shape * occ.HalfSpace(occ.Pnt(0, 0, 0), occ.Vec(0, -1, 0))]
+    return (
+        [shape] if low.y > -EQUAL_WITHIN_MM else [shape * occ.HalfSpace(occ.Pnt(0, 0, 0), occ.Vec(0, -1, 0))]
+    )
 
 
 def _in_cavity(design: FootDesign, low: Any, high: Any) -> bool:
     """Return whether a box of the plane z = 0 lies in one of the cavities."""
-    reach = design.electrode_mm / 2.0 + NEAR_MM
+    reach = design.electrode_mm / 2.0 + EQUAL_WITHIN_MM
     return any(
         max(x_mm - low.x, high.x - x_mm, y_mm - low.y, high.y - y_mm) < reach
         for x_mm, y_mm in design.centres_mm
@@ -64,21 +66,21 @@ def _name_faces(shape: Any, design: FootDesign) -> None:
     """Name the faces of the weak form beside `curved_*`: `cavity`, `bars`, `mirror`; all others are free."""
     for face in shape.faces:
         low, high = face.bounding_box
-        if lies_in(face, "z"):
+        if lies_in_coordinate_plane(face, "z"):
             face.name = "cavity" if _in_cavity(design, low, high) else "bars"
-        elif lies_in(face, "y"):
+        elif lies_in_coordinate_plane(face, "y"):
             face.name = "mirror"
 
 
 def _mark_bar_edges(shape: Any, design: FootDesign, size: ContactMeshSize) -> None:
     """Mark the edges between cavities and bars for hp refinement: in the plane z = 0, not on the sheet's border."""
-    inside = design.sheet_mm / 2.0 - NEAR_MM
+    inside = design.sheet_mm / 2.0 - EQUAL_WITHIN_MM
     for edge in shape.edges:
         low, high = edge.bounding_box
-        if not lies_in(edge, "z"):
+        if not lies_in_coordinate_plane(edge, "z"):
             continue
         for start, end in ((low.x, high.x), (low.y, high.y)):
-            if abs(end - start) < NEAR_MM < abs(start) < inside:
+            if abs(end - start) < EQUAL_WITHIN_MM < abs(start) < inside:
                 edge.hpref = 1
                 edge.maxh = size.bar_mm
 
@@ -125,5 +127,5 @@ def build_mesh(
     _name_faces(shape, design)
     _mark_bar_edges(shape, design, size)
     parameters = MeshingParameters(maxh=size.ball_mm, grading=0.4)
-    _refine_patch(parameters, design, normal, size.patch_rel * patch_mm, PATCH_MARGIN * patch_mm)
+    _refine_patch(parameters, design, normal, size.patch_rel * patch_mm, PATCH_REFINEMENT_FACTOR * patch_mm)
     return curved_mesh(shape, parameters, size.order, layers=1, layer_rel=size.layer_rel)

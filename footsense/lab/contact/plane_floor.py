@@ -19,7 +19,7 @@ import ngsolve as ng
 import ngsolve.comp
 
 from footsense.lab.contact.body import Body
-from footsense.lab.contact.floor import FACE, Patch
+from footsense.lab.contact.floor import GROUND_FACE, ContactPatch
 from footsense.lab.contact.load_case import LoadCase
 
 #: E_n h / E* [1].
@@ -27,7 +27,7 @@ NORMAL_STIFFNESS_REL = 50.0
 #: Added under the root of |s|^2 [mm2], for its derivative at s = 0.
 SLIP_REGULARISATION_MM2 = 1e-24
 #: Halvings of the search for the floor's place before a load step.
-BISECTIONS = 30
+MAX_BISECTIONS = 30
 
 
 class PlaneFloor:
@@ -46,45 +46,47 @@ class PlaneFloor:
             element_mm: Size of the elements under the patch [mm].
         """
         self._case, self._body, self._mesh = case, body, body.mesh
-        self._moved = body.ground_from_floor
-        self.target_n = [ng.Parameter(0.0) for _ in case.axes]
+        self._moved = body.ground_relative_to_floor_mm
+        self.target_n = [ng.Parameter(0.0) for _ in case.floor_axes]
         self._fraction = self._settled_fraction = 0.0
         self._stiffness = NORMAL_STIFFNESS_REL * case.design.rubber.hertz_mpa / element_mm
-        region = self._mesh.Boundaries(FACE)
+        region = self._mesh.Boundaries(GROUND_FACE)
         points = ngsolve.comp.IntegrationRuleSpaceSurface(
-            self._mesh, order=2 * body.ground.space.globalorder + 3, definedon=region
+            self._mesh, order=2 * body.ground_displacement_mm.space.globalorder + 3, definedon=region
         )
         self._region = region
         self._anchor = ng.GridFunction(points**3)
-        self._surface = ng.ds(FACE, intrules=points.GetIntegrationRules())
+        self._surface = ng.ds(GROUND_FACE, intrules=points.GetIntegrationRules())
 
-    def _pressure(self, u: Any) -> Any:
+    def _contact_pressure_mpa(self, u: Any) -> Any:
         """Return p [MPa] under a displacement relative to the floor."""
-        here = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(self._case.touch_mm))
+        here = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(self._case.touch_point_mm))
         behind = -ng.InnerProduct(ng.CF(tuple(self._case.normal)), here + u)
         return self._stiffness * ng.IfPos(behind, behind, 0.0)
 
-    def _along(self, u: Any) -> Any:
+    def _tangential_displacement_mm(self, u: Any) -> Any:
         """Return the tangential part of a displacement relative to the floor [mm]."""
         n = ng.CF(tuple(self._case.normal))
         return u - ng.InnerProduct(u, n) * n
 
-    def _friction(self, u: Any) -> Any:
+    def _friction_traction_mpa(self, u: Any) -> Any:
         """Return the friction traction t [MPa] under a displacement, capped by the present iterate's pressure."""
-        slid = self._along(u) - self._anchor
+        slid = self._tangential_displacement_mm(u) - self._anchor
         distance = ng.sqrt(ng.InnerProduct(slid, slid) + SLIP_REGULARISATION_MM2)
-        cap = self._case.friction * self._pressure(self._moved)
+        cap = self._case.friction * self._contact_pressure_mpa(self._moved)
         return -slid * ng.IfPos(self._stiffness * distance - cap, cap / distance, self._stiffness)
 
     def work(self, u: Any, v: Any) -> Any:
         """Return the work of the traction p n + t along v."""
-        traction = self._pressure(u) * ng.CF(tuple(self._case.normal)) + self._friction(u)
+        traction = self._contact_pressure_mpa(u) * ng.CF(
+            tuple(self._case.normal)
+        ) + self._friction_traction_mpa(u)
         return ng.InnerProduct(traction, v) * self._surface
 
-    def _radius_mm(self) -> float:
+    def _equal_area_radius_mm(self) -> float:
         """Return the radius of the circle with the touching area [mm]."""
-        touching = ng.IfPos(self._pressure(self._moved), 1.0, 0.0)
-        area = ng.Integrate(touching * self._surface, self._mesh) / self._case.share
+        touching = ng.IfPos(self._contact_pressure_mpa(self._moved), 1.0, 0.0)
+        area = ng.Integrate(touching * self._surface, self._mesh) / self._case.meshed_share
         return math.sqrt(area / math.pi)
 
     def set_load_fraction(self, fraction: float) -> None:
@@ -93,32 +95,39 @@ class PlaneFloor:
         A Newton step depends on which points touch, not on how hard: with the right patch it nearly arrives.
         """
         self._fraction = fraction
-        for axis, target_n in zip(self._case.axes, self.target_n, strict=True):
-            target_n.Set(fraction * self._case.share * self._case.force_n[axis])
-        start, low, high = self._body.floor_mm, 0.0, self._case.hertz_mm**2 / self._case.design.ball_radius_mm
-        grown = self._case.hertz_mm * math.cbrt(fraction)
+        for axis, target_n in zip(self._case.floor_axes, self.target_n, strict=True):
+            target_n.Set(fraction * self._case.meshed_share * self._case.force_n[axis])
+        start, low, high = (
+            self._body.floor_mm,
+            0.0,
+            self._case.hertz_radius_mm**2 / self._case.design.ball_radius_mm,
+        )
+        grown = self._case.hertz_radius_mm * math.cbrt(fraction)
         if self._settled_fraction > 0.0:
-            grown = self._radius_mm() * math.cbrt(fraction / self._settled_fraction)
-        for _ in range(BISECTIONS):
+            grown = self._equal_area_radius_mm() * math.cbrt(fraction / self._settled_fraction)
+        for _ in range(MAX_BISECTIONS):
             middle = 0.5 * (low + high)
             self._body.move_floor(start + middle * self._case.normal)
-            low, high = (middle, high) if self._radius_mm() < grown else (low, middle)
+            low, high = (middle, high) if self._equal_area_radius_mm() < grown else (low, middle)
 
-    def settle(self) -> None:
+    def accept_load_step(self) -> None:
         """Move the anchors of slipping points: limit s to the Coulomb cap, zero without contact."""
-        anchor = self._along(self._moved) + self._friction(self._moved) / self._stiffness
+        anchor = (
+            self._tangential_displacement_mm(self._moved)
+            + self._friction_traction_mpa(self._moved) / self._stiffness
+        )
         moved = ng.GridFunction(self._anchor.space)
         moved.Interpolate(anchor, definedon=self._region)
         self._anchor.vec.data = moved.vec
         self._settled_fraction = self._fraction
 
-    def patch(self) -> Patch:
+    def patch(self) -> ContactPatch:
         """Return the present contact patch."""
         # Point by point a penalty's pressure wavers about the true one; its linear projection does not.
         pressure = ng.GridFunction(ng.H1(self._mesh, order=1, definedon=self._region))
-        pressure.Set(self._pressure(self._moved), definedon=self._region, bonus_intorder=5)
-        return Patch(
-            radius_mm=self._radius_mm(),
+        pressure.Set(self._contact_pressure_mpa(self._moved), definedon=self._region, bonus_intorder=5)
+        return ContactPatch(
+            radius_mm=self._equal_area_radius_mm(),
             approach_mm=float(self._case.normal @ self._body.floor_mm),
-            peak_mpa=float(pressure.vec.FV().NumPy().max()),
+            peak_pressure_mpa=float(pressure.vec.FV().NumPy().max()),
         )

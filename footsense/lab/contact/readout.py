@@ -14,26 +14,26 @@ from footsense.frames import Vector
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Cells along the side of an electrode.
-CELLS = 6
+CELLS_PER_SIDE = 6
 #: Gauss points along the side of a cell.
-POINTS = 3
+GAUSS_POINTS_PER_SIDE = 3
 #: Points are looked up this far inside the body [mm]: on the plane itself, and closer to it than half of this, the
 #: search may find the other body.
-INSIDE_MM = 2e-4
+SAMPLE_DEPTH_MM = 2e-4
 
 
-def sample_places_mm(design: FootDesign) -> tuple[Vector, Vector]:
+def sample_points_mm(design: FootDesign) -> tuple[Vector, Vector]:
     """Return x and y [mm] of the samples, each of shape (9, 6, 3, 6, 3): element, x cell, point, y cell, point.
 
     Both grow against their axis, as rows and columns of the array do.
     """
-    inside, _ = np.polynomial.legendre.leggauss(POINTS)
-    along = (np.arange(CELLS)[:, None] + 0.5 * (inside + 1.0)) / CELLS
+    inside, _ = np.polynomial.legendre.leggauss(GAUSS_POINTS_PER_SIDE)
+    along = (np.arange(CELLS_PER_SIDE)[:, None] + 0.5 * (inside + 1.0)) / CELLS_PER_SIDE
     offset = design.electrode_mm * (0.5 - along)
     centres = np.array(design.centres_mm)
     x_mm = centres[:, 0, None, None, None, None] + offset[:, :, None, None]
     y_mm = centres[:, 1, None, None, None, None] + offset
-    shape = (9, CELLS, POINTS, CELLS, POINTS)
+    shape = (9, CELLS_PER_SIDE, GAUSS_POINTS_PER_SIDE, CELLS_PER_SIDE, GAUSS_POINTS_PER_SIDE)
     return np.broadcast_to(x_mm, shape), np.broadcast_to(y_mm, shape)
 
 
@@ -47,28 +47,31 @@ def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, 
         leg: Displacement of the leg side [mm].
         half: The mesh has y > 0 only, and y < 0 is its mirror image.
     """
-    x_mm, y_mm = (places.ravel() for places in sample_places_mm(design))
+    x_mm, y_mm = (places.ravel() for places in sample_points_mm(design))
     if half:
         y_mm = np.abs(y_mm)
 
-    def on_plane(displacement: Any, up: float) -> Vector:
+    def plane_displacement_um(displacement: Any, up: float) -> Vector:
         """Return u_z in z = 0, extrapolated from two points inside."""
         near, far = (
             np.asarray(displacement[2](mesh(x_mm, y_mm, np.full(x_mm.shape, up * depth_mm))))
-            for depth_mm in (INSIDE_MM, 2.0 * INSIDE_MM)
+            for depth_mm in (SAMPLE_DEPTH_MM, 2.0 * SAMPLE_DEPTH_MM)
         )
         at_plane: Vector = 2.0 * near - far
         return at_plane
 
-    jump = on_plane(ground, -1.0) - on_plane(leg, 1.0)
-    return jump.reshape(9, CELLS, POINTS, CELLS, POINTS) * UM_PER_MM
+    jump = plane_displacement_um(ground, -1.0) - plane_displacement_um(leg, 1.0)
+    return (
+        jump.reshape(9, CELLS_PER_SIDE, GAUSS_POINTS_PER_SIDE, CELLS_PER_SIDE, GAUSS_POINTS_PER_SIDE)
+        * UM_PER_MM
+    )
 
 
 def cell_means(samples: Vector) -> Vector:
     """Return the means over the cells, shape (9, 36), flat index 6 ix + iy, of samples as above."""
-    _, weights = np.polynomial.legendre.leggauss(POINTS)
+    _, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS_PER_SIDE)
     means: Vector = np.einsum("eipjq,p,q->eij", samples, weights / 2.0, weights / 2.0)
-    return means.reshape(9, CELLS**2)
+    return means.reshape(9, CELLS_PER_SIDE**2)
 
 
 def capacitance_pf(design: FootDesign, samples_um: Vector) -> Vector:

@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter
 from footsense.lab.design.choice import Choice
 from footsense.lab.design.inputs.wishes import Wishes
 from footsense.lab.design.prediction.assess import ELEVATIONS_DEG
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 
 if TYPE_CHECKING:
     from footsense.lab.design.design import DesignedFoot
@@ -30,7 +30,7 @@ def draw(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wishes: W
         chosen: The chosen feet.
         wishes: The input.
     """
-    figure, (cloud, directions) = panels(2, 10.0, 4.4)
+    figure, (cloud, directions) = subplot_row(2, 10.0, 4.4)
     feet, screened = choice.feet, choice.screened
     works = np.flatnonzero(np.isfinite(screened.direction_deg))
     shown = np.random.default_rng(1).permutation(works)[:_DRAWN]

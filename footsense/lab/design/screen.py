@@ -18,7 +18,7 @@ from footsense.lab.design.inputs.boards import Converter
 from footsense.lab.design.inputs.wishes import READ_REL, Wishes
 from footsense.lab.design.prediction.closures import ClosureModel, Influence, design_loads
 from footsense.lab.design.prediction.shapes import RUBBER_POISSON, ShapeLibrary
-from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG
+from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG
 
 #: Feet evaluated at once, which limits memory.
 _AT_ONCE = 2000
@@ -49,7 +49,7 @@ class Screened(NamedTuple):
 
 def patch_limit_n(feet: Candidates) -> Vector:
     """Return the force whose contact patch is as wide as the response table holds [N], shape (n,)."""
-    widest = np.radians(MIN_ELEVATION_DEG - FIT_ELEVATION_DEG)
+    widest = np.radians(MIN_ELEVATION_DEG - MIN_FITTED_ELEVATION_DEG)
     limit: Vector = widest**3 * feet.rubber_mpa * feet.ball_radius_mm**2 / (0.75 * (1.0 - RUBBER_POISSON**2))
     return limit
 

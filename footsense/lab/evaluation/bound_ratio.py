@@ -24,7 +24,7 @@ from footsense.lab.training.load_cases import (
 #: Magnitudes at which a network is compared with the bound [gf].
 MAGNITUDES_GF = (20.0, 35.0, 50.0, 75.0, 100.0, 125.0, 150.0)
 #: Leaning loads at each magnitude, before those beyond the converter's range are left out.
-LEANING_LOADS = 1000
+N_LEANING_LOADS = 1000
 #: Seed of the noise and of the leaning loads.
 _SEED = 1
 
@@ -102,7 +102,7 @@ class CrbRatio:
     leaning: tuple[MagnitudeBin, ...]
 
     @property
-    def worst(self) -> float:
+    def worst_direction_ratio(self) -> float:
         """The headline: the largest `direction_ratio` of the centred loads."""
         return max(one.direction_ratio for one in self.centred)
 
@@ -118,7 +118,7 @@ def leaning_contacts(loads: LoadRange, rng: np.random.Generator, n: int) -> tupl
     return normal[reached], direction[reached]
 
 
-def _bin(
+def _errors_at_magnitude(
     foot: Foot,
     force_of: Callable[[Vector], Vector],
     contacts: tuple[Vector, Vector],
@@ -174,8 +174,9 @@ def crb_ratio(
     """
     foot, rng = Foot(response), np.random.default_rng(_SEED)
     direction = paper_directions("verification")
-    sets = ((direction, direction), leaning_contacts(loads, rng, LEANING_LOADS))
+    sets = ((direction, direction), leaning_contacts(loads, rng, N_LEANING_LOADS))
     centred, leaning = (
-        tuple(_bin(foot, force_of, contacts, gf, draws, rng) for gf in magnitudes_gf) for contacts in sets
+        tuple(_errors_at_magnitude(foot, force_of, contacts, gf, draws, rng) for gf in magnitudes_gf)
+        for contacts in sets
     )
     return CrbRatio(centred, leaning)

@@ -10,62 +10,64 @@ from pathlib import Path
 import numpy as np
 
 from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
-from footsense.lab.response import disc_normals
+from footsense.lab.response import cap_normals
 
 #: Response: largest difference over the largest value.
-RESPONSE_REL = 1e-6
+RESPONSE_TOLERANCE_REL = 1e-6
 #: Network, on the paper's verification cases: mean errors that a release may have [deg, gf]. Equal machines give equal
 #: bytes; elsewhere the last bit of 10^5 steps differs, and with it the error. What counts is that it is no worse than
 #: what was promised.
 DIRECTION_DEG, MAGNITUDE_GF = 0.24, 0.53
 #: A build that is compared with one that never met that (a quick one) may be this much worse [1].
-WORSE_REL = 0.2
+ERROR_INCREASE_TOLERANCE_REL = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class BuildDifference:
     """One figure compared between two builds: the measured and the tolerated value.
 
     Attributes:
-        what: Name and unit.
+        figure_name: Name and unit.
         measured: Difference between the builds; for an error, its value in the second build.
-        tolerated: Largest value of the same release.
+        tolerance: Largest value of the same release.
     """
 
-    what: str
+    figure_name: str
     measured: float
-    tolerated: float
+    tolerance: float
 
     @property
-    def same(self) -> bool:
-        """Whether the difference is tolerated."""
-        return self.measured <= self.tolerated
+    def is_within_tolerance(self) -> bool:
+        """Whether the difference is at most the tolerance."""
+        return self.measured <= self.tolerance
 
 
-def error(what: str, released: float, built: float, promised: float) -> Difference:
-    """Return whether the error of a build is one of the release's.
+def error_difference(figure_name: str, released: float, built: float, promised: float) -> BuildDifference:
+    """Return the comparison of a build's error with the released one and its promised limit.
 
     Example:
-        >>> error("error", 0.08, 0.19, 0.24).same, error("error", 0.08, 0.25, 0.24).same
-        (True, False)
+        >>> [error_difference("error", 0.08, built, 0.24).is_within_tolerance for built in (0.19, 0.25)]
+        [True, False]
     """
-    return Difference(what, built, max(promised, released * (1.0 + WORSE_REL)))
+    return BuildDifference(figure_name, built, max(promised, released * (1.0 + ERROR_INCREASE_TOLERANCE_REL)))
 
 
-def compare(first: Path, second: Path) -> list[Difference]:
+def compare_builds(first: Path, second: Path) -> list[BuildDifference]:
     """Return how the files in the second folder differ from the released ones in the first."""
     one, two = open_models(first)[0], open_models(second)[0]
-    normal = disc_normals(max(one.min_elevation_deg, two.min_elevation_deg))
+    normal = cap_normals(max(one.min_elevation_deg, two.min_elevation_deg))
     closures = [response.closure_um(normal, normal) for response in (one, two)]
     rows = [evaluate_models(folder)["paper_network"] for folder in (first, second)]
     return [
-        Difference(
+        BuildDifference(
             "response, largest over largest",
             float(np.abs(closures[0] - closures[1]).max() / np.abs(closures[0]).max()),
-            RESPONSE_REL,
+            RESPONSE_TOLERANCE_REL,
         ),
-        error(
+        error_difference(
             "network, mean direction error [deg]", rows[0].direction_deg, rows[1].direction_deg, DIRECTION_DEG
         ),
-        error("network, mean magnitude error [gf]", rows[0].magnitude_gf, rows[1].magnitude_gf, MAGNITUDE_GF),
+        error_difference(
+            "network, mean magnitude error [gf]", rows[0].magnitude_gf, rows[1].magnitude_gf, MAGNITUDE_GF
+        ),
     ]

@@ -21,28 +21,28 @@ from footsense.lab.evaluation.contact_model import (
     POINT,
     RATIO,
     ContactModel,
-    coordinates_of,
+    clip_to_response_range,
+    contact_coordinates_of,
     force_and_slopes,
-    limited,
 )
 from footsense.ports import Load
 
 #: Places of the rates, and of the acceleration of the normal force; size of the state.
 _RATE, _ACCELERATION, _STATES = slice(COORDINATES, 2 * COORDINATES), 2 * COORDINATES, 2 * COORDINATES + 1
 #: Sigma in the air and at touchdown: coordinates, rates, acceleration.
-_PRIOR = np.array([0.01, 0.22, 0.22, 0.085, 0.085, 1.0, 3.0, 3.0, 0.5, 0.5, 10.0])
+_PRIOR_SIGMA = np.array([0.01, 0.22, 0.22, 0.085, 0.085, 1.0, 3.0, 3.0, 0.5, 0.5, 10.0])
 #: One for the normal force and its derivatives, zero for the contact.
-_LOAD = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+_IS_NORMAL_FORCE_STATE = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 #: Linearisations of a measurement, and longest change of friction ratio and contact point by one [1].
 _ITERATIONS, _LONGEST = 2, np.array([0.25, 0.25, 0.12, 0.12])
 #: Contact point over which the closures turn by as much as they are [1].
-_CURVED = 0.25
+_CURVATURE_SCALE_REL = 0.25
 #: Probability of a model to stay, and least probability of one.
 _STAY, _LEAST_WEIGHT = 0.97, 1e-4
 #: Bounds of the normal force [N], and normal force below which the contact is forgotten [N].
 _FORCE_N, _AIR_N = (-0.05, 3.0), 0.01
 #: Innovations beyond this square weigh no more in the likelihood [1].
-_MOST_SQUARE = 60.0
+_MAX_SQUARED_INNOVATION = 60.0
 #: The network re-seeds after so many conversions of force apart by so many of its sigma and newtons.
 _PATIENCE, _SIGMAS, _APART_N, _SEEDING_N = 4, 5.0, 0.01, 0.05
 
@@ -50,18 +50,18 @@ _PATIENCE, _SIGMAS, _APART_N, _SEEDING_N = 4, 5.0, 0.01, 0.05
 _RATIO_S, _POINT_S = 0.03, 0.1
 
 
-class Motion(NamedTuple):
+class MotionModel(NamedTuple):
     """A model of the motion: spectral densities of the noise that drives it, and how long it remembers.
 
     Attributes:
         load: Of the normal force's third derivative [N2/s5].
-        load_s: Memory of the normal force's acceleration [s].
+        normal_force_memory_s: Memory of the normal force's acceleration [s].
         ratio: Of the friction ratio's second derivative [1/s3].
         point: Of the contact point's second derivative [1/s3].
     """
 
     load: float
-    load_s: float
+    normal_force_memory_s: float
     ratio: float
     point: float
 
@@ -70,7 +70,7 @@ class Motion(NamedTuple):
         rate, noise = np.zeros((2, _STATES, _STATES))
         rate[range(COORDINATES), range(COORDINATES, 2 * COORDINATES)] = 1.0
         rate[COORDINATES, _ACCELERATION] = 1.0
-        memory_s = np.array([np.inf, _RATIO_S, _RATIO_S, _POINT_S, _POINT_S, self.load_s])
+        memory_s = np.array([np.inf, _RATIO_S, _RATIO_S, _POINT_S, _POINT_S, self.normal_force_memory_s])
         moving = np.arange(COORDINATES, _STATES)
         rate[moving, moving] = -1.0 / memory_s
         noise[moving, moving] = [0.0, self.ratio, self.ratio, self.point, self.point, self.load]
@@ -80,7 +80,11 @@ class Motion(NamedTuple):
 
 
 #: The models: slow, usual, sudden.
-MOTIONS = (Motion(3e4, 0.03, 10.0, 0.075), Motion(1e6, 0.03, 300.0, 2.0), Motion(3e9, 0.02, 3e3, 22.0))
+MOTION_MODELS = (
+    MotionModel(3e4, 0.03, 10.0, 0.075),
+    MotionModel(1e6, 0.03, 300.0, 2.0),
+    MotionModel(3e9, 0.02, 3e3, 22.0),
+)
 
 
 class ContactFilter:
@@ -90,34 +94,36 @@ class ContactFilter:
         model: Model of the readings.
         n: Number of feet.
         step_s: Time from a conversion to the next [s].
-        lead_s: Time from a conversion to the asked time [s].
+        send_delay_s: Time from a conversion to the asked time [s].
     """
 
-    def __init__(self, model: ContactModel, n: int, step_s: float, lead_s: float) -> None:
+    def __init__(self, model: ContactModel, n: int, step_s: float, send_delay_s: float) -> None:
         self._model = model
         self._n = n
-        self._step, self._lead = ([one.transition(time_s) for one in MOTIONS] for time_s in (step_s, lead_s))
-        self._state = np.zeros((len(MOTIONS), n, _STATES))
-        self._covariance = np.tile(np.diag(_PRIOR**2), (len(MOTIONS), n, 1, 1))
-        self._weight = np.full((len(MOTIONS), n), 1.0 / len(MOTIONS))
-        self._switch = np.full((len(MOTIONS),) * 2, (1.0 - _STAY) / (len(MOTIONS) - 1))
+        self._step, self._lead = (
+            [one.transition(time_s) for one in MOTION_MODELS] for time_s in (step_s, send_delay_s)
+        )
+        self._state = np.zeros((len(MOTION_MODELS), n, _STATES))
+        self._covariance = np.tile(np.diag(_PRIOR_SIGMA**2), (len(MOTION_MODELS), n, 1, 1))
+        self._weight = np.full((len(MOTION_MODELS), n), 1.0 / len(MOTION_MODELS))
+        self._switch = np.full((len(MOTION_MODELS),) * 2, (1.0 - _STAY) / (len(MOTION_MODELS) - 1))
         np.fill_diagonal(self._switch, _STAY)
         self._apart = np.zeros(n, int)
 
     def read(self, element: int, closure_rel: Vector) -> None:
         """Take the conversions of one element of all feet: closures over the gap [1], shape (n,)."""
-        self._mix()
+        self._mix_models()
         self._predict()
-        likelihood = self._correct(element, np.tile(closure_rel, len(MOTIONS)))
+        likelihood = self._correct(element, np.tile(closure_rel, len(MOTION_MODELS)))
         weight = self._weight * np.exp(likelihood - likelihood.max(axis=0))
         weight = np.maximum(weight / weight.sum(axis=0), _LEAST_WEIGHT)
         self._weight = weight / weight.sum(axis=0)
         air = (self._weight * self._state[..., 0]).sum(axis=0) < _AIR_N
-        self._state[:, air] *= _LOAD
-        self._covariance[:, air] *= np.outer(_LOAD, _LOAD)
-        self._covariance[:, air] += np.diag((1.0 - _LOAD) * _PRIOR**2)
+        self._state[:, air] *= _IS_NORMAL_FORCE_STATE
+        self._covariance[:, air] *= np.outer(_IS_NORMAL_FORCE_STATE, _IS_NORMAL_FORCE_STATE)
+        self._covariance[:, air] += np.diag((1.0 - _IS_NORMAL_FORCE_STATE) * _PRIOR_SIGMA**2)
 
-    def _mix(self) -> None:
+    def _mix_models(self) -> None:
         """Mix the models' states by the probability of a switch."""
         after = self._switch.T @ self._weight
         share = self._switch[:, :, None] * self._weight[:, None] / after
@@ -144,7 +150,7 @@ class ContactFilter:
         found, unknown = state, np.zeros(len(state))
         slope = np.zeros_like(state)
         for _ in range(_ITERATIONS):
-            about = limited(found[:, :COORDINATES])
+            about = clip_to_response_range(found[:, :COORDINATES])
             closure, slopes = (part[:, element] for part in self._model.closure_and_slopes(about))
             slope[:, :COORDINATES] = slopes
             innovation = closure_rel - closure - (slopes * (state[:, :COORDINATES] - about)).sum(axis=1)
@@ -154,13 +160,15 @@ class ContactFilter:
             product = ((slopes[:, 1:] / about[:, :1]) ** 2 * contact_variance).sum(axis=1) * covariance[
                 :, 0, 0
             ]
-            bend = 0.5 * ((slopes[:, 3:] / _CURVED) ** 2 * contact_variance[:, 2:] ** 2).sum(axis=1)
+            bend = 0.5 * ((slopes[:, 3:] / _CURVATURE_SCALE_REL) ** 2 * contact_variance[:, 2:] ** 2).sum(
+                axis=1
+            )
             error = noise + unknown * product + bend
             unknown = np.minimum(1.0, error / np.maximum(explained, 1e-30))
             gain = carried / (explained + error)[:, None]
             last, found = found[:, contact], state + gain * innovation[:, None]
             found[:, contact] = np.clip(found[:, contact], last - _LONGEST, last + _LONGEST)
-        found[:, contact] = limited(found[:, :COORDINATES])[:, contact]
+        found[:, contact] = clip_to_response_range(found[:, :COORDINATES])[:, contact]
         found[:, 0] = np.clip(found[:, 0], *_FORCE_N)
         left = np.eye(_STATES) - gain[:, :, None] * slope[:, None]
         added = (gain * error[:, None])[:, :, None] * gain[:, None]
@@ -169,17 +177,17 @@ class ContactFilter:
             self._covariance.shape
         )
         variance = explained + error
-        likelihood: Vector = -0.5 * np.minimum(innovation**2 / variance, _MOST_SQUARE) - 0.5 * np.log(
-            variance
-        )
+        likelihood: Vector = -0.5 * np.minimum(
+            innovation**2 / variance, _MAX_SQUARED_INNOVATION
+        ) - 0.5 * np.log(variance)
         return likelihood.reshape(self._weight.shape)
 
     def force(self) -> tuple[Vector, Vector]:
         """Return force and sigma at the asked time [N], shapes (n, 3)."""
-        forces, variances = np.empty((2, len(MOTIONS), self._n, 3))
+        forces, variances = np.empty((2, len(MOTION_MODELS), self._n, 3))
         for k, (step, noise) in enumerate(self._lead):
             coordinates = (self._state[k] @ step.T)[:, :COORDINATES]
-            about = limited(coordinates)
+            about = clip_to_response_range(coordinates)
             whole_n, slopes = force_and_slopes(about)
             forces[k] = whole_n * (np.clip(coordinates[:, :1], 0.0, about[:, :1]) / about[:, :1])
             spread = (step @ self._covariance[k] @ step.T + noise)[:, :COORDINATES, :COORDINATES]
@@ -200,13 +208,13 @@ class ContactFilter:
         far &= np.linalg.norm(network.force_n, axis=1) > _SEEDING_N
         self._apart = np.where(far, self._apart + 1, 0)
         seeded = self._apart >= _PATIENCE
-        start = coordinates_of(network.force_n[seeded], network.contact_coordinates[seeded])
-        sigma = np.tile(_PRIOR, (len(start), 1))
+        start = contact_coordinates_of(network.force_n[seeded], network.contact_coordinates[seeded])
+        sigma = np.tile(_PRIOR_SIGMA, (len(start), 1))
         sigma[:, 0] = 2.0 * network.sigma_n[seeded].max(axis=1) + 0.01
         sigma[:, RATIO] = 2.0 * network.contact_sigma[seeded, 2:] + 0.01
         sigma[:, POINT] = 2.0 * network.contact_sigma[seeded, :2] + 0.01
         sigma[:, COORDINATES] = 5.0
         self._state[:, seeded] = np.pad(start, ((0, 0), (0, _STATES - COORDINATES)))
         self._covariance[:, seeded] = sigma[:, :, None] ** 2 * np.eye(_STATES)
-        self._weight[:, seeded] = 1.0 / len(MOTIONS)
+        self._weight[:, seeded] = 1.0 / len(MOTION_MODELS)
         self._apart[seeded] = -2 * _PATIENCE

@@ -9,47 +9,47 @@ import numpy as np
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Mask, Vector
-from footsense.lab.training.gait_windows import contact_of
+from footsense.lab.training.gait_windows import contact_and_normal_force
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 
 #: Number of coordinates, and where friction ratio and contact point are.
 COORDINATES, RATIO, POINT = 5, slice(1, 3), slice(3, 5)
 #: Bounds of the normal force [N], and of the lengths of friction ratio and contact point [1].
-LEAST_N, _MOST_N, _MOST_RATIO, _MOST_POINT = 2e-3, 2.5, 0.8, 0.5
+MIN_NORMAL_FORCE_N, _MOST_N, _MOST_RATIO, _MOST_POINT = 2e-3, 2.5, 0.8, 0.5
 #: Differences: of the normal force over itself, of friction ratio and contact point [1].
-_DIFFERENCES = np.array([0.02, 0.01, 0.01, 0.005, 0.005])
+_FINITE_DIFFERENCE_STEPS = np.array([0.02, 0.01, 0.01, 0.005, 0.005])
 #: Error of the response itself over the closure, and distance of a valid closure from full scale over the gap [1].
 _MODEL_REL, _FULL_MARGIN_REL = 1e-3, 1e-3
 
 
-def normals(point: Vector) -> Vector:
+def unit_normals(point: Vector) -> Vector:
     """Return the unit normals, shape (n, 3), at contact points, shape (n, 2)."""
     square = (point**2).sum(axis=1, keepdims=True)
     normal: Vector = np.hstack([2.0 * point, 1.0 - square]) / (1.0 + square)
     return normal
 
 
-def limited(coordinates: Vector) -> Vector:
+def clip_to_response_range(coordinates: Vector) -> Vector:
     """Return coordinates within the range of the response, shape (n, 5)."""
     inside = coordinates.copy()
-    inside[:, 0] = np.clip(coordinates[:, 0], LEAST_N, _MOST_N)
+    inside[:, 0] = np.clip(coordinates[:, 0], MIN_NORMAL_FORCE_N, _MOST_N)
     for part, most in ((RATIO, _MOST_RATIO), (POINT, _MOST_POINT)):
         length = np.linalg.norm(inside[:, part], axis=1, keepdims=True)
         inside[:, part] *= np.minimum(1.0, most / np.maximum(length, most))
     return inside
 
 
-def coordinates_of(force_n: Vector, contact: Vector) -> Vector:
+def contact_coordinates_of(force_n: Vector, contact: Vector) -> Vector:
     """Return coordinates, shape (n, 5), of forces [N] and of contact points with friction ratios as in `Load`."""
-    _, pressing_n = contact_of(force_n, normals(contact[:, :2]))
-    return limited(np.column_stack([pressing_n, contact[:, 2:], contact[:, :2]]))
+    _, pressing_n = contact_and_normal_force(force_n, unit_normals(contact[:, :2]))
+    return clip_to_response_range(np.column_stack([pressing_n, contact[:, 2:], contact[:, :2]]))
 
 
 def force_and_slopes(coordinates: Vector) -> tuple[Vector, Vector]:
     """Return forces [N], shape (n, 3), and their derivatives, shape (n, 3, 5)."""
     ratio, point = coordinates[:, RATIO], coordinates[:, POINT]
-    normal = normals(point)
-    unit = _force_per_newton(ratio, point)
+    normal = unit_normals(point)
+    unit = _force_per_normal_force(ratio, point)
     pressing_n = coordinates[:, :1]
     slopes = np.zeros((len(unit), 3, COORDINATES))
     slopes[:, :, 0] = unit
@@ -57,20 +57,20 @@ def force_and_slopes(coordinates: Vector) -> tuple[Vector, Vector]:
     slopes[:, 2, RATIO] = -pressing_n * normal[:, :2] / normal[:, 2:]
     for axis in range(2):
         step = 1e-5 * np.eye(2)[axis]
-        slopes[:, :, 3 + axis] = pressing_n * (_force_per_newton(ratio, point + step) - unit) / 1e-5
+        slopes[:, :, 3 + axis] = pressing_n * (_force_per_normal_force(ratio, point + step) - unit) / 1e-5
     return pressing_n * unit, slopes
 
 
-def _force_per_newton(ratio: Vector, point: Vector) -> Vector:
+def _force_per_normal_force(ratio: Vector, point: Vector) -> Vector:
     """Return forces over the normal force, shape (n, 3): the friction is perpendicular to the normal."""
-    normal = normals(point)
+    normal = unit_normals(point)
     along = -(normal[:, :2] * ratio).sum(axis=1, keepdims=True) / normal[:, 2:]
     force: Vector = normal + np.hstack([ratio, along])
     return force
 
 
 class ContactModel:
-    """Readings of a foot as designed.
+    """Model of the readings of a designed foot, as functions of contact coordinates.
 
     Args:
         response: Response of its type.
@@ -84,12 +84,12 @@ class ContactModel:
 
     def closure_and_slopes(self, coordinates: Vector) -> tuple[Vector, Vector]:
         """Return closures over the gap [1], shape (n, 9), and their derivatives, shape (n, 9, 5)."""
-        steps = _DIFFERENCES * np.ones_like(coordinates)
+        steps = _FINITE_DIFFERENCE_STEPS * np.ones_like(coordinates)
         steps[:, 0] *= coordinates[:, 0]
         changed = [coordinates, *(coordinates - steps * one for one in np.eye(COORDINATES))]
         every = np.concatenate(changed)
-        normal = normals(every[:, POINT])
-        force_n = every[:, :1] * _force_per_newton(every[:, RATIO], every[:, POINT])
+        normal = unit_normals(every[:, POINT])
+        force_n = every[:, :1] * _force_per_normal_force(every[:, RATIO], every[:, POINT])
         closure_um = sensed_closure_um(self._foot, normal, force_n)
         closure_rel = (closure_um / self._design.gap_um).reshape(len(changed), len(coordinates), -1)
         slopes = (closure_rel[0] - closure_rel[1:]).transpose(1, 2, 0) / steps[:, None]

@@ -30,7 +30,7 @@ from footsense.frames import Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, sensed_closure_um
 
 #: Step of the central differences: of the force relative to its magnitude, of the normal in radians.
-STEP = 1e-4
+RELATIVE_STEP = 1e-4
 
 
 class Unknowns(Enum):
@@ -108,7 +108,7 @@ def closure_sigma_um(design: CapacitorDesign, closure_um: Vector, noise_pf: floa
 
 
 def jacobian_um(
-    foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = STEP
+    foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = RELATIVE_STEP
 ) -> Vector:
     """Return how the sensed closures follow the unknowns, by central differences through the gap contact.
 
@@ -145,7 +145,7 @@ def force_bound(
     normal: Vector,
     force_n: Vector,
     unknowns: Unknowns,
-    step: float = STEP,
+    step: float = RELATIVE_STEP,
     *,
     noise_pf: float = NOISE_PF,
 ) -> Bound:

@@ -22,7 +22,7 @@ def rms(values: Vector) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _least_squares(features: Vector, force_n: Vector) -> Vector:
+def _fit_least_squares(features: Vector, force_n: Vector) -> Vector:
     """Return the matrix that reads forces from features, without offset: no load reads zero."""
     matrix, *_ = np.linalg.lstsq(features, force_n, rcond=None)
     return np.asarray(matrix, dtype=np.float64)
@@ -34,17 +34,17 @@ def capacitance_readout(design: CapacitorDesign, training: Cases) -> Readout:
     def change_pf(closure_um: Vector) -> Vector:
         return design.capacitance_pf(closure_um) - design.unloaded_pf
 
-    matrix = _least_squares(change_pf(training.closure_um), training.force_n)
+    matrix = _fit_least_squares(change_pf(training.closure_um), training.force_n)
     return lambda closure_um: change_pf(closure_um) @ matrix
 
 
 def elastance_readout(training: Cases) -> Readout:
     """Return the least-squares read-out of gap closures, which elastance (1/C) measures."""
-    matrix = _least_squares(training.closure_um, training.force_n)
+    matrix = _fit_least_squares(training.closure_um, training.force_n)
     return lambda closure_um: closure_um @ matrix
 
 
-def coverage(truth_n: Vector, estimate_n: Vector, sigma_n: Vector) -> dict[str, list[float]]:
+def sigma_coverage_shares(truth_n: Vector, estimate_n: Vector, sigma_n: Vector) -> dict[str, list[float]]:
     """Return the share of cases whose error is within one and within two sigma, per axis; 0.683 and 0.954 if Gaussian.
 
     Args:

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from footsense.errors import ModelError
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
@@ -19,7 +19,7 @@ from footsense.lab.evaluation.evaluate import (
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign, LoadRange
-from footsense.lab.response import films_of
+from footsense.lab.response import film_provenance
 from footsense.lab.similarity import force_unit
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import (
@@ -35,13 +35,13 @@ RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
 #: Seed and size of the held-out random loads.
 HELD_OUT_SEED, HELD_OUT_CASES = 2, 10_000
 #: Rows of the networks trained on the paper's 362 cases alone; without suffix: fed by inversion of the forward model.
-ALONE = "paper_network_362"
+PAPER_NETWORK_362 = "paper_network_362"
 
 
 def error_table(
     response: FootResponse, loads: LoadRange, released: Readout, alone: dict[str, Readout] | None = None
-) -> dict[str, Errors]:
-    """Return the errors of every read-out.
+) -> dict[str, ForceErrors]:
+    """Return the force errors of every read-out on the paper's cases and on random loads.
 
     Args:
         response: The foot.
@@ -58,7 +58,7 @@ def error_table(
     verification = paper_verification(response, force_unit=unit)
     rng = np.random.default_rng(HELD_OUT_SEED)
     held_out = random_loads(response, loads, HELD_OUT_CASES, HELD_OUT_SEED)
-    counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.min_judged_n
+    counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.min_evaluated_force_n
     noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
     test = Cases(held_out.force_n[counted], noisy_um[counted])
     readouts: dict[str, tuple[Readout, Cases]] = {
@@ -72,7 +72,10 @@ def error_table(
         "random_network": (released, test),
     }
     readouts |= {name: (read, verification) for name, read in (alone or {}).items()}
-    return {name: errors(cases.force_n, read(cases.closure_um)) for name, (read, cases) in readouts.items()}
+    return {
+        name: evaluate_force_errors(cases.force_n, read(cases.closure_um))
+        for name, (read, cases) in readouts.items()
+    }
 
 
 def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
@@ -107,13 +110,13 @@ def require_same_foot(
         **asdict(foot_design.capacitor),
         "ball_radius_mm": foot_design.ball_radius_mm,
         "hertz_modulus_mpa": foot_design.rubber.hertz_mpa,
-        "cavity": foot_design.air.kind,
-        **{name: getattr(foot_design.air, name) for name in ("leak_time_s", "gas_kpa")},
+        "cavity": foot_design.cavity_air.kind,
+        **{name: getattr(foot_design.cavity_air, name) for name in ("leak_time_s", "gas_kpa")},
     }
     tabled = {"foot_type": response.foot_type, **asdict(response.design)}
     air = asdict(response.cavity)
     tabled |= {"cavity": air.pop("kind"), **air}
-    films = films_of(foot_design)
+    films = film_provenance(foot_design)
     described |= {name: films.get(name) for name in ("gold", "parylene")}
     tabled |= {name: response.provenance.get(name) for name in ("gold", "parylene")}
     tabled |= {name: getattr(response, name) for name in ("ball_radius_mm", "hertz_modulus_mpa")}
@@ -128,14 +131,14 @@ def require_same_foot(
             )
 
 
-def evaluate_models(folder: Path) -> dict[str, Errors]:
+def evaluate_models(folder: Path) -> dict[str, ForceErrors]:
     """Return the error table of released files; the rows of the 362-case networks are those in the card."""
     response, network = open_models(folder)
     loads, gap_um = load_foot(folder / FOOT_FILE).loads, response.design.gap_um
     table = error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
     for name, row in network.card["errors"].items():
-        if name.startswith(ALONE):
-            table[name] = Errors(**row)
+        if name.startswith(PAPER_NETWORK_362):
+            table[name] = ForceErrors(**row)
     return table
 
 
@@ -151,24 +154,27 @@ def paper_protocol(folder: Path) -> dict[str, float]:
 
     response, network = open_models(folder)
     cases = paper_verification(response)
-    rows = [errors(cases.force_n, read(cases.closure_um)) for read in paper_networks(response, quick=False)]
+    rows = [
+        evaluate_force_errors(cases.force_n, read(cases.closure_um))
+        for read in paper_networks(response, quick=False)
+    ]
     ratio = crb_ratio(response, load_foot(folder / FOOT_FILE).loads, network.force_n)
     return {
         "paper_procedure_direction_deg": float(np.mean([row.direction_deg for row in rows])),
         "paper_procedure_magnitude_gf": float(np.mean([row.magnitude_gf for row in rows])),
-        "crb_ratio": ratio.worst,
+        "crb_ratio": ratio.worst_direction_ratio,
         "crb_ratio_typical": max(one.typical_ratio for one in ratio.centred),
     }
 
 
-def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) -> dict[str, Any]:
+def as_json(table: dict[str, ForceErrors], beside: dict[str, float] | None = None) -> dict[str, Any]:
     """Return the table as JSON values, the project's key figures first.
 
     Args:
         table: Result of `evaluate_models`.
         beside: Figures that are not of the table, such as `crb_ratio`.
     """
-    released, alone = table["paper_network"], table.get(ALONE)
+    released, alone = table["paper_network"], table.get(PAPER_NETWORK_362)
     linear = table["paper_linear_elastance"]
     return {
         **(beside or {}),
@@ -184,8 +190,8 @@ def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) ->
     }
 
 
-def as_markdown(table: dict[str, Errors]) -> str:
-    """Return the table for people, the paper's figures on top."""
+def as_markdown(table: dict[str, ForceErrors]) -> str:
+    """Return the error table as Markdown, the paper's figures on top."""
     lines = [
         "| read-out | cases | direction mean / p95 / max [deg] | magnitude mean / p95 / max [gf] |",
         "|---|---:|---:|---:|",

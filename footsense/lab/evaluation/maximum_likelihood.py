@@ -14,9 +14,9 @@ from footsense.lab.training.load_cases import sensed_closure_um
 #: An ambiguous load of a centred one on the diagonal: where the search for it starts, azimuth and elevation [deg].
 AZIMUTH_DEG, _START_DEG, _START_CONTACT_DEG = 45.0, (225.0, 50.0), (225.0, 57.0)
 #: Largest step of a round, of the force relative to itself and of the normal [rad].
-_LONGEST_STEP = 0.2
+_MAX_STEP_REL = 0.2
 #: Lowest elevation of a contact normal [deg], so that differences stay within the table.
-_LOWEST_DEG = 26.0
+_MIN_ELEVATION_DEG = 26.0
 
 
 class Fit(NamedTuple):
@@ -50,19 +50,19 @@ def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vect
         slope = jacobian_um(foot, normal, force, Unknowns.LEANING) / sigma
         step = (np.linalg.pinv(slope) @ ((closure_um - explained)[..., None] / sigma))[..., 0]
         step *= np.minimum(
-            1.0, _LONGEST_STEP / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
+            1.0, _MAX_STEP_REL / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
         )
         turned = normal + np.einsum("na,ani->ni", step[:, 3:], tangent_frame(normal))
         force = force + np.linalg.norm(force, axis=1, keepdims=True) * step[:, :3]
-        normal = lifted_normals(normalized(turned))
+        normal = clamp_to_min_elevation(normalized(turned))
     explained = sensed_closure_um(foot, normal, force)
     misfit = np.linalg.norm((closure_um - explained) / closure_sigma_um(design, explained), axis=1)
     return Fit(normal, force, misfit)
 
 
-def lifted_normals(unit: Vector) -> Vector:
+def clamp_to_min_elevation(unit: Vector) -> Vector:
     """Return unit vectors, shape (n, 3), with elevations below the lowest raised to it."""
-    z = np.maximum(unit[:, 2:], np.sin(np.radians(_LOWEST_DEG)))
+    z = np.maximum(unit[:, 2:], np.sin(np.radians(_MIN_ELEVATION_DEG)))
     across = np.linalg.norm(unit[:, :2], axis=1, keepdims=True)
     return np.concatenate([unit[:, :2] * np.sqrt(1.0 - z**2) / np.maximum(across, 1e-12), z], axis=1)
 

@@ -9,15 +9,21 @@ from footsense.estimation.baseline.contact import ContactDetector, ContactLimits
 from footsense.estimation.gait.tracker import GaitTracker
 from footsense.foot.response_table import FootResponse
 from footsense.frames import LEGS, GaitEvent, Mask, Stamps, Vector
-from footsense.lab.training.gait_readings import STEP_S, GaitReadings, ReadingConditions, joined, read_gait
-from footsense.lab.training.gait_windows import whole_windows, windows_of
+from footsense.lab.training.gait_readings import (
+    STEP_S,
+    GaitReadings,
+    ReadingConditions,
+    concatenate_gaits,
+    read_gait,
+)
+from footsense.lab.training.gait_windows import complete_windows, windows_of
 from footsense.ports import Estimator, Load, Window
 from footsense.sim.loads.rough_gait import FRICTION, RoughGait, Slides
 
 #: Threshold of contact before swings have shown their noise, and error of a baseline [N].
 _THRESHOLD_N, _BASELINE_N = 0.03, 4e-3
 #: Windows of one call.
-_AT_ONCE = 20_000
+_ROWS_PER_CALL = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,7 +37,7 @@ class RoughWalk:
         slides: Truth of each leg on the ground.
         stances_s: Start and end of each stance of each leg [s], shapes (k, 2).
         reported: Every event with the row of the conversion after which it was reported.
-        known: Whether the force is known, shape (n, legs): all elements are within the converter's range.
+        has_estimate: Whether the force is known, shape (n, legs): all elements are within the converter's range.
         contact: Debounced contact, shape (n, legs).
         estimated_normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
         friction_use: Friction use, shape (n, legs), NaN where there is none.
@@ -44,14 +50,14 @@ class RoughWalk:
     slides: list[Slides]
     stances_s: list[Vector]
     reported: list[tuple[int, GaitEvent]]
-    known: Mask
+    has_estimate: Mask
     contact: Vector
     estimated_normal: Vector
     friction_use: Vector
     coefficient: Vector
 
 
-def walk(
+def simulate_walk(
     response: FootResponse,
     estimator: Estimator,
     n_per_rel: float,
@@ -73,8 +79,8 @@ def walk(
     friction = rng.uniform(*FRICTION)
     gaits = [RoughGait(rng, max_n, n * STEP_S, friction) for _ in LEGS]
     conditions = ReadingConditions(drift_pf=0.3e-3)
-    readings = joined([read_gait(response, gait.loads, conditions, rng, n) for gait in gaits])
-    t_s = STEP_S * np.arange(1.0, n + 1) + readings.lead_s.mean(axis=0)
+    readings = concatenate_gaits([read_gait(response, gait.loads, conditions, rng, n) for gait in gaits])
+    t_s = STEP_S * np.arange(1.0, n + 1) + readings.send_delay_s.mean(axis=0)
     found = _run_gait_tracker(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64))
     return RoughWalk(
         t_s=t_s,
@@ -86,7 +92,7 @@ def walk(
             for gait in gaits
         ],
         reported=found.reported,
-        known=found.known,
+        has_estimate=found.has_estimate,
         contact=np.array(found.contact, np.float64),
         estimated_normal=np.array(found.normal),
         friction_use=np.array(found.friction_use),
@@ -99,7 +105,7 @@ class _GaitOutputs:
     """Outputs of the gait tracker after each conversion: events, contact, normal, friction."""
 
     reported: list[tuple[int, GaitEvent]]
-    known: Mask
+    has_estimate: Mask
     contact: list[Sequence[bool]]
     normal: list[Vector]
     friction_use: list[Vector]
@@ -111,7 +117,7 @@ def _run_gait_tracker(
 ) -> _GaitOutputs:
     """Run the gait tracker on readings, conversion by conversion, and return its outputs."""
     n_legs, n = readings.closure_rel.shape
-    loads, means_n = _loads(readings, estimator)
+    loads, means_n = _estimate_loads(readings, estimator)
     means_n *= n_per_rel
     contacts = [ContactDetector(ContactLimits(threshold_n=_THRESHOLD_N)) for _ in range(n_legs)]
     tracker = GaitTracker(n_legs, period_ns=0)
@@ -133,14 +139,14 @@ def _run_gait_tracker(
     return found
 
 
-def _loads(readings: GaitReadings, estimator: Estimator) -> tuple[Load, Vector]:
+def _estimate_loads(readings: GaitReadings, estimator: Estimator) -> tuple[Load, Vector]:
     """Return the loads after every conversion, shapes (n, legs, ...), and trimmed means, NaN without a whole window."""
     n_legs, n = readings.closure_rel.shape
     windows = windows_of(readings)
-    gait, time = np.nonzero(whole_windows(readings))
+    gait, time = np.nonzero(complete_windows(readings))
     loads = Load(*(np.full((n, n_legs, width), np.nan) for width in (3, 3, 4, 4)))
-    for first in range(0, len(gait), _AT_ONCE):
-        some = slice(first, first + _AT_ONCE)
+    for first in range(0, len(gait), _ROWS_PER_CALL):
+        some = slice(first, first + _ROWS_PER_CALL)
         missing = np.zeros(windows.closure_rel[some, 0].shape, bool)
         load = estimator.estimate(Window(windows.closure_rel[some], windows.age_s[some], missing))
         for whole, part in zip(loads, load, strict=True):

@@ -17,35 +17,35 @@ import numpy as np
 from footsense.frames import Mask, Vector
 from footsense.lab.evaluation.contact_model import (
     COORDINATES,
-    LEAST_N,
+    MIN_NORMAL_FORCE_N,
     POINT,
     RATIO,
     ContactModel,
-    coordinates_of,
+    clip_to_response_range,
+    contact_coordinates_of,
     force_and_slopes,
-    limited,
 )
 from footsense.lab.training.windowed_network import READINGS
 from footsense.ports import Load, Window
 
 #: Places of the unknowns: coordinates, first rates of each, second rate of the normal force.
-_RATE = slice(COORDINATES, 2 * COORDINATES)
-_UNKNOWNS = 2 * COORDINATES + 1
+_RATE_SLICE = slice(COORDINATES, 2 * COORDINATES)
+_N_UNKNOWNS = 2 * COORDINATES + 1
 #: Prior of the rates: of the normal force over itself [1/s], [1/s2], of friction ratio and contact point [1/s].
 _LOAD_RATE, _LOAD_RATE_2, _RATIO_RATE, _POINT_RATE = 15.0, 400.0, 2.5, 0.6
 #: Least normal force of those priors [N].
-_SCALE_N = 0.05
+_MIN_PRIOR_FORCE_N = 0.05
 #: Sigma of the prior over that of the network: the network has seen the same readings.
-_SIGMAS = 1.5
+_PRIOR_SIGMA_FACTOR = 1.5
 #: Error of the parabola one scan ago over the second difference of the readings [1].
-_CURVED = 1.0
+_CURVATURE_ERROR_FACTOR = 1.0
 #: The fit's sigma is at least that of the network times this: steps after the last reading are in no window.
-_LEAST_SIGMAS = 0.5
+_MIN_SIGMA_FACTOR = 0.5
 #: Longest change of friction ratio and contact point in a round, and within a window [1].
 _LONGEST, _WITHIN = 0.2, 0.3
 
 
-class _Rows(NamedTuple):
+class _WeightedReadings(NamedTuple):
     """Readings of n windows in a row: closures, times before the asked one [s], weights, shape (n, 27)."""
 
     closure_rel: Vector
@@ -53,14 +53,14 @@ class _Rows(NamedTuple):
     weight: Vector
 
 
-def at_rest(model: ContactModel, window: Window, sigmas: float = 20.0) -> Mask:
+def is_steady(model: ContactModel, window: Window, sigmas: float = 20.0) -> Mask:
     """Tell in which windows the readings of every element are equal but for some sigma of noise, shape (n,)."""
     apart = np.ptp(window.closure_rel, axis=1) / model.reading_sigma(window.closure_rel[:, 0])
     rest: Mask = (apart < sigmas).all(axis=1)
     return rest
 
 
-def fitted(model: ContactModel, window: Window, network: Load, rounds: int) -> tuple[Vector, Vector]:
+def fit_contact(model: ContactModel, window: Window, network: Load, rounds: int) -> tuple[Vector, Vector]:
     """Return forces and their sigma [N], shapes (n, 3), of some windows without missing elements.
 
     Args:
@@ -69,51 +69,56 @@ def fitted(model: ContactModel, window: Window, network: Load, rounds: int) -> t
         network: The network's answer.
         rounds: Rounds of Gauss-Newton.
     """
-    rows = _rows(model, window)
-    start = coordinates_of(network.force_n, network.contact_coordinates)
-    unknown, prior_sigma = np.zeros((2, len(start), _UNKNOWNS))
+    rows = _weighted_readings(model, window)
+    start = contact_coordinates_of(network.force_n, network.contact_coordinates)
+    unknown, prior_sigma = np.zeros((2, len(start), _N_UNKNOWNS))
     unknown[:, :COORDINATES] = start
     prior = unknown.copy()
-    scale_n = np.maximum(start[:, :1], _SCALE_N)
+    scale_n = np.maximum(start[:, :1], _MIN_PRIOR_FORCE_N)
     prior_sigma[:, :1] = 10.0
-    prior_sigma[:, RATIO] = _SIGMAS * network.contact_sigma[:, 2:] + 0.005
-    prior_sigma[:, POINT] = _SIGMAS * network.contact_sigma[:, :2] + 0.003
-    prior_sigma[:, _RATE] = np.array([0.0, _RATIO_RATE, _RATIO_RATE, _POINT_RATE, _POINT_RATE])
-    prior_sigma[:, [COORDINATES, _UNKNOWNS - 1]] = scale_n * np.array([_LOAD_RATE, _LOAD_RATE_2])
-    force_weight = 1.0 / (_SIGMAS * network.sigma_n + 1e-3) ** 2
+    prior_sigma[:, RATIO] = _PRIOR_SIGMA_FACTOR * network.contact_sigma[:, 2:] + 0.005
+    prior_sigma[:, POINT] = _PRIOR_SIGMA_FACTOR * network.contact_sigma[:, :2] + 0.003
+    prior_sigma[:, _RATE_SLICE] = np.array([0.0, _RATIO_RATE, _RATIO_RATE, _POINT_RATE, _POINT_RATE])
+    prior_sigma[:, [COORDINATES, _N_UNKNOWNS - 1]] = scale_n * np.array([_LOAD_RATE, _LOAD_RATE_2])
+    force_weight = 1.0 / (_PRIOR_SIGMA_FACTOR * network.sigma_n + 1e-3) ** 2
     for _ in range(rounds):
-        about = limited(unknown[:, :COORDINATES])
+        about = clip_to_response_range(unknown[:, :COORDINATES])
         residual, slopes = _residual(model, rows, about, unknown)
         force_n, force_slopes = force_and_slopes(about)
         weighted = slopes * rows.weight[..., None]
         weighted_force = force_slopes * force_weight[..., None]
         information = weighted.transpose(0, 2, 1) @ slopes
         information[:, :COORDINATES, :COORDINATES] += weighted_force.transpose(0, 2, 1) @ force_slopes
-        information[:, range(_UNKNOWNS), range(_UNKNOWNS)] += prior_sigma**-2.0
+        information[:, range(_N_UNKNOWNS), range(_N_UNKNOWNS)] += prior_sigma**-2.0
         gradient = (weighted * residual[..., None]).sum(axis=1) + (prior - unknown) / prior_sigma**2
         gradient[:, :COORDINATES] += (weighted_force * (network.force_n - force_n)[..., None]).sum(axis=1)
         step = np.linalg.solve(information, gradient[..., None])[..., 0]
         step[:, 1:COORDINATES] = np.clip(step[:, 1:COORDINATES], -_LONGEST, _LONGEST)
         unknown = unknown + step
-        unknown[:, :COORDINATES] = limited(unknown[:, :COORDINATES])
+        unknown[:, :COORDINATES] = clip_to_response_range(unknown[:, :COORDINATES])
     force_n, force_slopes = force_and_slopes(unknown[:, :COORDINATES])
     covariance = np.linalg.inv(information)[:, :COORDINATES, :COORDINATES]
     variance = ((force_slopes @ covariance) * force_slopes).sum(axis=2)
-    return force_n, np.maximum(np.sqrt(variance), _LEAST_SIGMAS * network.sigma_n)
+    return force_n, np.maximum(np.sqrt(variance), _MIN_SIGMA_FACTOR * network.sigma_n)
 
 
-def _rows(model: ContactModel, window: Window) -> _Rows:
+def _weighted_readings(model: ContactModel, window: Window) -> _WeightedReadings:
     """Return the readings of some windows with their weights."""
     n = len(window.missing)
     closure_rel, age_s = window.closure_rel.reshape(n, -1), window.age_s.reshape(n, -1)
     newest, before, oldest = window.closure_rel.transpose(1, 0, 2)
     curved = np.sqrt(((newest - 2.0 * before + oldest) ** 2).mean(axis=1, keepdims=True))
     scan_s = (window.age_s[:, 1] - window.age_s[:, 0]).mean(axis=1, keepdims=True)
-    variance = model.reading_sigma(closure_rel) ** 2 + (_CURVED * curved * (age_s / scan_s) ** 2) ** 2
-    return _Rows(closure_rel, -age_s, model.in_range(closure_rel) / variance)
+    variance = (
+        model.reading_sigma(closure_rel) ** 2
+        + (_CURVATURE_ERROR_FACTOR * curved * (age_s / scan_s) ** 2) ** 2
+    )
+    return _WeightedReadings(closure_rel, -age_s, model.in_range(closure_rel) / variance)
 
 
-def _residual(model: ContactModel, rows: _Rows, about: Vector, unknown: Vector) -> tuple[Vector, Vector]:
+def _residual(
+    model: ContactModel, rows: _WeightedReadings, about: Vector, unknown: Vector
+) -> tuple[Vector, Vector]:
     """Return measured minus explained closures, shape (n, 27), and their derivatives, shape (n, 27, unknowns)."""
     closure_rel, slopes = model.closure_and_slopes(about)
     per_newton = closure_rel / about[:, :1]
@@ -123,10 +128,10 @@ def _residual(model: ContactModel, rows: _Rows, about: Vector, unknown: Vector) 
         np.concatenate([part] * READINGS, axis=1) for part in (per_newton, by_ln_load, by_contact)
     )
     time_s = rows.time_s[..., None]
-    then = unknown[:, None, :COORDINATES] + time_s * unknown[:, None, _RATE]
+    then = unknown[:, None, :COORDINATES] + time_s * unknown[:, None, _RATE_SLICE]
     load_n = then[..., 0] + 0.5 * rows.time_s**2 * unknown[:, -1:]
-    in_contact = load_n > LEAST_N
-    load_n = np.where(in_contact, load_n, LEAST_N)
+    in_contact = load_n > MIN_NORMAL_FORCE_N
+    load_n = np.where(in_contact, load_n, MIN_NORMAL_FORCE_N)
     ln_load = np.clip(np.log(load_n / about[:, :1]), -2.0, 1.0)
     moved = np.clip(then[..., 1:] - about[:, None, 1:], -_WITHIN, _WITHIN)
     per_newton = per_newton + by_ln_load * ln_load + (by_contact * moved).sum(axis=2)

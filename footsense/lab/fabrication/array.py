@@ -7,7 +7,7 @@ from itertools import pairwise
 from footsense.lab.geometry import FootDesign
 
 #: Coordinates closer than this are one line [mm].
-_NEAR_MM = 1e-6
+_EQUAL_WITHIN_MM = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,13 +27,13 @@ class ElementArray:
     sheet_mm: float
 
     @classmethod
-    def of(cls, design: FootDesign) -> "ElementArray":
-        """Return the array of a foot.
+    def from_design(cls, design: FootDesign) -> "ElementArray":
+        """Return the rows and columns of a foot design's elements.
 
         Example:
             >>> from footsense.daemon.foot_types import released_path
             >>> from footsense.lab.foot_file import load_foot
-            >>> ElementArray.of(load_foot(released_path("foot.yaml"))).row_x_mm
+            >>> ElementArray.from_design(load_foot(released_path("foot.yaml"))).row_x_mm
             (5.0, 0.0, -5.0)
         """
         return cls(
@@ -65,6 +65,6 @@ def _lines(values_mm: Iterable[float]) -> tuple[float, ...]:
     """Return the different coordinates of the elements' centres, the highest first [mm]."""
     lines: list[float] = []
     for value in sorted(values_mm, reverse=True):
-        if not lines or lines[-1] - value > _NEAR_MM:
+        if not lines or lines[-1] - value > _EQUAL_WITHIN_MM:
             lines.append(value)
     return tuple(lines)

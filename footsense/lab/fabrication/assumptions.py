@@ -11,21 +11,21 @@ from footsense.sim.foot.fabrication import FootTolerances
 
 @dataclass(frozen=True, slots=True)
 class Assumptions:
-    """The process of a foot.
+    """Manufacturing process of a foot, and the rms deviations that it causes.
 
     Attributes:
         name: Its name in the table of `footsense lab design`.
         process: What it can make, and how well.
-        rms: Rms deviations of feet that it makes.
+        rms_deviations: Rms deviations of feet that it makes.
     """
 
     name: str
     process: Process
-    rms: FootTolerances
+    rms_deviations: FootTolerances
 
 
 def assumptions(design: FootDesign, name: str | None = None) -> Assumptions:
-    """Return what the design of a foot assumed.
+    """Return the manufacturing assumptions of a foot's design.
 
     Args:
         design: The foot.
@@ -51,14 +51,14 @@ def assumptions(design: FootDesign, name: str | None = None) -> Assumptions:
     if name not in known:
         raise FootsenseError(f"--process {name}: not in the table, which has {', '.join(known)}")
     process = known[name]
-    rms = FootTolerances(
+    rms_deviations = FootTolerances(
         gap_um=gap_tolerance_um(process, design.gap_um),
         film_um=process.film_tolerance_um,
         stray_pf=process.stray_tolerance_pf,
         stiffness_rel=process.stiffness_tolerance_rel,
         mount_deg=process.mount_tolerance_deg,
     )
-    return Assumptions(name, process, rms)
+    return Assumptions(name, process, rms_deviations)
 
 
 def _has_film(process: Process, design: FootDesign) -> bool:

@@ -12,11 +12,11 @@ from footsense.foot.cavity.air import CavityKind
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts import sheets, solids
-from footsense.lab.fabrication.parts.flex import GUARD, Flex
+from footsense.lab.fabrication.parts.flex import GUARD_NET, Flex
 from footsense.lab.fabrication.parts.readback import (
-    Shape,
+    CopperShape,
+    connected_conductors,
     narrowest_mm,
-    pieces,
     read_holes,
     read_layer,
     read_outline,
@@ -29,25 +29,25 @@ ROUNDING_MM, _VOLUME_REL = 2e-3, 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One figure of a file.
+    """One measured quantity of a written file, beside its expected value.
 
     Attributes:
         file: The file, in the folder of the foot.
-        what: What was measured.
-        wanted: What it should be.
+        quantity: What was measured.
+        expected: What it should be.
         measured: What it is.
         passed: Whether it is.
     """
 
     file: str
-    what: str
-    wanted: str
+    quantity: str
+    expected: str
     measured: str
     passed: bool
 
 
-def check_flex(folder: Path, flex: Flex) -> Iterator[Check]:
-    """Yield the checks of one flex.
+def check_flex_files(folder: Path, flex: Flex) -> Iterator[Check]:
+    """Yield the checks of the Gerber and drill files of one flex.
 
     Args:
         folder: Folder of the files.
@@ -64,34 +64,40 @@ def check_flex(folder: Path, flex: Flex) -> Iterator[Check]:
         f"{len(electrodes)} of {min(electrodes):.3f} to {max(electrodes):.3f} mm2",
         len(electrodes) == elements and max(abs(area - side**2) for area in electrodes) < ROUNDING_MM,
     )
-    conductors = pieces(shapes)
-    yield _nets(file, flex, conductors)
+    conductors = connected_conductors(shapes)
+    yield _check_nets(file, flex, conductors)
     narrowest = min(narrowest_mm([shape.area for shape in one]) for one in conductors)
-    yield at_least(file, "narrowest conductor", dimensions.MIN_TRACE_MM, narrowest)
+    yield check_at_least(file, "narrowest conductor", dimensions.MIN_TRACE_MM, narrowest)
     whole = [shapely.union_all([shape.area for shape in one]) for one in conductors]
     gap = min(a.distance(b) for k, a in enumerate(whole) for b in whole[:k])
-    yield at_least(file, "least distance of two nets", dimensions.MIN_GAP_MM, gap)
+    yield check_at_least(file, "least distance of two nets", dimensions.MIN_GAP_MM, gap)
     outline = read_outline(folder / flex.name / "profile.gbr")
     inner = [shape.area for shape in shapes if shape.function != "ConnectorPad"]
-    to_edge = min(_depth_mm(outline, area) for area in inner)
-    yield at_least(
-        f"{flex.name}/profile.gbr", "copper to the cut edge, contacts apart", dimensions.EDGE_MM, to_edge
+    to_edge = min(_inset_mm(outline, area) for area in inner)
+    yield check_at_least(
+        f"{flex.name}/profile.gbr",
+        "copper to the cut edge, contacts apart",
+        dimensions.COPPER_TO_EDGE_MM,
+        to_edge,
     )
     holes = read_holes(folder / flex.name / "drill.drl")
     to_copper = min(shapely.Point(u, v).distance(area) - d / 2.0 for u, v, d in holes for area in whole)
-    yield at_least(
-        f"{flex.name}/drill.drl", f"{len(holes)} holes, distance to copper", dimensions.EDGE_MM, to_copper
+    yield check_at_least(
+        f"{flex.name}/drill.drl",
+        f"{len(holes)} holes, distance to copper",
+        dimensions.COPPER_TO_EDGE_MM,
+        to_copper,
     )
 
 
-def _nets(file: str, flex: Flex, conductors: list[list[Shape]]) -> Check:
+def _check_nets(file: str, flex: Flex, conductors: list[list[CopperShape]]) -> Check:
     """Compare each conductor, found as connected copper, with the line that it should be."""
-    wanted = set()
+    expected = set()
     for k, net in enumerate(flex.nets):
         places = frozenset((round(u, 3), round(flex.line_v_mm[k], 3)) for u in flex.element_u_mm)
-        wanted.add((net, places, frozenset({str(2 * k + 2)})))
+        expected.add((net, places, frozenset({str(2 * k + 2)})))
     for number in range(1, len(flex.contact_v_mm) + 1, 2):
-        wanted.add((GUARD, frozenset(), frozenset({str(number)})))
+        expected.add((GUARD_NET, frozenset(), frozenset({str(number)})))
     found = set()
     for one in conductors:
         places = frozenset(
@@ -101,23 +107,25 @@ def _nets(file: str, flex: Flex, conductors: list[list[Shape]]) -> Check:
         )
         pins = frozenset(shape.pin for shape in one if shape.pin)
         found.add((" and ".join(sorted({shape.net for shape in one})), places, pins))
-    right = wanted & found
+    right = expected & found
     return Check(
         file,
         "conductors with their own electrodes and contact, and no other",
-        f"{len(wanted)}: {', '.join(flex.nets)}, guards",
+        f"{len(expected)}: {', '.join(flex.nets)}, guards",
         f"{len(right)} of {len(conductors)}",
-        found == wanted and len(conductors) == len(wanted),
+        found == expected and len(conductors) == len(expected),
     )
 
 
-def check_sheets(folder: Path, array: ElementArray, cavity: CavityKind) -> Iterator[Check]:
+def check_sheet_files(folder: Path, array: ElementArray, cavity: CavityKind) -> Iterator[Check]:
     """Yield the checks of spacer and film."""
     spacer, film = (sheets.read_dxf(folder / f"{name}.dxf") for name in ("spacer", "film"))
     half = array.sheet_mm / 2.0
     in_sheet = shapely.box(-half, -half, half, half)
-    drilled = 2.0 * math.pi / 4.0 * dimensions.HOLE_MM**2
-    yield near("film.dxf", "area in the sheet", array.sheet_mm**2, film.intersection(in_sheet).area, "mm2")
+    drilled = 2.0 * math.pi / 4.0 * dimensions.ALIGNMENT_HOLE_DIAMETER_MM**2
+    yield check_near(
+        "film.dxf", "area in the sheet", array.sheet_mm**2, film.intersection(in_sheet).area, "mm2"
+    )
     filled = shapely.Polygon(film.exterior).area - film.area
     yield Check(
         "film.dxf",
@@ -127,9 +135,9 @@ def check_sheets(folder: Path, array: ElementArray, cavity: CavityKind) -> Itera
         abs(filled - drilled) < 0.02 * drilled,
     )
     opened = in_sheet.difference(spacer)
-    channels = sheets.vents(array) if cavity == "vented" else []
-    wanted = shapely.union_all([sheets.cavities(array), *channels]).intersection(in_sheet).area
-    yield near("spacer.dxf", "open area in the sheet: cavities and vents", wanted, opened.area, "mm2")
+    channels = sheets.vent_channels(array) if cavity == "vented" else []
+    expected = shapely.union_all([sheets.spacer_openings(array), *channels]).intersection(in_sheet).area
+    yield check_near("spacer.dxf", "open area in the sheet: cavities and vents", expected, opened.area, "mm2")
     open_air = [
         part for part in shapely.get_parts(opened) if part.intersection(in_sheet.exterior).length > 0.0
     ]
@@ -141,7 +149,7 @@ def check_sheets(folder: Path, array: ElementArray, cavity: CavityKind) -> Itera
     )
 
 
-def check_solids(folder: Path, made: list[solids.Part]) -> Iterator[Check]:
+def check_solid_volumes(folder: Path, made: list[solids.Part]) -> Iterator[Check]:
     """Yield the volumes of the STEP files."""
     for part in made:
         measured = solids.read_step(folder / "step" / f"{part.name}.step").mass
@@ -154,31 +162,33 @@ def check_solids(folder: Path, made: list[solids.Part]) -> Iterator[Check]:
         )
 
 
-def _depth_mm(outline: Any, area: Any) -> float:
+def _inset_mm(outline: Any, area: Any) -> float:
     """Return the least distance of a shape from the edge of an outline [mm], negative outside."""
     distance = float(outline.exterior.distance(area))
     return distance if outline.contains(area) else -distance
 
 
 def check_tolerances(tolerances: list[Tolerance]) -> Iterator[Check]:
-    """Yield what the limits of the drawing use up of the deviations that the lab assumed."""
+    """Yield the share of the assumed deviations that each limit of the drawing uses up."""
     for row in tolerances:
-        what = f"{row.name} +-{row.limit:g} {row.unit}, against {row.assumed}"
-        yield Check("drawing.pdf", what, f"at most {row.allowed:.3g}", f"{row.counts:.3g}", row.kept)
+        quantity = f"{row.name} +-{row.limit:g} {row.unit}, against {row.assumed}"
+        yield Check(
+            "drawing.pdf", quantity, f"at most {row.allowed:.3g}", f"{row.used:.3g}", row.is_within_assumed
+        )
 
 
-def at_least(file: str, what: str, least_mm: float, measured_mm: float) -> Check:
+def check_at_least(file: str, quantity: str, least_mm: float, measured_mm: float) -> Check:
     """Return the check that a length is not below another."""
     return Check(
         file,
-        what,
+        quantity,
         f"at least {least_mm:g} mm",
         f"{measured_mm:.3f} mm",
         measured_mm > least_mm - ROUNDING_MM,
     )
 
 
-def near(file: str, what: str, wanted: float, measured: float, unit: str) -> Check:
+def check_near(file: str, quantity: str, expected: float, measured: float, unit: str) -> Check:
     """Return the check that a figure is as it should be."""
-    near = abs(measured - wanted) < ROUNDING_MM
-    return Check(file, what, f"{wanted:.3f} {unit}", f"{measured:.3f} {unit}", near)
+    check_near = abs(measured - expected) < ROUNDING_MM
+    return Check(file, quantity, f"{expected:.3f} {unit}", f"{measured:.3f} {unit}", check_near)

@@ -8,59 +8,59 @@ Every figure is one that common offers of 2024 to 2026 hold without a surcharge;
 MIN_TRACE_MM = 0.075
 MIN_GAP_MM = 0.075
 #: Least distance from copper to the cut edge [mm]; electrodes may reach the edge of the sheet, where it is laser-cut.
-EDGE_MM = 0.3
+COPPER_TO_EDGE_MM = 0.3
 #: Width of the traces [mm]: thin, since they are stray capacitance, and well above what can be made.
-TRACE_MM = 0.2
+TRACE_WIDTH_MM = 0.2
 #: Deviation of an electrode's side by etching [mm].
-ETCH_MM = 0.02
+ETCH_DEVIATION_MM = 0.02
 #: Radius of inner corners [mm], so that the polymer does not tear.
-CORNER_MM = 0.5
+INNER_CORNER_RADIUS_MM = 0.5
 #: Width of the line that draws the profile [mm]; its middle is the edge.
-PROFILE_LINE_MM = 0.05
+PROFILE_LINE_WIDTH_MM = 0.05
 
 # ------------------------------------------------------------------------------------------------ contacts and tail
 #: Pitch of a zero-insertion-force connector for flexes of 0.3 mm, contact width and bare length [mm].
 CONTACT_PITCH_MM = 0.5
 CONTACT_WIDTH_MM = 0.3
-CONTACT_MM = 4.0
+CONTACT_LENGTH_MM = 4.0
 #: Length of the stiffener under the contacts [mm].
-STIFFENER_MM = 6.0
+STIFFENER_LENGTH_MM = 6.0
 #: Length of the tail beyond the ball [mm]: up the leg beside the socket to the converter board.
-TAIL_MM = 60.0
+TAIL_LENGTH_MM = 60.0
 
 # ------------------------------------------------------------------------------------------------ alignment
 #: Holes for dowel pins of 2 mm [mm], their play, and distance of their centre from the ball.
-HOLE_MM = 2.05
-EAR_MM = 4.0
-EAR_RADIUS_MM = 3.0
+ALIGNMENT_HOLE_DIAMETER_MM = 2.05
+ALIGNMENT_HOLE_TO_BALL_MM = 4.0
+ALIGNMENT_EAR_RADIUS_MM = 3.0
 #: Offset of row flex against column flex along each axis [mm]: play of the pins, and places of the holes.
-REGISTRATION_MM = 0.1
+FLEX_OFFSET_TOLERANCE_MM = 0.1
 
 # ------------------------------------------------------------------------------------------------ spacer and film
 #: Width of a channel that vents a cavity [mm].
-VENT_MM = 0.3
+VENT_WIDTH_MM = 0.3
 #: Least rim of the spacer around cavities that have to be tight [mm].
-MIN_RIM_MM = 0.5
+MIN_SPACER_RIM_MM = 0.5
 
 # ------------------------------------------------------------------------------------------------ mould and socket
 #: Walls of the mould and of the socket [mm].
 MOULD_WALL_MM = 5.0
 SOCKET_WALL_MM = 3.0
 #: Solid part of the socket above the ball, where the leg is screwed on [mm].
-SOCKET_TOP_MM = 6.0
+SOCKET_TOP_THICKNESS_MM = 6.0
 #: Gap between ball and socket that the adhesive fills [mm].
-ADHESIVE_MM = 0.1
+ADHESIVE_THICKNESS_MM = 0.1
 #: Dowels of the mould, sprue and vents of its lid, and their diameters [mm].
-DOWEL_MM = 3.0
-SPRUE_MM = 4.0
-AIR_MM = 1.5
+DOWEL_DIAMETER_MM = 3.0
+SPRUE_DIAMETER_MM = 4.0
+MOULD_VENT_DIAMETER_MM = 1.5
 #: Tapped holes for the leg, M2.5: core diameter, depth, and number on the circle.
 CORE_MM, CORE_DEPTH_MM, SCREWS = 2.05, 5.0, 4
 #: Play of a tail in its channel on the socket on either side, and depth of the channel [mm].
-CHANNEL_PLAY_MM = 0.25
-CHANNEL_MM = 0.8
+TAIL_CHANNEL_PLAY_MM = 0.25
+TAIL_CHANNEL_DEPTH_MM = 0.8
 
 
 def socket_radius_mm(ball_radius_mm: float) -> float:
     """Return the outer radius of the socket of a ball [mm]."""
-    return ball_radius_mm + ADHESIVE_MM + SOCKET_WALL_MM
+    return ball_radius_mm + ADHESIVE_THICKNESS_MM + SOCKET_WALL_MM

@@ -7,44 +7,46 @@ import numpy as np
 
 from footsense.foot.cavity.fringe import fringe_pf
 from footsense.foot.gap_contact import CELLS
-from footsense.lab.fabrication.tolerances import LIMIT_OVER_RMS, area_rel
+from footsense.lab.fabrication.tolerances import LIMIT_OVER_RMS, area_deviation_rel
 from footsense.lab.geometry import FootDesign
 from footsense.sim.foot.fabrication import FootTolerances
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Expected:
-    """An unloaded element.
+class ExpectedCapacitance:
+    """Expected capacitance of an unloaded element, with its limits.
 
     Attributes:
-        plates_pf: Capacitance of its plates [pF].
+        plate_formula_pf: Capacitance of its plates [pF].
         fringe_pf: Capacitance of the field at their edges [pF].
-        limit_rel: Largest deviation of the plates' capacitance within the printed tolerances [1].
+        tolerance_rel: Largest deviation of the plates' capacitance within the printed tolerances [1].
         stray_pf: Largest stray capacitance that the design assumed to be unknown [pF].
     """
 
-    plates_pf: float
+    plate_formula_pf: float
     fringe_pf: float
-    limit_rel: float
+    tolerance_rel: float
     stray_pf: float
 
     @property
     def unloaded_pf(self) -> float:
-        """What the converter reads [pF]."""
-        return self.plates_pf + self.fringe_pf
+        """Expected reading of the unloaded element [pF]."""
+        return self.plate_formula_pf + self.fringe_pf
 
     @property
-    def lowest_pf(self) -> float:
+    def min_reading_pf(self) -> float:
         """Least reading of a foot within its tolerances [pF]."""
-        return self.unloaded_pf - self.plates_pf * self.limit_rel - self.stray_pf
+        return self.unloaded_pf - self.plate_formula_pf * self.tolerance_rel - self.stray_pf
 
     @property
-    def highest_pf(self) -> float:
+    def max_reading_pf(self) -> float:
         """Largest reading of a foot within its tolerances [pF]."""
-        return self.unloaded_pf + self.plates_pf * self.limit_rel + self.stray_pf
+        return self.unloaded_pf + self.plate_formula_pf * self.tolerance_rel + self.stray_pf
 
 
-def expected(design: FootDesign, overlap_mm2: float, assumed: FootTolerances) -> Expected:
+def expected_capacitance(
+    design: FootDesign, overlap_mm2: float, assumed: FootTolerances
+) -> ExpectedCapacitance:
     """Return the expected reading of an element.
 
     Args:
@@ -56,9 +58,11 @@ def expected(design: FootDesign, overlap_mm2: float, assumed: FootTolerances) ->
     distance_um = design.gap_um + capacitor.film_equivalent_um
     limits_um = LIMIT_OVER_RMS * assumed.gap_um, LIMIT_OVER_RMS * assumed.film_um / design.film_eps_r
     spacing_um = np.full(CELLS, design.gap_um + design.film_um)
-    return Expected(
-        plates_pf=capacitor.unloaded_pf * overlap_mm2 / capacitor.electrode_area_mm2,
+    return ExpectedCapacitance(
+        plate_formula_pf=capacitor.unloaded_pf * overlap_mm2 / capacitor.electrode_area_mm2,
         fringe_pf=float(fringe_pf(capacitor, spacing_um)[0]),
-        limit_rel=math.hypot(math.hypot(*limits_um) / distance_um, area_rel(design.electrode_mm)),
+        tolerance_rel=math.hypot(
+            math.hypot(*limits_um) / distance_um, area_deviation_rel(design.electrode_mm)
+        ),
         stray_pf=LIMIT_OVER_RMS * assumed.stray_pf,
     )

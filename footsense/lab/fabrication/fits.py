@@ -9,7 +9,7 @@ from netgen import occ
 from shapely import affinity
 
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.checks import ROUNDING_MM, Check, at_least, near
+from footsense.lab.fabrication.checks import ROUNDING_MM, Check, check_at_least, check_near
 from footsense.lab.fabrication.parts import sheets, solids
 from footsense.lab.fabrication.parts.flex import Flex
 from footsense.lab.fabrication.parts.readback import read_holes, read_layer, read_outline
@@ -23,7 +23,7 @@ def overlaps_mm2(folder: Path, flexes: tuple[Flex, Flex]) -> dict[tuple[str, str
         copper: dict[str, list[Any]] = {net: [] for net in flex.nets}
         for shape in read_layer(folder / flex.name / "copper.gbr"):
             if shape.net in copper:
-                copper[shape.net].append(_in_foot(shape.area, flex))
+                copper[shape.net].append(_to_foot_frame(shape.area, flex))
         nets.append({net: shapely.union_all(areas) for net, areas in copper.items()})
     rows, columns = nets
     return {(r, c): rows[r].intersection(columns[c]).area for r in rows for c in columns}
@@ -47,12 +47,12 @@ def check_sheets_on_flexes(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[
     spacer = sheets.read_dxf(folder / "spacer.dxf")
     for flex in flexes:
         areas = [
-            _in_foot(shape.area, flex)
+            _to_foot_frame(shape.area, flex)
             for shape in read_layer(folder / flex.name / "copper.gbr")
             if shape.function == "Other,Electrode"
         ]
         covered = shapely.union_all(areas).intersection(spacer).area
-        yield near(f"spacer.dxf, {flex.name}", "electrode area under the bars", 0.0, covered, "mm2")
+        yield check_near(f"spacer.dxf, {flex.name}", "electrode area under the bars", 0.0, covered, "mm2")
         for name in ("spacer", "film"):
             holes = [
                 shapely.Polygon(ring).centroid for ring in sheets.read_dxf(folder / f"{name}.dxf").interiors
@@ -62,7 +62,7 @@ def check_sheets_on_flexes(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[
                 for u, v, _ in read_holes(folder / flex.name / "drill.drl")
             ]
             off = max(min(pin.distance(hole) for hole in holes) for pin in pins)
-            yield near(f"{name}.dxf, {flex.name}", "distance of their alignment holes", 0.0, off, "mm")
+            yield check_near(f"{name}.dxf, {flex.name}", "distance of their alignment holes", 0.0, off, "mm")
 
 
 def check_ball(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> Iterator[Check]:
@@ -70,33 +70,37 @@ def check_ball(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> I
     names = "hemisphere-ground", "hemisphere-leg", "mould-body", "leg-socket"
     ground, leg, body, socket = (solids.read_step(folder / "step" / f"{name}.step") for name in names)
     file = "step/leg-socket.step"
-    yield near(file, "adhesive around the hemisphere", dimensions.ADHESIVE_MM, socket.Distance(leg), "mm")
-    yield at_least(file, "distance to the ground hemisphere", design.plate_mm, socket.Distance(ground))
+    yield check_near(
+        file, "adhesive around the hemisphere", dimensions.ADHESIVE_THICKNESS_MM, socket.Distance(leg), "mm"
+    )
+    yield check_at_least(file, "distance to the ground hemisphere", design.plate_mm, socket.Distance(ground))
     for flex in flexes:
-        tail = _tail(folder, design, flex)
+        tail = _tail_in_channel(folder, design, flex)
         what = f"play of the tail of the {flex.kind}s in its channel"
-        yield near(file, what, dimensions.CHANNEL_PLAY_MM, socket.Distance(tail), "mm")
-    cast = solids.casting(design)
+        yield check_near(file, what, dimensions.TAIL_CHANNEL_PLAY_MM, socket.Distance(tail), "mm")
+    cast = solids.cast_hemisphere(design)
     file = "step/mould-body.step"
-    yield near(file, "overlap of the hemisphere with the mould", 0.0, (body * cast).mass, "mm3")
+    yield check_near(file, "overlap of the hemisphere with the mould", 0.0, (body * cast).mass, "mm3")
     low, _ = body.bounding_box
-    walls = [face.Distance(cast) for face in body.faces if solids.lies_outside(face, low)]
-    yield near(file, "least wall, bottom and sides", dimensions.MOULD_WALL_MM, min(walls), "mm")
+    walls = [face.Distance(cast) for face in body.faces if solids.is_outer_face(face, low)]
+    yield check_near(file, "least wall, bottom and sides", dimensions.MOULD_WALL_MM, min(walls), "mm")
 
 
-def _tail(folder: Path, design: FootDesign, flex: Flex) -> Any:
+def _tail_in_channel(folder: Path, design: FootDesign, flex: Flex) -> Any:
     """Return a flex's tail in the middle of its channel, as wide as its outline is at the contacts [mm]."""
     outline = read_outline(folder / flex.name / "profile.gbr")
-    across = outline.intersection(shapely.LineString([(flex.end_mm - 1.0, -99.0), (flex.end_mm - 1.0, 99.0)]))
+    across = outline.intersection(
+        shapely.LineString([(flex.tail_end_mm - 1.0, -99.0), (flex.tail_end_mm - 1.0, 99.0)])
+    )
     _, low_v, _, high_v = across.bounds
-    u = dimensions.socket_radius_mm(design.ball_radius_mm) - dimensions.CHANNEL_MM / 2.0
+    u = dimensions.socket_radius_mm(design.ball_radius_mm) - dimensions.TAIL_CHANNEL_DEPTH_MM / 2.0
     (x, y), (far_x, far_y) = flex.to_foot((u - 0.05, low_v)), flex.to_foot((u + 0.05, high_v))
     low, high = design.plate_mm, design.plate_mm + design.ball_radius_mm
     corners = (min(x, far_x), min(y, far_y), low), (max(x, far_x), max(y, far_y), high)
     return occ.Box(*(occ.Pnt(*corner) for corner in corners))
 
 
-def _in_foot(area: Any, flex: Flex) -> Any:
+def _to_foot_frame(area: Any, flex: Flex) -> Any:
     """Return a shape of the artwork in the foot frame."""
     (a, d), (b, e) = (flex.to_foot(point) for point in ((1.0, 0.0), (0.0, 1.0)))
     return affinity.affine_transform(area, [a, b, d, e, 0.0, 0.0])

@@ -4,7 +4,7 @@
 _MPA, _A, _B = 0.0981 / (0.137505 * 2.54), 56.0, 7.62336
 
 
-def shore_a(youngs_mpa: float) -> float:
+def shore_a_from_modulus(youngs_mpa: float) -> float:
     """Return the hardness of a modulus [MPa].
 
     Source:
@@ -12,7 +12,7 @@ def shore_a(youngs_mpa: float) -> float:
 
     Example:
         >>> from footsense.lab.design.inputs.materials import youngs_mpa_of
-        >>> round(shore_a(youngs_mpa_of(60.0)), 6)
+        >>> round(shore_a_from_modulus(youngs_mpa_of(60.0)), 6)
         60.0
     """
     ratio = youngs_mpa / _MPA

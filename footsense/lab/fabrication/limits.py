@@ -8,18 +8,18 @@ from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.assumptions import Assumptions
 from footsense.lab.fabrication.parts.flex import flexes
-from footsense.lab.fabrication.parts.sheets import has_rim
-from footsense.lab.fabrication.tolerances import area_rel, hardness_limit
+from footsense.lab.fabrication.parts.sheets import has_spacer_rim
+from footsense.lab.fabrication.tolerances import area_deviation_rel, hardness_tolerance_shore_a
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Lines to either side that a converter board addresses: an FDC1004 has four inputs, an ADG715 switches four lines.
-BOARD_LINES = 4
+MAX_BOARD_LINES = 4
 #: Largest deviation of the overlap of rows and columns that leaves the rubber a tolerance [1].
-_MOST_AREA_REL = 0.15
-_ROUNDING = 1e-9
+_MAX_AREA_DEVIATION_REL = 0.15
+_ROUNDING_TOLERANCE_MM = 1e-9
 
 
-def require_makeable(design: FootDesign, array: ElementArray, assumed: Assumptions) -> None:
+def require_manufacturable(design: FootDesign, array: ElementArray, assumed: Assumptions) -> None:
     """Check that workshops can make a foot and that a converter board can address it.
 
     Args:
@@ -30,13 +30,13 @@ def require_makeable(design: FootDesign, array: ElementArray, assumed: Assumptio
     Raises:
         ConfigError: They cannot, or it cannot; the message begins with the key.
     """
-    problem = next(problems(design, array, assumed), None)
+    problem = next(manufacturing_problems(design, array, assumed), None)
     if problem is not None:
         raise ConfigError(problem)
 
 
-def problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
-    """Yield why a foot cannot be made, each with its key first and what would be right last.
+def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
+    """Yield the reasons why a foot cannot be made: the key first, a remedy last.
 
     Args:
         design: The foot.
@@ -44,50 +44,51 @@ def problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> I
         assumed: What its design assumed.
     """
     for lines, word in ((array.row_x_mm, "rows"), (array.column_y_mm, "columns")):
-        if len(lines) > BOARD_LINES:
+        if len(lines) > MAX_BOARD_LINES:
             yield (
-                f"{word}: {len(lines)} {word} do not fit the converter board: the FDC1004 has {BOARD_LINES} inputs for "
-                f"columns, an ADG715 switches {BOARD_LINES} rows; use at most {BOARD_LINES}"
+                f"{word}: {len(lines)} {word} do not fit the converter board: the FDC1004 has {MAX_BOARD_LINES} inputs "
+                f"for columns, an ADG715 switches {MAX_BOARD_LINES} rows; use at most {MAX_BOARD_LINES}"
             )
-    yield from _in_the_sheet(design, array, assumed)
-    yield from _between_the_plates(design, array, assumed)
+    yield from _sheet_problems(design, array, assumed)
+    yield from _layer_problems(design, array, assumed)
     tail_half, socket_mm = (
-        _widest_tail_mm(design, array) / 2.0 + dimensions.CHANNEL_PLAY_MM,
+        _max_tail_width_mm(design, array) / 2.0 + dimensions.TAIL_CHANNEL_PLAY_MM,
         dimensions.socket_radius_mm(design.ball_radius_mm),
     )
-    inside = socket_mm - dimensions.CHANNEL_MM
+    inside = socket_mm - dimensions.TAIL_CHANNEL_DEPTH_MM
     if tail_half > inside / math.sqrt(2.0) - 1.0:
         least = math.sqrt(2.0) * (tail_half + 1.0) + design.ball_radius_mm - inside
         yield (
-            f"ball_radius_mm: two tails of {_widest_tail_mm(design, array):g} mm do not fit beside each other on the "
-            f"socket of a ball of {design.ball_radius_mm:g} mm; use at least {math.ceil(10.0 * least) / 10.0:g}"
+            f"ball_radius_mm: two tails of {_max_tail_width_mm(design, array):g} mm do not fit beside each other on "
+            f"the socket of a ball of {design.ball_radius_mm:g} mm; use at least {math.ceil(10.0 * least) / 10.0:g}"
         )
 
 
-def _in_the_sheet(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
+def _sheet_problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
     pitch, bar = array.bar_mm + array.electrode_mm, assumed.process.bar_mm
     leave = f"electrodes of {array.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
-    if array.bar_mm < dimensions.MIN_GAP_MM - _ROUNDING:
+    if array.bar_mm < dimensions.MIN_GAP_MM - _ROUNDING_TOLERANCE_MM:
         yield (
             f"electrode_mm: {leave} {array.bar_mm:.3g} mm between the nets, a flex needs {dimensions.MIN_GAP_MM:g} and "
             f"the spacer's bars {bar:g}; use at most {pitch - bar:g}"
         )
-    if array.bar_mm < bar - _ROUNDING:
+    if array.bar_mm < bar - _ROUNDING_TOLERANCE_MM:
         yield (
             f"electrode_mm: {leave} bars of {array.bar_mm:.3g} mm in the spacer, process {assumed.name} needs {bar:g} "
             f"to bond; use at most {pitch - bar:g}"
         )
-    if not has_rim(array) and design.cavity != "vented":
-        closed_mm = array.sheet_mm + 2.0 * (dimensions.MIN_RIM_MM - array.rim_mm)
+    if not has_spacer_rim(array) and design.cavity != "vented":
+        closed_mm = array.sheet_mm + 2.0 * (dimensions.MIN_SPACER_RIM_MM - array.rim_mm)
         least_mm = math.ceil(100.0 * closed_mm / math.sqrt(2.0)) / 100.0
         ball = f" with ball_radius_mm: {least_mm:g}" if least_mm > design.ball_radius_mm else ""
         yield (
-            f"cavity: {design.cavity} cavities need a rim of {dimensions.MIN_RIM_MM:g} mm around the array, a sheet of "
-            f"{array.sheet_mm:g} mm leaves {array.rim_mm:g} mm; use sheet_mm: {closed_mm:g}{ball}, or cavity: vented"
+            f"cavity: {design.cavity} cavities need a rim of {dimensions.MIN_SPACER_RIM_MM:g} mm around the array, a "
+            f"sheet of {array.sheet_mm:g} mm leaves {array.rim_mm:g} mm; use sheet_mm: {closed_mm:g}{ball}, or "
+            "cavity: vented"
         )
 
 
-def _between_the_plates(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
+def _layer_problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
     gaps, films = assumed.process.gap_um, [film.um for film in assumed.process.film]
     layers = (("gap_um", design.gap_um, gaps, "gap"), ("film_um", design.film_um, films, "film"))
     for key, value, made, word in layers:
@@ -100,19 +101,19 @@ def _between_the_plates(design: FootDesign, array: ElementArray, assumed: Assump
             nearest = f"at least {min(made):g}" if value < min(made) else f"at most {max(made):g}"
             yield f"{key}: a {word} of {value:g} um cannot be made, process {assumed.name} makes {text}; use {nearest}"
     filled_um, spacer_um = design.gap_um + design.film_um, UM_PER_MM * design.spacer_mm
-    if abs(filled_um - spacer_um) > UM_PER_MM * _ROUNDING:
+    if abs(filled_um - spacer_um) > UM_PER_MM * _ROUNDING_TOLERANCE_MM:
         yield (
             f"spacer_mm: film and spacer are two layers of {design.film_um:g} and {design.gap_um:g} um, together not "
             f"{spacer_um:g} um; use {filled_um / UM_PER_MM:g}"
         )
-    if hardness_limit(design, assumed.rms) <= 0.0:
-        least = array.electrode_mm * area_rel(array.electrode_mm) / _MOST_AREA_REL
+    if hardness_tolerance_shore_a(design, assumed.rms_deviations) <= 0.0:
+        least = array.electrode_mm * area_deviation_rel(array.electrode_mm) / _MAX_AREA_DEVIATION_REL
         yield (
-            f"electrode_mm: an offset of {dimensions.REGISTRATION_MM:g} mm of electrodes of {array.electrode_mm:g} mm "
-            f"changes their overlap by {area_rel(array.electrode_mm):.0%}, more than the design assumes; "
-            f"use at least {math.ceil(100.0 * least) / 100.0:g}"
+            f"electrode_mm: an offset of {dimensions.FLEX_OFFSET_TOLERANCE_MM:g} mm of electrodes of "
+            f"{array.electrode_mm:g} mm changes their overlap by {area_deviation_rel(array.electrode_mm):.0%}, more "
+            f"than the design assumes; use at least {math.ceil(100.0 * least) / 100.0:g}"
         )
 
 
-def _widest_tail_mm(design: FootDesign, array: ElementArray) -> float:
-    return max(2.0 * flex.tail_half_mm for flex in flexes(array, design.ball_radius_mm))
+def _max_tail_width_mm(design: FootDesign, array: ElementArray) -> float:
+    return max(2.0 * flex.tail_half_width_mm for flex in flexes(array, design.ball_radius_mm))

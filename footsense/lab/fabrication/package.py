@@ -8,18 +8,18 @@ from footsense.lab.fabrication import checks, fits
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.assumptions import Assumptions, assumptions
 from footsense.lab.fabrication.documents import papers
-from footsense.lab.fabrication.documents.drawing import drawn_sheets, write_drawing
+from footsense.lab.fabrication.documents.drawing import drawing_sheets, write_drawing
 from footsense.lab.fabrication.documents.picture import draw_parts
-from footsense.lab.fabrication.expected import Expected, expected
-from footsense.lab.fabrication.limits import require_makeable
+from footsense.lab.fabrication.expected import ExpectedCapacitance, expected_capacitance
+from footsense.lab.fabrication.limits import require_manufacturable
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import Flex, flexes
-from footsense.lab.fabrication.tolerances import Tolerance, printed
+from footsense.lab.fabrication.tolerances import Tolerance, drawing_tolerances
 from footsense.lab.geometry import FootDesign
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Package:
+class FabricationPackage:
     """The files of a foot, and what their checks found.
 
     Attributes:
@@ -40,30 +40,33 @@ class Package:
     parts: list[solids.Part]
     tolerances: list[Tolerance]
     checks: list[checks.Check]
-    elements: dict[tuple[str, str], Expected]
+    elements: dict[tuple[str, str], ExpectedCapacitance]
 
 
-def fabricate(design: FootDesign, folder: Path, process: str | None = None) -> Package:
+def fabricate(design: FootDesign, folder: Path, process: str | None = None) -> FabricationPackage:
     """Write files and documents of a foot; arguments and errors as of `write_parts`.
 
     Raises:
         FootsenseError: A written file is not as it should be.
     """
     package = write_parts(design, folder, process)
-    write_drawing(folder, design.foot_type, drawn_sheets(folder, design, package.flexes, package.tolerances))
+    write_drawing(
+        folder, design.foot_type, drawing_sheets(folder, design, package.flexes, package.tolerances)
+    )
     draw_parts(folder, design, package.flexes)
-    papers.write(
+    papers.write_documents(
         folder, design, package.assumed, package.flexes, package.checks, package.tolerances, package.elements
     )
     wrong = next((check for check in package.checks if not check.passed), None)
     if wrong is not None:
         raise FootsenseError(
-            f"{folder / wrong.file}: {wrong.what}: {wrong.measured}, should be {wrong.wanted}; do not order from it"
+            f"{folder / wrong.file}: {wrong.quantity}: {wrong.measured}, should be {wrong.expected}; do not order "
+            "from it"
         )
     return package
 
 
-def write_parts(design: FootDesign, folder: Path, process: str | None = None) -> Package:
+def write_parts(design: FootDesign, folder: Path, process: str | None = None) -> FabricationPackage:
     """Write the files that parts are made from, read them back, and check them.
 
     Args:
@@ -74,8 +77,8 @@ def write_parts(design: FootDesign, folder: Path, process: str | None = None) ->
     Raises:
         ConfigError: It cannot be made; the message begins with the key.
     """
-    array, assumed = ElementArray.of(design), assumptions(design, process)
-    require_makeable(design, array, assumed)
+    array, assumed = ElementArray.from_design(design), assumptions(design, process)
+    require_manufacturable(design, array, assumed)
     both = flexes(array, design.ball_radius_mm)
     parts = solids.all_parts(design)
     (folder / "step").mkdir(parents=True, exist_ok=True)
@@ -84,24 +87,24 @@ def write_parts(design: FootDesign, folder: Path, process: str | None = None) ->
     for flex in both:
         _write_flex(folder / flex.name, flex)
     shapes = {
-        "spacer": (sheets.spacer(array, design.ball_radius_mm, design.cavity), design.gap_um),
-        "film": (sheets.film(array, design.ball_radius_mm), design.film_um),
+        "spacer": (sheets.spacer_outline(array, design.ball_radius_mm, design.cavity), design.gap_um),
+        "film": (sheets.film_outline(array, design.ball_radius_mm), design.film_um),
     }
     for name, (shape, thickness_um) in shapes.items():
         sheets.write_dxf(
             folder / f"{name}.dxf", shape, f"{design.foot_type} {name}, {thickness_um:g} um thick"
         )
-    tolerances = printed(design, assumed.rms)
+    tolerances = drawing_tolerances(design, assumed.rms_deviations)
     found = [
-        *(check for flex in both for check in checks.check_flex(folder, flex)),
-        *checks.check_sheets(folder, array, design.cavity),
-        *checks.check_solids(folder, parts),
+        *(check for flex in both for check in checks.check_flex_files(folder, flex)),
+        *checks.check_sheet_files(folder, array, design.cavity),
+        *checks.check_solid_volumes(folder, parts),
         *fits.check_overlaps(folder, both),
         *fits.check_sheets_on_flexes(folder, both),
         *fits.check_ball(folder, design, both),
         *checks.check_tolerances(tolerances),
     ]
-    return Package(
+    return FabricationPackage(
         design=design,
         array=array,
         assumed=assumed,
@@ -110,7 +113,7 @@ def write_parts(design: FootDesign, folder: Path, process: str | None = None) ->
         tolerances=tolerances,
         checks=found,
         elements={
-            pair: expected(design, area, assumed.rms)
+            pair: expected_capacitance(design, area, assumed.rms_deviations)
             for pair, area in fits.overlaps_mm2(folder, both).items()
         },
     )

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 from footsense.lab.design.inputs.materials import youngs_mpa_of
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.hardness import shore_a
+from footsense.lab.fabrication.hardness import shore_a_from_modulus
 from footsense.lab.geometry import FootDesign
 from footsense.sim.foot.fabrication import FootTolerances
 
 #: Printed limit over the assumed rms [1]: 95 % of normal deviates lie within.
 LIMIT_OVER_RMS = 2.0
 #: Steps to which the limit of the hardness is rounded down [Shore A]; the least that a gauge can tell.
-_SHORE_STEP = 0.5
+_HARDNESS_STEP_SHORE_A = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class Tolerance:
         nominal: Its designed value.
         limit: Largest deviation to either side.
         unit: Unit of both.
-        counts: How much of the assumed quantity the limit uses up, in the unit of `allowed`.
+        used: How much of the assumed quantity the limit uses up, in the unit of `allowed`.
         allowed: Largest deviation that the design assumed.
         assumed: What was assumed, for people.
     """
@@ -39,41 +39,44 @@ class Tolerance:
     nominal: float
     limit: float
     unit: str
-    counts: float
+    used: float
     allowed: float
     assumed: str
 
     @property
-    def kept(self) -> bool:
+    def is_within_assumed(self) -> bool:
         """Whether the limit is no wider than what was assumed."""
-        return self.counts <= self.allowed * (1.0 + 1e-9)
+        return self.used <= self.allowed * (1.0 + 1e-9)
 
 
-def etch_rel(electrode_mm: float) -> float:
+def etch_deviation_rel(electrode_mm: float) -> float:
     """Return the largest deviation of an electrode's area by etching [1]."""
-    return 2.0 * dimensions.ETCH_MM / electrode_mm
+    return 2.0 * dimensions.ETCH_DEVIATION_MM / electrode_mm
 
 
-def offset_rel(electrode_mm: float) -> float:
+def offset_overlap_loss_rel(electrode_mm: float) -> float:
     """Return the largest loss of overlap by the offset of the flexes along both axes [1]."""
-    return math.sqrt(2.0) * dimensions.REGISTRATION_MM / electrode_mm
+    return math.sqrt(2.0) * dimensions.FLEX_OFFSET_TOLERANCE_MM / electrode_mm
 
 
-def area_rel(electrode_mm: float) -> float:
+def area_deviation_rel(electrode_mm: float) -> float:
     """Return the largest deviation of the area in which a row faces a column [1]."""
-    return math.hypot(etch_rel(electrode_mm), offset_rel(electrode_mm))
+    return math.hypot(etch_deviation_rel(electrode_mm), offset_overlap_loss_rel(electrode_mm))
 
 
-def hardness_limit(design: FootDesign, assumed: FootTolerances) -> float:
+def hardness_tolerance_shore_a(design: FootDesign, assumed: FootTolerances) -> float:
     """Return the limit of the rubber's hardness that the electrodes leave [Shore A]; 0 if there is none."""
-    left = (LIMIT_OVER_RMS * assumed.stiffness_rel) ** 2 - area_rel(design.electrode_mm) ** 2
+    left = (LIMIT_OVER_RMS * assumed.stiffness_rel) ** 2 - area_deviation_rel(design.electrode_mm) ** 2
     share, mpa = math.sqrt(max(left, 0.0)), design.rubber.youngs_mpa
-    nominal = shore_a(mpa)
-    room = min(shore_a(mpa * (1.0 + share)) - nominal, nominal - shore_a(mpa * (1.0 - share)))
-    return math.floor(room / _SHORE_STEP) * _SHORE_STEP
+    nominal = shore_a_from_modulus(mpa)
+    room = min(
+        shore_a_from_modulus(mpa * (1.0 + share)) - nominal,
+        nominal - shore_a_from_modulus(mpa * (1.0 - share)),
+    )
+    return math.floor(room / _HARDNESS_STEP_SHORE_A) * _HARDNESS_STEP_SHORE_A
 
 
-def printed(design: FootDesign, assumed: FootTolerances) -> list[Tolerance]:
+def drawing_tolerances(design: FootDesign, assumed: FootTolerances) -> list[Tolerance]:
     """Return the tolerances of a foot's drawing.
 
     Args:
@@ -83,21 +86,31 @@ def printed(design: FootDesign, assumed: FootTolerances) -> list[Tolerance]:
     gap, film = LIMIT_OVER_RMS * assumed.gap_um, LIMIT_OVER_RMS * assumed.film_um
     gap_limit, film_limit = (math.floor(10.0 * value) / 10.0 for value in (gap, film))
     mount_deg, stiffness = LIMIT_OVER_RMS * assumed.mount_deg, LIMIT_OVER_RMS * assumed.stiffness_rel
-    play_deg = math.degrees(dimensions.CHANNEL_PLAY_MM / dimensions.socket_radius_mm(design.ball_radius_mm))
+    play_deg = math.degrees(
+        dimensions.TAIL_CHANNEL_PLAY_MM / dimensions.socket_radius_mm(design.ball_radius_mm)
+    )
     side, mpa = design.electrode_mm, design.rubber.youngs_mpa
-    shore, shore_limit = shore_a(mpa), hardness_limit(design, assumed)
+    shore, shore_limit = shore_a_from_modulus(mpa), hardness_tolerance_shore_a(design, assumed)
     by_rubber = max(abs(youngs_mpa_of(shore + s * shore_limit) / mpa - 1.0) for s in (-1.0, 1.0))
     rows = [
         ("spacer (gap)", design.gap_um, gap_limit, "um", gap_limit, gap, f"gap +-{gap:.3g} um"),
         ("film", design.film_um, film_limit, "um", film_limit, film, f"film +-{film:.3g} um"),
-        ("electrode side", side, dimensions.ETCH_MM, "mm", etch_rel(side), stiffness, ""),
-        ("offset of the flexes", 0.0, dimensions.REGISTRATION_MM, "mm", offset_rel(side), stiffness, ""),
+        ("electrode side", side, dimensions.ETCH_DEVIATION_MM, "mm", etch_deviation_rel(side), stiffness, ""),
+        (
+            "offset of the flexes",
+            0.0,
+            dimensions.FLEX_OFFSET_TOLERANCE_MM,
+            "mm",
+            offset_overlap_loss_rel(side),
+            stiffness,
+            "",
+        ),
         (
             "hardness",
             round(shore),
             shore_limit,
             "Shore A",
-            math.hypot(by_rubber, area_rel(side)),
+            math.hypot(by_rubber, area_deviation_rel(side)),
             stiffness,
             "",
         ),
@@ -110,9 +123,9 @@ def printed(design: FootDesign, assumed: FootTolerances) -> list[Tolerance]:
             nominal=nominal,
             limit=round(limit, 2),
             unit=unit,
-            counts=counts,
+            used=used,
             allowed=allowed,
             assumed=text or (common if name != "hardness" else f"{common}, with size and offset"),
         )
-        for name, nominal, limit, unit, counts, allowed, text in rows
+        for name, nominal, limit, unit, used, allowed, text in rows
     ]

@@ -30,7 +30,7 @@ SAMPLE_ORDER = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ClassField:
+class AdjointField:
     """The adjoint fields of one symmetry class, sampled on the ground-side surface of the quarter.
 
     Attributes:
@@ -48,23 +48,23 @@ class ClassField:
     compliance: Vector
 
 
-def class_field(quarter: Quarter) -> ClassField:
+def solve_adjoint_fields(quarter: Quarter) -> AdjointField:
     """Solve one adjoint problem per cell for one symmetry class; sample the fields on the ground-side surface."""
     faces = [(cell.name, quarter.design.cell_mm2) for cell in quarter_cells(quarter.design)]
-    return closure_field(quarter, faces)
+    return solve_face_closure_fields(quarter, faces)
 
 
-def closure_field(quarter: Quarter, faces: Sequence[tuple[str, float]]) -> ClassField:
+def solve_face_closure_fields(quarter: Quarter, faces: Sequence[tuple[str, float]]) -> AdjointField:
     """Solve the adjoint problem of each face's mean closure [um]; return the fields sampled on the surface.
 
     Args:
         quarter: The factorised class.
         faces: Names of cells joined by `|`, and their area together [mm2].
     """
-    return sampled_field(quarter, [quarter.closure_functional(*face) for face in faces], UM_PER_MM)
+    return solve_functional_fields(quarter, [quarter.closure_functional(*face) for face in faces], UM_PER_MM)
 
 
-def sampled_field(quarter: Quarter, functionals: Sequence[Any], scale: float = 1.0) -> ClassField:
+def solve_functional_fields(quarter: Quarter, functionals: Sequence[Any], scale: float = 1.0) -> AdjointField:
     """Solve an adjoint problem per linear functional of displacement; return the fields sampled on the surface.
 
     Args:
@@ -74,7 +74,7 @@ def sampled_field(quarter: Quarter, functionals: Sequence[Any], scale: float = 1
     """
     mesh, rule = quarter.mesh, ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER)
     points = mesh.MapToAllElements(rule, mesh.Boundaries("curved_ground"))
-    radial = np.asarray((ng.CF((ng.x, ng.y, ng.z + quarter.depth_mm)))(points))
+    radial = np.asarray((ng.CF((ng.x, ng.y, ng.z + quarter.sphere_centre_depth_mm)))(points))
     # The area element of the curved map: norm of the cross product of its two columns.
     jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
     area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)
@@ -84,7 +84,7 @@ def sampled_field(quarter: Quarter, functionals: Sequence[Any], scale: float = 1
         field = quarter.solve(functional)
         influence.append(np.asarray(field.components[0](points)))
         compliance.append(rows @ field.vec.FV().NumPy())
-    return ClassField(
+    return AdjointField(
         parity=quarter.parity,
         normal=-normalized(radial),
         weight_mm2=area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights)),

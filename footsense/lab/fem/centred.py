@@ -9,24 +9,24 @@ import numpy as np
 
 from footsense.foot.directions import directions
 from footsense.frames import Vector
-from footsense.lab.fem.adjoint import closure_field
+from footsense.lab.fem.adjoint import solve_face_closure_fields
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
 from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign
-from footsense.lab.response import fit_class, patch_mean
+from footsense.lab.response import fit_series, mean_over_patch
 
 #: Elements of which a part lies in the quarter: corner, the one on the x axis, the one on the y axis, middle.
 _QUARTER_ELEMENTS = (0, 1, 3, 4)
 #: Which of them each of the nine is the image of.
-_IMAGE_OF = np.array([0, 1, 0, 2, 3, 2, 0, 1, 0])
+_QUARTER_ELEMENT_OF = np.array([0, 1, 0, 2, 3, 2, 0, 1, 0])
 #: Sign under x -> -x of each of the nine, 0 on the mirror plane.
 _X_MIRROR_SIGN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Centred:
-    """Closures under centred loads of azimuth 0.
+class CentredClosures:
+    """Closures of the nine elements under centred loads of azimuth 0.
 
     Attributes:
         closure_um: Mean closure of each element [um], shape (loads, 9).
@@ -37,9 +37,9 @@ class Centred:
     unknowns: int
 
 
-def centred_closures(
+def solve_centred_closures(
     design: FootDesign, size: MeshSize, elevation_deg: tuple[float, ...], patch_mm: float | None = None
-) -> Centred:
+) -> CentredClosures:
     """Solve for centred loads of 1 N at azimuth 0.
 
     Args:
@@ -60,13 +60,13 @@ def centred_closures(
     total = np.zeros((len(force), 9))
     for parity in (Parity(1, 1),) if upright else (Parity(1, 1), Parity(-1, 1)):
         quarter = Quarter(design, size, parity, mesh)
-        field = closure_field(quarter, faces)
-        series = fit_class(field)
-        per_newton = patch_mean(
-            series.reshape(len(series), -1), force, patch_mm or design.patch_mm(1.0), design
+        field = solve_face_closure_fields(quarter, faces)
+        series = fit_series(field)
+        per_newton = mean_over_patch(
+            series.reshape(len(series), -1), force, patch_mm or design.hertz_patch_radius_mm(1.0), design
         )
         part = (per_newton.reshape(len(force), len(_QUARTER_ELEMENTS), 3) * force[:, None]).sum(axis=2)
         sign = np.ones(9) if parity.x > 0 else _X_MIRROR_SIGN
         # The quarter's form is a quarter of the foot's, so its field is four times the foot's.
-        total += part[:, _IMAGE_OF] * sign / 4.0
-    return Centred(total, quarter.n_unknowns)
+        total += part[:, _QUARTER_ELEMENT_OF] * sign / 4.0
+    return CentredClosures(total, quarter.n_unknowns)

@@ -34,31 +34,31 @@ def _shear_and_volume(material: Material, u: Any, *, finite_strain: bool) -> tup
     return material.shear_mpa * ng.InnerProduct(strain, strain), ng.div(u)
 
 
-def energy(material: Material, u: Any, *, finite_strain: bool = False) -> Any:
+def strain_energy(material: Material, u: Any, *, finite_strain: bool = False) -> Any:
     """Return the stored energy of a displacement u [mm] per volume [MPa]; for nu well below 1/2."""
     shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
     return shear + 0.5 * material.lame_mpa * growth**2
 
 
-def mixed_energy(material: Material, u: Any, p: Any, *, finite_strain: bool = False) -> Any:
+def mixed_strain_energy(material: Material, u: Any, p: Any, *, finite_strain: bool = False) -> Any:
     """Return the energy of displacement u [mm] and pressure p [MPa] per volume [MPa]: a saddle point in p."""
     shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
     return shear + p * growth - p**2 / (2.0 * material.lame_mpa)
 
 
 @dataclass(frozen=True, slots=True)
-class Layer:
+class BondedLayer:
     """A thin bonded layer between both bodies, as a traction law without elements: sideways spread is confined.
 
     Attributes:
         material: Material of the layer.
         thickness_mm: Thickness of the layer [mm].
-        faces: Faces of the mesh that it covers.
+        face_name: Faces of the mesh that it covers.
     """
 
     material: Material
     thickness_mm: float
-    faces: str = "bars"
+    face_name: str = "bars"
 
     def traction(self, jump: Any) -> Any:
         """Return the traction [MPa] of a jump u_ground - u_leg [mm]: shear modulus along, confined modulus across."""
@@ -80,7 +80,7 @@ def membrane_energy(film: ThinFilm, u: Any) -> Any:
     return 0.5 * stiffness * (squares + 2.0 * (1.0 - film.poisson) * shear**2)
 
 
-def hertz_shape(centre_mm: Vector, radius_mm: float) -> Any:
+def hertz_pressure_shape(centre_mm: Vector, radius_mm: float) -> Any:
     """Return a Hertz patch's pressure relative to its peak [1], sqrt(1 - |x - x_c|^2 / a^2)."""
     away = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(centre_mm))
     inside = 1.0 - ng.InnerProduct(away, away) / radius_mm**2

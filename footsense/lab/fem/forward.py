@@ -17,19 +17,19 @@ import numpy as np
 
 from footsense.foot.symmetry import flat_of_grid
 from footsense.frames import Vector
-from footsense.lab.fem.elasticity import hertz_shape
+from footsense.lab.fem.elasticity import hertz_pressure_shape
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells, quarter_grid
 from footsense.lab.fem.quarter import Quarter
-from footsense.lab.fem.symmetry_classes import SOLVED, Parity
+from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES, Parity
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Order that the quadrature of a patch has above that of the elements, which are three times as large and more: with 24
 #: the closures of some loads were wrong by 4 %, with 60 by 0.3 % at most, and it takes no longer.
-PATCH_ORDER = 60
+PATCH_QUADRATURE_ORDER = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Load:
+class _HertzLoad:
     """Pressure patch of a Hertz contact.
 
     Attributes:
@@ -42,12 +42,12 @@ class _Load:
     force_n: Vector
     radius_mm: float
 
-    def mapped(self, matrix: Vector) -> "_Load":
+    def transformed(self, matrix: Vector) -> "_HertzLoad":
         """Return the load mapped by a mirror or an axis swap, a matrix of shape (3, 3)."""
-        return _Load(matrix @ self.centre_mm, matrix @ self.force_n, self.radius_mm)
+        return _HertzLoad(matrix @ self.centre_mm, matrix @ self.force_n, self.radius_mm)
 
 
-class _Class:
+class _FactorisedClass:
     """The factorised problem of one symmetry class, with each cell's mean closure as a linear functional.
 
     Attributes:
@@ -61,21 +61,21 @@ class _Class:
         self._used = np.flatnonzero(rows.any(axis=0))
         self._rows = rows[:, self._used]
 
-    def cells_um(self, load: _Load) -> Vector:
+    def cells_um(self, load: _HertzLoad) -> Vector:
         """Return the closures [um] of the quarter's cells under the load's part in this class, shape (9, 9)."""
         quarter, parity = self.quarter, self.quarter.parity
         parts = []
         for sign_x, sign_y in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
-            image = load.mapped(np.diag([sign_x, sign_y, 1.0]))
+            image = load.transformed(np.diag([sign_x, sign_y, 1.0]))
             character = (1 if sign_x > 0 else parity.x) * (1 if sign_y > 0 else parity.y)
-            parts.append((hertz_shape(image.centre_mm, image.radius_mm), character * image.force_n))
-        surface = ng.ds("curved_ground", bonus_intorder=PATCH_ORDER)
+            parts.append((hertz_pressure_shape(image.centre_mm, image.radius_mm), character * image.force_n))
+        surface = ng.ds("curved_ground", bonus_intorder=PATCH_QUADRATURE_ORDER)
         # The images in the quarter make up the whole patch, wherever the mirror planes cut it.
         total_mm2 = ng.Integrate(sum(shape for shape, _ in parts) * surface, quarter.mesh)
         traction = [
             sum(shape * float(force[k]) for shape, force in parts) / (4.0 * total_mm2) for k in range(3)
         ]
-        solution = quarter.solve(quarter.traction_load(ng.CF(tuple(traction)), PATCH_ORDER))
+        solution = quarter.solve(quarter.traction_load(ng.CF(tuple(traction)), PATCH_QUADRATURE_ORDER))
         closure_um = self._rows @ solution.vec.FV().NumPy()[self._used] * UM_PER_MM
         return quarter_grid(closure_um, quarter.design, 0)
 
@@ -94,7 +94,9 @@ class ForwardFoot:
     def __init__(self, design: FootDesign, size: MeshSize) -> None:
         self._design = design
         mesh = build_mesh(design, size)
-        self._classes = {parity: _Class(Quarter(design, size, parity, mesh)) for parity in SOLVED}
+        self._classes = {
+            parity: _FactorisedClass(Quarter(design, size, parity, mesh)) for parity in SOLVED_CLASSES
+        }
 
     @property
     def quarters(self) -> list[Quarter]:
@@ -110,13 +112,13 @@ class ForwardFoot:
         """
         design = self._design
         pressing_n = abs(float(normal @ force_n))
-        load = _Load(
-            centre_mm=design.touch_mm(normal),
+        load = _HertzLoad(
+            centre_mm=design.touch_point_mm(normal),
             force_n=force_n,
-            radius_mm=design.patch_mm(pressing_n),
+            radius_mm=design.hertz_patch_radius_mm(pressing_n),
         )
         parts = {parity: solved.cells_um(load) for parity, solved in self._classes.items()}
-        swapped = load.mapped(np.eye(3)[[1, 0, 2]])
+        swapped = load.transformed(np.eye(3)[[1, 0, 2]])
         parts[Parity(-1, 1)] = self._classes[Parity(1, -1)].cells_um(swapped).T
         whole = np.sum([parity.unfold(part) for parity, part in parts.items()], axis=0)
         flat = np.empty(whole.size)

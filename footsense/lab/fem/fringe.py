@@ -14,15 +14,15 @@ from footsense.lab.fem.solids import rectangle
 from footsense.lab.geometry import FootDesign
 
 #: Where the field is cut off, beside and above the electrodes [mm]; doubling it moves the capacitance by 1e-3.
-_AROUND_MM = 6.0
-_ORDER = 4
+_DOMAIN_MARGIN_MM = 6.0
+_POLYNOMIAL_ORDER = 4
 
 
 def _mesh(design: FootDesign, gap_mm: float, film_mm: float) -> Any:
     """Return the half-space x > 0 with electrodes from 0 to half their width, the lower one at z = 0."""
-    edge, wide = design.electrode_mm / 2.0, design.electrode_mm / 2.0 + _AROUND_MM
+    edge, wide = design.electrode_mm / 2.0, design.electrode_mm / 2.0 + _DOMAIN_MARGIN_MM
     top = film_mm + gap_mm
-    bands = [(-_AROUND_MM, 0.0), (0.0, film_mm), (film_mm, top), (top, top + _AROUND_MM)]
+    bands = [(-_DOMAIN_MARGIN_MM, 0.0), (0.0, film_mm), (film_mm, top), (top, top + _DOMAIN_MARGIN_MM)]
     parts = [
         rectangle(x_mm, z_mm, "air" if (z_mm[0], x_mm[0]) == (film_mm, 0.0) else "pdms")
         for z_mm in bands
@@ -43,7 +43,7 @@ def _mesh(design: FootDesign, gap_mm: float, film_mm: float) -> Any:
     return mesh
 
 
-def element_pf(design: FootDesign, closure_um: float = 0.0) -> tuple[float, float]:
+def element_capacitance_pf(design: FootDesign, closure_um: float = 0.0) -> tuple[float, float]:
     """Return the capacitance of one flat element [pF] with edge fields, and the value of the plate formula.
 
     The four edges of the square each add what an edge of the cross-section adds per length.
@@ -54,7 +54,7 @@ def element_pf(design: FootDesign, closure_um: float = 0.0) -> tuple[float, floa
     """
     gap_mm, film_mm = 1e-3 * (design.gap_um - closure_um), 1e-3 * design.film_um
     mesh = _mesh(design, gap_mm, film_mm)
-    space = ng.H1(mesh, order=_ORDER, dirichlet="lower|upper")
+    space = ng.H1(mesh, order=_POLYNOMIAL_ORDER, dirichlet="lower|upper")
     u, v = space.TnT()
     permittivity = mesh.MaterialCF({"air": 1.0, "pdms": design.film_eps_r})
     form = ng.BilinearForm(permittivity * ng.grad(u) * ng.grad(v) * ng.dx, symmetric=True).Assemble()

@@ -16,11 +16,11 @@ from netgen.meshing import MeshingParameters
 from footsense.errors import ModelError
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.frames import Vector
-from footsense.lab.fem.solids import NEAR_MM, bodies, curved_mesh, lies_in, square
+from footsense.lab.fem.solids import EQUAL_WITHIN_MM, bodies, curved_mesh, lies_in_coordinate_plane, square
 from footsense.lab.geometry import FootDesign
 
-#: Nothing of a foot may be thinner [mm]: faces closer than `NEAR_MM` could not be told apart.
-_THINNEST_MM = NEAR_MM
+#: Nothing of a foot may be thinner [mm]: faces closer than `EQUAL_WITHIN_MM` could not be told apart.
+_MIN_THICKNESS_MM = EQUAL_WITHIN_MM
 #: Radius of the ball and width of the bars that a `MeshSize` is stated for [mm].
 _BALL_MM, _BAR_MM = 10.0, 1.0
 
@@ -51,7 +51,7 @@ class MeshSize:
     layer_rel: float = 0.08
     order: int = 3
 
-    def in_foot(self, design: FootDesign) -> "MeshSize":
+    def scaled_to_foot(self, design: FootDesign) -> "MeshSize":
         """Return the mesh lengths scaled to a foot: by its ball radius, and along the bars by its bar width."""
         ball_rel = design.ball_radius_mm / _BALL_MM
         return replace(
@@ -64,11 +64,11 @@ class MeshSize:
 
 
 #: Mesh of the released table.
-SHIPPED = MeshSize()
+RELEASED_MESH = MeshSize()
 #: Mesh of the tests and of `--quick`: a second per class, and closures some 6 % too small.
-COARSE = MeshSize(layer_rel=0.15, bar_mm=0.67, order=2)
+COARSE_MESH = MeshSize(layer_rel=0.15, bar_mm=0.67, order=2)
 #: Reference of SHIPPED: elements half as large at the bars, smaller elsewhere, and one layer more.
-FINEST = MeshSize(
+FINEST_MESH = MeshSize(
     ball_mm=4.0, plate_mm=1.5, surface_mm=2.5, bar_mm=0.25, grading=0.5, layers=2, layer_rel=0.12
 )
 
@@ -124,20 +124,20 @@ def _cell_face(cell: CavityCell, side_mm: float) -> Any:
     return face
 
 
-def name_mirrors(shape: Any, size: MeshSize) -> None:
+def name_mirror_faces(shape: Any, size: MeshSize) -> None:
     """Name the mirror planes, and set the size on the surface that touches the ground."""
     for face in shape.faces:
         for axis in ("x", "y"):
-            if lies_in(face, axis):
+            if lies_in_coordinate_plane(face, axis):
                 face.name = f"mirror_{axis}"
         if face.name == "curved_ground":
             face.maxh = size.surface_mm
 
 
-def name_bars(shape: Any) -> None:
+def name_bar_faces(shape: Any) -> None:
     """Name the faces that join the plates: those in the plane of the spacer that are no cells."""
     for face in shape.faces:
-        if lies_in(face, "z") and not (face.name or "").startswith("cell"):
+        if lies_in_coordinate_plane(face, "z") and not (face.name or "").startswith("cell"):
             face.name = "bars"
 
 
@@ -148,21 +148,23 @@ def is_bar_edge(design: FootDesign, edge: Any) -> bool:
     borders = [border for bar in bars_mm for border in bar if border > 0.0]
     for axis, along in (("x", "y"), ("y", "x")):
         across = (getattr(low, axis), getattr(high, axis))
-        on_border = any(abs(abs(value) - border) < NEAR_MM for border in borders for value in across)
+        on_border = any(abs(abs(value) - border) < EQUAL_WITHIN_MM for border in borders for value in across)
         middle = abs(getattr(edge.center, along))
         crossing = any(start < middle < end for start, end in bars_mm)
-        if on_border and abs(across[0] - across[1]) < NEAR_MM and not crossing:
-            return lies_in(edge, "z")
+        if on_border and abs(across[0] - across[1]) < EQUAL_WITHIN_MM and not crossing:
+            return lies_in_coordinate_plane(edge, "z")
     return False
 
 
 def _is_rim(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the sheet's outer border against a hemisphere."""
     low, high = edge.bounding_box
-    level = all(abs(abs(end.z) - design.plate_mm) < NEAR_MM for end in (low, high))
-    at_border = max(abs(edge.center.x), abs(edge.center.y)) > design.sheet_mm / 2.0 - NEAR_MM
+    level = all(abs(abs(end.z) - design.plate_mm) < EQUAL_WITHIN_MM for end in (low, high))
+    at_border = max(abs(edge.center.x), abs(edge.center.y)) > design.sheet_mm / 2.0 - EQUAL_WITHIN_MM
     return (
-        level and at_border and max(abs(edge.center.x), abs(edge.center.y)) < design.sheet_mm / 2.0 + NEAR_MM
+        level
+        and at_border
+        and max(abs(edge.center.x), abs(edge.center.y)) < design.sheet_mm / 2.0 + EQUAL_WITHIN_MM
     )
 
 
@@ -181,13 +183,13 @@ def build_mesh(design: FootDesign, size: MeshSize) -> Any:
         ModelError: A part is thinner than a micrometre, or the mesher gives up on this geometry.
     """
     thinnest_mm = min(design.plate_mm, design.spacer_mm, design.electrode_mm, design.ball_radius_mm)
-    if not thinnest_mm > _THINNEST_MM:  # NaN is refused too
-        raise ModelError(f"no part of a foot is thinner than {_THINNEST_MM:g} mm, got {design}")
-    size, step = size.in_foot(design), design.electrode_mm / CELLS_PER_SIDE
+    if not thinnest_mm > _MIN_THICKNESS_MM:  # NaN is refused too
+        raise ModelError(f"no part of a foot is thinner than {_MIN_THICKNESS_MM:g} mm, got {design}")
+    size, step = size.scaled_to_foot(design), design.electrode_mm / CELLS_PER_SIDE
     solids = bodies(design, size.plate_mm, quarter=True)
     shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in quarter_cells(design))])
-    name_bars(shape)
-    name_mirrors(shape, size)
+    name_bar_faces(shape)
+    name_mirror_faces(shape, size)
     for edge in shape.edges:
         if is_bar_edge(design, edge):
             edge.maxh = size.bar_mm

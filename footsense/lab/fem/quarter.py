@@ -23,16 +23,16 @@ from typing import Any
 import ngsolve as ng
 
 from footsense.errors import ModelError
-from footsense.lab.fem.elasticity import Layer, energy, membrane_energy, mixed_energy
+from footsense.lab.fem.elasticity import BondedLayer, membrane_energy, mixed_strain_energy, strain_energy
 from footsense.lab.fem.mesh import MeshSize, build_mesh
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign
 
 #: Residual of a solve above which the stiffness counts as singular [1]; sound ones leave 1e-12 to 1e-9.
-_WORST_RESIDUAL = 1e-5
+_MAX_RESIDUAL_REL = 1e-5
 
 
-def _check(design: FootDesign) -> None:
+def _check_materials(design: FootDesign) -> None:
     """Check that the materials are elastic solids that the mixed form can hold.
 
     Raises:
@@ -62,7 +62,7 @@ class Quarter:
         size: MeshSize,
         parity: Parity,
         mesh: Any = None,
-        layer: Layer | None = None,
+        layer: BondedLayer | None = None,
     ) -> None:
         """Assemble and factorise the stiffness matrix.
 
@@ -76,12 +76,12 @@ class Quarter:
         Raises:
             ModelError: The foot cannot be meshed, or its stiffness is singular.
         """
-        _check(design)
+        _check_materials(design)
         self.design, self.parity = design, parity
         self.mesh = build_mesh(design, size) if mesh is None else mesh
-        self.layer = layer or Layer(design.pdms, design.spacer_mm)
-        self.space = self._space(size.order)
-        form = self._form()
+        self.layer = layer or BondedLayer(design.pdms, design.spacer_mm)
+        self.space = self._finite_element_space(size.order)
+        form = self._bilinear_form()
         with ng.TaskManager():
             form.Assemble()
             try:
@@ -91,24 +91,26 @@ class Quarter:
         self._matrix = form.mat
         # A pivot that is zero but for rounding raises nothing above; what it solves does not fit.
         lifted = self.traction_load(ng.CF((0.0, 0.0, 1.0)), extra_order=0)
-        if not self.residual_rel(lifted, self.solve(lifted)) < _WORST_RESIDUAL:  # NaN fails too
+        if not self.residual_rel(lifted, self.solve(lifted)) < _MAX_RESIDUAL_REL:  # NaN fails too
             raise ModelError(f"the stiffness of the foot is singular: nothing holds a part of {design}")
 
     @property
-    def depth_mm(self) -> float:
+    def sphere_centre_depth_mm(self) -> float:
         """Depth of the ground-side ball's centre below the middle of the sheet [mm]."""
         return self.design.plate_mm
 
-    def _clamped(self, held: str) -> dict[str, str]:
+    def _fixed_faces(self, held: str) -> dict[str, str]:
         """Return the faces on which each component vanishes: those held, and mirror planes by parity."""
         return {
-            f"dirichlet{axis}": "|".join(filter(None, (held, self.parity.clamped(component))))
+            f"dirichlet{axis}": "|".join(filter(None, (held, self.parity.fixed_mirror_faces(component))))
             for component, axis in enumerate("xyz")
         }
 
-    def _space(self, order: int) -> Any:
+    def _finite_element_space(self, order: int) -> Any:
         ground, leg = (
-            ng.VectorH1(self.mesh, order=order, definedon=f"rubber_{side}|pdms_{side}", **self._clamped(held))
+            ng.VectorH1(
+                self.mesh, order=order, definedon=f"rubber_{side}|pdms_{side}", **self._fixed_faces(held)
+            )
             for side, held in (("ground", ""), ("leg", "curved_leg"))
         )
         p_ground, p_leg = (
@@ -116,19 +118,19 @@ class Quarter:
         )
         return ground * leg * p_ground * p_leg
 
-    def _form(self) -> Any:
+    def _bilinear_form(self) -> Any:
         """Return the bilinear form, not assembled."""
         (u_ground, u_leg, p_ground, p_leg), (v_ground, v_leg, *_) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
         for side, u, p in (("ground", u_ground, p_ground), ("leg", u_leg, p_leg)):
-            form += ng.Variation(mixed_energy(self.design.rubber, u, p) * ng.dx(f"rubber_{side}"))
-            form += ng.Variation(energy(self.design.pdms, u) * ng.dx(f"pdms_{side}"))
+            form += ng.Variation(mixed_strain_energy(self.design.rubber, u, p) * ng.dx(f"rubber_{side}"))
+            form += ng.Variation(strain_energy(self.design.pdms, u) * ng.dx(f"pdms_{side}"))
         films = ((self.design.gold, (u_ground, u_leg)), (self.design.parylene, (u_ground,)))
         for film, covered in films:
             if film is not None:
                 for u in covered:
                     form += ng.Variation(membrane_energy(film, u) * ng.ds("cell.*"))
-        form += self.layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(self.layer.faces)
+        form += self.layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(self.layer.face_name)
         return form
 
     @property

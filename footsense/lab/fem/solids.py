@@ -10,9 +10,9 @@ from footsense.errors import ModelError
 from footsense.lab.geometry import FootDesign
 
 #: Coordinates closer than this are equal [mm].
-NEAR_MM = 1e-3
+EQUAL_WITHIN_MM = 1e-3
 #: The two bodies, and the direction from the sheet into their rubber.
-SIDES = (("ground", -1.0), ("leg", 1.0))
+BODY_SIDES = (("ground", -1.0), ("leg", 1.0))
 
 
 def hemisphere(design: FootDesign, side: str, level_mm: float, *, quarter: bool) -> Any:
@@ -63,7 +63,7 @@ def bodies(design: FootDesign, plate_edge_mm: float, *, quarter: bool) -> list[A
     """
     half_mm, solids = design.sheet_mm / 2.0, []
     lowest_mm = 0.0 if quarter else -half_mm
-    for side, up in SIDES:
+    for side, up in BODY_SIDES:
         flat_mm = up * design.plate_mm
         level_mm = (min(0.0, flat_mm), max(0.0, flat_mm))
         solids.append(hemisphere(design, side, flat_mm, quarter=quarter))
@@ -71,10 +71,10 @@ def bodies(design: FootDesign, plate_edge_mm: float, *, quarter: bool) -> list[A
     return solids
 
 
-def lies_in(part: Any, axis: str) -> bool:
+def lies_in_coordinate_plane(part: Any, axis: str) -> bool:
     """Tell whether a face or an edge lies in the plane where a coordinate (`x`, `y`, `z`) is 0."""
     low, high = part.bounding_box
-    return bool(max(abs(getattr(low, axis)), abs(getattr(high, axis))) < NEAR_MM)
+    return bool(max(abs(getattr(low, axis)), abs(getattr(high, axis))) < EQUAL_WITHIN_MM)
 
 
 def square(x_mm: float, y_mm: float, side_mm: float) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 import ngsolve as ng
 from netgen import occ
 
-from footsense.lab.fem.elasticity import energy
+from footsense.lab.fem.elasticity import strain_energy
 from footsense.lab.fem.solids import rectangle
 from footsense.lab.geometry import FootDesign
 
@@ -56,7 +56,7 @@ def _mesh(design: FootDesign, *, solid: bool) -> Any:
     return mesh
 
 
-def strip_closure_um(design: FootDesign, *, solid: bool) -> float:
+def cavity_strip_closure_um(design: FootDesign, *, solid: bool) -> float:
     """Return the mean closure of the cavity under a uniform pressure [um].
 
     Args:
@@ -67,7 +67,9 @@ def strip_closure_um(design: FootDesign, *, solid: bool) -> float:
     space = ng.VectorH1(mesh, order=_ORDER, dirichletx="mirror", dirichlety="middle")
     u, v = space.TnT()
     form = ng.BilinearForm(space, symmetric=True)
-    form += ng.Variation(energy(design.pdms, u) * ng.dx("pdms") + energy(design.rubber, u) * ng.dx("rubber"))
+    form += ng.Variation(
+        strain_energy(design.pdms, u) * ng.dx("pdms") + strain_energy(design.rubber, u) * ng.dx("rubber")
+    )
     if not solid:  # the jump is twice the displacement of one side
         form += 2.0 * design.pdms.confined_mpa / design.spacer_mm * u[1] * v[1] * ng.ds("bar")
     load = ng.LinearForm(-_PRESSURE_MPA * v[1] * ng.ds("pressed")).Assemble()

@@ -15,7 +15,7 @@ from footsense.frames import Vector
 
 @dataclass(frozen=True, slots=True)
 class Parity:
-    """How a displacement field goes over under the two mirrors.
+    """Parity of a displacement field under the mirrors x -> -x and y -> -y.
 
     Attributes:
         x: +1 if the field is its own mirror image under x -> -x, -1 if it is the opposite of it.
@@ -25,7 +25,7 @@ class Parity:
     x: int
     y: int
 
-    def clamped(self, component: int) -> str:
+    def fixed_mirror_faces(self, component: int) -> str:
         """Return the mirror planes on which a component (0..2) of the displacement vanishes, joined by `|`."""
         planes = []
         for axis, (plane, parity) in enumerate((("mirror_x", self.x), ("mirror_y", self.y))):
@@ -44,7 +44,7 @@ class Parity:
 
 
 #: The classes that are solved; (-1, 1) is the transpose of (1, -1).
-SOLVED = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
+SOLVED_CLASSES = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
 
 
 def _transposed_products(degree: int) -> NDArray[np.intp]:

@@ -23,16 +23,16 @@ from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.symmetry import flat_of_grid
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import SAMPLE_ORDER
-from footsense.lab.fem.elasticity import Layer, energy, mixed_energy
-from footsense.lab.fem.mesh import COARSE, MeshSize, is_bar_edge, name_bars
-from footsense.lab.fem.solids import SIDES, curved_mesh, hemisphere, plate, square
-from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, UM_PER_MM, FootDesign
-from footsense.lab.response import DEGREE, PATCH_REL, disc_normals, patch_mean
+from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy, strain_energy
+from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, is_bar_edge, name_bar_faces
+from footsense.lab.fem.solids import BODY_SIDES, curved_mesh, hemisphere, plate, square
+from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, UM_PER_MM, FootDesign
+from footsense.lab.response import MAX_PATCH_RADIUS_REL, SERIES_DEGREE, cap_normals, mean_over_patch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imperfection:
-    """How a foot is put together other than designed.
+    """Assembly errors of a foot: offset sheet, wedge of glue, bubble, partly bonded bar.
 
     Attributes:
         sheet_offset_mm: Centre of the sheet from the axis of the balls, along x and y [mm].
@@ -49,7 +49,7 @@ class Imperfection:
 
 
 #: Put together as designed.
-ASSEMBLED = Imperfection()
+NO_IMPERFECTION = Imperfection()
 
 
 def _mesh(design: FootDesign, size: MeshSize, own: Imperfection) -> Any:
@@ -58,14 +58,14 @@ def _mesh(design: FootDesign, size: MeshSize, own: Imperfection) -> Any:
     Raises:
         ModelError: The mesher gives up, or the bubble is not inside the ground-side ball.
     """
-    size, half = size.in_foot(design), design.sheet_mm / 2.0
+    size, half = size.scaled_to_foot(design), design.sheet_mm / 2.0
     offset_x, offset_y = own.sheet_offset_mm
     solids = []
-    for side, up in SIDES:
+    for side, up in BODY_SIDES:
         ball = hemisphere(design, side, up * design.plate_mm, quarter=False)
         ball = ball.Move(occ.Vec(-offset_x, -offset_y, 0.0))
         if side == "ground" and own.bubble_mm[3] > 0.0:
-            ball = _with_bubble(design, own, ball)
+            ball = _cut_bubble(design, own, ball)
         level_mm = (min(0.0, up * design.plate_mm), max(0.0, up * design.plate_mm))
         solids += [ball, plate(f"pdms_{side}", (-half, -half), half, level_mm, size.plate_mm)]
     step, inside = (
@@ -79,7 +79,7 @@ def _mesh(design: FootDesign, size: MeshSize, own: Imperfection) -> Any:
             face.name = f"cell{len(solids) - 4}"
             solids.append(face)
     shape = occ.Glue(solids)
-    name_bars(shape)
+    name_bar_faces(shape)
     for face in shape.faces:
         if face.name == "curved_ground":
             face.maxh = size.surface_mm
@@ -90,7 +90,7 @@ def _mesh(design: FootDesign, size: MeshSize, own: Imperfection) -> Any:
     return curved_mesh(shape, parameters, size.order, layers=size.layers, layer_rel=size.layer_rel)
 
 
-def _with_bubble(design: FootDesign, own: Imperfection, ball: Any) -> Any:
+def _cut_bubble(design: FootDesign, own: Imperfection, ball: Any) -> Any:
     """Return the ground-side ball with the bubble cut out.
 
     Raises:
@@ -106,7 +106,9 @@ def _with_bubble(design: FootDesign, own: Imperfection, ball: Any) -> Any:
     return ball - occ.Sphere(occ.Pnt(*centre_mm), radius_mm)
 
 
-def whole_table(design: FootDesign, own: Imperfection, size: MeshSize = COARSE) -> tuple[Vector, Vector]:
+def solve_whole_foot(
+    design: FootDesign, own: Imperfection, size: MeshSize = COARSE_MESH
+) -> tuple[Vector, Vector]:
     """Return series of G0 [um/N], shape (products, 324, 3), and compliance [um/N], (324, 324), of a whole foot.
 
     Args:
@@ -121,19 +123,19 @@ def whole_table(design: FootDesign, own: Imperfection, size: MeshSize = COARSE) 
     order = size.order
     ground = ng.VectorH1(mesh, order=order, definedon="rubber_ground|pdms_ground")
     leg = ng.VectorH1(mesh, order=order, definedon="rubber_leg|pdms_leg", dirichlet="curved_leg")
-    p_ground, p_leg = (ng.H1(mesh, order=order - 1, definedon=f"rubber_{side}") for side, _ in SIDES)
+    p_ground, p_leg = (ng.H1(mesh, order=order - 1, definedon=f"rubber_{side}") for side, _ in BODY_SIDES)
     space = ground * leg * p_ground * p_leg
     (u_ground, u_leg, p_g, p_l), (v_ground, v_leg, *_) = space.TnT()
     form = ng.BilinearForm(space, symmetric=True)
     thicker = 1.0 + own.glue_wedge_mm / design.plate_mm * (0.5 + ng.x / design.sheet_mm)
     for side, u, p, stiffer in (("ground", u_ground, p_g, thicker**3), ("leg", u_leg, p_l, ng.CF(1.0))):
-        form += ng.Variation(mixed_energy(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
-        form += ng.Variation(stiffer * energy(design.pdms, u) * ng.dx(f"pdms_{side}"))
+        form += ng.Variation(mixed_strain_energy(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
+        form += ng.Variation(stiffer * strain_energy(design.pdms, u) * ng.dx(f"pdms_{side}"))
     inner, outer = design.bars_mm[-1]
     in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
-    layer = Layer(design.pdms, design.spacer_mm)
+    layer = BondedLayer(design.pdms, design.spacer_mm)
     bonded = 1.0 - (1.0 - own.bonded_rel) * in_bar
-    form += bonded * layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(layer.faces)
+    form += bonded * layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(layer.face_name)
     points = mesh.MapToAllElements(
         ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER), mesh.Boundaries("curved_ground")
     )
@@ -158,16 +160,16 @@ def whole_table(design: FootDesign, own: Imperfection, size: MeshSize = COARSE) 
             field.vec.data = inverse * functional.vec
             influence.append(np.asarray(field.components[0](points)))
             compliance.append(rows @ field.vec.FV().NumPy())
-    used = normal[:, 2] >= np.sin(np.radians(FIT_ELEVATION_DEG))
+    used = normal[:, 2] >= np.sin(np.radians(MIN_FITTED_ELEVATION_DEG))
     root = np.sqrt(weight[used])[:, None]
-    basis = series_basis(normal[used], DEGREE, FIT_ELEVATION_DEG) * root
+    basis = series_basis(normal[used], SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG) * root
     sampled = np.stack(influence, axis=1)[used] * root[:, :, None] * UM_PER_MM
     series = np.linalg.lstsq(basis, sampled.reshape(len(basis), -1), rcond=1e-10)[0]
     whole = np.stack(compliance) * UM_PER_MM
     return series.reshape(len(series), -1, 3), (whole + whole.T) / 2.0
 
 
-def with_change(
+def with_added_response(
     response: FootResponse, design: FootDesign, series: Vector, compliance: Vector
 ) -> FootResponse:
     """Return a response table with changes added.
@@ -181,9 +183,9 @@ def with_change(
     side = response.quarter_compliance.shape[-1]
     grid = flat_of_grid(side)
     flat = series.reshape(len(series), -1)
-    normal, patch_mm = disc_normals(MIN_ELEVATION_DEG), PATCH_REL * design.ball_radius_mm
-    basis = series_basis(normal, DEGREE, FIT_ELEVATION_DEG)
-    growth = (patch_mean(flat, normal, patch_mm, design) - basis @ flat) / patch_mm**2
+    normal, patch_mm = cap_normals(MIN_ELEVATION_DEG), MAX_PATCH_RADIUS_REL * design.ball_radius_mm
+    basis = series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
+    growth = (mean_over_patch(flat, normal, patch_mm, design) - basis @ flat) / patch_mm**2
     patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(series.shape)
     whole = response.series.reshape(2, len(series), 3, -1).transpose(0, 1, 3, 2) + np.stack([series, patch])
     order = grid.ravel()

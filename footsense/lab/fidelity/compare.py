@@ -6,14 +6,14 @@ from timeit import default_timer
 import numpy as np
 
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import Readout, rms
-from footsense.lab.fidelity.levels import Answer, FidelityLevel
+from footsense.lab.fidelity.levels import FidelityLevel, LevelResponse
 from footsense.lab.fidelity.loads import Loads
 
 
-def timed(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[Answer, float]:
+def time_level(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[LevelResponse, float]:
     """Return the answer of a fidelity level, and the shortest computing time of some runs [s]."""
     taken_s = []
     for _ in range(repeats):
@@ -23,7 +23,7 @@ def timed(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[Answer,
     return answer, min(taken_s)
 
 
-def sensed_force_n(network: Readout, design: CapacitorDesign, answer: Answer) -> Vector:
+def reported_force_n(network: Readout, design: CapacitorDesign, answer: LevelResponse) -> Vector:
     """Return the force [N] that the daemon would report for an answer, shape (n, 3): from capacitance, by the network.
 
     Args:
@@ -36,7 +36,7 @@ def sensed_force_n(network: Readout, design: CapacitorDesign, answer: Answer) ->
 
 
 @dataclass(frozen=True, slots=True)
-class Distance:
+class FidelityError:
     """How far one answer is from another one to the same loads.
 
     Attributes:
@@ -58,20 +58,24 @@ class Distance:
     n: int
 
 
-def distance(answer: Answer, finest: Answer, network: Readout, design: CapacitorDesign) -> Distance:
+def fidelity_error(
+    answer: LevelResponse, finest: LevelResponse, network: Readout, design: CapacitorDesign
+) -> FidelityError:
     """Return how far an answer is from the finest.
 
     Args:
         answer: To the loads.
         finest: To the same loads.
-        network: As in `sensed_force_n`.
+        network: As in `reported_force_n`.
         design: Dimensions of the capacitors.
     """
     closure_um = answer.closure_um - finest.closure_um
     capacitance_pf = answer.capacitance_pf - finest.capacitance_pf
     change_pf = finest.capacitance_pf - design.unloaded_pf
-    read = errors(sensed_force_n(network, design, finest), sensed_force_n(network, design, answer))
-    return Distance(
+    read = evaluate_force_errors(
+        reported_force_n(network, design, finest), reported_force_n(network, design, answer)
+    )
+    return FidelityError(
         closure_rel=rms(closure_um) / rms(finest.closure_um),
         closure_max_um=float(np.abs(closure_um).max()),
         capacitance_rel=rms(capacitance_pf) / rms(change_pf),

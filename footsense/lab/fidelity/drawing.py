@@ -5,13 +5,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 from footsense.frames import Vector
-from footsense.lab.fidelity.compare import Distance
+from footsense.lab.fidelity.compare import FidelityError
 from footsense.lab.fidelity.forward import ForwardAgainstTable
 
 
-def error_against_time(
+def error_over_time_figure(
     seconds: dict[str, float],
-    distances: dict[str, Distance],
+    distances: dict[str, FidelityError],
     finest: str,
     forward: ForwardAgainstTable,
     n: int,
@@ -55,7 +55,7 @@ def error_against_time(
     return figure
 
 
-def pattern_tiles(change_pf: dict[str, Vector]) -> Figure:
+def capacitance_pattern_figure(change_pf: dict[str, Vector]) -> Figure:
     """Return a grid of tiles per model: colour and upper number over the largest of the nine, lower number in pF.
 
     Args:

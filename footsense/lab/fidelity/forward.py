@@ -46,7 +46,7 @@ class ForwardAgainstTable:
 def forward_against_table(
     foot_design: FootDesign, size: MeshSize, response: FootResponse, loads: Loads, n: int
 ) -> ForwardAgainstTable:
-    """Time and compare both ways.
+    """Time one solve per load and the table of adjoint solves, and compare their closures.
 
     Args:
         foot_design: The foot.

@@ -24,11 +24,11 @@ import math
 import numpy as np
 
 from footsense.frames import Vector
-from footsense.lab.fidelity.lattice import lattice_opening_mm
+from footsense.lab.fidelity.lattice import cavity_closure_length_mm
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Gauss points along the side of what an element carries: rays are long, so more change a closure by 1e-4.
-_POINTS = 3
+_QUADRATURE_POINTS = 3
 
 
 class HalfSpace:
@@ -44,19 +44,19 @@ class HalfSpace:
 
     def __init__(self, design: FootDesign, *, balanced: bool = True) -> None:
         self.design, self._balanced = design, balanced
-        place, share = np.polynomial.legendre.leggauss(_POINTS)
+        place, share = np.polynomial.legendre.leggauss(_QUADRATURE_POINTS)
         half_mm = design.sheet_mm / 2.0
         centres = np.array(design.centres_mm)
         low = np.maximum(centres - design.pitch_mm / 2.0, -half_mm)
         high = np.minimum(centres + design.pitch_mm / 2.0, half_mm)
         along = (low + high)[:, None] / 2.0 + place[:, None] * (high - low)[:, None] / 2.0
         weight = share[:, None] * (high - low)[:, None] / 2.0
-        shape = (len(centres), _POINTS, _POINTS)
+        shape = (len(centres), _QUADRATURE_POINTS, _QUADRATURE_POINTS)
         x_mm = np.broadcast_to(along[:, :, None, 0], shape).reshape(len(centres), -1)
         y_mm = np.broadcast_to(along[:, None, :, 1], shape).reshape(len(centres), -1)
         self._point_mm = np.stack([x_mm, y_mm, np.zeros_like(x_mm)], axis=-1)
         self._area_mm2 = (weight[:, :, None, 0] * weight[:, None, :, 1]).reshape(len(centres), -1)
-        opening_mm = lattice_opening_mm(design.pitch_mm, design.pitch_mm - design.electrode_mm)
+        opening_mm = cavity_closure_length_mm(design.pitch_mm, design.pitch_mm - design.electrode_mm)
         self._um_per_mpa = UM_PER_MM * opening_mm / design.rubber.hertz_mpa
 
     def pressure_mpa(self, normal: Vector, force_n: Vector) -> Vector:
@@ -66,7 +66,7 @@ class HalfSpace:
             normal: Inward unit normals of the ball at the contacts, shape (n, 3).
             force_n: Ground reactions on the foot [N], shape (n, 3).
         """
-        touch_mm = self.design.touch_mm(normal)
+        touch_mm = self.design.touch_point_mm(normal)
         ray_mm = self._point_mm - touch_mm[:, None, None]
         squared_mm2 = (ray_mm**2).sum(axis=-1)
         along_n_mm = np.einsum("nepk,nk->nep", ray_mm, force_n)

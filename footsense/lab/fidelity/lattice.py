@@ -18,7 +18,7 @@ import numpy as np
 _N_HARMONICS = 100
 
 
-def lattice_opening_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True) -> float:
+def cavity_closure_length_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True) -> float:
     """Return the mean closure of the cavities between bars, times E' over the mean pressure [mm].
 
     Args:

@@ -31,7 +31,7 @@ MAX_PATCH_RADIUS_REL = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Answer:
+class LevelResponse:
     """Closures and capacitances of the elements under some loads.
 
     Attributes:
@@ -45,32 +45,32 @@ class Answer:
 
 #: Of inward unit normals of the ball at the contacts [1] and ground reactions on the foot [N], both in the foot frame,
 #: shape (n, 3).
-FidelityLevel = Callable[[Vector, Vector], Answer]
+FidelityLevel = Callable[[Vector, Vector], LevelResponse]
 
 
-def half_space(model: HalfSpace, normal: Vector, force_n: Vector) -> Answer:
+def half_space_response(model: HalfSpace, normal: Vector, force_n: Vector) -> LevelResponse:
     """Return the closures of the formula, and the capacitances of flat electrodes."""
     closure_um, capacitor = model.closure_um(normal, force_n), model.design.capacitor
-    return Answer(closure_um, capacitor.capacitance_pf(np.minimum(closure_um, capacitor.gap_um)))
+    return LevelResponse(closure_um, capacitor.capacitance_pf(np.minimum(closure_um, capacitor.gap_um)))
 
 
-def _of_cells(capacitor: CapacitorDesign, cells_um: Vector) -> Answer:
+def _response_of_cells(capacitor: CapacitorDesign, cells_um: Vector) -> LevelResponse:
     """Return the elements' answer of the closures of their cells [um], shape (n, 324)."""
     distance_um = np.maximum(capacitor.gap_um - cells_um, 0.0) + capacitor.film_equivalent_um
-    return Answer(element_means(cells_um), capacitance_pf(capacitor, distance_um))
+    return LevelResponse(element_means(cells_um), capacitance_pf(capacitor, distance_um))
 
 
-def linear_table(response: FootResponse, normal: Vector, force_n: Vector) -> Answer:
+def linear_response(response: FootResponse, normal: Vector, force_n: Vector) -> LevelResponse:
     """Return closures and capacitances from the response table alone, gaps not closing."""
-    return _of_cells(response.design, response.free_closure_um(normal, force_n))
+    return _response_of_cells(response.design, response.free_closure_um(normal, force_n))
 
 
-def gap_contact(foot: Foot, normal: Vector, force_n: Vector) -> Answer:
+def gap_contact_response(foot: Foot, normal: Vector, force_n: Vector) -> LevelResponse:
     """Return closures and capacitances of the simulated foot: response table with contact in closed gaps."""
-    return _of_cells(foot.response.design, foot.cells_um(normal, force_n))
+    return _response_of_cells(foot.response.design, foot.cells_um(normal, force_n))
 
 
-def finite_strain_contact(foot_design: FootDesign, *, reduced: bool = False) -> FidelityLevel:
+def finite_strain_level(foot_design: FootDesign, *, reduced: bool = False) -> FidelityLevel:
     """Return the level with one nonlinear solve per load.
 
     Args:
@@ -83,9 +83,9 @@ def finite_strain_contact(foot_design: FootDesign, *, reduced: bool = False) -> 
 
     foot = FullFoot(foot_design, finite_strain=False, floor="hertz") if reduced else FullFoot(foot_design)
 
-    def answer(normal: Vector, force_n: Vector) -> Answer:
+    def answer(normal: Vector, force_n: Vector) -> LevelResponse:
         solutions = [foot.solve(*load) for load in zip(normal, force_n, strict=True)]
-        return Answer(
+        return LevelResponse(
             np.stack([solution.closure_um for solution in solutions]),
             np.stack([solution.capacitance_pf for solution in solutions]),
         )
@@ -107,15 +107,15 @@ def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -
     if name not in LEVEL_NAMES:
         raise ValueError(f"no fidelity level {name!r}; there are {', '.join(LEVEL_NAMES)}")
     levels: dict[str, Callable[[], FidelityLevel]] = {
-        "half-space": lambda: partial(half_space, HalfSpace(foot_design)),
-        "linear": lambda: partial(linear_table, response),
-        "contact": lambda: partial(gap_contact, Foot(response)),
-        "full": lambda: finite_strain_contact(foot_design),
+        "half-space": lambda: partial(half_space_response, HalfSpace(foot_design)),
+        "linear": lambda: partial(linear_response, response),
+        "contact": lambda: partial(gap_contact_response, Foot(response)),
+        "full": lambda: finite_strain_level(foot_design),
     }
     return levels[name]()
 
 
-def response_to(
+def response_json(
     response: FootResponse,
     foot_design: FootDesign,
     direction_deg: tuple[float, float],
@@ -147,10 +147,10 @@ def response_to(
     if not 0.0 <= direction_deg[1] <= 90.0:
         raise ValueError(f"an elevation is between 0 and 90 deg, got {direction_deg[1]:g}")
     normal = directions(*np.array(direction_deg)[:, None])
-    patch_mm = float(response.patch_radius_mm(normal, force_n * normal)[0])
-    if patch_mm > MAX_PATCH_RADIUS_REL * response.ball_radius_mm:
+    hertz_patch_radius_mm = float(response.patch_radius_mm(normal, force_n * normal)[0])
+    if hertz_patch_radius_mm > MAX_PATCH_RADIUS_REL * response.ball_radius_mm:
         raise ValueError(
-            f"{force_n:g} N would flatten the ball over {patch_mm:.1f} mm; the models hold up to "
+            f"{force_n:g} N would flatten the ball over {hertz_patch_radius_mm:.1f} mm; the models hold up to "
             f"{MAX_PATCH_RADIUS_REL * response.ball_radius_mm:g} mm"
         )
     answer = fidelity_level(name, response, foot_design)(normal, force_n * normal)

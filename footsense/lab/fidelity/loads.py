@@ -35,7 +35,7 @@ def paper_loads(response: FootResponse) -> Loads:
     return Loads(normalized(force_n), force_n)
 
 
-def mirrored_loads(cases: Sequence[tuple[float, float, float]]) -> Loads:
+def loads_in_mirror_plane(cases: Sequence[tuple[float, float, float]]) -> Loads:
     """Return loads in the plane y = 0, which the full solve meshes half of.
 
     Args:

@@ -11,11 +11,11 @@ from joblib import parallel_config
 from footsense.errors import FootsenseError
 
 #: Time within which a scheduler, and the first of its workers, have to answer [s].
-_ANSWER_S = 5.0
+_CONNECT_TIMEOUT_S = 5.0
 
 
 @contextmanager
-def cluster(scheduler: str) -> Iterator[None]:
+def dask_workers(scheduler: str) -> Iterator[None]:
     """Use the workers of a dask scheduler.
 
     Yields:
@@ -30,12 +30,12 @@ def cluster(scheduler: str) -> Iterator[None]:
 
     _require_listener(scheduler)
     try:
-        client = Client(scheduler, timeout=_ANSWER_S)
+        client = Client(scheduler, timeout=_CONNECT_TIMEOUT_S)
     except (OSError, ValueError) as error:
         raise FootsenseError(f"{scheduler} is no dask scheduler: {error}") from error
     with client:
         try:
-            client.wait_for_workers(1, timeout=_ANSWER_S)
+            client.wait_for_workers(1, timeout=_CONNECT_TIMEOUT_S)
         except TimeoutError as error:
             raise FootsenseError(
                 f"the scheduler {scheduler} has no workers; start one with `dask worker {scheduler}`"
@@ -58,7 +58,7 @@ def _require_listener(scheduler: str) -> None:
     if host is None or port is None:
         raise FootsenseError(f"{scheduler!r} is no address of a scheduler; an example is tcp://host:8786")
     try:
-        with socket.create_connection((host, port), timeout=_ANSWER_S) as line:
+        with socket.create_connection((host, port), timeout=_CONNECT_TIMEOUT_S) as line:
             if parts.scheme == "tcp":
                 line.recv(1)  # a dask server speaks first
     except OSError as error:

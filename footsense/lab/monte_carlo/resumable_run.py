@@ -68,8 +68,8 @@ ReadoutErrors = dict[str, float]
 
 
 @dataclass(frozen=True, slots=True)
-class _Result:
-    """A line of the file."""
+class _JobResult:
+    """Result of one job: a line of the result file."""
 
     job: Job
     figures: ReadoutErrors
@@ -104,18 +104,18 @@ def run_resumable(
     Raises:
         FootsenseError: The file holds another run, cannot be read or written, or there are no workers.
     """
-    finished = {} if file is None else _resume(file, about)
+    finished = {} if file is None else _read_finished(file, about)
     missing = [job for job in dict.fromkeys(jobs) if job not in finished]
     if missing:
         try:
             with nullcontext() if file is None else file.open("a", encoding="utf-8") as ledger:
-                _run_missing(missing, work, workers, finished, ledger)
+                _evaluate_unfinished(missing, work, workers, finished, ledger)
         except OSError as error:
             raise FootsenseError(f"the run ended early: {error}") from error
     return {job: finished[job] for job in jobs}
 
 
-def _run_missing(
+def _evaluate_unfinished(
     missing: Sequence[Job],
     work: Work,
     workers: Workers,
@@ -131,12 +131,12 @@ def _run_missing(
         for job, figures in finishing:
             finished[job] = figures
             if ledger is not None:
-                ledger.write(msgspec.json.encode(_Result(job, figures)).decode() + "\n")
+                ledger.write(msgspec.json.encode(_JobResult(job, figures)).decode() + "\n")
                 ledger.flush()
             feet_done(len(finished))
 
 
-def _resume(file: Path, about: Mapping[str, str | int]) -> dict[Job, ReadoutErrors]:
+def _read_finished(file: Path, about: Mapping[str, str | int]) -> dict[Job, ReadoutErrors]:
     """Return the figures of finished feet from a result file, and prepare the file for appending.
 
     Raises:
@@ -164,7 +164,7 @@ def _resume(file: Path, about: Mapping[str, str | int]) -> dict[Job, ReadoutErro
     finished = {}
     for number, line in enumerate(lines, start=2):
         try:
-            result = msgspec.json.decode(line, type=_Result)
+            result = msgspec.json.decode(line, type=_JobResult)
         except msgspec.MsgspecError as error:
             raise FootsenseError(f"{file}, line {number}: not the result of a foot ({error})") from error
         finished[result.job] = result.figures

@@ -13,7 +13,7 @@ import numpy as np
 from footsense.estimation.rest import at_rest
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import normalized
-from footsense.foot.force_errors import GRAM_FORCE_N, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
@@ -21,17 +21,22 @@ from footsense.lab.evaluation.evaluate import Readout, capacitance_readout, elas
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Job, ReadoutErrors, Tolerances
 from footsense.lab.training.export import OnnxNetwork
-from footsense.lab.training.load_cases import Cases, as_designed_um, paper_training, paper_verification
-from footsense.lab.training.paper.mlp import start_layers
-from footsense.lab.training.paper.procedure import HIDDEN, PaperTraining
+from footsense.lab.training.load_cases import (
+    Cases,
+    closure_of_designed_foot_um,
+    paper_training,
+    paper_verification,
+)
+from footsense.lab.training.paper.mlp import random_layers
+from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining
 from footsense.sim.foot.fabrication import fabricate
 
 #: Resolution of the reference sensor's x, y, z (Table II) [N].
-REFERENCE_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N
+REFERENCE_RESOLUTION_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Measured:
+class MeasuredLoads:
     """Measurements of one foot under loads close to the paper's.
 
     Attributes:
@@ -45,9 +50,9 @@ class Measured:
     closure_um: Vector
 
 
-def measure(
+def measure_foot(
     foot: Foot, mount: Vector, true_n: Vector, tolerances: Tolerances, rng: np.random.Generator
-) -> Measured:
+) -> MeasuredLoads:
     """Load a foot on the test stand.
 
     Args:
@@ -70,8 +75,8 @@ def measure(
         1.0 + tolerances.repeatability_rel * noise[1]
     )
     change_pf += tolerances.reading_pf * noise[2]
-    return Measured(
-        force_n=true_n + tolerances.reference_resolutions * REFERENCE_N * noise[3, :, :3],
+    return MeasuredLoads(
+        force_n=true_n + tolerances.reference_resolutions * REFERENCE_RESOLUTION_N * noise[3, :, :3],
         change_pf=change_pf,
         closure_um=response.design.closure_um(unloaded_pf + change_pf, unloaded_pf),
     )
@@ -105,7 +110,7 @@ def _open_readouts(models: Path, seed: int, epochs: int) -> _TrainedReadouts:
         response=response,
         network=network,
         readouts={
-            "plain": _plain_network(response.design, training, np.random.default_rng(seed), epochs),
+            "plain": _train_plain_network(response.design, training, np.random.default_rng(seed), epochs),
             "change": capacitance_readout(response.design, training),
         },
         training_n=training.force_n,
@@ -113,9 +118,11 @@ def _open_readouts(models: Path, seed: int, epochs: int) -> _TrainedReadouts:
     )
 
 
-def _plain_network(design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int) -> Readout:
+def _train_plain_network(
+    design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int
+) -> Readout:
     """Return the paper's kind of network, trained on capacitance changes."""
-    return PaperTraining(design, cases).train([start_layers(rng, (9, *HIDDEN, 3))], epochs)[0]
+    return PaperTraining(design, cases).train([random_layers(rng, (9, *HIDDEN_NEURONS, 3))], epochs)[0]
 
 
 def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> ReadoutErrors:
@@ -138,11 +145,11 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Readout
     own = fabricate(on_design.response, job.tolerances, seed, job.foot)
     foot = Foot(on_design.response, own)
     rng = np.random.default_rng((seed, job.foot, 1))
-    training = measure(foot, own.mount, on_design.training_n, job.tolerances, rng)
-    test = measure(foot, own.mount, on_design.verification_n, job.tolerances, rng)
+    training = measure_foot(foot, own.mount, on_design.training_n, job.tolerances, rng)
+    test = measure_foot(foot, own.mount, on_design.verification_n, job.tolerances, rng)
     closure_rel = test.closure_um / design.gap_um
-    changed_um = as_designed_um(design, test.change_pf)
-    own_changes = Cases(training.force_n, as_designed_um(design, training.change_pf))
+    changed_um = closure_of_designed_foot_um(design, test.change_pf)
+    own_changes = Cases(training.force_n, closure_of_designed_foot_um(design, training.change_pf))
     network_n = network.force_n(closure_rel)
     estimates = {
         "network": network_n,
@@ -153,10 +160,10 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Readout
     }
     if job.with_network:
         rng = np.random.default_rng((seed, job.foot, 2))
-        estimates["own_network"] = _plain_network(design, own_changes, rng, epochs)(changed_um)
+        estimates["own_network"] = _train_plain_network(design, own_changes, rng, epochs)(changed_um)
     figures: ReadoutErrors = {}
     for name, estimate in estimates.items():
-        row = errors(test.force_n, estimate)
+        row = evaluate_force_errors(test.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
     off_rel = np.abs(network_n - on_design.verification_n) / network.estimate(at_rest(closure_rel)).sigma_n
     return figures | {f"within_{k}": float((off_rel <= k).mean()) for k in (1, 2)}

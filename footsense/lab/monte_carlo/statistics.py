@@ -7,10 +7,10 @@ from typing import NamedTuple, Self
 import numpy as np
 
 #: A difference is significant from this many of its standard errors on.
-SIGNIFICANT = 2.0
+SIGNIFICANT_STANDARD_ERRORS = 2.0
 
 
-class Difference(NamedTuple):
+class MeanDifference(NamedTuple):
     """Difference of two means, with its standard error.
 
     Attributes:
@@ -24,7 +24,7 @@ class Difference(NamedTuple):
     @property
     def sign(self) -> int:
         """Sign of the difference, 1 or -1; 0 if the difference is not significant."""
-        return int(np.sign(self.mean)) if abs(self.mean) > SIGNIFICANT * self.error else 0
+        return int(np.sign(self.mean)) if abs(self.mean) > SIGNIFICANT_STANDARD_ERRORS * self.error else 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,11 +46,11 @@ class MeanStd:
     n: int
 
     @classmethod
-    def over(cls, figures: Iterable[float]) -> Self:
-        """Return the statistics of some values.
+    def of_values(cls, figures: Iterable[float]) -> Self:
+        """Return mean, standard deviation and range of some values.
 
         Example:
-            >>> print(MeanStd.over([1.0, 2.0, 3.0]))
+            >>> print(MeanStd.of_values([1.0, 2.0, 3.0]))
             2.00 ± 1.00
         """
         values = np.array(list(figures))
@@ -62,16 +62,16 @@ class MeanStd:
             n=len(values),
         )
 
-    def excess(self, other: "MeanStd") -> Difference:
+    def difference_from(self, other: "MeanStd") -> MeanDifference:
         """Return how much larger this mean is than another, and the standard error of that difference.
 
         Example:
-            >>> few, many = MeanStd.over([3.0, 5.0]), MeanStd.over([1.0, 1.0])
-            >>> few.excess(many)
-            Difference(mean=3.0, error=1.0)
+            >>> few, many = MeanStd.of_values([3.0, 5.0]), MeanStd.of_values([1.0, 1.0])
+            >>> few.difference_from(many)
+            MeanDifference(mean=3.0, error=1.0)
         """
         error = np.sqrt(self.std**2 / self.n + other.std**2 / other.n)
-        return Difference(self.mean - other.mean, float(error))
+        return MeanDifference(self.mean - other.mean, float(error))
 
     def __str__(self) -> str:
         return f"{self.mean:.2f} ± {self.std:.2f}"

@@ -16,14 +16,16 @@ from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS
 #: Of all random numbers of the study.
 SEED = 20090304
 
-EXACT = Tolerances()
+NO_DEVIATIONS = Tolerances()
 #: A plausible foot of soft lithography; those of the paper's are not published.
-TYPICAL = Tolerances(gap_um=1.0, film_um=1.0, stray_pf=0.05, stiffness_rel=0.1, mount_deg=2.0)
+TYPICAL_TOLERANCES = Tolerances(gap_um=1.0, film_um=1.0, stray_pf=0.05, stiffness_rel=0.1, mount_deg=2.0)
 #: A careful test stand: the paper's meter and reference sensor, and a stick set by hand.
-CAREFUL = Tolerances(reading_pf=0.001, repeatability_rel=0.02, reference_resolutions=0.5, stick_deg=1.0)
+CAREFUL_TEST_STAND = Tolerances(
+    reading_pf=0.001, repeatability_rel=0.02, reference_resolutions=0.5, stick_deg=1.0
+)
 #: Feet and test stand on which the paper's own procedure errs as in the paper's experiment (study `yardstick`): the
 #: feet of the study `experiment`; a stick set by hand; a reference and a meter that are read once, one after the other.
-YARDSTICK = Tolerances(
+PAPER_LIKE_TOLERANCES = Tolerances(
     gap_um=2.0,
     film_um=1.0,
     stray_pf=0.34,
@@ -50,33 +52,38 @@ class Sweep:
     what: str
     step: Tolerances
     levels: tuple[float, ...]
-    base: Tolerances = EXACT
+    base: Tolerances = NO_DEVIATIONS
 
     def at(self, level: float) -> Tolerances:
-        """Return the tolerances at a level."""
+        """Return the fabrication tolerances at a level of the sweep."""
         return self.base.plus(self.step, level)
 
 
-FEET = (
+FOOT_SWEEPS = (
     Sweep(what="gap [um]", step=Tolerances(gap_um=1.0), levels=(0.5, 1.0, 2.0, 3.0, 5.0, 8.0)),
     Sweep(what="unknown stray [pF]", step=Tolerances(stray_pf=1.0), levels=(0.05, 0.1, 0.2, 0.5, 1.0)),
     Sweep(what="stiffness [%]", step=Tolerances(stiffness_rel=0.01), levels=(5.0, 10.0, 20.0, 40.0)),
     Sweep(what="mount [deg]", step=Tolerances(mount_deg=1.0), levels=(1.0, 2.0, 5.0, 10.0)),
     Sweep(what="film [um]", step=Tolerances(film_um=1.0), levels=(0.5, 1.0, 2.0, 4.0)),
-    Sweep(what="all, times typical", step=TYPICAL, levels=(0.5, 1.0, 2.0, 3.0, 5.0)),
+    Sweep(what="all, times typical", step=TYPICAL_TOLERANCES, levels=(0.5, 1.0, 2.0, 3.0, 5.0)),
 )
-TEST_STANDS = (
+TEST_STAND_SWEEPS = (
     Sweep(what="reading [fF]", step=Tolerances(reading_pf=0.001), levels=(1.0, 5.0, 20.0)),
     Sweep(what="repeatability of ΔC [%]", step=Tolerances(repeatability_rel=0.01), levels=(2.0, 5.0, 20.0)),
     Sweep(what="reference [resolutions]", step=Tolerances(reference_resolutions=1.0), levels=(0.5, 1.0, 3.0)),
     Sweep(what="stick [deg]", step=Tolerances(stick_deg=1.0), levels=(1.0, 2.0, 5.0, 8.0)),
-    Sweep(what="all of it, times careful", step=CAREFUL, levels=(1.0, 2.0, 4.0), base=TYPICAL),
+    Sweep(
+        what="all of it, times careful",
+        step=CAREFUL_TEST_STAND,
+        levels=(1.0, 2.0, 4.0),
+        base=TYPICAL_TOLERANCES,
+    ),
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Numbers of feet and levels.
+    """Numbers of feet and levels that a Monte Carlo run evaluates.
 
     Attributes:
         feet: Feet at every level.
@@ -95,16 +102,16 @@ class Plan:
         return (0.0, *sweep.levels[:: -self.thin][::-1])
 
     def jobs(self, sweep: Sweep, level: float) -> list[Job]:
-        """Return the feet of a level."""
-        with_network = sweep in TEST_STANDS
+        """Return the jobs for the feet of a level."""
+        with_network = sweep in TEST_STAND_SWEEPS
         return [
             Job(sweep.at(level), foot, with_network)
             for foot in range(self.with_network if with_network else self.feet)
         ]
 
 
-FULL = Plan(feet=40, with_network=20, epochs=EPOCHS)
-QUICK = Plan(feet=2, with_network=2, epochs=QUICK_EPOCHS, thin=4)
+FULL_PLAN = Plan(feet=40, with_network=20, epochs=EPOCHS)
+QUICK_PLAN = Plan(feet=2, with_network=2, epochs=QUICK_EPOCHS, thin=4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +140,7 @@ class SweepResults:
         """Return a figure's mean over the feet at a level, interpolated linearly between levels."""
         return float(np.interp(level, self.plan.levels(sweep), self.means(sweep, name)))
 
-    def reached(self, sweep: Sweep, name: str, target: float) -> float | None:
+    def level_reaching(self, sweep: Sweep, name: str, target: float) -> float | None:
         """Return the lowest level at which a mean reaches a target, interpolated linearly between levels."""
         levels, means = self.plan.levels(sweep), self.means(sweep, name)
         for k, mean in enumerate(means):
@@ -165,12 +172,17 @@ def sweep_results(
         "models": " ".join(digests),
     }
     work = partial(readout_errors, models=models, seed=SEED, epochs=plan.epochs)
-    jobs = [job for s in (*FEET, *TEST_STANDS) for level in plan.levels(s) for job in plan.jobs(s, level)]
+    jobs = [
+        job
+        for s in (*FOOT_SWEEPS, *TEST_STAND_SWEEPS)
+        for level in plan.levels(s)
+        for job in plan.jobs(s, level)
+    ]
     found = run_resumable(about, jobs, work, workers=workers, file=file)
     figures: dict[str, dict[str, dict[str, MeanStd]]] = {}
-    for sweep in (*FEET, *TEST_STANDS):
+    for sweep in (*FOOT_SWEEPS, *TEST_STAND_SWEEPS):
         for level in plan.levels(sweep):
             feet = [found[job] for job in plan.jobs(sweep, level)]
-            over_feet = {name: MeanStd.over(foot[name] for foot in feet) for name in feet[0]}
+            over_feet = {name: MeanStd.of_values(foot[name] for foot in feet) for name in feet[0]}
             figures.setdefault(sweep.what, {})[f"{level:g}"] = over_feet
     return SweepResults(plan=plan, gap_um=gap_um, figures=figures)

@@ -8,14 +8,14 @@ from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky import get_reusable_executor
 
 from footsense.errors import FootsenseError
-from footsense.lab.monte_carlo.cluster import cluster
+from footsense.lab.monte_carlo.cluster import dask_workers
 from footsense.lab.monte_carlo.resumable_run import Job, ReadoutErrors, Work, Workers
 
 #: Worker processes on this machine.
 LOCAL_WORKERS = 2
 
 
-def parallel(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Workers:
+def job_runner(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Workers:
     """Return workers: local processes or a dask cluster.
 
     Args:
@@ -28,7 +28,7 @@ def parallel(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Wo
     """
 
     def run(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, ReadoutErrors], None, None]:
-        with _local_workers(n_workers) if scheduler is None else cluster(scheduler):
+        with _local_workers(n_workers) if scheduler is None else dask_workers(scheduler):
             try:
                 yield from Parallel(return_as="generator_unordered")(
                     delayed(_run_job)(work, job) for job in jobs

@@ -34,20 +34,20 @@ Plots = dict[str, Figure]
 
 @dataclass(frozen=True, kw_only=True)
 class StudyContext:
-    """The models that the studies measure.
+    """Models that a study evaluates, whether it runs quickly, and its progress output.
 
     Attributes:
         models: Folder of a foot type: its description, response table and network.
         quick: Whether to answer in seconds, with coarse steps and few seeds; such a page says so.
-        say: Receives a line after each step.
+        report_progress: Receives a line after each step.
     """
 
     models: Path
     quick: bool = False
-    say: Callable[[str], None] = print
+    report_progress: Callable[[str], None] = print
 
     @cached_property
-    def _released(self) -> tuple[FootResponse, OnnxNetwork]:
+    def _released_models(self) -> tuple[FootResponse, OnnxNetwork]:
         return open_models(self.models)
 
     @cached_property
@@ -58,19 +58,19 @@ class StudyContext:
     @property
     def response(self) -> FootResponse:
         """Response table of the foot that the study is about."""
-        return self._released[0]
+        return self._released_models[0]
 
     @property
     def network(self) -> OnnxNetwork:
         """The released network, run by ONNX Runtime."""
-        return self._released[1]
+        return self._released_models[1]
 
     @cached_property
     def trained_inputs(self) -> TrainedInputs:
         """Capacitors of the released network, and range and moments of its training inputs."""
         return read_card(json.dumps(self.network.card), str(self.models)).trained_inputs
 
-    def made_of(self, *, uses_network: bool) -> dict[str, str]:
+    def model_hash_entry(self, *, uses_network: bool) -> dict[str, str]:
         """Return the hash that the page of a study keeps: of the network, or of the response of the foot alone."""
         if uses_network:
             return {"network_sha256": self.network_sha256}
@@ -126,7 +126,7 @@ class Page:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """One study: computation and page.
+    """One study of the report: its computation and its page.
 
     Attributes:
         name: Names its command and its files.
@@ -152,18 +152,18 @@ class Study:
         values = {
             "seconds": round(default_timer() - started, 1),
             "quick": context.quick,
-            **context.made_of(uses_network=self.uses_network),
+            **context.model_hash_entry(uses_network=self.uses_network),
             "code_sha256": compute_sha256(self._function.__module__),
             **msgspec.to_builtins(results, str_keys=True, enc_hook=lambda value: value.tolist()),
         }
-        return self.rendered(json.loads(json.dumps(values)), figures)
+        return self.rerender(json.loads(json.dumps(values)), figures)
 
     @property
     def _function(self) -> Any:
         """The function behind `compute`, which may be partial."""
         return getattr(self.compute, "func", self.compute)
 
-    def rendered(self, values: dict[str, Any], figures: Plots | None = None) -> Page:
+    def rerender(self, values: dict[str, Any], figures: Plots | None = None) -> Page:
         """Render the page from stored JSON values, without computing."""
         results_type, _ = get_args(get_type_hints(self._function)["return"])
         results: Any = msgspec.convert(values, results_type, str_keys=True)
@@ -174,11 +174,11 @@ class Study:
         return Page(
             name=self.name,
             title=self.title,
-            body=f"{_QUICK}\n\n{body}" if values["quick"] else body,
+            body=f"{_QUICK_NOTICE}\n\n{body}" if values["quick"] else body,
             figures=figures or {},
             values=values,
             command=self.command,
         )
 
 
-_QUICK = "**Quick run: coarse steps, few cases and seeds. Its figures are no results.**"
+_QUICK_NOTICE = "**Quick run: coarse steps, few cases and seeds. Its figures are no results.**"

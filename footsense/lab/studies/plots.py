@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from footsense.lab.monte_carlo.statistics import MeanStd
 
 
-def panels(n: int, width: float, height: float, **options: Any) -> tuple[Figure, list[Axes]]:
+def subplot_row(n: int, width: float, height: float, **options: Any) -> tuple[Figure, list[Axes]]:
     """Return a figure [inch] with n panels in a row, each with a grid.
 
     Args:

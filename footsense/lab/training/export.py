@@ -23,19 +23,24 @@ from footsense.errors import ModelError
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.training.symmetric_layers import N_SYMMETRIES, SOFT_REL, linear_basis, relative_index
+from footsense.lab.training.symmetric_layers import (
+    N_SYMMETRIES,
+    PATTERN_SOFTENING_REL,
+    linear_basis,
+    relative_symmetry_index,
+)
 from footsense.lab.training.windowed_network import (
     LN_SIGMA_BOUNDS,
     MAX_FEATURE,
     MIN_INTERVAL_S,
     N_INPUTS,
     N_OUTPUTS,
-    PERIOD_S,
     READINGS,
+    REFERENCE_SCAN_PERIOD_S,
     SIGMA_ROW_OF_OUTPUT,
     Weights,
-    output_turns,
-    seen_index,
+    element_input_index,
+    output_symmetries,
 )
 from footsense.ports import Load, Window
 
@@ -43,10 +48,10 @@ from footsense.ports import Load, Window
 IR_VERSION, OPSET = 8, 17
 
 
-def _constants(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
-    """Return the weights, each once, and their places; floats are float32 in the file, indices int64."""
+def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
+    """Return the ONNX initialisers: each weight once, and the indices that place it in the full matrices."""
     c = weights.channels
-    turns = output_turns().transpose(0, 2, 1)  # a row vector times this is the turned vector
+    turns = output_symmetries().transpose(0, 2, 1)  # a row vector times this is the turned vector
     named = {name: np.asarray(part, np.float64) for name, part in weights._asdict().items()}
     one, none = np.eye(ELEMENTS), np.zeros((ELEMENTS, ELEMENTS))
     level, slope = np.zeros((2, 5, 10))
@@ -54,8 +59,8 @@ def _constants(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
     return {
         **named,
         "sigma_axes": SIGMA_ROW_OF_OUTPUT,
-        "seen_at": seen_index().ravel(),
-        "relative_at": relative_index().ravel(),
+        "seen_at": element_input_index().ravel(),
+        "relative_at": relative_symmetry_index().ravel(),
         "turns": turns,
         "sizes": np.abs(turns),
         "linear_basis": linear_basis().reshape(5, 27),
@@ -77,8 +82,8 @@ def _constants(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
         "mean": np.full((ELEMENTS, 1), 1.0 / ELEMENTS),
         "both_means": np.full((2 * ELEMENTS, 1), 0.5 / ELEMENTS),
         "least_s": np.array(-MIN_INTERVAL_S),
-        "per_period": np.array([1.0 / PERIOD_S]),
-        "soft": np.array([SOFT_REL**2]),
+        "per_period": np.array([1.0 / REFERENCE_SCAN_PERIOD_S]),
+        "soft": np.array([PATTERN_SOFTENING_REL**2]),
         "lowest": np.array(-MAX_FEATURE),
         "highest": np.array(MAX_FEATURE),
         "ln_lowest": np.array(LN_SIGMA_BOUNDS[0]),
@@ -88,7 +93,7 @@ def _constants(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
     }
 
 
-def _nodes() -> Sequence[onnx.NodeProto]:
+def _graph_nodes() -> Sequence[onnx.NodeProto]:
     """Return the operators of the graph, read from `windowed_network.onnxtxt`."""
     operators = Path(__file__).with_name("windowed_network.onnxtxt").read_text(encoding="utf-8")
     nodes: Sequence[onnx.NodeProto] = onnx.parser.parse_graph(f"operators () => () {{\n{operators}}}").node
@@ -107,7 +112,7 @@ def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) 
     """
     constants = {
         name: value.astype(np.int64 if np.issubdtype(value.dtype, np.integer) else np.float32)
-        for name, value in _constants(weights, force_unit).items()
+        for name, value in _initialisers(weights, force_unit).items()
     }
 
     def tensor_infos(signals: Sequence[Signal]) -> list[onnx.ValueInfoProto]:
@@ -117,7 +122,7 @@ def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) 
         ]
 
     graph = helper.make_graph(
-        _nodes(),
+        _graph_nodes(),
         "footsense",
         tensor_infos(INPUTS),
         tensor_infos(OUTPUTS),
@@ -134,7 +139,7 @@ def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) 
     return model
 
 
-def stored_weights(path: Path) -> Weights:
+def load_weights(path: Path) -> Weights:
     """Return the weights in a network file, for a training that starts from them.
 
     Raises:

@@ -37,7 +37,7 @@ _TEMPERING = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Protocol:
-    """How a symmetric network is trained.
+    """Training settings of a symmetric network: size, steps, batch, learning rate, seed.
 
     Attributes:
         channels: Channels of each of the two hidden layers, eight units each.
@@ -56,18 +56,18 @@ class Protocol:
     seed: int = 20090304
 
     def card(self) -> dict[str, Any]:
-        """Return the protocol as JSON values."""
+        """Return the training settings as JSON values."""
         return {"optimiser": "muon, cosine one-cycle", **asdict(self)}
 
 
-def whitening(
+def whitening_transform(
     seen: Vector, index: NDArray[np.intp], place: NDArray[np.intp], least_variance: float
 ) -> tuple[jax.Array, jax.Array]:
     """Return the matrix (inputs, inputs) and mean (inputs,) that make some inputs white, with the square's symmetry.
 
     Args:
         seen: Inputs of the first hidden layer, shape (n, inputs).
-        index: Result of `input_index`, shape (8, inputs).
+        index: Result of `hidden_input_index`, shape (8, inputs).
         place: The inputs to whiten: all but the masks.
         least_variance: Variance along an axis below which the inputs count as constant.
     """
@@ -81,7 +81,7 @@ def whitening(
     return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
 
 
-def linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: float) -> jax.Array:
+def fit_linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: float) -> jax.Array:
     """Return the least-squares linear paths [N], five weights for each input, weighted like the loss.
 
     Args:
@@ -96,7 +96,7 @@ def linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: float) 
     return jnp.asarray(solution[0], jnp.float32)
 
 
-def force_loss(
+def force_likelihood_loss(
     force_n: Any, sigma_n: Any, true_n: Any, min_force_n: float, squared_error_weight: float
 ) -> Any:
     """Return the tempered likelihood of the forces' errors, with a share of the squared error over the force.

@@ -22,13 +22,13 @@ from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.loads.random_gait import Loads, RandomGait
 
 #: Orders of the conversions that a window may come from; almost all robots use the first.
-ORDERS: NDArray[np.intp] = np.array([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(ELEMENTS))], np.intp)
+CONVERSION_ORDERS: NDArray[np.intp] = np.array([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(ELEMENTS))], np.intp)
 #: Share of the gaits that are read in the second order, of those read at another pace, and of those sent later.
 _RASTER_SHARE, _PACED_SHARE, _LATE_SHARE = 0.1, 0.2, 0.15
 #: Share of the gaits on rubber that creeps and lags, and the most of it over that of the simulated rubber [1].
 _VISCOUS_SHARE, _MOST_VISCOUS = 0.2, 1.5
 #: Time of a conversion and from its middle to the sending of a force, at 400 conversions a second [s].
-STEP_S, LEAD_S = 2.7167e-3, 3.2345e-3
+STEP_S, NOMINAL_SEND_DELAY_S = 2.7167e-3, 3.2345e-3
 #: Fastest and slowest conversion over that [1]: a scan of 4.5 ms to one of 125 ms. Latest sending [s].
 PACE_REL, _LATEST_S = (0.18, 5.0), 8e-3
 #: Standard deviation of the converter's clock [1], and of the time of sending [s].
@@ -42,9 +42,9 @@ class GaitReadings:
     """Readings of m gaits of n conversions each.
 
     Attributes:
-        order: Row of `ORDERS` of each gait, shape (m,).
+        order: Row of `CONVERSION_ORDERS` of each gait, shape (m,).
         step_s: Time of a conversion of each gait [s], shape (m,).
-        lead_s: Time from the middle of each conversion to sending [s], shape (m, n).
+        send_delay_s: Time from the middle of each conversion to sending [s], shape (m, n).
         closure_rel: Measured closure of the conversion's own element over the gap [1], shape (m, n); at most that at
             the end of the converter's range.
         in_range: Whether the conversion was within the converter's range, shape (m, n).
@@ -54,19 +54,21 @@ class GaitReadings:
 
     order: NDArray[np.intp]
     step_s: Vector
-    lead_s: Vector
+    send_delay_s: Vector
     closure_rel: NDArray[np.float32]
     in_range: NDArray[np.bool_]
     force_n: NDArray[np.float32]
     normal: NDArray[np.float32]
 
 
-def elements_of(order: int, n: int) -> NDArray[np.intp]:
+def conversion_elements(order: int, n: int) -> NDArray[np.intp]:
     """Return the element of each of n conversions, shape (n,)."""
-    return np.resize(ORDERS[order], n)
+    return np.resize(CONVERSION_ORDERS[order], n)
 
 
-def _with_rubber(t_s: Vector, normal: Vector, force_n: Vector, amount: float) -> tuple[Vector, Vector]:
+def _with_viscoelastic_load(
+    t_s: Vector, normal: Vector, force_n: Vector, amount: float
+) -> tuple[Vector, Vector]:
     """Return normal and force that deform an elastic foot as much as the load deforms one that creeps and lags."""
     rubber = ViscoelasticElement()
     normals, forces = normal.copy(), np.empty_like(force_n)
@@ -90,25 +92,25 @@ def _closures_um(foot: Foot, t_s: Vector, normal: Vector, force_n: Vector) -> Ve
     return closure_um
 
 
-def usual_lead_s(step_s: Any) -> Any:
+def nominal_send_delay_s(step_s: Any) -> Any:
     """Return the usual time from the middle of a conversion to sending [s], of the time of a conversion [s]."""
-    return LEAD_S + 0.6 * (step_s - STEP_S)
+    return NOMINAL_SEND_DELAY_S + 0.6 * (step_s - STEP_S)
 
 
 class ReadingConditions(NamedTuple):
     """Conditions under which the capacitances of a gait are read, the rubber's and the baselines' included.
 
     Attributes:
-        order: Row of `ORDERS`.
+        order: Row of `CONVERSION_ORDERS`.
         step_s: Time of a conversion [s].
-        lead_s: Time from the middle of a conversion to the sending of a force [s].
+        send_delay_s: Time from the middle of a conversion to the sending of a force [s].
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         drift_pf: Drift of the baselines since they were last followed [pF, rms].
     """
 
     order: int = 0
     step_s: float = STEP_S
-    lead_s: float = LEAD_S
+    send_delay_s: float = NOMINAL_SEND_DELAY_S
     viscous_rel: float = 0.0
     drift_pf: float = 0.0
 
@@ -130,12 +132,14 @@ def read_gait(
         n: Number of conversions.
     """
     design = response.design
-    lead_s = conditions.lead_s + _JITTER_S * rng.normal(size=n)
+    send_delay_s = conditions.send_delay_s + _JITTER_S * rng.normal(size=n)
     t_s: Vector = np.asarray(conditions.step_s * np.arange(1.0, n + 1), np.float64)
-    read, sent = loads(t_s), loads(t_s + lead_s)
-    normal, force_n = _with_rubber(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
+    read, sent = loads(t_s), loads(t_s + send_delay_s)
+    normal, force_n = (
+        _with_viscoelastic_load(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
+    )
     closure_um = _closures_um(Foot(response), t_s, normal, force_n)
-    element = elements_of(conditions.order, n)
+    element = conversion_elements(conditions.order, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)
     off_pf = float(np.hypot(BASELINE_NOISE_PF, conditions.drift_pf))
@@ -144,7 +148,7 @@ def read_gait(
     return GaitReadings(
         order=np.array([conditions.order]),
         step_s=np.array([conditions.step_s]),
-        lead_s=lead_s[None],
+        send_delay_s=send_delay_s[None],
         closure_rel=closure_rel[None].astype(np.float32),
         in_range=(measured_pf < FULL_SCALE_PF)[None],
         force_n=sent.force_n[None].astype(np.float32),
@@ -152,7 +156,7 @@ def read_gait(
     )
 
 
-def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: float) -> GaitReadings:
+def read_random_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: float) -> GaitReadings:
     """Return the readings of one random gait under random conditions, as `read_gait`.
 
     Args:
@@ -168,14 +172,14 @@ def one_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: fl
     conditions = ReadingConditions(
         order=order,
         step_s=step_s,
-        lead_s=usual_lead_s(step_s) + late_s,
+        send_delay_s=nominal_send_delay_s(step_s) + late_s,
         viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
         drift_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
     )
     return read_gait(response, RandomGait(rng, max_n, n * step_s).loads, conditions, rng, n)
 
 
-def joined(gaits: list[GaitReadings]) -> GaitReadings:
+def concatenate_gaits(gaits: list[GaitReadings]) -> GaitReadings:
     """Return gaits of equal length as one."""
     names = [field.name for field in fields(GaitReadings)]
     return GaitReadings(**{name: np.concatenate([getattr(gait, name) for gait in gaits]) for name in names})
@@ -187,11 +191,11 @@ def random_gaits(
     """Return m random gaits of n conversions each; the same seed gives the same, on any number of processes."""
     seeds = np.random.SeedSequence(seed).spawn(m)
     making = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(one_gait)(response, np.random.default_rng(own), n, max_n) for own in seeds
+        delayed(read_random_gait)(response, np.random.default_rng(own), n, max_n) for own in seeds
     )
     made: list[GaitReadings] = []
     with progress_bar("gaits", m) as gaits_done:
         for gait in making:
             made.append(gait)
             gaits_done(len(made))
-    return joined(made)
+    return concatenate_gaits(made)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.training.gait_readings import ORDERS, GaitReadings
+from footsense.lab.training.gait_readings import CONVERSION_ORDERS, GaitReadings
 from footsense.lab.training.windowed_network import READINGS
 
 #: Conversions before the first window of a gait, and of a whole window.
@@ -15,13 +15,13 @@ WARM_UP, WINDOW = 30, READINGS * ELEMENTS
 
 def age_table() -> NDArray[np.intp]:
     """Return the conversions since each element was read, shape (orders, 9 of the last conversion, 9 elements)."""
-    place = np.argsort(ORDERS, axis=1)
+    place = np.argsort(CONVERSION_ORDERS, axis=1)
     phases = np.arange(ELEMENTS)
     ages: NDArray[np.intp] = (phases[None, :, None] - place[:, None, :]) % ELEMENTS
     return ages
 
 
-def contact_of(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
+def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
     """Return contact point and friction ratio, shape (..., 4), and the normal force [N], shape (...), of loads."""
     pressing_n = (force_n * normal).sum(axis=-1)
     point = normal[..., :2] / (1.0 + normal[..., 2:])
@@ -30,7 +30,7 @@ def contact_of(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
     return np.concatenate([point, ratio], axis=-1), pressing_n
 
 
-def whole_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
+def complete_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
     """Tell after which conversions the newest reading of every element is within its range, shape (m, n)."""
     beyond = (~gaits.in_range).cumsum(axis=1)
     whole = np.zeros(beyond.shape, bool)
@@ -58,10 +58,10 @@ class GaitWindows(NamedTuple):
 
 def windows_of(gaits: GaitReadings) -> GaitWindows:
     """Return all whole windows, in the order of gaits and times."""
-    gait, time = np.nonzero(whole_windows(gaits))
+    gait, time = np.nonzero(complete_windows(gaits))
     oldest = ELEMENTS * np.arange(READINGS)[:, None]
     since = age_table()[gaits.order[gait], time % ELEMENTS][:, None] + oldest
-    age_s = since * gaits.step_s[gait][:, None, None] + gaits.lead_s[gait, time][:, None, None]
+    age_s = since * gaits.step_s[gait][:, None, None] + gaits.send_delay_s[gait, time][:, None, None]
     return GaitWindows(
         gait,
         gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64),

@@ -21,7 +21,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Vector
 from footsense.lab.geometry import LoadRange
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
 #: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
 NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
@@ -54,7 +54,7 @@ class Cases:
         closures = []
         for symmetry in SYMMETRIES:
             image = np.empty_like(self.closure_um)
-            image[:, element_map(symmetry)] = self.closure_um
+            image[:, element_permutation(symmetry)] = self.closure_um
             closures.append(image)
         return Cases(np.concatenate([self.force_n @ g.T for g in SYMMETRIES]), np.concatenate(closures))
 
@@ -85,7 +85,7 @@ def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
     return foot.response.design.closure_um(np.concatenate(parts), foot.unloaded_pf)
 
 
-def _centred(foot: Foot, direction: Vector, magnitudes_gf: list[float]) -> Cases:
+def _centred_cases(foot: Foot, direction: Vector, magnitudes_gf: list[float]) -> Cases:
     """Return centred loads: every direction at every magnitude."""
     force = np.concatenate([direction * magnitude * GRAM_FORCE_N for magnitude in magnitudes_gf])
     return Cases(force, sensed_closure_um(foot, np.tile(direction, (len(magnitudes_gf), 1)), force))
@@ -96,14 +96,14 @@ def paper_training(
 ) -> Cases:
     """Return the paper's 362 training cases: 181 directions at 50 and 150 gf (section III F), times a unit."""
     sizes_gf = [50.0 * force_unit, 150.0 * force_unit]
-    return _centred(Foot(response, deviations), paper_directions("training"), sizes_gf)
+    return _centred_cases(Foot(response, deviations), paper_directions("training"), sizes_gf)
 
 
 def paper_verification(
     response: FootResponse, deviations: Deviations | None = None, *, force_unit: float = 1.0
 ) -> Cases:
     """Return the paper's 180 verification cases: angles shifted by 5 deg, at 100 gf (section III F), times a unit."""
-    return _centred(Foot(response, deviations), paper_directions("verification"), [100.0 * force_unit])
+    return _centred_cases(Foot(response, deviations), paper_directions("verification"), [100.0 * force_unit])
 
 
 def leaning_normals(loads: LoadRange, rng: np.random.Generator, direction: Vector) -> Vector:
@@ -140,10 +140,12 @@ def random_loads(
         even = rng.uniform(size=n) < 0.5
         even_n = rng.uniform(0.0, loads.max_n, n)
         magnitude = np.where(
-            even, even_n, np.exp(rng.uniform(np.log(loads.lightest_n), np.log(loads.max_n), n))
+            even, even_n, np.exp(rng.uniform(np.log(loads.min_training_force_n), np.log(loads.max_n), n))
         )
         reached = np.flatnonzero(normal[:, 2] >= lowest_z)
-        reached = reached[_may_be_in_range(foot, normal[reached], (direction * magnitude[:, None])[reached])]
+        reached = reached[
+            _is_maybe_in_range(foot, normal[reached], (direction * magnitude[:, None])[reached])
+        ]
         force, normal = (direction * magnitude[:, None])[reached], normal[reached]
         closure = sensed_closure_um(foot, normal, force)
         in_range = response.design.capacitance_pf(closure).max(axis=1) < FULL_SCALE_PF
@@ -159,7 +161,7 @@ def random_loads(
     )
 
 
-def _may_be_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
+def _is_maybe_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
     """Tell which loads may be within the converter's range before contact is solved, shape (n,)."""
     if foot.cavity.gas is not None:  # air in the gap carries most of a load
         return np.ones(len(force_n), bool)
@@ -179,7 +181,7 @@ def measured_closure_rel(design: CapacitorDesign, closure_um: Vector, rng: np.ra
     return closure_rel
 
 
-def as_designed_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
+def closure_of_designed_foot_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
     """Return the closures [um] of the designed foot that would change its capacitances by these amounts [pF].
 
     Read-outs of capacitance changes take closures and the design; these closures give them the measured changes.

@@ -14,28 +14,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ELEMENTS
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
-SOFT_REL = 2e-3
+PATTERN_SOFTENING_REL = 2e-3
 #: Symmetries of the square.
 N_SYMMETRIES = len(SYMMETRIES)
 
 
-def input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
+def hidden_input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
     """Return which input of a channel meets each input of the layer in its unit g, shape (8, inputs).
 
     Args:
         n_planes: Features of each element; the inputs begin with nine of each.
         n_scalars: Features of the foot, which follow.
     """
-    inverse = np.argsort(np.stack([element_map(g) for g in SYMMETRIES]), axis=1)
+    inverse = np.argsort(np.stack([element_permutation(g) for g in SYMMETRIES]), axis=1)
     planes = [ELEMENTS * plane + inverse for plane in range(n_planes)]
     scalars = np.tile(ELEMENTS * n_planes + np.arange(n_scalars), (N_SYMMETRIES, 1))
     return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
 
 
-def relative_index() -> NDArray[np.intp]:
+def relative_symmetry_index() -> NDArray[np.intp]:
     """Return the place of inverse(g) h among the symmetries, shape (8 of g, 8 of h)."""
     stack = np.stack(SYMMETRIES)
     products = np.einsum("gji,hjk->ghik", stack, stack)
@@ -50,7 +50,7 @@ def linear_basis() -> NDArray[np.float64]:
     corners, edges = [0, 2, 6, 8], [1, 3, 5, 7]
     basis[0, corners, 2] = basis[1, edges, 2] = basis[2, 4, 2] = 1.0
     for g in SYMMETRIES:  # fx from row 0, turned in all directions
-        image = element_map(g)
+        image = element_permutation(g)
         for element, weight in ((0, 0.25), (2, 0.25)):
             basis[3, image[element]] += weight * g @ [1.0, 0.0, 0.0]
         basis[4, image[1]] += 0.5 * g @ [1.0, 0.0, 0.0]
@@ -62,12 +62,12 @@ def expand_hidden(weights: Any, n_planes: int, n_scalars: int) -> dict[str, Any]
 
     Args:
         weights: Weights of c channels: `w1` (c, inputs), `b1` (c,), `w2` (c, 8 c), the symmetry slow, and `b2` (c,).
-        n_planes: As for `input_index`.
-        n_scalars: As for `input_index`.
+        n_planes: As for `hidden_input_index`.
+        n_scalars: As for `hidden_input_index`.
     """
     c = weights.channels
-    w1 = weights.w1[:, input_index(n_planes, n_scalars)]  # (c, 8, inputs)
-    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_index()]  # (c of unit, g, h, c of input)
+    w1 = weights.w1[:, hidden_input_index(n_planes, n_scalars)]  # (c, 8, inputs)
+    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_symmetry_index()]  # (c of unit, g, h, c of input)
     return {
         "w1": jnp.transpose(w1, (2, 1, 0)).reshape(w1.shape[-1], -1),
         "b1": jnp.tile(weights.b1, N_SYMMETRIES),

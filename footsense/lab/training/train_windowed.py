@@ -16,9 +16,21 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import ELEMENTS
-from footsense.lab.training.fit import Protocol, fit, force_loss, linear_start, whitening
-from footsense.lab.training.gait_readings import ORDERS, PACE_REL, STEP_S, GaitReadings, usual_lead_s
-from footsense.lab.training.gait_windows import WINDOW, age_table, contact_of, whole_windows
+from footsense.lab.training.fit import (
+    Protocol,
+    fit,
+    fit_linear_start,
+    force_likelihood_loss,
+    whitening_transform,
+)
+from footsense.lab.training.gait_readings import (
+    CONVERSION_ORDERS,
+    PACE_REL,
+    STEP_S,
+    GaitReadings,
+    nominal_send_delay_s,
+)
+from footsense.lab.training.gait_windows import WINDOW, age_table, complete_windows, contact_and_normal_force
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
@@ -26,10 +38,10 @@ from footsense.lab.training.windowed_network import (
     READINGS,
     Features,
     Weights,
-    expand,
+    element_input_index,
+    expand_shared_weights,
     features,
     run,
-    seen_index,
 )
 
 #: Share of the windows with something missing, and of those of feet at rest.
@@ -74,14 +86,14 @@ class Batch(NamedTuple):
     loaded: Any
 
 
-class _Data(NamedTuple):
-    """Constants of a training run on the device."""
+class _TrainingConstants(NamedTuple):
+    """Training data on the JAX device: gaits, loads at rest, masks, noise."""
 
     closure_rel: Any
     force_n: Any
     contact: Any
     loaded: Any
-    lead_s: Any
+    send_delay_s: Any
     step_s: Any
     order: Any
     where: Any
@@ -96,24 +108,28 @@ class _Data(NamedTuple):
     film_rel: Any
 
 
-def _data(gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, imputation: Imputation) -> _Data:
-    contact, pressing_n = contact_of(gaits.force_n.astype(np.float64), gaits.normal.astype(np.float64))
-    rest_contact, _ = contact_of(rest.force_n, rest.normal)
+def _training_constants(
+    gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, imputation: Imputation
+) -> _TrainingConstants:
+    contact, pressing_n = contact_and_normal_force(
+        gaits.force_n.astype(np.float64), gaits.normal.astype(np.float64)
+    )
+    rest_contact, _ = contact_and_normal_force(rest.force_n, rest.normal)
     rng = np.random.default_rng(1)
     carries = pressing_n > 0.0
     load = np.concatenate([np.zeros((len(carries), WINDOW), int), carries.cumsum(axis=1)], axis=1)
     lately = load[:, WINDOW:] > load[:, :-WINDOW]
     drawn = rng.random(carries.shape)
     share = np.where(carries, 1.0, np.where(lately, _JUST_LIFTED_SHARE, _AIR_SHARE))
-    where = np.flatnonzero((whole_windows(gaits) & (drawn < share)).ravel())
+    where = np.flatnonzero((complete_windows(gaits) & (drawn < share)).ravel())
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     single = jnp.float32
-    return _Data(
+    return _TrainingConstants(
         closure_rel=jnp.asarray(gaits.closure_rel.ravel(), single),
         force_n=jnp.asarray(gaits.force_n.reshape(-1, 3), single),
         contact=jnp.asarray(contact.reshape(-1, 4), single),
         loaded=jnp.asarray((pressing_n.ravel() > _LOADED_N)[:, None], single),
-        lead_s=jnp.asarray(gaits.lead_s.ravel(), single),
+        send_delay_s=jnp.asarray(gaits.send_delay_s.ravel(), single),
         step_s=jnp.asarray(gaits.step_s, single),
         order=jnp.asarray(gaits.order),
         where=jnp.asarray(where),
@@ -129,17 +145,17 @@ def _data(gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, impu
     )
 
 
-def _gait_windows(data: _Data, times_per_gait: int, key: jax.Array, n: int) -> tuple[Any, ...]:
+def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array, n: int) -> tuple[Any, ...]:
     """Return closures and ages, shape (n, 3, 9), and the truth of random windows of gaits."""
     at = data.where[jax.random.randint(key, (n,), 0, len(data.where))]
     gait, time = at // times_per_gait, at % times_per_gait
     since = data.ages[data.order[gait], time % ELEMENTS][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
     closure_rel = data.closure_rel[at[:, None, None] - since]
-    age_s = since * data.step_s[gait][:, None, None] + data.lead_s[at][:, None, None]
+    age_s = since * data.step_s[gait][:, None, None] + data.send_delay_s[at][:, None, None]
     return closure_rel, age_s, data.force_n[at], data.contact[at], data.loaded[at]
 
 
-def _rest_windows(data: _Data, key: jax.Array, n: int) -> tuple[Any, ...]:
+def _rest_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any, ...]:
     """Return windows and true loads of feet at rest."""
     k1, k2, k3, k4, k5, k6, k7 = jax.random.split(key, 7)
     n_rough, n_paced = round(_FRICTION_SHARE * n), round(_PACED_SHARE * n)
@@ -154,20 +170,20 @@ def _rest_windows(data: _Data, key: jax.Array, n: int) -> tuple[Any, ...]:
     low, high = np.log(PACE_REL)
     drawn = jax.random.uniform(k7, (2, n))
     step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
-    order = jnp.where(paced, (drawn[1] * len(ORDERS)).astype(int), 0)
+    order = jnp.where(paced, (drawn[1] * len(CONVERSION_ORDERS)).astype(int), 0)
     since = data.ages[order, phase][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
     closure_rel = exact + steep * noise + (1.0 + data.film_rel) ** 2 * offset
     return (
         closure_rel,
-        since * step_s + usual_lead_s(step_s),
+        since * step_s + nominal_send_delay_s(step_s),
         data.rest_force_n[at],
         data.rest_contact[at],
         jnp.ones((n, 1)),
     )
 
 
-def _batch(data: _Data, times_per_gait: int, n: int, key: jax.Array) -> Batch:
-    """Return a random batch."""
+def _random_windows_batch(data: _TrainingConstants, times_per_gait: int, n: int, key: jax.Array) -> Batch:
+    """Return a random batch of training windows, in motion and at rest, with missing elements."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
     n_rest = round(_REST_SHARE * n)
     parts = zip(
@@ -204,7 +220,7 @@ def train_windowed(
     report: Any = lambda _: None,
     start: Weights | None = None,
 ) -> Weights:
-    """Train the windowed network.
+    """Train the windowed network on random gaits and loads at rest; return its weights.
 
     Args:
         gaits: Readings of random gaits.
@@ -218,32 +234,34 @@ def train_windowed(
     Returns:
         The weights, float32.
     """
-    data = _data(gaits, rest, design, imputation)
+    data = _training_constants(gaits, rest, design, imputation)
     times_per_gait = gaits.closure_rel.shape[1]
-    first = jax.jit(_batch, static_argnums=(1, 2))(data, times_per_gait, 60_000, jax.random.PRNGKey(0))
+    first = jax.jit(_random_windows_batch, static_argnums=(1, 2))(
+        data, times_per_gait, 60_000, jax.random.PRNGKey(0)
+    )
     carries = np.asarray(first.loaded[:, 0] > 0.0)
     unmasked = (FEATURES_PER_ELEMENT - 1) * ELEMENTS
     place = np.r_[0:unmasked, FEATURES_PER_ELEMENT * ELEMENTS : N_INPUTS]
     seen = np.asarray(first.seen.seen, np.float64)[carries]
-    whiten, mean = whitening(seen, seen_index(), place, 3e-8)
+    whiten, mean = whitening_transform(seen, element_input_index(), place, 3e-8)
     now, newest, force_n = (
         np.asarray(part, np.float64) for part in (first.seen.now, first.seen.newest, first.force_n)
     )
-    linear = linear_start((now, now - newest), force_n, protocol.min_force_n)
+    linear = fit_linear_start((now, now - newest), force_n, protocol.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
         w1 = free.w1 @ whiten
         return free._replace(linear=linear + free.linear, w1=w1, b1=free.b1 - w1 @ mean)
 
     def loss(free: Weights, batch: Batch) -> jax.Array:
-        load = run(expand(fold_whitening(free)), batch.seen)
+        load = run(expand_shared_weights(fold_whitening(free)), batch.seen)
         force = (load.force_n, load.sigma_n, batch.force_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
         apart, sigma = load.contact_coordinates - batch.contact, load.contact_sigma
         likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)
-        return force_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
+        return force_likelihood_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
 
-    def random_batch(data: _Data, key: jax.Array) -> Batch:
-        return _batch(data, times_per_gait, protocol.batch, key)
+    def random_batch(data: _TrainingConstants, key: jax.Array) -> Batch:
+        return _random_windows_batch(data, times_per_gait, protocol.batch, key)
 
     def unfolded(weights: Weights) -> Weights:
         """Return the free weights that fold into these."""

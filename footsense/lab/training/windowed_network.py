@@ -29,9 +29,9 @@ from footsense.frames import ELEMENTS
 from footsense.lab.symmetry import SYMMETRIES
 from footsense.lab.training.symmetric_layers import (
     N_SYMMETRIES,
-    SOFT_REL,
+    PATTERN_SOFTENING_REL,
     expand_hidden,
-    input_index,
+    hidden_input_index,
     linear_basis,
 )
 from footsense.ports import Load, Window
@@ -49,7 +49,7 @@ SIGMA_ROW_OF_OUTPUT = np.array([0, 0, 1, 2, 2, 3, 3])
 #: Largest feature of an element [1]: a step of the load is not larger, a corrupt reading is.
 MAX_FEATURE = 4.0
 #: Period of a scan that has the feature 0 [s].
-PERIOD_S = 0.02445
+REFERENCE_SCAN_PERIOD_S = 0.02445
 #: Bounds of ln sigma over its scale.
 LN_SIGMA_BOUNDS = (-8.0, 3.0)
 #: Least time between two readings of an element [s]; a foot's first reading stands for those before it.
@@ -90,7 +90,7 @@ class Weights(NamedTuple):
         return int(self.b1.size)
 
 
-class Matrices(NamedTuple):
+class LayerMatrices(NamedTuple):
     """The weights in all their places, so that a layer is x @ w + b; 8 c units in a hidden layer."""
 
     level: Any
@@ -120,12 +120,12 @@ class Features(NamedTuple):
     size: Any
 
 
-def seen_index() -> NDArray[np.intp]:
+def element_input_index() -> NDArray[np.intp]:
     """Return which input of a channel meets input e of the layer in its unit g, shape (8, SEEN)."""
-    return input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
+    return hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
 
 
-def output_turns() -> NDArray[np.float64]:
+def output_symmetries() -> NDArray[np.float64]:
     """Return how each symmetry turns the outputs, shape (8, 7, 7): a vector in space and two in the plane."""
     turns = np.zeros((N_SYMMETRIES, N_OUTPUTS, N_OUTPUTS))
     for turn, symmetry in zip(turns, SYMMETRIES, strict=True):
@@ -134,10 +134,10 @@ def output_turns() -> NDArray[np.float64]:
     return turns
 
 
-def expand(weights: Weights) -> Matrices:
+def expand_shared_weights(weights: Weights) -> LayerMatrices:
     """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
-    turns = output_turns()
-    return Matrices(
+    turns = output_symmetries()
+    return LayerMatrices(
         level=jnp.tensordot(weights.linear[:5], linear_basis(), 1),
         slope=jnp.tensordot(weights.linear[5:], linear_basis(), 1),
         **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT),
@@ -164,14 +164,14 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
     d1 = (v0 - v1) * (period_s / first_s)
     d2 = d1 - (v1 - v2) * (period_s / second_s)
     now = v0 + age * d1
-    size = module.sqrt((v0 * v0 + now * now).mean(axis=-1, keepdims=True) / 2.0 + SOFT_REL**2)
+    size = module.sqrt((v0 * v0 + now * now).mean(axis=-1, keepdims=True) / 2.0 + PATTERN_SOFTENING_REL**2)
     planes = module.concatenate([v0, d1, age * d1, d2, age * d2, age * age * d2], axis=-1) / size
     planes = module.minimum(module.maximum(planes, -MAX_FEATURE), MAX_FEATURE)
-    scalars = [size, module.log(period_s / PERIOD_S)]
+    scalars = [size, module.log(period_s / REFERENCE_SCAN_PERIOD_S)]
     return Features(module.concatenate([planes, missing, *scalars], axis=-1), now, v0, size)
 
 
-def run(matrices: Matrices, seen: Features) -> Load:
+def run(matrices: LayerMatrices, seen: Features) -> Load:
     """Return the network's estimate of n windows, as JAX arrays."""
     first = jnp.tanh(seen.seen @ matrices.w1 + matrices.b1)
     second = jnp.tanh(first @ matrices.w2 + matrices.b2)
@@ -189,5 +189,5 @@ def run(matrices: Matrices, seen: Features) -> Load:
 def predict(weights: Weights, window: Window) -> Load:
     """Return the loads that the network estimates of some windows, in float32 arithmetic."""
     closure_rel, age_s, missing = (jnp.asarray(part, jnp.float32) for part in window)
-    load = run(expand(weights), features(closure_rel, age_s, missing))
+    load = run(expand_shared_weights(weights), features(closure_rel, age_s, missing))
     return Load(*(np.asarray(part, dtype=np.float64) for part in load))

@@ -12,7 +12,7 @@ from zstandard import ZstdError
 MAX_CHUNK_BYTES = 1 << 24
 
 #: Errors of the libraries below on damaged bytes.
-DAMAGE = (
+DAMAGE_ERRORS = (
     *(McapError, ZstdError, msgspec.MsgspecError, ValueError, LookupError, TypeError, AttributeError),
     *(OverflowError, MemoryError, RecursionError, EOFError, struct.error),
 )

@@ -12,11 +12,11 @@ from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cyc
 from footsense.recording.container import event_messages, messages
 from footsense.recording.container.event_messages import decode_gait, decode_reference
 from footsense.recording.cycle_fields import Count
-from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, require_valid
 
 
 @dataclass(slots=True)
-class _Parts:
+class _CycleMessages:
     """The messages of a cycle read so far."""
 
     scan: CapFrame | None = None
@@ -24,7 +24,7 @@ class _Parts:
     outcomes: list[CommandResult] = field(default_factory=list)
     temperature_c: Vector | None = None
     #: Other messages by topic, which their decoders read together.
-    others: defaultdict[str, list[bytes]] = field(default_factory=lambda: defaultdict(list))
+    other_messages: defaultdict[str, list[bytes]] = field(default_factory=lambda: defaultdict(list))
 
 
 class CycleAssembly:
@@ -44,21 +44,25 @@ class CycleAssembly:
         self._legs = legs
         self._topics: dict[int, str] = {}
         self._expected = 0
-        self._parts = _Parts()
+        self._parts = _CycleMessages()
         self._t_first_ns: int | None = None
 
-    def take(self, record: Any) -> NumberedCycle | LostCycles | None:  # noqa: ANN401 - the library is not typed
+    def add_record(self, record: Any) -> NumberedCycle | LostCycles | None:  # noqa: ANN401 - the library is not typed
         """Return the cycle or the loss that a record of the container completes, if any; raise errors on damage."""
         if isinstance(record, Channel):
             self._topics[record.id] = record.topic
-        return self._message(self._topics[record.channel_id], record) if isinstance(record, Message) else None
+        return (
+            self._add_message(self._topics[record.channel_id], record)
+            if isinstance(record, Message)
+            else None
+        )
 
-    def _message(self, topic: str, message: Message) -> NumberedCycle | LostCycles | None:
+    def _add_message(self, topic: str, message: Message) -> NumberedCycle | LostCycles | None:
         parts = self._parts
         event = json.loads(message.data) if topic == messages.EVENT else {}
         if event.get("event") == "loss":
             self._expected += msgspec.convert(event["n_cycles"], Count)
-        require(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
+        require_valid(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
         match topic, event.get("event"):
             case messages.EVENT, "loss":
                 return LostCycles(self._expected, message.log_time, event["n_cycles"])
@@ -69,29 +73,29 @@ class CycleAssembly:
             case messages.EVENT, "temperature":
                 parts.temperature_c = event_messages.decode_temperature(event, self._legs)
             case ((messages.REFERENCE | messages.GAIT | messages.GAIT_EVENT), None):
-                parts.others[topic].append(message.data)
+                parts.other_messages[topic].append(message.data)
             case messages.SCAN, None:
-                require(parts.scan is None, "forces are missing")
+                require_valid(parts.scan is None, "forces are missing")
                 parts.scan = messages.decode_scan(message.data, self._legs)
             case messages.FORCE, None:
-                return self._cycle(messages.decode_force(message.data, self._legs))
+                return self._completed_cycle(messages.decode_force(message.data, self._legs))
         return None
 
-    def _cycle(self, forces: ContactFrame) -> NumberedCycle:
+    def _completed_cycle(self, forces: ContactFrame) -> NumberedCycle:
         """Return the cycle that its forces complete.
 
         Raises:
             ValueError: Its scan is missing.
         """
-        parts, self._parts = self._parts, _Parts()
+        parts, self._parts = self._parts, _CycleMessages()
         if parts.scan is None:
             raise ValueError("a scan is missing")
-        for gait in parts.others[messages.GAIT]:
-            events = parts.others[messages.GAIT_EVENT]
+        for gait in parts.other_messages[messages.GAIT]:
+            events = parts.other_messages[messages.GAIT_EVENT]
             forces = forces._replace(gait=decode_gait(gait, events, self._legs))
         # Every cycle of a test stand's recording has a reference, possibly without samples.
         has_reference = messages.REFERENCE in self._topics.values()
-        reference = decode_reference(parts.others[messages.REFERENCE]) if has_reference else None
+        reference = decode_reference(parts.other_messages[messages.REFERENCE]) if has_reference else None
         cycle = Cycle(
             parts.scan, tuple(parts.commands), forces, tuple(parts.outcomes), reference, parts.temperature_c
         )

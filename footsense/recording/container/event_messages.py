@@ -22,22 +22,22 @@ from footsense.frames import (
     Result,
     Vector,
 )
-from footsense.recording.container.messages import dump, field_array, leg_objects
-from footsense.recording.cycle_fields import GAIT_FIELDS, Count, gait_of
+from footsense.recording.container.messages import encode_json, field_array, leg_objects
+from footsense.recording.cycle_fields import GAIT_FIELDS, Count, gait_from_arrays
 
 
 def command_event(command: Command, legs: Sequence[str]) -> bytes:
     """Return the event of an executed command."""
-    return json.dumps({"event": "command", **_command(command, legs)}).encode()
+    return json.dumps({"event": "command", **_command_entries(command, legs)}).encode()
 
 
 def outcome_event(outcome: CommandResult, legs: Sequence[str]) -> bytes:
     """Return the event of a command's result."""
     result = {"result": outcome.result.name, "reason": outcome.reason}
-    return json.dumps({"event": "outcome", **_command(outcome.command, legs), **result}).encode()
+    return json.dumps({"event": "outcome", **_command_entries(outcome.command, legs), **result}).encode()
 
 
-def _command(command: Command, legs: Sequence[str]) -> dict[str, str]:
+def _command_entries(command: Command, legs: Sequence[str]) -> dict[str, str]:
     return {"command": command.kind.name, "leg": legs[command.leg]}
 
 
@@ -48,7 +48,7 @@ def loss_event(n_cycles: int) -> bytes:
 
 def temperature_event(temperature_c: Vector, legs: Sequence[str]) -> bytes:
     """Return the event of changed converter temperatures [degC], shape (legs,)."""
-    return dump(
+    return encode_json(
         {"event": "temperature", "temperature_c": dict(zip(legs, temperature_c.tolist(), strict=True))}
     )
 
@@ -73,7 +73,7 @@ def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResu
 _FORCE_KEYS = ("fx_n", "fy_n", "fz_n")
 
 
-class _Sample(msgspec.Struct):
+class _ReferenceSample(msgspec.Struct):
     t_ns: Annotated[int, msgspec.Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
     fx_n: float | None
     fy_n: float | None
@@ -85,14 +85,19 @@ def encode_reference(reference: Reference) -> list[tuple[int, bytes]]:
     """Return each sample of a test stand's force sensor as a JSON object, with its time [ns]."""
     rows = zip(reference.t_ns.tolist(), reference.force_n.tolist(), reference.saturated.tolist(), strict=True)
     return [
-        (t_ns, dump({"t_ns": t_ns, **dict(zip(_FORCE_KEYS, force_n, strict=True)), "saturated": saturated}))
+        (
+            t_ns,
+            encode_json(
+                {"t_ns": t_ns, **dict(zip(_FORCE_KEYS, force_n, strict=True)), "saturated": saturated}
+            ),
+        )
         for t_ns, force_n, saturated in rows
     ]
 
 
 def decode_reference(samples: Sequence[bytes]) -> Reference:
     """Return the samples that `encode_reference` wrote."""
-    rows = msgspec.convert([json.loads(sample) for sample in samples], list[_Sample])
+    rows = msgspec.convert([json.loads(sample) for sample in samples], list[_ReferenceSample])
     return Reference(
         np.array([row.t_ns for row in rows], np.int64),
         np.array([[row.fx_n, row.fy_n, row.fz_n] for row in rows], np.float64).reshape(-1, 3),
@@ -126,13 +131,13 @@ class _Event(msgspec.Struct):
 def encode_gait(gait: GaitFrame, legs: Sequence[str]) -> bytes:
     """Return a gait without its events as a JSON object with one entry per leg."""
     whole = {"t_ns": gait.t_ns, "friction": gait.friction, "all_in_air": gait.all_in_air}
-    return dump({**whole, **leg_objects(gait, legs, GAIT_FIELDS)})
+    return encode_json({**whole, **leg_objects(gait, legs, GAIT_FIELDS)})
 
 
 def encode_gait_events(gait: GaitFrame, legs: Sequence[str]) -> list[bytes]:
     """Return the events of a gait as JSON objects."""
     return [
-        dump(
+        encode_json(
             {
                 "kind": GaitEventKind(event.kind).name,
                 "leg": legs[event.leg],
@@ -151,10 +156,10 @@ def decode_gait(data: bytes, events: Sequence[bytes], legs: Sequence[str]) -> Ga
     rows = [message[leg] for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in GAIT_FIELDS.items()}
     friction = float("nan") if whole.friction is None else whole.friction
-    found = tuple(_event(event, legs) for event in events)
-    return gait_of(whole.t_ns, friction, whole.all_in_air, found, arrays)
+    found = tuple(_decode_gait_event(event, legs) for event in events)
+    return gait_from_arrays(whole.t_ns, friction, whole.all_in_air, found, arrays)
 
 
-def _event(data: bytes, legs: Sequence[str]) -> GaitEvent:
+def _decode_gait_event(data: bytes, legs: Sequence[str]) -> GaitEvent:
     event = msgspec.convert(json.loads(data), _Event)
     return GaitEvent(GaitEventKind[event.kind], legs.index(event.leg), event.t_ns, event.sigma_s)

@@ -11,26 +11,26 @@ from mcap.stream_reader import StreamReader
 
 from footsense.errors import RecordingError
 from footsense.frames import ALL_LEGS
-from footsense.recording.container.bounded_file import DAMAGE, BoundedFile
+from footsense.recording.container.bounded_file import DAMAGE_ERRORS, BoundedFile
 
 #: Profile of the container, which identifies footsense's files.
-PROFILE = "footsense"
+MCAP_PROFILE = "footsense"
 
 #: Name of the metadata record with the header.
-METADATA = "footsense"
+METADATA_NAME = "footsense"
 
 #: Key of the header's checksum.
-HEADER_CRC = "crc32"
+HEADER_CRC_KEY = "crc32"
 
 
 def header_crc(header: Mapping[str, str]) -> str:
     """Return the checksum of a header, without the checksum entry."""
-    entries = sorted((key, value) for key, value in header.items() if key != HEADER_CRC)
+    entries = sorted((key, value) for key, value in header.items() if key != HEADER_CRC_KEY)
     return f"{zlib.crc32(json.dumps(entries).encode()):08x}"
 
 
 def read_header(path: Path) -> dict[str, str]:
-    """Return the header of a recording.
+    """Return the header entries of a recording file, checked.
 
     Args:
         path: The recording.
@@ -45,21 +45,21 @@ def read_header(path: Path) -> dict[str, str]:
         with path.open("rb") as file:
             records = StreamReader(BoundedFile(file), emit_chunks=True).records
             container = next(records)
-            if not isinstance(container, McapHeader) or container.profile != PROFILE:
+            if not isinstance(container, McapHeader) or container.profile != MCAP_PROFILE:
                 raise RecordingError(f"{path}: is an MCAP file, but not a recording of footsense")
             metadata = next(records)
             header = metadata.metadata if isinstance(metadata, Metadata) else {}
-            if header.get(HEADER_CRC) != header_crc(header) or metadata.name != METADATA:
+            if header.get(HEADER_CRC_KEY) != header_crc(header) or metadata.name != METADATA_NAME:
                 raise RecordingError(f"{path}: the header of the recording is damaged; nothing can be read")
-            _check_legs(path, header.get("legs", ""))
+            _check_leg_names(path, header.get("legs", ""))
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
-    except (*DAMAGE, StopIteration):
+    except (*DAMAGE_ERRORS, StopIteration):
         raise RecordingError(f"{path}: is not a recording, or was cut off in its first bytes") from None
-    return {key: value for key, value in header.items() if key != HEADER_CRC}
+    return {key: value for key, value in header.items() if key != HEADER_CRC_KEY}
 
 
-def _check_legs(path: Path, legs: str) -> None:
+def _check_leg_names(path: Path, legs: str) -> None:
     """Check that a header names the rows of the frames.
 
     Raises:

@@ -14,9 +14,9 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import frame_content_size
 
 from footsense.errors import RecordingError
-from footsense.recording.container.bounded_file import DAMAGE, MAX_CHUNK_BYTES, BoundedFile
+from footsense.recording.container.bounded_file import DAMAGE_ERRORS, MAX_CHUNK_BYTES, BoundedFile
 from footsense.recording.container.cycle_assembly import CycleAssembly
-from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, require_valid
 
 _Record = Any  # the library is not typed
 
@@ -44,16 +44,16 @@ def read_entries(
         try:
             for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:
                 if isinstance(record, Chunk):
-                    for content in _contents(record):
-                        entry = assembly.take(content)
+                    for content in _chunk_records(record):
+                        entry = assembly.add_record(content)
                         if entry is not None:
                             yield entry
                 elif isinstance(record, DataEnd):
-                    require(record.data_section_crc != 0, "the checksum of the file is missing")
+                    require_valid(record.data_section_crc != 0, "the checksum of the file is missing")
                     return
                 good = file.tell()
                 on_read(good)
-        except DAMAGE as error:
+        except DAMAGE_ERRORS as error:
             raise RecordingError(f"{path}: {_damage_text(assembly, good, bounded.size, error)}") from None
         raise RecordingError(
             f"{path}: {_damage_text(assembly, good, bounded.size, ValueError('no end mark'))}"
@@ -61,7 +61,7 @@ def read_entries(
 
 
 def _damage_text(assembly: CycleAssembly, good: int, size: int, error: Exception) -> str:
-    """Return a message about the damage."""
+    """Return a message that says where a recording is damaged and how much is intact."""
     why = " ".join(str(error).split())[:80] or "the file ends there"
     return (
         f"cut short or damaged at byte {good} of {size} ({why}): {assembly.n_cycles} cycles are whole, up to "
@@ -69,11 +69,11 @@ def _damage_text(assembly: CycleAssembly, good: int, size: int, error: Exception
     )
 
 
-def _contents(chunk: _Record) -> list[_Record]:
-    require(chunk.uncompressed_crc != 0, "a chunk has no checksum")
-    require(chunk.uncompressed_size <= MAX_CHUNK_BYTES, "a chunk is larger than any that is written")
+def _chunk_records(chunk: _Record) -> list[_Record]:
+    require_valid(chunk.uncompressed_crc != 0, "a chunk has no checksum")
+    require_valid(chunk.uncompressed_size <= MAX_CHUNK_BYTES, "a chunk is larger than any that is written")
     # The library would allocate the size that the compressed data claim.
-    require(
+    require_valid(
         chunk.compression == "zstd" and frame_content_size(chunk.data) == chunk.uncompressed_size,
         "a chunk is not packed as it says",
     )

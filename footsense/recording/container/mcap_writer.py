@@ -20,7 +20,7 @@ from footsense.recording.container.event_messages import (
     encode_reference,
     reference_schema,
 )
-from footsense.recording.container.mcap_header import HEADER_CRC, METADATA, PROFILE, header_crc
+from footsense.recording.container.mcap_header import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
 
 #: Chunk size before compression [bytes]: about half a second of six legs.
@@ -65,11 +65,11 @@ class McapFile:
         self._writer = Writer(
             self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
         )
-        self._writer.start(profile=PROFILE)
-        self._writer.add_metadata(METADATA, {**header, HEADER_CRC: header_crc(header)})
+        self._writer.start(profile=MCAP_PROFILE)
+        self._writer.add_metadata(METADATA_NAME, {**header, HEADER_CRC_KEY: header_crc(header)})
         self._channels: dict[str, int] = {}
-        for topic, schema in messages.schemas(self._legs).items():
-            self._register(topic, schema)
+        for topic, schema in messages.topic_schemas(self._legs).items():
+            self._register_topic(topic, schema)
         self.flush()
 
     @property
@@ -77,39 +77,45 @@ class McapFile:
         """Number of bytes handed to the kernel."""
         return self._stream.n_bytes_written
 
-    def add(self, entry: NumberedCycle | LostCycles) -> None:
+    def add_entry(self, entry: NumberedCycle | LostCycles) -> None:
         """Write the messages of one cycle, or that cycles are missing at this place."""
         if isinstance(entry, LostCycles):
-            self._add(messages.EVENT, entry.counter, entry.t_ns, event_messages.loss_event(entry.n_cycles))
+            self._add_message(
+                messages.EVENT, entry.counter, entry.t_ns, event_messages.loss_event(entry.n_cycles)
+            )
             return
         counter, (scan, commands, forces, outcomes, reference, temperature_c) = entry
         t_ns = forces.t_sent_ns
         for command in commands:
-            self._add(messages.EVENT, counter, t_ns, event_messages.command_event(command, self._legs))
+            self._add_message(
+                messages.EVENT, counter, t_ns, event_messages.command_event(command, self._legs)
+            )
         for outcome in outcomes:
-            self._add(messages.EVENT, counter, t_ns, event_messages.outcome_event(outcome, self._legs))
+            self._add_message(
+                messages.EVENT, counter, t_ns, event_messages.outcome_event(outcome, self._legs)
+            )
         if temperature_c is not None:
-            self._add(
+            self._add_message(
                 messages.EVENT, counter, t_ns, event_messages.temperature_event(temperature_c, self._legs)
             )
         if reference is not None:
             # The topic identifies recordings of a test stand, so it is registered with the first reference.
             if messages.REFERENCE not in self._channels:
-                self._register(messages.REFERENCE, reference_schema())
+                self._register_topic(messages.REFERENCE, reference_schema())
             for sample_ns, sample in encode_reference(reference):
-                self._add(messages.REFERENCE, counter, sample_ns, sample)
+                self._add_message(messages.REFERENCE, counter, sample_ns, sample)
         if forces.gait is not None:
-            self._add(messages.GAIT, counter, t_ns, encode_gait(forces.gait, self._legs))
+            self._add_message(messages.GAIT, counter, t_ns, encode_gait(forces.gait, self._legs))
             for event in encode_gait_events(forces.gait, self._legs):
-                self._add(messages.GAIT_EVENT, counter, t_ns, event)
-        self._add(messages.SCAN, counter, t_ns, messages.encode_scan(scan, self._legs))
-        self._add(messages.FORCE, counter, t_ns, messages.encode_force(forces, self._legs))
+                self._add_message(messages.GAIT_EVENT, counter, t_ns, event)
+        self._add_message(messages.SCAN, counter, t_ns, messages.encode_scan(scan, self._legs))
+        self._add_message(messages.FORCE, counter, t_ns, messages.encode_force(forces, self._legs))
 
-    def _register(self, topic: str, schema: bytes) -> None:
+    def _register_topic(self, topic: str, schema: bytes) -> None:
         schema_id = self._writer.register_schema(f"footsense.{topic[1:]}", "jsonschema", schema)
         self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
 
-    def _add(self, topic: str, counter: int, t_ns: int, data: bytes) -> None:
+    def _add_message(self, topic: str, counter: int, t_ns: int, data: bytes) -> None:
         # The sequence field has 32 bits; readers detect a missing chunk by it.
         self._writer.add_message(
             self._channels[topic], log_time=t_ns, publish_time=t_ns, sequence=counter & 0xFFFF_FFFF, data=data

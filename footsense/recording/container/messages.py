@@ -29,23 +29,28 @@ from footsense.frames import (
     GaitFrame,
 )
 from footsense.recording.cycle_fields import (
-    FIELDS,
+    CYCLE_FIELDS,
     GAIT_FIELDS,
     NOT_RECORDED,
     Count,
     CycleField,
-    forces_of,
-    scan_of,
+    forces_from_arrays,
+    scan_from_arrays,
 )
 
 SCAN, FORCE, EVENT, REFERENCE = "/scan", "/force", "/event", "/reference"
 GAIT, GAIT_EVENT = "/gait", "/gait_event"
 
 #: Names of causes in recordings whose baseline is still called zero.
-_OLD_CAUSES = {"LINE_HELD": "BUS_STUCK", "GARBLED": "CORRUPT", "HELD_UP": "DELAYED", "GAP_SHUT": "GAP_CLOSED"}
+_FORMER_CAUSES = {
+    "LINE_HELD": "BUS_STUCK",
+    "GARBLED": "CORRUPT",
+    "HELD_UP": "DELAYED",
+    "GAP_SHUT": "GAP_CLOSED",
+}
 
 #: Entries of a leg that recordings from before causes and baselines lack, and their values there.
-_NOT_YET_RECORDED = {
+_DEFAULTS_OF_OLD_RECORDINGS = {
     "cause": None,
     "baseline_status": BaselineStatus.NONE.name,
     "baseline_mean_pf": None,
@@ -54,35 +59,37 @@ _NOT_YET_RECORDED = {
 }
 
 #: Name of each code, and code of each name, by enumeration.
-_NAMES = {
+_NAME_OF_CODE = {
     field.names: {**{code: code.name for code in field.names}, NOT_RECORDED: None}
-    for field in (*FIELDS.values(), *GAIT_FIELDS.values())
+    for field in (*CYCLE_FIELDS.values(), *GAIT_FIELDS.values())
     if field.names is not None
 }
-_CODES = {names: {name: code for code, name in of_code.items()} for names, of_code in _NAMES.items()}
+_CODE_OF_NAME = {
+    names: {name: code for code, name in of_code.items()} for names, of_code in _NAME_OF_CODE.items()
+}
 # Names in recordings of earlier versions.
-_CODES[BaselineStatus] |= {
+_CODE_OF_NAME[BaselineStatus] |= {
     "TOO_FAR": BaselineStatus.DRIFT_TOO_LARGE,
     "TOO_FAST": BaselineStatus.DRIFT_TOO_FAST,
 }
 
-_SCAN_FIELDS = {path: field for path, field in FIELDS.items() if path.startswith("scan.")}
-_FORCE_FIELDS = {path: field for path, field in FIELDS.items() if path not in _SCAN_FIELDS}
+_SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("scan.")}
+_FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path not in _SCAN_FIELDS}
 _FIRST_FORCE_FIELDS = {
-    path: field for path, field in _FORCE_FIELDS.items() if field.keys[0] not in _NOT_YET_RECORDED
+    path: field for path, field in _FORCE_FIELDS.items() if field.keys[0] not in _DEFAULTS_OF_OLD_RECORDINGS
 }
 
 
 def encode_scan(scan: CapFrame, legs: Sequence[str]) -> bytes:
     """Return a scan as a JSON object with one entry per leg."""
-    return dump({"sequence": scan.sequence, **leg_objects(scan, legs, _SCAN_FIELDS)})
+    return encode_json({"sequence": scan.sequence, **leg_objects(scan, legs, _SCAN_FIELDS)})
 
 
 def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
     """Return forces as a JSON object with one entry per leg."""
     is_old = (forces.cause == NOT_RECORDED).all()
     rows = leg_objects(forces, legs, _FIRST_FORCE_FIELDS if is_old else _FORCE_FIELDS)
-    return dump({"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
+    return encode_json({"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
 
 
 def leg_objects(
@@ -96,7 +103,7 @@ def leg_objects(
             if len(field.keys) > 1:
                 entries.update(zip(field.keys, value, strict=True))
             else:
-                entries[field.keys[0]] = value if field.names is None else _NAMES[field.names][value]
+                entries[field.keys[0]] = value if field.names is None else _NAME_OF_CODE[field.names][value]
     return objects
 
 
@@ -105,16 +112,16 @@ def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
     message = json.loads(data)
     rows = [message[leg] for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in _SCAN_FIELDS.items()}
-    return scan_of(msgspec.convert(message["sequence"], Count), arrays)
+    return scan_from_arrays(msgspec.convert(message["sequence"], Count), arrays)
 
 
 def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
     """Return the forces that `encode_force` wrote."""
     message = json.loads(data)
-    rows = [{**_NOT_YET_RECORDED, **_with_present_names(message[leg])} for leg in legs]
+    rows = [{**_DEFAULTS_OF_OLD_RECORDINGS, **_with_current_names(message[leg])} for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in _FORCE_FIELDS.items()}
     sequence, t_sent_ns = (msgspec.convert(message[key], Count) for key in ("sequence", "t_sent_ns"))
-    return forces_of(sequence, t_sent_ns, arrays)
+    return forces_from_arrays(sequence, t_sent_ns, arrays)
 
 
 def field_array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
@@ -127,7 +134,7 @@ def field_array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
     """
     values = [[row[key] for key in field.keys] for row in rows]
     if field.names is not None:
-        codes = _CODES[field.names]
+        codes = _CODE_OF_NAME[field.names]
         return np.array([codes[name] for (name,) in values], field.kind)
     checked = msgspec.convert(values, _decoded_type(field))
     return np.array(checked, field.kind).reshape(len(rows), *field.shape)
@@ -137,8 +144,8 @@ def field_array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
 def _decoded_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
     """Return the type that a field must have in decoded JSON, by leg and key."""
     entry: Any = float | None
-    if field.most is not None:
-        entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.most))]
+    if field.max_value is not None:
+        entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.max_value))]
     elif field.kind == "<i8":
         entry = int
     if field.shape == (ELEMENTS,):
@@ -146,15 +153,15 @@ def _decoded_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
     return list[list[entry]]
 
 
-def _with_present_names(row: dict[str, Any]) -> dict[str, Any]:
+def _with_current_names(row: dict[str, Any]) -> dict[str, Any]:
     """Return a leg's entries with the present names for the older ones."""
     if "zero_status" not in row:
         return row
     row = {key.replace("zero_", "baseline_", 1): value for key, value in row.items()}
-    return {**row, "cause": _OLD_CAUSES.get(row["cause"], row["cause"])}
+    return {**row, "cause": _FORMER_CAUSES.get(row["cause"], row["cause"])}
 
 
-def dump(message: dict[str, Any]) -> bytes:
+def encode_json(message: dict[str, Any]) -> bytes:
     """Return a message as JSON."""
     # Only numbers and the names of legs and states stand in these messages, so no text can be hit.
     return (
@@ -165,7 +172,7 @@ def dump(message: dict[str, Any]) -> bytes:
     )
 
 
-def schemas(legs: Sequence[str]) -> dict[str, bytes]:
+def topic_schemas(legs: Sequence[str]) -> dict[str, bytes]:
     """Return the JSON schema of each topic."""
     number, whole, text = {"type": ["number", "null"]}, {"type": "integer"}, {"type": "string"}
 

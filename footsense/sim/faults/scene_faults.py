@@ -13,14 +13,14 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from footsense.frames import ELEMENTS
 from footsense.sim.faults.schedule import Span
 
 _NS_PER_S = 1_000_000_000
 
 Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
-Element = Annotated[int, Meta(ge=0, le=ELEMENTS - 1)]
-Line = Annotated[int, Meta(ge=0, le=2)]
+#: Element, row or column of the largest array; a foot may have fewer.
+Element = Annotated[int, Meta(ge=0, le=15)]
+Line = Annotated[int, Meta(ge=0, le=3)]
 Rate = Annotated[float, Meta(gt=0.0, le=1.0)]
 #: Index of one of the robot's buses, in the order of its configuration.
 Bus = Annotated[int, Meta(ge=0, le=5)]

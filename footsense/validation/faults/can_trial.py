@@ -15,7 +15,7 @@ from footsense.frames import Cycle
 from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Effects
-from footsense.validation.faults.fault_trial import WALK
+from footsense.validation.faults.fault_trial import WALK_SCENE
 
 
 class CanFigures(NamedTuple):
@@ -75,7 +75,7 @@ def can_trial(fault: CanFault, *, duration_s: float) -> CanFigures:
         ModelError: The released network or the response table is missing.
     """
     consumer = _Consumer(DEFAULT.legs)
-    scene = msgspec.structs.replace(WALK, effects=Effects(), faults=(fault,))
+    scene = msgspec.structs.replace(WALK_SCENE, effects=Effects(), faults=(fault,))
     with open_service(DEFAULT, scene, real_time=False) as robot:
         assert robot.can is not None, "the scene has a fault of CAN"
         controller = robot.can.controller

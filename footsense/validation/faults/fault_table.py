@@ -15,28 +15,28 @@ from footsense.sim.scene_loads import Tripod
 from footsense.validation.faults.can_trial import CanFigures, can_trial
 from footsense.validation.faults.fault_trial import (
     BREAKS_AT_S,
-    LEG,
+    FAULTY_LEG,
     LOAD,
     PASSES_AT_S,
-    WALK,
+    WALK_SCENE,
     FaultFigures,
     PublishedWalk,
     fault_figures,
-    walk,
+    simulate_walk,
 )
 
 
 class FaultTrial(NamedTuple):
-    """A row of the table.
+    """One fault to simulate: a row of the fault table.
 
     Attributes:
-        words: The fault in words.
+        description: The fault in words.
         script: The fault as in a scene.
         config: The robot.
         adapter_timeout_ms: Timeout of the adapter for a held line [ms].
     """
 
-    words: str
+    description: str
     script: tuple[Fault, ...]
     config: Config = DEFAULT
     adapter_timeout_ms: float = 20.0
@@ -47,64 +47,76 @@ class FaultTrial(NamedTuple):
         return max((getattr(fault, "until_s", None) or 0.0 for fault in self.script), default=0.0) or None
 
 
-_WITHOUT_RESET = msgspec.structs.replace(
+_CONFIG_WITHOUT_RESET_LINE = msgspec.structs.replace(
     DEFAULT, buses=tuple(msgspec.structs.replace(bus, mux=Mux()) for bus in DEFAULT.buses)
 )
-_LOOSE_REL = 0.02
-_BUS_STUCK_S = 0.1
-_SPAN: dict[str, Any] = {"at_s": BREAKS_AT_S, "until_s": PASSES_AT_S}
+_LOOSE_CONTACT_ERROR_REL = 0.02
+_BUS_STUCK_DURATION_S = 0.1
+_FAULT_SPAN: dict[str, Any] = {"at_s": BREAKS_AT_S, "until_s": PASSES_AT_S}
 
 
-def _on_leg(kind: Callable[..., Fault], **values: float) -> tuple[Fault, ...]:
-    return (kind(leg=LEG, **_SPAN, **values),)
+def _faults_on_trial_leg(kind: Callable[..., Fault], **values: float) -> tuple[Fault, ...]:
+    return (kind(leg=FAULTY_LEG, **_FAULT_SPAN, **values),)
 
 
-_STUCK_SDA = _on_leg(faults.StuckSda)
+_STUCK_SDA_FAULTS = _faults_on_trial_leg(faults.StuckSda)
 
-TRIALS = (
-    FaultTrial("cable off and on", _on_leg(faults.Absent)),
-    FaultTrial("2 % of the acknowledges lost", _on_leg(faults.NackAtRandom, rate_rel=_LOOSE_REL)),
-    FaultTrial("a wrong bit in 2 % of the answers", _on_leg(faults.CorruptReads, rate_rel=_LOOSE_REL)),
-    FaultTrial("conversions never finish", _on_leg(faults.StuckConverter)),
-    FaultTrial("another chip at the address", _on_leg(faults.WrongChip)),
-    FaultTrial("supply dips: all settings lost", (faults.BrownOut(leg=LEG, at_s=BREAKS_AT_S),)),
-    FaultTrial("row switch ignores writes", _on_leg(faults.SwitchIgnoresWrites)),
-    FaultTrial("SDA held low by the leg", _STUCK_SDA),
-    FaultTrial("the same, RESET pin not wired", _STUCK_SDA, config=_WITHOUT_RESET),
-    FaultTrial("the same with RESET, adapter waits 1 s", _STUCK_SDA, adapter_timeout_ms=1000.0),
+LEG_FAULT_TRIALS = (
+    FaultTrial("cable off and on", _faults_on_trial_leg(faults.Absent)),
+    FaultTrial(
+        "2 % of the acknowledges lost",
+        _faults_on_trial_leg(faults.NackAtRandom, rate_rel=_LOOSE_CONTACT_ERROR_REL),
+    ),
+    FaultTrial(
+        "a wrong bit in 2 % of the answers",
+        _faults_on_trial_leg(faults.CorruptReads, rate_rel=_LOOSE_CONTACT_ERROR_REL),
+    ),
+    FaultTrial("conversions never finish", _faults_on_trial_leg(faults.StuckConverter)),
+    FaultTrial("another chip at the address", _faults_on_trial_leg(faults.WrongChip)),
+    FaultTrial("supply dips: all settings lost", (faults.BrownOut(leg=FAULTY_LEG, at_s=BREAKS_AT_S),)),
+    FaultTrial("row switch ignores writes", _faults_on_trial_leg(faults.SwitchIgnoresWrites)),
+    FaultTrial("SDA held low by the leg", _STUCK_SDA_FAULTS),
+    FaultTrial("the same, RESET pin not wired", _STUCK_SDA_FAULTS, config=_CONFIG_WITHOUT_RESET_LINE),
+    FaultTrial("the same with RESET, adapter waits 1 s", _STUCK_SDA_FAULTS, adapter_timeout_ms=1000.0),
     FaultTrial(
         "SDA held low on the upstream bus, 0.1 s",
-        (faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + _BUS_STUCK_S),),
+        (faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + _BUS_STUCK_DURATION_S),),
     ),
     FaultTrial(
-        "2 % of the arbitrations lost", (faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_LOOSE_REL),)
+        "2 % of the arbitrations lost",
+        (faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_LOOSE_CONTACT_ERROR_REL),),
     ),
     FaultTrial("mux reset", (faults.MuxReset(at_s=BREAKS_AT_S),)),
-    FaultTrial("element open", _on_leg(faults.ElementOpen, element=4)),
-    FaultTrial("element shorted", _on_leg(faults.ElementShorted, element=0)),
-    FaultTrial("element stuck", _on_leg(faults.ElementStuck, element=0)),
-    FaultTrial("element drifts, 0.5 pF/s", _on_leg(faults.ElementDrifts, element=0, rate_ff_per_s=500.0)),
-    FaultTrial("gap full of water", _on_leg(faults.GapClosed, element=5)),
-    FaultTrial("row line broken", _on_leg(faults.BrokenRow, row=1)),
-    FaultTrial("column line broken", _on_leg(faults.BrokenColumn, column=1)),
-    FaultTrial("two row lines broken", _on_leg(faults.BrokenRow, row=0) + _on_leg(faults.BrokenRow, row=2)),
+    FaultTrial("element open", _faults_on_trial_leg(faults.ElementOpen, element=4)),
+    FaultTrial("element shorted", _faults_on_trial_leg(faults.ElementShorted, element=0)),
+    FaultTrial("element stuck", _faults_on_trial_leg(faults.ElementStuck, element=0)),
+    FaultTrial(
+        "element drifts, 0.5 pF/s", _faults_on_trial_leg(faults.ElementDrifts, element=0, rate_ff_per_s=500.0)
+    ),
+    FaultTrial("gap full of water", _faults_on_trial_leg(faults.GapClosed, element=5)),
+    FaultTrial("row line broken", _faults_on_trial_leg(faults.BrokenRow, row=1)),
+    FaultTrial("column line broken", _faults_on_trial_leg(faults.BrokenColumn, column=1)),
+    FaultTrial(
+        "two row lines broken",
+        _faults_on_trial_leg(faults.BrokenRow, row=0) + _faults_on_trial_leg(faults.BrokenRow, row=2),
+    ),
 )
 
-CAN_TRIALS: dict[str, CanFault] = {
-    "no acknowledge": faults.CanNoAck(**_SPAN),
-    "high and low shorted: bus-off": faults.CanBusOff(**_SPAN),
-    "interface down and up": faults.CanDown(**_SPAN),
-    "adapter unplugged, and new": faults.CanDown(unplugged=True, **_SPAN),
-    "another program floods the queue": faults.CanQueueFull(**_SPAN),
-    "1000 frames/s before ours": faults.CanTraffic(rate_hz=1000.0, **_SPAN),
+CAN_FAULT_TRIALS: dict[str, CanFault] = {
+    "no acknowledge": faults.CanNoAck(**_FAULT_SPAN),
+    "high and low shorted: bus-off": faults.CanBusOff(**_FAULT_SPAN),
+    "interface down and up": faults.CanDown(**_FAULT_SPAN),
+    "adapter unplugged, and new": faults.CanDown(unplugged=True, **_FAULT_SPAN),
+    "another program floods the queue": faults.CanQueueFull(**_FAULT_SPAN),
+    "1000 frames/s before ours": faults.CanTraffic(rate_hz=1000.0, **_FAULT_SPAN),
 }
 
 
 #: Length of a walk with a fault of CAN [s]: the kernel checks a carrier once a second, and the daemon opens the
 #: interface again as often.
-_CAN_WALK_S = 4.0
+_CAN_WALK_DURATION_S = 4.0
 #: Step between the rows of the quick table.
-_QUICK_STEP = 6
+_QUICK_EVERY_NTH_TRIAL = 6
 
 
 def fault_rows(
@@ -125,20 +137,20 @@ def fault_rows(
     Raises:
         ModelError: The feet's network or response table is missing.
     """
-    whole = walk(config=msgspec.structs.replace(DEFAULT, foot_type=foot_type), load=load)
-    found = {"nothing": _without_fault(whole)}
-    for trial in islice(TRIALS, None, None, _QUICK_STEP if quick else 1):
-        effects = msgspec.structs.replace(WALK.effects, adapter_timeout_ms=trial.adapter_timeout_ms)
+    whole = simulate_walk(config=msgspec.structs.replace(DEFAULT, foot_type=foot_type), load=load)
+    found = {"nothing": _fault_free_figures(whole)}
+    for trial in islice(LEG_FAULT_TRIALS, None, None, _QUICK_EVERY_NTH_TRIAL if quick else 1):
+        effects = msgspec.structs.replace(WALK_SCENE.effects, adapter_timeout_ms=trial.adapter_timeout_ms)
         config = msgspec.structs.replace(trial.config, foot_type=foot_type)
-        broken = walk(*trial.script, config=config, effects=effects, load=load)
-        found[trial.words] = fault_figures(broken, whole, BREAKS_AT_S, trial.until_s)
-        report(trial.words)
+        broken = simulate_walk(*trial.script, config=config, effects=effects, load=load)
+        found[trial.description] = fault_figures(broken, whole, BREAKS_AT_S, trial.until_s)
+        report(trial.description)
     return found
 
 
-def _without_fault(whole: PublishedWalk) -> FaultFigures:
+def _fault_free_figures(whole: PublishedWalk) -> FaultFigures:
     """Return the figures of a walk without a fault, with the leg's largest error over its sigma."""
-    row = whole.legs.index(LEG)
+    row = whole.legs.index(FAULTY_LEG)
     late = whole.t_sent_ns > BREAKS_AT_S * 1e9
     over_sigma = np.abs(whole.force_n - whole.true_force_n)[late, row] / whole.sigma_n[late, row]
     return fault_figures(whole, whole, BREAKS_AT_S, None)._replace(worst_error_sigma=float(over_sigma.max()))
@@ -147,7 +159,9 @@ def _without_fault(whole: PublishedWalk) -> FaultFigures:
 def can_rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, CanFigures]:
     """Walk with each fault of CAN; return the figures by words. Arguments as of `fault_rows`."""
     found = {}
-    for words, fault in islice(CAN_TRIALS.items(), None, None, _QUICK_STEP if quick else 1):
-        found[words] = can_trial(fault, duration_s=_CAN_WALK_S)
-        report(words)
+    for description, fault in islice(
+        CAN_FAULT_TRIALS.items(), None, None, _QUICK_EVERY_NTH_TRIAL if quick else 1
+    ):
+        found[description] = can_trial(fault, duration_s=_CAN_WALK_DURATION_S)
+        report(description)
     return found

@@ -24,7 +24,7 @@ BREAKS_AT_S, PASSES_AT_S = 0.7, 1.2
 DURATION_S = 2.6
 
 LOAD = Tripod(period_s=1.0, duty_rel=0.6, peak_force_n=1.0)
-WALK = Scene(
+WALK_SCENE = Scene(
     description="Six legs walk with a fault.",
     load=LOAD,
     lead_in_s=0.4,
@@ -32,7 +32,7 @@ WALK = Scene(
 )
 
 #: Fields of a frame that are kept.
-_KEPT = ("t_sent_ns", "t_ns", "state", "cause", "fault_mask", "force_n", "sigma_n")
+_KEPT_FIELDS = ("t_sent_ns", "t_ns", "state", "cause", "fault_mask", "force_n", "sigma_n")
 
 
 class PublishedWalk(NamedTuple):
@@ -61,8 +61,8 @@ class PublishedWalk(NamedTuple):
     true_force_n: Vector
 
 
-class _Observer(Observer):
-    """Keeps every frame of a walk."""
+class _FrameCollector(Observer):
+    """Observer that keeps every published frame of a walk."""
 
     def __init__(self) -> None:
         self.frames: list[ContactFrame] = []
@@ -71,8 +71,8 @@ class _Observer(Observer):
         self.frames.append(cycle.forces)
 
 
-def walk(
-    *faults: Fault, config: Config = DEFAULT, effects: Effects = WALK.effects, load: Tripod = LOAD
+def simulate_walk(
+    *faults: Fault, config: Config = DEFAULT, effects: Effects = WALK_SCENE.effects, load: Tripod = LOAD
 ) -> PublishedWalk:
     """Return the frames of a walk with faults.
 
@@ -86,8 +86,8 @@ def walk(
         ConfigError: The robot has no such leg or bus.
         ModelError: The released network or the response table is missing.
     """
-    observer = _Observer()
-    scene = msgspec.structs.replace(WALK, load=load, faults=faults, effects=effects)
+    observer = _FrameCollector()
+    scene = msgspec.structs.replace(WALK_SCENE, load=load, faults=faults, effects=effects)
     with open_service(config, scene, real_time=False) as running:
         running.observers.append(observer)
         running.run(until_ns=DURATION_S * 1e9)
@@ -95,12 +95,12 @@ def walk(
         assert true_force_at_time_n is not None, "a scene is simulated"
         frames = observer.frames
         true_n = [true_force_at_time_n(frame.t_sent_ns) for frame in frames]
-    arrays = {name: np.array([getattr(frame, name) for frame in frames]) for name in _KEPT}
+    arrays = {name: np.array([getattr(frame, name) for frame in frames]) for name in _KEPT_FIELDS}
     return PublishedWalk(legs=running.legs, true_force_n=np.array(true_n), **arrays)
 
 
 #: The leg with the fault.
-LEG: Leg = "rm"
+FAULTY_LEG: Leg = "rm"
 
 
 class FaultFigures(NamedTuple):
@@ -132,20 +132,20 @@ class FaultFigures(NamedTuple):
 
 
 def fault_figures(
-    broken: PublishedWalk, whole: PublishedWalk, start_s: float, end_s: float | None
+    faulty: PublishedWalk, fault_free: PublishedWalk, start_s: float, end_s: float | None
 ) -> FaultFigures:
-    """Return the effect of a fault of the leg `LEG`.
+    """Return the effect of a fault of the leg `FAULTY_LEG`.
 
     Args:
-        broken: The walk with the fault.
-        whole: The same walk without it.
+        faulty: The walk with the fault.
+        fault_free: The same walk without it.
         start_s: Start of the fault [s].
         end_s: End of the fault [s]; None if it stays.
     """
-    row = broken.legs.index(LEG)
-    others = [number for number in range(len(broken.legs)) if number != row]
-    t_s = broken.t_sent_ns * 1e-9
-    shows = (broken.state[:, row] != State.VALID) & (t_s > start_s)
+    row = faulty.legs.index(FAULTY_LEG)
+    others = [number for number in range(len(faulty.legs)) if number != row]
+    t_s = faulty.t_sent_ns * 1e-9
+    shows = (faulty.state[:, row] != State.VALID) & (t_s > start_s)
     last_s = DURATION_S if end_s is None else end_s
     lasting = shows & (t_s <= last_s)
     settled = lasting & (t_s > start_s + 0.5 * (last_s - start_s))
@@ -153,25 +153,25 @@ def fault_figures(
     showing = np.flatnonzero(shows)
     recovered = bool(len(showing)) and not shows[-1]
     over_s = start_s if end_s is None else end_s
-    error_n = np.abs(broken.force_n - broken.true_force_n)
-    affected = shows & IS_USABLE[broken.state[:, row]]
-    over_sigma = error_n[affected, row] / broken.sigma_n[affected, row]
+    error_n = np.abs(faulty.force_n - faulty.true_force_n)
+    affected = shows & IS_USABLE[faulty.state[:, row]]
+    over_sigma = error_n[affected, row] / faulty.sigma_n[affected, row]
     return FaultFigures(
-        state=State(_most_frequent(broken.state[lasting, row], State.VALID)),
+        state=State(_most_frequent_code(faulty.state[lasting, row], State.VALID)),
         cause=Cause(
-            _most_frequent(broken.cause[lasting & (broken.cause[:, row] != Cause.NONE), row], Cause.NONE)
+            _most_frequent_code(faulty.cause[lasting & (faulty.cause[:, row] != Cause.NONE), row], Cause.NONE)
         ),
-        fault_mask=_most_frequent(broken.fault_mask[lasting, row], 0),
+        fault_mask=_most_frequent_code(faulty.fault_mask[lasting, row], 0),
         detection_s=float(t_s[showing[0]] - start_s) if len(showing) else None,
         recovery_s=max(float(t_s[showing[-1] + 1] - over_s), 0.0) if recovered else None,
-        longest_gap_s=max(_longest_gap_s(broken, number, start_s) for number in others),
-        lost_frames=len(whole.t_sent_ns) - len(t_s),
+        longest_gap_s=max(_longest_gap_s(faulty, number, start_s) for number in others),
+        lost_frames=len(fault_free.t_sent_ns) - len(t_s),
         worst_error_sigma=float(over_sigma.max()) if affected.any() else None,
         others_error_n=float(np.nanmax(error_n[t_s > start_s][:, others])),
     )
 
 
-def _most_frequent(values: NDArray[np.unsignedinteger], otherwise: int) -> int:
+def _most_frequent_code(values: NDArray[np.unsignedinteger], otherwise: int) -> int:
     return int(Counter(values.tolist()).most_common(1)[0][0]) if len(values) else int(otherwise)
 
 

@@ -14,11 +14,11 @@ from footsense.view.live import ViewedCycle
 from footsense.view.signals import CLOSURE_COLUMNS
 
 #: Least time between two pictures of the scene [ns]: 30 in a second.
-PICTURE_NS = 33_000_000
+PICTURE_PERIOD_NS = 33_000_000
 
 
-class Channel(NamedTuple):
-    """One topic.
+class TopicChannel(NamedTuple):
+    """One topic of Foxglove's protocol, with its schema and its messages of a cycle.
 
     Attributes:
         topic: Its name.
@@ -35,35 +35,35 @@ class Channel(NamedTuple):
     is_picture: bool = False
 
 
-def channels(legs: Sequence[str]) -> list[Channel]:
+def topic_channels(legs: Sequence[str]) -> list[TopicChannel]:
     """Return the topics of a robot with these legs, those of a recording first."""
-    return [*_recorded(legs), *_pictures(legs)]
+    return [*_recording_channels(legs), *_picture_channels(legs)]
 
 
-def _recorded(legs: Sequence[str]) -> Iterator[Channel]:
+def _recording_channels(legs: Sequence[str]) -> Iterator[TopicChannel]:
     """Yield the topics of a recording, with the same messages and schemas."""
     encoders: dict[str, Callable[[ViewedCycle], list[bytes]]] = {
         messages.SCAN: lambda viewed: [messages.encode_scan(viewed.cycle.scan, legs)],
         messages.FORCE: lambda viewed: [messages.encode_force(viewed.cycle.forces, legs)],
-        messages.GAIT: lambda viewed: _gait(viewed, legs),
-        messages.GAIT_EVENT: lambda viewed: _gait_events(viewed, legs),
-        messages.EVENT: lambda viewed: _events(viewed, legs),
+        messages.GAIT: lambda viewed: _gait_messages(viewed, legs),
+        messages.GAIT_EVENT: lambda viewed: _gait_event_messages(viewed, legs),
+        messages.EVENT: lambda viewed: _event_messages(viewed, legs),
     }
-    for topic, schema in messages.schemas(legs).items():
-        yield Channel(topic, f"footsense.{topic[1:]}", schema.decode(), encoders[topic])
+    for topic, schema in messages.topic_schemas(legs).items():
+        yield TopicChannel(topic, f"footsense.{topic[1:]}", schema.decode(), encoders[topic])
 
 
-def _gait(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
+def _gait_messages(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
     gait = viewed.cycle.forces.gait
     return [] if gait is None else [event_messages.encode_gait(gait, legs)]
 
 
-def _gait_events(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
+def _gait_event_messages(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
     gait = viewed.cycle.forces.gait
     return [] if gait is None else event_messages.encode_gait_events(gait, legs)
 
 
-def _events(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
+def _event_messages(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
     cycle = viewed.cycle
     found = [event_messages.command_event(command, legs) for command in cycle.commands]
     found += [event_messages.outcome_event(outcome, legs) for outcome in cycle.outcomes]
@@ -72,15 +72,19 @@ def _events(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
     return found
 
 
-def _pictures(legs: Sequence[str]) -> Iterator[Channel]:
+def _picture_channels(legs: Sequence[str]) -> Iterator[TopicChannel]:
     """Yield the topics in Foxglove's own schemas."""
-    schemas = json.loads(files(__package__).joinpath("schemas.json").read_bytes())
+    topic_schemas = json.loads(files(__package__).joinpath("schemas.json").read_bytes())
 
-    def picture(topic: str, schema_name: str, values: Callable[[ViewedCycle], dict[str, Any]]) -> Channel:
+    def picture(
+        topic: str, schema_name: str, values: Callable[[ViewedCycle], dict[str, Any]]
+    ) -> TopicChannel:
         def encoded(viewed: ViewedCycle) -> list[bytes]:
             return [json.dumps(values(viewed), separators=(",", ":")).encode()]
 
-        return Channel(topic, schema_name, json.dumps(schemas[schema_name]), encoded, is_picture=True)
+        return TopicChannel(
+            topic, schema_name, json.dumps(topic_schemas[schema_name]), encoded, is_picture=True
+        )
 
     def closures(viewed: ViewedCycle, row: int) -> dict[str, Any]:
         closure_rel = viewed.table[row, CLOSURE_COLUMNS].astype(np.float64)

@@ -14,20 +14,20 @@ from footsense.frames import ContactFrame, State, Vector
 from footsense.leg_phase import LegPhase, phase_of
 
 #: Frame of the feet, and place of each in it [m]: x forward, y left.
-FRAME = "robot"
-PLACES_M = {
+ROBOT_FRAME = "robot"
+FOOT_POSITIONS_M = {
     side + place: (x_m, y_m, 0.0)
     for side, y_m in (("l", 0.15), ("r", -0.15))
     for place, x_m in (("f", 0.2), ("m", 0.0), ("r", -0.2), ("4", -0.4))
 }
 #: Length of the arrow of a newton [m].
-_M_PER_N = 0.1
-_CELL_M = 0.02
-_FLOAT32 = 7
+_ARROW_M_PER_N = 0.1
+_GRID_CELL_M = 0.02
+_FOXGLOVE_FLOAT32 = 7
 #: Parts of an entity that ours does not have.
-_UNUSED = ("metadata", "cubes", "spheres", "cylinders", "lines", "triangles", "models")
-_UPRIGHT = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
-_COLOURS = {
+_UNUSED_ENTITY_FIELDS = ("metadata", "cubes", "spheres", "cylinders", "lines", "triangles", "models")
+_IDENTITY_ROTATION = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+_PHASE_COLOURS = {
     LegPhase.VALID: (0.06, 0.49, 0.54),
     LegPhase.DEGRADED: (0.89, 0.6, 0.1),
     LegPhase.TARING: (0.89, 0.6, 0.1),
@@ -38,24 +38,27 @@ _FAULT_COLOUR = (0.75, 0.15, 0.1)
 
 def scene_update(forces: ContactFrame, legs: Sequence[str]) -> dict[str, Any]:
     """Return a `foxglove.SceneUpdate`: the force on each foot as an arrow, and its name with state or load."""
-    stamp = _time(forces.t_sent_ns)
+    stamp = _time_json(forces.t_sent_ns)
     entities = []
     for row, leg in enumerate(legs):
         state = State(int(forces.state[row]))
-        colour = dict(zip("rgba", (*_COLOURS.get(phase_of(state), _FAULT_COLOUR), 1.0), strict=True))
+        colour = dict(zip("rgba", (*_PHASE_COLOURS.get(phase_of(state), _FAULT_COLOUR), 1.0), strict=True))
         force_n = forces.force_n[row]
         is_known = bool(np.isfinite(force_n).all())
         name = f"{leg} {force_n[2]:.2f} N" if is_known else f"{leg} {state.name.lower().replace('_', ' ')}"
-        above = {"position": _point(PLACES_M[leg], above_m=0.02), "orientation": _UPRIGHT}
+        above = {
+            "position": _point_json(FOOT_POSITIONS_M[leg], above_m=0.02),
+            "orientation": _IDENTITY_ROTATION,
+        }
         entities.append(
             {
-                **{key: [] for key in _UNUSED},
+                **{key: [] for key in _UNUSED_ENTITY_FIELDS},
                 "timestamp": stamp,
-                "frame_id": FRAME,
+                "frame_id": ROBOT_FRAME,
                 "id": leg,
                 "lifetime": {"sec": 1, "nsec": 0},
                 "frame_locked": False,
-                "arrows": [_arrow(leg, force_n, colour)] if is_known and force_n.any() else [],
+                "arrows": [_arrow_json(leg, force_n, colour)] if is_known and force_n.any() else [],
                 "texts": [
                     {
                         "pose": above,
@@ -71,10 +74,10 @@ def scene_update(forces: ContactFrame, legs: Sequence[str]) -> dict[str, Any]:
     return {"deletions": [], "entities": entities}
 
 
-def _arrow(leg: str, force_n: Vector, colour: dict[str, float]) -> dict[str, Any]:
-    length_m = max(float(np.linalg.norm(force_n)) * _M_PER_N, 1e-6)
+def _arrow_json(leg: str, force_n: Vector, colour: dict[str, float]) -> dict[str, Any]:
+    length_m = max(float(np.linalg.norm(force_n)) * _ARROW_M_PER_N, 1e-6)
     return {
-        "pose": {"position": _point(PLACES_M[leg]), "orientation": orientation(force_n)},
+        "pose": {"position": _point_json(FOOT_POSITIONS_M[leg]), "orientation": orientation(force_n)},
         "shaft_length": 0.8 * length_m,
         "shaft_diameter": 0.006,
         "head_length": 0.2 * length_m,
@@ -107,17 +110,17 @@ def closure_grid(closure_rel: Vector, leg: str, t_ns: int) -> dict[str, Any]:
     A grid's columns go along x, forward, and its rows along y, to the left; ours run the other way.
     """
     cells = closure_rel.reshape(3, 3)[::-1, ::-1].T.astype("<f4")
-    x_m, y_m, z_m = PLACES_M[leg]
-    corner = (x_m - 1.5 * _CELL_M, y_m - 1.5 * _CELL_M, z_m)
+    x_m, y_m, z_m = FOOT_POSITIONS_M[leg]
+    corner = (x_m - 1.5 * _GRID_CELL_M, y_m - 1.5 * _GRID_CELL_M, z_m)
     return {
-        "timestamp": _time(t_ns),
-        "frame_id": FRAME,
-        "pose": {"position": _point(corner), "orientation": _UPRIGHT},
+        "timestamp": _time_json(t_ns),
+        "frame_id": ROBOT_FRAME,
+        "pose": {"position": _point_json(corner), "orientation": _IDENTITY_ROTATION},
         "column_count": 3,
-        "cell_size": {"x": _CELL_M, "y": _CELL_M},
+        "cell_size": {"x": _GRID_CELL_M, "y": _GRID_CELL_M},
         "row_stride": 12,
         "cell_stride": 4,
-        "fields": [{"name": "closure", "offset": 0, "type": _FLOAT32}],
+        "fields": [{"name": "closure", "offset": 0, "type": _FOXGLOVE_FLOAT32}],
         "data": base64.b64encode(cells.tobytes()).decode(),
     }
 
@@ -127,20 +130,20 @@ def foot_transforms(legs: Sequence[str], t_ns: int) -> dict[str, Any]:
     return {
         "transforms": [
             {
-                "timestamp": _time(t_ns),
-                "parent_frame_id": FRAME,
+                "timestamp": _time_json(t_ns),
+                "parent_frame_id": ROBOT_FRAME,
                 "child_frame_id": leg,
-                "translation": _point(PLACES_M[leg]),
-                "rotation": _UPRIGHT,
+                "translation": _point_json(FOOT_POSITIONS_M[leg]),
+                "rotation": _IDENTITY_ROTATION,
             }
             for leg in legs
         ]
     }
 
 
-def _point(place_m: tuple[float, float, float], above_m: float = 0.0) -> dict[str, float]:
+def _point_json(place_m: tuple[float, float, float], above_m: float = 0.0) -> dict[str, float]:
     return {"x": place_m[0], "y": place_m[1], "z": place_m[2] + above_m}
 
 
-def _time(t_ns: int) -> dict[str, int]:
+def _time_json(t_ns: int) -> dict[str, int]:
     return {"sec": t_ns // 1_000_000_000, "nsec": t_ns % 1_000_000_000}

@@ -9,8 +9,8 @@ import msgspec
 from websockets.typing import Subprotocol
 
 from footsense import __version__
-from footsense.view.foxglove.channels import PICTURE_NS, Channel, channels
-from footsense.view.live import Live, ViewedCycle
+from footsense.view.foxglove.channels import PICTURE_PERIOD_NS, TopicChannel, topic_channels
+from footsense.view.live import LiveSource, ViewedCycle
 from footsense.view.page_session import Connection
 
 #: Both names of the protocol: that of Lichtblick and PlotJuggler, and that of Foxglove since 2025.
@@ -19,8 +19,8 @@ FOXGLOVE_PROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.webs
 #: Longest message of a client [bytes].
 MAX_REQUEST_BYTES = 65_536
 #: Cycles that a slow client may lag behind; older ones are left out.
-_MAX_LAG = 128
-_HEAD = struct.Struct("<BIQ")
+_MAX_LAG_CYCLES = 128
+_MESSAGE_HEADER_STRUCT = struct.Struct("<BIQ")
 _MESSAGE_DATA = 1
 _WARNING, _ERROR = 1, 2
 
@@ -38,26 +38,26 @@ class _Unsubscribe(msgspec.Struct, tag="unsubscribe", tag_field="op", rename="ca
     subscription_ids: list[int]
 
 
-class _Other(msgspec.Struct):
+class _OtherRequest(msgspec.Struct):
     op: str
 
 
 _decode = msgspec.json.Decoder(_Subscribe | _Unsubscribe).decode
-_decode_other = msgspec.json.Decoder(_Other).decode
+_decode_other = msgspec.json.Decoder(_OtherRequest).decode
 
 
 class FoxgloveClient:
-    """The state of one client.
+    """State of one client of Foxglove's protocol.
 
     Args:
         live: The followed service.
     """
 
-    def __init__(self, live: Live) -> None:
+    def __init__(self, live: LiveSource) -> None:
         self._live = live
         self._greeted = False
         self._legs: tuple[str, ...] = ()
-        self._channels: dict[int, Channel] = {}
+        self._channels: dict[int, TopicChannel] = {}
         self._first_id = 1
         self._by_channel: dict[int, int] = {}
         self._next = 0
@@ -72,14 +72,14 @@ class FoxgloveClient:
             ValueError: It is none of this protocol.
         """
         if isinstance(text, bytes):
-            return [_status(_ERROR, "this server takes no messages: it is read-only")]
+            return [_status_json(_ERROR, "this server takes no messages: it is read-only")]
         try:
             request = _decode(text)
         except msgspec.ValidationError as error:
             other = _decode_other(text)
             if other.op in {"subscribe", "unsubscribe"}:
                 raise ValueError(str(error)) from None
-            return [_status(_WARNING, f"{other.op[:40]}: not supported by this server")]
+            return [_status_json(_WARNING, f"{other.op[:40]}: not supported by this server")]
         if isinstance(request, _Subscribe):
             return [answer for asked in request.subscriptions for answer in self._subscribe(asked)]
         ended = set(request.subscription_ids)
@@ -90,20 +90,24 @@ class FoxgloveClient:
 
     def _subscribe(self, asked: _Subscription) -> list[str]:
         if asked.channel_id not in self._channels:
-            return [_status(_WARNING, f"no channel {asked.channel_id}")]
+            return [_status_json(_WARNING, f"no channel {asked.channel_id}")]
         if asked.channel_id in self._by_channel or asked.id in self._by_channel.values():
             return [
-                _status(_WARNING, f"subscription {asked.id} ignored: its channel or its id has one already")
+                _status_json(
+                    _WARNING, f"subscription {asked.id} ignored: its channel or its id has one already"
+                )
             ]
         if not 0 <= asked.id < 1 << 32:
-            return [_status(_WARNING, f"subscription {asked.id}: its id has to be an unsigned 32-bit number")]
+            return [
+                _status_json(_WARNING, f"subscription {asked.id}: its id has to be an unsigned 32-bit number")
+            ]
         if not self._by_channel:
-            self._next = self._newest + 1
+            self._next = self._newest_cycle_number + 1
         self._by_channel[asked.channel_id] = asked.id
         return []
 
     @property
-    def _newest(self) -> int:
+    def _newest_cycle_number(self) -> int:
         return self._live.cycles[-1].number if self._live.cycles else -1
 
     async def send_new(self, connection: Connection, now_s: float) -> None:
@@ -111,16 +115,16 @@ class FoxgloveClient:
         del now_s
         if not self._greeted:
             self._greeted = True
-            await connection.send(_server_info())
-            await connection.send(_json(op="advertise", channels=[]))
+            await connection.send(_server_info_json())
+            await connection.send(_message_json(op="advertise", channels=[]))
         await self._advertise(connection)
         if self._live.problem != self._problem:
             self._problem = self._live.problem
             if self._problem:
-                await connection.send(_status(_WARNING, self._problem))
-        while self._by_channel and self._next <= self._newest:
+                await connection.send(_status_json(_WARNING, self._problem))
+        while self._by_channel and self._next <= self._newest_cycle_number:
             cycles = self._live.cycles
-            oldest = max(cycles[0].number, self._newest - _MAX_LAG)
+            oldest = max(cycles[0].number, self._newest_cycle_number - _MAX_LAG_CYCLES)
             self.n_skipped += max(0, oldest - self._next)
             self._next = max(self._next, oldest)
             viewed = cycles[self._next - cycles[0].number]
@@ -129,7 +133,7 @@ class FoxgloveClient:
 
     async def _send_cycle(self, connection: Connection, viewed: ViewedCycle) -> None:
         t_ns = viewed.cycle.forces.t_sent_ns
-        is_due = not 0 <= t_ns - self._picture_ns < PICTURE_NS
+        is_due = not 0 <= t_ns - self._picture_ns < PICTURE_PERIOD_NS
         if is_due:
             self._picture_ns = t_ns
         for channel_id, subscription in list(self._by_channel.items()):
@@ -137,7 +141,9 @@ class FoxgloveClient:
             if channel.is_picture and not is_due:
                 continue
             for message in channel.messages(viewed):
-                await connection.send(_HEAD.pack(_MESSAGE_DATA, subscription, t_ns) + message)
+                await connection.send(
+                    _MESSAGE_HEADER_STRUCT.pack(_MESSAGE_DATA, subscription, t_ns) + message
+                )
 
     async def _advertise(self, connection: Connection) -> None:
         """Announce the channels of the service; anew if another service has other legs."""
@@ -145,10 +151,10 @@ class FoxgloveClient:
             return
         self._legs = self._live.legs
         if self._channels:
-            await connection.send(_json(op="unadvertise", channelIds=list(self._channels)))
+            await connection.send(_message_json(op="unadvertise", channelIds=list(self._channels)))
             self._first_id += len(self._channels)
         self._by_channel.clear()
-        self._channels = dict(enumerate(channels(self._legs), self._first_id))
+        self._channels = dict(enumerate(topic_channels(self._legs), self._first_id))
         entries = [
             {
                 "id": number,
@@ -160,7 +166,7 @@ class FoxgloveClient:
             }
             for number, channel in self._channels.items()
         ]
-        await connection.send(_json(op="advertise", channels=entries))
+        await connection.send(_message_json(op="advertise", channels=entries))
 
 
 class FoxgloveRefusal:
@@ -177,20 +183,20 @@ class FoxgloveRefusal:
     def request(self, text: str | bytes) -> list[str]:
         """Answer any request with a refusal."""
         del text
-        return [_status(_WARNING, self._text)]
+        return [_status_json(_WARNING, self._text)]
 
     async def send_new(self, connection: Connection, now_s: float) -> None:
         """Send the refusal, once."""
         del now_s
         if not self._sent:
             self._sent = True
-            await connection.send(_server_info())
-            await connection.send(_json(op="advertise", channels=[]))
-            await connection.send(_status(_WARNING, self._text))
+            await connection.send(_server_info_json())
+            await connection.send(_message_json(op="advertise", channels=[]))
+            await connection.send(_status_json(_WARNING, self._text))
 
 
-def _server_info() -> str:
-    return _json(
+def _server_info_json() -> str:
+    return _message_json(
         op="serverInfo",
         name=f"footsense {__version__}",
         capabilities=[],
@@ -199,9 +205,9 @@ def _server_info() -> str:
     )
 
 
-def _status(level: int, text: str) -> str:
-    return _json(op="status", level=level, message=text)
+def _status_json(level: int, text: str) -> str:
+    return _message_json(op="status", level=level, message=text)
 
 
-def _json(**values: Any) -> str:  # noqa: ANN401 - any JSON
+def _message_json(**values: Any) -> str:  # noqa: ANN401 - any JSON
     return json.dumps(values)

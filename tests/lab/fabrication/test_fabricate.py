@@ -21,8 +21,8 @@ from footsense.foot.specimen import Deviations, Foot
 from footsense.lab.fabrication import checks, fits
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.assumptions import assumptions
-from footsense.lab.fabrication.limits import problems, require_makeable
-from footsense.lab.fabrication.package import Package, fabricate, write_parts
+from footsense.lab.fabrication.limits import manufacturing_problems, require_manufacturable
+from footsense.lab.fabrication.package import FabricationPackage, fabricate, write_parts
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.foot_file import FOOT_FILE
@@ -31,7 +31,7 @@ from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
 
-ARRAY, ASSUMED = ElementArray.of(FOOT_DESIGN), assumptions(FOOT_DESIGN)
+ARRAY, ASSUMED = ElementArray.from_design(FOOT_DESIGN), assumptions(FOOT_DESIGN)
 
 
 @pytest.fixture(scope="module")
@@ -40,21 +40,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def package(folder: Path) -> Package:
+def package(folder: Path) -> FabricationPackage:
     return fabricate(FOOT_DESIGN, folder)
 
 
-def test_the_files_of_the_released_foot_pass_every_check(package: Package) -> None:
+def test_the_files_of_the_released_foot_pass_every_check(package: FabricationPackage) -> None:
     assert len(package.checks) > 20
     assert all(check.passed for check in package.checks)
-    assert all(tolerance.kept for tolerance in package.tolerances)
+    assert all(tolerance.is_within_assumed for tolerance in package.tolerances)
     # Plates of 5.387 pF, as the daemon assumes, and the fringe field beside them.
     element = package.elements["row1", "col1"]
-    assert element.plates_pf == pytest.approx(FOOT_DESIGN.capacitor.unloaded_pf, rel=1e-4)
-    assert element.lowest_pf < element.plates_pf + element.fringe_pf < element.highest_pf
+    assert element.plate_formula_pf == pytest.approx(FOOT_DESIGN.capacitor.unloaded_pf, rel=1e-4)
+    assert element.min_reading_pf < element.plate_formula_pf + element.fringe_pf < element.max_reading_pf
 
 
-def test_the_command_gives_the_same_bytes(package: Package, folder: Path, tmp_path: Path) -> None:
+def test_the_command_gives_the_same_bytes(package: FabricationPackage, folder: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(lab, ["fabricate", "aoyagi-3x3", "--out", str(tmp_path)])
     assert result.exit_code == 0, result.exception
     assert (
@@ -65,24 +65,25 @@ def test_the_command_gives_the_same_bytes(package: Package, folder: Path, tmp_pa
     assert [f for f in files if (folder / f).read_bytes() != (tmp_path / f).read_bytes()] == []
 
 
-def test_a_foot_with_its_fringe_field_reads_as_expected(package: Package) -> None:
+def test_a_foot_with_its_fringe_field_reads_as_expected(package: FabricationPackage) -> None:
     foot = Foot(FootResponse.load(RELEASED / "response.npz"), Deviations(fringe=True))
     readings = [element.unloaded_pf for element in package.elements.values()]
     assert readings == pytest.approx(foot.unloaded_pf, rel=1e-3)
 
 
-def test_most_fabricated_elements_read_within_the_limits(package: Package) -> None:
+def test_most_fabricated_elements_read_within_the_limits(package: FabricationPackage) -> None:
     response, element = FootResponse.load(RELEASED / "response.npz"), package.elements["row1", "col1"]
     own = [
-        replace_deviations(sim_fabricate(response, ASSUMED.rms, 1, foot), fringe=True) for foot in range(60)
+        replace_deviations(sim_fabricate(response, ASSUMED.rms_deviations, 1, foot), fringe=True)
+        for foot in range(60)
     ]
     readings = np.array([Foot(response, deviations).unloaded_pf for deviations in own])
-    within = (element.lowest_pf < readings) & (readings < element.highest_pf)
+    within = (element.min_reading_pf < readings) & (readings < element.max_reading_pf)
     assert 0.95 < within.mean() < 1.0
 
 
 def test_probe_finds_no_fault_with_the_lines_of_the_checklist(
-    package: Package, folder: Path, tmp_path: Path
+    package: FabricationPackage, folder: Path, tmp_path: Path
 ) -> None:
     lines = re.search(r"```yaml\n(.*?)```", (folder / "checklist.md").read_text(), re.DOTALL)
     assert lines is not None
@@ -95,13 +96,15 @@ def test_probe_finds_no_fault_with_the_lines_of_the_checklist(
     assert json.loads(result.output)["legs"]["lf"]["unloaded_pf"] == pytest.approx(expected, abs=0.002)
 
 
-def test_a_spacer_without_vents_is_found(package: Package, tmp_path: Path) -> None:
+def test_a_spacer_without_vents_is_found(package: FabricationPackage, tmp_path: Path) -> None:
     for name, shape in (
-        ("film", sheets.film(ARRAY, 10.0)),
-        ("spacer", sheets.film(ARRAY, 10.0).difference(sheets.cavities(ARRAY))),
+        ("film", sheets.film_outline(ARRAY, 10.0)),
+        ("spacer", sheets.film_outline(ARRAY, 10.0).difference(sheets.spacer_openings(ARRAY))),
     ):
         sheets.write_dxf(tmp_path / f"{name}.dxf", shape, name)
-    failed = [check.what for check in checks.check_sheets(tmp_path, ARRAY, "vented") if not check.passed]
+    failed = [
+        check.quantity for check in checks.check_sheet_files(tmp_path, ARRAY, "vented") if not check.passed
+    ]
     assert failed == ["open area in the sheet: cavities and vents", "cavities that outer air reaches"]
 
 
@@ -141,7 +144,7 @@ def broken_trace(text: str) -> str:
     ],
 )
 def test_a_spoilt_flex_is_found(
-    package: Package, folder: Path, tmp_path: Path, spoil: Callable[[str], str], what: str
+    package: FabricationPackage, folder: Path, tmp_path: Path, spoil: Callable[[str], str], what: str
 ) -> None:
     flex = package.flexes[0]
     shutil.copytree(folder / flex.name, tmp_path / flex.name)
@@ -149,21 +152,30 @@ def test_a_spoilt_flex_is_found(
     spoilt = spoil(copper.read_text())
     assert spoilt != copper.read_text()
     copper.write_text(spoilt)
-    assert [c.what for c in checks.check_flex(tmp_path, flex) if not c.passed and what in c.what]
+    assert [
+        c.quantity for c in checks.check_flex_files(tmp_path, flex) if not c.passed and what in c.quantity
+    ]
 
 
-def test_a_hemisphere_of_another_size_is_found(package: Package, folder: Path, tmp_path: Path) -> None:
+def test_a_hemisphere_of_another_size_is_found(
+    package: FabricationPackage, folder: Path, tmp_path: Path
+) -> None:
     shutil.copytree(folder, tmp_path / "foot")
     larger = solids.hemispheres(replace(FOOT_DESIGN, ball_radius_mm=10.05))[1]
     solids.write_step(larger, tmp_path / "foot" / "step" / "hemisphere-leg.step")
     found = [
-        *checks.check_solids(tmp_path / "foot", package.parts),
+        *checks.check_solid_volumes(tmp_path / "foot", package.parts),
         *fits.check_ball(tmp_path / "foot", FOOT_DESIGN, package.flexes),
     ]
-    assert {check.what for check in found if not check.passed} == {"volume", "adhesive around the hemisphere"}
+    assert {check.quantity for check in found if not check.passed} == {
+        "volume",
+        "adhesive around the hemisphere",
+    }
 
 
-def test_the_flexes_face_each_other_with_their_tails_to_the_left_and_forward(package: Package) -> None:
+def test_the_flexes_face_each_other_with_their_tails_to_the_left_and_forward(
+    package: FabricationPackage,
+) -> None:
     rows, columns = package.flexes
     # From above, copper that faces up is seen as it is; copper that faces down is mirrored.
     for flex, seen in ((rows, 1.0), (columns, -1.0)):
@@ -192,21 +204,21 @@ def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_m
 def test_any_array_is_routed(tmp_path: Path, rows: int, columns: int) -> None:
     lines = {n: tuple(3.5 * ((n - 1) / 2 - k) for k in range(n)) for n in (rows, columns)}
     array = ElementArray(row_x_mm=lines[rows], column_y_mm=lines[columns], electrode_mm=2.5, sheet_mm=14.0)
-    require_makeable(FOOT_DESIGN, array, ASSUMED)
+    require_manufacturable(FOOT_DESIGN, array, ASSUMED)
     for flex in flexes(array, 10.0):
         (tmp_path / flex.name).mkdir()
         files = {"copper": (gerber.COPPER, flex.copper), "profile": (gerber.PROFILE, flex.profile)}
         for name, (function, shapes) in files.items():
             (tmp_path / flex.name / f"{name}.gbr").write_text(gerber.gerber_text(function, "", shapes))
         (tmp_path / flex.name / "drill.drl").write_text(gerber.drill_text("", flex.holes))
-        assert [check for check in checks.check_flex(tmp_path, flex) if not check.passed] == []
+        assert [check for check in checks.check_flex_files(tmp_path, flex) if not check.passed] == []
     assert [c for c in fits.check_overlaps(tmp_path, flexes(array, 10.0)) if not c.passed] == []
 
 
 def test_more_rows_than_the_board_addresses_are_refused() -> None:
     five = ElementArray(row_x_mm=(4, 2, 0, -2, -4), column_y_mm=(1, -1), electrode_mm=1.5, sheet_mm=14)
     with pytest.raises(ConfigError, match=r"rows: 5 rows do not fit the converter board.*at most 4"):
-        require_makeable(FOOT_DESIGN, five, ASSUMED)
+        require_manufacturable(FOOT_DESIGN, five, ASSUMED)
 
 
 @pytest.mark.parametrize(
@@ -274,7 +286,9 @@ def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
 )
 def test_the_value_that_an_error_names_works(wish: dict[str, Any]) -> None:
     design, keys = replace(FOOT_DESIGN, **wish), []
-    while problem := next(problems(design, ElementArray.of(design), assumptions(design)), None):
+    while problem := next(
+        manufacturing_problems(design, ElementArray.from_design(design), assumptions(design)), None
+    ):
         found = re.search(r"use (?:(\w+): |at least |at most |)([\d.]*\d)", problem)
         assert found is not None, problem
         key = found[1] or problem.partition(":")[0]

@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from footsense.errors import ModelError
-from footsense.lab.fem.mesh import COARSE, build_mesh
+from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
 from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign, Material
@@ -84,7 +84,7 @@ def test_far_below_the_patch_is_a_point(half_space: HalfSpace) -> None:
 def test_a_foot_that_cannot_be_meshed_says_so(foot_design: FootDesign) -> None:
     """Too thin, inside out or nothing: a ModelError that names the sizes."""
     with pytest.raises(ModelError, match="FootDesign"):
-        build_mesh(foot_design, COARSE)
+        build_mesh(foot_design, COARSE_MESH)
 
 
 @pytest.mark.parametrize(
@@ -100,20 +100,20 @@ def test_a_foot_that_cannot_be_meshed_says_so(foot_design: FootDesign) -> None:
 def test_a_material_that_is_none_is_refused(rubber: Material) -> None:
     """No stiffness, a negative one, none at all, or a volume that cannot change: a ModelError before any work."""
     with pytest.raises(ModelError, match="rubber needs"):
-        Quarter(replace(FOOT_DESIGN, rubber=rubber), COARSE, Parity(1, 1))
+        Quarter(replace(FOOT_DESIGN, rubber=rubber), COARSE_MESH, Parity(1, 1))
 
 
 def test_a_foot_that_nothing_holds_is_singular(mesh: Any) -> None:
     """A spacer without stiffness leaves the lower half afloat: a ModelError, not a displacement of 1e15 mm."""
     with pytest.raises(ModelError, match="singular"):
-        Quarter(replace(FOOT_DESIGN, spacer_mm=1e30), COARSE, Parity(1, 1), mesh)
+        Quarter(replace(FOOT_DESIGN, spacer_mm=1e30), COARSE_MESH, Parity(1, 1), mesh)
 
 
 @pytest.mark.parametrize(("rows", "electrode_mm"), [(2, 6.5), (4, 2.75)])
 def test_bars_lie_between_the_electrodes_of_any_array(rows: int, electrode_mm: float) -> None:
     """Bars of 1 mm on the sheet of 14 mm: the rest of a quarter is cells, and no cell is a bar."""
     design = replace(FOOT_DESIGN, rows=rows, electrode_mm=electrode_mm, pitch_mm=electrode_mm + 1.0)
-    mesh = build_mesh(design, COARSE)
+    mesh = build_mesh(design, COARSE_MESH)
     assert design.array_mm == pytest.approx(design.sheet_mm)
     bars_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("bars"), mesh)
     cells_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("cell.*"), mesh)

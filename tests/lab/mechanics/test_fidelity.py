@@ -8,10 +8,10 @@ import pytest
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.fem.forward import ForwardFoot
-from footsense.lab.fem.mesh import COARSE
+from footsense.lab.fem.mesh import COARSE_MESH
 from footsense.lab.fidelity.half_space import HalfSpace
-from footsense.lab.fidelity.lattice import lattice_opening_mm
-from footsense.lab.fidelity.levels import LEVEL_NAMES, fidelity_level, response_to
+from footsense.lab.fidelity.lattice import cavity_closure_length_mm
+from footsense.lab.fidelity.levels import LEVEL_NAMES, fidelity_level, response_json
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -29,7 +29,7 @@ def released() -> FootResponse:
 
 def test_one_solve_per_load_equals_the_table(released: FootResponse) -> None:
     """Reciprocity, classes, transposed class, patch: every cell, within the error of the coarse mesh."""
-    solved = ForwardFoot(FOOT_DESIGN, COARSE).cells_um(NORMAL[0], FORCE[0])
+    solved = ForwardFoot(FOOT_DESIGN, COARSE_MESH).cells_um(NORMAL[0], FORCE[0])
     tabled = released.free_closure_um(NORMAL, FORCE)[0]
     assert np.abs(solved - tabled).max() < 0.06 * np.abs(tabled).max()
 
@@ -37,7 +37,7 @@ def test_one_solve_per_load_equals_the_table(released: FootResponse) -> None:
 def test_bars_along_one_axis_are_bounded_by_the_exact_value() -> None:
     """Koiter's collinear cracks: 16 b^2 / pi ln sec(pi a / 2 b) is opened in all; an even pressure opens 9 % more."""
     exact_mm = 16.0 * 2.5**2 / math.pi * math.log(1.0 / math.cos(0.4 * math.pi)) / 4.0
-    assert 1.0 < lattice_opening_mm(5.0, 1.0, crossing=False) / exact_mm < 1.10
+    assert 1.0 < cavity_closure_length_mm(5.0, 1.0, crossing=False) / exact_mm < 1.10
 
 
 def test_the_sheet_carries_force_and_moment() -> None:
@@ -74,7 +74,7 @@ def test_levels_differ_once_a_gap_closes(released: FootResponse) -> None:
 
 def test_the_response_to_a_load_straight_up(released: FootResponse) -> None:
     """All gaps close, corners most; level and unloaded capacitance are reported beside."""
-    found = response_to(released, FOOT_DESIGN, (0.0, 90.0), 0.5)
+    found = response_json(released, FOOT_DESIGN, (0.0, 90.0), 0.5)
     assert found["level"] == "contact"
     assert found["closure_um"][0][0] > found["closure_um"][1][1] > 0.0
     assert np.min(found["capacitance_pf"]) > found["unloaded_pf"]
@@ -85,8 +85,8 @@ def test_loads_beyond_the_models_are_refused(released: FootResponse) -> None:
     with pytest.raises(ValueError, match=f"no fidelity level 'exact'; there are {', '.join(LEVEL_NAMES)}"):
         fidelity_level("exact", released, FOOT_DESIGN)
     with pytest.raises(ValueError, match="more than 0 N"):
-        response_to(released, FOOT_DESIGN, (0.0, 90.0), 0.0)
+        response_json(released, FOOT_DESIGN, (0.0, 90.0), 0.0)
     with pytest.raises(ValueError, match="25 deg"):
-        response_to(released, FOOT_DESIGN, (0.0, 5.0), 1.0)
+        response_json(released, FOOT_DESIGN, (0.0, 5.0), 1.0)
     with pytest.raises(ValueError, match="between 0 and 90 deg, got -45"):
-        response_to(released, FOOT_DESIGN, (0.0, -45.0), 1.0, "half-space")
+        response_json(released, FOOT_DESIGN, (0.0, -45.0), 1.0, "half-space")

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from footsense.cli.lab.group import lab
 from footsense.errors import ConfigError, FootsenseError
-from footsense.lab.fem.mesh import COARSE, SHIPPED
+from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
@@ -111,8 +111,8 @@ def test_electrodes_that_the_converter_cannot_read_are_refused(sizes: tuple[floa
 
 def test_the_shipped_foot_is_meshed_by_the_stated_lengths() -> None:
     """Lengths of a mesh are those in the shipped foot, to the bit: its table must not change."""
-    for size in (COARSE, SHIPPED):
-        assert size.in_foot(FOOT_DESIGN) == size
+    for size in (COARSE_MESH, RELEASED_MESH):
+        assert size.scaled_to_foot(FOOT_DESIGN) == size
 
 
 def test_another_foot_of_a_known_name_is_refused(tmp_path: Path) -> None:

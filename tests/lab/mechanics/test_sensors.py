@@ -8,30 +8,37 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import series_basis
-from footsense.lab.fem.mesh import COARSE, build_mesh
-from footsense.lab.fem.other_sensors.block import COARSE_BLOCK
+from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
+from footsense.lab.fem.other_sensors.block import COARSE_BLOCK_MESH
 from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.symmetry_classes import Parity
-from footsense.lab.geometry import FIT_ELEVATION_DEG, Material
-from footsense.lab.response import DEGREE
-from footsense.lab.studies.accuracy.sensors import SENSORS, Sensor, patterns, sensor_series
-from footsense.lab.studies.mechanics.beyond import normal_to
+from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, Material
+from footsense.lab.response import SERIES_DEGREE
+from footsense.lab.studies.accuracy.sensors import (
+    SENSOR_ARRAYS,
+    SensorArray,
+    pressure_patterns,
+    stress_series,
+)
+from footsense.lab.studies.mechanics.beyond import inclined_unit_vectors
 from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
 
-FILM_SIZE = replace(COARSE, layers=0)
+FILM_SIZE = replace(COARSE_MESH, layers=0)
 
 
 def test_a_cut_through_the_block_carries_the_whole_load() -> None:
     """Elements that cover all of the block feel -f_z together, and a pattern turns with its load."""
-    tiles = Sensor("tiles", 3, FOOT_DESIGN.sheet_mm / 3.0, FOOT_DESIGN.sheet_mm / 3.0)
-    series = sensor_series(FOOT_DESIGN, [tiles], COARSE_BLOCK)["tiles"]
+    tiles = SensorArray("tiles", 3, FOOT_DESIGN.sheet_mm / 3.0, FOOT_DESIGN.sheet_mm / 3.0)
+    series = stress_series(FOOT_DESIGN, [tiles], COARSE_BLOCK_MESH)["tiles"]
     normal = np.array([[0.3, 0.2, np.sqrt(0.87)], [0.0, 0.0, 1.0]])
-    per_force = np.tensordot(series_basis(normal, DEGREE, FIT_ELEVATION_DEG), series, 1).sum(axis=(1, 2))
-    np.testing.assert_allclose(per_force * tiles.side_mm**2, [[0.0, 0.0, -1.0]] * 2, atol=1e-3)
-    there, turned = patterns(
+    per_force = np.tensordot(series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG), series, 1).sum(
+        axis=(1, 2)
+    )
+    np.testing.assert_allclose(per_force * tiles.element_side_mm**2, [[0.0, 0.0, -1.0]] * 2, atol=1e-3)
+    there, turned = pressure_patterns(
         FOOT_DESIGN, series, np.array([[0.3, 0.2, np.sqrt(0.87)], [-0.2, 0.3, np.sqrt(0.87)]])
     )
     quarter_turn = np.rot90(there.reshape(3, 3))
@@ -40,8 +47,8 @@ def test_a_cut_through_the_block_carries_the_whole_load() -> None:
 
 def test_elements_lie_on_the_block() -> None:
     """No element reaches over the edge, or over its neighbour."""
-    for sensor in SENSORS:
-        halves = sensor.halves_mm()
+    for sensor in SENSOR_ARRAYS:
+        halves = sensor.element_borders_mm()
         assert halves[0][1] <= FOOT_DESIGN.sheet_mm / 2.0 + 1e-12
         assert all(inner[1] < outer[0] for outer, inner in pairwise(halves))
 
@@ -56,7 +63,7 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
     load = quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / area_mm2)))
     moved = quarter.solve(load)
     ground, leg, *_ = moved.components
-    carried_n = ng.Integrate(film.layer.traction(ground - leg)[2] * ng.ds(film.layer.faces), quarter.mesh)
+    carried_n = ng.Integrate(film.layer.traction(ground - leg)[2] * ng.ds(film.layer.face_name), quarter.mesh)
     assert carried_n == pytest.approx(0.25, rel=1e-6)
     assert quarter.residual_rel(load, moved) < 1e-8
     functionals = [quarter.closure_functional(name, 1.0) for name in ("cell0", "cell40")]
@@ -76,7 +83,7 @@ def test_the_film_does_not_lock() -> None:
 def test_a_lean_is_the_angle_that_was_asked_for() -> None:
     """Unit normals at the lean from the force, on four sides that balance."""
     force = np.array([[0.3, -0.2, 0.9]])
-    normals = np.concatenate([normal_to(force, 20.0, turn) for turn in (0.0, 90.0, 180.0, 270.0)])
+    normals = np.concatenate([inclined_unit_vectors(force, 20.0, turn) for turn in (0.0, 90.0, 180.0, 270.0)])
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
     along = force[0] / np.linalg.norm(force)
     np.testing.assert_allclose(normals @ along, np.cos(np.radians(20.0)))

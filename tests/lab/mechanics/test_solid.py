@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from footsense.foot.directions import directions
 from footsense.foot.gap_contact import CELLS
 from footsense.foot.response_table import FootResponse
-from footsense.lab.fem.adjoint import ClassField
-from footsense.lab.fem.centred import centred_closures
+from footsense.lab.fem.adjoint import AdjointField
+from footsense.lab.fem.centred import solve_centred_closures
 from footsense.lab.fem.elasticity import membrane_energy
 from footsense.lab.fem.mesh import MeshSize, quarter_cells
 from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import UM_PER_MM, Material, ThinFilm
-from footsense.lab.response import patch_mean
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.response import mean_over_patch
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
@@ -55,7 +55,7 @@ def element_closures(quarter: Quarter, moved: Any) -> NDArray[np.float64]:
     return found
 
 
-def test_the_quarter_has_the_areas_of_the_drawing(mesh: Any, fields: dict[Parity, ClassField]) -> None:
+def test_the_quarter_has_the_areas_of_the_drawing(mesh: Any, fields: dict[Parity, AdjointField]) -> None:
     """A quarter of nine cavities of 16 mm2, of 52 mm2 of bars and of a hemisphere."""
     area = {name: ng.Integrate(ng.CF(1.0) * ng.ds(name), mesh) for name in ("cell.*", "bars")}
     assert area["cell.*"] == pytest.approx(36.0, rel=1e-9)
@@ -161,7 +161,7 @@ def test_the_table_has_the_square_s_symmetries(response: FootResponse, number: i
     normal, force = directions(np.array(17.0), np.array(62.0)), np.array([0.3, -0.2, 0.9])
     closure_um = response.closure_um(normal, force)
     mapped_um = response.closure_um(symmetry @ normal, symmetry @ force)
-    np.testing.assert_allclose(mapped_um[element_map(symmetry)], closure_um, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(mapped_um[element_permutation(symmetry)], closure_um, rtol=0.0, atol=1e-6)
 
 
 def test_the_compliance_is_symmetric_and_positive(response: FootResponse) -> None:
@@ -187,7 +187,7 @@ def test_one_patch_gives_all_patches(response: FootResponse) -> None:
     force = 2.0 * normal[0]
     radius_mm = float(response.patch_radius_mm(normal[0], force))
     flat = response.series[0].reshape(len(response.series[0]), -1)
-    whole = force @ patch_mean(flat, normal, radius_mm, FOOT_DESIGN)[0].reshape(3, -1)
+    whole = force @ mean_over_patch(flat, normal, radius_mm, FOOT_DESIGN)[0].reshape(3, -1)
     tabled = response.free_closure_um(normal[0], force)
     np.testing.assert_allclose(tabled, whole, rtol=0.0, atol=2e-4 * np.abs(whole).max())
 
@@ -198,7 +198,7 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
     for poisson in (0.45, 0.4999):
         foot_design = replace(FOOT_DESIGN, rubber=replace(FOOT_DESIGN.rubber, poisson=poisson))
         low, high = (
-            centred_closures(
+            solve_centred_closures(
                 foot_design, dataclasses.replace(PLAIN, order=order), (90.0,), patch_mm=1.0
             ).closure_um.sum()
             for order in (2, 3)
@@ -228,7 +228,9 @@ def test_a_foot_twice_as_large_is_twice_as_stiff() -> None:
     lengths = ("ball_radius_mm", "sheet_mm", "plate_mm", "spacer_mm", "pitch_mm", "electrode_mm")
     twice = replace(FOOT_DESIGN, **{name: 2.0 * getattr(FOOT_DESIGN, name) for name in lengths})
     one, two = (
-        centred_closures(foot_design, PLAIN, (50.0,), patch_mm=0.1 * foot_design.ball_radius_mm).closure_um
+        solve_centred_closures(
+            foot_design, PLAIN, (50.0,), patch_mm=0.1 * foot_design.ball_radius_mm
+        ).closure_um
         for foot_design in (FOOT_DESIGN, twice)
     )
     np.testing.assert_allclose(2.0 * two, one, rtol=1e-6)

@@ -22,14 +22,14 @@ from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.network import Network
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import METADATA_KEY, read_card
-from footsense.foot.force_errors import GRAM_FORCE_N, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
-from footsense.lab.build import PARITY_REL, QUICK, Built, build
-from footsense.lab.evaluation.compare import compare
-from footsense.lab.evaluation.evaluate import coverage
+from footsense.lab.build import MAX_ONNX_DIFFERENCE_REL, QUICK_BUILD, BuildResult, build
+from footsense.lab.evaluation.compare import compare_builds
+from footsense.lab.evaluation.evaluate import sigma_coverage_shares
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.foot_file import load_foot
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.snapshot.network import N_INPUTS, Weights
@@ -55,9 +55,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def built(folder: Path) -> Built:
+def built(folder: Path) -> BuildResult:
     """Run the whole chain once, for a foot that is not the shipped one: nothing but its description is new."""
-    return build(FOOT, folder, QUICK, lambda _: None)
+    return build(FOOT, folder, QUICK_BUILD, lambda _: None)
 
 
 def test_the_papers_sets_have_the_papers_sizes(response: FootResponse) -> None:
@@ -85,8 +85,8 @@ def test_symmetric_copies_are_loads_of_the_same_foot(response: FootResponse) -> 
 def test_element_map_turns_the_array() -> None:
     """Mirroring left and right swaps columns 0 and 2; every map is a permutation."""
     mirror = np.diag([1.0, -1.0, 1.0])
-    assert element_map(mirror).tolist() == [2, 1, 0, 5, 4, 3, 8, 7, 6]
-    assert all(sorted(element_map(g)) == list(range(9)) for g in SYMMETRIES)
+    assert element_permutation(mirror).tolist() == [2, 1, 0, 5, 4, 3, 8, 7, 6]
+    assert all(sorted(element_permutation(g)) == list(range(9)) for g in SYMMETRIES)
 
 
 def test_the_wide_set_stays_inside_its_promise(response: FootResponse) -> None:
@@ -102,7 +102,7 @@ def test_the_wide_set_stays_inside_its_promise(response: FootResponse) -> None:
 def test_errors_are_those_of_hand_computation() -> None:
     """A right angle is 90 deg, a 10 % longer estimate of 1 N is 10.197 gf off."""
     truth = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    row = errors(truth, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.1]]))
+    row = evaluate_force_errors(truth, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.1]]))
     assert row.direction_deg == pytest.approx(45.0)
     assert row.magnitude_gf == pytest.approx(0.1 / GRAM_FORCE_N / 2.0)
 
@@ -111,7 +111,7 @@ def test_coverage_of_a_true_sigma_is_that_of_a_gaussian() -> None:
     """Errors drawn with the stated sigma are within one of it in 68.3 % of the cases, within two in 95.4 %."""
     rng = np.random.default_rng(3)
     sigma = rng.uniform(0.001, 0.1, (100_000, 3))
-    shares = coverage(np.zeros_like(sigma), sigma * rng.normal(size=sigma.shape), sigma)
+    shares = sigma_coverage_shares(np.zeros_like(sigma), sigma * rng.normal(size=sigma.shape), sigma)
     np.testing.assert_allclose(shares["within_1_sigma"], 0.6827, atol=0.005)
     np.testing.assert_allclose(shares["within_2_sigma"], 0.9545, atol=0.003)
 
@@ -131,7 +131,7 @@ def test_the_study_network_has_the_squares_symmetry_whatever_its_weights() -> No
     force_n, sigma_n = predict(weights, closure_rel, MISSING_SETS)
     assert np.ptp(force_n, axis=0).min() > 0.01
     for symmetry in SYMMETRIES:
-        image = element_map(symmetry)
+        image = element_permutation(symmetry)
         closures, masks = np.empty_like(closure_rel), np.empty_like(MISSING_SETS)
         closures[:, image], masks[:, image] = closure_rel, MISSING_SETS
         turned_n, turned_sigma_n = predict(weights, closures, masks)
@@ -146,15 +146,15 @@ def test_the_pattern_decides_the_direction_and_the_size_scales_it() -> None:
     assert (sigma_n > 0.0).all()
 
 
-def test_the_chain_estimates_even_when_quick(built: Built) -> None:
+def test_the_chain_estimates_even_when_quick(built: BuildResult) -> None:
     """A coarse mesh and a training of seconds; the release has to do ten times better than the paper."""
     row = built.table["paper_network"]
     assert row.direction_deg < 4.0
     assert row.magnitude_gf < 5.3
-    assert built.parity_n < PARITY_REL * FOOT_DESIGN.loads.max_n
+    assert built.onnx_difference_n < MAX_ONNX_DIFFERENCE_REL * FOOT_DESIGN.loads.max_n
 
 
-def test_the_card_says_what_the_daemon_needs(built: Built, folder: Path) -> None:
+def test_the_card_says_what_the_daemon_needs(built: BuildResult, folder: Path) -> None:
     """Key by key, and the file is of the fixed, old format with a free batch size."""
     model = onnx.load(folder / "network.onnx")
     prop, checksum = model.metadata_props
@@ -168,7 +168,7 @@ def test_the_card_says_what_the_daemon_needs(built: Built, folder: Path) -> None
     assert [len(card[key]) for key in ("closure_rel_min", "closure_rel_max")] == [9, 9]
     moments = np.array(read_card(prop.value, "network.onnx").moments)
     for symmetry in SYMMETRIES:
-        image = element_map(symmetry)
+        image = element_permutation(symmetry)
         np.testing.assert_array_equal(moments[np.ix_(image, image)], moments)
     assert (model.ir_version, model.opset_import[0].version) == (8, 17)
     network = OnnxNetwork(folder / "network.onnx")
@@ -178,7 +178,7 @@ def test_the_card_says_what_the_daemon_needs(built: Built, folder: Path) -> None
     assert_symmetric(network.estimate, atol=1e-3)
 
 
-def test_the_daemon_computes_what_the_lab_judges(built: Built, folder: Path) -> None:
+def test_the_daemon_computes_what_the_lab_judges(built: BuildResult, folder: Path) -> None:
     """The bound buffers of the robot and the plain session of the lab agree to the bit, masks included."""
     del built
     daemon, judged = Network(folder / "network.onnx", len(MISSING_SETS)), OnnxNetwork(folder / "network.onnx")
@@ -187,7 +187,7 @@ def test_the_daemon_computes_what_the_lab_judges(built: Built, folder: Path) -> 
         np.testing.assert_array_equal(one, other)
 
 
-def test_sigma_is_honest_with_and_without_all_elements(built: Built, folder: Path) -> None:
+def test_sigma_is_honest_with_and_without_all_elements(built: BuildResult, folder: Path) -> None:
     """Loads and noise that training never saw: errors within two sigma in most cases, and more of it with less seen."""
     del built
     response, network = open_models(folder)
@@ -198,20 +198,20 @@ def test_sigma_is_honest_with_and_without_all_elements(built: Built, folder: Pat
     for mask in (np.zeros(9, bool), np.arange(9) == 4, np.arange(9) < 3):
         missing = np.broadcast_to(mask, measured.shape)
         force_n, sigma_n, *_ = network.estimate(at_rest(imputation.impute(measured, missing), missing))
-        shares = coverage(cases.force_n, force_n, sigma_n)
+        shares = sigma_coverage_shares(cases.force_n, force_n, sigma_n)
         assert min(shares["within_2_sigma"]) > 0.75  # the release has to do better, see test_released.py
         assert max(shares["within_1_sigma"]) < 0.95
         means.append(sigma_n.mean())
     assert means[0] < means[2]
 
 
-def test_no_closure_is_no_force(built: Built, folder: Path) -> None:
+def test_no_closure_is_no_force(built: BuildResult, folder: Path) -> None:
     """The unloaded foot reads exactly zero newtons."""
     del built
     assert (OnnxNetwork(folder / "network.onnx").force_n(np.zeros((1, 9))) == 0.0).all()
 
 
-def test_the_card_for_people_says_how_to_build_it(built: Built, folder: Path) -> None:
+def test_the_card_for_people_says_how_to_build_it(built: BuildResult, folder: Path) -> None:
     """The command names the description beside the card, and that a quick build is no release."""
     del built
     text = (folder / "README.md").read_text()
@@ -220,15 +220,15 @@ def test_the_card_for_people_says_how_to_build_it(built: Built, folder: Path) ->
     assert (folder / "foot.yaml").read_bytes() == FOOT.read_bytes()
 
 
-def test_a_build_is_the_same_release_as_itself(built: Built, folder: Path) -> None:
+def test_a_build_is_the_same_release_as_itself(built: BuildResult, folder: Path) -> None:
     """Compared with itself nothing differs; the shapes of the report hold."""
     del built
-    rows = compare(folder, folder)
-    assert all(row.same for row in rows)
+    rows = compare_builds(folder, folder)
+    assert all(row.is_within_tolerance for row in rows)
     assert rows[0].measured == 0.0
 
 
-def test_a_network_of_another_response_is_refused(built: Built, folder: Path, tmp_path: Path) -> None:
+def test_a_network_of_another_response_is_refused(built: BuildResult, folder: Path, tmp_path: Path) -> None:
     """The card's hash ties the two files together."""
     del built
     for name in ("foot.yaml", "network.onnx", "response.npz"):
@@ -240,7 +240,7 @@ def test_a_network_of_another_response_is_refused(built: Built, folder: Path, tm
         open_models(tmp_path)
 
 
-def test_a_description_that_was_changed_is_refused(built: Built, folder: Path, tmp_path: Path) -> None:
+def test_a_description_that_was_changed_is_refused(built: BuildResult, folder: Path, tmp_path: Path) -> None:
     """Table and network are of the foot that they were built for: the error names the number that is another."""
     del built
     for name in ("network.onnx", "response.npz"):
@@ -256,7 +256,7 @@ def test_a_description_that_was_changed_is_refused(built: Built, folder: Path, t
             open_models(tmp_path)
 
 
-def test_a_robot_walks_on_feet_of_another_type(built: Built, folder: Path, tmp_path: Path) -> None:
+def test_a_robot_walks_on_feet_of_another_type(built: BuildResult, folder: Path, tmp_path: Path) -> None:
     """The daemon takes the folder by its name, and estimates what the simulated feet feel: only a name is new."""
     del built
     config = tmp_path / "robot.yaml"
@@ -276,7 +276,7 @@ def test_a_robot_walks_on_feet_of_another_type(built: Built, folder: Path, tmp_p
 
 @pytest.mark.parametrize("name", ["network.onnx", "response.npz"])
 def test_files_of_another_foot_type_are_refused(
-    built: Built, folder: Path, tmp_path: Path, name: str
+    built: BuildResult, folder: Path, tmp_path: Path, name: str
 ) -> None:
     """A network or a table of the shipped foot among those of another: refused by file and by type."""
     del built
@@ -301,7 +301,7 @@ def test_a_foot_type_that_nobody_built_is_one_clear_error() -> None:
             load_models(msgspec.structs.replace(DEFAULT, foot_type=name))
 
 
-def test_evaluate_prints_the_figures_as_json(built: Built, folder: Path) -> None:
+def test_evaluate_prints_the_figures_as_json(built: BuildResult, folder: Path) -> None:
     """What CI and the report read: the figures that the project lives by, through the released file."""
     result = CliRunner().invoke(lab, ["evaluate", "--models", str(folder), "--json"])
     assert result.exit_code == 0, result.output

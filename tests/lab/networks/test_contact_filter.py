@@ -5,10 +5,10 @@ import pytest
 
 from footsense.estimation.rest import REST_AGE_S
 from footsense.lab.evaluation.contact_filter import ContactFilter
-from footsense.lab.evaluation.contact_model import ContactModel, coordinates_of, force_and_slopes
+from footsense.lab.evaluation.contact_model import ContactModel, contact_coordinates_of, force_and_slopes
 from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.lab.evaluation.window_fit import at_rest, fitted
-from footsense.lab.training.gait_readings import LEAD_S, STEP_S, elements_of
+from footsense.lab.evaluation.window_fit import fit_contact, is_steady
+from footsense.lab.training.gait_readings import NOMINAL_SEND_DELAY_S, STEP_S, conversion_elements
 from footsense.ports import Load, Window
 from tests.lab.released import RELEASED
 
@@ -38,7 +38,9 @@ def network_off() -> Load:
 def test_coordinates_are_those_of_their_force() -> None:
     """There and back, and the derivatives are those of the force."""
     force_n, slopes = force_and_slopes(COORDINATES)
-    np.testing.assert_allclose(coordinates_of(force_n, COORDINATES[:, [3, 4, 1, 2]]), COORDINATES, atol=1e-12)
+    np.testing.assert_allclose(
+        contact_coordinates_of(force_n, COORDINATES[:, [3, 4, 1, 2]]), COORDINATES, atol=1e-12
+    )
     for k, step in enumerate(1e-6 * np.eye(5)):
         difference = (
             force_and_slopes(COORDINATES + step)[0] - force_and_slopes(COORDINATES - step)[0]
@@ -51,21 +53,21 @@ def test_a_fit_finds_the_load_of_a_foot_at_rest(model: ContactModel) -> None:
     closure_rel, _ = model.closure_and_slopes(COORDINATES)
     readings = np.repeat(closure_rel[:, None], 3, axis=1)
     window = Window(readings, np.tile(REST_AGE_S, (3, 1, 1)), np.zeros((3, 9), bool))
-    force_n, sigma_n = fitted(model, window, network_off(), rounds=2)
+    force_n, sigma_n = fit_contact(model, window, network_off(), rounds=2)
     true_n, _ = force_and_slopes(COORDINATES)
     assert np.abs(force_n - true_n).max() < 0.2 * OFF_N
     assert (sigma_n < OFF_N).all()
-    assert at_rest(model, window).all()
+    assert is_steady(model, window).all()
     readings[:, 0, 4] += 0.05
-    assert not at_rest(model, window).any()
+    assert not is_steady(model, window).any()
 
 
 def test_a_filter_follows_a_load_and_is_seeded_by_the_network(model: ContactModel) -> None:
     """It settles within some scans; against a network that contradicts it for long, it starts from the network."""
     closure_rel, _ = model.closure_and_slopes(COORDINATES)
     true_n, _ = force_and_slopes(COORDINATES)
-    tracker = ContactFilter(model, 3, STEP_S, LEAD_S)
-    for element in elements_of(0, 90).tolist():
+    tracker = ContactFilter(model, 3, STEP_S, NOMINAL_SEND_DELAY_S)
+    for element in conversion_elements(0, 90).tolist():
         tracker.read(element, closure_rel[:, element])
     force_n, sigma_n = tracker.force()
     assert np.abs(force_n - true_n).max() < OFF_N

@@ -62,8 +62,8 @@ def test_knowing_that_a_load_is_centred_never_hurts(foot: Foot) -> None:
         force = direction * gf * GRAM_FORCE_N
         three = force_bound(foot, direction, force, Unknowns.CENTRED)
         five = force_bound(foot, direction, force, Unknowns.LEANING)
-        excess = np.linalg.eigvalsh(five.covariance_n2 - three.covariance_n2)
-        assert excess.min() > -1e-6 * five.covariance_n2.max()
+        difference_from = np.linalg.eigvalsh(five.covariance_n2 - three.covariance_n2)
+        assert difference_from.min() > -1e-6 * five.covariance_n2.max()
 
 
 def test_the_mean_angle_is_that_of_a_gaussian() -> None:
@@ -92,6 +92,6 @@ def test_a_read_out_of_known_scatter_has_the_ratio_of_its_scatter(foot: Foot) ->
     ratio = crb_ratio(foot.response, FOOT_DESIGN.loads, never_sure, draws=2, magnitudes_gf=(100.0,))
     (only,) = ratio.centred
     assert only.network.direction_rms_deg == pytest.approx(1.0)
-    assert ratio.worst == pytest.approx(1.0 / only.leaning.direction_rms_deg)
+    assert ratio.worst_direction_ratio == pytest.approx(1.0 / only.leaning.direction_rms_deg)
     assert only.network.magnitude_rms_gf == pytest.approx(0.0, abs=1e-9)
     assert calls[:2] == [180, 180]

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from footsense.lab.training.gait_readings import ORDERS, GaitReadings, elements_of
+from footsense.lab.training.gait_readings import CONVERSION_ORDERS, GaitReadings, conversion_elements
 from footsense.lab.training.gait_windows import windows_of
 
 pytestmark = pytest.mark.lab
 
-STEP_S, LEAD_S, N, BEYOND = 3e-3, 4e-3, 90, 50
+STEP_S, NOMINAL_SEND_DELAY_S, N, BEYOND = 3e-3, 4e-3, 90, 50
 
 
 def numbered(order: int) -> GaitReadings:
@@ -19,7 +19,7 @@ def numbered(order: int) -> GaitReadings:
     return GaitReadings(
         order=np.array([order]),
         step_s=np.array([STEP_S]),
-        lead_s=np.full((1, N), LEAD_S),
+        send_delay_s=np.full((1, N), NOMINAL_SEND_DELAY_S),
         closure_rel=numbers[None].astype(np.float32),
         in_range=(numbers != BEYOND)[None],
         force_n=force_n,
@@ -27,19 +27,19 @@ def numbered(order: int) -> GaitReadings:
     )
 
 
-@pytest.mark.parametrize("order", range(len(ORDERS)))
+@pytest.mark.parametrize("order", range(len(CONVERSION_ORDERS)))
 def test_a_window_holds_the_last_three_readings_of_every_element(order: int) -> None:
     """The newest first, each as old as the conversions since; the force is that of the asked time."""
     window = windows_of(numbered(order))
     now = window.closure_rel.max(axis=(1, 2))
     np.testing.assert_allclose(window.force_n[:, 2], now / 100, rtol=1e-6)
     np.testing.assert_allclose(
-        window.age_s, (now[:, None, None] - window.closure_rel) * STEP_S + LEAD_S, rtol=1e-6
+        window.age_s, (now[:, None, None] - window.closure_rel) * STEP_S + NOMINAL_SEND_DELAY_S, rtol=1e-6
     )
     assert (np.diff(window.closure_rel, axis=1) == -9.0).all()
     numbers = window.closure_rel.astype(int)
     np.testing.assert_array_equal(
-        elements_of(order, N)[numbers], np.broadcast_to(np.arange(9), numbers.shape)
+        conversion_elements(order, N)[numbers], np.broadcast_to(np.arange(9), numbers.shape)
     )
 
 

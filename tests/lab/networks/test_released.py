@@ -8,7 +8,7 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.rest import at_rest
 from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, coverage
+from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, sigma_coverage_shares
 from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
 from footsense.lab.evaluation.maximum_likelihood import ambiguous_loads
 from footsense.lab.model_card import readme
@@ -46,7 +46,7 @@ def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
     missing = np.broadcast_to(mask, measured.shape)
     imputation = Imputation(np.array(network.card["moments"]))
     force_n, sigma_n, *_ = network.estimate(at_rest(imputation.impute(measured, missing), missing))
-    shares = coverage(cases.force_n, force_n, sigma_n)
+    shares = sigma_coverage_shares(cases.force_n, force_n, sigma_n)
     assert min(shares["within_2_sigma"]) > 0.87
     assert max(shares["within_1_sigma"]) < 0.9
 

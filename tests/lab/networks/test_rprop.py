@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.lab.training.load_cases import Cases
-from footsense.lab.training.paper.mlp import forward, loss, stack, start_layers, train, unstack
+from footsense.lab.training.paper.mlp import loss, network_outputs, random_layers, stack, train, unstack
 from footsense.lab.training.paper.procedure import Feed, PaperTraining
 from footsense.lab.training.paper.rprop import (
     FIRST_STEP,
@@ -44,9 +44,9 @@ def test_rprop_follows_a_hand_computed_sequence() -> None:
     places = [0.9, 0.78, 0.90, 0.96, 0.96, 1.02]
     weight = jnp.asarray(1.0)
     state = RPROP.init(weight)
-    for gradient, size, place in zip(gradients, sizes, places, strict=True):
+    for gradient, step_size, place in zip(gradients, sizes, places, strict=True):
         weight, state = step(weight, jnp.asarray(gradient), state)
-        assert float(state.size) == pytest.approx(size, rel=1e-5)
+        assert float(state.step_size) == pytest.approx(step_size, rel=1e-5)
         assert float(weight) == pytest.approx(place, rel=1e-5)
 
 
@@ -56,7 +56,7 @@ def test_rprop_keeps_each_weight_its_own_step() -> None:
     state = RPROP.init(weights)
     weights, state = step(weights, {"a": jnp.array([1.0, 1.0])}, state)
     weights, state = step(weights, {"a": jnp.array([1.0, -1.0])}, state)
-    np.testing.assert_allclose(state.size["a"], [FIRST_STEP * GROW, FIRST_STEP * SHRINK], rtol=1e-6)
+    np.testing.assert_allclose(state.step_size["a"], [FIRST_STEP * GROW, FIRST_STEP * SHRINK], rtol=1e-6)
     np.testing.assert_allclose(weights["a"], [-0.22, 0.0], atol=1e-6)
     assert state.gradient["a"].tolist() == [1.0, 0.0]
 
@@ -64,31 +64,33 @@ def test_rprop_keeps_each_weight_its_own_step() -> None:
 def test_a_step_stops_at_its_bounds() -> None:
     """Growth ends at 50, shrinkage at 1e-6, exactly."""
     one = jnp.asarray(1.0)
-    wide = RpropState(size=jnp.asarray(49.0), gradient=one, move=-one)
-    assert float(step(one, one, wide)[1].size) == LARGEST_STEP
-    narrow = RpropState(size=jnp.asarray(1.5e-6), gradient=one, move=-one)
-    assert float(step(one, -one, narrow)[1].size) == pytest.approx(LEAST_STEP, rel=1e-6)
+    wide = RpropState(step_size=jnp.asarray(49.0), gradient=one, weight_step=-one)
+    assert float(step(one, one, wide)[1].step_size) == LARGEST_STEP
+    narrow = RpropState(step_size=jnp.asarray(1.5e-6), gradient=one, weight_step=-one)
+    assert float(step(one, -one, narrow)[1].step_size) == pytest.approx(LEAST_STEP, rel=1e-6)
 
 
 @given(
     gradient=st.lists(st.floats(-1e3, 1e3, width=32, allow_subnormal=False), min_size=1, max_size=12),
-    size=st.floats(LEAST_STEP, LARGEST_STEP),
+    step_size=st.floats(LEAST_STEP, LARGEST_STEP),
 )
-def test_steps_stay_within_bounds_and_a_sign_change_halves_them(gradient: list[float], size: float) -> None:
+def test_steps_stay_within_bounds_and_a_sign_change_halves_them(
+    gradient: list[float], step_size: float
+) -> None:
     """For any gradients and first step: bounds hold, no move exceeds its step, and each change of sign halves."""
     weight = jnp.asarray(0.0)
-    state = RPROP.init(weight)._replace(size=jnp.asarray(size, jnp.float32))
+    state = RPROP.init(weight)._replace(step_size=jnp.asarray(step_size, jnp.float32))
     for g in gradient:
         before, place = state, float(weight)
         weight, state = step(weight, jnp.asarray(g, jnp.float32), state)
-        after = float(state.size)
+        after = float(state.step_size)
         assert LEAST_STEP * (1 - 1e-6) <= after <= LARGEST_STEP
         if g * float(before.gradient) < 0.0:
-            assert after == pytest.approx(max(SHRINK * float(before.size), LEAST_STEP), rel=1e-6)
-            assert float(state.move) == -float(before.move)
+            assert after == pytest.approx(max(SHRINK * float(before.step_size), LEAST_STEP), rel=1e-6)
+            assert float(state.weight_step) == -float(before.weight_step)
             assert float(state.gradient) == 0.0
         else:
-            assert abs(float(state.move)) in {0.0, after}
+            assert abs(float(state.weight_step)) in {0.0, after}
             assert float(weight) == pytest.approx(place - np.sign(g) * after, rel=1e-5, abs=1e-6)
 
 
@@ -113,7 +115,7 @@ def test_rprop_finds_the_minimum_of_a_quadratic_of_any_scale(scale: float) -> No
 def test_forward_is_the_formula_and_its_gradient_the_difference_quotient() -> None:
     """Against numpy in float64, and one weight of each layer against a central difference."""
     rng = np.random.default_rng(1)
-    layers = start_layers(rng, (4, 5, 6, 2))
+    layers = random_layers(rng, (4, 5, 6, 2))
     inputs, targets = rng.uniform(size=(7, 4)), rng.uniform(size=(7, 2))
 
     def numpy_loss(nudge: float, where: int) -> float:
@@ -136,8 +138,8 @@ def test_silent_neurons_stay_silent_and_change_nothing() -> None:
     """A network padded to more neurons learns what it learns without them."""
     inputs = np.random.default_rng(2).uniform(size=(20, 4))
     targets = inputs[:, :2] * inputs[:, 2:]
-    plain = stack([start_layers(np.random.default_rng(3), (4, 5, 5, 2))])
-    padded = stack([start_layers(np.random.default_rng(3), (4, 5, 5, 2), (4, 9, 9, 2))])
+    plain = stack([random_layers(np.random.default_rng(3), (4, 5, 5, 2))])
+    padded = stack([random_layers(np.random.default_rng(3), (4, 5, 5, 2), (4, 9, 9, 2))])
     small = train(RPROP, plain, inputs, targets, 50)
     large = train(RPROP, padded, inputs, targets, 50)
     np.testing.assert_allclose(large.losses, small.losses, rtol=1e-3)
@@ -149,14 +151,14 @@ def test_stacked_networks_learn_as_if_alone() -> None:
     """The second of two is the same by itself; the losses are those before each epoch, and they fall."""
     inputs = np.random.default_rng(4).uniform(size=(30, 3))
     targets = np.sin(3.0 * inputs[:, :1])
-    starts = [start_layers(np.random.default_rng(seed), (3, 6, 1)) for seed in (0, 1)]
+    starts = [random_layers(np.random.default_rng(seed), (3, 6, 1)) for seed in (0, 1)]
     both, one = stack(starts), stack(starts[1:])
     together = train(RPROP, both, inputs, targets, 200)
     alone = train(RPROP, one, inputs, targets, 200)
     np.testing.assert_allclose(together.losses[1], alone.losses[0], rtol=1e-3)
     assert together.losses[1, 0] == pytest.approx(float(loss(starts[1], inputs, targets)), rel=1e-5)
     assert (together.losses[:, -1] < 0.01 * together.losses[:, 0]).all()
-    answer = forward(unstack(together.layers)[0], inputs)
+    answer = network_outputs(unstack(together.layers)[0], inputs)
     assert float(jnp.mean((answer - targets) ** 2)) <= 1.1 * together.losses[0, -1]
 
 
@@ -169,6 +171,6 @@ def test_a_training_scales_by_its_cases_and_answers_in_newtons(feed: Feed) -> No
     force_n = closure_um @ rng.uniform(-0.05, 0.05, (9, 3))
     training = PaperTraining(design, Cases(force_n[:200], closure_um[:200]), feed)
     assert (training.inputs.max(), np.abs(training.targets).max()) == (1.0, 1.0)
-    (read,) = training.train([start_layers(rng, (9, 6, 3))], 600)
+    (read,) = training.train([random_layers(rng, (9, 6, 3))], 600)
     wrong_n = read(closure_um[200:]) - force_n[200:]
     assert np.sqrt(np.mean(wrong_n**2)) < 0.1 * np.sqrt(np.mean(force_n**2))

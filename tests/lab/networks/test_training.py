@@ -9,18 +9,18 @@ from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.training.gait_readings import (
-    LEAD_S,
-    ORDERS,
+    CONVERSION_ORDERS,
+    NOMINAL_SEND_DELAY_S,
     STEP_S,
     GaitReadings,
     ReadingConditions,
-    elements_of,
+    conversion_elements,
     random_gaits,
     read_gait,
 )
-from footsense.lab.training.gait_windows import contact_of, windows_of
+from footsense.lab.training.gait_windows import contact_and_normal_force, windows_of
 from footsense.lab.training.load_cases import NOISE_PF, random_loads, sensed_closure_um
-from footsense.lab.training.snapshot.train import moments
+from footsense.lab.training.snapshot.train import closure_moments
 from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
@@ -51,20 +51,20 @@ def rising(t_s: Vector) -> Loads:
     return Loads(normal, np.clip(t_s, 0.0, 1.0)[:, None] * np.array([0.05, 0.1, 0.8]))
 
 
-@pytest.mark.parametrize("order", range(len(ORDERS)))
+@pytest.mark.parametrize("order", range(len(CONVERSION_ORDERS)))
 def test_a_reading_is_of_its_own_time_and_the_truth_of_the_sending(
     response: FootResponse, order: int
 ) -> None:
     """One element in each conversion, in the order of the scan, to within the noise; the force is a lead later."""
     gait = read_gait(response, rising, ReadingConditions(order=order), np.random.default_rng(1), N)
     t_s = STEP_S * np.arange(1.0, N + 1)
-    np.testing.assert_allclose(gait.force_n[0], rising(t_s + gait.lead_s[0]).force_n, rtol=1e-6)
-    np.testing.assert_allclose(gait.lead_s, LEAD_S, atol=2e-4)
+    np.testing.assert_allclose(gait.force_n[0], rising(t_s + gait.send_delay_s[0]).force_n, rtol=1e-6)
+    np.testing.assert_allclose(gait.send_delay_s, NOMINAL_SEND_DELAY_S, atol=2e-4)
     normal, force_n = rising(t_s)
     exact_rel = sensed_closure_um(Foot(response), normal, force_n) / response.design.gap_um
-    error_rel = gait.closure_rel[0] - exact_rel[np.arange(N), elements_of(order, N)]
+    error_rel = gait.closure_rel[0] - exact_rel[np.arange(N), conversion_elements(order, N)]
     assert np.abs(error_rel).max() < 5e-3
-    in_another_order = gait.closure_rel[0] - exact_rel[np.arange(N), elements_of(1 - order, N)]
+    in_another_order = gait.closure_rel[0] - exact_rel[np.arange(N), conversion_elements(1 - order, N)]
     assert np.abs(in_another_order).max() > 0.05
     assert gait.in_range.all()
 
@@ -75,7 +75,7 @@ def test_in_the_air_a_reading_is_noise_about_a_baseline(response: FootResponse) 
         response, lambda t_s: rising(0.0 * t_s), ReadingConditions(), np.random.default_rng(2), 9 * 300
     )
     of_elements = np.empty((300, ELEMENTS))
-    of_elements[:, elements_of(0, ELEMENTS)] = gait.closure_rel[0].reshape(300, ELEMENTS)
+    of_elements[:, conversion_elements(0, ELEMENTS)] = gait.closure_rel[0].reshape(300, ELEMENTS)
     per_pf = 37.0 / 20.0 / response.design.unloaded_pf
     assert of_elements.std(axis=0) / per_pf == pytest.approx(np.full(ELEMENTS, NOISE_PF), rel=0.35)
     assert not gait.force_n.any()
@@ -110,11 +110,11 @@ def test_a_load_is_its_contact_point_and_its_friction_ratio() -> None:
     """Both are zero for a load straight up the leg; a load from friction and normal gives them back."""
     normal = np.array([[0.0, 0.0, 1.0], [0.0, np.sin(0.3), np.cos(0.3)]])
     across = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.3), -np.sin(0.3)]])
-    contact, pressing_n = contact_of(0.5 * (normal + np.array([[0.0], [0.4]]) * across), normal)
+    contact, pressing_n = contact_and_normal_force(0.5 * (normal + np.array([[0.0], [0.4]]) * across), normal)
     np.testing.assert_allclose(pressing_n, 0.5)
     np.testing.assert_allclose(contact[0], 0.0)
     np.testing.assert_allclose(contact[1], [0.0, np.tan(0.15), 0.0, 0.4 * np.cos(0.3)])
-    nothing, none_n = contact_of(np.zeros((1, 3)), normal[1:])
+    nothing, none_n = contact_and_normal_force(np.zeros((1, 3)), normal[1:])
     assert (none_n[0], nothing[0, 2:].tolist()) == (0.0, [0.0, 0.0])
 
 
@@ -122,7 +122,7 @@ def test_a_short_training_learns_and_is_the_same_twice(response: FootResponse, g
     """Errors are a part of the load, and sigma and contact follow; the same seed gives the same bits."""
     rest = random_loads(response, FOOT_DESIGN.loads, 500, 1)
     design = response.design
-    imputation = Imputation(moments(rest.with_symmetric_copies().closure_um / design.gap_um))
+    imputation = Imputation(closure_moments(rest.with_symmetric_copies().closure_um / design.gap_um))
     protocol = WindowProtocol(channels=4, steps=500, batch=256, rate=1e-2)
     lines: list[str] = []
     weights, again = (
@@ -138,7 +138,7 @@ def test_a_short_training_learns_and_is_the_same_twice(response: FootResponse, g
     error_n = np.abs(load.force_n - judged.force_n)[loaded]
     assert np.sqrt(np.square(error_n).mean()) < 0.3 * np.sqrt(np.square(judged.force_n[loaded]).mean())
     assert (error_n < 2.0 * load.sigma_n[loaded]).mean() > 0.7
-    contact, _ = contact_of(judged.force_n[loaded], judged.normal[loaded])
+    contact, _ = contact_and_normal_force(judged.force_n[loaded], judged.normal[loaded])
     assert np.abs(load.contact_coordinates[loaded] - contact).mean() < 0.8 * np.abs(contact).mean()
     resting = Window(np.zeros((1, 3, ELEMENTS)), judged.age_s[:1], whole[:1])
     assert not predict(weights, resting).force_n.any()

@@ -14,7 +14,7 @@ from onnx import TensorProto
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.rest import REST_AGE_S
 from footsense.foot.files.network_card import INPUTS, OUTPUTS
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.symmetric_layers import linear_basis
 from footsense.lab.training.windowed_network import (
@@ -54,7 +54,7 @@ def in_double(weights: Weights, window: Window) -> Load:
     linear, w1, b1, w2, b2, out, sigma, sigma_offset = (np.asarray(part, np.float64) for part in weights)
     c = len(b1)
     seen = seen_of(window)
-    images = [element_map(g) for g in SYMMETRIES]
+    images = [element_permutation(g) for g in SYMMETRIES]
     first = [np.tanh(seen_of(turned(window, np.argsort(image))).seen @ w1.T + b1) for image in images]
     by_relative = w2.reshape(c, 8, c)
     outputs, ln_sigma = np.zeros((2, len(seen.now), 7))

@@ -6,18 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.lab.symmetry import SYMMETRIES, element_map
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.gait_windows import age_table
 from footsense.ports import Load, Window
 
-STEP_S, LEAD_S = 2.7e-3, 3.2e-3
+STEP_S, NOMINAL_SEND_DELAY_S = 2.7e-3, 3.2e-3
 
 
 def some_windows(n: int = 40, seed: int = 1) -> Window:
     """Return windows of feet in motion, in every phase of a scan and with every set of missing elements."""
     rng = np.random.default_rng(seed)
     since = age_table()[0, np.arange(n) % 9][:, None] + 9 * np.arange(3)[:, None]
-    age_s = LEAD_S + STEP_S * (1.0 + 4.0 * rng.random((n, 1, 1)) * (rng.random((n, 1, 1)) < 0.3)) * since
+    age_s = (
+        NOMINAL_SEND_DELAY_S
+        + STEP_S * (1.0 + 4.0 * rng.random((n, 1, 1)) * (rng.random((n, 1, 1)) < 0.3)) * since
+    )
     return Window(
         rng.uniform(-0.05, 0.8, (n, 1, 9)) + rng.normal(0.0, 0.1, (n, 3, 9)),
         age_s,
@@ -37,7 +40,7 @@ def assert_symmetric(estimate: Callable[[Window], Load], atol: float) -> None:
     load = estimate(window)
     assert all(np.ptp(part, axis=0).min() > 0.01 for part in load)
     for symmetry in SYMMETRIES:
-        again = estimate(turned(window, element_map(symmetry)))
+        again = estimate(turned(window, element_permutation(symmetry)))
         plane = np.kron(np.eye(2), symmetry[:2, :2])
         for found, known, turn in (
             (again.force_n, load.force_n, symmetry),

@@ -44,9 +44,9 @@ def gapped(walk: Path, tmp_path: Path) -> Path:
         for entry in replay.entries():
             assert isinstance(entry, NumberedCycle)
             if entry.counter == N_BEFORE + N_LOST:
-                recording.add(LostCycles(entry.counter, entry.cycle.forces.t_sent_ns, N_LOST))
+                recording.add_entry(LostCycles(entry.counter, entry.cycle.forces.t_sent_ns, N_LOST))
             if not N_BEFORE <= entry.counter < N_BEFORE + N_LOST:
-                recording.add(entry)
+                recording.add_entry(entry)
         recording.finish()
     return path
 

@@ -26,13 +26,13 @@ from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metrics import MetricsObserver
 from footsense.validation.faults.fault_trial import (
     BREAKS_AT_S,
-    LEG,
+    FAULTY_LEG,
     PASSES_AT_S,
-    WALK,
+    WALK_SCENE,
     FaultFigures,
     PublishedWalk,
     fault_figures,
-    walk,
+    simulate_walk,
 )
 
 DBC = Path(firmware_interface.__file__).parent / "can/footsense.dbc"
@@ -46,7 +46,7 @@ ROBOT = msgspec.structs.replace(
 SCANS_S = 0.055
 ALL = 0b111_111_111
 
-ON_LEG: dict[str, Any] = {"at_s": BREAKS_AT_S, "leg": LEG}
+ON_LEG: dict[str, Any] = {"at_s": BREAKS_AT_S, "leg": FAULTY_LEG}
 PASSING: dict[str, Any] = {**ON_LEG, "until_s": PASSES_AT_S}
 
 
@@ -107,16 +107,16 @@ ON_FOOT: dict[Fault, Expected] = {
 @pytest.fixture(scope="module")
 def whole() -> PublishedWalk:
     """The walk in which nothing breaks."""
-    return walk(config=ROBOT)
+    return simulate_walk(config=ROBOT)
 
 
 def trial(fault: Fault, whole: PublishedWalk) -> tuple[PublishedWalk, FaultFigures]:
-    broken = walk(fault, config=ROBOT)
+    broken = simulate_walk(fault, config=ROBOT)
     return broken, fault_figures(broken, whole, fault.at_s, getattr(fault, "until_s", None))
 
 
 def touches_no_other_leg(broken: PublishedWalk, whole: PublishedWalk) -> bool:
-    others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
+    others = [row for row, leg in enumerate(whole.legs) if leg != FAULTY_LEG]
     n = min(len(broken.t_sent_ns), len(whole.t_sent_ns))
     same = [
         np.array_equal(getattr(broken, name)[:n, others], getattr(whole, name)[:n, others], equal_nan=True)
@@ -151,7 +151,7 @@ def test_a_fault_is_named_passes_and_touches_no_other_leg(
 
 def test_two_broken_rows_are_more_than_can_be_estimated(whole: PublishedWalk) -> None:
     """No force, and the mask names all six."""
-    broken = walk(
+    broken = simulate_walk(
         scene_faults.BrokenRow(row=0, **ON_LEG), scene_faults.BrokenRow(row=2, **ON_LEG), config=ROBOT
     )
     seen = fault_figures(broken, whole, BREAKS_AT_S, None)
@@ -161,8 +161,8 @@ def test_two_broken_rows_are_more_than_can_be_estimated(whole: PublishedWalk) ->
 
 def test_what_is_left_of_a_foot_is_worth_having(whole: PublishedWalk) -> None:
     """Without a row the force is off by less than a tenth of the load, and its sigma is larger."""
-    broken = walk(scene_faults.BrokenRow(row=1, **ON_LEG), config=ROBOT)
-    row = whole.legs.index(LEG)
+    broken = simulate_walk(scene_faults.BrokenRow(row=1, **ON_LEG), config=ROBOT)
+    row = whole.legs.index(FAULTY_LEG)
     late = broken.t_sent_ns > (BREAKS_AT_S + 0.15) * 1e9
     error_n = (broken.force_n - broken.true_force_n)[late, row]
     assert (broken.state[late, row] == State.DEGRADED).all()
@@ -179,7 +179,7 @@ def test_a_leg_that_holds_the_bus_costs_the_others_two_timeouts(whole: Published
     assert seen.recovery_s < TARED_S
     assert seen.longest_gap_s < 0.07
     assert seen.lost_frames <= 18
-    others = [row for row, leg in enumerate(whole.legs) if leg != LEG]
+    others = [row for row, leg in enumerate(whole.legs) if leg != FAULTY_LEG]
     # After the stall each element is read three times before its readings make a window again.
     assert (broken.state[broken.t_sent_ns > (BREAKS_AT_S + 0.12) * 1e9][:, others] == State.VALID).all()
 
@@ -187,7 +187,9 @@ def test_a_leg_that_holds_the_bus_costs_the_others_two_timeouts(whole: Published
 def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: PublishedWalk) -> None:
     """Nothing else disconnects it; every leg says why, and all come back when it lets go."""
     bus = msgspec.structs.replace(ROBOT.buses[0], mux=Mux())
-    broken = walk(scene_faults.StuckSda(**PASSING), config=msgspec.structs.replace(ROBOT, buses=(bus,)))
+    broken = simulate_walk(
+        scene_faults.StuckSda(**PASSING), config=msgspec.structs.replace(ROBOT, buses=(bus,))
+    )
     held = (broken.t_sent_ns > (BREAKS_AT_S + 0.1) * 1e9) & (broken.t_sent_ns < PASSES_AT_S * 1e9)
     assert (broken.state[held] == State.ABSENT).all()
     assert (broken.cause[held] == Cause.BUS_STUCK).all()
@@ -197,7 +199,9 @@ def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(wh
 
 def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: PublishedWalk) -> None:
     """The RESET pin is of no help there; the next try that gets through brings every leg back at once."""
-    broken = walk(scene_faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + 0.1), config=ROBOT)
+    broken = simulate_walk(
+        scene_faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + 0.1), config=ROBOT
+    )
     seen = fault_figures(broken, whole, BREAKS_AT_S, BREAKS_AT_S + 0.1)
     assert seen.longest_gap_s < 0.45
     assert (broken.state[-1] == State.VALID).all()
@@ -223,7 +227,7 @@ def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: PublishedWal
 def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, whole: PublishedWalk) -> None:
     """A force that is further off than any is in a walk in which nothing fails has the sigma for it."""
     broken, seen = trial(fault, whole)
-    row = whole.legs.index(LEG)
+    row = whole.legs.index(FAULTY_LEG)
     error_n = np.abs(broken.force_n - broken.true_force_n)[:, row]
     far_n = 1.1 * np.nanmax(np.abs(whole.force_n - whole.true_force_n)[:, row])
     assert not (error_n > np.maximum(far_n, 5.0 * broken.sigma_n[:, row])).any()
@@ -234,7 +238,7 @@ def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, 
 
 def test_can_and_metrics_show_it(tmp_path: Path) -> None:
     """The last force frame, the fault report with its cause and elements, and the counters."""
-    scene = msgspec.structs.replace(WALK, faults=(scene_faults.BrokenRow(row=1, **ON_LEG),))
+    scene = msgspec.structs.replace(WALK_SCENE, faults=(scene_faults.BrokenRow(row=1, **ON_LEG),))
     log = tmp_path / "can.log"
     with open_service(ROBOT, scene, real_time=False, can_log=log) as service:
         metrics = MetricsObserver(service.legs, service.sink.stats, tmp_path / "counters")

@@ -18,13 +18,13 @@ from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Tripod
 from footsense.validation.invariants import Invariants
 from footsense.validation.random_faults import (
-    ON_CAN,
-    ON_ROBOT,
-    OTHER_CAN_IDS,
+    CAN_FAULT_TYPES,
+    OTHER_TRAFFIC_CAN_IDS,
     READ_ERROR_RATES_REL,
+    ROBOT_FAULT_TYPES,
     transient_fault,
 )
-from footsense.validation.tolerances import Rules
+from footsense.validation.tolerances import WalkLimits
 
 #: Half of the legs in half of the time: one steps while the other two carry.
 LEGS = ("lf", "lm", "rm")
@@ -51,7 +51,7 @@ def faults(draw: st.DrawFn) -> list[Fault]:
     """A fault of any kind that passes."""
     at_s = draw(times)
     return transient_fault(
-        draw(st.sampled_from(ON_ROBOT + ON_CAN)),
+        draw(st.sampled_from(ROBOT_FAULT_TYPES + CAN_FAULT_TYPES)),
         leg=draw(st.sampled_from(LEGS)),
         at_s=at_s,
         until_s=round(at_s + draw(lengths), 3),
@@ -61,7 +61,7 @@ def faults(draw: st.DrawFn) -> list[Fault]:
         rate_rel=draw(st.sampled_from(READ_ERROR_RATES_REL)),
         rate_ff_per_s=draw(st.floats(-800.0, 800.0)),
         unplugged=draw(st.booleans()),
-        can_id=draw(st.sampled_from(OTHER_CAN_IDS)),
+        can_id=draw(st.sampled_from(OTHER_TRAFFIC_CAN_IDS)),
         rate_hz=draw(st.floats(1.0, 1800.0)),
     )
 
@@ -107,12 +107,12 @@ def walk(publish_every: int, script: list[Fault]) -> Invariants:
     config = robot(publish_every)
     script = [CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=1.0), *script]
     ends_s = max(getattr(fault, "until_s", None) or fault.at_s for fault in script)
-    rules = Rules(
+    rules = WalkLimits(
         legs=LEGS,
         period_s=PERIOD_S,
         max_age_s=config.stale_after_ms * 1e-3,
         gait_period_s=0.8,
-        from_s=TARED_S,
+        checks_start_s=TARED_S,
         frames_per_force=publish_every,
         bitrate=config.can.bitrate,
     )
@@ -136,7 +136,7 @@ def walk(publish_every: int, script: list[Fault]) -> Invariants:
 
 def test_every_kind_of_fault_may_break() -> None:
     """None is forgotten when one is added."""
-    assert set(ON_ROBOT + ON_CAN) == set(get_args(Fault))
+    assert set(ROBOT_FAULT_TYPES + CAN_FAULT_TYPES) == set(get_args(Fault))
     assert set(LEGS) <= set(get_args(Leg))
 
 

@@ -21,7 +21,7 @@ from footsense.frames import Cycle
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.replay import Replay
-from footsense.reference.sensor_mounting import NEWTON_PER
+from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import CalibrationLoads
 from tests.system.simulated_test_stand import MADE, presses
@@ -51,7 +51,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     light = tuple((0.5 * x, 0.5 * y, 0.5 * z) for x, y, z in presses(24))
     load = CalibrationLoads(presses=light, rise_s=0.1, dwell_s=0.7, pause_s=0.8)
     scene = Scene(description="a test stand", load=load, lead_in_s=2.0, fabrication=MADE)
-    end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 500_000_000
+    end_ns = load.build(round(scene.lead_in_s * 1e9)).end_ns + 500_000_000
     run = StandSession(test_stand=STAND, leg="lf", foot="foot-0007", session="one")
     with open_service(CONFIG, scene, record=path, real_time=False, test_stand=run) as service:
         service.run(until_ns=end_ns)
@@ -68,7 +68,7 @@ def rewritten(
         header = {**recording.header, "reference": described, "session": path.stem}
         copy = McapFile(file.fileno(), header)
         for number, cycle in enumerate(recording):
-            copy.add(NumberedCycle(number, change(cycle)))
+            copy.add_entry(NumberedCycle(number, change(cycle)))
         copy.finish()
     return path
 
@@ -105,7 +105,7 @@ def test_a_calibration_has_the_temperature_of_its_sessions(session: Path, tmp_pa
 def test_a_reference_that_contradicts_the_foot_is_refused(session: Path, tmp_path: Path) -> None:
     """Newtons taken for kgf, and swapped axes: the line says which would fit, and no calibration is made."""
     kgf = msgspec.structs.replace(STAND, units="kgf")
-    too_much = turned(NEWTON_PER["kgf"] / NEWTON_PER["N"] * np.eye(3))
+    too_much = turned(NEWTONS_PER_UNIT["kgf"] / NEWTONS_PER_UNIT["N"] * np.eye(3))
     heavy = rewritten(session, tmp_path / "heavy.mcap", too_much, kgf)
     y_for_x = msgspec.structs.replace(STAND, axes=Axes(x="-y", y="-x", z="z"))
     swap = turned(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))

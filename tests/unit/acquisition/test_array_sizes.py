@@ -2,14 +2,24 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from firmware_interface.conversion_order import conversion_order
 from footsense.acquisition.bus_scanner import BusScanner
-from footsense.acquisition.scan_plan import conversion_order, scan_plan
+from footsense.acquisition.robot_scanner import RobotScanner
+from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
-from footsense.foot.response_table import FootResponse, n_products
-from footsense.frames import Reading
+from footsense.estimation.baseline.contact import ContactLimits
+from footsense.estimation.baseline.tare import TareLimits
+from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.sensitivity import sensitivity
+from footsense.foot.files.network_card import TrainedInputs
+from footsense.foot.specimen import Foot
+from footsense.frames import ContactFrame, Reading, State
+from footsense.ports import Load, Window
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene_files import load_scene
+from tests.support.arrays import response
 from tests.support.feet import DESIGN
 
 LEGS = {leg: channel for channel, leg in enumerate(("lf", "lm", "lr", "rf", "rm", "rr"))}
@@ -24,26 +34,6 @@ def test_in_the_order_of_a_square_no_growing_force_is_a_tilt(rows: int) -> None:
     grid = place.reshape(rows, rows)
     assert set(grid.sum(axis=0)) == set(grid.sum(axis=1)) == {rows * (rows**2 - 1) // 2}
     assert (np.diff(np.append(order, order[0]) % rows) != 0).all()
-
-
-def response(rows: int) -> FootResponse:
-    """Return a made-up table: each cell of a quarter yields by an amount of its own."""
-    half, side, rng = 3 * rows, 6 * rows, np.random.default_rng(rows)
-    own = np.zeros((half, half, side, side))
-    row, column = np.indices((half, half))
-    own[row, column, row, column] = 10.0
-    return FootResponse(
-        foot_type=f"test-{rows}",
-        design=DESIGN,
-        ball_radius_mm=10.0,
-        hertz_modulus_mpa=6.8,
-        min_elevation_deg=25.0,
-        fit_elevation_deg=12.0,
-        degree=2,
-        quarter_series=rng.uniform(1.0, 3.0, (2, n_products(2), half, half, 3)),
-        quarter_compliance=own,
-        provenance={},
-    )
 
 
 @pytest.mark.parametrize("board", ["fdc1004", "ad7746"])
@@ -64,3 +54,67 @@ def test_every_element_of_an_array_is_read_at_its_place(rows: int, board: str) -
     assert (readings.reading == Reading.OK).all()
     stray_pf = readings.capacitance_pf - made_pf
     assert np.ptp(stray_pf) < 0.05
+
+
+class Linear:
+    """A read-out of the newest closures that is exact for the made-up foot."""
+
+    def __init__(self, per_newton: NDArray[np.float64]) -> None:
+        self._matrix = np.linalg.pinv(per_newton)
+
+    def estimate(self, window: Window) -> Load:
+        """Return the load of every row."""
+        force_n = window.closure_rel[:, 0] @ self._matrix.T
+        none = np.zeros((len(force_n), 4))
+        return Load(force_n, np.full_like(force_n, 0.01), none, none + 1.0)
+
+
+@pytest.mark.parametrize("rows", [2, 3, 4])
+def test_an_array_gives_forces_from_chip_to_pipeline(rows: int) -> None:
+    """Tared in the air, then loaded: every leg is VALID and right; with an electrode off, it is named in the mask."""
+    table, force_n, n = response(rows), np.array([0.1, -0.05, 0.6]), rows**2
+    up, axes = np.tile([0.0, 0.0, 1.0], (3, 1)), np.eye(3)
+    per_newton = table.closure_um(up, axes).T / DESIGN.gap_um
+    robot = SimulatedRobot(load_scene("hanging"), table, [Wiring(400_000, 0x71, LEGS)])
+    [bus] = robot.buses
+    plan = scan_plan("lo_shu", 400, rows=rows)
+    source = RobotScanner([BusScanner(UpstreamBus(bus, 0x71), bus.clock, LEGS, plan)])
+    source.start()
+    linear, scan_ns = Linear(per_newton), n * 2_750_000
+    rng = np.random.default_rng(1)
+    closures = rng.normal([0.0, 0.0, 0.8], 0.2, (2000, 3)) @ per_newton.T + 1e-3 * rng.normal(size=(2000, n))
+    moments = closures.T @ closures / len(closures)
+    trained = TrainedInputs(
+        design=DESIGN, closure_rel_min=np.full(n, -0.1), closure_rel_max=np.full(n, 0.9), moments=moments
+    )
+    pipeline = Pipeline(
+        linear,
+        trained,
+        np.full((6, n), load_scene("hanging").effects.stray_pf),
+        np.full((6, n), DESIGN.unloaded_pf),
+        sensitivity=sensitivity(linear, 6, moments),
+        tare=TareLimits(window_frames=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+        contact=ContactLimits(threshold_n=0.03),
+        scan_ns=scan_ns,
+        max_age_ns=500_000_000,
+        settled_ns=4 * scan_ns,
+    )
+
+    def after(scans: int) -> ContactFrame:
+        for _ in range(scans * n):
+            frame = source.read()
+            forces, _ = pipeline.process(frame, bus.clock.now_ns())
+        return forces
+
+    assert (after(12).state == State.VALID).all()
+    loaded_pf = Foot(table).capacitance_pf(up[:1], force_n[None])[0].tolist()
+    for leg in robot.legs.values():
+        leg.wired._whole_pf = lambda _: loaded_pf
+    forces = after(12)
+    assert (forces.state == State.VALID).all()
+    np.testing.assert_allclose(forces.force_n, np.tile(force_n, (6, 1)), atol=5e-3)
+    robot.legs["rm"].wired._whole_pf = lambda _: [*loaded_pf[:-1], 0.1]
+    forces = after(12)
+    assert forces.fault_mask.tolist() == [0, 0, 0, 0, 1 << n - 1, 0]
+    assert forces.state[4] == State.DEGRADED
+    np.testing.assert_allclose(forces.force_n, np.tile(force_n, (6, 1)), atol=0.02)

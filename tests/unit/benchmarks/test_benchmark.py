@@ -4,7 +4,7 @@ import pytest
 
 from footsense.benchmarks.c_floor import has_c_floor
 from footsense.benchmarks.cycle import compare_cycle_durations
-from footsense.benchmarks.our_cycle import WARM_UP, recorded_frames
+from footsense.benchmarks.our_cycle import N_WARM_UP_CYCLES, recorded_frames
 from footsense.benchmarks.viewed_latency import viewed_latency_figures
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.frames import CapFrame
@@ -15,7 +15,7 @@ needs_c = pytest.mark.skipif(not has_c_floor(), reason="no C compiler or no onnx
 @pytest.fixture(scope="module")
 def scans() -> list[CapFrame]:
     """Scans of walking legs, those of the tare and a few more."""
-    return recorded_frames(WARM_UP + 12)
+    return recorded_frames(N_WARM_UP_CYCLES + 12)
 
 
 @needs_c

@@ -25,7 +25,7 @@ from footsense.estimation.rest import at_rest
 from footsense.foot.cavity.air import Cavity
 from footsense.foot.correction_terms import correction_terms
 from footsense.foot.directions import angles_between_deg, normalized, rotation
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Foot
 from footsense.sim.test_stand.press_sequence import paper_presses
@@ -98,13 +98,13 @@ def test_twenty_loads_make_a_foot_several_times_better() -> None:
     for number in (1, 3):
         rng = np.random.default_rng(number)
         loads, judged = load_set(made(number), _TRAINING, rng), load_set(made(number), _JUDGED, rng)
-        found = calibrate(design(), loads.subset(loads.spread_order()[:20]))
-        before = errors(judged.force_n, _read(judged, None))
-        after = errors(judged.force_n, _read(judged, found.parameters))
+        found = calibrate(design(), loads.subset(loads.space_filling_order()[:20]))
+        before = evaluate_force_errors(judged.force_n, _read(judged, None))
+        after = evaluate_force_errors(judged.force_n, _read(judged, found.parameters))
         assert after.direction_deg < 0.25 * before.direction_deg
         assert after.direction_deg < 3.0
         assert after.magnitude_gf < 4.0
-        assert found.predicted.direction_deg < 1.5
+        assert found.predicted_uncertainty.direction_deg < 1.5
 
 
 def test_an_offset_sheet_and_a_crooked_reference_are_told_from_the_foot() -> None:
@@ -132,7 +132,7 @@ def test_a_foot_as_designed_is_left_as_it_is() -> None:
     rng = np.random.default_rng(5)
     loads, judged = load_set(Deviations(), _TRAINING[::5], rng), load_set(Deviations(), _JUDGED)
     found = calibrate(design(), loads).parameters
-    assert errors(judged.force_n, _read(judged, found)).direction_deg < 0.5
+    assert evaluate_force_errors(judged.force_n, _read(judged, found)).direction_deg < 0.5
     assert not found.correction.any()
 
 
@@ -143,7 +143,7 @@ def test_a_load_that_slipped_does_not_count_much() -> None:
     slipped[10] = slipped[40]
     judged = load_set(made(1), _JUDGED)
     found = calibrate(design(), replace(loads, capacitance_pf=slipped)).parameters
-    assert errors(judged.force_n, _read(judged, found)).direction_deg < 1.5
+    assert evaluate_force_errors(judged.force_n, _read(judged, found)).direction_deg < 1.5
 
 
 def test_the_correction_learns_what_is_there_and_nothing_else() -> None:
@@ -154,10 +154,10 @@ def test_the_correction_learns_what_is_there_and_nothing_else() -> None:
     skew = np.array([[1.0, 0.05, 0.0], [0.0, 1.0, 0.0], [0.08, 0.0, 1.0]])
     skewed = force_n @ skew + noise_n
     layer = fit_correction(force_n, force_n, skewed)
-    corrected_n = force_n + correction_terms(force_n) @ layer.matrix.T
+    corrected_n = force_n + correction_terms(force_n) @ layer.correction_matrix.T
     assert angles_between_deg(corrected_n, force_n @ skew).max() < 1.0  # of 4.6
-    assert not fit_correction(force_n, force_n, force_n + noise_n).matrix.any()
-    assert not fit_correction(force_n[::20], force_n[::20], skewed[::20]).matrix.any()
+    assert not fit_correction(force_n, force_n, force_n + noise_n).correction_matrix.any()
+    assert not fit_correction(force_n[::20], force_n[::20], skewed[::20]).correction_matrix.any()
 
 
 def test_loads_from_one_side_are_refused_by_what_they_do_not_tell() -> None:
@@ -210,7 +210,9 @@ def test_a_gap_is_identified_only_by_loads_that_close_it() -> None:
     loads = load_set(own, _TRAINING[::6], np.random.default_rng(0))
     twin = FootTwin(design().response, loads.unloaded_pf)
     found = fit_parameters(twin, loads)
-    cells_um = twin.cells_um(found.parameters, ContactLoads.centred(loads.force_n)).reshape(len(loads), 9, -1)
+    cells_um = twin.cell_closures_um(found.parameters, ContactLoads.centred(loads.force_n)).reshape(
+        len(loads), 9, -1
+    )
     shuts = (cells_um >= twin.gap_um(found.parameters)[:, None] - 1e-6).any(axis=(0, 2))
     assert not shuts.all()
     np.testing.assert_allclose(found.parameters[GAP][~shuts], 0.0, atol=1.0)
@@ -235,4 +237,4 @@ def test_the_twin_of_a_foot_that_holds_its_air(cavity: Cavity) -> None:
     loads = replace(load_set(made(1), force_n), capacitance_pf=reading_pf, baseline_pf=unloaded_pf)
     found = fit_parameters(twin, loads).parameters
     np.testing.assert_allclose(found[STRAY], own.stray_pf, atol=0.05)
-    assert 0.0 < twin.felt_stiffness_rel(own.stiffness_rel) / own.stiffness_rel < 0.7
+    assert 0.0 < twin.effective_stiffness_rel(own.stiffness_rel) / own.stiffness_rel < 0.7

@@ -10,7 +10,7 @@ from footsense.calibration.session.coverage import MIN_ELEVATION_DEG, Coverage
 from footsense.calibration.session.reference_checks import reference_findings
 from footsense.config.test_stand import Axes, Simulated, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.reference.sensor_mounting import NEWTON_PER, SensorMounting
+from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
 from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.presses import direction
 
@@ -18,13 +18,13 @@ from tests.support.presses import direction
 def test_the_next_loads_make_a_complete_set() -> None:
     """Applying each next load covers two magnitudes, with few more loads than wanted."""
     coverage = Coverage(40)
-    while not coverage.complete:
-        azimuth_deg, elevation_deg, magnitude_gf = coverage.next
+    while not coverage.is_complete:
+        azimuth_deg, elevation_deg, magnitude_gf = coverage.next_load
         assert MIN_ELEVATION_DEG <= elevation_deg <= 90.0
-        coverage.add(magnitude_gf * GRAM_FORCE_N * direction(azimuth_deg, elevation_deg))
+        coverage.add_load(magnitude_gf * GRAM_FORCE_N * direction(azimuth_deg, elevation_deg))
     assert 40 <= coverage.n_loads <= 44
     assert coverage.counts[1] == 0
-    assert coverage.summary().startswith(f"{coverage.n_loads} of 40 loads; directions covered: ")
+    assert coverage.progress_text().startswith(f"{coverage.n_loads} of 40 loads; directions covered: ")
 
 
 @pytest.mark.parametrize(
@@ -42,16 +42,16 @@ def test_many_loads_are_not_enough_where_they_are_alike(
     """A hundred from one direction, with one magnitude, or from one side only."""
     coverage = Coverage(20)
     for force_n in forces_n:
-        coverage.add(force_n)
-    assert not coverage.complete
+        coverage.add_load(force_n)
+    assert not coverage.is_complete
 
 
 def test_the_papers_protocol_is_enough() -> None:
     """Its 362 loads are a set of 362."""
     coverage = Coverage(362)
     for force_n in paper_presses("training"):
-        coverage.add(force_n)
-    assert coverage.complete
+        coverage.add_load(force_n)
+    assert coverage.is_complete
 
 
 def feet(seed: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
@@ -92,7 +92,7 @@ def test_a_plausible_reference_passes(seed: int) -> None:
 def test_wrong_units_are_named(named: str, meant: str) -> None:
     """Each taken for each other."""
     forces_n, estimate_n = feet(1)
-    reading_n = forces_n * NEWTON_PER[named] / NEWTON_PER[meant]
+    reading_n = forces_n * NEWTONS_PER_UNIT[named] / NEWTONS_PER_UNIT[meant]
     (line,) = judged(reading_n, estimate_n, named, ["-x", "-y", "-z"], (0, 0, 0))
     assert f"its readings seem to be in {meant}, and the test stand's file says units: {named}" in line
 
@@ -106,13 +106,13 @@ def test_wrong_axes_are_named_with_those_that_fit(
     forces_n, estimate_n = feet(2)
     right = ["-x", "-y", "-z"]
     sensor = forces_n @ np.linalg.inv(
-        SensorMounting(dict(zip("xyz", right, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(np.eye(3))[
-            0
-        ]
+        SensorMounting(dict(zip("xyz", right, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).to_foot_force_n(
+            np.eye(3)
+        )[0]
     )
-    reading_n = SensorMounting(dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)).apply(
-        sensor
-    )[0]
+    reading_n = SensorMounting(
+        dict(zip("xyz", given, strict=True)), mount_deg, "N", 1.0, (9, 9, 9)
+    ).to_foot_force_n(sensor)[0]
     (line,) = judged(reading_n, estimate_n, "N", given, mount_deg)
     assert "axes: {x: -x, y: -y, z: -z} would fit" in line
 

@@ -31,7 +31,7 @@ Vector = NDArray[np.float64]
 def find_presses(cycles: Iterable[Cycle]) -> list[CalibrationLoad | RejectedPress]:
     """Return the result of every press."""
     detector = LoadDetector(0)
-    found = [*map(detector.take, cycles), detector.finish()]
+    found = [*map(detector.process_cycle, cycles), detector.finish()]
     return [press for press in found if press is not None]
 
 

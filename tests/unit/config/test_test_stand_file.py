@@ -7,7 +7,7 @@ import pytest
 
 from footsense.config.test_stand import Serial, Simulated, load_test_stand
 from footsense.errors import ConfigError
-from footsense.reference.record_columns import integer_bits
+from footsense.reference.record_columns import integer_widths_bits
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 
@@ -65,4 +65,4 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, right: str, wrong: str, says:
 def test_a_layout_that_is_none_is_refused(layout: str) -> None:
     """Gaps that alignment would put in are refused, too."""
     with pytest.raises(struct.error):
-        integer_bits(layout)
+        integer_widths_bits(layout)

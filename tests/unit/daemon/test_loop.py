@@ -24,11 +24,11 @@ def test_the_loop_leaves_nothing_to_collect(faults: str, tmp_path: Path) -> None
     )
     cycles = iter(range(80))
     with open_service(DEFAULT, load_scene(str(scene)), real_time=False) as service:
-        service.run_on(service.source, stop=lambda: next(cycles) >= 30)
+        service.run_until(service.source, stop=lambda: next(cycles) >= 30)
         gc.collect()
         gc.disable()
         try:
-            service.run_on(service.source, stop=lambda: next(cycles, None) is None)
+            service.run_until(service.source, stop=lambda: next(cycles, None) is None)
             assert gc.collect() == 0
         finally:
             gc.enable()

@@ -14,7 +14,7 @@ from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan, scan_adapters, scan_bus
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
-from footsense.cli.probe.figure import draw
+from footsense.cli.probe.figure import draw_probed_feet
 from footsense.cli.probe.json_values import probe_json
 from footsense.cli.probe.picture import probe_picture, unloaded_yaml
 from footsense.config import DEFAULT, Config
@@ -62,8 +62,10 @@ def test_the_clock_of_each_converter_and_what_it_keeps_is_told() -> None:
     found = probe(DEFAULT, msgspec.structs.replace(HANGING, seed=2, effects=Effects(converter_clock_rel=0.1)))
     slow = [leg.leg for leg in found.legs if leg.timing and leg.timing.slowness > 1.0]
     assert 0 < len(slow) < 6
-    assert [diagnosis.where for diagnosis in found.diagnoses] == slow
-    assert all("longer than the slowest converter may" in diagnosis.what for diagnosis in found.diagnoses)
+    assert [diagnosis.location for diagnosis in found.diagnoses] == slow
+    assert all(
+        "longer than the slowest converter may" in diagnosis.observation for diagnosis in found.diagnoses
+    )
     found = probe(DEFAULT, msgspec.structs.replace(HANGING, effects=Effects(trigger_clears_done=True)))
     assert found.diagnoses == ()
     assert "are done before the next conversion, which makes one" in " ".join(shown(found).split())
@@ -129,9 +131,9 @@ def test_a_fault_on_one_leg_is_one_line_on_that_leg(broken: Fault, what: str, ch
     """It names the leg, and what to look at; the other legs are sound and give what to configure."""
     found = probed(broken)
     (diagnosis,) = found.diagnoses
-    assert diagnosis.where == "lm"
-    assert what in diagnosis.what
-    assert check in diagnosis.check
+    assert diagnosis.location == "lm"
+    assert what in diagnosis.observation
+    assert check in diagnosis.advice
     assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
     assert probe_json(found)["scan_ms"] is not None
 
@@ -148,7 +150,7 @@ def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | 
     """By what they read; a microcontroller's buses are its own, and nothing is said of them."""
     scene = msgspec.structs.replace(HANGING, faults=(scene_faults.BrokenRow(at_s=0, leg="lm", row=1),))
     found = probe(config, scene)
-    assert [(diagnosis.where, diagnosis.what) for diagnosis in found.diagnoses] == [
+    assert [(diagnosis.location, diagnosis.observation) for diagnosis in found.diagnoses] == [
         ("lm", "the line of row 1 is interrupted")
     ]
     assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
@@ -159,7 +161,7 @@ def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | 
 def test_a_trunk_that_is_held_is_the_bus_s_fault_alone() -> None:
     """Of its legs nothing can be known, and nothing is said."""
     found = probed(scene_faults.StuckUpstreamBus(at_s=0))
-    assert [(diagnosis.where, "held low" in diagnosis.what) for diagnosis in found.diagnoses] == [
+    assert [(diagnosis.location, "held low" in diagnosis.observation) for diagnosis in found.diagnoses] == [
         ("sim", True)
     ]
     assert found.scan_ns is None
@@ -173,10 +175,10 @@ def test_a_leg_that_nothing_disconnects_hides_those_behind_it() -> None:
     found = probed(
         scene_faults.StuckSda(at_s=0, leg="rm"), config=msgspec.structs.replace(DEFAULT, buses=(bus,))
     )
-    told = {diagnosis.where: diagnosis for diagnosis in found.diagnoses}
-    assert told["sim"].what.startswith("rr could not be scanned")
-    assert "mux.reset" in told["sim"].check
-    assert "channel 4" in told["rm"].what
+    told = {diagnosis.location: diagnosis for diagnosis in found.diagnoses}
+    assert told["sim"].observation.startswith("rr could not be scanned")
+    assert "mux.reset" in told["sim"].advice
+    assert "channel 4" in told["rm"].observation
 
 
 def test_a_foot_that_is_pressed_or_another_one_says_by_how_much() -> None:
@@ -184,7 +186,7 @@ def test_a_foot_that_is_pressed_or_another_one_says_by_how_much() -> None:
     scene = msgspec.structs.replace(HANGING, load=Constant(force_n=(0.0, 0.0, 0.5)), lead_in_s=0.0)
     found = probe(DEFAULT, scene)
     assert len(found.diagnoses) == 6
-    assert "from the expected capacitance of the free foot" in found.diagnoses[0].what
+    assert "from the expected capacitance of the free foot" in found.diagnoses[0].observation
     assert all(leg.unloaded_pf is not None for leg in found.legs)
 
 
@@ -219,7 +221,7 @@ def test_a_mux_whose_selection_cannot_be_read_is_not_switched() -> None:
     wires = LosingArbitration(clock, 400_000, 0, mux, {0: (SimulatedFdc1004(lambda *_: 5.0, None),)})
     scan = scan_bus(UpstreamBus(wires, 0x71), clock, scan_plan("lo_shu", 400), CHANNELS)
     assert scan.upstream is not None
-    assert (scan.mux_answers, scan.channels, scan.timing) == (False, {}, None)
+    assert (scan.mux_answers, scan.channels, scan.bus_timing) == (False, {}, None)
 
 
 MUX = 0x71
@@ -266,8 +268,8 @@ def test_adapters_of_a_kernel_mux_are_told_leg_by_leg() -> None:
     why = "no line switch answers at 0x49, though a converter does at 0x50"
     sound = ChannelScan((0x49, 0x50), Reading.OK)
     assert scan.channels == {0: ChannelScan((0x50,), Reading.NO_ANSWER, why), 1: sound, 2: sound}
-    assert scan.timing is not None
-    assert scan.timing.costs.rate_hz == pytest.approx(400_000, rel=1e-3)
+    assert scan.bus_timing is not None
+    assert scan.bus_timing.costs.rate_hz == pytest.approx(400_000, rel=1e-3)
 
 
 class HeldLow(SimulatedKernelMuxChannel):
@@ -294,23 +296,23 @@ def test_a_stuck_channel_does_not_hide_the_chips_of_the_upstream_bus() -> None:
     assert scan.channels[0].why.startswith("held low at 0x")
     sound = ChannelScan((0x49, 0x50), Reading.OK)
     assert (scan.channels[1], scan.channels[2]) == (sound, sound)
-    assert scan.timing is not None
+    assert scan.bus_timing is not None
 
 
 def test_the_upstream_bus_is_unknown_if_every_channel_is_stuck() -> None:
     """No channel shows what answers on it: one diagnosis of the bus, and no RESET pin to wire, the kernel has it."""
     scan = scanned_legs(HeldLow, HeldLow)
-    assert (scan.upstream, scan.timing) == (None, None)
+    assert (scan.upstream, scan.bus_timing) == (None, None)
     assert [chips.outcome for chips in scan.channels.values()] == [Reading.BUS_STUCK] * 2
     bus = Bus(device="sim", legs={"lf": "/dev/i2c-10", "lm": "/dev/i2c-11"})
     (diagnosis,) = bus_diagnoses(ProbedBus(bus, scan, {}), scan_plan("lo_shu", 400))
-    assert "held low on the upstream bus" in diagnosis.what
-    assert "RESET" not in diagnosis.check
+    assert "held low on the upstream bus" in diagnosis.observation
+    assert "RESET" not in diagnosis.advice
 
 
 def test_without_an_adapter_nothing_answers() -> None:
     """A bus without legs has an empty scan."""
-    assert scanned_legs() == BusScan(AddressProbe(()), mux_answers=True, channels={}, timing=None)
+    assert scanned_legs() == BusScan(AddressProbe(()), mux_answers=True, channels={}, bus_timing=None)
 
 
 def told_of_bus(
@@ -328,7 +330,7 @@ def told_of_bus(
     bus = Bus(device="sim", legs=CHANNELS, other_devices=(servos,))  # type: ignore[arg-type]
     seen = scan_bus(UpstreamBus(wires, 0x71), clock, plan, CHANNELS)
     return [
-        f"{diagnosis.what}; check {diagnosis.check}"
+        f"{diagnosis.observation}; check {diagnosis.advice}"
         for diagnosis in bus_diagnoses(ProbedBus(bus, seen, {}), plan)
     ]
 
@@ -356,8 +358,8 @@ def test_a_figure_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     """As every other error; one that can shows legs without a foot too."""
     found = probed(scene_faults.Absent(at_s=0, leg="lm"))
     with pytest.raises(FootsenseError, match="no-folder"):
-        draw(found, "test", tmp_path / "no-folder" / "feet.png")
+        draw_probed_feet(found, "test", tmp_path / "no-folder" / "feet.png")
     with pytest.raises(FootsenseError, match="nonsense"):
-        draw(found, "test", tmp_path / "feet.nonsense")
-    draw(found, "test", tmp_path / "feet.png")
+        draw_probed_feet(found, "test", tmp_path / "feet.nonsense")
+    draw_probed_feet(found, "test", tmp_path / "feet.png")
     assert (tmp_path / "feet.png").read_bytes().startswith(b"\x89PNG")

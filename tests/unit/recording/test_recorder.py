@@ -13,7 +13,7 @@ import pytest
 from footsense.errors import ConfigError, RecordingError
 from footsense.recording.cycle_pipe import CyclePipe
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
-from footsense.recording.recorder import Recorder, check_target, partial_path
+from footsense.recording.recorder import Recorder, check_recording_target, partial_path
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
 from footsense.recording.writer import PipeWriter
@@ -34,7 +34,7 @@ def test_a_recording_is_whole_and_then_named(tmp_path: Path) -> None:
     recorder.close()
     recorder.close()
     assert [p.name for p in tmp_path.iterdir()] == ["walk.mcap"]
-    assert recorder.lost == 0
+    assert recorder.n_lost == 0
     replay = Replay(path)
     assert (replay.header["scene"], replay.legs) == ("flat", LEGS)
     assert all(same(a, b) for a, b in zip(shown, replay, strict=True))
@@ -69,7 +69,7 @@ def test_a_file_that_appears_during_the_recording_is_not_overwritten(tmp_path: P
 def test_a_recording_ends_in_mcap(tmp_path: Path, name: str) -> None:
     """Another suffix is a mistake, `-` among them; no file is made."""
     with pytest.raises(ConfigError, match=rf"{name}: the name has to end in \.mcap"):
-        check_target(tmp_path / name)
+        check_recording_target(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -78,7 +78,7 @@ def test_a_recording_in_the_making_is_told_from_one_that_was_cut_short(tmp_path:
     path = tmp_path / "walk.mcap"
     first = Recorder(path, LEGS, {}, blocking=True)
     first.observe(cycle(0))
-    for attempt in (lambda: check_target(path), lambda: recover(partial_path(path), path)):
+    for attempt in (lambda: check_recording_target(path), lambda: recover(partial_path(path), path)):
         with pytest.raises(RecordingError, match=r"partial: is being written by another footsense"):
             attempt()
     first.close()

@@ -11,12 +11,12 @@ from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
 from footsense.frames import BaselineStatus, Cause, CommandResult, Cycle, GaitEvent, GaitEventKind, Result
-from footsense.recording.compare import compare, same_machine
+from footsense.recording.compare import first_difference, same_machine
 from footsense.recording.container import messages
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_fields import NOT_RECORDED
 from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
-from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
 from footsense.recording.machine import platform_versions
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
@@ -57,7 +57,7 @@ def test_the_pipe_keeps_every_bit(
     buffer, entries, legs = bytearray(), [], None
     for at in range(0, len(stream), piece):
         buffer += stream[at : at + piece]
-        for entry in unpack(buffer, legs):
+        for entry in unpack_records(buffer, legs):
             legs = n_legs
             entries.append(entry)
     assert entries[0] == header
@@ -179,9 +179,9 @@ def test_replay_counts_what_was_lost(scratch: Path) -> None:
     """The source gives the scans on both sides of a gap, and tells the gap with the scan after it."""
     with scratch.open("wb") as file:
         recording = McapFile(file.fileno(), {"legs": ",".join(LEGS)})
-        recording.add(NumberedCycle(0, cycle(0)))
-        recording.add(LostCycles(4, 0, 3))
-        recording.add(NumberedCycle(4, cycle(4)))
+        recording.add_entry(NumberedCycle(0, cycle(0)))
+        recording.add_entry(LostCycles(4, 0, 3))
+        recording.add_entry(NumberedCycle(4, cycle(4)))
         recording.finish()
     source = ReplaySource(Replay(scratch))
     seen = [(scan.sequence, source.lost) for scan in iter(source.read, None)]
@@ -192,24 +192,28 @@ def test_compare_names_the_first_difference() -> None:
     """The difference is told with its leg, field and both values; 1 mN is none on another machine."""
     then, now = cycle(0).forces, cycle(0).forces
     then.force_n[3], now.force_n[3] = (0.1, 0.2, np.nan), (0.1, 0.2 + 5e-4, np.nan)
-    found = compare(then, now, exact=True, legs=LEGS)
+    found = first_difference(then, now, exact=True, legs=LEGS)
     assert found == "cycle 0, sent at 0.000 s, leg rf: fy_n was 0.2, is now 0.2005"
     now.force_n[:], now.sigma_n[:] = then.force_n, then.sigma_n
     now.force_n[3, 1] += 5e-4
-    assert compare(then, now, exact=False, legs=LEGS) is None
+    assert first_difference(then, now, exact=False, legs=LEGS) is None
     now.state[1] = (then.state[1] + 1) % 10
-    assert "leg lm: state was" in str(compare(then, now, exact=False, legs=LEGS))
+    assert "leg lm: state was" in str(first_difference(then, now, exact=False, legs=LEGS))
 
 
 def test_compare_looks_behind_the_state_and_at_the_zero() -> None:
     """Another cause or another zero under the same forces is a difference."""
     then, now = cycle(0).forces, cycle(0).forces
     then.cause[2], now.cause[2] = Cause.ROW_OPEN, Cause.COLUMN_OPEN
-    assert "leg lr: cause was ROW_OPEN, is now COLUMN_OPEN" in str(compare(then, now, exact=False, legs=LEGS))
+    assert "leg lr: cause was ROW_OPEN, is now COLUMN_OPEN" in str(
+        first_difference(then, now, exact=False, legs=LEGS)
+    )
     now.cause[2] = then.cause[2]
     then.baseline.worst_pf[4], now.baseline.worst_pf[4] = 0.5, 0.5 + 1e-9
-    assert compare(then, now, exact=False, legs=LEGS) is None
-    assert "leg rm: baseline_worst_pf was 0.5, is now" in str(compare(then, now, exact=True, legs=LEGS))
+    assert first_difference(then, now, exact=False, legs=LEGS) is None
+    assert "leg rm: baseline_worst_pf was 0.5, is now" in str(
+        first_difference(then, now, exact=True, legs=LEGS)
+    )
 
 
 def test_compare_looks_at_the_gait_where_one_was_recorded() -> None:
@@ -218,14 +222,14 @@ def test_compare_looks_at_the_gait_where_one_was_recorded() -> None:
     event = GaitEvent(GaitEventKind.TOUCHDOWN, 0, t_ns, 0.002)
     plain = cycle(0).forces
     then = plain._replace(gait=gait_frame(t_ns, 6, events=(event,)))
-    assert compare(plain, then, exact=True, legs=LEGS) is None
-    assert compare(then, then, exact=True, legs=LEGS) is None
-    assert compare(then, plain, exact=True, legs=LEGS) == "cycle 0: had a gait, has none now"
+    assert first_difference(plain, then, exact=True, legs=LEGS) is None
+    assert first_difference(then, then, exact=True, legs=LEGS) is None
+    assert first_difference(then, plain, exact=True, legs=LEGS) == "cycle 0: had a gait, has none now"
     now = then._replace(gait=gait_frame(t_ns, 6))
-    assert "cycle 0: the gait events were" in str(compare(then, now, exact=False, legs=LEGS))
+    assert "cycle 0: the gait events were" in str(first_difference(then, now, exact=False, legs=LEGS))
     share = np.array([0.5, 0.1, 0.1, 0.1, 0.1, 0.1])
     now = then._replace(gait=gait_frame(t_ns, 6, events=(event,), load_share=share))
-    found = compare(then, now, exact=False, legs=LEGS)
+    found = first_difference(then, now, exact=False, legs=LEGS)
     assert "leg lf: load_share was 0.1666" in str(found)
 
 
@@ -238,7 +242,7 @@ def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
     old = messages.decode_force(json.dumps(message).encode(), LEGS)
     assert set(old.cause.tolist()) == {NOT_RECORDED}
     assert np.isnan(old.baseline.mean_pf).all()
-    assert compare(old, cycle(0).forces, exact=True, legs=LEGS) is None
+    assert first_difference(old, cycle(0).forces, exact=True, legs=LEGS) is None
     assert json.loads(messages.encode_force(old, LEGS)) == message
 
 
@@ -247,7 +251,7 @@ def test_integers_of_numpy_are_packed_as_numbers() -> None:
     tare = TARE._replace(leg=np.int64(2))  # type: ignore[arg-type]
     shown = cycle(3, outcomes=(CommandResult(tare, Result.DONE, "\ud800"),))._replace(commands=(tare,))
     header = pack_header({"legs": ",".join(LEGS)})
-    _, read = unpack(bytearray(header + pack_cycle(0, shown)), None)
+    _, read = unpack_records(bytearray(header + pack_cycle(0, shown)), None)
     assert isinstance(read, NumberedCycle)
     assert read.cycle.commands == (TARE,)
     assert read.cycle.outcomes == (CommandResult(TARE, Result.DONE, "\\ud800"),)
@@ -259,7 +263,7 @@ def test_a_recording_with_the_older_names_is_the_same() -> None:
     data = messages.encode_force(forces, LEGS)
     old = data.replace(b'"baseline_', b'"zero_').replace(b"BUS_STUCK", b"LINE_HELD")
     assert old != data
-    assert compare(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
+    assert first_difference(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
 
 
 @pytest.mark.parametrize(("older", "name"), [("TOO_FAR", "DRIFT_TOO_LARGE"), ("TOO_FAST", "DRIFT_TOO_FAST")])
@@ -271,7 +275,7 @@ def test_a_baseline_status_by_its_older_name_is_read(older: str, name: str) -> N
     data = messages.encode_force(forces, LEGS)
     old = data.replace(name.encode(), older.encode())
     assert old != data
-    assert compare(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
+    assert first_difference(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
 
 
 def test_the_same_machine_has_the_same_processor_and_libraries() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from footsense.errors import FootsenseError
 from footsense.frames import CanStatistics, Vector
-from footsense.recording.shared_cycles import SLOTS, CycleReader, SharedCycles
+from footsense.recording.shared_cycles import N_SLOTS, CycleReader, SharedCycles
 from tests.support.cycles import LEGS, cycle, same
 
 
@@ -56,11 +56,11 @@ def test_a_slow_reader_gets_the_newest_and_counts_what_it_missed(service: Servic
     """The writer never waits: it goes round the ring."""
     reader = CycleReader(path)
     one = cycle(0)
-    for _ in range(3 * SLOTS):
+    for _ in range(3 * N_SLOTS):
         service.shared.observe(one)
     new = reader.read()
-    assert [entry.counter for entry in new.cycles] == list(range(2 * SLOTS + 1, 3 * SLOTS))
-    assert new.n_missed == 2 * SLOTS + 1
+    assert [entry.counter for entry in new.cycles] == list(range(2 * N_SLOTS + 1, 3 * N_SLOTS))
+    assert new.n_missed == 2 * N_SLOTS + 1
     reader.close()
 
 

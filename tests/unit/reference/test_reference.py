@@ -18,7 +18,7 @@ from footsense.reference.record_decoder import RecordDecoder, SensorRecords
 from footsense.reference.recorded_file import FileReference, read_csv
 from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes
-from footsense.reference.sensor_mounting import NEWTON_PER, SensorMounting
+from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
 from footsense.reference.serial_sensor import SerialReference
 from footsense.sim.clock import VirtualClock
 from footsense.sim.test_stand.reference_sensor import (
@@ -114,9 +114,11 @@ def test_no_bytes_crash_a_decoder(parts: list[bytes]) -> None:
 def test_a_mounting_turns_scales_and_limits() -> None:
     """Axes with their signs, then the turn about z, in newtons; an axis at its end is saturated."""
     mounting = SensorMounting({"x": "-y", "y": "x", "z": "-z"}, (0.0, 0.0, 90.0), "kgf", 0.5, (4.0, 4.0, 8.0))
-    force_n, saturated = mounting.apply(np.array([[2.0, 4.0, -6.0], [8.0, 0.0, 0.0], [0.0, 0.0, -16.0]]))
+    force_n, saturated = mounting.to_foot_force_n(
+        np.array([[2.0, 4.0, -6.0], [8.0, 0.0, 0.0], [0.0, 0.0, -16.0]])
+    )
     # In counts of half a kgf: the sensor says (1, 2, -3) kgf; the axes make (-2, 1, 3) of it, the turn (-1, -2, 3).
-    assert force_n[0] / NEWTON_PER["kgf"] == pytest.approx([-1.0, -2.0, 3.0])
+    assert force_n[0] / NEWTONS_PER_UNIT["kgf"] == pytest.approx([-1.0, -2.0, 3.0])
     assert saturated.tolist() == [False, True, True]
 
 
@@ -248,7 +250,7 @@ def test_the_simulated_sensor_is_that_of_the_data_sheet() -> None:
         def felt_n(
             _: int, load_gf: np.ndarray[tuple[int], np.dtype[np.float64]] = load_gf
         ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-            return load_gf * NEWTON_PER["gf"]
+            return load_gf * NEWTONS_PER_UNIT["gf"]
 
         clock = VirtualClock()
         sensor = SimulatedSensor(felt_n, clock, seed)
@@ -322,7 +324,7 @@ def test_a_file_is_played_from_the_first_scan_on(tmp_path: Path) -> None:
     read = [reference.read(10**9 + t_ms * 1_000_000) for t_ms in (0, 12, 12, 100)]
     assert [len(part.t_ns) for part in read] == [1, 2, 0, 7]
     assert read[1].t_ns.tolist() == [10**9 + 5_000_000, 10**9 + 10_000_000]
-    assert read[1].force_n[1, 2] == pytest.approx(2 * NEWTON_PER["gf"])
+    assert read[1].force_n[1, 2] == pytest.approx(2 * NEWTONS_PER_UNIT["gf"])
     assert read[3].saturated.tolist() == [False] * 6 + [True]
 
 

@@ -18,7 +18,7 @@ from footsense.frames import USABLE, Cycle, State
 from footsense.recording.replay import Replay
 from footsense.ros2.bag_export import write_bag
 from footsense.ros2.cdr import encode
-from footsense.ros2.definitions import definition, fields_of, ros_name
+from footsense.ros2.definitions import fields_of, message_definition, ros_name
 from footsense.ros2.messages import (
     ContactState,
     DiagnosticArray,
@@ -39,11 +39,11 @@ from footsense.ros2.messages import (
     WrenchStamped,
 )
 from footsense.ros2.participant import TYPE_HASHES
-from footsense.ros2.topics import FootFrame, load_frames
+from footsense.ros2.topics import FootFrame, load_foot_frames
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "measured_walk.mcap"
 STORE = get_typestore(Stores.ROS2_HUMBLE)
-STORE.register(get_types_from_msg(definition(ContactState), ros_name(ContactState)))
+STORE.register(get_types_from_msg(message_definition(ContactState), ros_name(ContactState)))
 
 floats = st.floats(allow_nan=False)
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=9)
@@ -91,7 +91,7 @@ def test_bytes_are_those_of_another_implementation(message: Message) -> None:
 def test_definitions_are_those_of_ros(kind: type) -> None:
     """The hash of our text is that of the type as ROS 2 ships it; ContactState's stands beside the DDS types."""
     name, ours = ros_name(kind), get_typestore(Stores.EMPTY)
-    ours.register(get_types_from_msg(definition(kind), name))
+    ours.register(get_types_from_msg(message_definition(kind), name))
     assert ours.hash_rihs01(name) == TYPE_HASHES[kind]
     if kind is not ContactState:
         assert TYPE_HASHES[kind] == STORE.hash_rihs01(name)
@@ -209,4 +209,4 @@ def test_wrong_frames_are_named(tmp_path: Path, text: str, message: str) -> None
     path = tmp_path / "frames.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError, match=message):
-        load_frames(path)
+        load_foot_frames(path)

@@ -80,7 +80,8 @@ def test_each_force_is_published_once_and_each_change_at_once() -> None:
     def due(t_ms: int, n_frames: int, force: LegForce = _FORCE, event: LegEvent | None = None) -> list[str]:
         snapshot = LegSnapshot("lf", force, _REPORT, n_frames, event)
         return [
-            message.topic.rpartition("/")[2] for message in live.due([snapshot], WALL_NS, t_ms * 1_000_000)
+            message.topic.rpartition("/")[2]
+            for message in live.due_messages([snapshot], WALL_NS, t_ms * 1_000_000)
         ]
 
     assert due(0, 1) == ["wrench", "contact", "diagnostics"]

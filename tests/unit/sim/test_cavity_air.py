@@ -37,7 +37,7 @@ def closures_um(cavity: Cavities | None, seconds: float = 2.0) -> Vector:
     scans = []
     with open_scan_source(ROBOT, scene) as started:
         while started.clock.now_ns() < seconds * 1e9:
-            scans.append(started.read_scans(1)[0].capacitance_pf[0])
+            scans.append(started.read_whole_scans(1)[0].capacitance_pf[0])
     unloaded_um = DESIGN.plate_distance_um(np.array([DESIGN.unloaded_pf]))
     return np.asarray((unloaded_um - DESIGN.plate_distance_um(np.array(scans))).mean(axis=1))
 

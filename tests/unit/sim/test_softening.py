@@ -24,7 +24,7 @@ def closures_um(scene: Scene) -> NDArray[np.float64]:
     scans = []
     with open_scan_source(ROBOT, scene) as started:
         while started.clock.now_ns() < 2e9:
-            scans.append(started.read_scans(1)[0].capacitance_pf)
+            scans.append(started.read_whole_scans(1)[0].capacitance_pf)
     return DESIGN.plate_distance_um(np.array([DESIGN.unloaded_pf])) - DESIGN.plate_distance_um(
         np.array(scans)
     )

@@ -10,14 +10,16 @@ from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fa
 from footsense.validation.invariants import Invariants
 from footsense.validation.random_faults import random_faults
 from footsense.validation.soak_plan import soak_stretches
-from footsense.validation.tolerances import Rules
+from footsense.validation.tolerances import WalkLimits
 from tests.support.can_frames import encode_force, encode_quality
 
 MS = 1_000_000
-RULES = Rules(legs=LEGS, period_s=0.024, max_age_s=0.09, gait_period_s=1.0, from_s=0.0, frames_per_force=1)
+RULES = WalkLimits(
+    legs=LEGS, period_s=0.024, max_age_s=0.09, gait_period_s=1.0, checks_start_s=0.0, frames_per_force=1
+)
 
 
-def watching(*script: Fault, rules: Rules = RULES) -> Invariants:
+def watching(*script: Fault, rules: WalkLimits = RULES) -> Invariants:
     return Invariants(rules, script, lambda _: np.zeros((6, 3)))
 
 

@@ -29,10 +29,12 @@ def _plan() -> TrialPlan:
     normal = normalized(direction + np.radians(12.0) * rng.normal(size=direction.shape))
     leaning = TestLoads(normal, 60.0 * GRAM_FORCE_N * direction)
     tests = {"centred": TestLoads(normalized(centred), centred), "leaning": leaning}
-    return TrialPlan(tolerances=PAPER_TOLERANCES, seed=8, every=6, tests=tests)
+    return TrialPlan(tolerances=PAPER_TOLERANCES, seed=8, every=6, test_loads_by_name=tests)
 
 
-@pytest.mark.parametrize("disturbance", [UNDISTURBED, Disturbance(turn_deg=3.0)], ids=["known", "turned"])
+@pytest.mark.parametrize(
+    "disturbance", [UNDISTURBED, Disturbance(sheet_rotation_deg=3.0)], ids=["known", "turned"]
+)
 def test_a_calibrated_foot_reads_leaning_loads(disturbance: Disturbance) -> None:
     """It reads them several times better than the design's network, and says by how much it may err."""
     found = run_mismatch_trial(design(), design().response, disturbance, _plan(), 1)
@@ -46,7 +48,7 @@ def test_a_calibrated_foot_reads_leaning_loads(disturbance: Disturbance) -> None
 def test_more_loads_are_not_worse() -> None:
     """Of a reference that is off by its linearity, sixty loads teach the foot no more than twenty."""
     plan, off = _plan(), Disturbance(reference_linearity_rel=0.015)
-    plan = replace(plan, tests={"centred": plan.tests["centred"]})
+    plan = replace(plan, test_loads_by_name={"centred": plan.test_loads_by_name["centred"]})
     feet = [run_mismatch_trial(design(), design().response, off, plan, number) for number in range(1, 7)]
     for figure in ("deg", "gf"):
         many, few = (np.mean([foot[f"centred_{n}_{figure}"] for foot in feet]) for n in ("all", "few"))
@@ -64,16 +66,16 @@ def test_a_foot_that_holds_its_air_is_refused(cavity: Cavity) -> None:
 
 def test_the_rubber_and_the_worn_pole_change_what_is_read() -> None:
     """Each disturbance reaches the readings: none is a row without effect."""
-    plan, models = replace(_plan(), every=15, few=0), design()
+    plan, models = replace(_plan(), every=15, n_few_loads=0), design()
     plain = run_mismatch_trial(models, models.response, UNDISTURBED, plan, 2)
     for disturbance in (
-        Disturbance(worn_mm=0.3),
-        Disturbance(creep=3.0),
-        Disturbance(play=3.0),
-        Disturbance(touchdown_pf=0.2),
-        Disturbance(microphonics_pf=5e-3),
+        Disturbance(worn_cap_height_mm=0.3),
+        Disturbance(creep_factor=3.0),
+        Disturbance(play_factor=3.0),
+        Disturbance(max_ground_capacitance_pf=0.2),
+        Disturbance(cable_noise_pf=5e-3),
         Disturbance(reference_linearity_rel=0.015),
-        Disturbance(fringe=True),
+        Disturbance(has_fringe_field=True),
     ):
         other = run_mismatch_trial(models, models.response, disturbance, plan, 2)
         assert abs(other["centred_all_deg"] - plain["centred_all_deg"]) > 1e-3

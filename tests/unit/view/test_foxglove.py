@@ -19,10 +19,10 @@ from websockets.typing import Subprotocol
 
 from footsense.clock import MonotonicClock
 from footsense.recording.container.messages import decode_force, decode_scan
-from footsense.view.foxglove.scene import PLACES_M, orientation
+from footsense.view.foxglove.scene import FOOT_POSITIONS_M, orientation
 from footsense.view.foxglove.session import FoxgloveClient
-from footsense.view.live import Live
-from footsense.view.recorded import Recorded
+from footsense.view.live import LiveSource
+from footsense.view.recorded import RecordingSource
 from footsense.view.server import ViewServer
 from tests.support.viewed_service import LEGS, ViewedService
 
@@ -41,7 +41,7 @@ def test_a_client_of_the_protocol_gets_every_topic(tmp_path: Path) -> None:
         with ViewedService(tmp_path / "cycles") as service:
             service.force_n[3] = 0.3, 0.0, 0.4
             service.publish()
-            live = Live(tmp_path / "cycles", MonotonicClock())
+            live = LiveSource(tmp_path / "cycles", MonotonicClock())
             async with ViewServer(live).serving("127.0.0.1", 0) as url:
                 client = WebSocketBridgeClient(url.replace("http", "ws"))
                 received: dict[str, list[tuple[int, dict[str, Any]]]] = defaultdict(list)
@@ -88,7 +88,7 @@ def check(channels: dict[str, Any], received: dict[str, list[tuple[int, dict[str
     (entity,) = [entity for entity in received["/feet"][-1][1]["entities"] if entity["id"] == "rf"]
     (arrow,) = entity["arrows"]
     assert arrow["shaft_length"] + arrow["head_length"] == pytest.approx(0.05)
-    assert tuple(arrow["pose"]["position"].values()) == PLACES_M["rf"]
+    assert tuple(arrow["pose"]["position"].values()) == FOOT_POSITIONS_M["rf"]
     grid = received["/closure/rf"][-1][1]
     cells = np.frombuffer(base64.b64decode(grid["data"]), "<f4").reshape(-1, grid["column_count"])
     # x forward along the columns, y to the left along the rows: element 0 is the most forward and leftmost.
@@ -110,12 +110,12 @@ def test_both_names_of_the_protocol(name: str, tmp_path: Path) -> None:
             return [json.loads(await client.recv()) for _ in range(3)]
 
     async def test() -> None:
-        live = Live(tmp_path / "cycles", MonotonicClock())
+        live = LiveSource(tmp_path / "cycles", MonotonicClock())
         info, channels, status = await greetings(ViewServer(live))
         assert (info["op"], info["capabilities"]) == ("serverInfo", [])
         assert (channels["op"], channels["channels"]) == ("advertise", [])
         assert "no service runs" in status["message"]
-        recorded = Recorded(GOLDEN)
+        recorded = RecordingSource(GOLDEN)
         assert "open measured_walk.mcap itself" in (await greetings(ViewServer(recorded)))[2]["message"]
         recorded.close()
 
@@ -141,7 +141,7 @@ def test_a_slow_client_skips_what_became_old(tmp_path: Path) -> None:
     async def test() -> None:
         with ViewedService(tmp_path / "cycles") as service:
             service.publish()
-            live = Live(tmp_path / "cycles", MonotonicClock())
+            live = LiveSource(tmp_path / "cycles", MonotonicClock())
             live.poll()
             client, connection = FoxgloveClient(live), SlowConnection()
             connection.reads.set()
@@ -179,7 +179,7 @@ REQUESTS = st.fixed_dictionaries(
 @given(st.lists(REQUESTS | st.text() | st.binary(), max_size=8))
 def test_any_requests_are_answered_or_dismissed(requests: list[str | bytes]) -> None:
     """A client of any kind gets statuses, or the one error by which it is dismissed; a channel is sent at most once."""
-    client = FoxgloveClient(Live(Path("/nonexistent/cycles"), MonotonicClock()))
+    client = FoxgloveClient(LiveSource(Path("/nonexistent/cycles"), MonotonicClock()))
     for request in requests:
         try:
             answers = client.request(request)

@@ -19,11 +19,11 @@ from footsense.clock import MonotonicClock
 from footsense.errors import ConfigError
 from footsense.ports import CanWire
 from footsense.view.access import MAX_CLIENTS
-from footsense.view.live import Live
-from footsense.view.recorded import Recorded
+from footsense.view.live import LiveSource
+from footsense.view.recorded import RecordingSource
 from footsense.view.server import PAGE_PROTOCOL, ViewServer
 from footsense.view.signals import SIGNALS
-from footsense.view.tares import Tares
+from footsense.view.tares import TareCommands
 from tests.support.viewed_service import LEGS, ViewedService
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
@@ -32,9 +32,9 @@ TIMEOUT_S = 20
 
 
 @asynccontextmanager
-async def served(path: Path, tares: Tares | None = None) -> AsyncIterator[str]:
+async def served(path: Path, tares: TareCommands | None = None) -> AsyncIterator[str]:
     """Serve the service of a path; yield host and port."""
-    live = Live(path, MonotonicClock())
+    live = LiveSource(path, MonotonicClock())
     async with ViewServer(live, tares).serving("127.0.0.1", 0) as url:
         yield url.removeprefix("http://")
     live.close()
@@ -255,7 +255,7 @@ def test_a_tare_needs_the_token(tmp_path: Path) -> None:
 
     async def test() -> None:
         wire = FakeWire()
-        tares = Tares(wire, MonotonicClock())
+        tares = TareCommands(wire, MonotonicClock())
         for given, token, wanted in (
             (None, "", "no commands: start `footsense view` with --allow-commands"),
             (tares, "guessed", "no tare: the token is not the one that was printed at start"),
@@ -274,7 +274,7 @@ def test_a_recording_comes_second_by_second(tmp_path: Path) -> None:
     """All cycles of the golden walk, its events, and its length."""
 
     async def test() -> None:
-        recorded = Recorded(GOLDEN)
+        recorded = RecordingSource(GOLDEN)
         recorded.read()
         async with (
             ViewServer(recorded).serving("127.0.0.1", 0) as url,
@@ -303,7 +303,7 @@ def test_a_busy_port_is_one_line(tmp_path: Path) -> None:
         port = taken.getsockname()[1]
 
         async def test() -> None:
-            server = ViewServer(Live(tmp_path / "cycles", MonotonicClock()))
+            server = ViewServer(LiveSource(tmp_path / "cycles", MonotonicClock()))
             wanted = f"127.0.0.1:{port}: Address already in use; choose another port: --port, or view.port"
             with pytest.raises(ConfigError, match=wanted):
                 async with server.serving("127.0.0.1", port):

@@ -13,15 +13,20 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import asdict
 
-from footsense.cli.lab.pages.experiment_figure import errors_over_loads
+from footsense.cli.lab.pages.experiment_figure import errors_over_loads_figure
 from footsense.errors import FootsenseError
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
 from footsense.lab.training.paper.procedure import EPOCHS
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances
-from footsense.validation.processes import map_unordered
+from footsense.validation.processes import run_in_processes
 from footsense.validation.test_stand_trial import FootBatch
-from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult, evaluate_foot
+from footsense.validation.virtual_experiment import (
+    CALIBRATION_LOAD_COUNTS,
+    N_ALL_LOADS,
+    FootResult,
+    evaluate_foot,
+)
 
 #: Feet of a full run, and of a quick one with one of so many loads.
 N_FEET, QUICK_N_FEET, _QUICK_EVERY = 20, 2, 9
@@ -30,26 +35,26 @@ _QUICK_EPOCHS = 500
 #: The estimators, in words.
 ESTIMATORS = {
     "design_only": "network of the design alone",
-    **{f"calibrated_{n}": f"calibrated with {n} loads" for n in LOAD_COUNTS},
-    f"calibrated_{ALL_LOADS}": "calibrated with all loads",
+    **{f"calibrated_{n}": f"calibrated with {n} loads" for n in CALIBRATION_LOAD_COUNTS},
+    f"calibrated_{N_ALL_LOADS}": "calibrated with all loads",
     "linear_per_foot": "linear in ΔC, the foot's own loads",
     "network_per_foot": "network on ΔC, the foot's own loads",
 }
 #: Where the loads of pressed feet are kept.
-KEPT = Path("build") / "experiment"
-_FIGURE = "experiment.png"
-_BATCH = FootBatch()
+KEPT_FEET_FOLDER = Path("build") / "experiment"
+_FIGURE_FILE = "experiment.png"
+_DEFAULT_BATCH = FootBatch()
 
 
 @dataclass(frozen=True, slots=True)
-class OverFeet:
+class MeanStdOverFeet:
     """Mean and standard deviation of a figure over the feet."""
 
     mean: float
     std: float
 
     @classmethod
-    def of_values(cls, values: Sequence[float]) -> "OverFeet":
+    def of_values(cls, values: Sequence[float]) -> "MeanStdOverFeet":
         """Return the mean and standard deviation of some values, rounded to three decimals."""
         return cls(round(float(np.mean(values)), 3), round(float(np.std(values)), 3))
 
@@ -80,17 +85,17 @@ class Results:
     tolerances: FootTolerances
     every: int
     feet: int
-    estimators: dict[str, dict[str, int | OverFeet]]
-    training_loads: OverFeet
-    test_loads: OverFeet
-    unread_loads: OverFeet
-    calibrate_s: OverFeet
+    estimators: dict[str, dict[str, int | MeanStdOverFeet]]
+    training_loads: MeanStdOverFeet
+    test_loads: MeanStdOverFeet
+    unread_loads: MeanStdOverFeet
+    calibrate_s: MeanStdOverFeet
     refused: dict[str, dict[str, str]]
 
 
 def _progress_line(one: FootResult) -> str:
-    """Return a foot's line of progress."""
-    before, after = one.errors["design_only"], one.errors.get(f"calibrated_{ALL_LOADS}")
+    """Return a line of progress: the errors of one foot before and after calibration."""
+    before, after = one.errors["design_only"], one.errors.get(f"calibrated_{N_ALL_LOADS}")
     calibrated = "refused" if after is None else f"{after.direction_deg:.2f} deg, {after.magnitude_gf:.2f} gf"
     return (
         f"{one.foot}: {one.n_training} loads, design {before.direction_deg:.1f} deg, {before.magnitude_gf:.1f} gf; "
@@ -100,12 +105,12 @@ def _progress_line(one: FootResult) -> str:
 
 def compute(
     context: StudyContext,
-    batch: FootBatch = _BATCH,
+    batch: FootBatch = _DEFAULT_BATCH,
     n_feet: int | None = None,
     jobs: int | None = None,
     kept: Path | None = None,
 ) -> tuple[Results, Plots]:
-    """Load, calibrate and read feet.
+    """Press, calibrate and evaluate simulated feet; return the errors of all estimators.
 
     Args:
         context: The models.
@@ -121,17 +126,17 @@ def compute(
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
-    kept = kept or (None if context.quick else KEPT)
+    kept = kept or (None if context.quick else KEPT_FEET_FOLDER)
     evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every, kept=kept)
-    for one in map_unordered(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
+    for one in run_in_processes(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
-        context.say(_progress_line(one))
+        context.report_progress(_progress_line(one))
     if not feet:
         raise FootsenseError("no foot could be read")
     feet.sort(key=lambda one: one.foot)
 
-    def over_feet(value: Callable[[FootResult], float]) -> OverFeet:
-        return OverFeet.of_values([value(one) for one in feet])
+    def over_feet(value: Callable[[FootResult], float]) -> MeanStdOverFeet:
+        return MeanStdOverFeet.of_values([value(one) for one in feet])
 
     results = Results(
         seed=batch.seed,
@@ -139,22 +144,24 @@ def compute(
         tolerances=PAPER_TOLERANCES,
         every=every,
         feet=len(feet),
-        estimators=_estimators(feet),
+        estimators=_estimator_errors(feet),
         training_loads=over_feet(lambda one: one.n_training),
         test_loads=over_feet(lambda one: one.n_test),
         unread_loads=over_feet(lambda one: one.n_unread),
         calibrate_s=over_feet(lambda one: one.calibrate_s),
         refused={one.foot: one.refused for one in feet if one.refused},
     )
-    return results, {_FIGURE: errors_over_loads(feet)}
+    return results, {_FIGURE_FILE: errors_over_loads_figure(feet)}
 
 
-def _estimators(feet: list[FootResult]) -> dict[str, dict[str, int | OverFeet]]:
+def _estimator_errors(feet: list[FootResult]) -> dict[str, dict[str, int | MeanStdOverFeet]]:
     """Return the errors of every estimator by name, averaged over the feet for which errors exist."""
-    found: dict[str, dict[str, int | OverFeet]] = {}
+    found: dict[str, dict[str, int | MeanStdOverFeet]] = {}
     for name in ESTIMATORS:
         if read := [asdict(one.errors[name]) for one in feet if name in one.errors]:
-            means = {error: OverFeet.of_values([errors[error] for errors in read]) for error in read[0]}
+            means = {
+                error: MeanStdOverFeet.of_values([errors[error] for errors in read]) for error in read[0]
+            }
             found[name] = {"feet": len(read), **means}
     return found
 

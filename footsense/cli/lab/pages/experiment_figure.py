@@ -6,25 +6,28 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from footsense.lab.studies.plots import panels
-from footsense.validation.virtual_experiment import ALL_LOADS, LOAD_COUNTS, FootResult
+from footsense.lab.studies.plots import subplot_row
+from footsense.validation.virtual_experiment import CALIBRATION_LOAD_COUNTS, N_ALL_LOADS, FootResult
 
 #: The paper's errors on its fabricated foot.
-_PANELS = (("direction_deg", "direction error [deg]", 15.9), ("magnitude_gf", "magnitude error [gf]", 18.7))
+_ERROR_PANELS = (
+    ("direction_deg", "direction error [deg]", 15.9),
+    ("magnitude_gf", "magnitude error [gf]", 18.7),
+)
 
 
-def errors_over_loads(feet: Sequence[FootResult]) -> Figure:
+def errors_over_loads_figure(feet: Sequence[FootResult]) -> Figure:
     """Draw the errors over the number of calibration loads: each foot a line, their mean a thicker one."""
-    figure, row = panels(2, 10.0, 4.2)
-    for axes, (error, label, paper) in zip(row, _PANELS, strict=True):
-        _panel(axes, feet, error, paper)
+    figure, row = subplot_row(2, 10.0, 4.2)
+    for axes, (error, label, paper) in zip(row, _ERROR_PANELS, strict=True):
+        _draw_error_panel(axes, feet, error, paper)
         axes.set_ylabel(label)
     return figure
 
 
-def _panel(axes: Axes, feet: Sequence[FootResult], error: str, paper: float) -> None:
+def _draw_error_panel(axes: Axes, feet: Sequence[FootResult], error: str, paper: float) -> None:
     """Draw one error; the other estimators and the paper's figure as horizontal lines."""
-    counts = (*LOAD_COUNTS, ALL_LOADS)
+    counts = (*CALIBRATION_LOAD_COUNTS, N_ALL_LOADS)
     names = [f"calibrated_{n}" for n in counts]
     lines = np.array(
         [

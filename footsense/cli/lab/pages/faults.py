@@ -35,12 +35,12 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     own = foot.foot_type != DEFAULT.foot_type
     load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
     foot_type = str(context.models.resolve()) if own else DEFAULT.foot_type
-    rows = fault_rows(context.say, quick=context.quick, foot_type=foot_type, load=load)
+    rows = fault_rows(context.report_progress, quick=context.quick, foot_type=foot_type, load=load)
     legs = {
         words: f._asdict() | {"state": f.state.name.lower(), "cause": f.cause.name.lower()}
         for words, f in rows.items()
     }
-    can = {} if own else can_rows(context.say, quick=context.quick)
+    can = {} if own else can_rows(context.report_progress, quick=context.quick)
     return FaultResults(
         foot_type=foot.foot_type,
         peak_n=load.peak_force_n,
@@ -49,13 +49,13 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     ), {}
 
 
-def _elements(mask: int) -> str:
+def _element_numbers_text(mask: int) -> str:
     """Return the numbers of the elements in a mask."""
     named = [str(element) for element in range(ELEMENTS) if mask >> element & 1]
     return "all" if len(named) == ELEMENTS else " ".join(named) or "-"
 
 
-def _ms(time_s: float | None) -> str:
+def _milliseconds_text(time_s: float | None) -> str:
     return "-" if time_s is None else f"{1e3 * time_s:.0f}"
 
 
@@ -72,8 +72,8 @@ STUDY = Study(
         "DURATION_S": f"{DURATION_S:g}",
         "PASSES_AT_S": f"{PASSES_AT_S:g}",
         "camel": _camel,
-        "elements": _elements,
-        "ms": _ms,
+        "elements": _element_numbers_text,
+        "ms": _milliseconds_text,
     },
     command="faults",
 )

@@ -14,18 +14,18 @@ from matplotlib.figure import Figure
 
 from footsense import calibration, estimation, foot
 from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.fit.calibrate import MAX_DISTANCE, USUAL_DISTANCE
-from footsense.cli.lab.pages.mismatch_rows import ROWS
+from footsense.calibration.fit.calibrate import MAX_MAHALANOBIS_DISTANCE, TYPICAL_MAHALANOBIS_DISTANCE
+from footsense.cli.lab.pages.mismatch_rows import MISMATCH_ROWS
 from footsense.errors import FootsenseError
 from footsense.foot.direction_sets import random_directions
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.lab.fidelity.levels import finite_strain_contact
+from footsense.lab.fidelity.levels import finite_strain_level
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
 from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
-from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, parallel
-from footsense.lab.other_solids import response_of
+from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, job_runner
+from footsense.lab.other_solids import solid_response
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES
@@ -35,22 +35,22 @@ from footsense.validation.mismatch_trial import TestLoads, TrialPlan, run_mismat
 
 #: Feet, presses used and rows of a full run and of a quick one.
 N_FEET, QUICK_N_FEET, EVERY, QUICK_EVERY = 20, 2, 2, 6
-QUICK_ROWS = ("none", "reference")
+QUICK_ROW_NAMES = ("none", "reference")
 SEED = 8
 #: Wanted direction and magnitude error after calibration.
 TARGET_DEG, TARGET_GF = 2.0, 3.0
 FIGURE = "mismatch.png"
 #: Where solved tables and finished feet are kept.
-KEPT = Path("build") / "mismatch"
+KEPT_FEET_FOLDER = Path("build") / "mismatch"
 #: Test loads of the leaning sets, and the band of the full range [gf].
 _N_LEANING, FULL_RANGE_GF = 180, (20.0, 200.0)
 #: Lowest elevation of a leaning load [deg] with a mount turned by several degrees.
-_LOWEST_DEG = 32.0
+_MIN_ELEVATION_DEG = 32.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class MismatchResults:
-    """Figures of all rows.
+    """Figures of the study `mismatch`: errors by kind of mismatch.
 
     Attributes:
         feet: Feet of each row.
@@ -80,9 +80,9 @@ def test_loads(loads: LoadRange) -> dict[str, TestLoads]:
     """Return test loads by name: the paper's centred ones, and leaning ones of 100 gf and of all sizes."""
     centred_n = paper_presses("verification")
     rng = np.random.default_rng(SEED)
-    direction = random_directions(rng, 4 * _N_LEANING, _LOWEST_DEG)
+    direction = random_directions(rng, 4 * _N_LEANING, _MIN_ELEVATION_DEG)
     normal = leaning_normals(loads, rng, direction)
-    reached = normal[:, 2] >= np.sin(np.radians(_LOWEST_DEG))
+    reached = normal[:, 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG))
     direction, normal = direction[reached][:_N_LEANING], normal[reached][:_N_LEANING]
     sizes_gf = rng.uniform(*FULL_RANGE_GF, (_N_LEANING, 1))
     return {
@@ -96,7 +96,7 @@ test_loads.__test__ = False  # type: ignore[attr-defined]  # no test for pytest
 
 
 @lru_cache(maxsize=1)
-def _models(folder: Path) -> DesignModels:
+def _load_design_models(folder: Path) -> DesignModels:
     return DesignModels.load(folder)
 
 
@@ -109,8 +109,8 @@ def evaluate_job(job: Job, *, models: Path, tables: Path, plan: TrialPlan) -> di
         tables: Folder of the solved tables.
         plan: What is done with it.
     """
-    design, known, row = load_foot(models / FOOT_FILE), _models(models), ROWS[job.case]
-    truth = dataclasses.replace(response_of(row.solid, known.response, design, tables), cavity=row.cavity)
+    design, known, row = load_foot(models / FOOT_FILE), _load_design_models(models), MISMATCH_ROWS[job.case]
+    truth = dataclasses.replace(solid_response(row.solid, known.response, design, tables), cavity=row.cavity)
     began_s = process_time()
     figures = run_mismatch_trial(known, truth, row.disturbance, plan, job.foot)
     return {**figures, "cpu_s": process_time() - began_s}
@@ -122,7 +122,7 @@ def run_study(
     *,
     rows: Sequence[str] = (),
     n_feet: int | None = None,
-    kept: Path = KEPT,
+    kept: Path = KEPT_FEET_FOLDER,
 ) -> tuple[MismatchResults, Plots]:
     """Evaluate the feet of all rows that are not finished yet.
 
@@ -136,20 +136,20 @@ def run_study(
     Raises:
         FootsenseError: There is no such row.
     """
-    if unknown := [name for name in rows if name not in ROWS]:
-        raise FootsenseError(f"no row {unknown[0]!r}: there are {', '.join(ROWS)}")
-    names = tuple(rows) or (QUICK_ROWS if context.quick else tuple(ROWS))
+    if unknown := [name for name in rows if name not in MISMATCH_ROWS]:
+        raise FootsenseError(f"no row {unknown[0]!r}: there are {', '.join(MISMATCH_ROWS)}")
+    names = tuple(rows) or (QUICK_ROW_NAMES if context.quick else tuple(MISMATCH_ROWS))
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     plan = TrialPlan(
         tolerances=PAPER_TOLERANCES,
         seed=SEED,
         every=QUICK_EVERY if context.quick else EVERY,
-        tests=test_loads(context.foot_design.loads),
+        test_loads_by_name=test_loads(context.foot_design.loads),
     )
     began_s = process_time()
     for name in names:  # solved once, not by each worker
-        response_of(ROWS[name].solid, context.response, context.foot_design, kept)
-        context.say(f"{name}: table ready")
+        solid_response(MISMATCH_ROWS[name].solid, context.response, context.foot_design, kept)
+        context.report_progress(f"{name}: table ready")
     tables_s = process_time() - began_s
     about: dict[str, str | int] = {
         "study": "mismatch",
@@ -160,18 +160,18 @@ def run_study(
         "code": code_digest(calibration, foot, estimation),
     }
     work = partial(evaluate_job, models=context.models.resolve(), tables=kept.resolve(), plan=plan)
-    run = workers or parallel(n_workers=1 if context.quick else LOCAL_WORKERS)
+    run = workers or job_runner(n_workers=1 if context.quick else LOCAL_WORKERS)
     means, worst, scatter = {}, {}, {}
     for name in names:
         jobs = [Job(Tolerances(), foot, case=name) for foot in range(n_feet)]
-        digest = hashlib.sha256(f"{about} {ROWS[name]}".encode()).hexdigest()[:12]
+        digest = hashlib.sha256(f"{about} {MISMATCH_ROWS[name]}".encode()).hexdigest()[:12]
         file = kept / f"{name}-{digest}.jsonl"
         made = list(run_resumable(about, jobs, work, workers=run, file=file).values())
         columns = {figure: np.array([one[figure] for one in made]) for figure in made[0]}
         means[name] = {figure: round(float(np.nanmean(values)), 3) for figure, values in columns.items()}
         worst[name] = {figure: round(float(np.nanmax(values)), 3) for figure, values in columns.items()}
         scatter[name] = [(round(one["distance_all"], 2), round(one["centred_all_deg"], 3)) for one in made]
-        context.say(f"{name}: {_progress(means[name])}")
+        context.report_progress(f"{name}: {_progress_line(means[name])}")
     presses = len(paper_presses("training")[:: plan.every])
     results = MismatchResults(
         feet=n_feet,
@@ -180,7 +180,9 @@ def run_study(
         worst=worst,
         scatter=scatter,
         tables_s=round(tables_s, 1),
-        full_solve_s=None if context.quick or rows else _full_solve_s(context, plan.tests["leaning"], kept),
+        full_solve_s=None
+        if context.quick or rows
+        else _full_solve_s(context, plan.test_loads_by_name["leaning"], kept),
     )
     return results, {FIGURE: _figure(results)}
 
@@ -196,32 +198,34 @@ def _figure(results: MismatchResults) -> Figure:
     bars.axvline(TARGET_DEG, color="k", ls=":", label="wanted at most")
     bars.set(
         yticks=places,
-        yticklabels=[ROWS[name].title for name in results.means],
+        yticklabels=[MISMATCH_ROWS[name].title for name in results.means],
         xscale="log",
         xlabel="direction error after calibration, mean [deg]",
         title="what differs from the model",
     )
     bars.invert_yaxis()
     bars.legend(fontsize="small")
-    _draw_trust(dots, results)
+    _draw_error_over_distance(dots, results)
     return figure
 
 
-def _draw_trust(dots: Axes, results: MismatchResults) -> None:
+def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
     """Draw each foot's error over the distance of its loads, in zones of trust; rows that stand out have a name."""
     marks = {True: ("o", "C0", "a calibration can represent it"), False: ("x", "C3", "it cannot")}
     for name, feet in results.scatter.items():
-        marker, color, _ = marks[ROWS[name].represented]
+        marker, color, _ = marks[MISMATCH_ROWS[name].represented]
         distance, error_deg = np.array(feet).T
         dots.scatter(distance, error_deg, s=12, marker=marker, color=color, alpha=0.7, linewidths=1.0)
         middle, highest = np.median(feet, axis=0)[0], np.max(feet, axis=0)[1]
-        if middle > USUAL_DISTANCE:
+        if middle > TYPICAL_MAHALANOBIS_DISTANCE:
             place = (middle, highest)
             dots.annotate(name, place, (0, 5), textcoords="offset points", ha="center", fontsize="small")
     for marker, color, label in marks.values():
         dots.scatter([], [], marker=marker, color=color, label=label)
-    last = 1.1 * max(MAX_DISTANCE, *(foot[0] for feet in results.scatter.values() for foot in feet))
-    edges = (0.0, USUAL_DISTANCE, MAX_DISTANCE, last)
+    last = 1.1 * max(
+        MAX_MAHALANOBIS_DISTANCE, *(foot[0] for feet in results.scatter.values() for foot in feet)
+    )
+    edges = (0.0, TYPICAL_MAHALANOBIS_DISTANCE, MAX_MAHALANOBIS_DISTANCE, last)
     for left, right, color, word in zip(
         edges, edges[1:], ("C2", "C1", "C3"), ("trust", "check", "refused"), strict=False
     ):
@@ -247,15 +251,15 @@ def _full_solve_s(context: StudyContext, loads: TestLoads, kept: Path) -> float:
     """
     file = kept / "full-solve-s.txt"
     if not file.exists():
-        full = finite_strain_contact(context.foot_design)
+        full = finite_strain_level(context.foot_design)
         began_s = process_time()
         full(loads.normal[:1], loads.force_n[:1])
         file.write_text(f"{process_time() - began_s:.1f}\n", encoding="utf-8")
-        context.say("full solve of one load: done")
+        context.report_progress("full solve of one load: done")
     return float(file.read_text(encoding="utf-8"))
 
 
-def _progress(row: dict[str, float]) -> str:
+def _progress_line(row: dict[str, float]) -> str:
     """Return a line of progress of a row."""
     return (
         f"design {row['centred_design_deg']:.1f} deg, calibrated {row['centred_all_deg']:.2f} deg "

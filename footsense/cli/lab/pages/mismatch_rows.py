@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from footsense.foot.cavity.air import VENTED, Cavity
 from footsense.lab.fem.whole import Imperfection
 from footsense.lab.geometry import ThinFilm
-from footsense.lab.monte_carlo.sweeps import YARDSTICK
+from footsense.lab.monte_carlo.sweeps import PAPER_LIKE_TOLERANCES
 from footsense.lab.other_solids import AS_DESIGNED, OTHER_MESH, OtherSolid
 from footsense.sim.test_stand.reference_sensor import LINEARITY_REL
 from footsense.validation.mismatch_trial import UNDISTURBED, Disturbance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
-    """One kind of mismatch.
+class MismatchRow:
+    """One kind of mismatch between a foot and the model of its calibration.
 
     Attributes:
         title: What differs, in words.
@@ -30,54 +30,63 @@ class Row:
     represented: bool = True
 
 
-def _assembled(title: str, own: Imperfection, *, represented: bool = True) -> Row:
-    return Row(title=title, solid=OtherSolid(own=own), represented=represented)
+def _assembly_row(title: str, own: Imperfection, *, represented: bool = True) -> MismatchRow:
+    return MismatchRow(title=title, solid=OtherSolid(own=own), represented=represented)
 
 
 #: The rows by name; the first is the foot that the calibration supposes.
-ROWS = {
-    "none": Row(title="none: the foot that the calibration supposes"),
-    "mesh": Row(title="solved on another mesh", solid=OtherSolid(size=OTHER_MESH)),
-    "plate": Row(title="plates 10 % thicker", solid=OtherSolid(plate=1.1)),
-    "pdms": Row(title="PDMS 30 % stiffer", solid=OtherSolid(pdms=1.3)),
-    "poisson": Row(title="Poisson's ratio of the rubber 0.47", solid=OtherSolid(poisson=0.47)),
-    "offset": _assembled("sheet off centre by 0.6 mm", Imperfection(sheet_offset_mm=(0.6, 0.0))),
-    "offset-far": _assembled(
+MISMATCH_ROWS = {
+    "none": MismatchRow(title="none: the foot that the calibration supposes"),
+    "mesh": MismatchRow(title="solved on another mesh", solid=OtherSolid(size=OTHER_MESH)),
+    "plate": MismatchRow(title="plates 10 % thicker", solid=OtherSolid(plate=1.1)),
+    "pdms": MismatchRow(title="PDMS 30 % stiffer", solid=OtherSolid(pdms=1.3)),
+    "poisson": MismatchRow(title="Poisson's ratio of the rubber 0.47", solid=OtherSolid(poisson=0.47)),
+    "offset": _assembly_row("sheet off centre by 0.6 mm", Imperfection(sheet_offset_mm=(0.6, 0.0))),
+    "offset-far": _assembly_row(
         "sheet off centre by 1.5 mm", Imperfection(sheet_offset_mm=(1.5, 0.0)), represented=False
     ),
-    "turn": Row(title="sheet turned by 3 deg", disturbance=Disturbance(turn_deg=3.0)),
-    "wedge": _assembled("wedge of glue, 0 to 0.1 mm", Imperfection(glue_wedge_mm=0.1)),
-    "bubble": _assembled(
+    "turn": MismatchRow(title="sheet turned by 3 deg", disturbance=Disturbance(sheet_rotation_deg=3.0)),
+    "wedge": _assembly_row("wedge of glue, 0 to 0.1 mm", Imperfection(glue_wedge_mm=0.1)),
+    "bubble": _assembly_row(
         "bubble of 1.5 mm in the rubber", Imperfection(bubble_mm=(2.5, -1.5, -2.0, 0.75)), represented=False
     ),
-    "bar": _assembled("one bar bonded over half its width", Imperfection(bonded_rel=0.5), represented=False),
-    "bar-open": _assembled("one bar not bonded", Imperfection(bonded_rel=0.01), represented=False),
-    "worn": Row(title="ball worn flat by 0.3 mm", disturbance=Disturbance(worn_mm=0.3), represented=False),
-    "creep": Row(title="creep 3 times that assumed", disturbance=Disturbance(creep=3.0)),
-    "play": Row(title="play 3 times that assumed", disturbance=Disturbance(play=3.0)),
-    "touchdown": Row(
-        title="floor adds 0.05 to 0.2 pF", disturbance=Disturbance(touchdown_pf=0.2), represented=False
+    "bar": _assembly_row(
+        "one bar bonded over half its width", Imperfection(bonded_rel=0.5), represented=False
     ),
-    "microphonics": Row(
-        title="cables in motion, 5 fF rms", disturbance=Disturbance(microphonics_pf=5e-3), represented=False
+    "bar-open": _assembly_row("one bar not bonded", Imperfection(bonded_rel=0.01), represented=False),
+    "worn": MismatchRow(
+        title="ball worn flat by 0.3 mm", disturbance=Disturbance(worn_cap_height_mm=0.3), represented=False
     ),
-    "reference": Row(
+    "creep": MismatchRow(title="creep 3 times that assumed", disturbance=Disturbance(creep_factor=3.0)),
+    "play": MismatchRow(title="play 3 times that assumed", disturbance=Disturbance(play_factor=3.0)),
+    "touchdown": MismatchRow(
+        title="floor adds 0.05 to 0.2 pF",
+        disturbance=Disturbance(max_ground_capacitance_pf=0.2),
+        represented=False,
+    ),
+    "microphonics": MismatchRow(
+        title="cables in motion, 5 fF rms", disturbance=Disturbance(cable_noise_pf=5e-3), represented=False
+    ),
+    "reference": MismatchRow(
         title="reference off by its linearity of 1.5 %",
         disturbance=Disturbance(reference_linearity_rel=LINEARITY_REL),
     ),
-    "stand": Row(
+    "stand": MismatchRow(
         title="test stand of the yardstick",
         disturbance=Disturbance(
-            lean_deg=YARDSTICK.stick_deg, reference_steps=YARDSTICK.reference_resolutions
+            press_lean_rms_deg=PAPER_LIKE_TOLERANCES.stick_deg,
+            reference_noise_steps=PAPER_LIKE_TOLERANCES.reference_resolutions,
         ),
     ),
-    "gold": Row(
+    "gold": MismatchRow(
         title="0.1 um of gold stiffens the plates",
         solid=OtherSolid(gold=ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)),
     ),
-    "fringe": Row(title="fringe fields at the electrodes", disturbance=Disturbance(fringe=True)),
-    "sealed": Row(title="cavities sealed", cavity=Cavity(kind="sealed"), represented=False),
-    "leaking": Row(
+    "fringe": MismatchRow(
+        title="fringe fields at the electrodes", disturbance=Disturbance(has_fringe_field=True)
+    ),
+    "sealed": MismatchRow(title="cavities sealed", cavity=Cavity(kind="sealed"), represented=False),
+    "leaking": MismatchRow(
         title="cavities leak in 1 s", cavity=Cavity(kind="leaking", leak_time_s=1.0), represented=False
     ),
 }

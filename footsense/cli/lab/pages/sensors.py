@@ -25,13 +25,13 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.design.inputs.boards import converter
 from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
-from footsense.lab.fem.mesh import COARSE
+from footsense.lab.fem.mesh import COARSE_MESH
 from footsense.lab.geometry import FootDesign
-from footsense.lab.monte_carlo.statistics import SIGNIFICANT
+from footsense.lab.monte_carlo.statistics import SIGNIFICANT_STANDARD_ERRORS
 from footsense.lab.response import make_response
 from footsense.lab.studies.accuracy import sensors as block
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import FULL_SCALE_PF, NOISE_PF
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene_files import load_scene
@@ -223,8 +223,8 @@ def compute_arrays(context: StudyContext) -> dict[int, ArrayFigures]:
     arrays = {}
     for rows in QUICK_ROWS if context.quick else ROWS:
         design = array_design(context.foot_design, rows)
-        arrays[rows] = array_figures(context.foot_design, design, make_response(design, COARSE))
-        context.say(f"sensors: {rows} x {rows} elements on the whole chain")
+        arrays[rows] = array_figures(context.foot_design, design, make_response(design, COARSE_MESH))
+        context.report_progress(f"sensors: {rows} x {rows} elements on the whole chain")
     if context.quick:
         arrays[context.foot_design.rows] = array_figures(
             context.foot_design, context.foot_design, context.response
@@ -234,7 +234,7 @@ def compute_arrays(context: StudyContext) -> dict[int, ArrayFigures]:
 
 def figure(arrays: dict[int, ArrayFigures]) -> Figure:
     """Draw the bound and the range over the number of elements."""
-    drawing, (error, reach) = panels(2, 8.2, 3.6)
+    drawing, (error, reach) = subplot_row(2, 8.2, 3.6)
     number = [rows**2 for rows in arrays]
     lines = (
         ("centred_deg", "o-C0", "centred, 400 conversions/s"),
@@ -270,6 +270,6 @@ STUDY = Study(
     name="sensors",
     title="How many elements, and how large",
     compute=compute,
-    names=vars(block) | {"SIGNIFICANT": SIGNIFICANT},
+    names=vars(block) | {"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
     uses_network=False,
 )

@@ -26,7 +26,7 @@ from footsense.lab.design.prediction.shapes import (
     YOUNGS_MPA,
     ShapeLibrary,
 )
-from footsense.lab.geometry import FIT_ELEVATION_DEG
+from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG
 
 #: Step of the differences by the normal [rad], and degree of the series.
 _STEP, _DEGREE = 1e-3, 12
@@ -102,11 +102,13 @@ class ClosureModel:
     def _basis(self) -> Vector:
         """Return the products at the normals, and their slopes by its two turns, shape (3 loads, products)."""
         normal = self.loads.normal
-        rows = [series_basis(normal, _DEGREE, FIT_ELEVATION_DEG)]
+        rows = [series_basis(normal, _DEGREE, MIN_FITTED_ELEVATION_DEG)]
         for turn in range(2):
             ahead, behind = (
                 series_basis(
-                    normalized(normal + sign * _STEP * self._across[:, turn]), _DEGREE, FIT_ELEVATION_DEG
+                    normalized(normal + sign * _STEP * self._across[:, turn]),
+                    _DEGREE,
+                    MIN_FITTED_ELEVATION_DEG,
                 )
                 for sign in (1.0, -1.0)
             )

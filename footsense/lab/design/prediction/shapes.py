@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import FootResponse, series_basis
 from footsense.frames import Vector
-from footsense.lab.geometry import FIT_ELEVATION_DEG, MIN_ELEVATION_DEG, FootDesign, Material
+from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, FootDesign, Material
 
 #: File of the solved shapes.
 SHAPES_FILE = Path(__file__).with_name("shapes.npz")
@@ -133,7 +133,7 @@ def amplitudes(series: Vector, compliance: Vector) -> Vector:
         series: Influence of a quarter, shape (2, products, 9, 9, 3).
         compliance: Compliance of a quarter, shape (9, 9, 18, 18).
     """
-    upright = series_basis(np.array([0.0, 0.0, 1.0]), _DEGREE, FIT_ELEVATION_DEG)
+    upright = series_basis(np.array([0.0, 0.0, 1.0]), _DEGREE, MIN_FITTED_ELEVATION_DEG)
     closures = np.tensordot(upright, series[0, ..., 2], 1)
     of_element = [closures[number == _ELEMENT].mean() for number in range(3)]
     return np.array([*of_element, np.sqrt((compliance**2).mean())])
@@ -213,10 +213,10 @@ class ShapeLibrary:
             ball_radius_mm=design.ball_radius_mm,
             hertz_modulus_mpa=design.rubber.hertz_mpa,
             min_elevation_deg=MIN_ELEVATION_DEG,
-            fit_elevation_deg=FIT_ELEVATION_DEG,
+            fit_elevation_deg=MIN_FITTED_ELEVATION_DEG,
             degree=_DEGREE,
             quarter_series=np.stack([point, size**2 * patch]),
             quarter_compliance=amplitude[3] * softness * np.tensordot(weights, self.compliance, 1),
-            cavity=design.air,
+            cavity=design.cavity_air,
             provenance={"from": "solved shapes"},
         )

@@ -15,7 +15,7 @@ import numpy as np
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 from footsense.lab.design.prediction.shapes import BESIDE, CENTRE, Shape, amplitudes, of_shape, solved_shapes
-from footsense.lab.fem.mesh import COARSE, SHIPPED
+from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import make_response
 
@@ -34,11 +34,11 @@ def solve(like: FootDesign, path: Path, report: Callable[[str], None]) -> None:
     """
     fine = []
     for shape in solved_shapes():
-        fine.append(make_response(of_shape(shape, like), SHIPPED))
+        fine.append(make_response(of_shape(shape, like), RELEASED_MESH))
         report(f"{shape}")
 
     def coarse(shape: Shape) -> Vector:
-        made = make_response(of_shape(shape, like), COARSE)
+        made = make_response(of_shape(shape, like), COARSE_MESH)
         report(f"{shape}, coarse")
         return np.log(amplitudes(made.quarter_series, made.quarter_compliance))
 

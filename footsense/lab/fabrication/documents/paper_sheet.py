@@ -11,22 +11,22 @@ from matplotlib.path import Path as Outline
 
 #: Width and height of A3 [mm], margin around it, and inches per mm.
 WIDTH_MM, HEIGHT_MM, _MARGIN_MM, _INCH_PER_MM = 420.0, 297.0, 10.0, 1.0 / 25.4
-_SCALES = (20.0, 10.0, 5.0, 4.0, 2.0, 1.0, 0.5, 0.2, 0.1)
+_STANDARD_SCALES = (20.0, 10.0, 5.0, 4.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 #: Line widths of outlines and of dimensions [pt], as ISO 128 has them: 0.5 and 0.25 mm.
 _THICK, _THIN = 1.2, 0.5
 #: Length on paper below which the text of a dimension stands beside it [mm].
-_SHORT_MM = 16.0
+_MIN_DIMENSION_LINE_MM = 16.0
 
 
-def scale_for(size_mm: tuple[float, float], room_mm: tuple[float, float]) -> float:
+def largest_scale(size_mm: tuple[float, float], room_mm: tuple[float, float]) -> float:
     """Return the largest usual scale at which something fits.
 
     Example:
-        >>> scale_for((26.0, 17.0), (150.0, 120.0))
+        >>> largest_scale((26.0, 17.0), (150.0, 120.0))
         5.0
     """
-    fits = (s for s in _SCALES if s * size_mm[0] <= room_mm[0] and s * size_mm[1] <= room_mm[1])
-    return next(fits, _SCALES[-1])
+    fits = (s for s in _STANDARD_SCALES if s * size_mm[0] <= room_mm[0] and s * size_mm[1] <= room_mm[1])
+    return next(fits, _STANDARD_SCALES[-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class View:
     axes: Any
     scale: float
 
-    def area(self, shape: Any, colour: str, hatch: str | None = None, *, edge: bool = True) -> None:
+    def draw_area(self, shape: Any, colour: str, hatch: str | None = None, *, edge: bool = True) -> None:
         """Draw a polygon of shapely, or several, with its holes.
 
         Args:
@@ -70,16 +70,16 @@ class View:
         """Draw a centre line."""
         self.line(points, lw=_THIN, dashes=(12, 3, 2, 3))
 
-    def dimension(self, ends: Sequence[tuple[float, float]], off_mm: float, text: str) -> None:
+    def dimension(self, ends: Sequence[tuple[float, float]], offset_mm: float, text: str) -> None:
         """Draw a horizontal or vertical dimension.
 
         Args:
             ends: Two points of the part, at one height or above each other.
-            off_mm: Distance of the dimension line on paper [mm], up or to the right, negative for down or left.
+            offset_mm: Distance of the dimension line on paper [mm], up or to the right, negative for down or left.
             text: What it says.
         """
         (ax, ay), (bx, by) = ends
-        off = off_mm / self.scale
+        off = offset_mm / self.scale
         upright = abs(ax - bx) < abs(ay - by)
         over = 1.5 / self.scale * np.sign(off)
         line = [(ax + off, ay), (ax + off, by)] if upright else [(ax, ay + off), (bx, ay + off)]
@@ -97,7 +97,9 @@ class View:
         self.axes.annotate("", line[0], line[1], arrowprops=arrow, annotation_clip=False)
         (ax, ay), (bx, by) = line
         shift = 0.8 / self.scale
-        if max(abs(ax - bx), abs(ay - by)) * self.scale < _SHORT_MM:  # the text beside the arrows
+        if (
+            max(abs(ax - bx), abs(ay - by)) * self.scale < _MIN_DIMENSION_LINE_MM
+        ):  # the text beside the arrows
             side = {"ha": "right" if upright and off < 0.0 else "left", "va": "center"}
             x = ax + 2.0 * np.sign(off) * shift if upright else max(ax, bx) + 2.0 * shift
             self.axes.text(x, (ay + by) / 2.0, text, fontsize=8, **side)
@@ -126,7 +128,7 @@ class View:
 
 
 class PaperSheet:
-    """One sheet.
+    """One A3 sheet of a drawing, with frame and title block.
 
     Args:
         title: Title of the sheet.

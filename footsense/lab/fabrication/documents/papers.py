@@ -9,29 +9,29 @@ from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.assumptions import Assumptions
 from footsense.lab.fabrication.checks import Check
-from footsense.lab.fabrication.expected import Expected
-from footsense.lab.fabrication.hardness import shore_a
-from footsense.lab.fabrication.parts.flex import GUARD, Flex
+from footsense.lab.fabrication.expected import ExpectedCapacitance
+from footsense.lab.fabrication.hardness import shore_a_from_modulus
+from footsense.lab.fabrication.parts.flex import GUARD_NET, Flex
 from footsense.lab.fabrication.tolerances import Tolerance
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 from footsense.lab.template import render
 
 #: Density of the rubbers and of PDMS, for the amounts to weigh [g/cm3]; the paper's butadiene rubber has 0.91.
-_DENSITY = 1.1
+_RUBBER_DENSITY_G_PER_CM3 = 1.1
 #: What is weighed over what ends up in the part [1].
-_EXCESS = 1.3
+_CASTING_EXCESS_REL = 1.3
 
 
-def write(
+def write_documents(
     folder: Path,
     design: FootDesign,
     assumed: Assumptions,
     flexes: tuple[Flex, Flex],
     found: list[Check],
     tolerances: list[Tolerance],
-    elements: dict[tuple[str, str], Expected],
+    elements: dict[tuple[str, str], ExpectedCapacitance],
 ) -> None:
-    """Write the papers of a foot.
+    """Write overview, assembly steps, checklist and bill of materials of a foot.
 
     Args:
         folder: Where they are written.
@@ -45,17 +45,17 @@ def write(
     names: dict[str, Any] = {
         "design": design,
         "assumed": assumed,
-        "array": ElementArray.of(design),
+        "array": ElementArray.from_design(design),
         "dimensions": dimensions,
         "flexes": flexes,
-        "GUARD": GUARD,
-        "contacts": {flex.kind: contacts(flex) for flex in flexes},
+        "GUARD_NET": GUARD_NET,
+        "contacts": {flex.kind: connector_contacts(flex) for flex in flexes},
         "checks": found,
         "tolerances": tolerances,
         "elements": list(elements.items()),
-        "shore": shore_a(design.rubber.youngs_mpa),
-        "rubber_g": rubber_g(design),
-        "film_material": film_material(design),
+        "shore": shore_a_from_modulus(design.rubber.youngs_mpa),
+        "rubber_g": rubber_mass_g(design),
+        "film_material": film_material_name(design),
         "UM_PER_MM": UM_PER_MM,
     }
     for name in ("README", "assembly", "checklist"):
@@ -64,22 +64,30 @@ def write(
     with (folder / "bill-of-materials.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["quantity", "unit", "part", "specification", "file"])
-        writer.writerows(bill(design, flexes))
+        writer.writerows(bill_of_materials(design, flexes))
 
 
-def bill(design: FootDesign, flexes: tuple[Flex, Flex]) -> list[tuple[float | int, str, str, str, str]]:
+def bill_of_materials(
+    design: FootDesign, flexes: tuple[Flex, Flex]
+) -> list[tuple[float | int, str, str, str, str]]:
     """Return the bill of materials of one foot: quantity, unit, part, specification, file."""
-    shore, side, plate = shore_a(design.rubber.youngs_mpa), design.sheet_mm, design.plate_mm
+    shore, side, plate = shore_a_from_modulus(design.rubber.youngs_mpa), design.sheet_mm, design.plate_mm
     rubber = f"Shore A {shore:.0f}, {design.rubber.youngs_mpa:g} MPa, cures at room temperature, shrinks below 0.5 %"
     pdms = f"elastomer of {design.pdms.youngs_mpa:g} MPa (PDMS), {side:g} x {side:g} x {plate:g} mm"
-    dowel_mm = 2.0 * dimensions.DOWEL_MM + dimensions.MOULD_WALL_MM
+    dowel_mm = 2.0 * dimensions.DOWEL_DIAMETER_MM + dimensions.MOULD_WALL_MM
     rows: list[tuple[float | int, str, str, str, str]] = [
-        (round(rubber_g(design), 1), "g", "rubber for two hemispheres", rubber, "step/hemisphere-*.step"),
+        (
+            round(rubber_mass_g(design), 1),
+            "g",
+            "rubber for two hemispheres",
+            rubber,
+            "step/hemisphere-*.step",
+        ),
         (2, "piece", "plate", pdms, "drawing.pdf"),
         (1, "piece", "spacer", f"{design.gap_um:g} um, film or PDMS, laser-cut", "spacer.dxf"),
-        (1, "piece", "film", f"{design.film_um:g} um of {film_material(design)}", "film.dxf"),
+        (1, "piece", "film", f"{design.film_um:g} um of {film_material_name(design)}", "film.dxf"),
         (1, "set", "mould", "aluminium or acrylic, hollows polished; serves all feet", "step/mould-*.step"),
-        (2, "piece", "dowel pin of the mould", f"{dimensions.DOWEL_MM:g} x {dowel_mm:g} mm", ""),
+        (2, "piece", "dowel pin of the mould", f"{dimensions.DOWEL_DIAMETER_MM:g} x {dowel_mm:g} mm", ""),
         (2, "piece", "dowel pin of the stack", "2 x 10 mm", ""),
         (1, "piece", "socket of the leg", "aluminium or printed resin", "step/leg-socket.step"),
         (dimensions.SCREWS, "piece", "screw of the socket", "M2.5 x 6", ""),
@@ -98,26 +106,35 @@ def bill(design: FootDesign, flexes: tuple[Flex, Flex]) -> list[tuple[float | in
     return rows
 
 
-def film_material(design: FootDesign) -> str:
-    """Return what the film is of, by its permittivity."""
+def film_material_name(design: FootDesign) -> str:
+    """Return the material of the film, by its permittivity."""
     known = {2.7: "PDMS", 3.2: "polyester", 3.4: "polyimide"}
     name = known.get(round(design.film_eps_r, 1), "polymer")
     return f"{name}, relative permittivity {design.film_eps_r:g}"
 
 
-def rubber_g(design: FootDesign) -> float:
+def rubber_mass_g(design: FootDesign) -> float:
     """Return the rubber to weigh for both hemispheres of a foot [g]."""
-    return _EXCESS * 2.0 * 2.0 / 3.0 * math.pi * design.ball_radius_mm**3 / 1000.0 * _DENSITY
+    return (
+        _CASTING_EXCESS_REL
+        * 2.0
+        * 2.0
+        / 3.0
+        * math.pi
+        * design.ball_radius_mm**3
+        / 1000.0
+        * _RUBBER_DENSITY_G_PER_CM3
+    )
 
 
-def contacts(flex: Flex) -> list[dict[str, str]]:
+def connector_contacts(flex: Flex) -> list[dict[str, str]]:
     """Return where each contact of a flex goes on either converter board: number, net, fdc1004, ad7746."""
     lines = len(flex.nets)
     rows = []
     for number in range(1, len(flex.contact_v_mm) + 1):
         k = number // 2 - 1
         if number % 2:
-            row = {"net": GUARD, "fdc1004": "SHLD", "ad7746": "GND"}
+            row = {"net": GUARD_NET, "fdc1004": "SHLD", "ad7746": "GND"}
         elif flex.kind == "row":
             pair = f"S{k + 1} (to GND), S{lines + k + 1} (to SHLD)"
             other = f"S{k + 1} (to EXCA), S{lines + k + 1} (to GND)"

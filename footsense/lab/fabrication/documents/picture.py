@@ -50,10 +50,10 @@ def draw_parts(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> N
     layers: list[tuple[str, Any]] = [
         ("ground hemisphere", ("solid", "hemisphere-ground", _RUBBER)),
         ("plate", [(plate, _PDMS)]),
-        ("row flex, copper up", _flex(folder, rows, upwards=True)),
-        ("film", [(_ring(sheets.read_dxf(folder / "film.dxf").exterior), _LAYER)]),
-        ("spacer", [(r, c) for r, c in _sheet(folder / "spacer.dxf")]),
-        ("column flex, copper down", _flex(folder, columns, upwards=False)),
+        ("row flex, copper up", _flex_polygons(folder, rows, upwards=True)),
+        ("film", [(_ring_points(sheets.read_dxf(folder / "film.dxf").exterior), _LAYER)]),
+        ("spacer", [(r, c) for r, c in _sheet_polygons(folder / "spacer.dxf")]),
+        ("column flex, copper down", _flex_polygons(folder, columns, upwards=False)),
         ("plate", [(plate, _PDMS)]),
         ("leg hemisphere", ("solid", "hemisphere-leg", _RUBBER)),
         ("socket of the leg", ("solid", "leg-socket", _METAL)),
@@ -62,9 +62,9 @@ def draw_parts(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> N
     for order, (name, what) in enumerate(layers):
         if isinstance(what, tuple):
             _, part, colour = what
-            triangles = _triangles(folder / "step" / f"{part}.step", radius / 6.0)
+            triangles = _surface_triangles(folder / "step" / f"{part}.step", radius / 6.0)
             z += 0.8 * radius if part == "leg-socket" else 0.0
-            _solid(axes, triangles + np.array([0.0, 0.0, z]), colour, order)
+            _draw_surface(axes, triangles + np.array([0.0, 0.0, z]), colour, order)
         else:
             for ring, colour in what:
                 flat = np.column_stack([ring, np.full(len(ring), z)])
@@ -85,7 +85,7 @@ def draw_parts(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> N
     figure.savefig(folder / "parts.png", dpi=_DPI, metadata={"Software": None})
 
 
-def _flex(folder: Path, flex: Flex, *, upwards: bool) -> list[tuple[Vector, str]]:
+def _flex_polygons(folder: Path, flex: Flex, *, upwards: bool) -> list[tuple[Vector, str]]:
     """Return outline and, where it is seen, copper of a flex in the foot frame, without the end of the tail."""
     shown = [(read_outline(folder / flex.name / "profile.gbr"), _POLYMER)]
     if upwards:
@@ -97,17 +97,17 @@ def _flex(folder: Path, flex: Flex, *, upwards: bool) -> list[tuple[Vector, str]
     ]
 
 
-def _sheet(path: Path) -> list[tuple[Vector, str]]:
-    """Return a sheet and its openings."""
+def _sheet_polygons(path: Path) -> list[tuple[Vector, str]]:
+    """Return the outline of a DXF sheet and of its openings."""
     shape = sheets.read_dxf(path)
-    return [(_ring(shape.exterior), _LAYER), *((_ring(ring), "w") for ring in shape.interiors)]
+    return [(_ring_points(shape.exterior), _LAYER), *((_ring_points(ring), "w") for ring in shape.interiors)]
 
 
-def _ring(ring: Any) -> Vector:
+def _ring_points(ring: Any) -> Vector:
     return np.asarray(ring.coords)
 
 
-def _triangles(path: Path, edge_mm: float) -> Vector:
+def _surface_triangles(path: Path, edge_mm: float) -> Vector:
     """Return the surface of a STEP file as triangles [mm], shape (n, 3, 3).
 
     Args:
@@ -122,7 +122,7 @@ def _triangles(path: Path, edge_mm: float) -> Vector:
     return triangles
 
 
-def _solid(axes: Any, triangles: Vector, colour: str, order: int) -> None:
+def _draw_surface(axes: Any, triangles: Vector, colour: str, order: int) -> None:
     """Draw a surface, lit from one side."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-12

@@ -20,12 +20,12 @@ Kind = Literal["row", "column"]
 #: Reference of the contacts in the Gerber files.
 CONNECTOR = "J1"
 #: Net of the guard traces between the lines, by flex: both are the shield driver of the converter board.
-GUARD = "shld"
+GUARD_NET = "shld"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flex:
-    """One of the two flexes.
+    """One of the two flexible circuits, with row or column electrodes.
 
     Attributes:
         kind: Whether its lines are rows or columns.
@@ -65,44 +65,51 @@ class Flex:
         return [(k - (contacts - 1) / 2.0) * dimensions.CONTACT_PITCH_MM for k in range(contacts)]
 
     @property
-    def tail_half_mm(self) -> float:
+    def tail_half_width_mm(self) -> float:
         """Half the width of the tail [mm]."""
         return self.contact_v_mm[-1] + dimensions.CONTACT_PITCH_MM
 
     @property
-    def fan_mm(self) -> float:
+    def trace_fan_length_mm(self) -> float:
         """Length along u on which the traces converge [mm]: at 45 degrees, or steeper where the socket is near."""
         pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
-        room = dimensions.socket_radius_mm(self.ball_radius_mm) - dimensions.CORNER_MM - self.fan_from_mm
+        room = (
+            dimensions.socket_radius_mm(self.ball_radius_mm)
+            - dimensions.INNER_CORNER_RADIUS_MM
+            - self.trace_fan_start_mm
+        )
         return min(max(abs(v - w) for v, w in pairs), room)
 
     @property
-    def tail_from_mm(self) -> float:
+    def tail_start_mm(self) -> float:
         """Coordinate u from which the tail is straight [mm]: the traces have reached the places of the contacts."""
-        return self.fan_from_mm + self.fan_mm + dimensions.CORNER_MM
+        return self.trace_fan_start_mm + self.trace_fan_length_mm + dimensions.INNER_CORNER_RADIUS_MM
 
     @property
-    def fan_from_mm(self) -> float:
+    def trace_fan_start_mm(self) -> float:
         """Coordinate u from which the traces converge [mm]: outside the sheet."""
-        return self.half_mm + dimensions.EDGE_MM
+        return self.polymer_half_side_mm + dimensions.COPPER_TO_EDGE_MM
 
     @property
-    def end_mm(self) -> float:
+    def tail_end_mm(self) -> float:
         """Coordinate u of the end of the tail [mm]."""
-        return self.ball_radius_mm + dimensions.TAIL_MM
+        return self.ball_radius_mm + dimensions.TAIL_LENGTH_MM
 
     @property
     def holes(self) -> list[tuple[Point, float]]:
         """Alignment holes, centre and diameter [mm]: on the sides of the foot on which no tail leaves."""
-        far = self.ball_radius_mm + dimensions.EAR_MM
-        return [((-far, 0.0), dimensions.HOLE_MM), ((0.0, far), dimensions.HOLE_MM)]
+        far = self.ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
+        return [
+            ((-far, 0.0), dimensions.ALIGNMENT_HOLE_DIAMETER_MM),
+            ((0.0, far), dimensions.ALIGNMENT_HOLE_DIAMETER_MM),
+        ]
 
     @cached_property
     def copper(self) -> list[Pad | Trace]:
-        """Shapes of the copper layer."""
+        """Pads and traces of the copper layer."""
         shapes: list[Pad | Trace] = []
-        side, width = self.array.electrode_mm, dimensions.TRACE_MM
-        contact_u = self.end_mm - dimensions.CONTACT_MM / 2.0
+        side, width = self.array.electrode_mm, dimensions.TRACE_WIDTH_MM
+        contact_u = self.tail_end_mm - dimensions.CONTACT_LENGTH_MM / 2.0
         for k, (net, v) in enumerate(zip(self.nets, self.line_v_mm, strict=True)):
             shapes += [
                 Pad(centre=(u, v), size=(side, side), function="Other,Electrode", net=net)
@@ -111,20 +118,20 @@ class Flex:
             w = self.contact_v_mm[2 * k + 1]
             way = [
                 (self.element_u_mm[-1], v),
-                (self.fan_from_mm, v),
-                (self.fan_from_mm + self.fan_mm, w),
+                (self.trace_fan_start_mm, v),
+                (self.trace_fan_start_mm + self.trace_fan_length_mm, w),
                 (contact_u, w),
             ]
             shapes.append(Trace(points=way, width_mm=width, function="Conductor", net=net))
         for number, w in enumerate(self.contact_v_mm, 1):
-            net = GUARD if number % 2 else self.nets[number // 2 - 1]
+            net = GUARD_NET if number % 2 else self.nets[number // 2 - 1]
             if number % 2:
-                way = [(self.tail_from_mm, w), (contact_u, w)]
+                way = [(self.tail_start_mm, w), (contact_u, w)]
                 shapes.append(Trace(points=way, width_mm=width, function="Conductor", net=net))
             shapes.append(
                 Pad(
                     centre=(contact_u, w),
-                    size=(dimensions.CONTACT_MM, dimensions.CONTACT_WIDTH_MM),
+                    size=(dimensions.CONTACT_LENGTH_MM, dimensions.CONTACT_WIDTH_MM),
                     function="ConnectorPad",
                     net=net,
                     pin=f"{CONNECTOR},{number}",
@@ -135,51 +142,51 @@ class Flex:
     @property
     def openings(self) -> list[Pad | Trace]:
         """Openings of the coverlay: the whole sheet, whose electrodes face the film or the air, and the contacts."""
-        sheet, contacts = 2.0 * self.half_mm, 2.0 * self.tail_half_mm
-        bare = dimensions.CONTACT_MM
+        sheet, contacts = 2.0 * self.polymer_half_side_mm, 2.0 * self.tail_half_width_mm
+        bare = dimensions.CONTACT_LENGTH_MM
         return [
             Pad(centre=(0.0, 0.0), size=(sheet, sheet), function="Material"),
-            Pad(centre=(self.end_mm - bare / 2.0, 0.0), size=(bare, contacts), function="Material"),
+            Pad(centre=(self.tail_end_mm - bare / 2.0, 0.0), size=(bare, contacts), function="Material"),
         ]
 
     @property
     def stiffener(self) -> list[Pad | Trace]:
         """The stiffener under the contacts, on the side without copper."""
-        length = dimensions.STIFFENER_MM
-        size = (length, 2.0 * self.tail_half_mm)
-        return [Pad(centre=(self.end_mm - length / 2.0, 0.0), size=size, function="Material")]
+        length = dimensions.STIFFENER_LENGTH_MM
+        size = (length, 2.0 * self.tail_half_width_mm)
+        return [Pad(centre=(self.tail_end_mm - length / 2.0, 0.0), size=size, function="Material")]
 
     @property
-    def half_mm(self) -> float:
+    def polymer_half_side_mm(self) -> float:
         """Half the side of the polymer in the ball [mm]: that of the sheet, or more, to keep the cut off the copper."""
-        return self.array.sheet_mm / 2.0 + max(0.0, dimensions.EDGE_MM - self.array.rim_mm)
+        return self.array.sheet_mm / 2.0 + max(0.0, dimensions.COPPER_TO_EDGE_MM - self.array.rim_mm)
 
     @cached_property
     def outline(self) -> Any:
         """Outline of the polymer, a polygon of shapely in (u, v) [mm]."""
-        half, fan = self.half_mm, self.tail_half_mm
+        half, fan = self.polymer_half_side_mm, self.tail_half_width_mm
         neck = shapely.Polygon(
-            [(half, -half), (self.tail_from_mm, -fan), (self.tail_from_mm, fan), (half, half)]
+            [(half, -half), (self.tail_start_mm, -fan), (self.tail_start_mm, fan), (half, half)]
         )
-        tail = shapely.box(half, -fan, self.end_mm, fan)
-        ears = [ear(half, centre) for centre, _ in self.holes]
+        tail = shapely.box(half, -fan, self.tail_end_mm, fan)
+        ears = [alignment_ear(half, centre) for centre, _ in self.holes]
         whole = shapely.union_all([shapely.box(-half, -half, half, half), neck, tail, *ears])
-        radius = dimensions.CORNER_MM  # inner corners are rounded, so that they do not tear
+        radius = dimensions.INNER_CORNER_RADIUS_MM  # inner corners are rounded, so that they do not tear
         return whole.buffer(radius, join_style="mitre").buffer(-radius).buffer(0.0)
 
     @property
     def profile(self) -> list[Pad | Trace]:
         """The outline as a closed line of the profile layer."""
         points = [(float(u), float(v)) for u, v in self.outline.exterior.coords]
-        return [Trace(points=points, width_mm=dimensions.PROFILE_LINE_MM, function="Profile")]
+        return [Trace(points=points, width_mm=dimensions.PROFILE_LINE_WIDTH_MM, function="Profile")]
 
 
-def ear(half: float, hole: Point) -> Any:
+def alignment_ear(half: float, hole: Point) -> Any:
     """Return the carrier between a side of a square of `half` the side and an alignment hole, a polygon [mm]."""
     across = (0.0, half) if hole[0] else (half, 0.0)
     towards = tuple(half * (value > 0) - half * (value < 0) for value in hole)
     side = [(towards[0] + s * across[0], towards[1] + s * across[1]) for s in (-1.0, 1.0)]
-    round_end = shapely.Point(hole).buffer(dimensions.EAR_RADIUS_MM, quad_segs=16)
+    round_end = shapely.Point(hole).buffer(dimensions.ALIGNMENT_EAR_RADIUS_MM, quad_segs=16)
     return shapely.union_all([round_end, shapely.MultiPoint([*side, hole])]).convex_hull
 
 

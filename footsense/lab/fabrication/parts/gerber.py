@@ -21,7 +21,7 @@ COPPER, COVERLAY, PROFILE, STIFFENER = "Copper,L1,Top", "Soldermask,Top", "Profi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pad:
-    """A rectangle that is flashed.
+    """A rectangular pad, flashed in Gerber.
 
     Attributes:
         centre: Its centre [mm].
@@ -39,7 +39,7 @@ class Pad:
 
     @property
     def aperture(self) -> str:
-        """Template and parameters of its aperture."""
+        """Gerber aperture template and parameters of the shape."""
         return f"R,{self.size[0]:.6f}X{self.size[1]:.6f}"
 
 
@@ -61,7 +61,7 @@ class Trace:
 
     @property
     def aperture(self) -> str:
-        """Template and parameters of its aperture."""
+        """Gerber aperture template and parameters of the shape."""
         return f"C,{self.width_mm:.6f}"
 
 
@@ -100,10 +100,10 @@ def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
         lines += [f"%TO.N,{shape.net}*%"] if shape.net else []
         if isinstance(shape, Pad):
             lines += [f"%TO.P,{shape.pin}*%"] if shape.pin else []
-            lines.append(f"{_place(shape.centre)}D03*")
+            lines.append(f"{_gerber_coordinates(shape.centre)}D03*")
         else:
-            lines.append(f"{_place(shape.points[0])}D02*")
-            lines += [f"{_place(point)}D01*" for point in shape.points[1:]]
+            lines.append(f"{_gerber_coordinates(shape.points[0])}D02*")
+            lines += [f"{_gerber_coordinates(point)}D01*" for point in shape.points[1:]]
         lines += ["%TD*%"] if shape.net else []
     return "\n".join([*lines, "M02*", ""])
 
@@ -131,6 +131,6 @@ def drill_text(part: str, holes: Iterable[tuple[Point, float]]) -> str:
     return "\n".join([*lines, "M30", ""])
 
 
-def _place(point: Point) -> str:
+def _gerber_coordinates(point: Point) -> str:
     u, v = (round(1e6 * value) for value in point)
     return f"X{u}Y{v}"

@@ -16,16 +16,16 @@ from gerbonara.utils import MM
 from footsense.errors import FootsenseError
 
 #: Corners of the polygon that stands for a quarter circle.
-_QUARTER = 32
+_SEGMENTS_PER_QUARTER_CIRCLE = 32
 #: Polygons that touch, rounded to the coordinates of the file [mm].
-_TOUCH_MM = 1e-6
+_TOUCH_DISTANCE_MM = 1e-6
 #: Share of a conductor's area that has to be left where nothing but its round ends is etched away [1].
-_KEPT_REL = 0.97
+_MIN_KEPT_AREA_REL = 0.97
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
-    """One shape of a layer.
+class CopperShape:
+    """One shape of a copper layer, read from Gerber.
 
     Attributes:
         area: A polygon of shapely [mm].
@@ -40,18 +40,18 @@ class Shape:
     pin: str
 
 
-def read_layer(path: Path) -> list[Shape]:
+def read_layer(path: Path) -> list[CopperShape]:
     """Return the shapes of a Gerber file."""
     shapes = []
     for thing in GerberFile.open(path).objects:
         attributes, aperture = dict(thing.attrs or {}), dict(thing.aperture.attrs)
         parts = [_polygon(primitive) for primitive in thing.to_primitives(MM)]
         shapes.append(
-            Shape(
+            CopperShape(
                 area=shapely.union_all(parts),
-                function=_field(aperture, ".AperFunction"),
-                net=_field(attributes, ".N"),
-                pin=_field(attributes, ".P").partition(",")[2],
+                function=_attribute_text(aperture, ".AperFunction"),
+                net=_attribute_text(attributes, ".N"),
+                pin=_attribute_text(attributes, ".P").partition(",")[2],
             )
         )
     return shapes
@@ -71,21 +71,21 @@ def read_holes(path: Path) -> list[tuple[float, float, float]]:
     return [(hole.x, hole.y, hole.aperture.diameter) for hole in ExcellonFile.open(path).objects]
 
 
-def pieces(shapes: Sequence[Shape]) -> list[list[Shape]]:
+def connected_conductors(shapes: Sequence[CopperShape]) -> list[list[CopperShape]]:
     """Return the shapes by connected copper: each list is one conductor, found by geometry, not by net."""
-    copper = shapely.get_parts(shapely.union_all([shape.area.buffer(_TOUCH_MM) for shape in shapes]))
+    copper = shapely.get_parts(shapely.union_all([shape.area.buffer(_TOUCH_DISTANCE_MM) for shape in shapes]))
     return [[shape for shape in shapes if shape.area.intersects(piece)] for piece in copper]
 
 
 def narrowest_mm(areas: Sequence[Any]) -> float:
     """Return the width of a conductor's narrowest part [mm]: etched by half of it all around, it breaks."""
-    whole = shapely.union_all(list(areas)).buffer(_TOUCH_MM)
+    whole = shapely.union_all(list(areas)).buffer(_TOUCH_DISTANCE_MM)
     low, high = 0.0, float(whole.length)
     while high - low > 1e-4:
         width = 0.5 * (low + high)
         left = whole.buffer(-0.5 * width, join_style="mitre")
         kept_rel = left.buffer(0.5 * width, join_style="mitre").area / whole.area
-        holds = left.geom_type == "Polygon" and kept_rel > _KEPT_REL
+        holds = left.geom_type == "Polygon" and kept_rel > _MIN_KEPT_AREA_REL
         low, high = (width, high) if holds else (low, width)
     return low
 
@@ -98,7 +98,7 @@ def _polygon(primitive: Any) -> Any:
     """
     if isinstance(primitive, primitives.Line):
         ends = [(primitive.x1, primitive.y1), (primitive.x2, primitive.y2)]
-        return shapely.LineString(ends).buffer(primitive.width / 2.0, quad_segs=_QUARTER)
+        return shapely.LineString(ends).buffer(primitive.width / 2.0, quad_segs=_SEGMENTS_PER_QUARTER_CIRCLE)
     if isinstance(primitive, primitives.Rectangle) and not primitive.rotation:
         u, v = primitive.w / 2.0, primitive.h / 2.0
         return shapely.box(primitive.x - u, primitive.y - v, primitive.x + u, primitive.y + v)
@@ -107,7 +107,7 @@ def _polygon(primitive: Any) -> Any:
     )
 
 
-def _field(attributes: dict[str, Any], name: str) -> str:
+def _attribute_text(attributes: dict[str, Any], name: str) -> str:
     """Return the text of an attribute, with commas between its fields; empty without it."""
     value = attributes.get(name, "")
     return value if isinstance(value, str) else ",".join(value)

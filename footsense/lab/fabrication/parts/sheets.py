@@ -16,62 +16,72 @@ from ezdxf import units
 from footsense.foot.cavity.air import CavityKind
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.parts.flex import ear
+from footsense.lab.fabrication.parts.flex import alignment_ear
 
 #: Lengths are equal within this [mm].
-_ROUNDING_MM = 1e-9
+_ROUNDING_TOLERANCE_MM = 1e-9
 
 
-def holes(ball_radius_mm: float) -> list[tuple[float, float]]:
+def alignment_holes(ball_radius_mm: float) -> list[tuple[float, float]]:
     """Return the centres (x, y) of the alignment holes [mm]: behind the foot and to its right."""
-    far = ball_radius_mm + dimensions.EAR_MM
+    far = ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
     return [(-far, 0.0), (0.0, -far)]
 
 
-def film(array: ElementArray, ball_radius_mm: float) -> Any:
+def film_outline(array: ElementArray, ball_radius_mm: float) -> Any:
     """Return the film, a polygon of shapely [mm]: the whole sheet with its ears."""
-    half, places = array.sheet_mm / 2.0, holes(ball_radius_mm)
-    whole = shapely.union_all([shapely.box(-half, -half, half, half), *(ear(half, p) for p in places)])
-    drilled = [shapely.Point(place).buffer(dimensions.HOLE_MM / 2.0, quad_segs=16) for place in places]
+    half, places = array.sheet_mm / 2.0, alignment_holes(ball_radius_mm)
+    whole = shapely.union_all(
+        [shapely.box(-half, -half, half, half), *(alignment_ear(half, p) for p in places)]
+    )
+    drilled = [
+        shapely.Point(place).buffer(dimensions.ALIGNMENT_HOLE_DIAMETER_MM / 2.0, quad_segs=16)
+        for place in places
+    ]
     return whole.difference(shapely.union_all(drilled))
 
 
-def cavities(array: ElementArray) -> Any:
+def spacer_openings(array: ElementArray) -> Any:
     """Return the openings of the spacer [mm]: as large as the electrodes; without a rim, open to the sheet's edge."""
     half, edge = array.electrode_mm / 2.0, array.sheet_mm / 2.0
 
-    def span(lines: tuple[float, ...], k: int) -> tuple[float, float]:
-        low = -edge if k == len(lines) - 1 and not has_rim(array) else lines[k] - half
-        return low, edge if k == 0 and not has_rim(array) else lines[k] + half
+    def element_span(lines: tuple[float, ...], k: int) -> tuple[float, float]:
+        low = -edge if k == len(lines) - 1 and not has_spacer_rim(array) else lines[k] - half
+        return low, edge if k == 0 and not has_spacer_rim(array) else lines[k] + half
 
     spans = itertools.product(
-        *([span(lines, k) for k in range(len(lines))] for lines in (array.row_x_mm, array.column_y_mm))
+        *(
+            [element_span(lines, k) for k in range(len(lines))]
+            for lines in (array.row_x_mm, array.column_y_mm)
+        )
     )
     return shapely.union_all([shapely.box(low_x, low_y, x, y) for (low_x, x), (low_y, y) in spans])
 
 
-def has_rim(array: ElementArray) -> bool:
+def has_spacer_rim(array: ElementArray) -> bool:
     """Tell whether the sheet is so much larger than the array that a rim of the spacer can be cut."""
-    return array.rim_mm > dimensions.MIN_RIM_MM - _ROUNDING_MM
+    return array.rim_mm > dimensions.MIN_SPACER_RIM_MM - _ROUNDING_TOLERANCE_MM
 
 
-def vents(array: ElementArray) -> list[Any]:
+def vent_channels(array: ElementArray) -> list[Any]:
     """Return the channels that connect closed cavities with the air, along the rows towards the left [mm]."""
     rows, columns = list(array.row_x_mm), array.column_y_mm
-    if has_rim(array):
+    if has_spacer_rim(array):
         ends = columns[-1], array.sheet_mm / 2.0 + 1.0
     else:
         if len(columns) < 3:
             return []
         rows, ends = rows[1:-1], (columns[-2], columns[0])
-    half = dimensions.VENT_MM / 2.0
+    half = dimensions.VENT_WIDTH_MM / 2.0
     return [shapely.box(x - half, ends[0], x + half, ends[1]) for x in rows]
 
 
-def spacer(array: ElementArray, ball_radius_mm: float, cavity: CavityKind) -> Any:
+def spacer_outline(array: ElementArray, ball_radius_mm: float, cavity: CavityKind) -> Any:
     """Return the spacer, a polygon of shapely [mm]: bars around the cavities, with its ears."""
-    channels = vents(array) if cavity == "vented" else []
-    return film(array, ball_radius_mm).difference(shapely.union_all([cavities(array), *channels]))
+    channels = vent_channels(array) if cavity == "vented" else []
+    return film_outline(array, ball_radius_mm).difference(
+        shapely.union_all([spacer_openings(array), *channels])
+    )
 
 
 def write_dxf(path: Path, shape: Any, note: str) -> None:

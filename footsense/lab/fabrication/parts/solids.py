@@ -15,13 +15,13 @@ from netgen import occ
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import flexes
-from footsense.lab.fem.solids import NEAR_MM, SIDES, hemisphere
+from footsense.lab.fem.solids import BODY_SIDES, EQUAL_WITHIN_MM, hemisphere
 from footsense.lab.geometry import FootDesign
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """One solid.
+    """One solid part, with the volume that geometry gives.
 
     Attributes:
         name: Its name, and that of its file.
@@ -43,7 +43,7 @@ def hemispheres(design: FootDesign) -> list[Part]:
             solid=hemisphere(design, side, up * design.plate_mm, quarter=False),
             volume_mm3=volume,
         )
-        for side, up in SIDES
+        for side, up in BODY_SIDES
     ]
 
 
@@ -58,18 +58,22 @@ def mould(design: FootDesign) -> list[Part]:
     for x in centres:
         body -= occ.Sphere(occ.Pnt(x, 0, 0), radius)
         body_mm3 -= 2.0 / 3.0 * math.pi * radius**3
-        rim = radius - dimensions.AIR_MM
-        bores = [(x, 0.0, dimensions.SPRUE_MM), (x, rim, dimensions.AIR_MM), (x, -rim, dimensions.AIR_MM)]
+        rim = radius - dimensions.MOULD_VENT_DIAMETER_MM
+        bores = [
+            (x, 0.0, dimensions.SPRUE_DIAMETER_MM),
+            (x, rim, dimensions.MOULD_VENT_DIAMETER_MM),
+            (x, -rim, dimensions.MOULD_VENT_DIAMETER_MM),
+        ]
         for u, v, diameter in bores:
-            lid -= _bore(u, v, diameter, (-1.0, wall + 1.0))
+            lid -= _cylinder(u, v, diameter, (-1.0, wall + 1.0))
             lid_mm3 -= math.pi / 4.0 * diameter**2 * wall
-    inset = dimensions.DOWEL_MM
+    inset = dimensions.DOWEL_DIAMETER_MM
     for sign in (-1.0, 1.0):
-        place = (sign * (half_x - inset), sign * (half_y - inset), dimensions.DOWEL_MM)
-        body -= _bore(*place, (-2.0 * dimensions.DOWEL_MM, 1.0))
-        lid -= _bore(*place, (-1.0, wall + 1.0))
-        area = math.pi / 4.0 * dimensions.DOWEL_MM**2
-        body_mm3, lid_mm3 = body_mm3 - 2.0 * dimensions.DOWEL_MM * area, lid_mm3 - wall * area
+        place = (sign * (half_x - inset), sign * (half_y - inset), dimensions.DOWEL_DIAMETER_MM)
+        body -= _cylinder(*place, (-2.0 * dimensions.DOWEL_DIAMETER_MM, 1.0))
+        lid -= _cylinder(*place, (-1.0, wall + 1.0))
+        area = math.pi / 4.0 * dimensions.DOWEL_DIAMETER_MM**2
+        body_mm3, lid_mm3 = body_mm3 - 2.0 * dimensions.DOWEL_DIAMETER_MM * area, lid_mm3 - wall * area
     return [
         Part(name="mould-body", solid=body, volume_mm3=body_mm3),
         Part(name="mould-lid", solid=lid, volume_mm3=lid_mm3),
@@ -82,25 +86,27 @@ def mould_centres_mm(design: FootDesign) -> tuple[float, float]:
     return -off, off
 
 
-def tail_mm(design: FootDesign) -> tuple[float, float]:
+def tail_widths_mm(design: FootDesign) -> tuple[float, float]:
     """Return the widths of the tails of columns (forward) and rows (to the left) [mm]."""
-    rows, columns = flexes(ElementArray.of(design), design.ball_radius_mm)
-    return 2.0 * columns.tail_half_mm, 2.0 * rows.tail_half_mm
+    rows, columns = flexes(ElementArray.from_design(design), design.ball_radius_mm)
+    return 2.0 * columns.tail_half_width_mm, 2.0 * rows.tail_half_width_mm
 
 
 def socket(design: FootDesign) -> Part:
     """Return the leg's socket: it holds the whole curved surface of the leg hemisphere."""
     outer, hollow = (
         dimensions.socket_radius_mm(design.ball_radius_mm),
-        design.ball_radius_mm + dimensions.ADHESIVE_MM,
+        design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM,
     )
     rim = design.plate_mm
-    top = rim + design.ball_radius_mm + dimensions.SOCKET_TOP_MM
-    solid = _bore(0.0, 0.0, 2.0 * outer, (rim, top)) - occ.Sphere(occ.Pnt(0, 0, rim), hollow)
-    solid -= _bore(0.0, 0.0, dimensions.AIR_MM, (rim, top + 1.0))  # excess adhesive leaves here
-    inside = outer - dimensions.CHANNEL_MM
-    for width, forward in zip(tail_mm(design), (True, False), strict=True):
-        half = width / 2.0 + dimensions.CHANNEL_PLAY_MM
+    top = rim + design.ball_radius_mm + dimensions.SOCKET_TOP_THICKNESS_MM
+    solid = _cylinder(0.0, 0.0, 2.0 * outer, (rim, top)) - occ.Sphere(occ.Pnt(0, 0, rim), hollow)
+    solid -= _cylinder(
+        0.0, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (rim, top + 1.0)
+    )  # excess adhesive leaves here
+    inside = outer - dimensions.TAIL_CHANNEL_DEPTH_MM
+    for width, forward in zip(tail_widths_mm(design), (True, False), strict=True):
+        half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_MM
         corners = [(inside, -half), (outer + 1.0, half)]
         if not forward:
             corners = [(-half, inside), (half, outer + 1.0)]
@@ -109,25 +115,30 @@ def socket(design: FootDesign) -> Part:
         angle = 2.0 * math.pi * (k + 0.5) / dimensions.SCREWS
         circle = 0.65 * outer
         place = (circle * math.cos(angle), circle * math.sin(angle), dimensions.CORE_MM)
-        solid -= _bore(*place, (top - dimensions.CORE_DEPTH_MM, top + 1.0))
-    solid -= _bore(0.85 * inside, 0.0, dimensions.AIR_MM, (top - 1.0, top + 1.0))  # marks forward
-    return Part(name="leg-socket", solid=solid, volume_mm3=_socket_mm3(design))
+        solid -= _cylinder(*place, (top - dimensions.CORE_DEPTH_MM, top + 1.0))
+    solid -= _cylinder(
+        0.85 * inside, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (top - 1.0, top + 1.0)
+    )  # marks forward
+    return Part(name="leg-socket", solid=solid, volume_mm3=_socket_volume_mm3(design))
 
 
-def _socket_mm3(design: FootDesign) -> float:
+def _socket_volume_mm3(design: FootDesign) -> float:
     """Return the volume of the socket by formula [mm3]."""
     outer, hollow = (
         dimensions.socket_radius_mm(design.ball_radius_mm),
-        design.ball_radius_mm + dimensions.ADHESIVE_MM,
+        design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM,
     )
-    height, air = design.ball_radius_mm + dimensions.SOCKET_TOP_MM, dimensions.AIR_MM / 2.0
+    height, air = (
+        design.ball_radius_mm + dimensions.SOCKET_TOP_THICKNESS_MM,
+        dimensions.MOULD_VENT_DIAMETER_MM / 2.0,
+    )
     volume: float = math.pi * outer**2 * height - 2.0 / 3.0 * math.pi * hollow**3
     # What the bore for the adhesive cuts beyond the hollow.
     volume -= math.pi * air**2 * height - 2.0 / 3.0 * math.pi * (hollow**3 - (hollow**2 - air**2) ** 1.5)
-    for width in tail_mm(design):
-        half = width / 2.0 + dimensions.CHANNEL_PLAY_MM
+    for width in tail_widths_mm(design):
+        half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_MM
         segment = half * math.sqrt(outer**2 - half**2) + outer**2 * math.asin(half / outer)
-        volume -= height * (segment - 2.0 * half * (outer - dimensions.CHANNEL_MM))
+        volume -= height * (segment - 2.0 * half * (outer - dimensions.TAIL_CHANNEL_DEPTH_MM))
     volume -= dimensions.SCREWS * math.pi / 4.0 * dimensions.CORE_MM**2 * dimensions.CORE_DEPTH_MM
     return volume - math.pi * air**2  # the forward mark is 1 mm deep
 
@@ -137,16 +148,16 @@ def all_parts(design: FootDesign) -> list[Part]:
     return [*hemispheres(design), *mould(design), socket(design)]
 
 
-def casting(design: FootDesign) -> Any:
+def cast_hemisphere(design: FootDesign) -> Any:
     """Return a hemisphere where the mould casts it [mm]."""
     centre = occ.Pnt(mould_centres_mm(design)[0], 0, 0)
     return occ.Sphere(centre, design.ball_radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, 1))
 
 
-def lies_outside(face: Any, low: Any) -> bool:
+def is_outer_face(face: Any, low: Any) -> bool:
     """Tell whether a face lies in one of the planes through the lowest corner of a box."""
     _, high = face.bounding_box
-    return any(abs(getattr(high, axis) - getattr(low, axis)) < NEAR_MM for axis in ("x", "y", "z"))
+    return any(abs(getattr(high, axis) - getattr(low, axis)) < EQUAL_WITHIN_MM for axis in ("x", "y", "z"))
 
 
 def write_step(part: Part, path: Path) -> None:
@@ -163,7 +174,7 @@ def read_step(path: Path) -> Any:
     return occ.OCCGeometry(str(path)).shape
 
 
-def _bore(x_mm: float, y_mm: float, diameter_mm: float, z_mm: tuple[float, float]) -> Any:
+def _cylinder(x_mm: float, y_mm: float, diameter_mm: float, z_mm: tuple[float, float]) -> Any:
     """Return an upright cylinder."""
     low, high = z_mm
     return occ.Cylinder(occ.Pnt(x_mm, y_mm, low), occ.Z, r=diameter_mm / 2.0, h=high - low)

@@ -21,24 +21,24 @@ import ngsolve as ng
 from netgen import occ
 from netgen.meshing import MeshingParameters
 
-from footsense.lab.fem.adjoint import ClassField, sampled_field
-from footsense.lab.fem.elasticity import energy, mixed_energy
-from footsense.lab.fem.mesh import MeshSize, name_mirrors
+from footsense.lab.fem.adjoint import AdjointField, solve_functional_fields
+from footsense.lab.fem.elasticity import mixed_strain_energy, strain_energy
+from footsense.lab.fem.mesh import MeshSize, name_mirror_faces
 from footsense.lab.fem.quarter import Quarter
-from footsense.lab.fem.solids import SIDES, curved_mesh, hemisphere, plate
-from footsense.lab.fem.symmetry_classes import SOLVED, Parity
+from footsense.lab.fem.solids import BODY_SIDES, curved_mesh, hemisphere, plate
+from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES, Parity
 from footsense.lab.geometry import FootDesign
 
 #: Mesh of the study; `plate_mm` is that of the block.
-BLOCK_SIZE = MeshSize(ball_mm=4.0, plate_mm=0.7, surface_mm=2.5, grading=0.7, layers=0, order=3)
+BLOCK_MESH = MeshSize(ball_mm=4.0, plate_mm=0.7, surface_mm=2.5, grading=0.7, layers=0, order=3)
 #: Mesh of the tests and of `--quick`.
-COARSE_BLOCK = MeshSize(ball_mm=5.0, plate_mm=1.4, surface_mm=3.0, grading=0.8, layers=0, order=2)
+COARSE_BLOCK_MESH = MeshSize(ball_mm=5.0, plate_mm=1.4, surface_mm=3.0, grading=0.8, layers=0, order=2)
 #: Order by which the quadrature in the block exceeds that of a whole element, for the borders of columns.
-_BORDER_ORDER = 8
+_EXTRA_QUADRATURE_ORDER = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class BlockColumn:
     """A rectangle of the quarter x >= 0, y >= 0, through the thickness of the block.
 
     Attributes:
@@ -54,7 +54,7 @@ class Column:
         """Area of the rectangle [mm2]."""
         return (self.x_mm[1] - self.x_mm[0]) * (self.y_mm[1] - self.y_mm[0])
 
-    def inside(self) -> Any:
+    def indicator_function(self) -> Any:
         """Return 1 inside and 0 outside, as a function of the place."""
         distances = (ng.x - self.x_mm[0], self.x_mm[1] - ng.x, ng.y - self.y_mm[0], self.y_mm[1] - ng.y)
         indicator = ng.CF(1.0)
@@ -68,7 +68,7 @@ def half_thickness_mm(design: FootDesign) -> float:
     return design.plate_mm + design.spacer_mm / 2.0
 
 
-def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_SIZE) -> Any:
+def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_MESH) -> Any:
     """Return the curved mesh of the quarter, in mm, origin in the middle of the block.
 
     Args:
@@ -79,10 +79,10 @@ def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_SIZE) -> Any:
         ModelError: The mesher fails.
     """
     level = half_thickness_mm(design)
-    solids = [hemisphere(design, side, up * level, quarter=True) for side, up in SIDES]
+    solids = [hemisphere(design, side, up * level, quarter=True) for side, up in BODY_SIDES]
     block = plate("pdms", (0, 0), design.sheet_mm / 2.0, (-level, level), size.plate_mm)
     shape = occ.Glue([*solids, block])
-    name_mirrors(shape, size)
+    name_mirror_faces(shape, size)
     return curved_mesh(shape, MeshingParameters(maxh=size.ball_mm, grading=size.grading), size.order)
 
 
@@ -94,41 +94,48 @@ class Block(Quarter):
     """
 
     @property
-    def depth_mm(self) -> float:
+    def sphere_centre_depth_mm(self) -> float:
         """Half the thickness of the block [mm]."""
         return half_thickness_mm(self.design)
 
-    def _space(self, order: int) -> Any:
-        displacement = ng.VectorH1(self.mesh, order=order, **self._clamped("curved_leg"))
-        p_ground, p_leg = (ng.H1(self.mesh, order=order - 1, definedon=f"rubber_{side}") for side, _ in SIDES)
+    def _finite_element_space(self, order: int) -> Any:
+        displacement = ng.VectorH1(self.mesh, order=order, **self._fixed_faces("curved_leg"))
+        p_ground, p_leg = (
+            ng.H1(self.mesh, order=order - 1, definedon=f"rubber_{side}") for side, _ in BODY_SIDES
+        )
         return displacement * p_ground * p_leg
 
-    def _form(self) -> Any:
+    def _bilinear_form(self) -> Any:
         u, *pressures = self.space.TrialFunction()
         form = ng.BilinearForm(self.space, symmetric=True)
-        for (side, _), p in zip(SIDES, pressures, strict=True):
-            form += ng.Variation(mixed_energy(self.design.rubber, u, p) * ng.dx(f"rubber_{side}"))
-        form += ng.Variation(energy(self.design.pdms, u) * ng.dx("pdms"))
+        for (side, _), p in zip(BODY_SIDES, pressures, strict=True):
+            form += ng.Variation(mixed_strain_energy(self.design.rubber, u, p) * ng.dx(f"rubber_{side}"))
+        form += ng.Variation(strain_energy(self.design.pdms, u) * ng.dx("pdms"))
         return form
 
-    def stress_functional(self, column: Column) -> Any:
+    def stress_functional(self, column: BlockColumn) -> Any:
         """Return the mean of sigma_z [MPa] over a column as a linear form of the displacement."""
         v, pdms = self.space.TestFunction()[0], self.design.pdms
         stress_mpa = pdms.lame_mpa * ng.div(v) + 2.0 * pdms.shear_mpa * ng.Grad(v)[2, 2]
         volume_mm3 = column.area_mm2 * 2.0 * half_thickness_mm(self.design)
         form = ng.LinearForm(self.space)
-        form += column.inside() * stress_mpa / volume_mm3 * ng.dx("pdms", bonus_intorder=_BORDER_ORDER)
+        form += (
+            column.indicator_function()
+            * stress_mpa
+            / volume_mm3
+            * ng.dx("pdms", bonus_intorder=_EXTRA_QUADRATURE_ORDER)
+        )
         with ng.TaskManager():
             return form.Assemble()
 
 
 def block_fields(
-    design: FootDesign, columns: Sequence[Column], size: MeshSize = BLOCK_SIZE
-) -> dict[Parity, ClassField]:
+    design: FootDesign, columns: Sequence[BlockColumn], size: MeshSize = BLOCK_MESH
+) -> dict[Parity, AdjointField]:
     """Return the sampled fields of columns in the solved symmetry classes: influence in MPa/N."""
     mesh = build_block_mesh(design, size)
-    classes = [Block(design, size, parity, mesh) for parity in SOLVED]
+    classes = [Block(design, size, parity, mesh) for parity in SOLVED_CLASSES]
     return {
-        block.parity: sampled_field(block, [block.stress_functional(column) for column in columns])
+        block.parity: solve_functional_fields(block, [block.stress_functional(column) for column in columns])
         for block in classes
     }

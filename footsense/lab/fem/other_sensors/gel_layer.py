@@ -21,7 +21,7 @@ import ngsolve as ng
 import numpy as np
 
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.lab.fem.elasticity import Layer
+from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import MeshSize, build_mesh
 from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.symmetry_classes import Parity
@@ -48,9 +48,9 @@ class GelLayerDesign:
         return self.layer_mm * float(np.sqrt(self.gel.confined_mpa / (12.0 * self.gel.shear_mpa)))
 
     @property
-    def layer(self) -> Layer:
+    def layer(self) -> BondedLayer:
         """The film in the weak form: over bars and electrodes alike."""
-        return Layer(self.gel, self.layer_mm, "bars|cell.*")
+        return BondedLayer(self.gel, self.layer_mm, "bars|cell.*")
 
     def capacitor(self, design: FootDesign) -> CapacitorDesign:
         """Return the capacitor: one of eps_r times the area, with the film's thickness as a gap of air."""

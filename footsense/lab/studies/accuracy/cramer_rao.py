@@ -24,11 +24,11 @@ from footsense.lab.evaluation.maximum_likelihood import (
     AZIMUTH_DEG,
     Fit,
     ambiguous_loads,
-    lifted_normals,
+    clamp_to_min_elevation,
     maximum_likelihood,
 )
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
     NOISE_PF,
@@ -43,17 +43,17 @@ MAP_GF, AMBIGUOUS_GF = 100.0, (20.0, 50.0, 100.0, 150.0)
 #: Elevations of the centred loads that the search takes [deg].
 ELEVATIONS_DEG = np.arange(40.0, 49.01, 0.5)
 #: Rounds of Gauss-Newton after which the fit is evaluated.
-ROUNDS = (1, 2, 4, 12)
+GAUSS_NEWTON_ROUNDS = (1, 2, 4, 12)
 #: Largest misfit of an explained scan: of right fits one in twenty thousand has more.
-EXPLAINED = 5.0
+MAX_EXPLAINED_MISFIT = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Refined:
-    """Estimates after some rounds of Gauss-Newton.
+class GaussNewtonResult:
+    """Errors of the estimates after some rounds of Gauss-Newton.
 
     Attributes:
-        explained_rel: Share of the scans with a misfit below `EXPLAINED` [1].
+        explained_rel: Share of the scans with a misfit below `MAX_EXPLAINED_MISFIT` [1].
         ratio: Rms angle of the explained scans over the bound's [1].
     """
 
@@ -83,7 +83,7 @@ class Results:
         crb_ratio: The headline: direction error over the bound's in the worst bin of centred loads [1].
         centred_share: Share of centred loads in the network's training [1].
         noiseless_direction_rms_deg: The network's own error [deg], at each magnitude of the ratio.
-        gauss_newton: After each of `ROUNDS`, by kind and magnitude of the loads.
+        gauss_newton: After each of `GAUSS_NEWTON_ROUNDS`, by kind and magnitude of the loads.
         bound_range_deg: Smallest and largest bound on the map [deg].
         ambiguous: By magnitude [gf].
     """
@@ -92,15 +92,15 @@ class Results:
     crb_ratio: float
     centred_share: float
     noiseless_direction_rms_deg: list[float]
-    gauss_newton: dict[str, list[Refined]]
+    gauss_newton: dict[str, list[GaussNewtonResult]]
     bound_range_deg: tuple[float, float]
     ambiguous: dict[str, Ambiguity]
 
 
-def refined(
+def gauss_newton_results(
     context: StudyContext, contacts: tuple[Vector, Vector], magnitude_gf: float, draws: int
-) -> list[Refined]:
-    """Return the network's estimates after each of `ROUNDS` of Gauss-Newton.
+) -> list[GaussNewtonResult]:
+    """Return the network's estimates after each of `GAUSS_NEWTON_ROUNDS` of Gauss-Newton.
 
     Args:
         context: Foot and network.
@@ -114,18 +114,18 @@ def refined(
     closure_um = np.tile(sensed_closure_um(foot, normal, force), (draws, 1))
     measured = measured_closure_rel(design, closure_um, np.random.default_rng(2))
     guess, force = context.network.force_n(measured), np.tile(force, (draws, 1))
-    fit = Fit(lifted_normals(normalized(guess)), guess, np.zeros(len(guess)))
+    fit = Fit(clamp_to_min_elevation(normalized(guess)), guess, np.zeros(len(guess)))
     after = []
-    for more in np.diff([0, *ROUNDS]).tolist():
+    for more in np.diff([0, *GAUSS_NEWTON_ROUNDS]).tolist():
         fit = maximum_likelihood(foot, measured * design.gap_um, (fit.normal, fit.force_n), more)
-        good = fit.misfit < EXPLAINED
+        good = fit.misfit < MAX_EXPLAINED_MISFIT
         angle_deg = angles_between_deg(force, fit.force_n)
         ratio = rms(angle_deg[good]) / rms(bound_deg[good]) if good.any() else float("nan")
-        after.append(Refined(float(good.mean()), ratio))
+        after.append(GaussNewtonResult(float(good.mean()), ratio))
     return after
 
 
-def _noiseless_deg(context: StudyContext, magnitude_gf: float) -> float:
+def _noiseless_direction_error_deg(context: StudyContext, magnitude_gf: float) -> float:
     """Return the network's rms direction error without noise on the verification directions [deg]."""
     direction = paper_directions("verification")
     closure_um = sensed_closure_um(Foot(context.response), direction, direction * magnitude_gf * GRAM_FORCE_N)
@@ -138,15 +138,18 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     quick, foot, loads = context.quick, Foot(context.response), context.foot_design.loads
     magnitudes, draws = ((20.0, 50.0, 100.0), 8) if quick else (MAGNITUDES_GF, 64)
     ratio = crb_ratio(context.response, loads, context.network.force_n, draws=draws, magnitudes_gf=magnitudes)
-    context.say(f"cramer-rao: the network is at {ratio.worst:.2f} of the bound in its worst bin")
+    context.report_progress(
+        f"cramer-rao: the network is at {ratio.worst_direction_ratio:.2f} of the bound in its worst bin"
+    )
     straight = paper_directions("verification")
     leaning = leaning_contacts(loads, np.random.default_rng(3), 600)
     tried = [("centred", (straight, straight), gf) for gf in (AMBIGUOUS_GF[:1] if quick else AMBIGUOUS_GF)]
     tried += [] if quick else [("leaning", leaning, gf) for gf in AMBIGUOUS_GF[:2]]
     gauss_newton = {
-        f"{what}, {gf:g}": refined(context, where, gf, 1 if quick else 4) for what, where, gf in tried
+        f"{what}, {gf:g}": gauss_newton_results(context, where, gf, 1 if quick else 4)
+        for what, where, gf in tried
     }
-    context.say("cramer-rao: maximum likelihood compared with the bound")
+    context.report_progress("cramer-rao: maximum likelihood compared with the bound")
     ambiguous = {}
     for gf in AMBIGUOUS_GF[: 2 if quick else 4]:
         distance, apart_deg = ambiguous_loads(foot, gf, ELEVATIONS_DEG)
@@ -159,20 +162,20 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     ).direction_rms_deg
     results = Results(
         ratio=ratio,
-        crb_ratio=ratio.worst,
+        crb_ratio=ratio.worst_direction_ratio,
         centred_share=loads.centred_share,
-        noiseless_direction_rms_deg=[_noiseless_deg(context, gf) for gf in magnitudes],
+        noiseless_direction_rms_deg=[_noiseless_direction_error_deg(context, gf) for gf in magnitudes],
         gauss_newton=gauss_newton,
         bound_range_deg=(bound.min(), bound.max()),
         ambiguous=ambiguous,
     )
-    drawing = _map(azimuth, elevation, bound.reshape(len(azimuth), steps), ambiguous)
-    return results, {"cramer-rao.png": _curves(ratio.centred), "cramer-rao-map.png": drawing}
+    drawing = _bound_map_figure(azimuth, elevation, bound.reshape(len(azimuth), steps), ambiguous)
+    return results, {"cramer-rao.png": _ratio_figure(ratio.centred), "cramer-rao-map.png": drawing}
 
 
-def _curves(bins: Sequence[MagnitudeBin]) -> Figure:
+def _ratio_figure(bins: Sequence[MagnitudeBin]) -> Figure:
     """Draw bound and network over the magnitude, centred loads."""
-    figure, row = panels(2, 8.6, 3.9)
+    figure, row = subplot_row(2, 8.6, 3.9)
     gf = [one.magnitude_gf for one in bins]
     quantities = (
         ("direction_rms_deg", "rms direction error [deg]"),
@@ -194,7 +197,9 @@ def _curves(bins: Sequence[MagnitudeBin]) -> Figure:
     return figure
 
 
-def _map(azimuth: Vector, elevation: Vector, bound_deg: Vector, ambiguous: dict[str, Ambiguity]) -> Figure:
+def _bound_map_figure(
+    azimuth: Vector, elevation: Vector, bound_deg: Vector, ambiguous: dict[str, Ambiguity]
+) -> Figure:
     """Draw the bound over the hemisphere beside the distance of ambiguous loads."""
     figure = Figure(figsize=(9.2, 4.1), layout="constrained")
     polar = figure.add_subplot(1, 2, 1, projection="polar")

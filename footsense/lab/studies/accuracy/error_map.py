@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from footsense.foot.directions import angles_between_deg, directions
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors, magnitude_errors_gf
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors, magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import (
@@ -25,7 +25,7 @@ from footsense.lab.evaluation.evaluate import (
 )
 from footsense.lab.studies.ball import map_circle, map_position, map_radius
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
     NOISE_PF,
@@ -37,18 +37,18 @@ from footsense.lab.training.load_cases import (
 
 MAGNITUDE_GF = 100.0
 #: Lowest elevation that is computed, a little below the rim of the map [deg].
-_LOWEST_DEG = 26.0
+_MIN_ELEVATION_DEG = 26.0
 #: Steps of the map's colours, and its iso-lines [deg].
-_LEVELS_DEG = (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
+_COLOUR_LEVELS_DEG = (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 #: Points along a side of the map, and draws of the noise.
 _POINTS, _POINTS_QUICK = 91, 41
 _DRAWS, _DRAWS_QUICK = 40, 8
 _SEED = 19
 #: Where the paper's circles are drawn, azimuth and elevation [deg].
-_CIRCLES_AT_DEG = (0.0, 60.0)
+_CIRCLE_CENTRE_DEG = (0.0, 60.0)
 
 
-def _normals(right: Vector, up: Vector) -> Vector:
+def _map_normals(right: Vector, up: Vector) -> Vector:
     """Return the inward normals of points of the map: the inverse of `ball.touch`."""
     squared = right**2 + up**2
     return np.stack([-2.0 * up, -2.0 * right, 1.0 - squared], axis=-1) / (1.0 + squared)[..., None]
@@ -74,10 +74,10 @@ class Results:
     map_max_deg: float
     worst_azimuth_deg: float
     worst_elevation_deg: float
-    verification: dict[str, Errors]
+    verification: dict[str, ForceErrors]
 
 
-def _read_n(context: StudyContext, cases: Cases, draws: int) -> Vector:
+def _estimated_forces_n(context: StudyContext, cases: Cases, draws: int) -> Vector:
     """Return the forces [N] that the released network reads, shape (draws, n, 3).
 
     Args:
@@ -97,9 +97,9 @@ def _draw_map(
 ) -> ContourSet:
     """Draw the direction error [deg] with iso-lines and the paper's circles; return the filled contours."""
     filled = axes.contourf(
-        *grid, error_deg, levels=_LEVELS_DEG, norm=BoundaryNorm(_LEVELS_DEG, 256), extend="max"
+        *grid, error_deg, levels=_COLOUR_LEVELS_DEG, norm=BoundaryNorm(_COLOUR_LEVELS_DEG, 256), extend="max"
     )
-    lines = axes.contour(*grid, error_deg, levels=_LEVELS_DEG[1:], colors="k", linewidths=0.4)
+    lines = axes.contour(*grid, error_deg, levels=_COLOUR_LEVELS_DEG[1:], colors="k", linewidths=0.4)
     for part in (filled, lines):
         part.set_clip_path(Circle((0.0, 0.0), map_radius(lowest_elevation_deg), transform=axes.transData))
     for elevation_deg in (lowest_elevation_deg, 50.0, 70.0):
@@ -108,7 +108,7 @@ def _draw_map(
         axes.text(
             float(right), float(up), f"{elevation_deg:g} deg", fontsize=8, color="w", ha="center", va="top"
         )
-    (middle,) = directions(*np.array(_CIRCLES_AT_DEG)[:, None])
+    (middle,) = directions(*np.array(_CIRCLE_CENTRE_DEG)[:, None])
     for radius_deg, style in ((PAPER_DIRECTION_DEG, "-"), (MEASURED_DIRECTION_DEG, "--")):
         axes.plot(*map_circle(middle, radius_deg), "r" + style, lw=1.8, label=f"{radius_deg} deg")
     axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
@@ -132,7 +132,7 @@ def _map_figure(grid: tuple[Vector, Vector], maps: dict[str, Vector], lowest_ele
 
 def _histogram_figure(readings: dict[str, tuple[Vector, Vector]]) -> Figure:
     """Draw the histograms of direction and magnitude errors on the 180 cases."""
-    figure, row = panels(2, 8.6, 3.6)
+    figure, row = subplot_row(2, 8.6, 3.6)
     bins = np.geomspace(1e-3, 40.0, 60).tolist()
     papers = ((PAPER_DIRECTION_DEG, MEASURED_DIRECTION_DEG), (PAPER_MAGNITUDE_GF, MEASURED_MAGNITUDE_GF))
     labels = ("direction error [deg]", "magnitude error [gf]")
@@ -154,22 +154,24 @@ def _histogram_figure(readings: dict[str, tuple[Vector, Vector]]) -> Figure:
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Read centred loads from all over the ball, and the 180 verification cases."""
     points, draws = (_POINTS_QUICK, _DRAWS_QUICK) if context.quick else (_POINTS, _DRAWS)
-    along = np.linspace(-map_radius(_LOWEST_DEG), map_radius(_LOWEST_DEG), points)
+    along = np.linspace(-map_radius(_MIN_ELEVATION_DEG), map_radius(_MIN_ELEVATION_DEG), points)
     right, up = np.meshgrid(along, along)
-    normal = _normals(right, up)
-    computed = normal[..., 2] >= np.sin(np.radians(_LOWEST_DEG))
+    normal = _map_normals(right, up)
+    computed = normal[..., 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG))
     force_n = normal[computed] * MAGNITUDE_GF * GRAM_FORCE_N
     cases = Cases(force_n, sensed_closure_um(Foot(context.response), normal[computed], force_n))
     verification = paper_verification(context.response)
     maps, readings, drawn = {}, {}, {}
     for name, n in (("without noise", 0), (f"with {1e3 * NOISE_PF:g} fF of noise", draws)):
         maps[name] = np.full(right.shape, np.nan)
-        maps[name][computed] = angles_between_deg(cases.force_n, _read_n(context, cases, n)).mean(axis=0)
-        read_n = _read_n(context, verification, n).reshape(-1, 3)
+        maps[name][computed] = angles_between_deg(cases.force_n, _estimated_forces_n(context, cases, n)).mean(
+            axis=0
+        )
+        read_n = _estimated_forces_n(context, verification, n).reshape(-1, 3)
         truth_n = np.tile(verification.force_n, (max(n, 1), 1))
-        readings[name] = errors(truth_n, read_n)
+        readings[name] = evaluate_force_errors(truth_n, read_n)
         drawn[name] = angles_between_deg(truth_n, read_n), magnitude_errors_gf(truth_n, read_n)
-        context.say(f"error-map: {computed.sum()} directions {name}")
+        context.report_progress(f"error-map: {computed.sum()} directions {name}")
     lowest_deg = context.foot_design.loads.min_elevation_deg
     exact = np.where(normal[..., 2] >= np.sin(np.radians(lowest_deg)), maps["without noise"], np.nan)
     worst = normal.reshape(-1, 3)[np.nanargmax(exact)]

@@ -28,14 +28,14 @@ from footsense.sim.foot.fabrication import PAPER_TOLERANCES, fabricate
 
 #: Azimuths over an eighth of the square, elevations [deg] and forces of the map [N].
 AZIMUTHS_DEG, ELEVATIONS_DEG = (0.0, 15.0, 30.0, 45.0), tuple(float(e) for e in range(35, 91, 5))
-_STEP_N = 0.02
+_FORCE_STEP_N = 0.02
 #: Borders of the bands of the largest closure over the element's own gap [1].
-BANDS = (0.0, 0.5, 0.7, 0.8, 0.9, GAP_CLOSED_REL, np.inf)
+CLOSURE_BAND_EDGES_REL = (0.0, 0.5, 0.7, 0.8, 0.9, GAP_CLOSED_REL, np.inf)
 #: Feet made like the paper's, loads of each, their lowest elevation [deg] and the seed.
-_FEET, _QUICK_FEET, _LOADS, _LOWEST_DEG, _SEED = 20, 1, 600, 32.0, 8
+_FEET, _QUICK_FEET, _LOADS, _MIN_ELEVATION_DEG, _SEED = 20, 1, 600, 32.0, 8
 #: Lower border of the ambiguous region [1], and an error that is too large to be used [deg].
 AMBIGUOUS_REL, TOO_LARGE_DEG = 0.8, 5.0
-_FIGURE = "force-range.png"
+_FIGURE_FILE = "force-range.png"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +85,12 @@ class ForceRangeResults:
     made: list[BandErrors | None]
 
 
-def _limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
+def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
     """Return the lowest force of each limit [N], shape (azimuths, elevations); 2 `max_n` where it is not reached."""
     direction = direction_grid(AZIMUTHS_DEG, ELEVATIONS_DEG)
     design = foot.response.design
     reached = {name: np.full(len(direction), 2.0 * max_n) for name in ("contact", "closed", "saturated")}
-    for force_n in np.arange(_STEP_N, 2.0 * max_n, _STEP_N)[::-1]:
+    for force_n in np.arange(_FORCE_STEP_N, 2.0 * max_n, _FORCE_STEP_N)[::-1]:
         loads_n = force_n * direction
         free_um = foot.response.free_closure_um(direction, loads_n).reshape(-1, foot.response.n_cells)
         pf = foot.capacitance_pf(direction, loads_n)
@@ -105,10 +105,10 @@ def _limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
     return {name: force.reshape(shape) for name, force in reached.items()}
 
 
-def _read(
+def _estimate_foot(
     context: StudyContext, trained: TrainedInputs, own: Deviations, normal: Vector, force_n: Vector
 ) -> tuple[Vector, Mask, Vector, Vector, Mask]:
-    """Return closure over the gap, readable loads, estimates and sigma [N], and the inconsistent loads of a foot."""
+    """Estimate loads on a foot: closure over the gap, readable mask, force, sigma [N], inconsistent mask."""
     foot, design = Foot(context.response, own), trained.design
     gap_um = np.broadcast_to(design.gap_um + own.gap_um, foot.unloaded_pf.shape)
     known = FootParameters(
@@ -165,14 +165,17 @@ def _errors_by_band(context: StudyContext, feet: list[Deviations]) -> list[BandE
     rng = np.random.default_rng(_SEED)
     collected: list[tuple[Any, ...]] = []
     for own in feet:
-        direction = random_directions(rng, 2 * _LOADS, _LOWEST_DEG)
+        direction = random_directions(rng, 2 * _LOADS, _MIN_ELEVATION_DEG)
         normal = leaning_normals(loads, rng, direction)
-        reached = np.flatnonzero(normal[:, 2] >= np.sin(np.radians(_LOWEST_DEG)))[:_LOADS]
+        reached = np.flatnonzero(normal[:, 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG)))[:_LOADS]
         force_n = direction[reached] * rng.uniform(0.1 * loads.max_n, loads.max_n, (len(reached), 1))
-        rel, read, estimate_n, sigma_n, said = _read(context, trained, own, normal[reached], force_n)
+        rel, read, estimate_n, sigma_n, said = _estimate_foot(context, trained, own, normal[reached], force_n)
         collected.append((rel, read, force_n, estimate_n, sigma_n, said))
     rel, *parts = (np.concatenate(part) for part in zip(*collected, strict=True))
-    return [_band_errors((rel >= low) & (rel < high), tuple(parts)) for low, high in pairwise(BANDS)]
+    return [
+        _band_errors((rel >= low) & (rel < high), tuple(parts))
+        for low, high in pairwise(CLOSURE_BAND_EDGES_REL)
+    ]
 
 
 def _figure(limits_n: dict[str, Vector], max_n: float) -> Figure:
@@ -197,7 +200,7 @@ def _figure(limits_n: dict[str, Vector], max_n: float) -> Figure:
 def compute(context: StudyContext) -> tuple[ForceRangeResults, Plots]:
     """Find the limits of the designed foot, and the errors by closure on it and on made feet."""
     loads = context.foot_design.loads
-    limits_n = _limits_n(Foot(context.response), loads.max_n)
+    limits_n = _force_limits_n(Foot(context.response), loads.max_n)
     feet = _QUICK_FEET if context.quick else _FEET
     made = [fabricate(context.response, PAPER_TOLERANCES, _SEED, number) for number in range(feet)]
     results = ForceRangeResults(
@@ -207,8 +210,8 @@ def compute(context: StudyContext) -> tuple[ForceRangeResults, Plots]:
         design=_errors_by_band(context, [Deviations()] * feet),
         made=_errors_by_band(context, made),
     )
-    context.say(f"force-range: a gap begins to close at {min(results.limits_n['contact']):.2f} N")
-    return results, {_FIGURE: _figure(limits_n, loads.max_n)}
+    context.report_progress(f"force-range: a gap begins to close at {min(results.limits_n['contact']):.2f} N")
+    return results, {_FIGURE_FILE: _figure(limits_n, loads.max_n)}
 
 
 STUDY = Study(name="force-range", title="The force that a foot can tell", compute=compute)

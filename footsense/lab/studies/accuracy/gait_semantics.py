@@ -9,36 +9,36 @@ import numpy as np
 from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import GaitEventKind, Mask, Vector
-from footsense.lab.evaluation.rough_walks import RoughWalk, walk
+from footsense.lab.evaluation.rough_walks import RoughWalk, simulate_walk
 from footsense.lab.studies.page import Plots, Study, StudyContext
 
 #: Seed of the walks.
-SEED = 990_308
+WALK_SEED = 990_308
 #: Walks and conversions of each: a minute.
 N_WALKS, CONVERSIONS, QUICK_CONVERSIONS = 8, 22_000, 7_000
 #: Time at the begin of each walk in which thresholds and friction are learnt [s].
-LEARNING_S = 10.0
+WARM_UP_S = 10.0
 #: Peak of the stances, and swing before them, whose touchdowns count [N], [s].
 PEAK_N, SWING_S = 0.1, 0.1
 #: Normal force from which friction use, and from which normals count [N].
-FRICTION_N, NORMAL_N = 0.3, 0.5
+MIN_FRICTION_FORCE_N, MIN_NORMAL_FORCE_N = 0.3, 0.5
 #: Way of a slide that has to be reported [mm], and way below which nothing has slid.
 SLID_MM, STUCK_MM = 5.0, 0.3
 #: Way from one conversion to the next from which a foot slides [mm].
-MOVING_MM = 0.01
+SLIDING_STEP_MM = 0.01
 #: Share of a slide in which the force has to be known for the slide to count [1].
-KNOWN_REL = 0.5
+MIN_ESTIMATED_SHARE_REL = 0.5
 #: A slip is false if friction use stayed so far below the ground's coefficient for the last conversions.
-BELOW, LATELY = 0.05, 30
+FALSE_SLIP_MARGIN, FALSE_SLIP_CONVERSIONS = 0.05, 30
 #: Touchdowns that were reported later do not count in the error of the back-dated time [ms].
-_PROMPT_MS = 60.0
+_MAX_BACK_DATING_DELAY_MS = 60.0
 #: Time after a stance in which a word belongs to it [s].
-_AFTER_S = 0.08
+_REPORT_AFTER_STANCE_S = 0.08
 
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Numbers of the page.
+    """Results of the study `gait-semantics`: errors of events, contact, friction and normals.
 
     Attributes:
         leg_hours: Time of all legs together [h].
@@ -97,10 +97,10 @@ class _ReportedEvents(NamedTuple):
     false: int
 
 
-class _SlideReports(NamedTuple):
+class _SlipReports(NamedTuple):
     """Slides: distance until each was reported [mm], infinite if never; those beyond range, false, and at the cone."""
 
-    ways_mm: list[float]
+    slide_distances_mm: list[float]
     beyond: int
     false: int
     at_cone: int
@@ -113,14 +113,14 @@ def _friction_use(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
     return np.where(pressing_n > 0.0, tangential_n / np.maximum(pressing_n, 1e-9), np.nan), pressing_n
 
 
-def _counted_stances(one: RoughWalk, leg: int) -> Iterator[tuple[int, float, float, Mask]]:
+def _evaluated_stances(one: RoughWalk, leg: int) -> Iterator[tuple[int, float, float, Mask]]:
     """Yield number, start and end [s] of the stances that count, and their conversions, shape (n,)."""
     for number, (start_s, end_s) in enumerate(one.stances_s[leg].tolist()):
-        if start_s > LEARNING_S and end_s + _AFTER_S < one.t_s[-1]:
+        if start_s > WARM_UP_S and end_s + _REPORT_AFTER_STANCE_S < one.t_s[-1]:
             yield number, start_s, end_s, one.slides[leg].stance == number
 
 
-def _touchdowns_and_lift_offs(one: RoughWalk, leg: int) -> _ReportedEvents:
+def _match_touchdowns_and_lift_offs(one: RoughWalk, leg: int) -> _ReportedEvents:
     """Match a leg's reported touchdowns and lift-offs with its true stances."""
     found = _ReportedEvents([], [], 0)
     words = [(one.t_s[row], event) for row, event in one.reported if event.leg == leg]
@@ -129,15 +129,15 @@ def _touchdowns_and_lift_offs(one: RoughWalk, leg: int) -> _ReportedEvents:
         for kind in (GaitEventKind.TOUCHDOWN, GaitEventKind.LIFT_OFF)
     )
     starts_s, ends_s = one.stances_s[leg].T
-    in_stance = ((down[:, :1] >= starts_s) & (down[:, :1] < ends_s + _AFTER_S)).any(axis=1)
-    false = int((~in_stance & (down[:, 0] > LEARNING_S)).sum())
-    for number, start_s, end_s, rows in _counted_stances(one, leg):
+    in_stance = ((down[:, :1] >= starts_s) & (down[:, :1] < ends_s + _REPORT_AFTER_STANCE_S)).any(axis=1)
+    false = int((~in_stance & (down[:, 0] > WARM_UP_S)).sum())
+    for number, start_s, end_s, rows in _evaluated_stances(one, leg):
         before_s = start_s - (ends_s[number - 1] if number else 0.0)
         if one.force_n[rows, leg, 2].max(initial=0.0) < PEAK_N or before_s < SWING_S:
             continue
         for reported, true_s, first_s, last_s in (
             (down, start_s, start_s, end_s),
-            (up, end_s, end_s, end_s + _AFTER_S),
+            (up, end_s, end_s, end_s + _REPORT_AFTER_STANCE_S),
         ):
             own = reported[(reported[:, 0] >= first_s) & (reported[:, 0] < last_s)]
             kept = found.touchdowns if reported is down else found.lift_offs
@@ -146,7 +146,7 @@ def _touchdowns_and_lift_offs(one: RoughWalk, leg: int) -> _ReportedEvents:
     return found._replace(false=false)
 
 
-def _slide_reports(one: RoughWalk, leg: int) -> _SlideReports:
+def _match_slip_reports(one: RoughWalk, leg: int) -> _SlipReports:
     """Match a leg's reported slips with its true slides."""
     use, pressing_n = _friction_use(one.force_n[:, leg], one.normal[:, leg])
     slides = one.slides[leg]
@@ -154,26 +154,28 @@ def _slide_reports(one: RoughWalk, leg: int) -> _SlideReports:
     reported = np.array(
         [row for row, e in one.reported if e.leg == leg and e.kind is GaitEventKind.SLIP], int
     )
-    moving = np.diff(slides.way_mm, append=0.0) > MOVING_MM
-    ways_mm, beyond, false, at_cone = [], 0, 0, 0
-    for number, _, _, rows in _counted_stances(one, leg):
+    moving = np.diff(slides.way_mm, append=0.0) > SLIDING_STEP_MM
+    slide_distances_mm, beyond, false, at_cone = [], 0, 0, 0
+    for number, _, _, rows in _evaluated_stances(one, leg):
         own = reported[slides.stance[reported] == number]
         where = np.flatnonzero(rows)
         for row in own.tolist():
-            lately = room[max(row - LATELY, where[0]) : row + 1]
-            if np.nanmax(lately, initial=-np.inf) < -BELOW:
+            lately = room[max(row - FALSE_SLIP_CONVERSIONS, where[0]) : row + 1]
+            if np.nanmax(lately, initial=-np.inf) < -FALSE_SLIP_MARGIN:
                 false += 1
             elif slides.way_mm[where[-1]] < STUCK_MM:
                 at_cone += 1
-        firm = where[pressing_n[where] > FRICTION_N]
+        firm = where[pressing_n[where] > MIN_FRICTION_FORCE_N]
         if len(firm) and slides.way_mm[firm[-1]] - slides.way_mm[firm[0]] > SLID_MM:
-            if one.known[firm[moving[firm]], leg].mean() < KNOWN_REL:
+            if one.has_estimate[firm[moving[firm]], leg].mean() < MIN_ESTIMATED_SHARE_REL:
                 beyond += 1
                 continue
             begun_mm = slides.way_mm[firm[0]]
             in_time = own[own <= firm[-1]]
-            ways_mm.append(max(float(slides.way_mm[in_time[0]] - begun_mm), 0.0) if len(in_time) else np.inf)
-    return _SlideReports(ways_mm, beyond, false, at_cone)
+            slide_distances_mm.append(
+                max(float(slides.way_mm[in_time[0]] - begun_mm), 0.0) if len(in_time) else np.inf
+            )
+    return _SlipReports(slide_distances_mm, beyond, false, at_cone)
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
@@ -183,28 +185,30 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     walks = []
     for number in range(1 if context.quick else N_WALKS):
         max_n = context.foot_design.loads.max_n
-        walks.append(walk(context.response, context.network, n_per_rel, max_n, (SEED, number), n))
-        context.say(f"gait-semantics: walk {number + 1}")
+        walks.append(
+            simulate_walk(context.response, context.network, n_per_rel, max_n, (WALK_SEED, number), n)
+        )
+        context.report_progress(f"gait-semantics: walk {number + 1}")
     legs = [(one, leg) for one in walks for leg in range(len(one.slides))]
-    flanks = [_touchdowns_and_lift_offs(one, leg) for one, leg in legs]
-    slips = [_slide_reports(one, leg) for one, leg in legs]
+    flanks = [_match_touchdowns_and_lift_offs(one, leg) for one, leg in legs]
+    slips = [_match_slip_reports(one, leg) for one, leg in legs]
     downs = np.array([row for one in flanks for row in one.touchdowns])
     ups = np.array([row for one in flanks for row in one.lift_offs])
-    ways_mm = np.array([way for one in slips for way in one.ways_mm])
-    down_ms, up_ms = downs[downs[:, 0] < _PROMPT_MS], ups[np.isfinite(ups[:, 0])]
+    slide_distances_mm = np.array([way for one in slips for way in one.slide_distances_mm])
+    down_ms, up_ms = downs[downs[:, 0] < _MAX_BACK_DATING_DELAY_MS], ups[np.isfinite(ups[:, 0])]
     frictions, normals_deg, stands, contacts = [], [], [], []
     for one in walks:
         use, pressing_n = _friction_use(one.force_n, one.normal)
-        later = one.t_s > LEARNING_S
-        frictions.append((one.friction_use - use)[(pressing_n > FRICTION_N) & later[:, None]])
-        firm = (pressing_n > NORMAL_N) & np.isfinite(one.estimated_normal[..., 0])
+        later = one.t_s > WARM_UP_S
+        frictions.append((one.friction_use - use)[(pressing_n > MIN_FRICTION_FORCE_N) & later[:, None]])
+        firm = (pressing_n > MIN_NORMAL_FORCE_N) & np.isfinite(one.estimated_normal[..., 0])
         normals_deg.append(angles_between_deg(one.estimated_normal[firm], one.normal[firm]))
         stands.append(np.stack([slides.stance[later] >= 0 for slides in one.slides], axis=1))
         contacts.append(one.contact[later] > 0.0)
     stand = np.concatenate(stands)
     hours = float(stand.size * np.diff(walks[0].t_s).mean()) / 3600.0
     last = [one.coefficient[-1] - np.nanmean([slides.friction for slides in one.slides]) for one in walks]
-    reported_mm = ways_mm[np.isfinite(ways_mm)]
+    reported_mm = slide_distances_mm[np.isfinite(slide_distances_mm)]
     return Results(
         leg_hours=hours,
         swing_hours=hours * float((~stand).mean()),
@@ -221,10 +225,10 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         friction=float(np.nanmean(np.abs(np.concatenate(frictions)))),
         normal_deg=float(np.concatenate(normals_deg).mean()),
         n_beyond=sum(one.beyond for one in slips),
-        n_slides=len(ways_mm),
+        n_slides=len(slide_distances_mm),
         slid_mm=float(reported_mm.mean()) if len(reported_mm) else float("nan"),
         slid_p95_mm=float(np.percentile(reported_mm, 95)) if len(reported_mm) else float("nan"),
-        missed_slides=float(np.isinf(ways_mm).mean()) if len(ways_mm) else float("nan"),
+        missed_slides=float(np.isinf(slide_distances_mm).mean()) if len(slide_distances_mm) else float("nan"),
         false_slips=sum(one.false for one in slips),
         at_cone=sum(one.at_cone for one in slips),
         coefficient=_rms(np.array(last)),

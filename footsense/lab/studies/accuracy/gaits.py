@@ -15,18 +15,18 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import LEGS, Mask, Vector
-from footsense.lab.evaluation.contact_model import normals
+from footsense.lab.evaluation.contact_model import unit_normals
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_SEED
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.gait_readings import (
     STEP_S,
     GaitReadings,
     ReadingConditions,
-    joined,
+    concatenate_gaits,
     random_gaits,
     read_gait,
 )
-from footsense.lab.training.gait_windows import contact_of, windows_of
+from footsense.lab.training.gait_windows import contact_and_normal_force, windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, paper_verification, random_loads
 from footsense.ports import Load, Window
 from footsense.sim.loads.ground_load import ContactSource, Ramp
@@ -35,20 +35,20 @@ from footsense.sim.loads.random_gait import Loads
 from footsense.sim.loads.walk import Walk, smooth_stance
 
 #: Seed of the gaits that judge; training uses another.
-SEED = 990_001
+TEST_GAIT_SEED = 990_001
 #: Random gaits and conversions of each.
 N_GAITS, N_QUICK, CONVERSIONS = 200, 6, 1100
 #: A conversion counts as usual if its time is within this of 400 a second [1].
-_USUAL_REL = 0.05
+_NOMINAL_RATE_TOLERANCE_REL = 0.05
 #: Conversions of a walk, per leg.
 _WALK_CONVERSIONS = 2500
 #: Least force of a direction, of a friction ratio, and least normal force of a contact normal [N].
-LEAST_N, FRICTION_N, NORMAL_N = 0.1, 0.3, 0.5
+MIN_DIRECTION_FORCE_N, MIN_FRICTION_FORCE_N, MIN_NORMAL_FORCE_N = 0.1, 0.3, 0.5
 #: Windows of one call.
 _WINDOWS_PER_CALL = 20_000
-_START_NS = 200_000_000
+_WALK_START_NS = 200_000_000
 #: Loads at rest.
-_REST_CASES = 6000
+_N_REST_LOADS = 6000
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +57,13 @@ class GaitErrors:
 
     Attributes:
         name: The load.
-        direction_deg: Direction error from `LEAST_N` on, mean [deg].
+        direction_deg: Direction error from `MIN_DIRECTION_FORCE_N` on, mean [deg].
         direction_p95_deg: The same, 95th percentile [deg].
         rms_mn: Error of the force's components, rms [mN], shape (3,).
         within_2_sigma: Share of the components within two sigma [1].
         beyond_5_sigma: Share beyond five [1].
-        friction: Error of the friction ratio's size from `FRICTION_N` on, mean [1].
-        normal_deg: Error of the contact normal from `NORMAL_N` on, mean [deg].
+        friction: Error of the friction ratio's size from `MIN_FRICTION_FORCE_N` on, mean [1].
+        normal_deg: Error of the contact normal from `MIN_NORMAL_FORCE_N` on, mean [deg].
     """
 
     name: str
@@ -78,7 +78,7 @@ class GaitErrors:
 
 @dataclass(frozen=True, slots=True)
 class RestErrors:
-    """Errors of feet at rest.
+    """Force errors of feet at rest.
 
     Attributes:
         name: The loads.
@@ -95,7 +95,7 @@ class RestErrors:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Numbers of the page.
+    """Results of the study `gaits`: force errors in motion and at rest.
 
     Attributes:
         n_gaits: Random gaits.
@@ -108,23 +108,23 @@ class Results:
     rest: list[RestErrors]
 
 
-class _Change(NamedTuple):
+class _InputFault(NamedTuple):
     """A change of the readings before the network sees them: missing elements, and the spread of the gains [1]."""
 
     missing: Mask
     gain_rel: float = 0.0
 
 
-_NOTHING = np.zeros(9, bool)
-_NO_CHANGE = _Change(_NOTHING)
+_NONE_MISSING = np.zeros(9, bool)
+_NO_INPUT_FAULT = _InputFault(_NONE_MISSING)
 
 
-def _those(gaits: GaitReadings, chosen: Mask) -> GaitReadings:
-    """Return some of the gaits."""
+def _select_gaits(gaits: GaitReadings, chosen: Mask) -> GaitReadings:
+    """Return the gaits that a mask selects."""
     return GaitReadings(**{field.name: getattr(gaits, field.name)[chosen] for field in fields(GaitReadings)})
 
 
-def loads_of(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
+def load_function(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
     """Return a leg's loads at some times [s], of a source for single times [ns]."""
 
     def loads(t_s: Vector) -> Loads:
@@ -134,32 +134,38 @@ def loads_of(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
     return loads
 
 
-def walks() -> tuple[ContactSource, ContactSource]:
+def test_walks() -> tuple[ContactSource, ContactSource]:
     """Return the measured walk and the tripod scene."""
     tripod = Walk(
         dict.fromkeys(LEGS, smooth_stance(0.6, 1.0, 0.15)),
         period_ns=1_200_000_000,
         duty_rel=0.6,
         pitch_deg=10.0,
-        from_ns=_START_NS,
+        from_ns=_WALK_START_NS,
     )
-    return measured_walk(1.0, 10.0, _START_NS), tripod
+    return measured_walk(1.0, 10.0, _WALK_START_NS), tripod
 
 
-def _walked(
+def _walk_readings(
     context: StudyContext, source: ContactSource, legs: tuple[str, ...], timing: ReadingConditions
 ) -> GaitReadings:
     """Return the readings of some legs in a gait."""
     n = 400 if context.quick else _WALK_CONVERSIONS
-    return joined(
+    return concatenate_gaits(
         [
-            read_gait(context.response, loads_of(source, leg), timing, np.random.default_rng((SEED, k)), n)
+            read_gait(
+                context.response,
+                load_function(source, leg),
+                timing,
+                np.random.default_rng((TEST_GAIT_SEED, k)),
+                n,
+            )
             for k, leg in enumerate(legs)
         ]
     )
 
 
-def estimated(context: StudyContext, window: Window) -> Load:
+def estimate_in_batches(context: StudyContext, window: Window) -> Load:
     """Return the network's loads, in calls of bounded size."""
     some = [
         slice(first, first + _WINDOWS_PER_CALL) for first in range(0, len(window.missing), _WINDOWS_PER_CALL)
@@ -171,28 +177,30 @@ def estimated(context: StudyContext, window: Window) -> Load:
     return Load(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _errors(
-    context: StudyContext, name: str, gaits: GaitReadings, change: _Change = _NO_CHANGE
+def _gait_errors(
+    context: StudyContext, name: str, gaits: GaitReadings, change: _InputFault = _NO_INPUT_FAULT
 ) -> GaitErrors:
     """Return the network's errors on some gaits."""
     windows = windows_of(gaits)
     closure_rel, force_n, normal = windows.closure_rel, windows.force_n, windows.normal
     if change.gain_rel:
         # A foot of its own for each gait.
-        gains = change.gain_rel * np.random.default_rng(SEED).normal(size=(len(gaits.order), 9))
+        gains = change.gain_rel * np.random.default_rng(TEST_GAIT_SEED).normal(size=(len(gaits.order), 9))
         closure_rel = closure_rel * (1.0 + gains[windows.gait])[:, None]
     imputation = Imputation(context.trained_inputs.moments)
     missing = np.tile(change.missing, (len(closure_rel), 1))
     closure_rel = closure_rel @ imputation.matrix(change.missing).T
-    load = estimated(context, Window(closure_rel, windows.age_s, missing))
-    loaded = np.linalg.norm(force_n, axis=1) > LEAST_N
+    load = estimate_in_batches(context, Window(closure_rel, windows.age_s, missing))
+    loaded = np.linalg.norm(force_n, axis=1) > MIN_DIRECTION_FORCE_N
     error_n = (load.force_n - force_n)[loaded]
     off = np.abs(error_n / load.sigma_n[loaded])
     direction_deg = angles_between_deg(load.force_n[loaded], force_n[loaded])
-    true_contact, pressing_n = contact_of(force_n, normal)
-    firm, firmer = pressing_n > FRICTION_N, pressing_n > NORMAL_N
-    found = normals(load.contact_coordinates[:, :2])
-    friction = _friction(load.contact_coordinates[:, 2:], found) - _friction(true_contact[:, 2:], normal)
+    true_contact, pressing_n = contact_and_normal_force(force_n, normal)
+    firm, firmer = pressing_n > MIN_FRICTION_FORCE_N, pressing_n > MIN_NORMAL_FORCE_N
+    found = unit_normals(load.contact_coordinates[:, :2])
+    friction = _friction_ratio(load.contact_coordinates[:, 2:], found) - _friction_ratio(
+        true_contact[:, 2:], normal
+    )
     return GaitErrors(
         name=name,
         direction_deg=float(direction_deg.mean()),
@@ -205,27 +213,27 @@ def _errors(
     )
 
 
-def _friction(ratio: Vector, normal: Vector) -> Vector:
+def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
     """Return tangential over normal force, shape (n,), of its part in the plane, shape (n, 2)."""
     along = (normal[:, :2] * ratio).sum(axis=1) / normal[:, 2]
     size: Vector = np.sqrt((ratio**2).sum(axis=1) + along**2)
     return size
 
 
-def _at_rest(context: StudyContext) -> list[RestErrors]:
+def _rest_errors(context: StudyContext) -> list[RestErrors]:
     """Return the errors of feet at rest, each reading with its own noise."""
     response, loads = context.response, context.foot_design.loads
     rng = np.random.default_rng(HELD_OUT_SEED)
-    wide = random_loads(response, loads, 500 if context.quick else _REST_CASES, HELD_OUT_SEED)
+    wide = random_loads(response, loads, 500 if context.quick else _N_REST_LOADS, HELD_OUT_SEED)
     rows = []
     for name, cases in (("wide loads", wide), ("the paper's 180", paper_verification(response))):
-        judged = np.linalg.norm(cases.force_n, axis=1) >= loads.min_judged_n
+        judged = np.linalg.norm(cases.force_n, axis=1) >= loads.min_evaluated_force_n
         force_n, closure_um = cases.force_n[judged], cases.closure_um[judged]
         readings = [measured_closure_rel(response.design, closure_um, rng) for _ in range(3)]
-        timing = windows_of(_walked(context, Ramp((0.0, 0.0, 0.5), 0), ("rf",), ReadingConditions()))
+        timing = windows_of(_walk_readings(context, Ramp((0.0, 0.0, 0.5), 0), ("rf",), ReadingConditions()))
         age_s = timing.age_s[np.arange(len(force_n)) % len(timing.age_s)]
         window = Window(np.stack(readings, axis=1), age_s, np.zeros((len(force_n), 9), bool))
-        found_n = estimated(context, window).force_n
+        found_n = estimate_in_batches(context, window).force_n
         direction_deg = angles_between_deg(found_n, force_n)
         off_n = np.abs(np.linalg.norm(found_n, axis=1) - np.linalg.norm(force_n, axis=1))
         rows.append(
@@ -242,34 +250,41 @@ def _at_rest(context: StudyContext) -> list[RestErrors]:
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Judge the network on random gaits, on walks, on walks of imperfect feet, and at rest."""
     n_gaits = N_QUICK if context.quick else N_GAITS
-    random = random_gaits(context.response, SEED, n_gaits, CONVERSIONS, context.foot_design.loads.max_n)
-    at_usual_pace = (random.order == 0) & (np.abs(random.step_s / STEP_S - 1.0) < _USUAL_REL)
-    usual = _those(random, at_usual_pace)
-    context.say("gaits: random gaits read")
-    walk, tripod = walks()
+    random = random_gaits(
+        context.response, TEST_GAIT_SEED, n_gaits, CONVERSIONS, context.foot_design.loads.max_n
+    )
+    at_usual_pace = (random.order == 0) & (np.abs(random.step_s / STEP_S - 1.0) < _NOMINAL_RATE_TOLERANCE_REL)
+    usual = _select_gaits(random, at_usual_pace)
+    context.report_progress("gaits: random gaits read")
+    walk, tripod = test_walks()
     sides = ("rf", "lf")
-    walked = _walked(context, walk, sides, ReadingConditions())
+    walked = _walk_readings(context, walk, sides, ReadingConditions())
     middle, row = np.arange(9) == 4, np.arange(9) < 3
     rows = [
-        _errors(context, "random gaits", usual),
-        _errors(context, "random gaits at another pace", _those(random, ~at_usual_pace)),
-        _errors(context, "measured walk", walked),
-        _errors(context, "tripod", _walked(context, tripod, ("rf",), ReadingConditions())),
-        _errors(
+        _gait_errors(context, "random gaits", usual),
+        _gait_errors(context, "random gaits at another pace", _select_gaits(random, ~at_usual_pace)),
+        _gait_errors(context, "measured walk", walked),
+        _gait_errors(context, "tripod", _walk_readings(context, tripod, ("rf",), ReadingConditions())),
+        _gait_errors(
             context,
             "walk, rubber creeps and lags",
-            _walked(context, walk, sides, ReadingConditions(viscous_rel=1.0)),
+            _walk_readings(context, walk, sides, ReadingConditions(viscous_rel=1.0)),
         ),
-        _errors(context, "walk, middle element missing", walked, _Change(middle)),
-        _errors(context, "walk, row 0 missing", walked, _Change(row)),
+        _gait_errors(context, "walk, middle element missing", walked, _InputFault(middle)),
+        _gait_errors(context, "walk, row 0 missing", walked, _InputFault(row)),
         *(
-            _errors(context, f"walk, gains off by {100 * gain_rel:g} %", walked, _Change(_NOTHING, gain_rel))
+            _gait_errors(
+                context,
+                f"walk, gains off by {100 * gain_rel:g} %",
+                walked,
+                _InputFault(_NONE_MISSING, gain_rel),
+            )
             for gain_rel in (0.003, 0.01, 0.03)
         ),
-        _errors(context, "random gaits, gains off by 1 %", usual, _Change(_NOTHING, 0.01)),
+        _gait_errors(context, "random gaits, gains off by 1 %", usual, _InputFault(_NONE_MISSING, 0.01)),
     ]
-    context.say("gaits: judged in motion")
-    return Results(n_gaits=n_gaits, gaits=rows, rest=_at_rest(context)), {}
+    context.report_progress("gaits: judged in motion")
+    return Results(n_gaits=n_gaits, gaits=rows, rest=_rest_errors(context)), {}
 
 
 STUDY = Study(name="gaits", title="Force in motion", compute=compute, command="gaits")

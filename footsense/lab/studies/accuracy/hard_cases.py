@@ -17,8 +17,8 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import kkt_residual, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.fem.centred import centred_closures
-from footsense.lab.fem.mesh import COARSE, MeshSize, build_mesh
+from footsense.lab.fem.centred import solve_centred_closures
+from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_mesh
 from footsense.lab.fem.quarter import Quarter
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.foot_file import load_foot
@@ -26,12 +26,12 @@ from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.studies.accuracy.hard_inputs import Case, network_cases, pipeline_cases
 from footsense.lab.studies.page import Plots, Study, StudyContext
 
-_UP = np.array([[0.0, 0.0, 1.0]])
+_UPWARD = np.array([[0.0, 0.0, 1.0]])
 #: A mesh for statements that hold on any mesh.
-_PLAIN = MeshSize(layers=0, order=2, bar_mm=1.0)
+_UNREFINED_MESH = MeshSize(layers=0, order=2, bar_mm=1.0)
 
 
-def _error_case(name: str, error: type[Exception], attempt: Callable[[], object]) -> Case:
+def _expected_error_case(name: str, error: type[Exception], attempt: Callable[[], object]) -> Case:
     """Return the case of an input that an error has to refuse."""
     try:
         attempt()
@@ -44,10 +44,10 @@ def _error_case(name: str, error: type[Exception], attempt: Callable[[], object]
 def _small_load_cases(response: FootResponse) -> Iterator[Case]:
     """Yield cases of no load, and of a tenth of a gram-force."""
     foot = Foot(response)
-    none_um = float(np.abs(foot.cells_um(_UP, 0.0 * _UP)).max())
+    none_um = float(np.abs(foot.cells_um(_UPWARD, 0.0 * _UPWARD)).max())
     yield Case("no load", "0 um, exactly", f"{none_um:g} um", none_um == 0.0)
     small_n = 0.1 * GRAM_FORCE_N
-    per_newton = [foot.cells_um(_UP, load * _UP)[0] / load for load in (small_n, 1e-6 * small_n)]
+    per_newton = [foot.cells_um(_UPWARD, load * _UPWARD)[0] / load for load in (small_n, 1e-6 * small_n)]
     apart = float(np.abs(per_newton[0] - per_newton[1]).max() / np.abs(per_newton[1]).max())
     yield Case("0.1 gf", "closure per newton as at 1e-7 gf, to 1e-3", f"{apart:.1e}", apart < 1e-3)
 
@@ -56,7 +56,7 @@ def _gap_closing_cases(response: FootResponse) -> Iterator[Case]:
     """Yield cases of loads that close gaps, and of the accuracy of the contact solution."""
     foot, gap_um = Foot(response), response.design.gap_um
     loads_n = np.linspace(0.0, 200.0, 801)
-    cells_um = foot.cells_um(np.repeat(_UP, len(loads_n), 0), loads_n[:, None] * _UP)
+    cells_um = foot.cells_um(np.repeat(_UPWARD, len(loads_n), 0), loads_n[:, None] * _UPWARD)
     shut = (cells_um >= gap_um).sum(axis=1)
     first_n = float(loads_n[np.argmax(shut > 0)])
     steady = float(np.diff(cells_um, axis=0).min())
@@ -65,14 +65,14 @@ def _gap_closing_cases(response: FootResponse) -> Iterator[Case]:
     n_cells = response.n_cells
     everything = bool(shut[-1] == n_cells)
     all_n = loads_n[np.argmax(shut == n_cells)]
-    radius_mm = float(response.patch_radius_mm(_UP[0], all_n * _UP[0]))
+    radius_mm = float(response.patch_radius_mm(_UPWARD[0], all_n * _UPWARD[0]))
     some = f"{shut[-1]} of {n_cells} cells at 200 N"
     found = f"{all_n:g} N, patch {radius_mm:.1f} mm" if everything else some
     yield Case("all nine gaps closed", "an end, every cell at its gap", found, everything)
     worst = 0.0
     compliance, gaps_um = response.compliance_um_per_n, np.full(n_cells, gap_um)
     for load_n in (2.0, 5.0, 20.0, 100.0):
-        free_um = response.free_closure_um(_UP[0], load_n * _UP[0])
+        free_um = response.free_closure_um(_UPWARD[0], load_n * _UPWARD[0])
         rest = kkt_residual(solve_contact_lcp(free_um, gaps_um, compliance), free_um, gaps_um, compliance)
         worst = max(worst, rest["balance_um"] / float(np.abs(free_um).max()))
     yield Case("contact at 2 to 100 N", "balance to 1e-9 of the closure", f"{worst:.1e}", worst < 1e-9)
@@ -85,42 +85,48 @@ def _rim_contact_cases(response: FootResponse) -> Iterator[Case]:
     turned = float(np.abs(closures[1].reshape(3, 3) - closures[0].reshape(3, 3).T).max())
     yield Case("40 deg, at x and at y", "the same turned, to 1e-6 um", f"{turned:.1e} um", turned < 1e-6)
     below = directions(np.array(0.0), np.array(response.min_elevation_deg - 1.0))
-    yield _error_case("contact below the table", ValueError, lambda: response.closure_um(below, below))
-    yield _error_case("NaN in a normal", ValueError, lambda: response.closure_um(np.full(3, np.nan), _UP[0]))
+    yield _expected_error_case(
+        "contact below the table", ValueError, lambda: response.closure_um(below, below)
+    )
+    yield _expected_error_case(
+        "NaN in a normal", ValueError, lambda: response.closure_um(np.full(3, np.nan), _UPWARD[0])
+    )
     gaps_um = np.full(3, response.design.gap_um)
-    yield _error_case(
+    yield _expected_error_case(
         "NaN in a closure", ValueError, lambda: solve_contact_lcp(np.full(3, np.nan), gaps_um, np.eye(3))
     )
-    yield _error_case(
+    yield _expected_error_case(
         "indefinite compliance",
         ArithmeticError,
         lambda: solve_contact_lcp(1.5 * gaps_um, gaps_um, -np.eye(3)),
     )
-    silent = Foot(response).capacitance_pf(_UP, np.full((1, 3), np.nan))
+    silent = Foot(response).capacitance_pf(_UPWARD, np.full((1, 3), np.nan))
     yield Case("NaN in a force", "no number", str(silent[0, 0]), bool(np.isnan(silent).all()))
 
 
 def _impossible_design_cases(foot_design: FootDesign) -> Iterator[Case]:
     """Yield cases of impossible feet, which take no solve."""
-    yield _error_case(
-        "plate of 10 nm", ModelError, lambda: build_mesh(replace(foot_design, plate_mm=1e-5), COARSE)
+    yield _expected_error_case(
+        "plate of 10 nm", ModelError, lambda: build_mesh(replace(foot_design, plate_mm=1e-5), COARSE_MESH)
     )
     wide = msgspec.json.encode(replace(foot_design, sheet_mm=1.5 * foot_design.ball_radius_mm))
-    yield _error_case("sheet wider than the ball", ConfigError, lambda: load_foot(wide))
+    yield _expected_error_case("sheet wider than the ball", ConfigError, lambda: load_foot(wide))
     for poisson in (0.5, 0.0):
         other = replace(foot_design, rubber=replace(foot_design.rubber, poisson=poisson))
-        yield _error_case(
-            f"rubber of nu = {poisson:g}", ModelError, partial(Quarter, other, _PLAIN, Parity(1, 1))
+        yield _expected_error_case(
+            f"rubber of nu = {poisson:g}", ModelError, partial(Quarter, other, _UNREFINED_MESH, Parity(1, 1))
         )
 
 
-def _solids(foot_design: FootDesign) -> Iterator[Case]:
+def _hard_material_cases(foot_design: FootDesign) -> Iterator[Case]:
     """Yield cases of hard materials, each solved."""
     lost = []
     for poisson in (0.49, 0.499, 0.4999):
         rubber = replace(foot_design, rubber=replace(foot_design.rubber, poisson=poisson))
         low, high = (
-            centred_closures(rubber, dataclasses.replace(_PLAIN, order=order), (90.0,)).closure_um.sum()
+            solve_centred_closures(
+                rubber, dataclasses.replace(_UNREFINED_MESH, order=order), (90.0,)
+            ).closure_um.sum()
             for order in (2, 3)
         )
         lost.append(100.0 * (1.0 - float(low / high)))
@@ -137,12 +143,14 @@ def _solids(foot_design: FootDesign) -> Iterator[Case]:
         (f"{spacer_um:g} um spacer in a ball of {ball_mm:g} mm", foot_design),
         ("sheet 1/150 as stiff as the rubber", soft),
     ):
-        quarter = Quarter(foot, _PLAIN, Parity(1, 1))
+        quarter = Quarter(foot, _UNREFINED_MESH, Parity(1, 1))
         load = quarter.traction_load(ng.CF((0.0, 0.0, 1.0)))
         rest = quarter.residual_rel(load, quarter.solve(load))
         yield Case(name, "residual below 1e-8", f"{rest:.1e}", rest < 1e-8)
     loose = replace(foot_design, spacer_mm=1e30)
-    yield _error_case("a half that nothing holds", ModelError, lambda: Quarter(loose, _PLAIN, Parity(1, 1)))
+    yield _expected_error_case(
+        "a half that nothing holds", ModelError, lambda: Quarter(loose, _UNREFINED_MESH, Parity(1, 1))
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,10 +174,10 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         "The daemon": pipeline_cases(context),
     }
     if not context.quick:
-        groups["The solid"] = _solids(context.foot_design)
+        groups["The solid"] = _hard_material_cases(context.foot_design)
     tried = {heading: list(cases) for heading, cases in groups.items()}
     for heading, cases in tried.items():
-        context.say(f"{heading}: {sum(case.held for case in cases)} of {len(cases)} as expected")
+        context.report_progress(f"{heading}: {sum(case.held for case in cases)} of {len(cases)} as expected")
     return Results(groups=tried), {}
 
 

@@ -25,7 +25,7 @@ from footsense.ports import Window
 
 _SCAN_NS, _MAX_AGE_NS, _WINDOW = 25_000_000, 100_000_000, 4
 #: Scans after a line breaks until its leg has a force again: two readings in a row make a window.
-_SETTLING = 3
+_SETTLING_SCANS = 3
 #: float32 against float64: a twentieth of a bit on CAN at rest, a half in motion [N].
 _SINGLE_N, _SINGLE_WALKED_N = 5e-5, 5e-4
 #: Random gaits of which a million conversions are tried in both: seed, rounds, gaits of a round, conversions of each.
@@ -49,7 +49,7 @@ class Case:
     held: bool
 
 
-def _double_graph(context: StudyContext) -> ReferenceEvaluator:
+def _float64_graph(context: StudyContext) -> ReferenceEvaluator:
     """Return the network's graph, to be computed in float64 by numpy."""
     model = onnx.load(context.models / NETWORK_FILE)
     for stored in model.graph.initializer:
@@ -58,7 +58,7 @@ def _double_graph(context: StudyContext) -> ReferenceEvaluator:
     return ReferenceEvaluator(model)
 
 
-def _apart_n(context: StudyContext, graph: ReferenceEvaluator, window: Window) -> float:
+def _float32_error_n(context: StudyContext, graph: ReferenceEvaluator, window: Window) -> float:
     """Return the largest difference between the forces in float32 and in float64 [N]; NaN if one is no number."""
     inputs = {
         signal.name: np.asarray(part, np.float64).reshape(len(part), signal.width)
@@ -67,7 +67,7 @@ def _apart_n(context: StudyContext, graph: ReferenceEvaluator, window: Window) -
     return float(np.abs(context.network.estimate(window).force_n - graph.run(["force_n"], inputs)[0]).max())
 
 
-def _walked_apart_n(context: StudyContext, graph: ReferenceEvaluator) -> tuple[int, float]:
+def _float32_error_on_gaits_n(context: StudyContext, graph: ReferenceEvaluator) -> tuple[int, float]:
     """Return the windows of random gaits that were tried, and the same difference over all of them [N]."""
     n, apart_n = 0, 0.0
     for seed in range(1 if context.quick else _ROUNDS):
@@ -81,7 +81,7 @@ def _walked_apart_n(context: StudyContext, graph: ReferenceEvaluator) -> tuple[i
         windows = windows_of(gaits)
         nothing = np.zeros((len(windows.gait), ELEMENTS), bool)
         window = Window(windows.closure_rel, windows.age_s, nothing)
-        n, apart_n = n + len(nothing), np.maximum(apart_n, _apart_n(context, graph, window))
+        n, apart_n = n + len(nothing), np.maximum(apart_n, _float32_error_n(context, graph, window))
     return n, float(apart_n)
 
 
@@ -99,9 +99,9 @@ def network_cases(context: StudyContext) -> Iterator[Case]:
     yield Case("one NaN", "no number", str(force_n[0].tolist()), bool(np.isnan(force_n).any()))
     cases = paper_verification(context.response)
     closure_rel = cases.closure_um / gap_um
-    graph = _double_graph(context)
-    rested_n = _apart_n(context, graph, at_rest(closure_rel))
-    walked, walked_n = _walked_apart_n(context, graph)
+    graph = _float64_graph(context)
+    rested_n = _float32_error_n(context, graph, at_rest(closure_rel))
+    walked, walked_n = _float32_error_on_gaits_n(context, graph)
     for what, apart_n, limit_n in (
         ("180 cases at rest", rested_n, _SINGLE_N),
         (f"{walked} conversions of random gaits", walked_n, _SINGLE_WALKED_N),
@@ -121,7 +121,7 @@ def network_cases(context: StudyContext) -> Iterator[Case]:
     )
 
 
-class _Leg:
+class _LegPipeline:
     """One leg's pipeline with the released network, tared on a free foot."""
 
     def __init__(self, context: StudyContext) -> None:
@@ -164,8 +164,8 @@ def _leg_state_case(
     age_ns: int = 0,
 ) -> Case:
     """Feed constant capacitances [pF] to a leg until it has settled, and compare its state with the expected one."""
-    leg = _Leg(context)
-    for _ in range(_SETTLING):
+    leg = _LegPipeline(context)
+    for _ in range(_SETTLING_SCANS):
         leg.feed(capacitance_pf, reading)
     frame = leg.feed(capacitance_pf, reading, age_ns)
     found = State(int(frame.state[0]))

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.rest import at_rest
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import coverage, rms
+from footsense.lab.evaluation.evaluate import rms, sigma_coverage_shares
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
@@ -20,7 +20,7 @@ from footsense.lab.evaluation.evaluate_models import (
 )
 from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.sim.foot.fabrication import fabricate
 
@@ -45,9 +45,9 @@ FOOT_BATCHES = {
 }
 #: Feet of each batch, loads on each.
 N_FEET, N_LOADS, _FEET_SEED = 20, 500, 7
-QUICK_FEET = 2
+N_QUICK_FEET = 2
 #: Bins of force for the coverage over the loading range [N].
-BINS_N = (0.0, 0.05, 0.2, 0.5, 1.0, 2.0)
+FORCE_BINS_N = (0.0, 0.05, 0.2, 0.5, 1.0, 2.0)
 
 
 #: Shares of errors within one and two sigma, per axis.
@@ -69,17 +69,17 @@ class Results:
         coverage_on_deviating_feet: Coverage on feet that differ from the design, by batch.
     """
 
-    errors: dict[str, Errors]
+    errors: dict[str, ForceErrors]
     weights: int
     min_judged_n: float
     n_feet: int
-    missing: dict[str, Errors]
+    missing: dict[str, ForceErrors]
     missing_coverage: dict[str, SigmaCoverage]
     coverage_by_force_n: dict[str, SigmaCoverage]
     coverage_on_deviating_feet: dict[str, SigmaCoverage]
 
 
-def _on_other_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -> SigmaCoverage:
+def _coverage_on_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -> SigmaCoverage:
     """Return the coverage over a batch of feet that differ from the design."""
     response, n_loads = context.response, 100 if context.quick else N_LOADS
     parts = []
@@ -90,7 +90,7 @@ def _on_other_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -
         closure_rel = measured_closure_rel(response.design, cases.closure_um, rng)
         parts.append((cases.force_n, *context.network.estimate(at_rest(closure_rel))[:2]))
     truth, force_n, sigma_n = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return coverage(truth, force_n, sigma_n)
+    return sigma_coverage_shares(truth, force_n, sigma_n)
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
@@ -99,40 +99,42 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     cases = random_loads(context.response, loads, 2000 if context.quick else HELD_OUT_CASES, HELD_OUT_SEED)
     rng = np.random.default_rng(HELD_OUT_SEED)
     closure_rel = measured_closure_rel(context.response.design, cases.closure_um, rng)
-    context.say("released: held-out loads drawn")
+    context.report_progress("released: held-out loads drawn")
     size = np.linalg.norm(cases.force_n, axis=1)
-    counted = size >= loads.min_judged_n
+    counted = size >= loads.min_evaluated_force_n
     imputation = Imputation(np.array(network.card["moments"]))
     missing, missing_coverage = {}, {}
     for name, index in MISSING_PATTERNS.items():
         mask = np.tile(MISSING_SETS[index], (len(closure_rel), 1))
         force_n, sigma_n = network.estimate(at_rest(imputation.impute(closure_rel, mask), mask))[:2]
-        missing[name] = errors(cases.force_n[counted], force_n[counted])
-        missing_coverage[name] = coverage(cases.force_n, force_n, sigma_n)
+        missing[name] = evaluate_force_errors(cases.force_n[counted], force_n[counted])
+        missing_coverage[name] = sigma_coverage_shares(cases.force_n, force_n, sigma_n)
     force_n, sigma_n = network.estimate(at_rest(closure_rel))[:2]
     by_force = {}
-    for low, high in pairwise(BINS_N):
+    for low, high in pairwise(FORCE_BINS_N):
         inside = (size >= low) & (size < high)
-        by_force[f"{low:g} to {high:g}"] = coverage(cases.force_n[inside], force_n[inside], sigma_n[inside])
-    n_feet = QUICK_FEET if context.quick else N_FEET
+        by_force[f"{low:g} to {high:g}"] = sigma_coverage_shares(
+            cases.force_n[inside], force_n[inside], sigma_n[inside]
+        )
+    n_feet = N_QUICK_FEET if context.quick else N_FEET
     results = Results(
         errors=evaluate_models(context.models),
         weights=network.card["training"]["weights"],
-        min_judged_n=loads.min_judged_n,
+        min_judged_n=loads.min_evaluated_force_n,
         n_feet=n_feet,
         missing=missing,
         missing_coverage=missing_coverage,
         coverage_by_force_n=by_force,
         coverage_on_deviating_feet={
-            name: _on_other_feet(context, deviations, n_feet) for name, deviations in FOOT_BATCHES.items()
+            name: _coverage_on_feet(context, deviations, n_feet) for name, deviations in FOOT_BATCHES.items()
         },
     )
-    return results, {"released-sigma.png": _figure(cases.force_n, force_n, sigma_n)}
+    return results, {"released-sigma.png": _error_over_sigma_figure(cases.force_n, force_n, sigma_n)}
 
 
-def _figure(truth_n: Vector, force_n: Vector, sigma_n: Vector) -> Figure:
+def _error_over_sigma_figure(truth_n: Vector, force_n: Vector, sigma_n: Vector) -> Figure:
     """Draw the measured error over the stated sigma, per axis, in bins of equally many cases."""
-    figure, (axes,) = panels(1, 8.0, 3.6)
+    figure, (axes,) = subplot_row(1, 8.0, 3.6)
     for axis, name in enumerate("xyz"):
         order = np.array_split(np.argsort(sigma_n[:, axis]), 20)
         stated = [1e3 * rms(sigma_n[part, axis]) for part in order]

@@ -11,25 +11,25 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.foot.direction_sets import paper_directions
-from footsense.foot.force_errors import GRAM_FORCE_N, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.symmetry import mirrored_series
 from footsense.frames import Vector
 from footsense.lab.fem.mesh import MeshSize
 from footsense.lab.fem.other_sensors.block import (
-    BLOCK_SIZE,
-    COARSE_BLOCK,
-    Column,
+    BLOCK_MESH,
+    COARSE_BLOCK_MESH,
+    BlockColumn,
     block_fields,
     half_thickness_mm,
 )
 from footsense.lab.fem.symmetry_classes import single_cell_series, transposed_series
 from footsense.lab.geometry import FootDesign
-from footsense.lab.monte_carlo.statistics import Difference, MeanStd
-from footsense.lab.response import DEGREE, fit_class, patch_mean
+from footsense.lab.monte_carlo.statistics import MeanDifference, MeanStd
+from footsense.lab.response import SERIES_DEGREE, fit_series, mean_over_patch
 from footsense.lab.studies.page import Plots, StudyContext
-from footsense.lab.studies.plots import panels
-from footsense.lab.training.paper.mlp import forward, stack, train, unstack
-from footsense.lab.training.paper.procedure import HIDDEN, starts_of
+from footsense.lab.studies.plots import subplot_row
+from footsense.lab.training.paper.mlp import network_outputs, stack, train, unstack
+from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, start_weights_by_seed
 from footsense.lab.training.paper.rprop import RPROP
 
 #: Force of the contacts [gf]: patterns are divided by their maximum, so that it sets the size of the patch alone.
@@ -42,97 +42,106 @@ EPOCHS, QUICK_EPOCHS = 2000, 500
 #: Seed of the random errors.
 NOISE_SEED = 5
 #: Saturated is what gains less than this of the step from 4 to 9 elements [1].
-SATURATED_REL = 0.2
+SATURATED_GAIN_REL = 0.2
 
 _TRAINING, _TEST = paper_directions("training"), paper_directions("verification")
 
 
 @dataclass(frozen=True, slots=True)
-class Sensor:
+class SensorArray:
     """An array that reads the block (Fig. 6).
 
     Attributes:
         name: The paper's letter.
-        per_side: Elements along a side.
-        side_mm: Side of an element [mm].
+        elements_per_side: Elements along a side.
+        element_side_mm: Side of an element [mm].
         pitch_mm: Distance of neighbouring elements [mm].
     """
 
     name: str
-    per_side: int
-    side_mm: float
+    elements_per_side: int
+    element_side_mm: float
     pitch_mm: float
 
-    def halves_mm(self) -> list[tuple[float, float]]:
+    def element_borders_mm(self) -> list[tuple[float, float]]:
         """Return the element borders on the positive half axis [mm], from the edge inwards, cut at zero."""
-        centres = [self.pitch_mm * ((self.per_side - 1) / 2.0 - k) for k in range((self.per_side + 1) // 2)]
-        return [(max(0.0, c - self.side_mm / 2.0), c + self.side_mm / 2.0) for c in centres]
+        centres = [
+            self.pitch_mm * ((self.elements_per_side - 1) / 2.0 - k)
+            for k in range((self.elements_per_side + 1) // 2)
+        ]
+        return [(max(0.0, c - self.element_side_mm / 2.0), c + self.element_side_mm / 2.0) for c in centres]
 
-    def columns(self) -> list[Column]:
+    def element_columns(self) -> list[BlockColumn]:
         """Return the columns of the quarter, grouped by x."""
-        halves = self.halves_mm()
-        return [Column(x, y) for x in halves for y in halves]
+        halves = self.element_borders_mm()
+        return [BlockColumn(x, y) for x in halves for y in halves]
 
 
 #: A to C have their elements at the centres of F to H, which have the largest that leave bars of 1 mm between them, as
 #: G has; D and E reach to the edge of the block.
-SENSORS = (
-    Sensor("A", 2, 1.0, 7.5),
-    Sensor("B", 3, 1.0, 5.0),
-    Sensor("C", 5, 1.0, 3.0),
-    Sensor("D", 7, 1.0, 13.0 / 6.0),
-    Sensor("E", 9, 1.0, 13.0 / 8.0),
-    Sensor("F", 2, 6.5, 7.5),
-    Sensor("G", 3, 4.0, 5.0),
-    Sensor("H", 5, 2.0, 3.0),
+SENSOR_ARRAYS = (
+    SensorArray("A", 2, 1.0, 7.5),
+    SensorArray("B", 3, 1.0, 5.0),
+    SensorArray("C", 5, 1.0, 3.0),
+    SensorArray("D", 7, 1.0, 13.0 / 6.0),
+    SensorArray("E", 9, 1.0, 13.0 / 8.0),
+    SensorArray("F", 2, 6.5, 7.5),
+    SensorArray("G", 3, 4.0, 5.0),
+    SensorArray("H", 5, 2.0, 3.0),
 )
-QUICK_NAMES = "ABFG"
+QUICK_SENSOR_NAMES = "ABFG"
 #: Pairs with as many elements, the smaller ones first.
-PAIRS = (("A", "F"), ("B", "G"), ("C", "H"))
+SMALL_AND_LARGE_PAIRS = (("A", "F"), ("B", "G"), ("C", "H"))
 
 
-def _series_of_all_elements(quarter: Vector, per_side: int) -> Vector:
+def _series_of_all_elements(quarter: Vector, elements_per_side: int) -> Vector:
     """Return the series of all elements, shape (products, n, n, 3), from the quarter.
 
     The two or four parts of an element that a mirror plane cuts are as large, so that it feels their mean.
     """
-    half = np.concatenate([quarter, mirrored_series(quarter, DEGREE, 0)[:, ::-1]], axis=1)
-    parts = np.concatenate([half, mirrored_series(half, DEGREE, 1)[:, :, ::-1]], axis=2)
-    for axis in (1, 2) if per_side % 2 else ():
-        middle = per_side // 2
+    half = np.concatenate([quarter, mirrored_series(quarter, SERIES_DEGREE, 0)[:, ::-1]], axis=1)
+    parts = np.concatenate([half, mirrored_series(half, SERIES_DEGREE, 1)[:, :, ::-1]], axis=2)
+    for axis in (1, 2) if elements_per_side % 2 else ():
+        middle = elements_per_side // 2
         mean = parts.take([middle, middle + 1], axis).mean(axis=axis, keepdims=True)
-        outer = (parts.take(range(middle), axis), parts.take(range(middle + 2, per_side + 1), axis))
+        outer = (parts.take(range(middle), axis), parts.take(range(middle + 2, elements_per_side + 1), axis))
         parts = np.concatenate([outer[0], mean, outer[1]], axis=axis)
     return parts
 
 
-def sensor_series(foot_design: FootDesign, sensors: Sequence[Sensor], size: MeshSize) -> dict[str, Vector]:
+def stress_series(
+    foot_design: FootDesign, sensors: Sequence[SensorArray], size: MeshSize
+) -> dict[str, Vector]:
     """Return the mean stress of each sensor's elements as series [MPa/N], shapes (products, n, n, 3)."""
-    fields = block_fields(foot_design, [column for sensor in sensors for column in sensor.columns()], size)
-    fitted = {parity: fit_class(field) for parity, field in fields.items()}
+    fields = block_fields(
+        foot_design, [column for sensor in sensors for column in sensor.element_columns()], size
+    )
+    fitted = {parity: fit_series(field) for parity, field in fields.items()}
     series, first = {}, 0
     for sensor in sensors:
-        m = len(sensor.halves_mm())
+        m = len(sensor.element_borders_mm())
         own = {parity: part[:, first : first + m * m].reshape(-1, m, m, 3) for parity, part in fitted.items()}
         first += m * m
-        raw = single_cell_series(own, DEGREE)
+        raw = single_cell_series(own, SERIES_DEGREE)
         series[sensor.name] = _series_of_all_elements(
-            (raw + transposed_series(raw, DEGREE)) / 2.0, sensor.per_side
+            (raw + transposed_series(raw, SERIES_DEGREE)) / 2.0, sensor.elements_per_side
         )
     return series
 
 
-def patterns(foot_design: FootDesign, series: Vector, direction: Vector) -> Vector:
+def pressure_patterns(foot_design: FootDesign, series: Vector, direction: Vector) -> Vector:
     """Return pressures [MPa], shape (n, elements), under centred contacts with a Hertz patch."""
     force_n = FORCE_GF * GRAM_FORCE_N
-    patch_mm = foot_design.patch_mm(force_n)
-    unit = patch_mean(series.reshape(len(series), -1), direction, patch_mm, foot_design)
+    patch_mm = foot_design.hertz_patch_radius_mm(force_n)
+    unit = mean_over_patch(series.reshape(len(series), -1), direction, patch_mm, foot_design)
     stress_mpa = (unit.reshape(len(direction), -1, 3) * direction[:, None, :]).sum(axis=2)
     pressure_mpa: Vector = -force_n * stress_mpa
     return pressure_mpa
 
 
-def direction_errors(training: Vector, test: Vector, noise_rel: float, seeds: int, epochs: int) -> MeanStd:
+def network_direction_errors(
+    training: Vector, test: Vector, noise_rel: float, seeds: int, epochs: int
+) -> MeanStd:
     """Return the mean direction error of networks that differ in their start weights [deg].
 
     Args:
@@ -150,10 +159,11 @@ def direction_errors(training: Vector, test: Vector, noise_rel: float, seeds: in
         return scaled
 
     training_inputs, test_inputs = inputs(training), inputs(test).astype(np.float32)
-    starts = stack(starts_of(seeds, (training.shape[1], *HIDDEN, 3)))
+    starts = stack(start_weights_by_seed(seeds, (training.shape[1], *HIDDEN_NEURONS, 3)))
     networks = unstack(train(RPROP, starts, training_inputs, _TRAINING, epochs).layers)
-    return MeanStd.over(
-        errors(_TEST, np.asarray(forward(network, test_inputs), float)).direction_deg for network in networks
+    return MeanStd.of_values(
+        evaluate_force_errors(_TEST, np.asarray(network_outputs(network, test_inputs), float)).direction_deg
+        for network in networks
     )
 
 
@@ -181,16 +191,18 @@ class Results:
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Solve the block under every sensor, train networks on the sensor patterns, and return the errors."""
     foot_design, quick = context.foot_design, context.quick
-    sensors = [sensor for sensor in SENSORS if not quick or sensor.name in QUICK_NAMES]
+    sensors = [sensor for sensor in SENSOR_ARRAYS if not quick or sensor.name in QUICK_SENSOR_NAMES]
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
-    series = sensor_series(foot_design, sensors, COARSE_BLOCK if quick else BLOCK_SIZE)
-    context.say(f"sensors: stresses of {len(sensors)} sensors solved")
+    series = stress_series(foot_design, sensors, COARSE_BLOCK_MESH if quick else BLOCK_MESH)
+    context.report_progress(f"sensors: stresses of {len(sensors)} sensors solved")
     clean, noisy = {}, {}
     for name in series:
-        training, test = (patterns(foot_design, series[name], direction) for direction in (_TRAINING, _TEST))
-        clean[name] = direction_errors(training, test, 0.0, seeds, epochs)
-        noisy[name] = direction_errors(training, test, NOISE_REL, seeds, epochs)
-        context.say(f"sensors: {name} trained")
+        training, test = (
+            pressure_patterns(foot_design, series[name], direction) for direction in (_TRAINING, _TEST)
+        )
+        clean[name] = network_direction_errors(training, test, 0.0, seeds, epochs)
+        noisy[name] = network_direction_errors(training, test, NOISE_REL, seeds, epochs)
+        context.report_progress(f"sensors: {name} trained")
     results = Results(
         sheet_mm=foot_design.sheet_mm,
         thick_mm=2.0 * half_thickness_mm(foot_design),
@@ -204,12 +216,15 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 def _figure(results: Results) -> Figure:
     """Draw the direction error over the number of elements, small and large ones, without and with errors."""
-    figure, row = panels(2, 8.2, 3.9)
-    columns = (("no random error", results.clean_deg), (f"{NOISE_REL:.0%} random error", results.noisy_deg))
-    for axes, (title, errors_deg) in zip(row, columns, strict=True):
+    figure, row = subplot_row(2, 8.2, 3.9)
+    element_columns = (
+        ("no random error", results.clean_deg),
+        (f"{NOISE_REL:.0%} random error", results.noisy_deg),
+    )
+    for axes, (title, errors_deg) in zip(row, element_columns, strict=True):
         for names, marker, label in (("ABCDE", "o-", "1 mm elements"), ("FGH", "s--", "larger elements")):
-            drawn = [sensor for sensor in SENSORS if sensor.name in names and sensor.name in errors_deg]
-            number = [sensor.per_side**2 for sensor in drawn]
+            drawn = [sensor for sensor in SENSOR_ARRAYS if sensor.name in names and sensor.name in errors_deg]
+            number = [sensor.elements_per_side**2 for sensor in drawn]
             mean, std = ([getattr(errors_deg[one.name], of) for one in drawn] for of in ("mean", "std"))
             axes.errorbar(number, mean, std, fmt=marker, capsize=3, ms=5, label=label)
             for sensor, x, y in zip(drawn, number, mean, strict=True):
@@ -222,11 +237,15 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-def gains(errors_deg: dict[str, MeanStd]) -> dict[str, Difference]:
-    """Return the gain of larger elements for each of `PAIRS` [deg]."""
-    return {f"{s} minus {b}": errors_deg[s].excess(errors_deg[b]) for s, b in PAIRS if b in errors_deg}
+def gains_of_larger_elements(errors_deg: dict[str, MeanStd]) -> dict[str, MeanDifference]:
+    """Return the gain of larger elements for each of `SMALL_AND_LARGE_PAIRS` [deg]."""
+    return {
+        f"{s} minus {b}": errors_deg[s].difference_from(errors_deg[b])
+        for s, b in SMALL_AND_LARGE_PAIRS
+        if b in errors_deg
+    }
 
 
-def factors(results: Results) -> dict[str, float]:
+def noise_error_factors(results: Results) -> dict[str, float]:
     """Return the error with random error over the error without, by sensor."""
     return {name: results.noisy_deg[name].mean / clean.mean for name, clean in results.clean_deg.items()}

@@ -16,13 +16,17 @@ from footsense.lab.evaluation import evaluate
 from footsense.lab.monte_carlo import sweeps
 from footsense.lab.monte_carlo.resumable_run import Tolerances, Workers
 from footsense.lab.monte_carlo.sweeps import Plan, Sweep, SweepResults, sweep_results
-from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, parallel
+from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, job_runner
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import plot_band
 
 #: Read-outs by the names of `specimens.readout_errors`: trained on the design, and trained on the foot.
-ON_DESIGN = {"network": "released network", "plain": "network on ΔC", "change": "linear on ΔC"}
-ON_FOOT = {"own_network": "network on ΔC", "own_change": "linear on ΔC", "own_closure": "linear on closures"}
+DESIGN_TRAINED_READOUTS = {"network": "released network", "plain": "network on ΔC", "change": "linear on ΔC"}
+FOOT_TRAINED_READOUTS = {
+    "own_network": "network on ΔC",
+    "own_change": "linear on ΔC",
+    "own_closure": "linear on closures",
+}
 _COLOURS = {"released network": "C0", "linear on ΔC": "C1", "linear on closures": "C2", "network on ΔC": "C3"}
 
 
@@ -38,8 +42,8 @@ def distinct_levels(plan: Plan, some: tuple[Sweep, ...]) -> Iterable[tuple[Sweep
 def _figure(results: SweepResults, some: tuple[Sweep, ...], readouts: dict[str, str]) -> Figure:
     """Draw the mean direction error over the level of each imperfection, with the standard deviation between feet."""
     figure = Figure(figsize=(9.0, 5.8), layout="constrained")
-    panels = figure.subplots(2, 3, sharey=True).ravel()
-    for axes, sweep in zip(panels, some, strict=False):
+    subplot_row = figure.subplots(2, 3, sharey=True).ravel()
+    for axes, sweep in zip(subplot_row, some, strict=False):
         levels = results.plan.levels(sweep)
         for name, label in readouts.items():
             statistics = [results.over_feet(sweep, level, f"{name}_deg") for level in levels]
@@ -47,13 +51,13 @@ def _figure(results: SweepResults, some: tuple[Sweep, ...], readouts: dict[str, 
         axes.axhline(evaluate.MEASURED_DIRECTION_DEG, color="k", ls=":", label="the paper, measured")
         axes.set(xlabel=f"{sweep.what}, rms", ylim=(0.0, 45.0))
         axes.grid(alpha=0.3)
-    for axes in panels[::3]:
+    for axes in subplot_row[::3]:
         axes.set_ylabel("mean direction error [deg]")
-    if len(some) < len(panels):
-        panels[-1].axis("off")
-        panels[-1].legend(*panels[0].get_legend_handles_labels(), loc="center")
+    if len(some) < len(subplot_row):
+        subplot_row[-1].axis("off")
+        subplot_row[-1].legend(*subplot_row[0].get_legend_handles_labels(), loc="center")
     else:
-        panels[2].legend(fontsize=8)
+        subplot_row[2].legend(fontsize=8)
     return figure
 
 
@@ -67,21 +71,21 @@ def run_study(
         workers: Run the jobs.
         file: As for `sweep_results`.
     """
-    plan = sweeps.QUICK if context.quick else sweeps.FULL
+    plan = sweeps.QUICK_PLAN if context.quick else sweeps.FULL_PLAN
     results = sweep_results(context.models, context.response.design.gap_um, plan, workers, file)
-    context.say(
+    context.report_progress(
         f"tolerance: {plan.feet} feet at each level of fabrication, {plan.with_network} at each of the test stand"
     )
     figures = {
-        "tolerance-feet.png": _figure(results, sweeps.FEET, ON_DESIGN),
-        "tolerance-test-stand.png": _figure(results, sweeps.TEST_STANDS, ON_FOOT),
+        "tolerance-feet.png": _figure(results, sweeps.FOOT_SWEEPS, DESIGN_TRAINED_READOUTS),
+        "tolerance-test-stand.png": _figure(results, sweeps.TEST_STAND_SWEEPS, FOOT_TRAINED_READOUTS),
     }
     return results, figures
 
 
 def compute(context: StudyContext) -> tuple[SweepResults, Plots]:
     """Evaluate the feet by processes on this machine."""
-    return run_study(context, parallel(n_workers=1 if context.quick else LOCAL_WORKERS))
+    return run_study(context, job_runner(n_workers=1 if context.quick else LOCAL_WORKERS))
 
 
 STUDY = Study(name="tolerance", title="What fabrication and calibration cost", compute=compute)

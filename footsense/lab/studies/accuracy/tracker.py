@@ -16,19 +16,25 @@ from footsense.foot.directions import angles_between_deg
 from footsense.frames import LEGS, Mask, Vector
 from footsense.lab.evaluation.contact_filter import ContactFilter
 from footsense.lab.evaluation.contact_model import ContactModel
-from footsense.lab.evaluation.window_fit import at_rest, fitted
-from footsense.lab.studies.accuracy.gaits import LEAST_N, SEED, estimated, loads_of, walks
+from footsense.lab.evaluation.window_fit import fit_contact, is_steady
+from footsense.lab.studies.accuracy.gaits import (
+    MIN_DIRECTION_FORCE_N,
+    TEST_GAIT_SEED,
+    estimate_in_batches,
+    load_function,
+    test_walks,
+)
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.gait_readings import (
-    LEAD_S,
+    NOMINAL_SEND_DELAY_S,
     STEP_S,
     GaitReadings,
     ReadingConditions,
-    elements_of,
-    joined,
+    concatenate_gaits,
+    conversion_elements,
     read_gait,
 )
-from footsense.lab.training.gait_windows import GaitWindows, whole_windows, windows_of
+from footsense.lab.training.gait_windows import GaitWindows, complete_windows, windows_of
 from footsense.ports import Load, Window
 from footsense.sim.loads.random_gait import Loads, RandomGait
 
@@ -38,26 +44,26 @@ _N_QUICK, _QUICK_CONVERSIONS = 2, 150
 #: Steps: rise, time on the ground and in the air [s], force [N].
 RISE_S, _ON_S, STEP_N = 0.005, 0.2, 1.0
 #: Conversions of a contact that counts as older; sigma and time [s] that an error may not exceed.
-OLDER, BEYOND, LONGEST_S = 19, 5.0, 0.03
+SETTLED_CONTACT_CONVERSIONS, LARGE_ERROR_SIGMAS, MAX_ERROR_DURATION_S = 19, 5.0, 0.03
 #: The rule: part of the error that has to go [1], on these loads, and longest time of a conversion of six legs [us].
-GAIN, MOST_US = 1.0 / 3.0, 250.0
+REQUIRED_ERROR_REDUCTION_REL, MAX_CONVERSION_US = 1.0 / 3.0, 250.0
 LOADS = ("random gaits", "measured walk", "tripod", "steps of 5 ms")
 #: Methods: the network alone, fits, filters.
 NETWORK, ONE, TWO, RESTING = "network", "one round", "two rounds", "two rounds, at rest"
 FILTER, BOTH = "filter", "filter and network"
 #: Least force of the network at which windows are fitted [N].
-_FITTED_N = 0.03
+_MIN_FIT_FORCE_N = 0.03
 #: Sigma of the filter in the weighed mean, over its own [1]: its errors and those of the network are alike.
-_FILTER_SIGMAS = 1.5
+_FILTER_SIGMA_FACTOR = 1.5
 #: Calls of which the median time counts.
-_TIMED = 140
+_N_TIMED_CALLS = 140
 
 _Parts = TypeVar("_Parts", Window, Load)
 
 
 @dataclass(frozen=True, slots=True)
 class MethodErrors:
-    """Errors of one method on one load, from `LEAST_N` on.
+    """Errors of one method on one load, from `MIN_DIRECTION_FORCE_N` on.
 
     Attributes:
         load: The load.
@@ -80,7 +86,7 @@ class MethodErrors:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Numbers of the page.
+    """Results of the study `tracker`: force errors and times of network, fits and filter.
 
     Attributes:
         n_random: Random gaits.
@@ -95,14 +101,14 @@ class Results:
     rest_share: float
 
 
-class _Answer(NamedTuple):
+class _ForceEstimate(NamedTuple):
     """Forces and their sigma [N], shapes (n, 3)."""
 
     force_n: Vector
     sigma_n: Vector
 
 
-def _steps(rng: np.random.Generator) -> Callable[[Vector], Loads]:
+def _step_loads(rng: np.random.Generator) -> Callable[[Vector], Loads]:
     """Return loads that step on and off, leaning somewhere, the contact half as much."""
     around = rng.uniform(0.0, 2.0 * np.pi)
 
@@ -121,77 +127,80 @@ def _readings(context: StudyContext) -> tuple[GaitReadings, list[str]]:
     """Return all gaits, and the load of each."""
     n_random, n = (_N_QUICK, _QUICK_CONVERSIONS) if context.quick else (N_RANDOM, CONVERSIONS)
     sources: list[tuple[str, Callable[[Vector], Loads], np.random.Generator]] = []
-    for own in np.random.SeedSequence(SEED).spawn(n_random):
+    for own in np.random.SeedSequence(TEST_GAIT_SEED).spawn(n_random):
         rng = np.random.default_rng(own)
         sources.append((LOADS[0], RandomGait(rng, context.foot_design.loads.max_n, n * STEP_S).loads, rng))
-    for name, walk in zip(LOADS[1:3], walks(), strict=True):
+    for name, walk in zip(LOADS[1:3], test_walks(), strict=True):
         sources += [
-            (name, loads_of(walk, leg), np.random.default_rng((SEED, k))) for k, leg in enumerate(LEGS)
+            (name, load_function(walk, leg), np.random.default_rng((TEST_GAIT_SEED, k)))
+            for k, leg in enumerate(LEGS)
         ]
     for k in range(N_STEPS):
-        rng = np.random.default_rng((SEED, N_STEPS + k))
-        sources.append((LOADS[3], _steps(rng), rng))
+        rng = np.random.default_rng((TEST_GAIT_SEED, N_STEPS + k))
+        sources.append((LOADS[3], _step_loads(rng), rng))
     gaits = [read_gait(context.response, loads, ReadingConditions(), rng, n) for _, loads, rng in sources]
-    return joined(gaits), [name for name, _, _ in sources]
+    return concatenate_gaits(gaits), [name for name, _, _ in sources]
 
 
-def _rows(parts: _Parts, chosen: NDArray[Any]) -> _Parts:
-    """Return some rows of each part."""
+def _select_rows(parts: _Parts, chosen: NDArray[Any]) -> _Parts:
+    """Return the selected rows of a window or load."""
     return type(parts)(*(part[chosen] for part in parts))
 
 
-def _fits(model: ContactModel, window: Window, network: Load) -> tuple[dict[str, _Answer], Mask]:
+def _fit_windows(
+    model: ContactModel, window: Window, network: Load
+) -> tuple[dict[str, _ForceEstimate], Mask]:
     """Return the answers of the fits on loaded windows, else of the network; and the loaded windows at rest."""
-    loaded = np.linalg.norm(network.force_n, axis=1) > _FITTED_N
-    rest = loaded & at_rest(model, window)
+    loaded = np.linalg.norm(network.force_n, axis=1) > _MIN_FIT_FORCE_N
+    rest = loaded & is_steady(model, window)
     answers = {}
     for name, rounds, where in ((ONE, 1, loaded), (TWO, 2, loaded), (RESTING, 2, rest)):
-        answers[name] = _Answer(network.force_n.copy(), network.sigma_n.copy())
-        found = fitted(model, _rows(window, where), _rows(network, where), rounds)
+        answers[name] = _ForceEstimate(network.force_n.copy(), network.sigma_n.copy())
+        found = fit_contact(model, _select_rows(window, where), _select_rows(network, where), rounds)
         for part, own in zip(answers[name], found, strict=True):
             part[where] = own
     return answers, rest
 
 
-def _tracked(model: ContactModel, readings: GaitReadings, whole: Mask, network: Load) -> _Answer:
+def _run_filter(model: ContactModel, readings: GaitReadings, whole: Mask, network: Load) -> _ForceEstimate:
     """Return the answers of the filter after every conversion with a whole window."""
     n_gaits, n = whole.shape
     by_time = [np.zeros((n_gaits, n, part.shape[1])) for part in network]
     for part, values in zip(by_time, network, strict=True):
         part[whole] = values
     force_n, sigma_n = np.zeros((2, n_gaits, n, 3))
-    tracker = ContactFilter(model, n_gaits, STEP_S, LEAD_S)
-    for k, element in enumerate(elements_of(0, n).tolist()):
+    tracker = ContactFilter(model, n_gaits, STEP_S, NOMINAL_SEND_DELAY_S)
+    for k, element in enumerate(conversion_elements(0, n).tolist()):
         tracker.read(element, readings.closure_rel[:, k].astype(np.float64))
         tracker.seed(Load(*(part[:, k] for part in by_time)), whole[:, k])
         force_n[:, k], sigma_n[:, k] = tracker.force()
-    return _Answer(force_n[whole], sigma_n[whole])
+    return _ForceEstimate(force_n[whole], sigma_n[whole])
 
 
-def _weighed(filtered: _Answer, network: Load) -> _Answer:
+def _variance_weighted_mean(filtered: _ForceEstimate, network: Load) -> _ForceEstimate:
     """Return the mean of filter and network, weighed by their variances, with the smaller sigma."""
-    sigma_n = _FILTER_SIGMAS * filtered.sigma_n
+    sigma_n = _FILTER_SIGMA_FACTOR * filtered.sigma_n
     share = network.sigma_n**2 / (network.sigma_n**2 + sigma_n**2)
-    return _Answer(
+    return _ForceEstimate(
         share * filtered.force_n + (1.0 - share) * network.force_n, np.minimum(sigma_n, network.sigma_n)
     )
 
 
-def _n_lasting(beyond: Mask) -> int:
-    """Return how often rows of conversions are true for longer than `LONGEST_S`."""
+def _n_long_runs(beyond: Mask) -> int:
+    """Return how often rows of conversions are true for longer than `MAX_ERROR_DURATION_S`."""
     edges = np.diff(np.pad(beyond, ((0, 0), (1, 1))).astype(int), axis=1)
     lasting = np.argwhere(edges < 0)[:, 1] - np.argwhere(edges > 0)[:, 1]
-    return int((lasting * STEP_S > LONGEST_S).sum())
+    return int((lasting * STEP_S > MAX_ERROR_DURATION_S).sum())
 
 
-def _errors(
-    load: str, method: str, answer: _Answer, windows: GaitWindows, whole: Mask, judged: Mask
+def _method_errors(
+    load: str, method: str, answer: _ForceEstimate, windows: GaitWindows, whole: Mask, judged: Mask
 ) -> MethodErrors:
     """Return a method's errors in the judged windows."""
     off_n = answer.force_n - windows.force_n
     sigmas = np.abs(off_n / answer.sigma_n)
     beyond = np.zeros(whole.shape, bool)
-    beyond[whole] = judged & (sigmas > BEYOND).any(axis=1)
+    beyond[whole] = judged & (sigmas > LARGE_ERROR_SIGMAS).any(axis=1)
     direction_deg = angles_between_deg(answer.force_n[judged], windows.force_n[judged])
     return MethodErrors(
         load=load,
@@ -200,11 +209,11 @@ def _errors(
         direction_p95_deg=float(np.percentile(direction_deg, 95)),
         rms_mn=(1e3 * np.sqrt((off_n[judged] ** 2).mean(axis=0))).tolist(),
         within_2_sigma=float((sigmas[judged] < 2.0).mean()),
-        long_errors=_n_lasting(beyond),
+        long_errors=_n_long_runs(beyond),
     )
 
 
-def _six_legs_us(
+def _six_leg_times_us(
     context: StudyContext, model: ContactModel, six: Window, conversions: NDArray[Any]
 ) -> dict[str, float]:
     """Return the time of a conversion of six legs by method, the network included, median [us].
@@ -216,8 +225,8 @@ def _six_legs_us(
         conversions: Closures that six legs read one after the other [1], shape (6, conversions).
     """
     network = context.network.estimate(six)
-    tracker = ContactFilter(model, len(LEGS), STEP_S, LEAD_S)
-    following = iter(zip(elements_of(0, conversions.shape[1]).tolist(), conversions.T, strict=True))
+    tracker = ContactFilter(model, len(LEGS), STEP_S, NOMINAL_SEND_DELAY_S)
+    following = iter(zip(conversion_elements(0, conversions.shape[1]).tolist(), conversions.T, strict=True))
 
     def track() -> None:
         tracker.read(*next(following))
@@ -226,16 +235,18 @@ def _six_legs_us(
 
     calls: list[Callable[[], object]] = [
         lambda: context.network.estimate(six),
-        lambda: fitted(model, six, network, 1),
-        lambda: fitted(model, six, network, 2),
+        lambda: fit_contact(model, six, network, 1),
+        lambda: fit_contact(model, six, network, 2),
         track,
     ]
-    network_us, *added_us = (1e6 * float(np.median(repeat(call, number=1, repeat=_TIMED))) for call in calls)
+    network_us, *added_us = (
+        1e6 * float(np.median(repeat(call, number=1, repeat=_N_TIMED_CALLS))) for call in calls
+    )
     one, two, tracked = (network_us + us for us in added_us)
     return {NETWORK: network_us, ONE: one, TWO: two, RESTING: two, FILTER: tracked, BOTH: tracked}
 
 
-def gains(errors: list[MethodErrors], method: str) -> list[float]:
+def error_reductions(errors: list[MethodErrors], method: str) -> list[float]:
     """Return the share that a method takes off the network's direction error on each of `LOADS` [1]."""
     found = {(one.load, one.method): one.direction_deg for one in errors}
     return [1.0 - found[load, method] / found[load, NETWORK] for load in LOADS]
@@ -246,43 +257,61 @@ def long_errors(errors: list[MethodErrors], method: str) -> int:
     return sum(one.long_errors for one in errors if one.method == method and one.load in LOADS)
 
 
-def qualifies(results: Results, method: str) -> bool:
+def meets_rule(results: Results, method: str) -> bool:
     """Tell whether a method meets the rule."""
-    gained = min(gains(results.errors, method)) >= GAIN
-    return gained and results.six_legs_us[method] <= MOST_US and not long_errors(results.errors, method)
+    gained = min(error_reductions(results.errors, method)) >= REQUIRED_ERROR_REDUCTION_REL
+    return (
+        gained
+        and results.six_legs_us[method] <= MAX_CONVERSION_US
+        and not long_errors(results.errors, method)
+    )
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Judge network, fits and filter on the same windows."""
     model = ContactModel(context.response)
     readings, names = _readings(context)
-    windows, whole = windows_of(readings), whole_windows(readings)
+    windows, whole = windows_of(readings), complete_windows(readings)
     window = Window(windows.closure_rel, windows.age_s, np.zeros((len(windows.gait), 9), bool))
-    network = estimated(context, window)
-    context.say("tracker: gaits read")
-    fits, rest = _fits(model, window, network)
-    context.say("tracker: windows fitted")
-    filtered = _tracked(model, readings, whole, network)
-    context.say("tracker: gaits tracked")
-    answers = {NETWORK: _Answer(*network[:2]), **fits, FILTER: filtered, BOTH: _weighed(filtered, network)}
-    loaded = np.linalg.norm(windows.force_n, axis=1) > LEAST_N
+    network = estimate_in_batches(context, window)
+    context.report_progress("tracker: gaits read")
+    fits, rest = _fit_windows(model, window, network)
+    context.report_progress("tracker: windows fitted")
+    filtered = _run_filter(model, readings, whole, network)
+    context.report_progress("tracker: gaits tracked")
+    answers = {
+        NETWORK: _ForceEstimate(*network[:2]),
+        **fits,
+        FILTER: filtered,
+        BOTH: _variance_weighted_mean(filtered, network),
+    }
+    loaded = np.linalg.norm(windows.force_n, axis=1) > MIN_DIRECTION_FORCE_N
     judged = {name: loaded & (np.array(names)[windows.gait] == name) for name in LOADS}
     in_contact = readings.force_n.any(axis=2).astype(int)
-    older = minimum_filter1d(in_contact, OLDER, axis=1, origin=OLDER // 2, mode="constant")[whole] > 0
+    older = (
+        minimum_filter1d(
+            in_contact,
+            SETTLED_CONTACT_CONVERSIONS,
+            axis=1,
+            origin=SETTLED_CONTACT_CONVERSIONS // 2,
+            mode="constant",
+        )[whole]
+        > 0
+    )
     random, walked = judged[LOADS[0]], np.flatnonzero(judged[LOADS[1]])
     judged |= {"random gaits, older contact": random & older, "random gaits, at rest": random & rest}
     errors = [
-        _errors(load, method, answer, windows, whole, where)
+        _method_errors(load, method, answer, windows, whole, where)
         for load, where in judged.items()
         if where.any()
         for method, answer in answers.items()
     ]
-    six = _rows(window, walked[np.linspace(0, len(walked) - 1, len(LEGS)).astype(int)])
+    six = _select_rows(window, walked[np.linspace(0, len(walked) - 1, len(LEGS)).astype(int)])
     conversions = readings.closure_rel[np.array(names) == LOADS[1]].astype(np.float64)
     return Results(
         n_random=names.count(LOADS[0]),
         errors=errors,
-        six_legs_us=_six_legs_us(context, model, six, conversions),
+        six_legs_us=_six_leg_times_us(context, model, six, conversions),
         rest_share=float(rest[random].mean()),
     ), {}
 

@@ -13,14 +13,14 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from joblib import Parallel, delayed
 
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation import evaluate
 from footsense.lab.monte_carlo.resumable_run import Tolerances
-from footsense.lab.monte_carlo.specimens import measure
+from footsense.lab.monte_carlo.specimens import measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.monte_carlo.sweeps import EXACT, SEED, YARDSTICK
+from footsense.lab.monte_carlo.sweeps import NO_DEVIATIONS, PAPER_LIKE_TOLERANCES, SEED
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
@@ -30,7 +30,7 @@ from footsense.sim.foot.fabrication import fabricate
 #: Feet of a full run and of a quick one; processes.
 N_FEET, QUICK_N_FEET, _PROCESSES = 20, 2, 2
 #: The causes by the names of the tolerances, in words with a unit, and the factor to that unit.
-CAUSES = {
+ERROR_CAUSES = {
     "gap_um": ("gap of each element [um]", 1.0),
     "film_um": ("film of each element [um]", 1.0),
     "stray_pf": ("stray of each element [pF]", 1.0),
@@ -60,7 +60,7 @@ class CauseErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class YardstickResults:
-    """Errors of the paper's procedure.
+    """Force errors of the paper's procedure, with each cause alone and left out.
 
     Attributes:
         feet: Feet of each row.
@@ -73,7 +73,7 @@ class YardstickResults:
     without: dict[str, CauseErrors]
 
 
-def own_network_errors(
+def foot_trained_network_errors(
     response: FootResponse, tolerances: Tolerances, number: int, epochs: int
 ) -> tuple[float, float]:
     """Return direction [deg] and magnitude error [gf] of a plain network trained on a foot's own presses.
@@ -87,26 +87,28 @@ def own_network_errors(
     own = fabricate(response, tolerances, SEED, number)
     foot, rng = Foot(response, own), np.random.default_rng((SEED, number, 1))
     training, test = (
-        measure(foot, own.mount, cases(response).force_n, tolerances, rng)
+        measure_foot(foot, own.mount, cases(response).force_n, tolerances, rng)
         for cases in (paper_training, paper_verification)
     )
     estimate_n = per_foot_force_n(
         response.design, training.change_pf, training.force_n, test.change_pf, epochs
     )
-    row = errors(test.force_n, estimate_n)
+    row = evaluate_force_errors(test.force_n, estimate_n)
     return row.direction_deg, row.magnitude_gf
 
 
 def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
     """Train a network for each foot and each set of causes."""
     n_feet, epochs = (QUICK_N_FEET, QUICK_EPOCHS) if context.quick else (N_FEET, EPOCHS)
-    exact, whole = asdict(EXACT), asdict(YARDSTICK)
-    alone = {NONE: EXACT, ALL: YARDSTICK} | {name: replace(EXACT, **{name: whole[name]}) for name in CAUSES}
-    without = {name: replace(YARDSTICK, **{name: exact[name]}) for name in CAUSES}
+    exact, whole = asdict(NO_DEVIATIONS), asdict(PAPER_LIKE_TOLERANCES)
+    alone = {NONE: NO_DEVIATIONS, ALL: PAPER_LIKE_TOLERANCES} | {
+        name: replace(NO_DEVIATIONS, **{name: whole[name]}) for name in ERROR_CAUSES
+    }
+    without = {name: replace(PAPER_LIKE_TOLERANCES, **{name: exact[name]}) for name in ERROR_CAUSES}
     sets = [*alone.values(), *without.values()]
     run = Parallel(n_jobs=1 if context.quick else _PROCESSES)
     found: list[tuple[float, float]] = run(
-        delayed(own_network_errors)(context.response, one, number, epochs)
+        delayed(foot_trained_network_errors)(context.response, one, number, epochs)
         for one in sets
         for number in range(n_feet)
     )
@@ -114,7 +116,9 @@ def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
     def row(number: int) -> CauseErrors:
         feet = found[number * n_feet : (number + 1) * n_feet]
         directions, magnitudes = zip(*feet, strict=True)
-        return CauseErrors(direction_deg=MeanStd.over(directions), magnitude_gf=MeanStd.over(magnitudes))
+        return CauseErrors(
+            direction_deg=MeanStd.of_values(directions), magnitude_gf=MeanStd.of_values(magnitudes)
+        )
 
     rows = [row(number) for number in range(len(sets))]
     results = YardstickResults(
@@ -123,7 +127,7 @@ def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
         without=dict(zip(without, rows[len(alone) :], strict=True)),
     )
     reached = results.alone[ALL]
-    context.say(
+    context.report_progress(
         f"yardstick: {reached.direction_deg} deg, {reached.magnitude_gf} gf; the paper "
         f"{evaluate.MEASURED_DIRECTION_DEG} deg, {evaluate.MEASURED_MAGNITUDE_GF} gf"
     )
@@ -134,6 +138,6 @@ STUDY = Study(
     name="yardstick",
     title="The yardstick: the paper's procedure on simulated feet",
     compute=compute,
-    names={"YARDSTICK": YARDSTICK},
+    names={"PAPER_LIKE_TOLERANCES": PAPER_LIKE_TOLERANCES},
     uses_network=False,
 )

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 
 from footsense.foot.direction_sets import direction_grid, paper_directions, random_directions
 from footsense.foot.directions import angles_between_deg, normalized
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Mask, Vector
 from footsense.lab.evaluation.evaluate import Readout, elastance_readout
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     measured_closure_rel,
@@ -31,26 +31,26 @@ LEANING_GF = 20.0
 #: Force of the share of leaning loads within the converter's range [gf]: the paper's.
 PAPER_GF = 100.0
 #: Force of the floor beside a second load [gf].
-FLOOR_GF = 50.0
+FIRST_LOAD_GF = 50.0
 #: Angles between force and contact normal [deg].
 LEANS_DEG = tuple(np.arange(0.0, 41.0, 5.0).tolist())
 #: Elevations of the leaning forces [deg]: at a lean of 40 deg the table still reaches the contact.
 LEANING_ELEVATIONS_DEG = (65.0, 75.0, 85.0)
 #: The second load over that of the floor [1].
-SECOND_LOADS_REL = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
+SECOND_FORCES_REL = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 #: Lowest contact of the second load, as elevation of its normal [deg].
 SECOND_MIN_ELEVATION_DEG = 30.0
 #: Angle between both contacts, seen from the centre [deg]: borders of the classes.
-DISTANCES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
+CONTACT_ANGLES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 #: Second load over that of the floor, in the table by the angle between both contacts [1].
-SECOND_LOAD_REL_BY_ANGLE = 0.5
+SECOND_FORCE_REL_OVER_ANGLE = 0.5
 #: Draws of the second load for each floor force; random loads that the second linear read-out is fitted to.
 DRAWS, QUICK_DRAWS = 6, 1
 RANDOM_LOADS, QUICK_RANDOM_LOADS = 10_000, 1000
 SEED = 31
 
 
-def normal_to(force: Vector, lean_deg: float, turn_deg: float) -> Vector:
+def inclined_unit_vectors(force: Vector, lean_deg: float, turn_deg: float) -> Vector:
     """Return unit vectors at an angle from forces, shape (n, 3).
 
     Args:
@@ -63,8 +63,8 @@ def normal_to(force: Vector, lean_deg: float, turn_deg: float) -> Vector:
     down = np.cross(across, along)
     lean, turn = np.radians([lean_deg, turn_deg])
     side = np.cos(turn) * down + np.sin(turn) * across
-    leaning: Vector = np.cos(lean) * along + np.sin(lean) * side
-    return leaning
+    inclined: Vector = np.cos(lean) * along + np.sin(lean) * side
+    return inclined
 
 
 #: Read-outs under test.
@@ -94,9 +94,11 @@ class _ReadoutsUnderTest:
         noisy = measured_closure_rel(design, closure_um, np.random.default_rng(SEED)) * design.gap_um
         return noisy, design.capacitance_pf(closure_um).max(axis=1) < FULL_SCALE_PF
 
-    def errors(self, measured_um: Vector, truth_n: Vector) -> dict[str, Errors]:
+    def errors_by_readout(self, measured_um: Vector, truth_n: Vector) -> dict[str, ForceErrors]:
         """Return the force errors of each read-out on measured closures [um], by the name of the read-out."""
-        return {name: errors(truth_n, read(measured_um)) for name, read in self._readouts.items()}
+        return {
+            name: evaluate_force_errors(truth_n, read(measured_um)) for name, read in self._readouts.items()
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,19 +110,19 @@ class Results:
         friction_deg: Largest lean in the network's training [deg].
         lean: At each of `LEANS_DEG`.
         in_range_rel: Share of the loads of `PAPER_GF` within the converter's range at each lean [1].
-        second: At each of `SECOND_LOADS_REL`.
-        distance: At `SECOND_LOAD_REL_BY_ANGLE`, by the angle between the contacts [deg].
+        second: At each of `SECOND_FORCES_REL`.
+        distance: At `SECOND_FORCE_REL_OVER_ANGLE`, by the angle between the contacts [deg].
     """
 
     arm_mm: float
     friction_deg: float
-    lean: list[dict[str, Errors]]
+    lean: list[dict[str, ForceErrors]]
     in_range_rel: list[float]
-    second: list[dict[str, Errors]]
-    distance: dict[str, dict[str, Errors]]
+    second: list[dict[str, ForceErrors]]
+    distance: dict[str, dict[str, ForceErrors]]
 
 
-def leaning(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, Errors]], list[float]]:
+def leaning_load_errors(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
     """Return the errors at each lean, and the share of loads of `PAPER_GF` within the converter's range.
 
     108 force directions, the contact to four sides of each.
@@ -129,9 +131,11 @@ def leaning(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, Errors]], list[f
     truth_n = np.tile(LEANING_GF * GRAM_FORCE_N * direction, (4, 1))
     found, within = [], []
     for lean_deg in LEANS_DEG:
-        normal = np.concatenate([normal_to(direction, lean_deg, 90.0 * turn) for turn in range(4)])
+        normal = np.concatenate(
+            [inclined_unit_vectors(direction, lean_deg, 90.0 * turn) for turn in range(4)]
+        )
         measured_um, inside = tested.measured_um(tested.response.free_closure_um(normal, truth_n))
-        found.append(tested.errors(measured_um[inside], truth_n[inside]))
+        found.append(tested.errors_by_readout(measured_um[inside], truth_n[inside]))
         larger_n = truth_n * (PAPER_GF / LEANING_GF)
         _, inside = tested.measured_um(tested.response.free_closure_um(normal, larger_n))
         within.append(float(inside.mean()))
@@ -152,8 +156,8 @@ class _SecondLoads:
         direction = np.tile(paper_directions("verification"), (draws, 1))
         rng = np.random.default_rng(SEED)
         self._normal = random_directions(rng, len(direction), SECOND_MIN_ELEVATION_DEG)
-        self._unit_n = FLOOR_GF * GRAM_FORCE_N * self._normal
-        self.floor_n = FLOOR_GF * GRAM_FORCE_N * direction
+        self._unit_n = FIRST_LOAD_GF * GRAM_FORCE_N * self._normal
+        self.floor_n = FIRST_LOAD_GF * GRAM_FORCE_N * direction
         self._floor_um = tested.response.free_closure_um(direction, self.floor_n)
         self.distance_deg = angles_between_deg(direction, self._normal)
 
@@ -165,45 +169,47 @@ class _SecondLoads:
         return measured_um, self.floor_n + second_n, inside
 
 
-def _by_distance(tested: _ReadoutsUnderTest, second: _SecondLoads) -> dict[str, dict[str, Errors]]:
+def _errors_by_contact_angle(
+    tested: _ReadoutsUnderTest, second: _SecondLoads
+) -> dict[str, dict[str, ForceErrors]]:
     """Return the errors by the angle between the contacts."""
-    measured_um, truth_n, inside = second.measured(SECOND_LOAD_REL_BY_ANGLE)
+    measured_um, truth_n, inside = second.measured(SECOND_FORCE_REL_OVER_ANGLE)
     found = {}
-    for low, high in pairwise(DISTANCES_DEG):
+    for low, high in pairwise(CONTACT_ANGLES_DEG):
         here = inside & (second.distance_deg >= low) & (second.distance_deg < high)
         if here.any():
-            found[f"{low:g} to {high:g}"] = tested.errors(measured_um[here], truth_n[here])
+            found[f"{low:g} to {high:g}"] = tested.errors_by_readout(measured_um[here], truth_n[here])
     return found
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Read leaning loads, and second loads beside the floor's."""
     tested = _ReadoutsUnderTest(context)
-    lean, within = leaning(tested)
-    context.say(f"beyond: {len(LEANS_DEG)} leans read")
+    lean, within = leaning_load_errors(tested)
+    context.report_progress(f"beyond: {len(LEANS_DEG)} leans read")
     second = _SecondLoads(tested, QUICK_DRAWS if context.quick else DRAWS)
     shared = []
-    for share in SECOND_LOADS_REL:
+    for share in SECOND_FORCES_REL:
         measured_um, truth_n, inside = second.measured(share)
-        shared.append(tested.errors(measured_um[inside], truth_n[inside]))
+        shared.append(tested.errors_by_readout(measured_um[inside], truth_n[inside]))
     results = Results(
         arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
         friction_deg=context.foot_design.loads.friction_angle_deg,
         lean=lean,
         in_range_rel=within,
         second=shared,
-        distance=_by_distance(tested, second),
+        distance=_errors_by_contact_angle(tested, second),
     )
     figures = {
         "beyond-lean.png": _curves(LEANS_DEG, "lean of the contact normal [deg]", lean),
-        "beyond-second.png": _curves(SECOND_LOADS_REL, "second load over the floor's", shared),
+        "beyond-second.png": _curves(SECOND_FORCES_REL, "second load over the floor's", shared),
     }
     return results, figures
 
 
-def _curves(x: Sequence[float], label: str, found: list[dict[str, Errors]]) -> Figure:
+def _curves(x: Sequence[float], label: str, found: list[dict[str, ForceErrors]]) -> Figure:
     """Draw the mean errors of direction and magnitude over x, a curve for each read-out."""
-    figure, row = panels(2, 8.2, 3.9)
+    figure, row = subplot_row(2, 8.2, 3.9)
     quantities = (
         ("direction_deg", "mean direction error [deg]"),
         ("magnitude_gf", "mean magnitude error [gf]"),

@@ -13,7 +13,7 @@ from footsense.foot.cavity.air import ADIABATIC, AMBIENT_KPA, AMBIENT_MPA, ROOM_
 from footsense.foot.cavity.venting import CHANNEL_MM, channel_s, parylene_s, sorption_s
 from footsense.foot.direction_sets import paper_directions
 from footsense.foot.directions import normalized
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.gap_contact import CELLS, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
@@ -26,45 +26,45 @@ from footsense.lab.evaluation.evaluate import (
     elastance_readout,
 )
 from footsense.lab.monte_carlo.resumable_run import Tolerances
-from footsense.lab.monte_carlo.specimens import measure
+from footsense.lab.monte_carlo.specimens import measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.monte_carlo.sweeps import CAREFUL
+from footsense.lab.monte_carlo.sweeps import CAREFUL_TEST_STAND
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     Cases,
-    as_designed_um,
+    closure_of_designed_foot_um,
     paper_training,
     paper_verification,
 )
-from footsense.lab.training.paper.procedure import PaperTraining, starts_of
+from footsense.lab.training.paper.procedure import PaperTraining, start_weights_by_seed
 from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances, fabricate
 
 SEALED = Cavity(kind="sealed")
 #: The compared cavities.
-KINDS = {"vented": VENTED, "sealed": SEALED}
+CAVITIES_BY_NAME = {"vented": VENTED, "sealed": SEALED}
 #: Feet of each kind, training epochs of their networks, and seed.
 FEET, QUICK_FEET = 8, 2
 EPOCHS, QUICK_EPOCHS = 3000, 300
 SEED = 20090304
 #: Magnitudes of the bound [gf].
-BOUND_GF = (20.0, 50.0, 100.0, 150.0)
+BOUND_MAGNITUDES_GF = (20.0, 50.0, 100.0, 150.0)
 #: Loads of the search for the range [N].
 LOADS_N = np.geomspace(0.2, 40.0, 120)
 #: Load of the figure on leaking [N], its hold [s], and the time constants [s].
-HOLD_N, HOLD_S, LEAKS_S = 1.0, 60.0, (0.1, 1.0, 10.0)
+HOLD_N, HOLD_S, LEAK_TIMES_S = 1.0, 60.0, (0.1, 1.0, 10.0)
 #: A hold read by hand, our assumption: first reading after this many seconds, evenly drawn, then one element each [s].
 FIRST_S, EACH_S = (5.0, 30.0), 3.0
 #: Leaks of that hold [s].
-HAND_LEAKS_S = (0.1, 1.0, 10.0, 100.0)
+HAND_READ_LEAK_TIMES_S = (0.1, 1.0, 10.0, 100.0)
 
-_UP = np.array([[0.0, 0.0, 1.0]])
+_UPWARD = np.array([[0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OneKind:
+class CavityFigures:
     """Figures of a foot with one kind of cavity.
 
     Attributes:
@@ -73,7 +73,7 @@ class OneKind:
         contact_n: Upright force that closes the first cell [N].
         linear_change: Errors of a linear read-out of capacitance changes, exact foot, the paper's cases.
         linear_elastance: The same of elastance.
-        bound_deg: Rms of the least direction error at each of `BOUND_GF` [deg].
+        bound_deg: Rms of the least direction error at each of `BOUND_MAGNITUDES_GF` [deg].
         bound_gf: Rms of the least magnitude error [gf].
         own_deg: Direction errors of the paper's procedure on exact feet, each with a network of its own.
         own_gf: Magnitude errors of it.
@@ -86,8 +86,8 @@ class OneKind:
     closure_um_per_n: tuple[float, float, float]
     range_n: float
     contact_n: float
-    linear_change: Errors
-    linear_elastance: Errors
+    linear_change: ForceErrors
+    linear_elastance: ForceErrors
     bound_deg: list[float]
     bound_gf: list[float]
     own_deg: MeanStd
@@ -117,8 +117,8 @@ class Results:
         factor: By how much closures relax slower than pressures, softest and stiffest pattern [1].
     """
 
-    kinds: dict[str, OneKind]
-    by_hand: dict[str, Errors]
+    kinds: dict[str, CavityFigures]
+    by_hand: dict[str, ForceErrors]
     adiabatic_um_per_n: tuple[float, float, float]
     air_over_solid: tuple[float, float]
     drift_ff_per_kpa: float
@@ -131,13 +131,15 @@ class Results:
     factor: tuple[float, float]
 
 
-def _corner_edge_middle(cells_um: Vector) -> tuple[float, float, float]:
+def _corner_edge_middle_means_um(cells_um: Vector) -> tuple[float, float, float]:
     """Return the mean closures of elements 0, 1 and 4 [um] of one load's cells, shape (1, 324)."""
     corner, edge, middle = element_means(cells_um)[0, [0, 1, 4]].tolist()
     return corner, edge, middle
 
 
-def own_errors(foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int) -> Errors:
+def paper_procedure_errors(
+    foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int
+) -> ForceErrors:
     """Return the errors of the paper's procedure: a plain network trained on 362 cases of the foot, 180 asked.
 
     Args:
@@ -149,52 +151,59 @@ def own_errors(foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: 
     """
     design, rng = foot.response.design, np.random.default_rng((SEED, seed))
     measured = [
-        measure(foot, mount, cases.force_n, stand, rng)
+        measure_foot(foot, mount, cases.force_n, stand, rng)
         for cases in (paper_training(foot.response), paper_verification(foot.response))
     ]
-    training, test = (Cases(one.force_n, as_designed_um(design, one.change_pf)) for one in measured)
-    read = PaperTraining(design, training).train(starts_of(seed + 1)[-1:], epochs)[0]
-    return errors(test.force_n, read(test.closure_um))
+    training, test = (
+        Cases(one.force_n, closure_of_designed_foot_um(design, one.change_pf)) for one in measured
+    )
+    read = PaperTraining(design, training).train(start_weights_by_seed(seed + 1)[-1:], epochs)[0]
+    return evaluate_force_errors(test.force_n, read(test.closure_um))
 
 
-def over_feet(
+def errors_over_feet(
     response: FootResponse, tolerances: FootTolerances, stand: Tolerances, feet: int, epochs: int
 ) -> tuple[MeanStd, MeanStd]:
     """Return direction [deg] and magnitude errors [gf] of the paper's procedure over feet of some tolerances."""
     rows = []
     for number in range(feet):
         own = fabricate(response, tolerances, SEED, number)
-        rows.append(own_errors(Foot(response, own), own.mount, stand, number, epochs))
-    return MeanStd.over(row.direction_deg for row in rows), MeanStd.over(row.magnitude_gf for row in rows)
+        rows.append(paper_procedure_errors(Foot(response, own), own.mount, stand, number, epochs))
+    return MeanStd.of_values(row.direction_deg for row in rows), MeanStd.of_values(
+        row.magnitude_gf for row in rows
+    )
 
 
-def one_kind(context: StudyContext, cavity: Cavity) -> OneKind:
+def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
     """Return the figures of the released foot with one kind of cavity."""
     response = replace(context.response, cavity=cavity)
     foot, design = Foot(response), response.design
     feet, epochs = (QUICK_FEET, QUICK_EPOCHS) if context.quick else (FEET, EPOCHS)
     training, test = paper_training(response), paper_verification(response)
-    small_n = 0.05 * _UP
-    up, loads_n = np.repeat(_UP, len(LOADS_N), axis=0), LOADS_N[:, None] * _UP
+    small_n = 0.05 * _UPWARD
+    up, loads_n = np.repeat(_UPWARD, len(LOADS_N), axis=0), LOADS_N[:, None] * _UPWARD
     cells_um = foot.cells_um(up, loads_n)
     beyond = foot.capacitance_pf(up, loads_n).max(axis=1) >= FULL_SCALE_PF
     closed = cells_um.max(axis=1) >= design.gap_um
     direction = paper_directions("verification")
     bounds = [
-        force_bound(foot, direction, gf * GRAM_FORCE_N * direction, Unknowns.LEANING) for gf in BOUND_GF
+        force_bound(foot, direction, gf * GRAM_FORCE_N * direction, Unknowns.LEANING)
+        for gf in BOUND_MAGNITUDES_GF
     ]
-    own_deg, own_gf = over_feet(response, FootTolerances(), Tolerances(), feet, epochs)
-    made_deg, made_gf = over_feet(response, PAPER_TOLERANCES, CAREFUL, feet, epochs)
+    own_deg, own_gf = errors_over_feet(response, FootTolerances(), Tolerances(), feet, epochs)
+    made_deg, made_gf = errors_over_feet(response, PAPER_TOLERANCES, CAREFUL_TEST_STAND, feet, epochs)
     vented = replace(context.response, cavity=VENTED)
-    designed = PaperTraining(design, paper_training(vented)).train(starts_of(1), epochs)[0]
-    misread = errors(test.force_n, designed(test.closure_um))
-    context.say(f"cavity: {cavity.kind} measured")
-    return OneKind(
-        closure_um_per_n=_corner_edge_middle(foot.cells_um(_UP, small_n) / 0.05),
+    designed = PaperTraining(design, paper_training(vented)).train(start_weights_by_seed(1), epochs)[0]
+    misread = evaluate_force_errors(test.force_n, designed(test.closure_um))
+    context.report_progress(f"cavity: {cavity.kind} measured")
+    return CavityFigures(
+        closure_um_per_n=_corner_edge_middle_means_um(foot.cells_um(_UPWARD, small_n) / 0.05),
         range_n=float(LOADS_N[beyond.argmax()] if beyond.any() else LOADS_N[-1]),
         contact_n=float(LOADS_N[closed.argmax()] if closed.any() else LOADS_N[-1]),
-        linear_change=errors(test.force_n, capacitance_readout(design, training)(test.closure_um)),
-        linear_elastance=errors(test.force_n, elastance_readout(training)(test.closure_um)),
+        linear_change=evaluate_force_errors(
+            test.force_n, capacitance_readout(design, training)(test.closure_um)
+        ),
+        linear_elastance=evaluate_force_errors(test.force_n, elastance_readout(training)(test.closure_um)),
         bound_deg=[float(np.sqrt(np.mean(bound.direction_rms_deg**2))) for bound in bounds],
         bound_gf=[float(np.sqrt(np.mean(bound.magnitude_gf**2))) for bound in bounds],
         own_deg=own_deg,
@@ -206,7 +215,7 @@ def one_kind(context: StudyContext, cavity: Cavity) -> OneKind:
     )
 
 
-def read_by_hand(foot: Foot, force_n: Vector, rng: np.random.Generator) -> Cases:
+def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator) -> Cases:
     """Return the cases of centred loads on a leaking foot whose elements are read one after the other."""
     normal, design = normalized(force_n), foot.response.design
     first_s = rng.uniform(*FIRST_S, size=len(force_n))
@@ -228,26 +237,26 @@ def read_by_hand(foot: Foot, force_n: Vector, rng: np.random.Generator) -> Cases
     return Cases(force_n, design.closure_um(read_pf, foot.unloaded_pf))
 
 
-def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> Errors:
+def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> ForceErrors:
     """Return the errors of the paper's procedure on the exact foot with a leak [s], read by hand."""
     foot = Foot(replace(context.response, cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
     rng = np.random.default_rng(SEED)
     training, test = (
-        read_by_hand(foot, cases.force_n, rng)
+        simulate_hand_reading(foot, cases.force_n, rng)
         for cases in (paper_training(context.response), paper_verification(context.response))
     )
-    read = PaperTraining(foot.response.design, training).train(starts_of(1), epochs)[0]
-    return errors(test.force_n, read(test.closure_um))
+    read = PaperTraining(foot.response.design, training).train(start_weights_by_seed(1), epochs)[0]
+    return evaluate_force_errors(test.force_n, read(test.closure_um))
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Compare vented, sealed and leaking cavities of the released foot."""
     response, design, made = context.response, context.response.design, context.foot_design
-    kinds = {name: one_kind(context, cavity) for name, cavity in KINDS.items()}
+    kinds = {name: cavity_figures(context, cavity) for name, cavity in CAVITIES_BY_NAME.items()}
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
-    leaks_s = HAND_LEAKS_S[1:2] if context.quick else HAND_LEAKS_S
+    leaks_s = HAND_READ_LEAK_TIMES_S[1:2] if context.quick else HAND_READ_LEAK_TIMES_S
     read = {f"{leak_s:g}": by_hand(context, leak_s, epochs) for leak_s in leaks_s}
-    context.say("cavity: holds read by hand")
+    context.report_progress("cavity: holds read by hand")
     sealed = Foot(replace(response, cavity=SEALED))
     rest = Gas(np.full(ELEMENTS, AMBIENT_MPA))
     area_mm2 = design.electrode_area_mm2 / CELLS
@@ -256,23 +265,25 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         np.linalg.eigvalsh(by_element.mean(axis=1).sum(axis=2) * area_mm2) * AMBIENT_MPA / design.gap_um
     )
     air = CavityAir(sealed, AMBIENT_KPA - 1.0)
-    thin_pf = float((air.capacitance_pf(0, _UP[0], 0.0 * _UP[0]) - sealed.unloaded_pf).mean())
+    thin_pf = float((air.capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0]) - sealed.unloaded_pf).mean())
     warm_pf = float(
-        (CavityAir(sealed).capacitance_pf(0, _UP[0], 0.0 * _UP[0], kelvin=1.0) - sealed.unloaded_pf).mean()
+        (
+            CavityAir(sealed).capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0], kelvin=1.0) - sealed.unloaded_pf
+        ).mean()
     )
-    small_pf = float((sealed.capacitance_pf(_UP, GRAM_FORCE_N * _UP) - sealed.unloaded_pf).mean())
+    small_pf = float((sealed.capacitance_pf(_UPWARD, GRAM_FORCE_N * _UPWARD) - sealed.unloaded_pf).mean())
     hot = Foot(response, Deviations(cavity=Cavity(kind="sealed", gas_kpa=AMBIENT_KPA * ROOM_K / 373.15)))
     results = Results(
         kinds=kinds,
         by_hand=read,
-        adiabatic_um_per_n=_corner_edge_middle(
-            sealed.cells_um(_UP, 0.05 * _UP, rest._replace(exponent=ADIABATIC)) / 0.05
+        adiabatic_um_per_n=_corner_edge_middle_means_um(
+            sealed.cells_um(_UPWARD, 0.05 * _UPWARD, rest._replace(exponent=ADIABATIC)) / 0.05
         ),
         air_over_solid=(float(stiffness.min()), float(stiffness.max())),
         drift_ff_per_kpa=1e3 * thin_pf,
         drift_gf_per_kpa=thin_pf / small_pf,
         drift_ff_per_k=1e3 * warm_pf,
-        hot_sealed_um=float(hot.cells_um(_UP, 0.0 * _UP).mean()),
+        hot_sealed_um=float(hot.cells_um(_UPWARD, 0.0 * _UPWARD).mean()),
         sorption_s=sorption_s(made.gap_um),
         parylene_s=parylene_s(made.gap_um),
         channel_s=channel_s(made.gap_um, made.electrode_mm, made.pitch_mm - made.electrode_mm),
@@ -281,23 +292,23 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     return results, {"cavity.png": _figure(response)}
 
 
-def held_um(response: FootResponse, leak_time_s: float, times_s: Vector) -> Vector:
+def leaking_closure_um(response: FootResponse, leak_time_s: float, times_s: Vector) -> Vector:
     """Return the mean closure of a leaking foot at times since an upright load was put on [um], shape (n,)."""
     foot = Foot(response, Deviations(cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
     air, unloaded_um = CavityAir(foot), response.design.plate_distance_um(foot.unloaded_pf)
     closures = []
     for t_s in times_s.tolist():
-        pf = air.capacitance_pf(round(1e9 * t_s), _UP[0], HOLD_N * _UP[0])
+        pf = air.capacitance_pf(round(1e9 * t_s), _UPWARD[0], HOLD_N * _UPWARD[0])
         closures.append(float((unloaded_um - response.design.plate_distance_um(pf)).mean()))
     return np.array(closures)
 
 
 def _figure(response: FootResponse) -> Figure:
     """Draw closures over the load, and over the time of a hold."""
-    figure, (over_load, over_time) = panels(2, 8.6, 3.9)
+    figure, (over_load, over_time) = subplot_row(2, 8.6, 3.9)
     loads_n = np.linspace(0.02, 3.0, 40)
-    normal = normalized(np.repeat(_UP, len(loads_n), axis=0))
-    for colour, (name, cavity) in zip(("C0", "C1"), KINDS.items(), strict=True):
+    normal = normalized(np.repeat(_UPWARD, len(loads_n), axis=0))
+    for colour, (name, cavity) in zip(("C0", "C1"), CAVITIES_BY_NAME.items(), strict=True):
         means_um = element_means(
             Foot(response, Deviations(cavity=cavity)).cells_um(normal, loads_n[:, None] * normal)
         )
@@ -306,8 +317,10 @@ def _figure(response: FootResponse) -> Figure:
     over_load.set(xlabel="upright force [N]", ylabel="mean closure [um]")
     over_load.legend(fontsize=8)
     times_s = np.concatenate([[0.0], np.geomspace(1e-3, HOLD_S, 200)])
-    for leak_s in LEAKS_S:
-        over_time.semilogx(times_s[1:], held_um(response, leak_s, times_s)[1:], label=f"leak of {leak_s:g} s")
+    for leak_s in LEAK_TIMES_S:
+        over_time.semilogx(
+            times_s[1:], leaking_closure_um(response, leak_s, times_s)[1:], label=f"leak of {leak_s:g} s"
+        )
     over_time.set(
         xlabel=f"time under {HOLD_N:g} N [s]", ylabel="mean closure by elastance [um]", ylim=(0.0, None)
     )

@@ -6,19 +6,19 @@ import ngsolve as ng
 import numpy as np
 from msgspec.structs import replace
 
-from footsense.lab.fem.mesh import COARSE, MeshSize
-from footsense.lab.fidelity.compare import Distance, distance, timed
-from footsense.lab.fidelity.drawing import error_against_time, pattern_tiles
+from footsense.lab.fem.mesh import COARSE_MESH, MeshSize
+from footsense.lab.fidelity.compare import FidelityError, fidelity_error, time_level
+from footsense.lab.fidelity.drawing import capacitance_pattern_figure, error_over_time_figure
 from footsense.lab.fidelity.forward import ForwardAgainstTable, forward_against_table
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.fidelity.levels import (
     LEVEL_NAMES,
-    Answer,
+    LevelResponse,
     fidelity_level,
-    finite_strain_contact,
-    half_space,
+    finite_strain_level,
+    half_space_response,
 )
-from footsense.lab.fidelity.loads import Loads, mirrored_loads, paper_loads
+from footsense.lab.fidelity.loads import Loads, loads_in_mirror_plane, paper_loads
 from footsense.lab.studies.page import Plots, Study, StudyContext
 
 #: Loads of the full solve: elevation of contact normal and of force [deg], magnitude [gf]. The load of the
@@ -31,11 +31,11 @@ ADJOINT_SOLVES = 81 * 3
 
 
 #: Differences between answers, by model.
-Distances = dict[str, Distance]
+Distances = dict[str, FidelityError]
 
 
 @dataclass(frozen=True, kw_only=True)
-class AgainstFull:
+class DifferencesFromFullSolve:
     """The cheap models beside the full solve.
 
     Attributes:
@@ -51,7 +51,7 @@ class AgainstFull:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Time and error of the models.
+    """Computing time and error of the four models of the foot.
 
     Attributes:
         n_loads: The paper's loads.
@@ -73,38 +73,44 @@ class Results:
     softer: float
     forward: ForwardAgainstTable
     coarse_forward: bool
-    full: AgainstFull | None
+    full: DifferencesFromFullSolve | None
 
 
-def _answers(
+def _time_levels(
     context: StudyContext, names: tuple[str, ...], loads: Loads
-) -> tuple[dict[str, Answer], dict[str, float]]:
+) -> tuple[dict[str, LevelResponse], dict[str, float]]:
     """Return the answers of models, and the time of a load [s]."""
     answers, seconds = {}, {}
     for name in names:
         level = fidelity_level(name, context.response, context.foot_design)
-        answers[name], taken_s = timed(level, loads, repeats=1 if name == "full" else 3)
+        answers[name], taken_s = time_level(level, loads, repeats=1 if name == "full" else 3)
         seconds[name] = taken_s / len(loads)
-        context.say(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
+        context.report_progress(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
     return answers, seconds
 
 
-def _distances(context: StudyContext, answers: dict[str, Answer], finest: Answer) -> Distances:
+def _distances_from_finest(
+    context: StudyContext, answers: dict[str, LevelResponse], finest: LevelResponse
+) -> Distances:
     """Return the differences of answers from the finest."""
     network, design = context.network.force_n, context.response.design
-    return {name: distance(answer, finest, network, design) for name, answer in answers.items()}
+    return {name: fidelity_error(answer, finest, network, design) for name, answer in answers.items()}
 
 
-def _forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
+def _compare_forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
     """Solve some loads one by one, on the table's mesh; on a coarse one in the quick form."""
-    size = COARSE if context.quick else MeshSize(**context.response.provenance["mesh"])
+    size = COARSE_MESH if context.quick else MeshSize(**context.response.provenance["mesh"])
     n = _FORWARD_LOADS_QUICK if context.quick else _FORWARD_LOADS
     forward = forward_against_table(context.foot_design, size, context.response, loads, n)
-    context.say(f"fidelity: three classes factorised in {forward.factorise_s:.1f} s, {n} loads solved")
+    context.report_progress(
+        f"fidelity: three classes factorised in {forward.factorise_s:.1f} s, {n} loads solved"
+    )
     return forward
 
 
-def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Distances, tuple[float, float]]:
+def _compare_half_space(
+    context: StudyContext, loads: Loads, contact: LevelResponse
+) -> tuple[Distances, tuple[float, float]]:
     """Return the differences of the formula's variants from contact, and the share of the force on the sheet [1]."""
     foot_design = context.foot_design
     alone = HalfSpace(foot_design, balanced=False)
@@ -113,27 +119,30 @@ def _formula(context: StudyContext, loads: Loads, contact: Answer) -> tuple[Dist
         "without statics": alone,
         "with PDMS for the rubber": HalfSpace(replace(foot_design, rubber=foot_design.pdms)),
     }
-    answers = {name: half_space(one, loads.normal, loads.force_n) for name, one in variants.items()}
+    answers = {name: half_space_response(one, loads.normal, loads.force_n) for name, one in variants.items()}
     edge_mm = (foot_design.sheet_mm - foot_design.pitch_mm) / 2.0
     side_mm = [edge_mm, foot_design.pitch_mm, edge_mm]
     area_mm2 = np.outer(side_mm, side_mm).ravel()
     carried = (alone.pressure_mpa(loads.normal, loads.force_n) @ area_mm2) / loads.force_n[:, 2]
-    return _distances(context, answers, contact), (carried.min(), carried.max())
+    return _distances_from_finest(context, answers, contact), (carried.min(), carried.max())
 
 
-def _against_full(context: StudyContext, answers: dict[str, Answer]) -> AgainstFull:
+def _compare_with_full(context: StudyContext, answers: dict[str, LevelResponse]) -> DifferencesFromFullSolve:
     """Compare the cheap models with the full solve, and separate mesh and physics errors at the first load."""
-    reduced, taken_s = timed(
-        finite_strain_contact(context.foot_design, reduced=True), mirrored_loads(FULL_CASES[:1])
+    reduced, taken_s = time_level(
+        finite_strain_level(context.foot_design, reduced=True), loads_in_mirror_plane(FULL_CASES[:1])
     )
-    context.say(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
+    context.report_progress(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first, contact = (
-        Answer(answers[name].closure_um[:1], answers[name].capacitance_pf[:1]) for name in ("full", "contact")
+        LevelResponse(answers[name].closure_um[:1], answers[name].capacitance_pf[:1])
+        for name in ("full", "contact")
     )
-    return AgainstFull(
-        distances=_distances(context, {name: answers[name] for name in LEVEL_NAMES[:3]}, answers["full"]),
-        mesh_rel=_distances(context, {"contact": contact}, reduced)["contact"].closure_rel,
-        physics_rel=_distances(context, {"reduced": reduced}, first)["reduced"].closure_rel,
+    return DifferencesFromFullSolve(
+        distances=_distances_from_finest(
+            context, {name: answers[name] for name in LEVEL_NAMES[:3]}, answers["full"]
+        ),
+        mesh_rel=_distances_from_finest(context, {"contact": contact}, reduced)["contact"].closure_rel,
+        physics_rel=_distances_from_finest(context, {"reduced": reduced}, first)["reduced"].closure_rel,
     )
 
 
@@ -141,20 +150,20 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Time and compare the models; the quick form leaves out the full solve."""
     ng.ngsglobals.msg_level = 0
     loads, foot_design = paper_loads(context.response), context.foot_design
-    cheap, seconds = _answers(context, LEVEL_NAMES[:3], loads)
-    forward = _forward(context, loads)
-    apart = _distances(context, {name: cheap[name] for name in LEVEL_NAMES[:2]}, cheap["contact"])
+    cheap, seconds = _time_levels(context, LEVEL_NAMES[:3], loads)
+    forward = _compare_forward(context, loads)
+    apart = _distances_from_finest(context, {name: cheap[name] for name in LEVEL_NAMES[:2]}, cheap["contact"])
     shown, finest, full, figures = apart, "contact", None, {}
     if not context.quick:
-        answers, taken = _answers(context, LEVEL_NAMES, mirrored_loads(FULL_CASES))
-        full = _against_full(context, answers)
+        answers, taken = _time_levels(context, LEVEL_NAMES, loads_in_mirror_plane(FULL_CASES))
+        full = _compare_with_full(context, answers)
         shown, finest, seconds["full"] = full.distances, "full", taken["full"]
         unloaded_pf = context.response.design.unloaded_pf
-        figures["fidelity-pattern.png"] = pattern_tiles(
+        figures["fidelity-pattern.png"] = capacitance_pattern_figure(
             {name: one.capacitance_pf[0].reshape(3, 3) - unloaded_pf for name, one in answers.items()}
         )
-    figures["fidelity.png"] = error_against_time(seconds, shown, finest, forward, len(loads))
-    formula, carried_rel = _formula(context, loads, cheap["contact"])
+    figures["fidelity.png"] = error_over_time_figure(seconds, shown, finest, forward, len(loads))
+    formula, carried_rel = _compare_half_space(context, loads, cheap["contact"])
     results = Results(
         n_loads=len(loads),
         seconds_per_load=seconds,

@@ -14,17 +14,17 @@ from matplotlib.figure import Figure
 from footsense.foot import gap_contact
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import directions, normalized
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import elastance_readout
-from footsense.lab.fem.mesh import COARSE, SHIPPED
+from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.geometry import Material
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.response import make_response
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     NOISE_PF,
@@ -34,16 +34,16 @@ from footsense.lab.training.load_cases import (
     paper_verification,
     sensed_closure_um,
 )
-from footsense.lab.training.paper.procedure import HIDDEN, PaperTraining, starts_of
+from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining, start_weights_by_seed
 
 #: Nothing is singular where the film covers everything: no layers of thin elements.
-FILM_SIZE, COARSE_FILM_SIZE = replace(SHIPPED, layers=0), replace(COARSE, layers=0)
+FILM_SIZE, COARSE_FILM_SIZE = replace(RELEASED_MESH, layers=0), replace(COARSE_MESH, layers=0)
 #: Largest share of the film's thickness that may close anywhere [1]: beyond, a gel is no longer linear.
 STRAIN_LIMIT_REL = 0.1
 #: Poisson's ratios of the table on confinement.
 POISSONS, QUICK_POISSONS = (0.3, 0.45, 0.49, 0.499, 0.4999), (0.3, 0.4999)
 #: Load of the sensitivity [N]: no gap closes.
-SMALL_N = 0.05
+SMALL_FORCE_N = 0.05
 #: Loads of the search for the range [N].
 LOADS_N = np.geomspace(0.05, 50.0, 200)
 #: Networks for each design, and epochs of training.
@@ -52,28 +52,28 @@ EPOCHS, QUICK_EPOCHS = 3000, 300
 #: Seed of the converter's noise, and draws of it for the 180 cases.
 NOISE_SEED, DRAWS = 7, 20
 
-_UP = np.array([[0.0, 0.0, 1.0]])
+_UPWARD = np.array([[0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor:
-    """One of the two designs.
+class SensorDesign:
+    """A sensor design, with air gaps or with a gel film.
 
     Attributes:
         name: Label in the figure.
         capacitor: Electrical design of the elements.
         closure_um: Makes closures as capacitance has them [um], shape (n, 9), of normals and forces [N], (n, 3) each.
-        used_rel: Tells the used part of the range under a load (normal and force, (1, 3) each) [1].
+        used_range_rel: Tells the used part of the range under a load (normal and force, (1, 3) each) [1].
     """
 
     name: str
     capacitor: CapacitorDesign
     closure_um: Callable[[Vector, Vector], Vector]
-    used_rel: Callable[[Vector, Vector], float]
+    used_range_rel: Callable[[Vector, Vector], float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
+class DesignFigures:
     """Capacitance, closure, sensitivity, force range and read-out errors of one foot design.
 
     Attributes:
@@ -92,7 +92,7 @@ class Measured:
     sensitivity_pf_per_n: float
     range_n: float
     low_range_n: float
-    linear: Errors
+    linear: ForceErrors
     direction_deg: MeanStd
     magnitude_gf: MeanStd
 
@@ -130,23 +130,25 @@ class Results:
     pdms_mpa: float
     sheet_mm: float
     electrode_mm: float
-    gaps: Measured
-    gel: Measured
+    gaps: DesignFigures
+    gel: DesignFigures
     by_poisson: dict[str, ConfinedFilm]
 
 
-def with_gaps(context: StudyContext) -> Sensor:
+def gap_design(context: StudyContext) -> SensorDesign:
     """Return the design with gaps, from the released table."""
     foot = Foot(context.response)
-    return Sensor(
+    return SensorDesign(
         name="gaps",
         capacitor=context.response.design,
         closure_um=lambda normal, force_n: sensed_closure_um(foot, normal, force_n),
-        used_rel=lambda normal, force_n: float(foot.capacitance_pf(normal, force_n).max() / FULL_SCALE_PF),
+        used_range_rel=lambda normal, force_n: float(
+            foot.capacitance_pf(normal, force_n).max() / FULL_SCALE_PF
+        ),
     )
 
 
-def with_film(context: StudyContext, film: GelLayerDesign) -> Sensor:
+def film_design(context: StudyContext, film: GelLayerDesign) -> SensorDesign:
     """Return the design with the film, solved."""
     size = COARSE_FILM_SIZE if context.quick else FILM_SIZE
     response = make_response(context.foot_design, size, layer=film.layer)
@@ -157,23 +159,28 @@ def with_film(context: StudyContext, film: GelLayerDesign) -> Sensor:
         sensed = gap_contact.capacitance_pf(capacitor, distance_um)
         return capacitor.closure_um(sensed, np.full(9, capacitor.unloaded_pf))
 
-    def used_rel(normal: Vector, force_n: Vector) -> float:
+    def used_range_rel(normal: Vector, force_n: Vector) -> float:
         strain = np.abs(response.free_closure_um(normal, force_n)) / capacitor.gap_um
         return float(strain.max() / STRAIN_LIMIT_REL)
 
-    return Sensor(name="film", capacitor=capacitor, closure_um=closure_um, used_rel=used_rel)
+    return SensorDesign(
+        name="film", capacitor=capacitor, closure_um=closure_um, used_range_rel=used_range_rel
+    )
 
 
-def _range_n(sensor: Sensor, direction: Vector) -> float:
+def _max_force_in_range_n(sensor: SensorDesign, direction: Vector) -> float:
     """Return the largest of `LOADS_N` in range [N], of a centred contact."""
     # A larger load never returns into the range, so bisect.
     inside = (
-        bisect_left(LOADS_N, 1.0, lo=1, key=lambda load_n: sensor.used_rel(direction, load_n * direction)) - 1
+        bisect_left(
+            LOADS_N, 1.0, lo=1, key=lambda load_n: sensor.used_range_rel(direction, load_n * direction)
+        )
+        - 1
     )
     return float(LOADS_N[inside])
 
 
-def measured(context: StudyContext, sensor: Sensor) -> Measured:
+def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures:
     """Return sensitivity, range and errors of one design of the sensor, with the same noise [pF] for all designs."""
     rng = np.random.default_rng(NOISE_SEED)
     capacitor = sensor.capacitor
@@ -185,20 +192,20 @@ def measured(context: StudyContext, sensor: Sensor) -> Measured:
     training = noisy(paper_training(context.response).force_n)
     test = noisy(np.tile(paper_verification(context.response).force_n, (DRAWS, 1)))
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if context.quick else (SEEDS, EPOCHS)
-    networks = PaperTraining(capacitor, training, "closure").train(starts_of(seeds), epochs)
-    answers = [errors(test.force_n, read(test.closure_um)) for read in networks]
-    small_um = sensor.closure_um(_UP, SMALL_N * _UP)
+    networks = PaperTraining(capacitor, training, "closure").train(start_weights_by_seed(seeds), epochs)
+    answers = [evaluate_force_errors(test.force_n, read(test.closure_um)) for read in networks]
+    small_um = sensor.closure_um(_UPWARD, SMALL_FORCE_N * _UPWARD)
     change_pf = capacitor.capacitance_pf(small_um) - capacitor.unloaded_pf
-    context.say(f"film: {sensor.name} measured")
-    return Measured(
+    context.report_progress(f"film: {sensor.name} measured")
+    return DesignFigures(
         unloaded_pf=capacitor.unloaded_pf,
-        closure_um_per_n=float(small_um.mean() / SMALL_N),
-        sensitivity_pf_per_n=float(change_pf.mean() / SMALL_N),
-        range_n=_range_n(sensor, _UP),
-        low_range_n=_range_n(sensor, directions(0.0, 45.0)[None]),
-        linear=errors(test.force_n, elastance_readout(training)(test.closure_um)),
-        direction_deg=MeanStd.over(answer.direction_deg for answer in answers),
-        magnitude_gf=MeanStd.over(answer.magnitude_gf for answer in answers),
+        closure_um_per_n=float(small_um.mean() / SMALL_FORCE_N),
+        sensitivity_pf_per_n=float(change_pf.mean() / SMALL_FORCE_N),
+        range_n=_max_force_in_range_n(sensor, _UPWARD),
+        low_range_n=_max_force_in_range_n(sensor, directions(0.0, 45.0)[None]),
+        linear=evaluate_force_errors(test.force_n, elastance_readout(training)(test.closure_um)),
+        direction_deg=MeanStd.of_values(answer.direction_deg for answer in answers),
+        magnitude_gf=MeanStd.of_values(answer.magnitude_gf for answer in answers),
     )
 
 
@@ -206,8 +213,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Solve the foot with the film, and measure both designs."""
     foot_design = context.foot_design
     film = GelLayerDesign(layer_mm=foot_design.spacer_mm)
-    gaps, gel = sensors = with_gaps(context), with_film(context, film)
-    context.say("film: the foot with the film is solved")
+    gaps, gel = sensors = gap_design(context), film_design(context, film)
+    context.report_progress("film: the foot with the film is solved")
     poissons = QUICK_POISSONS if context.quick else POISSONS
     films = [replace(film, gel=Material(film.gel.youngs_mpa, poisson)) for poisson in poissons]
     closures = upright_closure_um(foot_design, COARSE_FILM_SIZE, films)
@@ -216,8 +223,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         pdms_mpa=foot_design.pdms.youngs_mpa,
         sheet_mm=foot_design.sheet_mm,
         electrode_mm=foot_design.electrode_mm,
-        gaps=measured(context, gaps),
-        gel=measured(context, gel),
+        gaps=measure_design(context, gaps),
+        gel=measure_design(context, gel),
         by_poisson={
             f"{nu:g}": ConfinedFilm(
                 confined_mpa=other.gel.confined_mpa, relief_mm=other.relief_mm, closure_um=closure_um
@@ -228,12 +235,12 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     return results, {"film.png": _figure(sensors)}
 
 
-def _figure(sensors: Sequence[Sensor]) -> Figure:
+def _figure(sensors: Sequence[SensorDesign]) -> Figure:
     """Draw the capacitance of a corner and the middle element over an upright force, up to the end of each range."""
-    figure, (absolute, change) = panels(2, 8.2, 3.9)
+    figure, (absolute, change) = subplot_row(2, 8.2, 3.9)
     for colour, sensor in zip(("C0", "C1"), sensors, strict=True):
-        loads_n = np.linspace(0.0, _range_n(sensor, _UP), 30)
-        closure_um = sensor.closure_um(np.repeat(_UP, len(loads_n), axis=0), loads_n[:, None] * _UP)
+        loads_n = np.linspace(0.0, _max_force_in_range_n(sensor, _UPWARD), 30)
+        closure_um = sensor.closure_um(np.repeat(_UPWARD, len(loads_n), axis=0), loads_n[:, None] * _UPWARD)
         sensed_pf = sensor.capacitor.capacitance_pf(closure_um)
         for element, style, where in ((0, "-", "corner"), (4, "--", "middle")):
             label = f"{sensor.name}, {where}"
@@ -250,6 +257,6 @@ STUDY = Study(
     name="film",
     title="A soft film without gaps",
     compute=compute,
-    names={"HIDDEN": HIDDEN, "NOISE_PF": NOISE_PF},
+    names={"HIDDEN_NEURONS": HIDDEN_NEURONS, "NOISE_PF": NOISE_PF},
     uses_network=False,
 )

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 from footsense.lab.contact.full_solve import FullFoot
 from footsense.lab.contact.mesh import ContactMeshSize
-from footsense.lab.fidelity.loads import mirrored_loads
+from footsense.lab.fidelity.loads import loads_in_mirror_plane
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 
 #: Differences on one mesh need no fine one.
 _SIZE, _QUICK_SIZE = (
@@ -18,7 +18,7 @@ _SIZE, _QUICK_SIZE = (
     ContactMeshSize(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8),
 )
 #: Options of the full solve with a part left out.
-WITHOUT: dict[str, dict[str, Any]] = {
+SIMPLIFICATIONS: dict[str, dict[str, Any]] = {
     "Hertz patch": {"floor": "hertz"},
     "small strain": {"finite_strain": False},
     "both": {"floor": "hertz", "finite_strain": False},
@@ -36,7 +36,7 @@ _LOADS = (
 )
 
 
-def _label(normal_deg: float, force_deg: float, magnitude_gf: float) -> str:
+def _load_label(normal_deg: float, force_deg: float, magnitude_gf: float) -> str:
     """Return a load in words: elevation [deg], magnitude [gf], and tilt of the normal against the force [deg]."""
     lean = force_deg - normal_deg
     leaning = f", normal {abs(lean):g} deg off" if lean else ""
@@ -44,7 +44,7 @@ def _label(normal_deg: float, force_deg: float, magnitude_gf: float) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Solved:
+class LoadComparison:
     """Patch radius and Newton steps of the full solve under one load, and the error of each simplification.
 
     Attributes:
@@ -66,7 +66,7 @@ class Solved:
 class Results:
     """Results of the study `floor`: the solution under each load."""
 
-    loads: list[Solved]
+    loads: list[LoadComparison]
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
@@ -74,15 +74,15 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     size = _QUICK_SIZE if context.quick else _SIZE
     solved = []
     cases = _LOADS[:1] if context.quick else _LOADS
-    loads = mirrored_loads(cases)
+    loads = loads_in_mirror_plane(cases)
     for case, normal, force_n in zip(cases, loads.normal, loads.force_n, strict=True):
         full = FullFoot(context.foot_design, size=size).solve(normal, force_n)
         others = {
             name: FullFoot(context.foot_design, size=size, **options).solve(normal, force_n)
-            for name, options in WITHOUT.items()
+            for name, options in SIMPLIFICATIONS.items()
         }
-        one = Solved(
-            load=_label(*case),
+        one = LoadComparison(
+            load=_load_label(*case),
             difference_rel={
                 name: float(np.abs(other.closure_um - full.closure_um).max() / full.closure_um.max())
                 for name, other in others.items()
@@ -92,17 +92,19 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
             newton_steps=full.newton_steps,
         )
         solved.append(one)
-        context.say(f"floor: {one.load}, {full.n_unknowns} unknowns, {full.newton_steps} Newton steps")
+        context.report_progress(
+            f"floor: {one.load}, {full.n_unknowns} unknowns, {full.newton_steps} Newton steps"
+        )
     return Results(loads=solved), {"floor.png": _figure(solved)}
 
 
-def _figure(loads: list[Solved]) -> Figure:
+def _figure(loads: list[LoadComparison]) -> Figure:
     """Draw the differences as bars."""
-    figure, (axes,) = panels(1, 8.0, 3.4)
+    figure, (axes,) = subplot_row(1, 8.0, 3.4)
     axes.grid(visible=False, axis="x")
-    width = 0.8 / len(WITHOUT)
-    for number, name in enumerate(WITHOUT):
-        place = np.arange(len(loads)) + (number - (len(WITHOUT) - 1) / 2.0) * width
+    width = 0.8 / len(SIMPLIFICATIONS)
+    for number, name in enumerate(SIMPLIFICATIONS):
+        place = np.arange(len(loads)) + (number - (len(SIMPLIFICATIONS) - 1) / 2.0) * width
         axes.bar(place, [100.0 * load.difference_rel[name] for load in loads], width, label=name)
     axes.axhline(1.0, color="k", ls=":", lw=1, label="accuracy of the table")
     axes.set_xticks(np.arange(len(loads)), [load.load.replace(", normal", ",\nnormal") for load in loads])

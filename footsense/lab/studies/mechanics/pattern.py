@@ -10,7 +10,7 @@ import numpy as np
 
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.lab.fidelity.drawing import pattern_tiles
+from footsense.lab.fidelity.drawing import capacitance_pattern_figure
 from footsense.lab.fidelity.levels import LEVEL_NAMES, fidelity_level
 from footsense.lab.studies.page import Plots, Study, StudyContext
 
@@ -32,7 +32,7 @@ class Results:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Load the foot by three models."""
+    """Compute the capacitance changes under one inclined load by three models of the foot."""
     normal = directions(*np.array(DIRECTION_DEG)[:, None])
     unloaded_pf, change_pf = context.response.design.unloaded_pf, {}
     for name in LEVEL_NAMES[:3]:
@@ -42,7 +42,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     results = Results(
         unloaded_pf=unloaded_pf, change_pf={name: change.tolist() for name, change in change_pf.items()}
     )
-    return results, {"pattern.png": pattern_tiles(change_pf)}
+    return results, {"pattern.png": capacitance_pattern_figure(change_pf)}
 
 
 STUDY = Study(name="pattern", title="The pattern of Fig. 17", compute=compute, uses_network=False)

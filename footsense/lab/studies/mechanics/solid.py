@@ -14,14 +14,14 @@ from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
-from footsense.lab.fem.centred import centred_closures
-from footsense.lab.fem.fringe import element_pf
-from footsense.lab.fem.mesh import COARSE, FINEST, SHIPPED, MeshSize
-from footsense.lab.fem.strip import strip_closure_um
+from footsense.lab.fem.centred import solve_centred_closures
+from footsense.lab.fem.fringe import element_capacitance_pf
+from footsense.lab.fem.mesh import COARSE_MESH, FINEST_MESH, RELEASED_MESH, MeshSize
+from footsense.lab.fem.strip import cavity_strip_closure_um
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.response import make_response
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import paper_training, paper_verification
 
 Measured = TypeVar("Measured")
@@ -31,18 +31,18 @@ CEMENT = Material(25_000.0, 0.15)
 #: The inclined load: the lowest of the paper's.
 INCLINED_DEG = 40.0
 #: Elements that close less than this share of the most closed one are left out of relative errors.
-COUNTED_REL = 0.05
-_PLAIN = MeshSize(bar_mm=0.67, layers=0, order=2)
+MIN_COUNTED_CLOSURE_REL = 0.05
+_UNREFINED_MESH = MeshSize(bar_mm=0.67, layers=0, order=2)
 #: The reference of the inclined load, which needs two classes, is `finer`.
-_MESHES = {
-    "quadratic, no layers": _PLAIN,
-    "quadratic, no layers, finer": replace(_PLAIN, bar_mm=0.33),
-    "COARSE": COARSE,
-    "SHIPPED": SHIPPED,
-    "finer": replace(SHIPPED, bar_mm=0.33, layers=2, layer_rel=0.12),
-    "FINEST": FINEST,
+_MESH_SIZES = {
+    "quadratic, no layers": _UNREFINED_MESH,
+    "quadratic, no layers, finer": replace(_UNREFINED_MESH, bar_mm=0.33),
+    "COARSE": COARSE_MESH,
+    "SHIPPED": RELEASED_MESH,
+    "finer": replace(RELEASED_MESH, bar_mm=0.33, layers=2, layer_rel=0.12),
+    "FINEST": FINEST_MESH,
 }
-_QUICK_MESHES = ("quadratic, no layers", "COARSE")
+_QUICK_MESH_NAMES = ("quadratic, no layers", "COARSE")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +59,7 @@ class ComputeTime:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mesh(ComputeTime):
+class MeshResult(ComputeTime):
     """Size, time and errors of one mesh.
 
     Attributes:
@@ -93,7 +93,7 @@ class HertzContact:
 
 
 @dataclass(frozen=True, slots=True)
-class Edged:
+class FringeResult:
     """Capacitance of an element with and without edge fields [pF] at one closure, and the closure read [um].
 
     Attributes:
@@ -130,7 +130,7 @@ class Results:
         cell_um: Largest variation of the closure inside a cell, rms [um].
     """
 
-    meshes: list[Mesh]
+    meshes: list[MeshResult]
     response: ComputeTime | None
     cases: ComputeTime
     n_cases: int
@@ -139,7 +139,7 @@ class Results:
     spacer_mm: float
     law_um: float
     solid_um: float
-    edges: list[Edged]
+    edges: list[FringeResult]
     table_rel: dict[str, float]
     cell_um: float
 
@@ -153,32 +153,34 @@ def _timed(step: Callable[[], Measured]) -> tuple[Measured, ComputeTime]:
     return result, ComputeTime(wall_s=after.elapsed - before.elapsed, processor_s=processor_s)
 
 
-def _worst_rel(closure_um: Vector, best_um: Vector) -> float:
+def _largest_relative_error(closure_um: Vector, best_um: Vector) -> float:
     """Return the largest relative error of the elements that count."""
-    counted = np.abs(best_um) > COUNTED_REL * np.abs(best_um).max()
+    counted = np.abs(best_um) > MIN_COUNTED_CLOSURE_REL * np.abs(best_um).max()
     return float(np.abs(closure_um / best_um - 1.0)[counted].max())
 
 
-def _meshes(context: StudyContext) -> list[Mesh]:
+def _solve_meshes(context: StudyContext) -> list[MeshResult]:
     """Solve every mesh; the quick form leaves out the fine ones."""
     solved = []
-    for name, size in _MESHES.items():
-        if context.quick and name not in _QUICK_MESHES:
+    for name, size in _MESH_SIZES.items():
+        if context.quick and name not in _QUICK_MESH_NAMES:
             continue
-        elevation_deg = (90.0,) if context.quick or size is FINEST else (90.0, INCLINED_DEG)
-        found, taken = _timed(partial(centred_closures, context.foot_design, size, elevation_deg))
+        elevation_deg = (90.0,) if context.quick or size is FINEST_MESH else (90.0, INCLINED_DEG)
+        found, taken = _timed(partial(solve_centred_closures, context.foot_design, size, elevation_deg))
         solved.append((name, size, found, taken))
-        context.say(f"solid: {name}, {found.unknowns} unknowns, {taken.processor_s:.1f} s")
+        context.report_progress(f"solid: {name}, {found.unknowns} unknowns, {taken.processor_s:.1f} s")
     best = [solved[-1][2].closure_um[0], solved[-1 if context.quick else -2][2].closure_um[-1]]
     return [
-        Mesh(
+        MeshResult(
             wall_s=taken.wall_s,
             processor_s=taken.processor_s,
             name=name,
             order=size.order,
             unknowns=found.unknowns,
             corner_um=found.closure_um[0].max(),
-            worst_rel=[_worst_rel(own, of) for own, of in zip(found.closure_um, best, strict=False)],
+            worst_rel=[
+                _largest_relative_error(own, of) for own, of in zip(found.closure_um, best, strict=False)
+            ],
         )
         for name, size, found, taken in solved
     ]
@@ -201,19 +203,19 @@ def _compare_ground_materials(
     return floors, float(np.abs(closures[1] / closures[0] - 1.0).max())
 
 
-def _edges(foot_design: FootDesign) -> list[Edged]:
+def _fringe_results(foot_design: FootDesign) -> list[FringeResult]:
     """Return elements with edges at three closures."""
     capacitor, closed_um = foot_design.capacitor, (0.0, 5.0, 10.0)
-    both_pf = [element_pf(foot_design, one_um) for one_um in closed_um]
+    both_pf = [element_capacitance_pf(foot_design, one_um) for one_um in closed_um]
     edged_pf, plates_pf = np.array(both_pf).T
     stray_pf = edged_pf[0] - plates_pf[0]
     read_um = capacitor.closure_um(edged_pf, edged_pf[0])
     corrected_um = capacitor.closure_um(edged_pf - stray_pf, edged_pf[0] - stray_pf)
     columns = (closed_um, plates_pf.tolist(), edged_pf.tolist(), read_um.tolist(), corrected_um.tolist())
-    return [Edged(*row) for row in zip(*columns, strict=True)]
+    return [FringeResult(*row) for row in zip(*columns, strict=True)]
 
 
-def _cells(response: FootResponse) -> tuple[float, float]:
+def _cell_averaging_errors(response: FootResponse) -> tuple[float, float]:
     """Return the largest rms closure variation inside a cell [um], and the capacitance error of ignoring it [1].
 
     Upright and inclined loads of 1 N. A closure that varies by a standard deviation s inside a cell raises the mean of
@@ -231,12 +233,12 @@ def _cells(response: FootResponse) -> tuple[float, float]:
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Measure the errors of mesh, ground, spacer and electrodes; the quick form omits fine meshes and response."""
     foot_design, response = context.foot_design, context.response
-    meshes, taken = _meshes(context), None
+    meshes, taken = _solve_meshes(context), None
     if not context.quick:
-        _, taken = _timed(partial(make_response, foot_design, SHIPPED, context.say))
+        _, taken = _timed(partial(make_response, foot_design, RELEASED_MESH, context.report_progress))
     cases, cases_taken = _timed(lambda: (paper_training(response), paper_verification(response)))
     floors, ground_change_rel = _compare_ground_materials(foot_design, response)
-    cell_um, cell_rel = _cells(response)
+    cell_um, cell_rel = _cell_averaging_errors(response)
     stated = response.provenance
     results = Results(
         meshes=meshes,
@@ -246,9 +248,9 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         floors=floors,
         ground_change_rel=ground_change_rel,
         spacer_mm=foot_design.spacer_mm,
-        law_um=strip_closure_um(foot_design, solid=False),
-        solid_um=strip_closure_um(foot_design, solid=True),
-        edges=_edges(foot_design),
+        law_um=cavity_strip_closure_um(foot_design, solid=False),
+        solid_um=cavity_strip_closure_um(foot_design, solid=True),
+        edges=_fringe_results(foot_design),
         table_rel={
             "foot against its transpose": stated["mesh_asymmetry_rel"],
             "samples against series": stated["fit_residual_rel"],
@@ -260,9 +262,9 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     return results, {"solid.png": _figure(meshes)}
 
 
-def _figure(meshes: Sequence[Mesh]) -> Figure:
+def _figure(meshes: Sequence[MeshResult]) -> Figure:
     """Draw the error over the processor time of each mesh."""
-    figure, (axes,) = panels(1, 7.0, 4.2)
+    figure, (axes,) = subplot_row(1, 7.0, 4.2)
     names = ("upright, 1 N", f"{INCLINED_DEG:g} deg, 1 N")
     for load, (name, marker) in enumerate(zip(names, "os", strict=True)):
         points = [

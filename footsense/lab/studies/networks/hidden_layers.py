@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
-from footsense.lab.monte_carlo.statistics import SIGNIFICANT, Difference, MeanStd
+from footsense.lab.monte_carlo.statistics import SIGNIFICANT_STANDARD_ERRORS, MeanDifference, MeanStd
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels, plot_band
+from footsense.lab.studies.plots import plot_band, subplot_row
 from footsense.lab.training.load_cases import paper_training, paper_verification
-from footsense.lab.training.paper.mlp import start_layers
+from footsense.lab.training.paper.mlp import random_layers
 from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS, PaperTraining, verification_cases
 
 #: Neurons of each hidden layer.
@@ -27,9 +27,9 @@ SEEDS, QUICK_SEEDS = 20, 3
 #: The magnitudes of the training cases [gf].
 TRAINING_GF = (50.0, 150.0)
 
-_DEPTHS = {"1": "one hidden layer", "2": "two hidden layers"}
+_DEPTH_LABELS = {"1": "one hidden layer", "2": "two hidden layers"}
 #: Mean errors of each network: name, words, the paper's figure.
-MEASURED = (
+EVALUATED_ERRORS = (
     ("direction_deg", "direction, 100 gf [deg]", PAPER_DIRECTION_DEG),
     ("magnitude_gf", "magnitude, 100 gf [gf]", PAPER_MAGNITUDE_GF),
     ("training_deg", "direction, 50 and 150 gf [deg]", None),
@@ -78,36 +78,41 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
     training = PaperTraining(response.design, paper_training(response))
     paper, *others = [paper_verification(response), *(verification_cases(response, m) for m in TRAINING_GF)]
-    measured: dict[str, ByDepth] = {name: {} for name, _, _ in MEASURED}
-    for depth, words in _DEPTHS.items():
+    measured: dict[str, ByDepth] = {name: {} for name, _, _ in EVALUATED_ERRORS}
+    for depth, words in _DEPTH_LABELS.items():
         room = (9, *[max(neurons)] * int(depth), 3)
         starts = [
-            start_layers(np.random.default_rng(seed), (9, *[n] * int(depth), 3), room)
+            random_layers(np.random.default_rng(seed), (9, *[n] * int(depth), 3), room)
             for n in neurons
             for seed in range(seeds)
         ]
         readouts = training.train(starts, epochs)
-        at_paper = [errors(paper.force_n, read(paper.closure_um)) for read in readouts]
-        at_others = [[errors(cases.force_n, read(cases.closure_um)) for cases in others] for read in readouts]
+        at_paper = [evaluate_force_errors(paper.force_n, read(paper.closure_um)) for read in readouts]
+        at_others = [
+            [evaluate_force_errors(cases.force_n, read(cases.closure_um)) for cases in others]
+            for read in readouts
+        ]
         figures = (
             [row.direction_deg for row in at_paper],
             [row.magnitude_gf for row in at_paper],
             [float(np.mean([row.direction_deg for row in rows])) for rows in at_others],
         )
-        for (name, _, _), values in zip(MEASURED, figures, strict=True):
+        for (name, _, _), values in zip(EVALUATED_ERRORS, figures, strict=True):
             measured[name][depth] = [
-                MeanStd.over(values[k : k + seeds]) for k in range(0, len(values), seeds)
+                MeanStd.of_values(values[k : k + seeds]) for k in range(0, len(values), seeds)
             ]
-        context.say(f"hidden-layers: {len(neurons)} sizes with {words} trained, {seeds} seeds each")
+        context.report_progress(
+            f"hidden-layers: {len(neurons)} sizes with {words} trained, {seeds} seeds each"
+        )
     results = Results(epochs=epochs, seeds=seeds, neurons=neurons, **measured)
     return results, {"hidden-layers.png": _figure(results)}
 
 
 def _figure(results: Results) -> Figure:
     """Draw each error over the neurons, with the standard deviation between seeds as a band."""
-    figure, axes = panels(len(MEASURED), 8.2, 3.4)
-    for panel, (name, words, paper) in zip(axes, MEASURED, strict=True):
-        for depth, label in _DEPTHS.items():
+    figure, axes = subplot_row(len(EVALUATED_ERRORS), 8.2, 3.4)
+    for panel, (name, words, paper) in zip(axes, EVALUATED_ERRORS, strict=True):
+        for depth, label in _DEPTH_LABELS.items():
             plot_band(panel, results.neurons, getattr(results, name)[depth], label=label)
         if paper is not None:
             panel.axhline(paper, color="k", ls=":", label="the paper")
@@ -121,23 +126,27 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-def differences(neurons: Sequence[int], errors_by_depth: list[ByDepth]) -> dict[str, list[Difference]]:
+def mean_differences(
+    neurons: Sequence[int], errors_by_depth: list[ByDepth]
+) -> dict[str, list[MeanDifference]]:
     """Return differences of means that are positive where the paper's statements hold, one for each kind of error."""
-    differences: dict[str, list[Difference]] = defaultdict(list)
+    mean_differences: dict[str, list[MeanDifference]] = defaultdict(list)
     for by_depth in errors_by_depth:
         best = {depth: min(sizes, key=lambda one: one.mean) for depth, sizes in by_depth.items()}
-        differences["one layer at its best, less two at theirs"].append(best["1"].excess(best["2"]))
-        for depth, name in _DEPTHS.items():
+        mean_differences["one layer at its best, less two at theirs"].append(
+            best["1"].difference_from(best["2"])
+        )
+        for depth, name in _DEPTH_LABELS.items():
             for k, words in ((0, "fewest"), (-1, "most")):
                 label = f"{name}: {words} neurons ({neurons[k]}), less the best"
-                differences[label].append(by_depth[depth][k].excess(best[depth]))
-    return differences
+                mean_differences[label].append(by_depth[depth][k].difference_from(best[depth]))
+    return mean_differences
 
 
 STUDY = Study(
     name="hidden-layers",
     title="How many hidden layers and neurons",
     compute=compute,
-    names={"SIGNIFICANT": SIGNIFICANT},
+    names={"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
     uses_network=False,
 )

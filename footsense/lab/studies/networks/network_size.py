@@ -10,15 +10,15 @@ from matplotlib.figure import Figure
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.rest import at_rest
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
-from footsense.lab.training.snapshot.train import moments
+from footsense.lab.training.snapshot.train import closure_moments
 from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
@@ -34,11 +34,11 @@ CONVERSIONS, LOADED_N = 1100, 0.1
 #: Legs in a call, runs in a timing, and timings; the fastest counts, because other processes only add time.
 LEGS, RUNS, TIMINGS = 6, 200, 25
 #: Kinds of test loads.
-_TESTS = {"gaits": "random gaits", "rest": "loads at rest"}
+_TEST_LABELS = {"gaits": "random gaits", "rest": "loads at rest"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Size:
+class NetworkSizeResult:
     """Size, errors and run time of one network.
 
     Attributes:
@@ -52,13 +52,13 @@ class Size:
     channels: int
     weights: int
     run_us: float
-    gaits: Errors
-    rest: Errors
+    gaits: ForceErrors
+    rest: ForceErrors
 
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Errors of networks of all sizes.
+    """Force errors and run times of networks of all sizes.
 
     Attributes:
         steps: Training steps.
@@ -74,7 +74,7 @@ class Results:
     n_gaits: int
     n_rests: int
     from_n: float
-    sizes: list[Size]
+    sizes: list[NetworkSizeResult]
 
 
 def run_us(models: list[bytes]) -> list[float]:
@@ -104,11 +104,11 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         random_loads(response, loads, n, seed)
         for seed, n in ((TRAINING_SEED, n_rests), (TEST_SEED, n_rests // 4))
     )
-    context.say(f"network-size: {n_gaits} gaits and {n_rests} loads at rest for training")
+    context.report_progress(f"network-size: {n_gaits} gaits and {n_rests} loads at rest for training")
     walked = windows_of(test_gaits)
     loaded = np.linalg.norm(walked.force_n, axis=1) >= LOADED_N
     none_missing = np.zeros((int(loaded.sum()), ELEMENTS), bool)
-    counted = np.linalg.norm(test_rest.force_n, axis=1) >= loads.min_judged_n
+    counted = np.linalg.norm(test_rest.force_n, axis=1) >= loads.min_evaluated_force_n
     rng = np.random.default_rng(TEST_SEED)
     tests = {
         "gaits": (
@@ -120,37 +120,39 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
             at_rest(measured_closure_rel(design, test_rest.closure_um[counted], rng)),
         ),
     }
-    imputation = Imputation(moments(rest.with_symmetric_copies().closure_um / design.gap_um))
+    imputation = Imputation(closure_moments(rest.with_symmetric_copies().closure_um / design.gap_um))
     trained = []
     for c in channels:
         protocol = WindowProtocol(channels=c, steps=steps, min_force_n=loads.min_force_n)
         trained.append(train_windowed(gaits, rest, design, protocol, imputation))
-        context.say(f"network-size: {trained[-1].size} weights trained")
+        context.report_progress(f"network-size: {trained[-1].size} weights trained")
     times_us = run_us([onnx_model(weights, {}).SerializeToString() for weights in trained])
     sizes = []
     for weights, time_us in zip(trained, times_us, strict=True):
         judged = {
-            name: errors(force_n, predict(weights, window).force_n)
+            name: evaluate_force_errors(force_n, predict(weights, window).force_n)
             for name, (force_n, window) in tests.items()
         }
-        sizes.append(Size(channels=weights.channels, weights=weights.size, run_us=time_us, **judged))
+        sizes.append(
+            NetworkSizeResult(channels=weights.channels, weights=weights.size, run_us=time_us, **judged)
+        )
     results = Results(
         steps=steps,
         batch=protocol.batch,
         n_gaits=n_gaits,
         n_rests=n_rests,
-        from_n=loads.min_judged_n,
+        from_n=loads.min_evaluated_force_n,
         sizes=sizes,
     )
     return results, {"network-size.png": _figure(sizes)}
 
 
-def _figure(sizes: list[Size]) -> Figure:
+def _figure(sizes: list[NetworkSizeResult]) -> Figure:
     """Draw the direction error over weights and over microseconds."""
-    figure, axes = panels(2, 8.8, 4.0, sharey=True)
+    figure, axes = subplot_row(2, 8.8, 4.0, sharey=True)
     for panel, quantity in zip(axes, ("weights", "run_us"), strict=True):
         x = [getattr(size, quantity) for size in sizes]
-        for (name, words), colour in zip(_TESTS.items(), ("C0", "C3"), strict=True):
+        for (name, words), colour in zip(_TEST_LABELS.items(), ("C0", "C3"), strict=True):
             rows = [getattr(size, name) for size in sizes]
             mean, p95 = [row.direction_deg for row in rows], [row.direction_p95_deg for row in rows]
             panel.loglog(x, mean, "o-", color=colour, label=f"{words}, mean")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
@@ -18,11 +18,11 @@ from footsense.lab.evaluation.evaluate import (
 )
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels, plot_band
+from footsense.lab.studies.plots import plot_band, subplot_row
 from footsense.lab.training.load_cases import paper_training
 from footsense.lab.training.paper.procedure import (
     EPOCHS,
-    HIDDEN,
+    HIDDEN_NEURONS,
     QUICK_EPOCHS,
     Feed,
     paper_networks,
@@ -31,9 +31,9 @@ from footsense.lab.training.paper.procedure import (
 
 #: Magnitudes of the 180 directions [gf]; the training cases have the first and the last, the paper's test the middle.
 MAGNITUDES_GF = (50.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0, 130.0, 140.0, 150.0)
-AT_100_GF = MAGNITUDES_GF.index(100.0)
+INDEX_OF_100_GF = MAGNITUDES_GF.index(100.0)
 
-NAMES: dict[Feed, str] = {"capacitance": "ΔC", "closure": "closures"}
+FEED_LABELS: dict[Feed, str] = {"capacitance": "ΔC", "closure": "closures"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,26 +76,31 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         "closure": elastance_readout(training),
     }
     by_feed, points = {}, {}
-    for feed, name in NAMES.items():
+    for feed, name in FEED_LABELS.items():
         networks = paper_networks(response, quick=context.quick, feed=feed)
-        rows = [[errors(cases.force_n, read(cases.closure_um)) for read in networks] for cases in tests]
-        alone = errors(tests[AT_100_GF].force_n, linear[feed](tests[AT_100_GF].closure_um))
+        rows = [
+            [evaluate_force_errors(cases.force_n, read(cases.closure_um)) for read in networks]
+            for cases in tests
+        ]
+        alone = evaluate_force_errors(
+            tests[INDEX_OF_100_GF].force_n, linear[feed](tests[INDEX_OF_100_GF].closure_um)
+        )
         by_feed[str(feed)] = FeedErrors(
-            direction_deg=[MeanStd.over(one.direction_deg for one in row) for row in rows],
-            magnitude_gf=[MeanStd.over(one.magnitude_gf for one in row) for row in rows],
+            direction_deg=[MeanStd.of_values(one.direction_deg for one in row) for row in rows],
+            magnitude_gf=[MeanStd.of_values(one.magnitude_gf for one in row) for row in rows],
             linear_deg=alone.direction_deg,
             linear_gf=alone.magnitude_gf,
         )
-        points[str(feed)] = rows[AT_100_GF]
-        context.say(f"paper-procedure: {len(networks)} networks on {name} trained")
+        points[str(feed)] = rows[INDEX_OF_100_GF]
+        context.report_progress(f"paper-procedure: {len(networks)} networks on {name} trained")
     results = Results(epochs=QUICK_EPOCHS if context.quick else EPOCHS, by_feed=by_feed)
     return results, {"paper-procedure.png": _figure(by_feed, points)}
 
 
-def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> Figure:
+def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[ForceErrors]]) -> Figure:
     """Draw each network's magnitude error over its direction error, and the direction error over the force."""
-    figure, (cloud, curve) = panels(2, 8.2, 4.0)
-    for colour, (feed, name) in zip(("C0", "C1"), NAMES.items(), strict=True):
+    figure, (cloud, curve) = subplot_row(2, 8.2, 4.0)
+    for colour, (feed, name) in zip(("C0", "C1"), FEED_LABELS.items(), strict=True):
         networks, found = points[feed], by_feed[feed]
         x, y = [one.direction_deg for one in networks], [one.magnitude_gf for one in networks]
         cloud.plot(x, y, "o", color=colour, alpha=0.6, label=f"networks on {name}")
@@ -122,6 +127,6 @@ STUDY = Study(
     name="paper-procedure",
     title="The paper's own procedure",
     compute=compute,
-    names={"HIDDEN": HIDDEN},
+    names={"HIDDEN_NEURONS": HIDDEN_NEURONS},
     uses_network=False,
 )

@@ -14,14 +14,14 @@ from matplotlib.figure import Figure
 
 from footsense.frames import Vector
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import panels
+from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import paper_training
 from footsense.lab.training.paper.mlp import Layers, Trained, stack, train
-from footsense.lab.training.paper.procedure import HIDDEN, PaperTraining, starts_of
+from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining, start_weights_by_seed
 from footsense.lab.training.paper.rprop import RPROP
 
 #: Learning rates to choose from, for networks whose loss is the mean square over the cases.
-RATES = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7)
+LEARNING_RATES = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7)
 #: The usual momentum.
 MOMENTUM = 0.9
 #: Epochs of each rule.
@@ -33,7 +33,7 @@ _RPROP = "RPROP"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Race:
+class RpropComparison:
     """Epochs and time of back-propagation and of RPROP to back-propagation's final loss, medians over seeds.
 
     Attributes:
@@ -75,37 +75,42 @@ class Results:
     epochs: int
     seeds: int
     epoch_us: dict[str, float]
-    races: dict[str, Race]
+    races: dict[str, RpropComparison]
 
 
-def _descent(
+def _train_gradient_descent(
     training: PaperTraining, starts: list[Layers], momentum: float, epochs: int
 ) -> tuple[float, Trained]:
     """Return the learning rate with the lowest median final loss over the seeds, and its trained networks."""
     rule = optax.inject_hyperparams(optax.sgd)(learning_rate=0.0, momentum=momentum)
-    layers, rates = stack([one for _ in RATES for one in starts]), np.repeat(RATES, len(starts))
+    layers, rates = (
+        stack([one for _ in LEARNING_RATES for one in starts]),
+        np.repeat(LEARNING_RATES, len(starts)),
+    )
     state = jax.vmap(rule.init)(layers)
     state.hyperparams["learning_rate"] = rates.astype(np.float32)
     trained = train(rule, layers, training.inputs, training.targets, epochs, state)
-    losses = trained.losses.reshape(len(RATES), len(starts), epochs)
+    losses = trained.losses.reshape(len(LEARNING_RATES), len(starts), epochs)
     # A rate at which the loss of one seed overflows is of no use.
     final = np.median(np.nan_to_num(losses[:, :, -1], nan=np.inf), axis=1)
     best = int(np.where(np.isfinite(losses[:, :, -1]).all(axis=1), final, np.inf).argmin())
-    return RATES[best], trained._replace(losses=losses[best], processor_s=trained.processor_s / len(RATES))
+    return LEARNING_RATES[best], trained._replace(
+        losses=losses[best], processor_s=trained.processor_s / len(LEARNING_RATES)
+    )
 
 
-def _epochs_to(losses: Vector, goal: Vector) -> Vector:
+def _epochs_to_loss(losses: Vector, goal: Vector) -> Vector:
     """Return the epochs until each seed's loss first meets its goal, shape (seeds,); all epochs if never."""
     there = losses <= goal[:, None]
     epochs = np.where(there.any(axis=1), there.argmax(axis=1), losses.shape[1])
     return np.asarray(epochs, dtype=np.float64)
 
 
-def _race(rate: float, descent: Trained, rprop: Trained) -> Race:
+def _compare_with_rprop(rate: float, descent: Trained, rprop: Trained) -> RpropComparison:
     """Compare gradient descent and Rprop from the same start weights: epochs to the same loss."""
     goal = descent.losses[:, -1]
-    slow, fast = _epochs_to(descent.losses, goal), _epochs_to(rprop.losses, goal)
-    return Race(
+    slow, fast = _epochs_to_loss(descent.losses, goal), _epochs_to_loss(rprop.losses, goal)
+    return RpropComparison(
         rate=rate,
         goal=float(np.median(goal)),
         descent_epochs=float(np.median(slow)),
@@ -128,14 +133,14 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Train the same networks by gradient descent, with and without momentum, and by Rprop."""
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if context.quick else (SEEDS, EPOCHS)
     training = PaperTraining(context.response.design, paper_training(context.response))
-    starts = starts_of(seeds)
+    starts = start_weights_by_seed(seeds)
     rprop = train(RPROP, stack(starts), training.inputs, training.targets, epochs)
-    context.say("rprop-speed: RPROP trained")
+    context.report_progress("rprop-speed: RPROP trained")
     runs, races = {}, {}
     for name, momentum in (("back-propagation", 0.0), (f"the same with momentum {MOMENTUM:g}", MOMENTUM)):
-        rate, runs[name] = _descent(training, starts, momentum, epochs)
-        races[name] = _race(rate, runs[name], rprop)
-        context.say(f"rprop-speed: {name}, best of {len(RATES)} rates: {rate:g}")
+        rate, runs[name] = _train_gradient_descent(training, starts, momentum, epochs)
+        races[name] = _compare_with_rprop(rate, runs[name], rprop)
+        context.report_progress(f"rprop-speed: {name}, best of {len(LEARNING_RATES)} rates: {rate:g}")
     runs[_RPROP] = rprop
     epoch_us = {name: 1e6 * _epoch_s(run) for name, run in runs.items()}
     return Results(epochs=epochs, seeds=seeds, epoch_us=epoch_us, races=races), {
@@ -145,7 +150,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 def _figure(runs: dict[str, Trained]) -> Figure:
     """Draw the loss over the epochs: median, and from the lowest to the highest seed as a band."""
-    figure, (axes,) = panels(1, 7.6, 4.4)
+    figure, (axes,) = subplot_row(1, 7.6, 4.4)
     for name, run in runs.items():
         epoch = np.arange(1, run.losses.shape[1] + 1)
         (line,) = axes.plot(epoch, np.median(run.losses, axis=0), label=name)
@@ -165,6 +170,6 @@ STUDY = Study(
     name="rprop-speed",
     title="RPROP against back-propagation",
     compute=compute,
-    names={"HIDDEN": HIDDEN},
+    names={"HIDDEN_NEURONS": HIDDEN_NEURONS},
     uses_network=False,
 )

@@ -33,7 +33,7 @@ class Layer(NamedTuple):
 Layers = tuple[Layer, ...]
 
 
-def start_layers(rng: np.random.Generator, widths: Sequence[int], room: Sequence[int] = ()) -> Layers:
+def random_layers(rng: np.random.Generator, widths: Sequence[int], room: Sequence[int] = ()) -> Layers:
     """Return random layers, uniform within 1 / sqrt(inputs), which saturates no neuron.
 
     Args:
@@ -58,11 +58,11 @@ def stack(networks: Sequence[Layers]) -> Layers:
 
 
 def unstack(layers: Layers) -> list[Layers]:
-    """Return stacked networks one by one."""
+    """Return the single networks of a stack."""
     return [jax.tree.map(lambda part: part[k], layers) for k in range(len(layers[0].weight))]  # noqa: B023
 
 
-def forward(layers: Layers, inputs: Any) -> jax.Array:
+def network_outputs(layers: Layers, inputs: Any) -> jax.Array:
     """Return the outputs, shape (n, n_out), of one network for inputs of shape (n, n_in)."""
     for layer in layers[:-1]:
         inputs = jnp.tanh(inputs @ layer.weight + layer.offset)
@@ -72,7 +72,7 @@ def forward(layers: Layers, inputs: Any) -> jax.Array:
 
 def loss(layers: Layers, inputs: Any, targets: Any) -> jax.Array:
     """Return the squared error of a case, summed over the outputs, mean over the cases."""
-    return jnp.mean(jnp.sum((forward(layers, inputs) - targets) ** 2, axis=-1))
+    return jnp.mean(jnp.sum((network_outputs(layers, inputs) - targets) ** 2, axis=-1))
 
 
 class Trained(NamedTuple):
@@ -90,7 +90,7 @@ class Trained(NamedTuple):
 
 
 @partial(jax.jit, static_argnames=("rule", "epochs"))
-def _run(
+def _train_epochs(
     rule: optax.GradientTransformation, epochs: int, layers: Layers, state: Any, inputs: Any, targets: Any
 ) -> tuple[Layers, jax.Array]:
     """Return the networks after the epochs, and their losses, shape (networks, epochs)."""
@@ -135,7 +135,7 @@ def train(
     if state is None:
         state = jax.vmap(rule.init)(layers)
     cases = np.asarray(inputs, np.float32), np.asarray(targets, np.float32)
-    compiled = _run.lower(rule, epochs, layers, state, *cases).compile()
+    compiled = _train_epochs.lower(rule, epochs, layers, state, *cases).compile()
     started_s = _processor_s()
     after, losses = jax.block_until_ready(compiled(layers, state, *cases))
     return Trained(after, np.asarray(losses, dtype=np.float64), _processor_s() - started_s)

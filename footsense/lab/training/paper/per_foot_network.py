@@ -2,8 +2,8 @@
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import Vector
-from footsense.lab.training.load_cases import Cases, as_designed_um
-from footsense.lab.training.paper.procedure import EPOCHS, PaperTraining, starts_of
+from footsense.lab.training.load_cases import Cases, closure_of_designed_foot_um
+from footsense.lab.training.paper.procedure import EPOCHS, PaperTraining, start_weights_by_seed
 
 
 def per_foot_force_n(
@@ -18,6 +18,6 @@ def per_foot_force_n(
         test_pf: Changes of capacitance under the other loads [pF], shape (m, 9).
         epochs: Training epochs.
     """
-    training = PaperTraining(design, Cases(force_n, as_designed_um(design, training_pf)))
-    _, start = starts_of(2)
-    return training.train([start], epochs)[0](as_designed_um(design, test_pf))
+    training = PaperTraining(design, Cases(force_n, closure_of_designed_foot_um(design, training_pf)))
+    _, start = start_weights_by_seed(2)
+    return training.train([start], epochs)[0](closure_of_designed_foot_um(design, test_pf))

@@ -19,14 +19,14 @@ from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import Readout
 from footsense.lab.training.load_cases import Cases, paper_training, paper_verification, sensed_closure_um
-from footsense.lab.training.paper.mlp import Layers, forward, stack, start_layers, train, unstack
+from footsense.lab.training.paper.mlp import Layers, network_outputs, random_layers, stack, train, unstack
 from footsense.lab.training.paper.rprop import RPROP
 
 #: Inputs of a network: capacitance changes, as in the paper, or the gap closures that elastance measures.
 Feed = Literal["capacitance", "closure"]
 
 #: Neurons of the two hidden layers, twice the inputs; the paper found its own by trial and error (Table I).
-HIDDEN = (18, 18)
+HIDDEN_NEURONS = (18, 18)
 #: Epochs of training; the paper states none. Four times as many change the errors by less than the seeds do.
 EPOCHS, QUICK_EPOCHS = 5000, 1000
 #: Networks, which differ in their start weights.
@@ -48,13 +48,13 @@ class PaperTraining:
 
     def __init__(self, design: CapacitorDesign, training: Cases, feed: Feed = "capacitance") -> None:
         self._design, self._feed = design, feed
-        fed = self._feed_of(training.closure_um)
+        fed = self._network_input(training.closure_um)
         self._input_scale = float(np.abs(fed).max())
         self._force_scale_n = float(np.abs(training.force_n).max())
         self.inputs = fed / self._input_scale
         self.targets = training.force_n / self._force_scale_n
 
-    def _feed_of(self, closure_um: Vector) -> Vector:
+    def _network_input(self, closure_um: Vector) -> Vector:
         """Return capacitance changes [pF] or closures [um], shape (n, 9), of closures [um]."""
         if self._feed == "closure":
             return closure_um
@@ -64,8 +64,8 @@ class PaperTraining:
         """Return a network as a read-out in newtons."""
 
         def read(closure_um: Vector) -> Vector:
-            inputs = (self._feed_of(closure_um) / self._input_scale).astype(np.float32)
-            return np.asarray(forward(network, inputs), dtype=np.float64) * self._force_scale_n
+            inputs = (self._network_input(closure_um) / self._input_scale).astype(np.float32)
+            return np.asarray(network_outputs(network, inputs), dtype=np.float64) * self._force_scale_n
 
         return read
 
@@ -83,12 +83,14 @@ def verification_cases(response: FootResponse, magnitude_gf: float) -> Cases:
     return Cases(force_n, sensed_closure_um(Foot(response), direction, force_n))
 
 
-def starts_of(seeds: int, widths: Sequence[int] = (9, *HIDDEN, 3)) -> list[Layers]:
+def start_weights_by_seed(seeds: int, widths: Sequence[int] = (9, *HIDDEN_NEURONS, 3)) -> list[Layers]:
     """Return start weights of networks, one for each seed from 0."""
-    return [start_layers(np.random.default_rng(seed), widths) for seed in range(seeds)]
+    return [random_layers(np.random.default_rng(seed), widths) for seed in range(seeds)]
 
 
 def paper_networks(response: FootResponse, *, quick: bool, feed: Feed = "capacitance") -> list[Readout]:
     """Return networks trained by the paper's procedure, one for each seed; fewer and shorter if quick."""
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
-    return PaperTraining(response.design, paper_training(response), feed).train(starts_of(seeds), epochs)
+    return PaperTraining(response.design, paper_training(response), feed).train(
+        start_weights_by_seed(seeds), epochs
+    )

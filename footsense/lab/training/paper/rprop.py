@@ -30,38 +30,38 @@ class RpropState(NamedTuple):
     """State after an epoch, each part nested and shaped like the weights.
 
     Attributes:
-        size: Sizes of the steps, above 0.
+        step_size: Sizes of the steps, above 0.
         gradient: The gradient, 0 where a move was taken back.
-        move: The last change of the weights.
+        weight_step: The last change of the weights.
     """
 
-    size: Any
+    step_size: Any
     gradient: Any
-    move: Any
+    weight_step: Any
 
 
-def _init(weights: Any) -> RpropState:
+def _initial_state(weights: Any) -> RpropState:
     """Return the state before the first epoch."""
     zero = jax.tree.map(jnp.zeros_like, weights)
     return RpropState(jax.tree.map(lambda w: jnp.full_like(w, FIRST_STEP), weights), zero, zero)
 
 
-def _update_array(gradient: Any, size: Any, last_gradient: Any, last_move: Any) -> RpropState:
+def _update_array(gradient: Any, step_size: Any, previous_gradient: Any, last_weight_step: Any) -> RpropState:
     """Return the state of one array of weights after an epoch."""
-    agreement = jnp.sign(gradient) * jnp.sign(last_gradient)
+    agreement = jnp.sign(gradient) * jnp.sign(previous_gradient)
     factor = jnp.where(agreement > 0.0, GROW, jnp.where(agreement < 0.0, SHRINK, 1.0))
-    size = jnp.clip(size * factor, LEAST_STEP, LARGEST_STEP)
+    step_size = jnp.clip(step_size * factor, LEAST_STEP, LARGEST_STEP)
     overshot = agreement < 0.0
-    move = jnp.where(overshot, -last_move, -jnp.sign(gradient) * size)
-    return RpropState(size, jnp.where(overshot, 0.0, gradient), move)
+    weight_step = jnp.where(overshot, -last_weight_step, -jnp.sign(gradient) * step_size)
+    return RpropState(step_size, jnp.where(overshot, 0.0, gradient), weight_step)
 
 
-def _update(gradient: Any, state: Any, weights: Any = None) -> tuple[Any, RpropState]:
+def _update_all(gradient: Any, state: Any, weights: Any = None) -> tuple[Any, RpropState]:
     """Return the moves and the state after an epoch."""
     del weights
     after = jax.tree.map(_update_array, gradient, *state)
     state = jax.tree.transpose(jax.tree.structure(gradient), jax.tree.structure(RpropState(0, 0, 0)), after)
-    return state.move, state
+    return state.weight_step, state
 
 
-RPROP = optax.GradientTransformation(_init, _update)
+RPROP = optax.GradientTransformation(_initial_state, _update_all)

@@ -19,12 +19,12 @@ from footsense.foot import gap_contact
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.response import disc_normals
+from footsense.lab.response import cap_normals
 
 #: Lowest elevation of the centred loads that the profile is fitted on [deg]: a little below the paper's lowest.
 _PROFILE_MIN_DEG = 38.0
 #: Rounds of Newton's method; six bring 1 um to 1e-6 um with gaps closed.
-_ROUNDS = 8
+_NEWTON_ROUNDS = 8
 #: Largest step of a round over the gap [1], and the step of the differences [um].
 _LARGEST_REL, _STEP_UM = 0.2, 1e-3
 #: Largest unexplained capacitance [pF]: a thousandth of the converter's noise.
@@ -58,7 +58,7 @@ class ForwardModel:
         """
         target_pf = self.response.design.capacitance_pf(closure_um)
         mean, largest_um = closure_um.copy(), _LARGEST_REL * self.response.design.gap_um
-        for _ in range(_ROUNDS):
+        for _ in range(_NEWTON_ROUNDS):
             computed = self.capacitance_pf(mean)
             if np.abs(target_pf - computed).max(initial=0.0) < _TOLERANCE_PF:
                 return mean
@@ -74,7 +74,7 @@ class ForwardModel:
 
 def forward_model(response: FootResponse) -> ForwardModel:
     """Return the forward model of a foot under centred loads."""
-    direction = disc_normals(_PROFILE_MIN_DEG, rings=24, spokes=72)
+    direction = cap_normals(_PROFILE_MIN_DEG, rings=24, spokes=72)
     cells = response.free_closure_um(direction, direction)
     closure_per_mean = np.asarray(
         np.linalg.lstsq(gap_contact.element_means(cells), cells, rcond=None)[0], np.float64

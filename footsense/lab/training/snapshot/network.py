@@ -12,7 +12,7 @@ touch from being noise alone.
 The foot has the eight symmetries of the square, and so has the network, by construction: a hidden channel is eight
 units, one for each symmetry g, which apply the same weights to the pattern mapped by the inverse of g. Units of the
 second layer see those of the first by their relative symmetry. Each weight thus stands in eight places of the matrices;
-`expand` puts it there, and the ONNX file does the same by Gather.
+`expand_shared_weights` puts it there, and the ONNX file does the same by Gather.
 
 Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
@@ -25,7 +25,7 @@ import numpy as np
 
 from footsense.frames import Vector
 from footsense.lab.symmetry import SYMMETRIES
-from footsense.lab.training.symmetric_layers import SOFT_REL, expand_hidden, linear_basis
+from footsense.lab.training.symmetric_layers import PATTERN_SOFTENING_REL, expand_hidden, linear_basis
 
 #: Inputs of the first hidden layer: nine closures, nine masks, the size.
 N_INPUTS = 19
@@ -65,7 +65,7 @@ class Weights(NamedTuple):
         return int(self.b1.size)
 
 
-class Matrices(NamedTuple):
+class LayerMatrices(NamedTuple):
     """The weights in all their places: rows are inputs, so that a layer is x @ w + b; 8 c units in a hidden layer."""
 
     linear: Any
@@ -78,12 +78,12 @@ class Matrices(NamedTuple):
     sigma_offset: Any
 
 
-def expand(weights: Weights) -> Matrices:
+def expand_shared_weights(weights: Weights) -> LayerMatrices:
     """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
     turns = np.stack(SYMMETRIES)
     force = jnp.einsum("gab,cb->gca", turns, weights.force)
     sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma)
-    return Matrices(
+    return LayerMatrices(
         linear=jnp.tensordot(weights.linear, linear_basis(), 1),
         **expand_hidden(weights, 2, 1),
         force=force.reshape(-1, 3),
@@ -92,7 +92,7 @@ def expand(weights: Weights) -> Matrices:
     )
 
 
-def run(matrices: Matrices, closure_rel: Any, missing: Any) -> tuple[Any, Any]:
+def run(matrices: LayerMatrices, closure_rel: Any, missing: Any) -> tuple[Any, Any]:
     """Return force and sigma [N], shape (n, 3) each.
 
     Args:
@@ -101,7 +101,7 @@ def run(matrices: Matrices, closure_rel: Any, missing: Any) -> tuple[Any, Any]:
         missing: One for each element that is missing, else zero, shape (n, 9).
     """
     square = jnp.mean(closure_rel**2, axis=-1, keepdims=True)
-    size = jnp.sqrt(square + SOFT_REL**2)
+    size = jnp.sqrt(square + PATTERN_SOFTENING_REL**2)
     seen = jnp.concatenate([closure_rel / size, missing, size], axis=-1)
     first = jnp.tanh(seen @ matrices.w1 + matrices.b1)
     second = jnp.tanh(first @ matrices.w2 + matrices.b2)
@@ -110,7 +110,7 @@ def run(matrices: Matrices, closure_rel: Any, missing: Any) -> tuple[Any, Any]:
     return force, sigma
 
 
-def hidden_input(closure_rel: Vector) -> Vector:
+def hidden_layer_input(closure_rel: Vector) -> Vector:
     """Return the inputs of the hidden layers for closures, none missing, shape (n, 19), as `run` in numpy."""
-    size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + SOFT_REL**2)
+    size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + PATTERN_SOFTENING_REL**2)
     return np.concatenate([closure_rel / size, np.zeros_like(closure_rel), size], axis=-1)

@@ -12,11 +12,23 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import Vector
-from footsense.lab.symmetry import SYMMETRIES, element_map
-from footsense.lab.training.fit import Protocol, fit, force_loss, linear_start, whitening
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
+from footsense.lab.training.fit import (
+    Protocol,
+    fit,
+    fit_linear_start,
+    force_likelihood_loss,
+    whitening_transform,
+)
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Cases
-from footsense.lab.training.snapshot.network import N_INPUTS, Weights, expand, hidden_input, run
-from footsense.lab.training.symmetric_layers import input_index
+from footsense.lab.training.snapshot.network import (
+    N_INPUTS,
+    Weights,
+    expand_shared_weights,
+    hidden_layer_input,
+    run,
+)
+from footsense.lab.training.symmetric_layers import hidden_input_index
 
 #: Share of the training cases with something missing.
 _MISSING_SHARE = 0.15
@@ -28,7 +40,7 @@ _STEPS_PER_CALL = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnapshotProtocol(Protocol):
-    """How a snapshot network is trained.
+    """Training settings of a snapshot network.
 
     Attributes:
         noise_rel: Noise of the training inputs over the converter's [1].
@@ -43,11 +55,11 @@ class SnapshotProtocol(Protocol):
     masked: bool = True
 
 
-def moments(closure_rel: Vector) -> Vector:
+def closure_moments(closure_rel: Vector) -> Vector:
     """Return the second moments of the patterns of closures, with the square's symmetry, shape (9, 9)."""
-    pattern = hidden_input(closure_rel)[:, :9]
+    pattern = hidden_layer_input(closure_rel)[:, :9]
     plain = pattern.T @ pattern / len(pattern)
-    maps = [element_map(g) for g in SYMMETRIES]
+    maps = [element_permutation(g) for g in SYMMETRIES]
     even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(9)
     return even
 
@@ -67,7 +79,7 @@ def _random_weights(key: jax.Array, c: int) -> Weights:
     )
 
 
-class _Task(NamedTuple):
+class _TrainingConstants(NamedTuple):
     """Constants of a training run: load cases, masks of missing elements and noise."""
 
     closure_rel: jax.Array
@@ -78,11 +90,13 @@ class _Task(NamedTuple):
     film_rel: float
 
 
-def _task(cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imputation: Imputation) -> _Task:
+def _training_constants(
+    cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imputation: Imputation
+) -> _TrainingConstants:
     """Return the cases, their noise and their masks as JAX arrays."""
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * protocol.noise_rel
-    return _Task(
+    return _TrainingConstants(
         closure_rel=jnp.asarray(cases.closure_um / design.gap_um, jnp.float32),
         force_n=jnp.asarray(cases.force_n, jnp.float32),
         fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), jnp.float32),
@@ -94,7 +108,7 @@ def _task(cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imp
 
 
 def _random_batch(
-    task: _Task, protocol: SnapshotProtocol, key: jax.Array
+    task: _TrainingConstants, protocol: SnapshotProtocol, key: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Return closures (noisy, filled), masks and forces of a random batch."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
@@ -123,11 +137,11 @@ def train(
         The weights, float32.
     """
     closure_rel = cases.closure_um / design.gap_um
-    imputation = imputation or Imputation(moments(closure_rel))
-    task = _task(cases, design, protocol, imputation)
+    imputation = imputation or Imputation(closure_moments(closure_rel))
+    task = _training_constants(cases, design, protocol, imputation)
     place = np.r_[0:9, N_INPUTS - 1]
-    whiten, mean = whitening(hidden_input(closure_rel), input_index(2, 1), place, 1e-8)
-    linear = linear_start((closure_rel,), cases.force_n, protocol.min_force_n)
+    whiten, mean = whitening_transform(hidden_layer_input(closure_rel), hidden_input_index(2, 1), place, 1e-8)
+    linear = fit_linear_start((closure_rel,), cases.force_n, protocol.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
         w1 = free.w1 @ whiten
@@ -135,10 +149,10 @@ def train(
 
     def loss(free: Weights, batch: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
         closures, missing, true_n = batch
-        force_n, sigma_n = run(expand(fold_whitening(free)), closures, missing)
-        return force_loss(force_n, sigma_n, true_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
+        force_n, sigma_n = run(expand_shared_weights(fold_whitening(free)), closures, missing)
+        return force_likelihood_loss(force_n, sigma_n, true_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
 
-    def random_batch(task: _Task, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+    def random_batch(task: _TrainingConstants, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
         return _random_batch(task, protocol, key)
 
     return fold_whitening(fit(_random_weights, loss, random_batch, task, protocol, _STEPS_PER_CALL))
@@ -155,5 +169,5 @@ def predict(
         missing: Mask of the missing ones, shape (n, 9); none if None.
     """
     mask = jnp.zeros(closure_rel.shape) if missing is None else jnp.asarray(missing, jnp.float32)
-    force, sigma = run(expand(weights), jnp.asarray(closure_rel, jnp.float32), mask)
+    force, sigma = run(expand_shared_weights(weights), jnp.asarray(closure_rel, jnp.float32), mask)
     return np.asarray(force, dtype=np.float64), np.asarray(sigma, dtype=np.float64)
