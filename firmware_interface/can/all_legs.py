@@ -84,7 +84,7 @@ def encode_forces(
     flags: Sequence[int],
     fault_mask: Sequence[int],
 ) -> bytes:
-    """Return the data bytes of one of the frames, of which `can_id` is the id.
+    """Return the data bytes of a `Forces` or `Forces4` frame: force and quality of several legs.
 
     The other arguments are those of `ForceQualityEncoder.encode`, for all legs of the robot, and the legs' nodes.
     """

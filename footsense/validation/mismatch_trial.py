@@ -197,7 +197,7 @@ class _FootOnTestStand:
         return normalized(lowered) @ self._mount
 
     def _reference_reading_n(self, force_n: Vector, noise: Vector) -> Vector:
-        """Return what the reference reads of forces [N], shape (n, 3)."""
+        """Return the readings of the reference sensor under forces [N], shape (n, 3)."""
         load_gf = -force_n / GRAM_FORCE_N
         read_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf)
         read_gf += self._disturbance.reference_noise_steps * RESOLUTION_GF * noise

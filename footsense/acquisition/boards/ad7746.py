@@ -79,7 +79,7 @@ def _wait_ns(conversion_ns: int) -> int:
 
 
 def step(element: int, rate_sps: int, rows: int = 3) -> Step:
-    """Return the conversion of an element.
+    """Return the transactions that convert an element.
 
     Args:
         element: Flat index.

@@ -15,7 +15,7 @@ _ROW, _COLUMN = np.divmod(np.arange(ELEMENTS), 3)
 
 
 class FootFault(NamedTuple):
-    """A fault of a foot.
+    """A fault of a foot: its cause, the elements, and what to check.
 
     Attributes:
         cause: The cause as CAN names it; NONE where CAN has no name for it.
@@ -73,7 +73,7 @@ CHIP_READINGS = (*_CHIP_FAULTS, Reading.NO_ANSWER)
 
 
 class FootScans(NamedTuple):
-    """Some scans of one foot.
+    """Capacitances and readings of some scans of one foot.
 
     Attributes:
         capacitance_pf: As converted, stray included [pF], shape (scans, 9), NaN without a reading.

@@ -86,7 +86,7 @@ def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
 
 
 def _residual_closures_um(twin: FootTwin, force_n: Vector) -> Vector:
-    """Return the closures after each press per a, b and c, shape (n, 9, 3) [um]."""
+    """Return the closures that remain after each press, per coefficient a, b and c, shape (n, 9, 3) [um]."""
     mean_n, means_n = np.zeros(3), []
     for one_n in force_n:
         mean_n = mean_n + _NEWEST_PRESS_WEIGHT * (one_n - mean_n)

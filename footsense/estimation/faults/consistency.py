@@ -120,7 +120,7 @@ class ConsistencyTest:
         return squares
 
     def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
-        """Test the elements of a frame.
+        """Test the elements of a frame, and return the missing and inconsistent ones.
 
         Args:
             closure_rel: Newest closures over the gap [1], shape (legs, 9); a leg with a NaN that is not missing is not

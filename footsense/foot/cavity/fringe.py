@@ -23,7 +23,7 @@ _IS_EDGE_CELL = np.pad(np.zeros((CELLS_PER_SIDE - 2,) * 2, bool), 1, constant_va
 
 
 def fringe_pf(design: CapacitorDesign, spacing_um: Vector) -> Vector:
-    """Return what its four edges add to each element [pF], shape (..., 9).
+    """Return the fringe capacitance of each element's four edges [pF], shape (..., 9).
 
     Args:
         design: Dimensions of the capacitors.

@@ -1,4 +1,4 @@
-"""Air in the cavities: what it presses back with when a gap closes, and how it leaks away.
+"""Air pressure in the cavities when gaps close, and its leakage.
 
 A closure d of the gap leaves the share v = 1 - d/g of a cavity's volume, d and g being means over its area. The air in
 it then has the pressure p of the gas law, and presses on both plates by what it is above the ambient pressure p_a:
@@ -35,7 +35,7 @@ _MIN_REMAINING_PRESSURE_REL = 0.2
 
 
 class CavityPressures:
-    """Solver of the pressures for one specimen.
+    """Solver of the air pressures in the cavities of one foot.
 
     Args:
         gap_um: Gap of each element [um], shape (9,).

@@ -36,7 +36,7 @@ def hidden_input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
 
 
 def relative_symmetry_index() -> NDArray[np.intp]:
-    """Return the place of inverse(g) h among the symmetries, shape (8 of g, 8 of h)."""
+    """Return the index of inverse(g) h among the eight symmetries, shape (8 of g, 8 of h)."""
     stack = np.stack(SYMMETRIES)
     products = np.einsum("gji,hjk->ghik", stack, stack)
     same = np.abs(products[:, :, None] - stack).max(axis=(3, 4)) == 0.0

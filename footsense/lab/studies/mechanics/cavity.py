@@ -65,7 +65,7 @@ _UPWARD = np.array([[0.0, 0.0, 1.0]])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CavityFigures:
-    """Figures of a foot with one kind of cavity.
+    """Sensitivity, range and errors of a foot with one kind of cavity.
 
     Attributes:
         closure_um_per_n: Mean closure of a corner, an edge and the middle under a small upright force [um/N].
