@@ -98,14 +98,14 @@ class TrialPlan:
     Attributes:
         tolerances: Fabrication tolerances.
         seed: Seed of all feet.
-        every: Use one of so many of the paper's 362 presses.
+        every_nth_press: Use one of so many of the paper's 362 presses.
         n_few_loads: Loads of a second calibration; 0 for none.
         test_loads_by_name: Test loads by name.
     """
 
     tolerances: FootTolerances
     seed: int
-    every: int = 3
+    every_nth_press: int = 3
     n_few_loads: int = 20
     test_loads_by_name: dict[str, TestLoads] = field(default_factory=dict)
 
@@ -231,7 +231,7 @@ def run_mismatch_trial(
         fringe=disturbance.has_fringe_field,
     )
     foot = _FootOnTestStand(truth, own, disturbance, rng)
-    force_n = paper_presses("training")[:: plan.every]
+    force_n = paper_presses("training")[:: plan.every_nth_press]
     direction = normalized(force_n)
     lean = (
         np.radians(disturbance.press_lean_rms_deg)

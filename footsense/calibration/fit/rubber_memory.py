@@ -69,8 +69,8 @@ def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
     def detrended(values: Vector) -> Vector:
         """Return values over the presses, shape (n, ...), without their mean and linear drift."""
         flat = values.reshape(n, -1)
-        left: Vector = flat - steady @ (steady.T @ flat)
-        return left
+        detrended_values: Vector = flat - steady @ (steady.T @ flat)
+        return detrended_values
 
     slopes = detrended(memory_um).reshape(n, ELEMENTS, -1)
     moved_um, scale = -detrended(distance_um), np.ones((ELEMENTS, 1))

@@ -40,8 +40,8 @@ def relative_symmetry_index() -> NDArray[np.intp]:
     stack = np.stack(SYMMETRIES)
     products = np.einsum("gji,hjk->ghik", stack, stack)
     same = np.abs(products[:, :, None] - stack).max(axis=(3, 4)) == 0.0
-    place: NDArray[np.intp] = same.argmax(axis=2).astype(np.intp)
-    return place
+    symmetry_index: NDArray[np.intp] = same.argmax(axis=2).astype(np.intp)
+    return symmetry_index
 
 
 def linear_basis() -> NDArray[np.float64]:
