@@ -86,7 +86,7 @@ def encode_forces(
     fault_mask: Sequence[int],
     n_elements: int = 9,
 ) -> bytes:
-    """Return the data bytes of one of the frames, of which `can_id` is the id.
+    """Return the data bytes of a `Forces` or `Forces4` frame: force and quality of several legs.
 
     The other arguments are those of `ForceQualityEncoder.encode`, for all legs of the robot, the legs' nodes, and the
     elements of each foot, 1..16.

@@ -15,7 +15,7 @@ import contextlib
 
 import numpy as np
 
-from footsense.acquisition.bus_timing import BusTiming, time_for_checks, timing
+from footsense.acquisition.bus_timing import BusTiming, bus_timing, time_for_checks
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.leg_group import BusReadings, BusStuckError, LegGroup
 from footsense.acquisition.leg_search import probe, probe_due
@@ -31,7 +31,7 @@ _TEMPERATURE_PERIOD_NS = _TIMING_PERIOD_NS = 10_000_000_000
 
 
 class BusScanner:
-    """The legs of one bus.
+    """Scanner of all legs on one I2C bus.
 
     Args:
         transport: The way to their chips.
@@ -43,7 +43,7 @@ class BusScanner:
         clock: As given.
         legs: The connections to the legs, in the order of the rows.
         latest: Their latest readings, written over element by element.
-        timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
+        bus_timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
         late_discards: Number of times that the loop was delayed for so long that conversions were discarded.
     """
 
@@ -69,7 +69,7 @@ class BusScanner:
         self._timing_due_ns = 0
         self._timed: LegConnection | None = None  # last
         self._last_row = -1  # of the last one that was timed in its turn
-        self.timing: BusTiming | None = None
+        self.bus_timing: BusTiming | None = None
         self.late_discards = 0
 
     @property
@@ -83,11 +83,13 @@ class BusScanner:
         Raises:
             HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
         """
-        costs = self._transport.measure(self.clock)
+        costs = self._transport.measure_bus_costs(self.clock)
         if costs is not None:
             broadcasts = self._transport.broadcasts
-            self.timing = timing(costs, self._plan, len(self.legs), kernel_mux=not broadcasts)
-            self._late_ns = self.timing.late_ns + (0 if broadcasts else self._plan.wait_ns)
+            self.bus_timing = bus_timing(costs, self._plan, len(self.legs), kernel_mux=not broadcasts)
+            self._late_ns = self.bus_timing.delayed_conversion_age_ns + (
+                0 if broadcasts else self._plan.wait_ns
+            )
             checks, read_back = time_for_checks(costs, self._plan, len(self.legs))
             self._check_all = broadcasts and checks
             if self._transport.reads_back is not None:
@@ -112,10 +114,10 @@ class BusScanner:
         for _ in range(_CONVERSION_ATTEMPTS):
             try:
                 if position == 0:
-                    self._take_temperatures()
+                    self._read_temperatures()
                     self._time_converter()
                 self._start_missing()
-                self._step()
+                self._read_next_element()
             except BusStuckError:
                 self._position = position
                 for group in self._groups:
@@ -143,7 +145,7 @@ class BusScanner:
             if late or group.running is None:
                 group.restart(self._plan.steps[self._position])
 
-    def _step(self) -> None:
+    def _read_next_element(self) -> None:
         """Read one element of every leg."""
         steps, n = self._plan.steps, self._position
         self._position = (n + 1) % len(steps)
@@ -181,7 +183,7 @@ class BusScanner:
                 # A leg that was found meanwhile begins with a whole conversion, not with the rest of a wait.
                 group.running = None
 
-    def _take_temperatures(self) -> None:
+    def _read_temperatures(self) -> None:
         """Read the temperature of all converters if that is due; conversions that run are discarded.
 
         The converters lose their settings by it, and get them again when conversions restart.

@@ -16,7 +16,7 @@ from footsense.errors import NackError
 from footsense.ports import Clock, I2cBus, Transaction
 
 _SHORT, _LONG = 1, 33  # bytes read
-_TRIES = 9
+_N_TRIES = 9
 
 
 class BusCosts(NamedTuple):
@@ -39,7 +39,7 @@ class BusCosts(NamedTuple):
         return sum(self.transaction_ns(len(each.write), each.n_read) for each in transactions)
 
 
-def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
+def measure_bus_costs(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
     """Return a bus's clock and host cost, measured by short and long reads of a chip that repeats one byte.
 
     Args:
@@ -55,7 +55,7 @@ def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
         transaction = Transaction(address, b"", n_read)
         durations_ns = []
         lost = None
-        for _ in range(_TRIES):
+        for _ in range(_N_TRIES):
             start_ns = clock.now_ns()
             try:
                 bus.transfer(transaction)
@@ -75,7 +75,7 @@ def measure(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
 
 
 class BusTiming(NamedTuple):
-    """Cost and limits of a bus.
+    """Transaction cost and scan limits of one I2C bus.
 
     Attributes:
         costs: Cost of its transactions.
@@ -90,7 +90,7 @@ class BusTiming(NamedTuple):
     n_elements: int
 
     @property
-    def late_ns(self) -> int:
+    def delayed_conversion_age_ns(self) -> int:
         """Age of a conversion from which the loop must have been delayed [ns]: two steps."""
         return 2 * self.limits.scan_ns // self.n_elements
 
@@ -104,7 +104,7 @@ class BusTiming(NamedTuple):
         )
 
 
-def timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) -> BusTiming:
+def bus_timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) -> BusTiming:
     """Return the transaction costs, the scan limits and the conversion time of a bus.
 
     Args:

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 #: Scans in a row with a missing reading before a leg is left out.
-_MISSES_ALLOWED = 3
+_MAX_MISSES = 3
 _FIRST_PAUSE_NS = 250_000_000
-_LONGEST_PAUSE_NS = 4_000_000_000
+_MAX_PAUSE_NS = 4_000_000_000
 #: Factor on the pause of a leg that holds a line low, and of a leg on a stuck bus, whose try costs no other leg.
 STUCK_LEG_PAUSES, STUCK_BUS_PAUSES = 4.0, 0.25
 
 #: Readings that count as a miss, the gravest first.
-_MISSES = {
+_MISS_TEXTS = {
     Reading.NO_ANSWER: "does not answer",
     Reading.NOT_READY: "does not finish its conversions",
     Reading.MISCONFIGURED: "does not hold its settings",
@@ -74,7 +74,7 @@ class LegConnection:
         self._misses = 0
         self._pause_ns = _FIRST_PAUSE_NS
 
-    def join(self, offset_pf: float) -> None:
+    def join_scan(self, offset_pf: float) -> None:
         """Add the leg to the scan: its chips were found and set up.
 
         Args:
@@ -107,7 +107,7 @@ class LegConnection:
             now_ns: The time now [ns].
         """
         present = set(readings.tolist())
-        missing = [reading for reading in _MISSES if reading in present]
+        missing = [reading for reading in _MISS_TEXTS if reading in present]
         if not missing:
             self._misses = 0
             self._pause_ns = _FIRST_PAUSE_NS
@@ -115,10 +115,10 @@ class LegConnection:
             return
         self.is_suspect = True
         self._misses += 1
-        if self._misses >= _MISSES_ALLOWED:
-            self.leave(missing[0], now_ns)
+        if self._misses >= _MAX_MISSES:
+            self.leave_scan(missing[0], now_ns)
 
-    def leave(self, outcome: Reading, now_ns: int, why: str = "", pauses: float = 1.0) -> None:
+    def leave_scan(self, outcome: Reading, now_ns: int, why: str = "", pauses: float = 1.0) -> None:
         """Leave the leg out of the scans, and put off the next try, twice as long each time.
 
         Args:
@@ -129,7 +129,9 @@ class LegConnection:
         """
         if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
             _log.warning(
-                "leg %s: %s; left out of the scan and tried again later", self.name, why or _MISSES[outcome]
+                "leg %s: %s; left out of the scan and tried again later",
+                self.name,
+                why or _MISS_TEXTS[outcome],
             )
         self.in_scan = False
         self.is_suspect = True
@@ -137,4 +139,4 @@ class LegConnection:
         self.outcome = outcome
         self.temperature_c = float("nan")
         self.retry_at_ns = now_ns + round(pauses * self._pause_ns)
-        self._pause_ns = min(2 * self._pause_ns, _LONGEST_PAUSE_NS)
+        self._pause_ns = min(2 * self._pause_ns, _MAX_PAUSE_NS)

@@ -27,7 +27,7 @@ from footsense.ports import Clock, Transaction
 _NAN = float("nan")
 _OK = Reading.OK
 #: Attempts of a transaction before it counts as failed.
-_TRIES = 2
+_N_TRIES = 2
 
 Legs = tuple[LegConnection, ...]
 
@@ -65,7 +65,7 @@ class Conversion(NamedTuple):
 
 
 class LegGroup:
-    """Legs that one write reaches.
+    """Legs that convert in parallel, because one I2C write reaches them all.
 
     Args:
         legs: The legs, with consecutive rows.
@@ -106,7 +106,7 @@ class LegGroup:
         legs, selection = self.active()
         if legs:
             self._exchange(selection, self._plan.board.restart)
-        self.running = self._begin(legs, selection, step, step.select)
+        self.running = self._start_conversion(legs, selection, step, step.select)
 
     def convert(
         self, step: Step, following: Step, *, checked: bool, in_turn: bool, alone: LegConnection | None = None
@@ -126,27 +126,27 @@ class LegGroup:
         finished, ends = self.running, following is self._plan.steps[0]
         assert finished is not None
         if alone is not None:
-            self._check_alone(alone, step)
+            self._check_lines_of_leg(alone, step)
         if checked:
-            self._check(finished, always=in_turn and not self._transport.broadcasts)
+            self._check_settings(finished, always=in_turn and not self._transport.broadcasts)
         legs, selection = self.active()
         failed: dict[LegConnection, Reading] = {}
         if len(legs) < len(self.legs):
             failed = {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
         if failed and ends:
-            self._rejoin(following)
+            self._set_up_failed_legs(following)
             legs, selection = self.active()
         if legs:
             self._exchange(
                 selection, ()
-            )  # connect them while they convert; if that fails, `_begin` tries again
-        asks_first = self._wait(finished)
+            )  # connect them while they convert; if that fails, `_start_conversion` tries again
+        asks_first = self._wait_until_finished(finished)
         if asks_first:
             self._leave_unfinished(step, legs, selection)
             failed |= {leg: leg.outcome for leg in legs if leg.outcome is not _OK}
             legs, selection = self.active()
         select = following.changes if finished.legs else following.select
-        running = self._begin(legs, selection, following, select)
+        running = self._start_conversion(legs, selection, following, select)
         self._latest.discard((self._rows, step.element), Reading.NO_ANSWER)
         for leg, outcome in failed.items():
             # A check in the last step, or in turn, covers all elements before it.
@@ -160,12 +160,12 @@ class LegGroup:
             self._read_out(step, read, finished.t_start_ns, all_done=all_done)
         self.running = running
 
-    def _wait(self, conversion: Conversion) -> bool:
+    def _wait_until_finished(self, conversion: Conversion) -> bool:
         """Wait until all legs have finished; return whether one of them forgets that with the next trigger."""
         slowness, forgets = 1.0, False
         for leg in conversion.legs:
             slowness = max(slowness, leg.timing.slowness)
-            forgets |= not leg.timing.keeps_done
+            forgets |= not leg.timing.keeps_done_bit
         self._clock.sleep_until_ns(conversion.t_start_ns + round(self._plan.wait_ns * slowness))
         return forgets and conversion.step.done is not None
 
@@ -213,9 +213,11 @@ class LegGroup:
             self._raise_if_stuck(error)
             return None
 
-    def _begin(self, legs: Legs, selection: int, step: Step, select: tuple[Transaction, ...]) -> Conversion:
+    def _start_conversion(
+        self, legs: Legs, selection: int, step: Step, select: tuple[Transaction, ...]
+    ) -> Conversion:
         """Start one conversion on the active legs at once."""
-        for _ in range(_TRIES if legs else 0):
+        for _ in range(_N_TRIES if legs else 0):
             try:
                 bus = self._transport.connect(selection)
                 for write in (*select, step.trigger):
@@ -264,7 +266,7 @@ class LegGroup:
 
     def _read_leg(self, leg: LegConnection, step: Step, *, all_done: bool) -> tuple[Reading, float]:
         reading = Reading.NO_ANSWER
-        for _ in range(_TRIES):
+        for _ in range(_N_TRIES):
             try:
                 bus = self._transport.connect(leg.selection)
                 if step.done and not all_done:
@@ -285,7 +287,7 @@ class LegGroup:
                 reading = Reading.NO_ANSWER
         return reading, _NAN
 
-    def _check(self, running: Conversion, *, always: bool) -> None:
+    def _check_settings(self, running: Conversion, *, always: bool) -> None:
         """Read back line and chip settings during a conversion; leave out each leg whose check fails.
 
         Args:
@@ -295,28 +297,28 @@ class LegGroup:
         checks = running.step.select_checks if running.selected or always else ()
         for check in (*checks, *running.step.setting_checks):
             legs, selection = self.active()
-            if legs and self._answer(selection, check) is not _OK:
+            if legs and self._read_check(selection, check) is not _OK:
                 for leg in legs:
-                    leg.outcome = self._answer(leg.selection, check)
+                    leg.outcome = self._read_check(leg.selection, check)
 
-    def _check_alone(self, leg: LegConnection, step: Step) -> None:
+    def _check_lines_of_leg(self, leg: LegConnection, step: Step) -> None:
         """Read back one leg's lines, and leave it out if a line is closed too much: the wired AND hides that."""
         if not leg.in_scan or leg.outcome is not _OK:
             return
         for check in step.select_checks:
-            answer = self._answer(leg.selection, check)
-            if answer is not _OK and self._answer(leg.selection, check) is Reading.MISCONFIGURED:
+            answer = self._read_check(leg.selection, check)
+            if answer is not _OK and self._read_check(leg.selection, check) is Reading.MISCONFIGURED:
                 leg.doubted = step
-                leg.leave(Reading.MISCONFIGURED, self._clock.now_ns())
+                leg.leave_scan(Reading.MISCONFIGURED, self._clock.now_ns())
                 return
 
-    def _answer(self, selection: int, check: Check) -> Reading:
+    def _read_check(self, selection: int, check: Check) -> Reading:
         answers = self._exchange(selection, (check.read,))
         if answers is None:
             return Reading.NO_ANSWER
         return _OK if answers[0] == check.expected else Reading.MISCONFIGURED
 
-    def _rejoin(self, first: Step) -> None:
+    def _set_up_failed_legs(self, first: Step) -> None:
         """Set up the legs that failed in this scan for the first conversion of the next one.
 
         The others are still converting: the leg gets its lines alone, and the result that its converter may hold is
@@ -326,7 +328,7 @@ class LegGroup:
             if not leg.in_scan or leg.outcome is _OK:
                 continue
             if self._exchange(leg.selection, (*first.select, *self._plan.board.restart)) is not None:
-                outcomes = (self._answer(leg.selection, check) for check in first.select_checks)
+                outcomes = (self._read_check(leg.selection, check) for check in first.select_checks)
                 outcome = next((outcome for outcome in outcomes if outcome is not _OK), _OK)
                 if outcome is not Reading.NO_ANSWER:
                     leg.outcome = outcome

@@ -26,19 +26,19 @@ def probe(
     try:
         bus = transport.connect(leg.selection)
     except BusTimeoutError as error:
-        leg.leave(Reading.BUS_STUCK, clock.now_ns(), str(error), STUCK_BUS_PAUSES)
+        leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), str(error), STUCK_BUS_PAUSES)
         for other in others:
             if not other.in_scan:
                 other.retry_at_ns = max(other.retry_at_ns, leg.retry_at_ns)
     except BusError as error:
-        leg.leave(Reading.NO_ANSWER, clock.now_ns(), str(error))
+        leg.leave_scan(Reading.NO_ANSWER, clock.now_ns(), str(error))
     else:
-        _set_up(bus, leg, plan, clock)
+        _set_up_leg(bus, leg, plan, clock)
         if leg.outcome is Reading.BUS_STUCK:
             transport.free()
 
 
-def _set_up(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
+def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
     """Set up the chips of the leg that is connected alone, and take the leg into the scan, or put off the next try."""
     now_ns = clock.now_ns()
     try:
@@ -51,16 +51,16 @@ def _set_up(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> No
             if step is leg.doubted and any(bus.transfer(ask) != held for ask, held in step.select_checks):
                 reading = Reading.MISCONFIGURED
     except BusTimeoutError as error:
-        leg.leave(Reading.BUS_STUCK, now_ns, str(error), STUCK_LEG_PAUSES)
+        leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), STUCK_LEG_PAUSES)
     except WrongChipError as error:
-        leg.leave(Reading.WRONG_CHIP, now_ns, str(error))
+        leg.leave_scan(Reading.WRONG_CHIP, now_ns, str(error))
     except HardwareError as error:
-        leg.leave(Reading.NO_ANSWER, now_ns, str(error))
+        leg.leave_scan(Reading.NO_ANSWER, now_ns, str(error))
     else:
         if reading is Reading.OK:
-            leg.join(offset_pf)
+            leg.join_scan(offset_pf)
         else:
-            leg.leave(reading, now_ns)
+            leg.leave_scan(reading, now_ns)
 
 
 def probe_due(transport: Transport, legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock) -> None:

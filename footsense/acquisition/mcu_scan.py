@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_interface.serial_frames import N_CODES, NO_VALUE, NoValue, Record, RecordFlag
-from footsense.acquisition.scan_plan import ORDERS
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.frames import ELEMENTS, Codes, Reading, Stamps, Vector
 
 _NS_PER_US = 1000
@@ -17,7 +17,7 @@ _READING_OF_CODE = np.full(N_CODES, Reading.CORRUPT, np.uint8)
 _READING_OF_CODE[list(NoValue)] = list(NoValue)
 
 #: Position of each element in the scan, by order flag, shape (2, 9).
-_POSITIONS = np.array([np.argsort(ORDERS[order]) for order in ("raster", "lo_shu")])
+_POSITIONS = np.array([np.argsort(CONVERSION_ORDERS[order]) for order in ("raster", "lo_shu")])
 
 
 class McuScan(NamedTuple):

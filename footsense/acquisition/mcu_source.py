@@ -27,11 +27,11 @@ _SILENT_SCANS, _MIN_SILENT_NS = 3, 25_000_000
 #: Time in which the buffers between port and reader are emptied after the start.
 _BACKLOG_NS = 50_000_000
 #: A record whose conversions last for more scans than this is corrupt: the next scan would have begun.
-_LONGEST_SCANS = 1.5
+_MAX_RECORD_DURATION_SCANS = 1.5
 #: Shortest time between two log lines about losses, and between two looks for them.
 _LOG_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
 
-_CORRUPT = pack_values([NO_VALUE + Reading.CORRUPT] * ELEMENTS)
+_CORRUPT_VALUES = pack_values([NO_VALUE + Reading.CORRUPT] * ELEMENTS)
 
 _log = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ class McuSource:
         self._clock = clock
         self._rows = {NODE_IDS[leg]: row for row, leg in enumerate(legs)}
         self._half_scan_us = round(0.5e6 / rate_hz)
-        self._longest_step_us = _LONGEST_SCANS * 1e6 / rate_hz / (ELEMENTS - 1)
+        self._longest_step_us = _MAX_RECORD_DURATION_SCANS * 1e6 / rate_hz / (ELEMENTS - 1)
         self._silent_ns = max(round(_SILENT_SCANS * _NS_PER_S / rate_hz), _MIN_SILENT_NS)
         self._wire_ns = wire_ns
         self._decoder = SerialDecoder()
@@ -82,7 +82,7 @@ class McuSource:
     def read(self) -> CapFrame:
         """Wait for the next scan and return it; after a silence, a frame without readings."""
         if not self._listens:
-            self._begin()
+            self._drop_buffered_bytes()
         while not self._frames:
             self._port.wait_until_ns(self._deadline_ns)
             data = self._port.read()
@@ -91,15 +91,15 @@ class McuSource:
                 self._opened = self._port.opened
                 self._decoder.reset()
             if data:
-                self._take(data, now_ns)
+                self._sort_records(data, now_ns)
             if not self._frames and now_ns >= self._deadline_ns:
-                self._emit(now_ns)
+                self._emit_frame(now_ns)
                 self._deadline_ns = now_ns + self._silent_ns
             if now_ns >= self._log_at_ns:
                 self._log_losses(now_ns)
         return self._frames.popleft()
 
-    def _begin(self) -> None:
+    def _drop_buffered_bytes(self) -> None:
         """Drop the bytes that have waited in buffers for an unknown time since the port was opened."""
         until_ns = self._clock.now_ns() + _BACKLOG_NS
         while self._clock.now_ns() < until_ns:
@@ -118,7 +118,7 @@ class McuSource:
         """Losses since the start, by kind: decoding errors, unused records, jumps of the controller's clock."""
         return {**self._decoder.losses, "unused": self.n_unused, "clock jumps": self._map.restarts}
 
-    def _take(self, data: bytes, now_ns: int) -> None:
+    def _sort_records(self, data: bytes, now_ns: int) -> None:
         """Sort the records in some bytes into scans."""
         for sent in self._decoder.feed(data):
             record = sent
@@ -131,25 +131,25 @@ class McuSource:
                 self._expected |= {row}
             self._deadline_ns = now_ns + self._silent_ns
             if record.step_us > self._longest_step_us:
-                record = sent._replace(step_us=0, values=_CORRUPT)
+                record = sent._replace(step_us=0, values=_CORRUPT_VALUES)
             scan = self._scan
             if scan is not None and (row in scan.records or not self._is_near(record.t_us, scan.t_us)):
-                self._emit(now_ns)
+                self._emit_frame(now_ns)
                 scan = None
             if scan is None:
                 if self._last_t_us is not None and self._is_near(record.t_us, self._last_t_us):
                     self.n_unused += 1  # its scan was returned
                     continue
-                scan = self._scan = McuScan(record.t_us, self._t_ns(record, now_ns), {})
+                scan = self._scan = McuScan(record.t_us, self._record_time_ns(record, now_ns), {})
             scan.records[row] = record
             if scan.records.keys() >= self._expected:
-                self._emit(now_ns)
+                self._emit_frame(now_ns)
 
     def _is_near(self, t_us: int, other_us: int) -> bool:
         """Return whether two times belong to one scan."""
         return abs(difference_us(t_us, other_us)) < self._half_scan_us
 
-    def _t_ns(self, record: Record, now_ns: int) -> int:
+    def _record_time_ns(self, record: Record, now_ns: int) -> int:
         """Return the time of a record's first conversion in this machine's clock [ns].
 
         A record cannot be sent before its last conversion: the arrival is compared with that.
@@ -158,7 +158,7 @@ class McuSource:
         lasts_ns = (ELEMENTS - 1) * record.step_us * _NS_PER_US
         return self._map.map(self._unwrapped_us * _NS_PER_US + lasts_ns, now_ns - self._wire_ns) - lasts_ns
 
-    def _emit(self, now_ns: int) -> None:
+    def _emit_frame(self, now_ns: int) -> None:
         """Emit a frame of the records that have arrived, if any."""
         n_legs = len(self._rows)
         sending = frozenset(

@@ -17,7 +17,7 @@ from footsense.acquisition.leg_group import BusReadings
 from footsense.frames import CapFrame, Vector
 
 
-class _InTurn(Executor):
+class _SequentialExecutor(Executor):
     """Executor that runs each task at once, without threads: for one bus, and for simulated buses."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ANN401 - as its base
@@ -37,7 +37,7 @@ class RobotScanner:
     def __init__(self, buses: Sequence[BusScanner], *, threads: bool = False) -> None:
         self._buses = tuple(buses)
         self._sequence = 0
-        self._pool: Executor = _InTurn()
+        self._pool: Executor = _SequentialExecutor()
         if threads and len(self._buses) > 1:
             self._pool = ThreadPoolExecutor(len(self._buses), thread_name_prefix="i2c")
         # Readings on their way, with the time at which they are complete [ns], and the last that have arrived.
@@ -70,7 +70,7 @@ class RobotScanner:
         """
         for bus in self._buses:
             bus.start()
-        if isinstance(self._pool, _InTurn):
+        if isinstance(self._pool, _SequentialExecutor):
             ready_ns = max(bus.clock.now_ns() for bus in self._buses)
             for bus in self._buses:
                 bus.clock.sleep_until_ns(ready_ns)

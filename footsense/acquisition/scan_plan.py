@@ -11,7 +11,9 @@ from footsense.acquisition.boards.board import Board, Check, Step
 from footsense.ports import Transaction
 
 #: The orders of the paper's foot.
-ORDERS: dict[str, tuple[int, ...]] = {name: conversion_order(name, 3) for name in ("lo_shu", "raster")}
+CONVERSION_ORDERS: dict[str, tuple[int, ...]] = {
+    name: conversion_order(name, 3) for name in ("lo_shu", "raster")
+}
 
 #: The boards, each for a number of rows.
 BOARDS: Mapping[str, Callable[[int], Board]] = MappingProxyType(
@@ -41,7 +43,7 @@ class ScanPlan(NamedTuple):
 
 
 def scan_plan(order: str, rate_sps: int, board: str = "fdc1004", rows: int = 3) -> ScanPlan:
-    """Return the scan of a board.
+    """Return the conversions and transactions of one scan with a board.
 
     Args:
         order: A key of ORDERS.

@@ -9,7 +9,7 @@ import logging
 from collections.abc import Sequence
 
 from firmware_interface.chips import adg715
-from footsense.acquisition.bus_timing import BusCosts, measure
+from footsense.acquisition.bus_timing import BusCosts, measure_bus_costs
 from footsense.acquisition.leg_connection import STUCK_BUS_PAUSES, STUCK_LEG_PAUSES, LegConnection
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.frames import Reading
@@ -74,7 +74,7 @@ class UpstreamBus:
         self.read_back: Transaction | None = Transaction(mux_address, b"", n_read=1)
         self._writes = tuple(Transaction(mux_address, bytes((selection,))) for selection in range(256))
 
-    def measure(self, clock: Clock) -> BusCosts:
+    def measure_bus_costs(self, clock: Clock) -> BusCosts:
         """Measure the cost of a transaction with reads of the mux.
 
         Raises:
@@ -84,7 +84,7 @@ class UpstreamBus:
         try:
             if not self.free():
                 self.connect(0)
-            return measure(self.bus, clock, self.mux_address)
+            return measure_bus_costs(self.bus, clock, self.mux_address)
         except NackError as error:
             raise HardwareError(
                 f"no answer from {mux}: check its power, its wires and its address straps A0..A2"
@@ -138,13 +138,13 @@ class UpstreamBus:
         for leg in legs:
             if not free:
                 why = "the bus is held low and does not get free"
-                leg.leave(Reading.BUS_STUCK, clock.now_ns(), why, STUCK_BUS_PAUSES)
+                leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), why, STUCK_BUS_PAUSES)
                 continue
             try:
                 self.connect(leg.selection).transfer(read)
             except BusTimeoutError:
                 free = self.free()
-                leg.leave(Reading.BUS_STUCK, clock.now_ns(), pauses=STUCK_LEG_PAUSES)
+                leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), pauses=STUCK_LEG_PAUSES)
             except BusError as error:  # of this leg alone, and met by the scan too
                 _log.debug("leg %s: %s", leg.name, error)
 
@@ -171,11 +171,11 @@ class KernelMux:
         self.read_back: Transaction | None = None
         self._adapter_of = {1 << channel: adapter for channel, adapter in enumerate(adapters)}
 
-    def measure(self, clock: Clock) -> BusCosts | None:
+    def measure_bus_costs(self, clock: Clock) -> BusCosts | None:
         """Measure the cost of a transaction with reads of the first line switch that answers; None if none does."""
         for adapter in self.adapters:
             with contextlib.suppress(BusError):
-                return measure(adapter, clock, adg715.ADDRESS)
+                return measure_bus_costs(adapter, clock, adg715.ADDRESS)
         return None
 
     def connect(self, selection: int) -> I2cBus:
@@ -193,7 +193,7 @@ class KernelMux:
         """Leave the leg out on whose adapter a transaction timed out: no other leg was connected."""
         del read
         for leg in legs:
-            leg.leave(Reading.BUS_STUCK, clock.now_ns())
+            leg.leave_scan(Reading.BUS_STUCK, clock.now_ns())
 
     def disconnect_legs(self) -> None:
         """Do nothing: the kernel owns the mux."""

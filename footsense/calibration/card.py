@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.foot.files.calibration_format import Manifest, Parameters
-from footsense.foot.force_errors import Errors
+from footsense.foot.force_errors import ForceErrors
 
 
 def card_text(manifest: Manifest, parameters: Parameters) -> str:
@@ -78,7 +78,7 @@ def _error_table(manifest: Manifest) -> str:
 {_error_row("with this calibration", held_out.calibrated)}"""
 
 
-def _error_row(name: str, errors: Errors) -> str:
+def _error_row(name: str, errors: ForceErrors) -> str:
     direction = (
         f"{errors.direction_deg:.2f} / {errors.direction_p95_deg:.2f} / {errors.direction_max_deg:.2f}"
     )

@@ -20,7 +20,7 @@ from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import TrainedInputs
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Mask, Vector
@@ -114,11 +114,15 @@ class Evaluation(NamedTuple):
         is_compared: Mask = np.all([one.has_force for one in self.estimates.values()], axis=0)
         return is_compared
 
-    def errors_of(self, estimates: Estimates, band: MagnitudeBand) -> Errors | None:
+    def errors_of(self, estimates: Estimates, band: MagnitudeBand) -> ForceErrors | None:
         """Return the errors of estimates over the compared loads of a band, None if there are none."""
         magnitude_gf = np.linalg.norm(self.reference_n, axis=1) / GRAM_FORCE_N
         chosen = self.is_compared & (magnitude_gf >= band.min_gf) & (magnitude_gf < band.max_gf)
-        return errors(self.reference_n[chosen], estimates.force_n[chosen]) if chosen.any() else None
+        return (
+            evaluate_force_errors(self.reference_n[chosen], estimates.force_n[chosen])
+            if chosen.any()
+            else None
+        )
 
 
 def estimate_loads(

@@ -36,7 +36,7 @@ class BusHealth:
         self.last_error_ns: int | None = None
         self.last_full_ns: int | None = None
 
-    def note_full(self, t_ns: int) -> None:
+    def log_queue_full(self, t_ns: int) -> None:
         """Log once that the transmit queue is full at a time [ns]; call it before the dropped frames are counted."""
         if self.last_full_ns is None:
             self._first_dropped = self._stats.dropped
@@ -47,7 +47,7 @@ class BusHealth:
             )
         self.last_full_ns = t_ns
 
-    def note(self, can_id: int, data: bytes, t_ns: int) -> None:
+    def count_error_frame(self, can_id: int, data: bytes, t_ns: int) -> None:
         """Count one error frame that arrived at a time [ns]."""
         stats = self._stats
         stats.bus_errors += 1

@@ -29,8 +29,8 @@ from footsense.ports import CanWire
 _log = logging.getLogger(__name__)
 
 #: Shortest and longest time between two attempts to reopen an interface [ns].
-_SHORTEST_BACK_OFF_NS = 50_000_000
-_LONGEST_BACK_OFF_NS = 250_000_000
+_MIN_BACK_OFF_NS = 50_000_000
+_MAX_BACK_OFF_NS = 250_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +59,7 @@ class ChannelSettings:
     connect: Callable[[], CanWire] | None = None
 
 
-class _Opening(threading.Thread):
+class _OpenAttempt(threading.Thread):
     """One attempt to open an interface after its last socket was closed.
 
     Args:
@@ -83,7 +83,7 @@ class _Opening(threading.Thread):
             self.run()
 
     def run(self) -> None:
-        """Close and open."""
+        """Close the last socket, and open the interface again."""
         if self._old is not None:
             self._old.close()
         try:
@@ -132,7 +132,7 @@ class CanChannel:
         self._gone: CanWire | None = None  # lost, and not closed yet
         self._log: CanFrameLog | None = None
         self._is_real = settings.connect is None
-        self._opening: _Opening | None = None
+        self._opening: _OpenAttempt | None = None
         self._wire: CanWire | None = self._connect()
         try:
             # Sent before the log is open, and before the first force defines the time.
@@ -163,12 +163,12 @@ class CanChannel:
             try:
                 taken = wire.send(frames, t_ns)
             except OSError as error:
-                self._back_off(error)
+                self._double_back_off(error)
             else:
                 if self._back_off_ns:
                     self._log_return()
                 if taken < n:
-                    self._health.note_full(t_ns)
+                    self._health.log_queue_full(t_ns)
         self.stats.sent += taken
         self.stats.dropped += n - taken
         if self._log is not None and taken:
@@ -185,13 +185,13 @@ class CanChannel:
         try:
             frames = self._wire.receive()
         except OSError as error:
-            self._back_off(error)
+            self._double_back_off(error)
             return []
         arrived = []
         for frame in frames:
             can_id, data = next(split_frames(frame))
             if is_error(can_id):
-                self._health.note(can_id, data, self._t_ns)
+                self._health.count_error_frame(can_id, data, self._t_ns)
             elif is_data(can_id) and can_id in self._accept:
                 arrived.append((can_id, data))
         self.stats.received += len(arrived)
@@ -226,27 +226,27 @@ class CanChannel:
         self.stats.dropped += len(ends) - taken
         return frames[: ends[taken - 1]] if taken else b""
 
-    def _back_off(self, error: OSError) -> None:
+    def _double_back_off(self, error: OSError) -> None:
         """Double the time before the next attempt; only an interface that is merely down keeps its socket."""
         if error.errno != errno.ENETDOWN and self._wire is not None:
             self._gone, self._wire = self._wire, None
         if not self._back_off_ns:
             self._lost_ns = self._t_ns
             _log.warning("%s; no frame goes out until it is back", self._explained(error))
-        self._back_off_ns = min(max(2 * self._back_off_ns, _SHORTEST_BACK_OFF_NS), _LONGEST_BACK_OFF_NS)
+        self._back_off_ns = min(max(2 * self._back_off_ns, _MIN_BACK_OFF_NS), _MAX_BACK_OFF_NS)
         self._due_ns = self._t_ns + self._back_off_ns
 
     def _reopened(self) -> CanWire | None:
         """Begin an attempt to open the interface again, or return the result of the last one; it may still be down."""
         if self._opening is None:
-            self._opening = _Opening(self._gone, self._connect, beside=self._is_real)
+            self._opening = _OpenAttempt(self._gone, self._connect, beside=self._is_real)
             self._gone = None
         if self._opening.is_alive():
             return None
         opening, self._opening = self._opening, None
         self._wire = opening.wire
         if self._wire is None:
-            self._back_off(OSError(None, opening.error))
+            self._double_back_off(OSError(None, opening.error))
         return self._wire
 
     def _log_return(self) -> None:

@@ -83,7 +83,7 @@ class CanLeg:
 
 
 #: Period of `Gait` and `Ground` [ns].
-_PERIOD_NS = 100_000_000
+_GAIT_FRAME_PERIOD_NS = 100_000_000
 #: Events that wait for room at most; the oldest is lost first.
 _MAX_WAITING_EVENTS = 24
 
@@ -107,11 +107,11 @@ class GaitFrames:
         self._due_ns = 0
         self.waiting: deque[int] = deque()
 
-    def take(self, gait: GaitFrame) -> None:
+    def queue_gait(self, gait: GaitFrame) -> None:
         """Queue the events of a gait frame, and its slow frames if they are due."""
         self.events += [(event, gait.all_in_air) for event in gait.events]
         if gait.t_ns >= self._due_ns:
-            self._due_ns = (gait.t_ns // _PERIOD_NS + 1) * _PERIOD_NS
+            self._due_ns = (gait.t_ns // _GAIT_FRAME_PERIOD_NS + 1) * _GAIT_FRAME_PERIOD_NS
             self._gait = gait
             self.waiting = deque(range(len(self._nodes)))
 

@@ -32,11 +32,13 @@ if TYPE_CHECKING:
     import can
 
 #: Error numbers of an interface that is down or missing; a full or silent bus has others.
-NO_CHANNEL = frozenset({errno.ENETDOWN, errno.ENXIO, errno.ENODEV, errno.EAFNOSUPPORT, errno.EBADF})
+CHANNEL_MISSING_ERRNOS = frozenset(
+    {errno.ENETDOWN, errno.ENXIO, errno.ENODEV, errno.EAFNOSUPPORT, errno.EBADF}
+)
 
 
 #: Where Linux shows its network interfaces.
-NETWORK = Path("/sys/class/net")
+NETWORK_DEVICES_FOLDER = Path("/sys/class/net")
 
 #: Most bytes of data of a classic frame.
 _CLASSIC_DATA = 8
@@ -92,7 +94,7 @@ def _require_fd(channel: str, bitrate: int) -> None:
         CanError: It is a classic one.
     """
     try:
-        mtu = int((NETWORK / channel / "mtu").read_text())
+        mtu = int((NETWORK_DEVICES_FOLDER / channel / "mtu").read_text())
     except (OSError, ValueError):
         return
     if mtu < FD_FRAME_BYTES:
@@ -140,7 +142,7 @@ class _BusWire:
                 taken += 1
         except self._failures as error:
             code = errno_of(error)
-            if code in NO_CHANNEL:
+            if code in CHANNEL_MISSING_ERRNOS:
                 raise OSError(code, str(error)) from error
         return taken
 
@@ -156,7 +158,7 @@ class _BusWire:
                 # Its recv() measures even a zero timeout with the wall clock, and hangs if that is set back.
                 message, _ = self._bus._recv_internal(timeout=0)  # noqa: SLF001
             except self._failures as error:
-                if errno_of(error) in NO_CHANNEL:
+                if errno_of(error) in CHANNEL_MISSING_ERRNOS:
                     raise OSError(errno_of(error), str(error)) from error
                 continue  # one message that is none
             if message is None:

@@ -132,7 +132,7 @@ class CanSink:
         self._flags = frame.flags.tolist()
         gait = self._gait
         if frame.gait is not None:
-            gait.take(frame.gait)
+            gait.queue_gait(frame.gait)
         unreported = [] if present == self._reported else self._unreported_faults(present)
         reports = unreported[:_MAX_EXTRA_FRAMES]
         frames = gait.event_frames(t_ns, _MAX_EXTRA_FRAMES - len(reports)) if gait.events else []

@@ -16,10 +16,10 @@ from collections.abc import Callable
 from firmware_interface.can.socketcan import FD_FRAME, FD_FRAME_BYTES, FRAME_BYTES, frame_ends
 
 #: Error numbers of a full queue of the interface or of the socket.
-NO_ROOM = frozenset({errno.ENOBUFS, errno.EAGAIN})
+QUEUE_FULL_ERRNOS = frozenset({errno.ENOBUFS, errno.EAGAIN})
 
 #: Most frames of one call; six legs send 30 at most.
-MAX_FRAMES = 64
+MAX_FRAMES_PER_CALL = 64
 
 #: Most frames of one `receive`; a full bus of 1 Mbit/s carries fewer in a cycle.
 MAX_DRAINED = 1000
@@ -66,13 +66,13 @@ class SocketWire:
         self._socket = channel
         self._close = close or channel.close
         self._fd = channel.fileno()
-        self._frames = bytearray(MAX_FRAMES * FD_FRAME_BYTES)
+        self._frames = bytearray(MAX_FRAMES_PER_CALL * FD_FRAME_BYTES)
         self._pinned = ctypes.c_char.from_buffer(
             self._frames
         )  # keeps its address as long as this object exists
         address = ctypes.addressof(self._pinned)
-        self._vectors = (_IoVec * MAX_FRAMES)()
-        self._headers = (_MMsgHdr * MAX_FRAMES)()
+        self._vectors = (_IoVec * MAX_FRAMES_PER_CALL)()
+        self._headers = (_MMsgHdr * MAX_FRAMES_PER_CALL)()
         # Addresses instead of ctypes pointers, which form reference cycles: the loop runs without garbage collection.
         for n, (vector, header) in enumerate(zip(self._vectors, self._headers, strict=True)):
             vector.base, vector.length = address + n * FRAME_BYTES, FRAME_BYTES
@@ -94,22 +94,24 @@ class SocketWire:
             OSError: The interface is down or gone.
         """
         del t_ns
-        n = self._lay_out(frames)
-        taken: int = _sendmmsg(self._fd, self._first, n, socket.MSG_DONTWAIT)
-        if taken >= 0:
-            return taken
+        n = self._fill_buffers(frames)
+        n_accepted: int = _sendmmsg(self._fd, self._first, n, socket.MSG_DONTWAIT)
+        if n_accepted >= 0:
+            return n_accepted
         code = ctypes.get_errno()
-        if code in NO_ROOM:
+        if code in QUEUE_FULL_ERRNOS:
             return 0
         raise OSError(code, os.strerror(code))
 
-    def _lay_out(self, frames: bytes) -> int:
+    def _fill_buffers(self, frames: bytes) -> int:
         """Copy frames into the buffers of sendmmsg, and return their number."""
-        ends = frame_ends(frames)[:MAX_FRAMES]
+        ends = frame_ends(frames)[:MAX_FRAMES_PER_CALL]
         is_mixed = ends[-1:] != [len(ends) * FRAME_BYTES]
         if is_mixed or self._is_mixed:
             self._is_mixed = is_mixed
-            starts = [0, *ends] if is_mixed else range(0, (MAX_FRAMES + 1) * FRAME_BYTES, FRAME_BYTES)
+            starts = (
+                [0, *ends] if is_mixed else range(0, (MAX_FRAMES_PER_CALL + 1) * FRAME_BYTES, FRAME_BYTES)
+            )
             for vector, start, end in zip(self._vectors, starts, starts[1:], strict=False):
                 vector.base, vector.length = self._address + start, end - start
         self._frames[: ends[-1]] = frames[: ends[-1]]

@@ -127,9 +127,9 @@ class Link:
                 try:
                     half = decode(can_id, data)
                 except FrameError:
-                    leg.take_wrong(now_ns)
+                    leg.process_corrupt_frame(now_ns)
                 else:
-                    leg.take(half, now_ns)
+                    leg.process_frame(half, now_ns)
                 return True
         return False
 
@@ -139,11 +139,11 @@ class Link:
             forces = decode_forces(can_id, data, self._n_elements)
         except FrameError:
             for node in NODES[can_id]:
-                self._legs[node].take_wrong(now_ns)
+                self._legs[node].process_corrupt_frame(now_ns)
             return
         for force, quality in forces.legs:
-            self._legs[force.node].take(force, now_ns)
-            self._legs[force.node].take(quality, now_ns)
+            self._legs[force.node].process_frame(force, now_ns)
+            self._legs[force.node].process_frame(quality, now_ns)
 
     def leg(self, node: int, now_ns: int) -> LegForce:
         """Return a leg's force and whether it may be used.
@@ -177,16 +177,16 @@ class _Leg:
         self._n_good = 0
         self._status = LinkStatus.STALE
 
-    def take(self, half: Force | Quality, now_ns: int) -> None:
+    def process_frame(self, half: Force | Quality, now_ns: int) -> None:
         """Process a Force or Quality frame whose crc is right."""
         if not self._is_silent(now_ns) and self._force and half.counter == self._force.counter:
-            self._take_repeated()
+            self._count_repeated()
             return
         counters = {other.counter for other in self._next.values()}
-        if counters - {half.counter} or _is_over(now_ns, self._next_ns, self._limits.timeout_ns):
+        if counters - {half.counter} or _has_elapsed(now_ns, self._next_ns, self._limits.timeout_ns):
             self._next.clear()
         if type(half) in self._next:
-            self._take_repeated()
+            self._count_repeated()
             return
         if not self._next:
             self._next_ns = now_ns
@@ -196,9 +196,9 @@ class _Leg:
         force, quality = self._next.get(Force), self._next.get(Quality)
         if isinstance(force, Force) and isinstance(quality, Quality):
             self._next.clear()
-            self._take_force(force, quality, now_ns)
+            self._accept_force(force, quality, now_ns)
 
-    def take_wrong(self, now_ns: int) -> None:
+    def process_corrupt_frame(self, now_ns: int) -> None:
         """Take a frame that failed its check."""
         self._reset(LinkStatus.WRONG)
         self._wrong_ns = now_ns
@@ -211,12 +211,18 @@ class _Leg:
         allowed = state == State.VALID or (state == State.DEGRADED and self._limits.accept_degraded)
         usable = status in {LinkStatus.OK, LinkStatus.LOST} and allowed
         flags, mask = (quality.flags, quality.fault_mask) if quality else (Flag(0), 0)
-        if not usable or force is None or quality is None or quality.age_ns is None or _has_hole(force):
+        if (
+            not usable
+            or force is None
+            or quality is None
+            or quality.age_ns is None
+            or _has_invalid_component(force)
+        ):
             return LegForce(status, False, state, flags, mask, _NO_FORCE, _NO_FORCE, None)
         age_ns = quality.age_ns + now_ns - self._arrived_ns
         return LegForce(status, True, state, flags, mask, force.force_n, quality.sigma_n, age_ns)
 
-    def _take_force(self, force: Force, quality: Quality, now_ns: int) -> None:
+    def _accept_force(self, force: Force, quality: Quality, now_ns: int) -> None:
         """Accept a complete pair of force and quality frames."""
         counts, delta = True, 1
         if self._is_silent(now_ns) or self._force is None:
@@ -230,26 +236,26 @@ class _Leg:
         self._force, self._quality, self._state = force, quality, force.state
         self._arrived_ns = self._next_ns
         self._n_good += counts
-        if self._has_enough():
+        if self._has_enough_good_frames():
             self._status = LinkStatus.OK if delta == 1 else LinkStatus.LOST
 
-    def _take_repeated(self) -> None:
-        if self._has_enough():
+    def _count_repeated(self) -> None:
+        if self._has_enough_good_frames():
             self._status = LinkStatus.REPEATED
 
-    def _reset(self, why: LinkStatus) -> None:
-        self._status = why
+    def _reset(self, new_status: LinkStatus) -> None:
+        self._status = new_status
         self._n_good = 0
 
-    def _has_enough(self) -> bool:
+    def _has_enough_good_frames(self) -> bool:
         return self._n_good >= max(1, self._limits.min_good)
 
     def _is_silent(self, now_ns: int) -> bool:
-        return self._force is None or _is_over(now_ns, self._arrived_ns, self._limits.timeout_ns)
+        return self._force is None or _has_elapsed(now_ns, self._arrived_ns, self._limits.timeout_ns)
 
     def _status_at(self, now_ns: int) -> LinkStatus:
         if self._is_silent(now_ns):
-            over = _is_over(now_ns, self._wrong_ns, self._limits.timeout_ns)
+            over = _has_elapsed(now_ns, self._wrong_ns, self._limits.timeout_ns)
             return LinkStatus.WRONG if self._status is LinkStatus.WRONG and not over else LinkStatus.STALE
         # Only a force ages; a state without force stays valid.
         if self._status is not LinkStatus.WRONG and self._state in USABLE and self._is_too_old(now_ns):
@@ -258,13 +264,13 @@ class _Leg:
 
     def _is_too_old(self, now_ns: int) -> bool:
         age_ns = self._quality.age_ns if self._quality else None
-        return age_ns is None or _is_over(now_ns, self._arrived_ns, self._limits.max_age_ns - age_ns)
+        return age_ns is None or _has_elapsed(now_ns, self._arrived_ns, self._limits.max_age_ns - age_ns)
 
 
-def _is_over(now_ns: int, since_ns: int, limit_ns: int) -> bool:
+def _has_elapsed(now_ns: int, since_ns: int, limit_ns: int) -> bool:
     """Return whether more than `limit_ns` has passed; a clock that ran backwards counts as over."""
     return not 0 <= now_ns - since_ns <= limit_ns
 
 
-def _has_hole(force: Force) -> bool:
+def _has_invalid_component(force: Force) -> bool:
     return any(component != component for component in force.force_n)  # noqa: PLR0124 - NaN

@@ -19,7 +19,7 @@ from firmware_interface.can.gait import GAIT_ID, GROUND_ID, Gait, Ground, decode
 
 #: Age from which the content of a frame is unknown [ns]: three periods of baseline (1 s), heartbeat (200 ms), and
 #: contact and ground (100 ms).
-_LIMITS_NS = {
+_MAX_REPORT_AGE_NS = {
     Fault: math.inf,
     Baseline: 3_000_000_000,
     Heartbeat: 600_000_000,
@@ -131,4 +131,6 @@ class Reports:
         """Return the last frame of a kind and the time since its arrival [ns]; None if there is none, or too old."""
         report, arrived_ns = self._last.get((node, kind), (None, now_ns))
         since_ns = now_ns - arrived_ns
-        return (report if isinstance(report, kind) and since_ns <= _LIMITS_NS[kind] else None), since_ns
+        return (
+            report if isinstance(report, kind) and since_ns <= _MAX_REPORT_AGE_NS[kind] else None
+        ), since_ns

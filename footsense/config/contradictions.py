@@ -11,7 +11,7 @@ from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
 from footsense.strict_yaml import Problem
 
 #: Largest share of the bus for forces; the rest is the robot's.
-_CAN_SHARE = 0.7
+_MAX_CAN_LOAD_REL = 0.7
 #: Supply of the bus, the voltage of a low line, and the current that a chip sinks at it.
 _SUPPLY_V, _LOW_V, _SINK_MA = 3.3, 0.4, 3.0
 
@@ -49,19 +49,19 @@ def pull_up_fault(bus: Bus) -> str | None:
 
 
 def _contradictions(config: Config) -> Iterator[Problem]:
-    yield from _board(config)
-    yield from _between_buses(config)
+    yield from _board_contradictions(config)
+    yield from _bus_contradictions(config)
     for i, bus in enumerate(config.buses):
-        yield from _legs_of_bus(bus, f"buses[{i}].legs")
-        yield from _addresses(bus, f"buses[{i}]", config.board)
-    yield from _timing(config)
-    yield from _can(config)
-    yield from _feet(config)
-    if config.metrics is not None and _ip(address := config.metrics.address) is None:
+        yield from _bus_leg_contradictions(bus, f"buses[{i}].legs")
+        yield from _address_contradictions(bus, f"buses[{i}]", config.board)
+    yield from _timing_contradictions(config)
+    yield from _can_contradictions(config)
+    yield from _foot_contradictions(config)
+    if config.metrics is not None and _parse_ip(address := config.metrics.address) is None:
         yield Problem("metrics.address", f"{address!r} is not an IP address; such as 127.0.0.1")
 
 
-def _board(config: Config) -> Iterator[Problem]:
+def _board_contradictions(config: Config) -> Iterator[Problem]:
     """Yield settings that are for another board."""
     board, serial = config.board, config.serial
     if board != "mcu":
@@ -89,16 +89,16 @@ def _board(config: Config) -> Iterator[Problem]:
             "publish_every", "every record of the microcontroller is published; take publish_every away"
         )
     legs = ((f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs))
-    yield from _repeated(legs, "{} is named twice")
+    yield from _repeated_values(legs, "{} is named twice")
 
 
-def _between_buses(config: Config) -> Iterator[Problem]:
+def _bus_contradictions(config: Config) -> Iterator[Problem]:
     buses = list(enumerate(config.buses))
     devices = ((f"buses[{i}].device", bus.device, f"buses[{i}]") for i, bus in buses)
     remedy = "give each its own, or join their legs under one bus"
-    yield from _repeated(devices, "{} is already the device of {}; " + remedy)
+    yield from _repeated_values(devices, "{} is already the device of {}; " + remedy)
     legs = ((f"buses[{i}].legs.{leg}", leg, f"buses[{i}]") for i, bus in buses for leg in bus.legs)
-    yield from _repeated(legs, "{} is already a leg of {}; a leg has one foot, so name it once")
+    yield from _repeated_values(legs, "{} is already a leg of {}; a leg has one foot, so name it once")
     simulated = [
         {device.startswith("sim") for device in (bus.device, *bus.adapters.values())} for _, bus in buses
     ]
@@ -109,7 +109,7 @@ def _between_buses(config: Config) -> Iterator[Problem]:
         )
 
 
-def _legs_of_bus(bus: Bus, path: str) -> Iterator[Problem]:
+def _bus_leg_contradictions(bus: Bus, path: str) -> Iterator[Problem]:
     if bus.channels and bus.adapters:
         yield Problem(
             f"{path}.{next(iter(bus.adapters))}",
@@ -118,13 +118,13 @@ def _legs_of_bus(bus: Bus, path: str) -> Iterator[Problem]:
         )
     adapters = ((f"{path}.{leg}", device, f"that of {leg}") for leg, device in bus.adapters.items())
     devices = [(path, bus.device, "the bus itself"), *adapters]
-    yield from _repeated(devices, "{} is already {}; `i2cdetect -l` lists them")
+    yield from _repeated_values(devices, "{} is already {}; `i2cdetect -l` lists them")
     free = sorted(set(range(8)) - set(bus.channels.values()))
     channels = ((f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items())
-    yield from _repeated(channels, f"channel {{}} is already that of {{}}; free channels are {free}")
+    yield from _repeated_values(channels, f"channel {{}} is already that of {{}}; free channels are {free}")
 
 
-def _addresses(bus: Bus, path: str, board: str) -> Iterator[Problem]:
+def _address_contradictions(bus: Bus, path: str, board: str) -> Iterator[Problem]:
     """Yield devices at the address of another device of the bus, or of a chip of every leg."""
     if bus.mux.address == PCA9685_ALLCALL:
         for device in bus.other_devices:
@@ -144,7 +144,7 @@ def _addresses(bus: Bus, path: str, board: str) -> Iterator[Problem]:
         owners.setdefault(device.address, f"{device.name}; change one of them, or name a device once")
 
 
-def _timing(config: Config) -> Iterator[Problem]:
+def _timing_contradictions(config: Config) -> Iterator[Problem]:
     # The oldest element is a whole scan old at sending, and a scan takes a tenth longer than its limit.
     shortest_ms = config.shortest_scan_ms
     if config.stale_after_ms < 1.25 * shortest_ms:
@@ -156,9 +156,9 @@ def _timing(config: Config) -> Iterator[Problem]:
         )
 
 
-def _can(config: Config) -> Iterator[Problem]:
+def _can_contradictions(config: Config) -> Iterator[Problem]:
     can = config.can
-    group = _ip(can.channel)
+    group = _parse_ip(can.channel)
     if can.interface == "udp_multicast" and not (isinstance(group, IPv4Address) and group.is_multicast):
         yield Problem(
             "can.channel",
@@ -166,22 +166,22 @@ def _can(config: Config) -> Iterator[Problem]:
         )
     per_s = config.forces_hz
     bits_per_s = can_bits_per_s(len(config.legs), per_s, fd=can.fd)
-    share = bits_per_s / (_CAN_SHARE * can.bitrate)
+    share = bits_per_s / (_MAX_CAN_LOAD_REL * can.bitrate)
     if can.interface == "socketcan" and share > 1.0:
         others_per_s = can_bits_per_s(len(config.legs), 0.0, fd=can.fd)
-        forces_share = (bits_per_s - others_per_s) / (_CAN_SHARE * can.bitrate - others_per_s)
+        forces_share = (bits_per_s - others_per_s) / (_MAX_CAN_LOAD_REL * can.bitrate - others_per_s)
         fewer = f"publish_every: {math.ceil(forces_share * config.publish_every)}"
         yield Problem(
             "can.bitrate",
             f"{len(config.legs)} legs at {per_s:.0f} forces/s take {bits_per_s * 1e-3:.0f} kbit/s, more than "
-            f"{_CAN_SHARE:.0%} of {can.bitrate * 1e-3:.0f} kbit/s; "
+            f"{_MAX_CAN_LOAD_REL:.0%} of {can.bitrate * 1e-3:.0f} kbit/s; "
             f"use 1000000, or {fewer if config.serial is None else 'fewer records'}",
         )
 
 
-def _feet(config: Config) -> Iterator[Problem]:
+def _foot_contradictions(config: Config) -> Iterator[Problem]:
     feet = ((f"feet.{leg}", foot, leg) for leg, foot in config.feet.items())
-    yield from _repeated(feet, "{} is already mounted on {}")
+    yield from _repeated_values(feet, "{} is already mounted on {}")
     sections: dict[str, Mapping[Leg, object]] = {
         "feet": config.feet,
         "stray_pf": config.stray_pf,
@@ -206,7 +206,7 @@ def _feet(config: Config) -> Iterator[Problem]:
             )
 
 
-def _repeated(entries: Iterable[tuple[str, int | str, str]], message: str) -> Iterator[Problem]:
+def _repeated_values(entries: Iterable[tuple[str, int | str, str]], message: str) -> Iterator[Problem]:
     """Yield a problem for every entry, path, value and owner, with the value of an earlier one.
 
     Args:
@@ -220,7 +220,7 @@ def _repeated(entries: Iterable[tuple[str, int | str, str]], message: str) -> It
         owner_of.setdefault(value, owner)
 
 
-def _ip(address: str) -> IPv4Address | IPv6Address | None:
+def _parse_ip(address: str) -> IPv4Address | IPv6Address | None:
     try:
         return ip_address(address)
     except ValueError:

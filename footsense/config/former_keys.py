@@ -1,6 +1,6 @@
 """Keys of earlier versions: refused in a YAML file with the present name, read in a recording."""
 
-_RENAMED = {
+_PRESENT_NAME_OF_KEY = {
     "zero": "baseline",
     "packs": "calibrations",
     "touch_n": "threshold_n",
@@ -8,19 +8,26 @@ _RENAMED = {
 }
 
 #: Keys of earlier versions, each with what replaces it.
-FORMER_KEYS = {key: f"now called {name}" for key, name in _RENAMED.items()} | {
+FORMER_KEYS = {key: f"now called {name}" for key, name in _PRESENT_NAME_OF_KEY.items()} | {
     "average_scans": "forces are no longer averaged; take this key away, and average at the receiver",
     "publish": "now called publish_every: conversions per force on CAN, 4 by default and 1 for each conversion",
     "gang": "the column-sum scan was removed; take this key away",
 }
 
 #: Recorded forces are compared frame by frame, whatever was published of them.
-_WITHOUT_EFFECT = (("gang", False), ("average_scans", 1), ("publish", "frame"), ("publish", "element"))
+_REMOVED_KEYS_WITHOUT_EFFECT = (
+    ("gang", False),
+    ("average_scans", 1),
+    ("publish", "frame"),
+    ("publish", "element"),
+)
 
 
 def with_present_keys(data: object) -> object:
     """Return a recorded configuration with its old keys renamed, and without removed keys that had no effect."""
     if isinstance(data, dict):
-        items = ((key, value) for key, value in data.items() if (key, value) not in _WITHOUT_EFFECT)
-        return {_RENAMED.get(key, key): with_present_keys(value) for key, value in items}
+        items = (
+            (key, value) for key, value in data.items() if (key, value) not in _REMOVED_KEYS_WITHOUT_EFFECT
+        )
+        return {_PRESENT_NAME_OF_KEY.get(key, key): with_present_keys(value) for key, value in items}
     return data

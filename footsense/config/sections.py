@@ -210,7 +210,7 @@ class Can(Section, frozen=True, kw_only=True):
     fd: bool = False
 
     @property
-    def obeys(self) -> bool:
+    def executes_commands(self) -> bool:
         """Return whether commands are executed."""
         return self.interface != "udp_multicast" if self.commands is None else self.commands
 

@@ -119,7 +119,7 @@ class Axes(Section, frozen=True, kw_only=True):
 
 
 class StandConfig(Section, frozen=True, kw_only=True):
-    """The force sensor under the foot.
+    """Configuration of a test stand: the force sensor under the foot, and its mounting.
 
     Attributes:
         sensor: Its interface.
@@ -166,11 +166,11 @@ def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
             "axes", f"{names} names an axis of the sensor twice; each belongs to one of x, y, z"
         )
     if isinstance(test_stand.sensor, Serial):
-        return _framing(test_stand.sensor.framing)
+        return _framing_contradiction(test_stand.sensor.framing)
     return None
 
 
-def _framing(framing: Lines | Binary) -> strict_yaml.Problem | None:
+def _framing_contradiction(framing: Lines | Binary) -> strict_yaml.Problem | None:
     where = "sensor.framing"
     named = [column for column in framing.columns if column != "-"]
     for axis in ("fx", "fy", "fz"):

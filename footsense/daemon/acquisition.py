@@ -209,7 +209,7 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
     stack.callback(source.close)
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):
-        _log_bus_timing(bus, scanner.timing)
+        _log_bus_timing(bus, scanner.bus_timing)
     return ScanSource(
         source,
         MonotonicClock(),

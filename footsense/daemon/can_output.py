@@ -38,7 +38,7 @@ def can_sink(
         interface=config.can.interface,
         channel=config.can.channel,
         bitrate=config.can.bitrate,
-        commands=config.can.obeys,
+        commands=config.can.executes_commands,
         fd=config.can.fd,
         log_file=log_file,
         log_waits=not real_time,

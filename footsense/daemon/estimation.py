@@ -14,7 +14,7 @@ from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.drift import MAX_DRIFT_PF_PER_S
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.faults.status import RANGE_END_PF
+from footsense.estimation.faults.status import CONVERTER_MAX_PF
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import Sensitivity, sensitivity
 from footsense.foot.capacitor import CapacitorDesign
@@ -71,7 +71,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
         set_temperature=set_temperature,
-        range_end_pf=BOARDS[config.board](3).range_end_pf if config.board in BOARDS else RANGE_END_PF,
+        range_end_pf=BOARDS[config.board](3).range_end_pf if config.board in BOARDS else CONVERTER_MAX_PF,
     )
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Config
 from footsense.daemon.foot_types import artefact_path, check_foot_type
-from footsense.errors import ConfigError
+from footsense.errors import ConfigError, ModelError
 from footsense.foot.response_table import FootResponse
-from footsense.frames import CapFrame
+from footsense.frames import ELEMENTS, CapFrame
 from footsense.ports import Clock, FrameSource
 from footsense.sim.faults.scene_faults import OnChips, OnWires
 from footsense.sim.robot import SimulatedRobot, Wiring
@@ -26,8 +26,8 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     """Return the robot of a scene, wired as configured.
 
     Raises:
-        ModelError: The response table of its feet is missing, unreadable, or of another foot type.
-        ConfigError: A fault of the scene is for a leg or bus that the robot does not have.
+        ModelError: The response table of its feet is missing, unreadable, or of another foot type or array.
+        ConfigError: A fault of the scene is for a leg, bus or element that the robot does not have.
     """
     wiring = [
         Wiring(
@@ -44,6 +44,9 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     table = artefact_path(config, "response.npz")
     response = FootResponse.load(table)
     check_foot_type(table, response.foot_type, config)
+    if response.n_elements != ELEMENTS:
+        array = f"{response.rows} x {response.rows}"
+        raise ModelError(f"{table}: a foot of {array} elements; the service reads 3 x 3")
     for problem in _inapplicable_faults(config, scene, response.rows):
         raise ConfigError(f"scene: {problem}")
     grace_ns = math.inf if config.serial else scan_plan(config.order, config.rate_sps, config.board).wait_ns

@@ -6,7 +6,7 @@ import numpy as np
 
 from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
-from footsense.foot.temperature import CalibratedAt, effect
+from footsense.foot.temperature import CalibratedAt, force_factor_and_uncertainty
 from footsense.frames import Vector
 from footsense.ports import Estimator, Load, Window
 
@@ -45,7 +45,7 @@ class CalibratedFeet:
         self._calibrated_error_rel = np.tile(
             [0.0 if foot is None else foot.error_rel for foot in feet], repeats
         )
-        self._scale(np.ones(len(feet)), np.zeros(len(feet)))
+        self._apply_gains(np.ones(len(feet)), np.zeros(len(feet)))
 
     def set_temperature(self, temperature_c: Vector, calibrated_at: Sequence[CalibratedAt | None]) -> None:
         """Estimate the feet at their present temperature.
@@ -54,18 +54,21 @@ class CalibratedFeet:
             temperature_c: Temperature of each leg's foot [degC], shape (legs,), NaN where it is not measured.
             calibrated_at: Temperature of each foot's calibration, None for a foot that is taken as designed.
         """
-        effects = [effect(*leg) for leg in zip(temperature_c.tolist(), calibrated_at, strict=True)]
+        effects = [
+            force_factor_and_uncertainty(*leg)
+            for leg in zip(temperature_c.tolist(), calibrated_at, strict=True)
+        ]
         gain, unknown_rel = np.array(effects).T
-        self._scale(gain, unknown_rel)
+        self._apply_gains(gain, unknown_rel)
 
-    def _scale(self, gain: Vector, unknown_rel: Vector) -> None:
+    def _apply_gains(self, gain: Vector, unknown_rel: Vector) -> None:
         """Apply each leg's gain and unknown share once, instead of in every call."""
         gains = np.tile(gain, self._repeats)[:, None, None]
         self._matrix, self._correction = gains * self._calibrated_matrix, gains * self._calibrated_correction
         self._error_rel = np.hypot(self._calibrated_error_rel, np.tile(unknown_rel, self._repeats))[:, None]
 
     def estimate(self, window: Window) -> Load:
-        """Return the load of every row.
+        """Return the estimated load of every row of the window, corrected by the calibrations.
 
         The network's sigma is rotated and scaled with the force; the calibration's residual error is added. The contact
         is turned by the mount as the force is.

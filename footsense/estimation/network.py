@@ -22,7 +22,7 @@ from footsense.ports import Load, Window
 MAX_BYTES = 1 << 24
 
 #: Shares of the trained range of the inputs at which a network is tested before use [1].
-_TESTED_REL = (0.0, 0.25, 0.5, 0.75, 1.0)
+_TEST_CLOSURE_LEVELS_REL = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
 class Network:
@@ -75,16 +75,16 @@ class Network:
             self._binding.bind_ortvalue_input(signal.name, ort.OrtValue.ortvalue_from_numpy(array))
         for signal, array in zip(OUTPUTS, self._out, strict=True):
             self._binding.bind_ortvalue_output(signal.name, ort.OrtValue.ortvalue_from_numpy(array))
-        self._test(path)
+        self._run_test_inference(path)
 
     def estimate(self, window: Window) -> Load:
-        """Return the load of every row."""
+        """Return the estimated load of every row of the window."""
         for array, values in zip(self._in, window, strict=True):
             array[...] = values.reshape(array.shape)
         self._session.run_with_iobinding(self._binding)
         return Load(*map(methodcaller("astype", np.float64), self._out))
 
-    def _test(self, path: Path) -> None:
+    def _run_test_inference(self, path: Path) -> None:
         """Estimate once unloaded, which also plans the memory, and through the trained range.
 
         Raises:
@@ -92,7 +92,10 @@ class Network:
         """
         low, high = np.array(self.card.closure_rel_min), np.array(self.card.closure_rel_max)
         n_rows = len(self._in[0])
-        for closure_rel in (np.zeros_like(low), *(low + share * (high - low) for share in _TESTED_REL)):
+        for closure_rel in (
+            np.zeros_like(low),
+            *(low + share * (high - low) for share in _TEST_CLOSURE_LEVELS_REL),
+        ):
             try:
                 load = self.estimate(at_rest(np.tile(closure_rel, (n_rows, 1))))
             except Exception as error:  # as above

@@ -18,7 +18,7 @@ from footsense.estimation.faults.consistency import ConsistencyResult, Consisten
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import missing_elements
 from footsense.estimation.faults.status import (
-    RANGE_END_PF,
+    CONVERTER_MAX_PF,
     ElementClassifier,
     ElementStatus,
     LegClassifier,
@@ -89,7 +89,7 @@ class Pipeline:
         settled_ns: int,
         track_baseline: bool = True,
         flags: int = 0,
-        range_end_pf: float = RANGE_END_PF,
+        range_end_pf: float = CONVERTER_MAX_PF,
         gap_um: Vector | None = None,
         gain_rel: Vector | None = None,
         feet: Sequence[str] = (),
@@ -169,14 +169,14 @@ class Pipeline:
         results = baselines.tare(pf, scan.reading, scan.t_ns, elements.missing, now_ns)
         unloaded = baselines.unloaded
         readings = self._window.add(self._distance_pf / pf, scan.t_ns)
-        missing = self._missing(elements, unloaded)
+        missing = self._missing_elements(elements, unloaded)
         closure_rel = unloaded.distance_rel[:, None] - readings.distance_rel
         measured_rel = closure_rel[:, 0]
         consistency = self._consistency.test(measured_rel, readings.motion_rel, missing, now_ns)
-        if not consistency.ok:
+        if not consistency.is_all_ok:
             self._window.discard(consistency.missing & ~missing)
         lost = self._no_leg
-        if np.count_nonzero(readings.whole) < readings.whole.size:
+        if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
             consistency, lost = _with_history(consistency, readings)
         legs = self._legs.classify(
             scan.reading,
@@ -192,7 +192,7 @@ class Pipeline:
             now_ns,
         )
         age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
-        load, state = self._loads(closure_rel, age_s, consistency, legs)
+        load, state = self._estimate_loads(closure_rel, age_s, consistency, legs)
         force_n = load.force_n
         baselines.observe(measured_rel, force_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns)
         gait = self._gait.observe(load, baselines.contacts, now_ns)
@@ -211,15 +211,15 @@ class Pipeline:
             gait=gait,
         ), results
 
-    def _missing(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
+    def _missing_elements(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
         """Return the elements to do without, shape (legs, 9): faulty, excluded, or without a baseline."""
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
-        elif elements.ok:
+        elif elements.is_all_ok:
             return elements.missing
         return missing_elements(elements.faulty | unloaded.untared)
 
-    def _loads(
+    def _estimate_loads(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
     ) -> tuple[Load, Codes]:
         """Return the loads, with force and sigma NaN where not usable, and the state of each leg.
@@ -241,7 +241,7 @@ class Pipeline:
         load = self._estimator.estimate(Window(closure_rel, age_s, consistency.missing))
         force_n, sigma_n = load.force_n, load.sigma_n
         sigma_n = np.hypot(sigma_n, self._baselines.sigma_n)
-        if not consistency.ok and consistency.inconsistency_rel.any():
+        if not consistency.is_all_ok and consistency.inconsistency_rel.any():
             inconsistent_n = consistency.inconsistency_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
         if legs.healthy and math.isfinite(np.vdot(force_n, sigma_n)):
@@ -283,11 +283,11 @@ def _with_history(consistency: ConsistencyResult, readings: Readings) -> tuple[C
     A leg is lost, shape (legs,), until enough of its elements have been read in a row for the network to do without the
     others.
     """
-    incomplete = ~readings.whole
+    incomplete = ~readings.is_consecutive
     missing = missing_elements(consistency.missing | incomplete)
     lost: Mask = np.asarray((incomplete & ~missing).any(axis=1))
     missing[lost] = consistency.missing[lost]
-    return consistency._replace(missing=missing, ok=False), lost
+    return consistency._replace(missing=missing, is_all_ok=False), lost
 
 
 def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:

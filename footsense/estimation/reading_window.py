@@ -10,7 +10,7 @@ from footsense.frames import Mask, Stamps, Vector
 READINGS = 3
 #: Longest time between two readings of an element, over the time of a scan [1]: after a stall, older readings are not
 #: mixed with newer ones.
-LONGEST_INTERVAL_REL = 1.75
+MAX_READING_INTERVAL_REL = 1.75
 
 #: Smallest spike that is taken for a wrong reading [1], and change over it of the readings beside it [1].
 _SPIKE_REL, _NEIGHBOUR_CHANGE_REL = 0.1, 0.25
@@ -22,7 +22,7 @@ class Readings(NamedTuple):
     Attributes:
         distance_rel: Plate distances over the gap [1], shape (legs, 3, 9), NaN where there is none.
         t_ns: Middle of each conversion [ns], same shape; 0 where there is none.
-        whole: Elements whose newest two readings follow on one another, shape (legs, 9).
+        is_consecutive: Elements whose newest two readings follow on one another, shape (legs, 9).
         newest_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
         oldest_ns: Time of the oldest of the newest readings of each leg's whole elements [ns], shape (legs,).
         motion_rel: Second largest change of an element from one reading to the next [1], shape (legs,).
@@ -30,7 +30,7 @@ class Readings(NamedTuple):
 
     distance_rel: Vector
     t_ns: Stamps
-    whole: Mask
+    is_consecutive: Mask
     newest_ns: Stamps
     oldest_ns: Stamps
     motion_rel: Vector
@@ -48,7 +48,7 @@ class ReadingWindow:
         n_legs, self._n_elements = shape
         self._distance_rel = np.full((n_legs, READINGS, self._n_elements), np.nan)
         self._t_ns = np.zeros((n_legs, READINGS, self._n_elements), np.int64)
-        self._longest_ns = np.array(round(LONGEST_INTERVAL_REL * scan_ns))
+        self._longest_ns = np.array(round(MAX_READING_INTERVAL_REL * scan_ns))
 
     def add(self, distance_rel: Vector, t_ns: Stamps) -> Readings:
         """Add the readings of a frame that are new, and return all of them.

@@ -10,7 +10,7 @@ from footsense.frames import Vector
 from footsense.ports import Estimator
 
 #: Largest closures of the loads at which the sensitivity is taken [1], and the step of the differences [1].
-_LEVELS_REL = (0.02, 0.2)
+_CLOSURE_LEVELS_REL = (0.02, 0.2)
 _STEP_REL = 1e-3
 
 #: Share of a drift that differs between the elements; the rest is common to all. An assumption: no foot was heated.
@@ -18,7 +18,7 @@ _UNEVEN_REL = 0.2
 
 
 class Sensitivity(NamedTuple):
-    """Forces for each gap of closure.
+    """Sensitivity of load and baseline force to closures, per closure over the gap.
 
     Attributes:
         load_n: Load along the leg over the trimmed mean of the closures [N].
@@ -65,11 +65,11 @@ def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivi
     """
     stance_rel = principal_pattern(moments)
     errors_n = []
-    for level in _LEVELS_REL:
+    for level in _CLOSURE_LEVELS_REL:
         for pattern in (stance_rel, np.ones(len(moments))):
             slopes_n = jacobian_n(estimator, n_rows, level * pattern)[:, 0]
             errors_n.append(np.hypot(slopes_n.sum(axis=0), _UNEVEN_REL * np.linalg.norm(slopes_n, axis=0)))
-    stance_rel = _LEVELS_REL[-1] * stance_rel
+    stance_rel = _CLOSURE_LEVELS_REL[-1] * stance_rel
     rows = np.tile(stance_rel, (n_rows, 1))
     force_n = estimator.estimate(at_rest(rows)).force_n
     return Sensitivity(

@@ -15,7 +15,7 @@ GRAM_FORCE_N = 9.80665e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Errors:
+class ForceErrors:
     """Mean, 95th percentile and largest error of estimated forces over a set of cases.
 
     Attributes:
@@ -45,20 +45,20 @@ def magnitude_errors_gf(truth_n: Vector, estimate_n: Vector) -> Vector:
         estimate_n: Estimates [N], same shape.
     """
     size_n, guess_n = np.linalg.norm(truth_n, axis=1), np.linalg.norm(estimate_n, axis=1)
-    off_gf: Vector = np.abs(size_n - guess_n) / GRAM_FORCE_N
-    return off_gf
+    error_gf: Vector = np.abs(size_n - guess_n) / GRAM_FORCE_N
+    return error_gf
 
 
-def errors(truth_n: Vector, estimate_n: Vector) -> Errors:
+def evaluate_force_errors(truth_n: Vector, estimate_n: Vector) -> ForceErrors:
     """Return the errors of estimated forces [N], both of shape (n, 3), n > 0, no true force zero."""
     angle_deg = angles_between_deg(truth_n, estimate_n)
-    off_gf = magnitude_errors_gf(truth_n, estimate_n)
-    return Errors(
+    error_gf = magnitude_errors_gf(truth_n, estimate_n)
+    return ForceErrors(
         direction_deg=float(angle_deg.mean()),
         direction_p95_deg=float(np.percentile(angle_deg, 95)),
         direction_max_deg=float(angle_deg.max()),
-        magnitude_gf=float(off_gf.mean()),
-        magnitude_p95_gf=float(np.percentile(off_gf, 95)),
-        magnitude_max_gf=float(off_gf.max()),
+        magnitude_gf=float(error_gf.mean()),
+        magnitude_p95_gf=float(np.percentile(error_gf, 95)),
+        magnitude_max_gf=float(error_gf.max()),
         n=len(truth_n),
     )

@@ -16,7 +16,7 @@ import numpy as np
 from footsense.foot.correction_terms import N_CORRECTION_TERMS
 from footsense.frames import Vector
 
-_AXES = 3
+_N_AXES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,8 +40,8 @@ class FootParameters:
     gap_um: Vector
     gain_rel: Vector = field(default_factory=lambda: np.ones(1))
     stiffness_rel: float = 0.0
-    mount: Vector = field(default_factory=lambda: np.eye(_AXES))
-    correction: Vector = field(default_factory=lambda: np.zeros((_AXES, N_CORRECTION_TERMS)))
+    mount: Vector = field(default_factory=lambda: np.eye(_N_AXES))
+    correction: Vector = field(default_factory=lambda: np.zeros((_N_AXES, N_CORRECTION_TERMS)))
     error_rel: float = 0.0
 
     def __post_init__(self) -> None:
@@ -54,8 +54,8 @@ class FootParameters:
             object.__setattr__(self, "gain_rel", np.repeat(self.gain_rel, len(self.unloaded_pf)))
         of_elements = ("stray_pf", "unloaded_pf", "gap_um", "gain_rel")
         shapes = dict.fromkeys(of_elements, (len(self.unloaded_pf),)) | {
-            "mount": (_AXES, _AXES),
-            "correction": (_AXES, N_CORRECTION_TERMS),
+            "mount": (_N_AXES, _N_AXES),
+            "correction": (_N_AXES, N_CORRECTION_TERMS),
         }
         for name, shape in shapes.items():
             value = getattr(self, name)
@@ -69,7 +69,7 @@ class FootParameters:
         if not self.stiffness_rel > -1.0:
             raise ValueError(f"stiffness_rel: has to be above -1, got {self.stiffness_rel:g}")
         mirrored = np.linalg.det(self.mount) < 0.0
-        if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(_AXES), atol=1e-6):
+        if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(_N_AXES), atol=1e-6):
             raise ValueError("mount: is no rotation")
         if not self.error_rel >= 0.0:
             raise ValueError(f"error_rel: is a standard deviation, not below 0, got {self.error_rel:g}")

@@ -40,9 +40,9 @@ MAX_BYTES = 1 << 26
 UNIT_TOLERANCE = 1e-6
 
 #: Arrays of the file, by the names of the fields.
-_ARRAYS = ("quarter_series", "quarter_compliance")
+_ARRAY_NAMES = ("quarter_series", "quarter_compliance")
 #: Other fields of the file, beside the design.
-_DESCRIPTION = (
+_DESCRIPTION_KEYS = (
     *("foot_type", "ball_radius_mm", "hertz_modulus_mpa", "min_elevation_deg"),
     *("fit_elevation_deg", "degree", "provenance"),
 )
@@ -59,7 +59,7 @@ def _unpack(content: bytes) -> dict[str, Any]:
             raise ValueError(f"it unpacks to more than {MAX_BYTES} bytes")
     with np.load(io.BytesIO(content), allow_pickle=False) as stored:
         about = json.loads(str(stored["description"]))
-        arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in _ARRAYS}
+        arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in _ARRAY_NAMES}
     if about.pop("format") != FORMAT:
         raise ValueError(f"it is not of format {FORMAT}")
     return {**about, **arrays}
@@ -131,7 +131,7 @@ class FootResponse:
     series: Vector = field(init=False)
     compliance_um_per_n: Vector = field(init=False)
     #: The last single contact and its closures per newton: a test stand holds one contact for thousands of scans.
-    _last: list[Any] = field(init=False, default_factory=lambda: [b"", None])
+    _last_contact: list[Any] = field(init=False, default_factory=lambda: [b"", None])
 
     def __post_init__(self) -> None:
         """Check the shapes and unfold the quarter.
@@ -205,14 +205,14 @@ class FootResponse:
     def save(self, path: Path) -> None:
         """Write the table reproducibly: equal content gives equal bytes, as the dates in the archive are fixed."""
         about = {"format": FORMAT, "design": asdict(self.design)}
-        about |= {name: getattr(self, name) for name in _DESCRIPTION}
+        about |= {name: getattr(self, name) for name in _DESCRIPTION_KEYS}
         # A vented foot's table has the bytes that it had before there were others.
         if self.cavity != VENTED:
             stated = asdict(self.cavity).items()
             about["cavity"] = {name: value for name, value in stated if value != getattr(VENTED, name)}
         text = np.array(json.dumps(about, sort_keys=True))
         with path.open("wb") as stream:
-            np.savez(stream, description=text, **{name: getattr(self, name) for name in _ARRAYS})
+            np.savez(stream, description=text, **{name: getattr(self, name) for name in _ARRAY_NAMES})
 
     def patch_radius_mm(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the Hertz radius a [mm] of the contact patch, shape (...), of loads as in `closure_um`."""
@@ -245,7 +245,7 @@ class FootResponse:
                 f"normal (its z at least {lowest:.4f}), got z = {normal[..., 2].min():.4f}"
             )
         if len(normal) == 1 and normal.ndim == 2:
-            return self._of_one_contact(normal, force_n)
+            return self._free_closure_of_one_contact_um(normal, force_n)
         basis = series_basis(normal, self.degree, self.fit_elevation_deg)
         radius_squared = self.patch_radius_mm(normal, force_n)[..., None] ** 2
         # One product for the point force and what the patch adds: the series are long, the basis is short.
@@ -255,13 +255,13 @@ class FootResponse:
         closure: Vector = (force_n[..., None, :] @ unit_n)[..., 0, :]
         return closure
 
-    def _of_one_contact(self, normal: Vector, force_n: Vector) -> Vector:
+    def _free_closure_of_one_contact_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the free closure for one contact [um], shape (1, 324), with the series of the last contact cached."""
         where = normal.tobytes()
-        if self._last[0] != where:
+        if self._last_contact[0] != where:
             basis = series_basis(normal, self.degree, self.fit_elevation_deg)[0]
-            self._last[:] = where, basis @ self.series.reshape(2, len(basis), -1)
-        point, patch = self._last[1].reshape(2, 3, self.n_cells)
+            self._last_contact[:] = where, basis @ self.series.reshape(2, len(basis), -1)
+        point, patch = self._last_contact[1].reshape(2, 3, self.n_cells)
         radius_squared = self.patch_radius_mm(normal, force_n)[0] ** 2
         closure: Vector = force_n @ (point + radius_squared * patch)
         return closure

@@ -40,7 +40,7 @@ class Deviations:
 
 
 class Foot:
-    """One specimen of a foot.
+    """One specimen of a foot: the response of its type, with its own deviations.
 
     Args:
         response: Response of its type.
@@ -82,7 +82,7 @@ class Foot:
         self._pressures = CavityPressures(
             self._gap_um, self._compliance_um_per_n, response.design.electrode_area_mm2
         )
-        unloaded_um = self._limited_um(np.zeros((1, len(self._gap_of_cell_um))), None)
+        unloaded_um = self._limited_closures_um(np.zeros((1, len(self._gap_of_cell_um))), None)
         self.unloaded_pf = self._capacitance_pf(unloaded_um)[0]
 
     def cells_um(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
@@ -97,7 +97,7 @@ class Foot:
         Raises:
             ValueError: As `FootResponse.free_closure_um`.
         """
-        return self._limited_um(self._free_um(normal, force_n), gas)
+        return self._limited_closures_um(self._free_closures_um(normal, force_n), gas)
 
     def after_step(self, normal: Vector, force_n: Vector, gas: Gas) -> tuple[Vector, Gas]:
         """Return capacitances [pF], shape (n, 9), and air after a step of time; arguments as of `cells_um`.
@@ -107,7 +107,7 @@ class Foot:
             force_n: Forces at the end of the step [N].
             gas: Air before the step, and the step.
         """
-        free_um = self._free_um(normal, force_n)
+        free_um = self._free_closures_um(normal, force_n)
         closure_um, excess_mpa = self._pressures.closures_um(free_um, gas, contact=self._contact)
         return self._capacitance_pf(closure_um), gas.after_step(excess_mpa)
 
@@ -122,24 +122,24 @@ class Foot:
             stuck: Cells that are closed before, shape (324,).
             stiction_kpa: Largest pull on a closed cell over its area [kPa].
         """
-        free_um = self._free_um(normal[None], force_n[None])[0]
+        free_um = self._free_closures_um(normal[None], force_n[None])[0]
         cell_mm2 = self.response.design.electrode_area_mm2 / gap_contact.CELLS
-        borne_n: Vector = np.where(stuck, 1e-3 * stiction_kpa * cell_mm2, 0.0)
+        gap_forces_n: Vector = np.where(stuck, 1e-3 * stiction_kpa * cell_mm2, 0.0)
         solution = gap_contact.solve_contact_lcp(
-            free_um, self._gap_of_cell_um, self._compliance_um_per_n, borne_n
+            free_um, self._gap_of_cell_um, self._compliance_um_per_n, gap_forces_n
         )
         return self._capacitance_pf(solution.closure_um), solution.closure_um >= self._gap_of_cell_um
 
-    def _free_um(self, normal: Vector, force_n: Vector) -> Vector:
+    def _free_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the closures of the cells of the empty foot without contact [um], shape (n, 324)."""
         free_um = self.response.free_closure_um(normal @ self._mount.T, force_n @ self._mount.T)
         return self._softness * free_um
 
-    def _limited_um(self, free_um: Vector, gas: Gas | None) -> Vector:
+    def _limited_closures_um(self, free_um: Vector, gas: Gas | None) -> Vector:
         """Return closures of the cells limited to the gaps [um], shape (n, 324), of free ones of that shape."""
         if self.cavity.kind != "vented":
             if gas is None:
-                return self._pressures.held_um(free_um, self.cavity, contact=self._contact)
+                return self._pressures.sustained_closures_um(free_um, self.cavity, contact=self._contact)
             return self._pressures.closures_um(free_um, gas, contact=self._contact)[0]
         if not self._contact:
             return np.minimum(free_um, self._gap_of_cell_um)
@@ -153,7 +153,7 @@ class Foot:
 
     def capacitance_of_free_pf(self, free_um: Vector) -> Vector:
         """Return the capacitance [pF], shape (n, 9), of closures in an empty foot without contact, shape (n, 324)."""
-        return self._capacitance_pf(self._limited_um(free_um, None))
+        return self._capacitance_pf(self._limited_closures_um(free_um, None))
 
     def _capacitance_pf(self, cells_um: Vector) -> Vector:
         """Return the capacitance of closures [um] of the cells, shapes (..., 324) and (..., 9)."""

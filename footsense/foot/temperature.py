@@ -18,7 +18,7 @@ STIFFNESS_PER_K = 4.4e-3
 COLDEST_C, WARMEST_C = -40.0, 125.0
 #: Half range of an unmeasured foot's temperature about that of its test stand [K]: from an unheated hall, 12 degC, to a
 #: summer's day, 32 degC.
-_RANGE_K = 10.0
+_UNMEASURED_HALF_RANGE_K = 10.0
 
 
 class CalibratedAt(NamedTuple):
@@ -33,7 +33,7 @@ class CalibratedAt(NamedTuple):
     stiffness_per_k: float = STIFFNESS_PER_K
 
 
-def effect(temperature_c: float, then: CalibratedAt | None) -> tuple[float, float]:
+def force_factor_and_uncertainty(temperature_c: float, then: CalibratedAt | None) -> tuple[float, float]:
     """Return the factor for the force of a foot, and the standard deviation over the force that remains [1].
 
     If either temperature is unknown or outside of a converter's range, the factor is 1.
@@ -43,16 +43,18 @@ def effect(temperature_c: float, then: CalibratedAt | None) -> tuple[float, floa
         then: Its temperature on the test stand; None for an uncalibrated foot, which is not corrected.
 
     Example:
-        >>> effect(23.0, CalibratedAt(23.0)), effect(23.0, CalibratedAt(None))[0]
-        ((1.0, 0.0), 1.0)
-        >>> round(effect(43.0, CalibratedAt(23.0))[0], 3)
+        >>> force_factor_and_uncertainty(23.0, CalibratedAt(23.0))
+        (1.0, 0.0)
+        >>> force_factor_and_uncertainty(23.0, CalibratedAt(None))[0]
+        1.0
+        >>> round(force_factor_and_uncertainty(43.0, CalibratedAt(23.0))[0], 3)
         1.088
     """
     if then is None:
         return 1.0, 0.0
     if then.temperature_c is not None and COLDEST_C <= temperature_c <= WARMEST_C:
         return 1.0 + then.stiffness_per_k * (temperature_c - then.temperature_c), 0.0
-    return 1.0, unknown_temperature_rel(_RANGE_K, then.stiffness_per_k)
+    return 1.0, unknown_temperature_rel(_UNMEASURED_HALF_RANGE_K, then.stiffness_per_k)
 
 
 def unknown_temperature_rel(range_k: float, stiffness_per_k: float = STIFFNESS_PER_K) -> float:

@@ -19,7 +19,7 @@ from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS
-from footsense.foot.force_errors import Errors
+from footsense.foot.force_errors import ForceErrors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Readout
 from footsense.lab.evaluation.evaluate_models import (
@@ -117,7 +117,7 @@ class BuildResult:
         onnx_difference_n: Largest difference between JAX and ONNX Runtime [N].
     """
 
-    table: dict[str, Errors]
+    table: dict[str, ForceErrors]
     card: dict[str, Any]
     onnx_difference_n: float
 
@@ -170,7 +170,7 @@ def _network_card(
     recipe: BuildSettings,
     weights: Weights,
     cases: Cases,
-    table: dict[str, Errors],
+    table: dict[str, ForceErrors],
 ) -> dict[str, Any]:
     """Return the card: the data that the daemon needs to use the network, and how the network was made."""
     design = response.design

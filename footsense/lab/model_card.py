@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from footsense.foot.force_errors import Errors
+from footsense.foot.force_errors import ForceErrors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_CASES, as_markdown
 from footsense.lab.foot_file import FOOT_FILE
@@ -15,7 +15,7 @@ def readme(
     foot_design: FootDesign,
     response: FootResponse,
     card: dict[str, Any],
-    table: dict[str, Errors],
+    table: dict[str, ForceErrors],
     onnx_difference_n: float,
     *,
     quick: bool,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from footsense.foot.specimen import Foot
-from footsense.sim.chips.electronics import electronics
+from footsense.sim.chips.electronics import leg_electronics
 from footsense.sim.faults.chip_faults import failing_chips
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.faults.scene_faults import OnChips, OnFoot
@@ -59,9 +59,9 @@ class SimulatedLeg:
         noise, faults, drift = ((scene.seed, number, *stream) for stream in ((), (1,), (2,)))
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
         on_foot = [fault for fault in own if isinstance(fault, OnFoot)]
-        self.wired = WiredFoot(self._whole_pf, on_foot, foot)
+        self.wired = WiredFoot(self._undamaged_capacitance_pf, on_foot, foot)
         self.chips = failing_chips(
-            *electronics(board, self.wired, effects, noise),
+            *leg_electronics(board, self.wired, effects, noise),
             [fault for fault in own if isinstance(fault, OnChips)],
             np.random.default_rng(faults),
         )
@@ -71,7 +71,7 @@ class SimulatedLeg:
             n_elements = foot.response.n_elements
             self._warming = WarmingFoot(effects.warming, np.random.default_rng(drift), n_elements)
 
-    def _whole_pf(self, t_ns: int) -> list[float]:
+    def _undamaged_capacitance_pf(self, t_ns: int) -> list[float]:
         """Return the capacitance of each element without damage at a time [pF], stray not included."""
         softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
         if self._softening is not None:
@@ -85,7 +85,7 @@ class SimulatedLeg:
             if self._air is None:
                 if softness != 1.0:  # a stiffer solid yields as under a smaller load
                     contact = contact._replace(force_n=contact.force_n * softness)
-                element_pf = self._solid_pf(contact)
+                element_pf = self._loaded_capacitance_pf(contact)
             else:
                 kelvin = 0.0 if self._warming is None else self._warming.kelvin(t_ns)
                 element_pf = self._air.capacitance_pf(t_ns, *contact, softness, kelvin).tolist()
@@ -94,7 +94,7 @@ class SimulatedLeg:
             element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]
         return element_pf
 
-    def _solid_pf(self, contact: GroundContact) -> list[float]:
+    def _loaded_capacitance_pf(self, contact: GroundContact) -> list[float]:
         """Return the capacitances under a load [pF]; a load that stays is computed once."""
         if self._last is None or not all(map(np.array_equal, contact, self._last)):
             normal, force_n = self._last = contact

@@ -19,7 +19,7 @@ from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.faults.scene_faults import OnWires, StuckSda
 from footsense.sim.faults.wire_faults import WireFaults
-from footsense.sim.foot.fabrication import fabricate, remounted
+from footsense.sim.foot.fabrication import fabricate, with_new_mounting
 from footsense.sim.foot.warming import softness_at
 from footsense.sim.leg import SimulatedLeg
 from footsense.sim.loads.gait_table import GaitTable
@@ -56,7 +56,7 @@ def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str
     feet = {}
     for number, leg in enumerate(legs, made.first):
         own = fabricate(response, made.tolerances, made.seed, number)
-        own = remounted(own, made.remount_deg, made.seed, number, made.mounting)
+        own = with_new_mounting(own, made.remount_deg, made.seed, number, made.mounting)
         own = replace(own, cavity=cavity, fringe=scene.effects.fringe)
         feet[leg] = Foot(response, own, contact=contact)
     return feet
@@ -81,7 +81,7 @@ def _gait_tables(scene: Scene, load: ContactSource, feet: dict[str, Foot]) -> di
 
 
 class SimulatedRobot:
-    """A robot in a scene.
+    """Simulated robot of a scene: feet, chips, buses and clocks.
 
     Args:
         scene: The scene.

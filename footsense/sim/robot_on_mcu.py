@@ -14,9 +14,9 @@ from footsense.sim.scene import Scene
 _CONVERTING_REL = 0.9
 _ROWS = _COLUMNS = 3
 #: One row selected, the others waiting.
-_ALONE = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(_ROWS)]
+_SINGLE_ROW_STATES = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(_ROWS)]
 #: Random stream of the noise, beside those of the legs.
-_NOISE_DRAW = 6
+_NOISE_SEED = 6
 
 
 def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> SimulatedRobotMcu:
@@ -27,7 +27,7 @@ def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> Simula
         scene: The scene.
         rate_hz: Scans per second [Hz].
     """
-    noise = np.random.default_rng((scene.seed, _NOISE_DRAW)) if scene.effects.converter_noise else None
+    noise = np.random.default_rng((scene.seed, _NOISE_SEED)) if scene.effects.converter_noise else None
     return SimulatedRobotMcu(
         {name: _measured_elements(leg.wired, scene.effects.stray_pf) for name, leg in robot.legs.items()},
         step_us=round(_CONVERTING_REL * 1e6 / rate_hz / ELEMENTS),
@@ -43,7 +43,7 @@ def _measured_elements(foot: WiredFoot, stray_pf: float) -> Elements:
         return np.array(
             [
                 foot.pin_pf(column, element_pf[column::_COLUMNS], states, t_ns)
-                for states in _ALONE
+                for states in _SINGLE_ROW_STATES
                 for column in range(_COLUMNS)
             ]
         )

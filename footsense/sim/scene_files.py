@@ -11,7 +11,7 @@ from footsense.sim.faults.scene_faults import FORMER_FAULTS
 from footsense.sim.scene import Scene
 
 #: Lowest elevation of a contact [deg].
-LOWEST_ELEVATION_DEG = 30
+MIN_FORCE_ELEVATION_DEG = 30
 
 
 def scene_names() -> list[str]:
@@ -44,7 +44,7 @@ def load_scene(name_or_path: str) -> Scene:
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
     """Return the first contradiction between parts that are each valid."""
-    problem = _too_low(scene) or _effect_without_its_cause(scene)
+    problem = _low_elevation_contradiction(scene) or _effect_without_its_cause(scene)
     if problem is not None:
         return problem
     if scene.gait_table and not isinstance(scene.load, scene_loads.Tripod | scene_loads.MeasuredWalk):
@@ -71,7 +71,7 @@ def _effect_without_its_cause(scene: Scene) -> strict_yaml.Problem | None:
     return None
 
 
-def _too_low(scene: Scene) -> strict_yaml.Problem | None:
+def _low_elevation_contradiction(scene: Scene) -> strict_yaml.Problem | None:
     """Return the first force that leans more than the response table covers."""
     forces: dict[str, scene_loads.ReactionForce] = {}
     if isinstance(scene.load, scene_loads.Constant):
@@ -80,10 +80,10 @@ def _too_low(scene: Scene) -> strict_yaml.Problem | None:
         forces = {f"load.presses[{n}]": force_n for n, force_n in enumerate(scene.load.presses)}
     for path, (x, y, z) in forces.items():
         elevation_deg = math.degrees(math.atan2(z, math.hypot(x, y)))
-        if elevation_deg < LOWEST_ELEVATION_DEG:
+        if elevation_deg < MIN_FORCE_ELEVATION_DEG:
             return strict_yaml.Problem(
                 path,
                 f"leans to an elevation of {elevation_deg:.0f} deg; "
-                f"the foot's response is known from {LOWEST_ELEVATION_DEG} deg up",
+                f"the foot's response is known from {MIN_FORCE_ELEVATION_DEG} deg up",
             )
     return None

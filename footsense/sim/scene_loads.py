@@ -25,7 +25,7 @@ FORMER_LOADS = {
 }
 
 
-def _ns(seconds: float) -> int:
+def _nanoseconds(seconds: float) -> int:
     return round(seconds * 1_000_000_000)
 
 
@@ -72,7 +72,7 @@ class Ramp(Constant, frozen=True, kw_only=True, tag="ramp"):
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load from a time on [ns]."""
-        return ground_load.Ramp(self.force_n, from_ns, _ns(self.rise_s))
+        return ground_load.Ramp(self.force_n, from_ns, _nanoseconds(self.rise_s))
 
 
 class Stand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -114,11 +114,13 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
         reaction = smooth_stance(self.duty_rel, self.peak_force_n, self.friction_rel)
         return Walk(
             dict.fromkeys(ALL_LEGS, reaction),
-            period_ns=_ns(self.period_s),
+            period_ns=_nanoseconds(self.period_s),
             duty_rel=self.duty_rel,
             pitch_deg=self.pitch_deg,
             from_ns=from_ns,
-            standstills_ns=[(_ns(stand.from_s), _ns(stand.until_s)) for stand in self.stands],
+            standstills_ns=[
+                (_nanoseconds(stand.from_s), _nanoseconds(stand.until_s)) for stand in self.stands
+            ],
             second=self.second,
         )
 
@@ -163,9 +165,9 @@ class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"
         return PressSequence(
             paper_presses(self.presses) if isinstance(self.presses, str) else self.presses,
             from_ns=from_ns,
-            rise_ns=_ns(self.rise_s),
-            dwell_ns=_ns(self.dwell_s),
-            pause_ns=_ns(self.pause_s),
+            rise_ns=_nanoseconds(self.rise_s),
+            dwell_ns=_nanoseconds(self.dwell_s),
+            pause_ns=_nanoseconds(self.pause_s),
             lean_deg=self.lean_deg,
             seed=self.seed,
         )

@@ -23,14 +23,14 @@ from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.faults.consistency import ConsistencyTest
 from footsense.foot.directions import normalized, rotation
-from footsense.foot.force_errors import GRAM_FORCE_N, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import ELEMENTS, Mask, Vector
-from footsense.sim.foot.fabrication import REMOUNT_DEG, FootTolerances, fabricate, remounted
+from footsense.sim.foot.fabrication import REMOUNT_DEG, FootTolerances, fabricate, with_new_mounting
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.test_stand.press_sequence import paper_presses
-from footsense.sim.test_stand.reference_sensor import STEP_GF, drawn_bow_gf, nonlinearity_gf
+from footsense.sim.test_stand.reference_sensor import RESOLUTION_GF, drawn_bow_gf, nonlinearity_gf
 
 if TYPE_CHECKING:
     from footsense.foot.parameters import FootParameters
@@ -98,14 +98,14 @@ class TrialPlan:
     Attributes:
         tolerances: Fabrication tolerances.
         seed: Seed of all feet.
-        every: Use one of so many of the paper's 362 presses.
+        every_nth_press: Use one of so many of the paper's 362 presses.
         n_few_loads: Loads of a second calibration; 0 for none.
         test_loads_by_name: Test loads by name.
     """
 
     tolerances: FootTolerances
     seed: int
-    every: int = 3
+    every_nth_press: int = 3
     n_few_loads: int = 20
     test_loads_by_name: dict[str, TestLoads] = field(default_factory=dict)
 
@@ -158,7 +158,7 @@ class _FootOnTestStand:
         at_pf = pf[:, 2] + noise_pf * noise[0] + self._disturbance.cable_noise_pf * noise[1]
         return LoadSet(
             force_n=self._reference_reading_n(loads.force_n, noise[3, :, :3]),
-            sigma_n=np.full(loads.force_n.shape, _MEAN_FORCE_NOISE_STEPS * STEP_GF * GRAM_FORCE_N),
+            sigma_n=np.full(loads.force_n.shape, _MEAN_FORCE_NOISE_STEPS * RESOLUTION_GF * GRAM_FORCE_N),
             capacitance_pf=at_pf + (self._touchdown_pf if on_floor else 0.0),
             baseline_pf=pf[:, 0] + _BASELINE_PF * noise[2],
         )
@@ -197,10 +197,10 @@ class _FootOnTestStand:
         return normalized(lowered) @ self._mount
 
     def _reference_reading_n(self, force_n: Vector, noise: Vector) -> Vector:
-        """Return what the reference reads of forces [N], shape (n, 3)."""
+        """Return the readings of the reference sensor under forces [N], shape (n, 3)."""
         load_gf = -force_n / GRAM_FORCE_N
         read_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf)
-        read_gf += self._disturbance.reference_noise_steps * STEP_GF * noise
+        read_gf += self._disturbance.reference_noise_steps * RESOLUTION_GF * noise
         return -read_gf * GRAM_FORCE_N
 
 
@@ -231,7 +231,7 @@ def run_mismatch_trial(
         fringe=disturbance.has_fringe_field,
     )
     foot = _FootOnTestStand(truth, own, disturbance, rng)
-    force_n = paper_presses("training")[:: plan.every]
+    force_n = paper_presses("training")[:: plan.every_nth_press]
     direction = normalized(force_n)
     lean = (
         np.radians(disturbance.press_lean_rms_deg)
@@ -256,7 +256,7 @@ def run_mismatch_trial(
             f"distance_{name}": fit.distance,
             f"said_{name}": float(fit.distance > TYPICAL_MAHALANOBIS_DISTANCE),
         }
-    again = remounted(own, REMOUNT_DEG, plan.seed, number, 2)
+    again = with_new_mounting(own, REMOUNT_DEG, plan.seed, number, 2)
     remade = _FootOnTestStand(truth, again, disturbance, np.random.default_rng((plan.seed, number, 5)))
     for test, test_loads in plan.test_loads_by_name.items():
         read = remade.press(test_loads, _ONE_PF, on_floor=True)
@@ -291,7 +291,7 @@ def _estimate_figures(models: DesignModels, estimates: Estimates, true_n: Vector
     if not usable.any():
         return {"deg": np.nan, "gf": np.nan, "within_2": np.nan, "unread": 1.0, "unexplained": np.nan}
     force_n, true_n, sigma_n = estimates.force_n[usable], true_n[usable], estimates.sigma_n[usable]
-    row = errors(true_n, force_n)
+    row = evaluate_force_errors(true_n, force_n)
     test = ConsistencyTest(
         len(force_n), models.network(1).card.trained_inputs.moments, _RESIDUAL_TEST_DELAY_NS
     )

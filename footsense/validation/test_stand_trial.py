@@ -140,7 +140,7 @@ def _record_session(
     load = scene.load.build(round(scene.lead_in_s * 1e9))
     assert isinstance(load, PressSequence), "the scene is of presses"
     with open_service(config, scene, real_time=False, record=path, test_stand=run) as running:
-        running.run(until_ns=load.ends_ns)
+        running.run(until_ns=load.end_ns)
     began_ns = stopwatch_ns()
     return read_session(path, foot), load, stopwatch_ns() - began_ns
 

@@ -18,7 +18,7 @@ from footsense.calibration.loads.load_set import LoadSet
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import foot_type_folder
 from footsense.errors import CalibrationError
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.frames import Vector
 from footsense.validation.pressed_feet import PressedFoot
 from footsense.validation.test_stand_trial import FootBatch, foot_name
@@ -133,7 +133,10 @@ def _per_foot_estimates_n(
 
 
 def _foot_errors(reference_n: Vector, true_force_n: Vector, force_n: Vector) -> FootErrors:
-    by_reference, by_truth = errors(reference_n, force_n), errors(true_force_n, force_n)
+    by_reference, by_truth = (
+        evaluate_force_errors(reference_n, force_n),
+        evaluate_force_errors(true_force_n, force_n),
+    )
     return FootErrors(
         by_reference.direction_deg, by_reference.magnitude_gf, by_truth.direction_deg, by_truth.magnitude_gf
     )

@@ -65,6 +65,6 @@ def open_tare_commands(config: Config, clock: Clock) -> TareCommands:
         raise ConfigError(
             "--allow-commands: can.interface virtual stays within the service, no command gets in"
         )
-    if not can.obeys:
+    if not can.executes_commands:
         raise ConfigError("--allow-commands: the service executes none, can.commands is false")
     return TareCommands(open_wire(can.interface, can.channel, can.bitrate, []), clock)

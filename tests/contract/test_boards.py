@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense.acquisition.scan_plan import ORDERS, scan_plan
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS, scan_plan
 from footsense.errors import BusError, BusTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
@@ -31,7 +31,7 @@ both = pytest.mark.parametrize("board", BOTH, ids=lambda board: board.name)
 @pytest.mark.parametrize(
     ("board", "rate_sps"), [(board, rate_sps) for board in BOTH for rate_sps in board.rates_sps]
 )
-@pytest.mark.parametrize("order", list(ORDERS))
+@pytest.mark.parametrize("order", list(CONVERSION_ORDERS))
 @pytest.mark.parametrize("n_buses", [1, 2])
 def test_every_element_lands_at_its_place(board: Board, rate_sps: int, order: str, n_buses: int) -> None:
     """Each of nine different capacitances is read exactly, on all legs, in whatever order and at every rate."""
@@ -147,7 +147,7 @@ def test_a_chip_that_forgets_is_asked_before_the_next_conversion_starts(
         frame = robot.read()
         assert (frame.reading == Reading.OK).all()
         assert robot.is_right(frame).all()
-        assert {leg.timing.keeps_done for leg in robot.buses[0].legs} == {not forgets}
+        assert {leg.timing.keeps_done_bit for leg in robot.buses[0].legs} == {not forgets}
     assert 1.0 < periods_ns[1] / periods_ns[0] < limit_rel
 
 
@@ -228,7 +228,11 @@ def test_readings_of_all_legs_belong_to_the_same_conversion(board: Board) -> Non
 @pytest.mark.parametrize(
     ("board", "order", "error"),
     [
-        *((FDC1004, order, error) for order in ORDERS for error in (NackError("none"), BusError("garbled"))),
+        *(
+            (FDC1004, order, error)
+            for order in CONVERSION_ORDERS
+            for error in (NackError("none"), BusError("garbled"))
+        ),
         (AD7746, "lo_shu", NackError("none")),
         (AD7746, "raster", BusError("garbled")),
         *((board, "lo_shu", LateError("not heard")) for board in BOTH),
@@ -329,7 +333,7 @@ def test_a_deaf_line_switch_is_noticed(board: Board, switch: int) -> None:
 
 
 @pytest.mark.parametrize("board_and_switch", [(FDC1004, 0), (AD7746, 0), (AD7746, 1)], ids=str)
-@pytest.mark.parametrize("order", list(ORDERS))
+@pytest.mark.parametrize("order", list(CONVERSION_ORDERS))
 @pytest.mark.parametrize("line", range(3))
 def test_a_line_that_is_closed_too_much_is_noticed(
     board_and_switch: tuple[Board, int], order: str, line: int
@@ -446,7 +450,7 @@ CHIP_FAULTS = st.lists(
 
 
 @both
-@given(TROUBLES, CHIP_FAULTS, st.sampled_from(list(ORDERS)))
+@given(TROUBLES, CHIP_FAULTS, st.sampled_from(list(CONVERSION_ORDERS)))
 @settings(max_examples=20)
 def test_whatever_fails_a_reading_is_right_or_missing(
     board: Board,

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
-from footsense.acquisition.scan_plan import ORDERS
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.benchmarks.latency_vs_error.chain import (
     Readings,
     conversion_timing,
@@ -57,12 +57,12 @@ def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -
     """Return readings of one foot whose elements follow polynomials of time [s], shape (9, coefficients)."""
     step_ns, lead_ns = conversion_timing(400)
     t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
-    element = np.resize(ORDERS[order], n)
+    element = np.resize(CONVERSION_ORDERS[order], n)
     values = [
         np.polyval(distance_of_time_s[e], t * 1e-9) for e, t in zip(element, t_ns.tolist(), strict=True)
     ]
     return Readings(
-        order=ORDERS[order],
+        order=CONVERSION_ORDERS[order],
         t_ns=t_ns,
         sent_ns=t_ns + lead_ns,
         distance_rel=np.array(values)[:, None],
@@ -80,7 +80,7 @@ def test_the_daemon_keeps_the_same_pace() -> None:
     assert figures["age_ms"]["p50"] == pytest.approx(lead_ns * 1e-6, abs=0.1)
 
 
-@pytest.mark.parametrize("order", list(ORDERS))
+@pytest.mark.parametrize("order", list(CONVERSION_ORDERS))
 def test_a_force_is_made_of_what_was_known(order: str) -> None:
     """A window is of the last 27 conversions, the newest of each element first, with their ages at sending."""
     said = readings(order, np.tile([1.0, 0.0], (9, 1)))  # every reading is its own time
@@ -118,7 +118,9 @@ def test_a_converted_foot_reads_its_load() -> None:
     """At rest the tare; under a load every element is pressed, by what the foot says to noise and step."""
     response, _ = open_models(RELEASED)
     foot, load = Foot(response), Ramp((0.0, 0.0, 0.5), 100 * MS)
-    said = simulate_conversions(foot, [partial(load.contact, "lf")], ORDERS["lo_shu"], 100, 400 * MS, seed=1)
+    said = simulate_conversions(
+        foot, [partial(load.contact, "lf")], CONVERSION_ORDERS["lo_shu"], 100, 400 * MS, seed=1
+    )
     values, _ = said.latest_by_element()
     closure_rel = said.unloaded_rel - values[:, 0]
     # dC / C = -d(distance) / distance.

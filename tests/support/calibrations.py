@@ -11,14 +11,14 @@ from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
 from footsense.foot.correction_terms import N_CORRECTION_TERMS
 from footsense.foot.files.calibration_format import HeldOut, Manifest
 from footsense.foot.files.calibration_reader import FootCalibration
-from footsense.foot.force_errors import Errors
+from footsense.foot.force_errors import ForceErrors
 from footsense.foot.parameters import FootParameters
 
 #: What the simulator's designed foot reads unloaded [pF].
 REST_PF = 5.387
 
-BEFORE = Errors(15.9, 30.0, 40.0, 18.7, 30.0, 50.0, 180)
-AFTER = Errors(1.5, 3.0, 4.0, 1.8, 4.0, 6.0, 180)
+BEFORE = ForceErrors(15.9, 30.0, 40.0, 18.7, 30.0, 50.0, 180)
+AFTER = ForceErrors(1.5, 3.0, 4.0, 1.8, 4.0, 6.0, 180)
 
 
 def parameters(**given: Any) -> FootParameters:

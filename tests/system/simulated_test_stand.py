@@ -63,7 +63,7 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
     )
     load = CalibrationLoads(presses=presses(n), rise_s=0.1, dwell_s=0.4, pause_s=0.4)
     scene = Scene(description="a test stand", load=load, fabrication=MADE)
-    end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 200_000_000
+    end_ns = load.build(round(scene.lead_in_s * 1e9)).end_ns + 200_000_000
     with open_service(config, scene, record=path, real_time=False) as service:
         true_force_at_time_n, clock = service.true_force_at_time_n, service.clock
         assert true_force_at_time_n is not None

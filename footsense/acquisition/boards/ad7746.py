@@ -14,7 +14,14 @@ from firmware_interface import schedule
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips import adg715
 from firmware_interface.chips.ad7746 import Register
-from footsense.acquisition.boards.board import SLOWEST, Board, Check, Step, Thermometer, require_identity
+from footsense.acquisition.boards.board import (
+    MAX_WAIT_FACTOR,
+    Board,
+    Check,
+    Step,
+    Thermometer,
+    require_identity,
+)
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -46,10 +53,10 @@ READ_RESULT = read_registers(Register.STATUS, 4)
 _READ_SETTINGS = read_registers(Register.CAP_SETUP, len(chip.RESET_VALUES))
 _RESET = Transaction(chip.ADDRESS, bytes((chip.RESET_COMMAND,)))
 #: Neither row nor column.
-_NO_LINES = tuple(Transaction(address, b"\x00") for address in (adg715.ADDRESS, adg715.COLUMN_ADDRESS))
+_SELECT_NO_LINES = tuple(Transaction(address, b"\x00") for address in (adg715.ADDRESS, adg715.COLUMN_ADDRESS))
 
 
-def _settings(capdac: int) -> Transaction:
+def _write_settings(capdac: int) -> Transaction:
     """Return the write of all settings, after which the chip is idle."""
     return write_registers(
         Register.CAP_SETUP,
@@ -62,7 +69,7 @@ def _settings(capdac: int) -> Transaction:
     )
 
 
-def _trigger(rate_sps: int) -> Transaction:
+def _trigger_transaction(rate_sps: int) -> Transaction:
     mode = chip.configuration(chip.MODE_SINGLE, chip.RATES[rate_sps].code)
     return write_registers(Register.CONFIGURATION, mode)
 
@@ -72,7 +79,7 @@ def _wait_ns(conversion_ns: int) -> int:
 
 
 def step(element: int, rate_sps: int, rows: int = 3) -> Step:
-    """Return the conversion of an element.
+    """Return the transactions that convert an element.
 
     Args:
         element: Flat index.
@@ -86,7 +93,7 @@ def step(element: int, rate_sps: int, rows: int = 3) -> Step:
             Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row, rows),))),
             Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.select_lines(1 << column, rows),))),
         ),
-        trigger=_trigger(rate_sps),
+        trigger=_trigger_transaction(rate_sps),
         done=None,
         read=(READ_RESULT,),
     )
@@ -129,14 +136,14 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
     Raises:
         BusError: A transaction failed.
     """
-    for write in _NO_LINES:
+    for write in _SELECT_NO_LINES:
         bus.transfer(write)
     levels_pf = []
     for capdac in (0, _KNOWN_CAPDAC):
-        bus.transfer(_settings(capdac))
-        bus.transfer(_trigger(_FASTEST_SPS))
+        bus.transfer(_write_settings(capdac))
+        bus.transfer(_trigger_transaction(_FASTEST_SPS))
         start_ns, conversion_ns = clock.now_ns(), chip.RATES[_FASTEST_SPS].conversion_ns
-        for wait_ns in (_wait_ns(conversion_ns), round(SLOWEST * conversion_ns)):
+        for wait_ns in (_wait_ns(conversion_ns), round(MAX_WAIT_FACTOR * conversion_ns)):
             clock.sleep_until_ns(start_ns + wait_ns)
             answer = bus.transfer(READ_RESULT)
             reading, level_pf = decode_result([answer])
@@ -148,7 +155,7 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
         if reading is not Reading.OK or answer[1:] != bus.transfer(READ_RESULT)[1:]:
             return Reading.CORRUPT, _NAN
         levels_pf.append(level_pf)
-    bus.transfer(_settings(CAPDAC))
+    bus.transfer(_write_settings(CAPDAC))
     step_pf = (levels_pf[0] - levels_pf[1]) / _KNOWN_CAPDAC
     if abs(step_pf / chip.CAPDAC_STEP_PF - 1) > _STEP_ERROR_REL:
         return Reading.CORRUPT, _NAN
@@ -207,7 +214,7 @@ def board(rows: int = 3) -> Board:
         identify=identify,
         configure=configure,
         decode_result=decode_result,
-        restart=(_settings(CAPDAC), READ_RESULT),
+        restart=(_write_settings(CAPDAC), READ_RESULT),
         # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
         setting_check=Check(
             read_registers(Register.CAPDAC_A, 4), bytes((chip.capdac(CAPDAC), 0)) + chip.RESET_VALUES[-2:]

@@ -38,7 +38,7 @@ class Done(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The conversion of one element.
+    """Transactions of one element's conversion: line selection, trigger, poll, read-out, checks.
 
     Attributes:
         element: Flat index of the element.
@@ -64,7 +64,7 @@ class Step(NamedTuple):
 
 #: Longest conversion that is waited for, over the wait for a chip within its tolerance [1]; published drivers wait 20 %
 #: longer.
-SLOWEST = 1.3
+MAX_WAIT_FACTOR = 1.3
 
 #: Readings of a conversion that has taken place.
 CONVERTED = frozenset({Reading.OK, Reading.OVER_RANGE, Reading.UNDER_RANGE})

@@ -15,9 +15,9 @@ from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
 #: Bits of FDC_CONF that read as zero without REPEAT, which is never used here (section 8.6.1.3).
-_NEVER_SET = 0x7300
+_CONF_BITS_NEVER_SET = 0x7300
 #: Upper words of a result at the ends of the range.
-_RANGE_ENDS = {b"\x7f\xff", b"\x80\x00"}
+_RANGE_END_CODES = {b"\x7f\xff", b"\x80\x00"}
 _NAN = float("nan")
 _IDENTITY = {
     chip.Register.MANUFACTURER_ID: chip.MANUFACTURER_ID,
@@ -107,7 +107,7 @@ def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:
     Bits that no FDC1004 sends, reserved ones and REPEAT, which is never asked for, make it CORRUPT.
     """
     word = conf_answer[0] << 8 | conf_answer[1]
-    if word & _NEVER_SET:
+    if word & _CONF_BITS_NEVER_SET:
         return Reading.CORRUPT
     return Reading.OK if word & done_bit else Reading.NOT_READY
 
@@ -139,7 +139,7 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
         if lower[1]:
             return Reading.CORRUPT, _NAN
     # The upper word alone shows the ends of the range; an unfinished measurement reads 0x7FFF too.
-    if upper in _RANGE_ENDS:
+    if upper in _RANGE_END_CODES:
         return Reading.OVER_RANGE, _NAN
     return Reading.OK, int.from_bytes(upper + lower[:1], "big", signed=True) / chip.CODES_PER_PF
 

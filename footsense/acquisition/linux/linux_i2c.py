@@ -25,7 +25,7 @@ _RETRIES = 3
 _log = logging.getLogger(__name__)
 
 #: Messages for a device file that cannot be opened; another kind of file does not have the ioctl I2C_FUNCS.
-_CANNOT_OPEN = {
+_OPEN_ERROR_TEXTS = {
     errno.ENOENT: "no such I2C adapter; enable it, or see `ls /dev/i2c-*`",
     **dict.fromkeys(
         (errno.EACCES, errno.EPERM), "permission denied; the service's user belongs in group i2c"
@@ -33,7 +33,7 @@ _CANNOT_OPEN = {
     **dict.fromkeys((errno.ENOTTY, errno.EINVAL, errno.EISDIR), "not an I2C adapter; see `ls /dev/i2c-*`"),
 }
 #: Errors of a transaction (Documentation/i2c/fault-codes.rst of the kernel).
-_FAILED: dict[int | None, tuple[type[BusError], str]] = {
+_ERROR_OF_ERRNO: dict[int | None, tuple[type[BusError], str]] = {
     errno.EREMOTEIO: (NackError, "no acknowledge"),
     errno.ENXIO: (NackError, "no acknowledge"),
     errno.ETIMEDOUT: (BusTimeoutError, "timeout, SDA or SCL is held low"),
@@ -92,7 +92,7 @@ class LinuxI2cBus:
             if number == errno.ENODEV:
                 self.close()
                 _log.warning("%s: gone; it is opened again when it comes back", self._device)
-            kind, why = _FAILED.get(number, (BusError, error.strerror or str(error)))
+            kind, why = _ERROR_OF_ERRNO.get(number, (BusError, error.strerror or str(error)))
             raise kind(f"{self._device}, address {transaction.address:#04x}: {why}") from error
         return bytes(messages[-1]) if transaction.n_read else b""
 
@@ -120,7 +120,7 @@ def _open(device: str) -> smbus2.SMBus:
     try:
         adapter = smbus2.SMBus(device)
     except OSError as error:
-        why = _CANNOT_OPEN.get(error.errno or 0, error.strerror)
+        why = _OPEN_ERROR_TEXTS.get(error.errno or 0, error.strerror)
         raise HardwareError(f"{device}: {why}") from error
     try:
         fcntl.flock(adapter.fd, fcntl.LOCK_EX | fcntl.LOCK_NB)

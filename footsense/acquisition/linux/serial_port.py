@@ -18,8 +18,8 @@ from footsense.ports import Clock
 #: More than the kernel returns at once.
 _MAX_BYTES = 65_536
 _FIRST_PAUSE_NS = 100_000_000
-_LONGEST_PAUSE_NS = 2_000_000_000
-_GONE = select.POLLHUP | select.POLLERR | select.POLLNVAL
+_MAX_PAUSE_NS = 2_000_000_000
+_POLL_LOST_MASK = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 _log = logging.getLogger(__name__)
 
@@ -63,11 +63,11 @@ class SerialLink:
         except BlockingIOError:
             return b""
         except OSError as error:
-            self._lose(error.strerror or "unreadable")
+            self._close_lost_port(error.strerror or "unreadable")
             return b""
         # A quiet line and a lost one both read as no bytes.
-        if not data and any(events & _GONE for _, events in self._poll.poll(0)):
-            self._lose("hung up")
+        if not data and any(events & _POLL_LOST_MASK for _, events in self._poll.poll(0)):
+            self._close_lost_port("hung up")
         return data
 
     def wait_until_ns(self, t_ns: int) -> None:
@@ -88,7 +88,7 @@ class SerialLink:
         except BlockingIOError:
             _log.warning("%s: takes no more bytes now; %d are lost", self._device, len(data))
         except OSError as error:
-            self._lose(error.strerror or "not writable")
+            self._close_lost_port(error.strerror or "not writable")
 
     def close(self) -> None:
         """Release the line."""
@@ -121,13 +121,13 @@ class SerialLink:
             self._open()
         except HardwareError:
             self._retry_at_ns = self._clock.now_ns() + self._pause_ns
-            self._pause_ns = min(2 * self._pause_ns, _LONGEST_PAUSE_NS)
+            self._pause_ns = min(2 * self._pause_ns, _MAX_PAUSE_NS)
             return False
         self._pause_ns = _FIRST_PAUSE_NS
         _log.info("%s: back", self._device)
         return True
 
-    def _lose(self, why: str) -> None:
+    def _close_lost_port(self, why: str) -> None:
         self.close()
         self._retry_at_ns = self._clock.now_ns() + self._pause_ns
         _log.warning("%s: gone (%s); it is opened again when it comes back", self._device, why)

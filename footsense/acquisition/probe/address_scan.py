@@ -15,7 +15,7 @@ from footsense.ports import I2cBus, Transaction
 #: Addresses that a chip may have.
 ADDRESSES = range(0x08, 0x78)
 
-_PROBED_BY_READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
+_ADDRESSES_PROBED_BY_READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
 
 
 class AddressProbe(NamedTuple):
@@ -45,7 +45,7 @@ def probe_addresses(bus: I2cBus, skipped: Collection[int] = ()) -> AddressProbe:
         if address in skipped:
             continue
         try:
-            bus.transfer(Transaction(address, b"", int(address in _PROBED_BY_READ)))
+            bus.transfer(Transaction(address, b"", int(address in _ADDRESSES_PROBED_BY_READ)))
         except NackError:
             continue
         except BusTimeoutError:

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.bus_timing import BusTiming, measure, timing
+from footsense.acquisition.bus_timing import BusTiming, bus_timing, measure_bus_costs
 from footsense.acquisition.probe.address_scan import AddressProbe, probe_addresses
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus, release_sda
@@ -37,20 +37,20 @@ class ChannelScan(NamedTuple):
 
 
 class BusScan(NamedTuple):
-    """The chips on one bus.
+    """The chips found on one I2C bus, and its timing.
 
     Attributes:
         upstream: Addresses that answer with no channel connected; None if a line is stuck.
         mux_answers: Whether the mux holds its selection; True where the kernel drives it.
         channels: Chips behind each channel by number, as far as it could be connected; where the kernel drives the mux,
             behind each leg's adapter, by the leg's position.
-        timing: Cost of transactions and limits of the scan; None if no chip answered that could be timed.
+        bus_timing: Cost of transactions and limits of the scan; None if no chip answered that could be timed.
     """
 
     upstream: AddressProbe | None
     mux_answers: bool
     channels: dict[int, ChannelScan]
-    timing: BusTiming | None
+    bus_timing: BusTiming | None
 
 
 def leg_chip_addresses(plan: ScanPlan) -> tuple[int, ...]:
@@ -79,14 +79,16 @@ def scan_bus(
     except BusError as error:
         _log.info("the upstream bus: %s", error)
     if upstream is None or not has_mux:
-        return BusScan(upstream, mux_answers=False, channels={}, timing=None)
-    limits = timing(measure(bus.bus, clock, bus.mux_address), plan, max(len(legs), 1), kernel_mux=False)
+        return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
+    limits = bus_timing(
+        measure_bus_costs(bus.bus, clock, bus.mux_address), plan, max(len(legs), 1), kernel_mux=False
+    )
     known = {*claimed, *upstream.answering, *upstream.not_probed}
     channels = {}
     for channel in range(tca9548a.CHANNELS):
         try:
             if not _holds_selection(bus, tca9548a.select(channel)):
-                return BusScan(upstream, mux_answers=False, channels={}, timing=None)
+                return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
             channels[channel] = _scan_channel(bus.bus, clock, plan, known, is_leg=channel in legs.values())
         except BusTimeoutError as error:
             channels[channel] = ChannelScan((), Reading.BUS_STUCK, str(error))
@@ -95,7 +97,7 @@ def scan_bus(
         except BusError as error:
             channels[channel] = ChannelScan((), Reading.DELAYED, str(error))
     bus.free()
-    return BusScan(upstream, mux_answers=True, channels=channels, timing=limits)
+    return BusScan(upstream, mux_answers=True, channels=channels, bus_timing=limits)
 
 
 def scan_adapters(
@@ -114,8 +116,8 @@ def scan_adapters(
         except BusTimeoutError as error:
             channels[number] = ChannelScan((), Reading.BUS_STUCK, str(error))
         if limits is None and channels[number].outcome is Reading.OK:
-            costs = measure(bus, clock, plan.steps[0].select[0].address)
-            limits = timing(costs, plan, len(adapters), kernel_mux=True)
+            costs = measure_bus_costs(bus, clock, plan.steps[0].select[0].address)
+            limits = bus_timing(costs, plan, len(adapters), kernel_mux=True)
     readable = [set(scan.answering) for scan in channels.values() if scan.outcome is not Reading.BUS_STUCK]
     common = set[int]().union(*readable).intersection(*readable) - set(leg_chip_addresses(plan))
     upstream = None if channels and not readable else AddressProbe(tuple(sorted(common)))
@@ -123,7 +125,7 @@ def scan_adapters(
         number: scan._replace(answering=tuple(address for address in scan.answering if address not in common))
         for number, scan in channels.items()
     }
-    return BusScan(upstream, mux_answers=True, channels=channels, timing=limits)
+    return BusScan(upstream, mux_answers=True, channels=channels, bus_timing=limits)
 
 
 def _holds_selection(bus: UpstreamBus, selection: int) -> bool:

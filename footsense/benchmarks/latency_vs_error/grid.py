@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
-from footsense.acquisition.scan_plan import ORDERS
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.benchmarks.latency_vs_error.chain import FootLoad, conversion_timing, simulate_conversions
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     LatencyAndErrors,
@@ -61,7 +61,7 @@ def measure_operating_points(rate_sps: int, truth: TrueLoads, context: StudyCont
         context: Response table and network.
     """
     standing_feet: Sequence[FootLoad] = [partial(Ramp(STANDING_FORCE_N, 0).contact, leg) for leg in LEGS]
-    foot, order = Foot(context.response), ORDERS["lo_shu"]
+    foot, order = Foot(context.response), CONVERSION_ORDERS["lo_shu"]
     walk, standing = (
         estimate_forces(
             simulate_conversions(foot, feet, order, rate_sps, truth.end_ns, seed),

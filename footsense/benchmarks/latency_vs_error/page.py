@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_interface.wire_timing import LONGEST_FRAME_BITS
-from footsense.acquisition.scan_plan import ORDERS
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.benchmarks.latency_vs_error.chain import (
     BUS_HZ,
     HOST_COST_NS,
@@ -120,7 +120,7 @@ def _load_result(load: LoadCase, context: StudyContext) -> LoadResult:
     foot, truth = Foot(context.response), load.truth
     readings = {
         name: simulate_conversions(foot, truth.feet, order, 400, truth.end_ns, _SEED)
-        for name, order in ORDERS.items()
+        for name, order in CONVERSION_ORDERS.items()
     }
     methods = []
     for method, (degree, every, orders) in _METHODS.items():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.acquisition.scan_plan import ORDERS
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.benchmarks.latency_vs_error.chain import (
     conversion_timing,
     latest_conversion_indices,
@@ -25,7 +25,7 @@ from footsense.lab.studies.page import StudyContext
 
 #: Conversions per second, and elements in the order of the scan.
 RATE_SPS = 400
-SCAN_ORDER = ORDERS["lo_shu"]
+SCAN_ORDER = CONVERSION_ORDERS["lo_shu"]
 #: 20 K in ten minutes at 1.5 fF/K, and the difference between elements in that [pF/s, 1].
 _DRIFT_PF_PER_S, _DRIFT_SPREAD_REL = -1.5e-3 * 20 / 600, 0.2
 #: Force at which the response is linearised [N].

@@ -28,7 +28,7 @@ from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.foot.directions import rotation
 from footsense.foot.files.calibration_format import HeldOut
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.frames import Mask
 
@@ -94,7 +94,10 @@ def calibrate_sessions(
         parameters = calibrate(models, loads.subset(~out)).parameters
         test = loads.subset(out)
         estimates = [_estimate_loads(models, test, foot) for foot in (None, parameters)]
-        before, after = (errors(test.force_n[one.has_force], one.force_n[one.has_force]) for one in estimates)
+        before, after = (
+            evaluate_force_errors(test.force_n[one.has_force], one.force_n[one.has_force])
+            for one in estimates
+        )
         held_out = HeldOut(protocol=protocol, design_only=before, calibrated=after)
     temperatures_c = [session.temperature_c for session in sessions if session.temperature_c is not None]
     temperature_c = None

@@ -97,8 +97,10 @@ class FootTwin:
         if response.cavity.kind != "vented":
             compliance = _compliance_factor(parameters) * response.compliance_um_per_n
             air = CavityPressures(self.gap_um(parameters), compliance, response.design.electrode_area_mm2)
-            unloaded_um = air.held_um(np.zeros((1, response.n_cells)), response.cavity, contact=True)
-            return air.held_um(free_um, response.cavity, contact=True) - unloaded_um
+            unloaded_um = air.sustained_closures_um(
+                np.zeros((1, response.n_cells)), response.cavity, contact=True
+            )
+            return air.sustained_closures_um(free_um, response.cavity, contact=True) - unloaded_um
         if not (free_um > gap_um).any():  # scaling the compliance would take longer than the rest
             return free_um
         compliance = _compliance_factor(parameters) * response.compliance_um_per_n
@@ -140,7 +142,7 @@ class FootTwin:
         return _compliance_factor(parameters) * self._designed_cell_closures_um(parameters, loads)
 
     def _designed_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the same closures of a solid as stiff as designed."""
+        """Return the closures of each cell for a solid as stiff as designed [um], shape (n, 324)."""
         mount = rotation(parameters[MOUNT])
         moved = loads.normal @ mount.T
         moved[:, :2] += parameters[OFFSET]

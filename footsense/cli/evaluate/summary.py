@@ -6,7 +6,7 @@ from typing import Any
 from footsense.calibration.evaluation import MAGNITUDE_BANDS, Evaluation, MagnitudeBand
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.foot.files.calibration_reader import FootCalibration
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors
 
 
 def evaluation_figures(
@@ -38,7 +38,7 @@ def _band_errors(evaluation: Evaluation, band: MagnitudeBand) -> dict[str, dict[
     return {way: _error_figures(errors) for way, errors in found.items() if errors is not None}
 
 
-def _error_figures(errors: Errors) -> dict[str, float]:
+def _error_figures(errors: ForceErrors) -> dict[str, float]:
     return {
         "loads": errors.n,
         "direction_deg": errors.direction_deg,

@@ -58,7 +58,7 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
                 f"nine conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
             )
         )
-    if known := [leg.timing.keeps_done for leg in result.legs if leg.timing]:
+    if known := [leg.timing.keeps_done_bit for leg in result.legs if leg.timing]:
         order = (
             "while the next conversion runs"
             if all(known)
@@ -123,10 +123,10 @@ def _bus_lines(report: ProbedBus) -> Iterator[Text]:
     """Yield the lines of one bus: chips found, addresses, timing."""
     bus, scan, drivers = report
     device = (bus.device, "bold")
-    if scan.timing is None:
+    if scan.bus_timing is None:
         yield Text.assemble(device, f"   {bus.rate_hz / 1e3:.0f} kHz configured, could not be timed")
     else:
-        (rate_hz, host_cost_ns), limits = scan.timing.costs, scan.timing.limits
+        (rate_hz, host_cost_ns), limits = scan.bus_timing.costs, scan.bus_timing.limits
         yield Text.assemble(
             device, f"   {rate_hz / 1e3:.0f} kHz, {host_cost_ns / 1e3:.0f} us of host per transaction"
         )

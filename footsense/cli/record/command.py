@@ -163,7 +163,7 @@ def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
 def _session_end_s(scene: Scene | None) -> float:
     """Return the end of a simulated test stand's last press, and a pause [s]; infinity if there is none."""
     load = None if scene is None else scene.load.build(round(scene.lead_in_s * _NS_PER_S))
-    return load.ends_ns / _NS_PER_S + _PAUSE_AFTER_SESSION_S if isinstance(load, PressSequence) else math.inf
+    return load.end_ns / _NS_PER_S + _PAUSE_AFTER_SESSION_S if isinstance(load, PressSequence) else math.inf
 
 
 def _print_session(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:

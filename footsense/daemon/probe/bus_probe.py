@@ -23,7 +23,7 @@ from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
 from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
-from footsense.estimation.faults.causes import SILENT
+from footsense.estimation.faults.causes import SILENT_READINGS
 from footsense.frames import ELEMENTS
 from footsense.sim.scene import Scene
 
@@ -131,7 +131,7 @@ def _probe_legs(
     # By the configuration and the design alone, without the calibrations.
     stray_pf, unloaded_pf = unloaded_capacitance_pf(replace(load_models(config), calibrations={}))
     for row, place in enumerate(leg_channels):
-        scans = None if feet is None or np.isin(feet[row].reading, SILENT).all() else feet[row]
+        scans = None if feet is None or np.isin(feet[row].reading, SILENT_READINGS).all() else feet[row]
         faults: tuple[FootFault, ...] = ()
         if (
             scans is not None and not scans.is_intermittent

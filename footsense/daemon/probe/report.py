@@ -88,7 +88,7 @@ class ProbeResult(NamedTuple):
     @property
     def scan_ns(self) -> int | None:
         """Shortest scan that the slowest bus allows [ns]; None if there is no bus, or one could not be timed."""
-        timings = [report.scan.timing for report in self.buses]
+        timings = [report.scan.bus_timing for report in self.buses]
         known_ns = [timing.limits.scan_ns for timing in timings if timing is not None]
         return max(known_ns) if known_ns and len(known_ns) == len(timings) else None
 

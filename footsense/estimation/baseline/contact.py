@@ -171,7 +171,7 @@ class ContactDetector:
             if not (fallen or above_n < lift_n):
                 self._loaded_ns = t_ns
             elif t_ns - self._loaded_ns >= _CONTACT_HOLD_NS:
-                self._lift_off(load_n, baseline_error_n, t_ns)
+                self._detect_lift_off(load_n, baseline_error_n, t_ns)
         elif self.raw:
             self.in_contact = True
             self._touched_ns = self._loaded_ns = t_ns
@@ -200,7 +200,7 @@ class ContactDetector:
         self._recent_n += (pressing_n - self._recent_n) * (elapsed_s / (_RECENT_MEAN_S + elapsed_s))
         self._creep_load_n += (pressing_n - self._creep_load_n) * (elapsed_s / (_CREEP_S + elapsed_s))
 
-    def _lift_off(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
+    def _detect_lift_off(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
         self.in_contact = False
         if t_ns - self._touched_ns < _SHAKE_MAX_NS:
             peaks = (self.noise, self._peak_n), (self.predicted_noise, self._predicted_peak_n)

@@ -51,7 +51,7 @@ def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, no
 
 
 class LegBaseline:
-    """The baseline of one leg.
+    """Baseline of one leg, with its variance and drift tracking.
 
     Args:
         unloaded_pf: Expected reading of each element of the free foot [pF], shape (9,).
@@ -128,16 +128,16 @@ class LegBaseline:
             self.status = BaselineStatus.NOT_QUIET
             return False
         self.status = BaselineStatus.TRACKING
-        self._move(before_pf, known, newest_ns)
+        self._update_baseline(before_pf, known, newest_ns)
         if np.isnan(self.baseline_pf).any():
-            self._adopt((capacitance_pf + before_pf) / 2, step_pf2)
+            self._set_baseline_of_returned_elements((capacitance_pf + before_pf) / 2, step_pf2)
         moved_pf = self.baseline_pf - self._tared_pf
         moved_pf = moved_pf[np.isfinite(moved_pf)]
         mean_pf = float(np.add.reduce(moved_pf)) / len(moved_pf)
         self.offset_pf = (mean_pf, float(moved_pf[np.abs(moved_pf).argmax()]))
         return True
 
-    def _move(self, reading_pf: Vector, known: Mask, t_ns: int) -> None:
+    def _update_baseline(self, reading_pf: Vector, known: Mask, t_ns: int) -> None:
         elapsed_s = max(t_ns - self.updated_ns, 0) * 1e-9
         reach_pf = MAX_DRIFT_PF_PER_S * elapsed_s
         anchor_pf = self._anchor_pf + _clip(self.baseline_pf - self._anchor_pf, -reach_pf, reach_pf)
@@ -168,7 +168,7 @@ class LegBaseline:
         if share > 0.0:
             self.moved_ns = t_ns
 
-    def _adopt(self, reading_pf: Vector, step_pf2: Vector) -> None:
+    def _set_baseline_of_returned_elements(self, reading_pf: Vector, step_pf2: Vector) -> None:
         """Give a baseline to elements that came back after the tare and are now unloaded and quiet."""
         free = np.abs(reading_pf - self._unloaded_pf) <= self._unloaded_limit_pf
         quiet = np.sqrt(step_pf2) * 1e3 <= self._limits.noise_limit_ff

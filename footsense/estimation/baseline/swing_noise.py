@@ -9,7 +9,7 @@ import math
 from collections import deque
 
 #: Length of a block: about a scan [ns].
-_BLOCK_NS = 25_000_000
+_PEAK_BLOCK_NS = 25_000_000
 #: Blocks that wait at least, as the rise of a slow touchdown is not noise, and in which shake has to come back.
 _HELD_BACK_BLOCKS, _MAX_SHAKE_BLOCKS = 2, 12
 #: Share of the threshold below which the signal has come back [1].
@@ -48,12 +48,12 @@ class SwingNoise:
         """Drop the blocks that wait: the foot touches, or swings again from `t_ns` [ns] on."""
         self._waiting: deque[float] = deque(maxlen=_MAX_SHAKE_BLOCKS)
         self.block_n: list[float] = []
-        self.end_ns = t_ns + _BLOCK_NS
+        self.end_ns = t_ns + _PEAK_BLOCK_NS
 
     def end_block(self, t_ns: int) -> None:
         """End the block with its signal at `t_ns` [ns], and begin the next."""
         known_n = [above_n for above_n in self.block_n if not math.isnan(above_n)]
-        self.block_n, self.end_ns = [], t_ns + _BLOCK_NS
+        self.block_n, self.end_ns = [], t_ns + _PEAK_BLOCK_NS
         waiting = self._waiting
         is_back = min(known_n, default=math.inf) < _BACK_REL * self.threshold_n
         if known_n:

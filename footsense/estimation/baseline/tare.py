@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.causes import SILENT
-from footsense.estimation.faults.open_elements import OPEN_REL
+from footsense.estimation.faults.causes import SILENT_READINGS
+from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL
 from footsense.frames import Codes, Mask, Reading, Result, Stamps, State, Vector
 
 
@@ -82,12 +82,12 @@ class TareWindow:
             None while the window is not full. A frame counts if every element has been read anew since the one
             before; a failed reading ends the tare at once.
         """
-        if np.isin(reading, SILENT).any():
+        if np.isin(reading, SILENT_READINGS).any():
             return TareResult(Result.ABSENT, "the leg does not answer")
         failed = np.flatnonzero((reading != Reading.OK) & ~missing)
         if failed.size:
             return TareResult(
-                Result.ELEMENT_FAULT, f"elements {_names(failed, len(reading))} give no reading"
+                Result.ELEMENT_FAULT, f"elements {_element_list_text(failed, len(reading))} give no reading"
             )
         if not (np.isfinite(capacitance_pf) | missing).all() or t_ns[~missing].min() <= self._newest_ns:
             return None
@@ -96,9 +96,9 @@ class TareWindow:
         self._readings_pf.append(capacitance_pf)
         if len(self._readings_pf) < self._limits.window_frames:
             return None
-        return self._result(np.stack(self._readings_pf))
+        return self._tare_result(np.stack(self._readings_pf))
 
-    def _result(self, readings_pf: Vector) -> TareResult:
+    def _tare_result(self, readings_pf: Vector) -> TareResult:
         noise_ff = np.where(self._missing, 0.0, readings_pf.std(axis=0, ddof=1) * 1e3)
         worst = int(noise_ff.argmax())
         if noise_ff[worst] > self._limits.noise_limit_ff:
@@ -111,7 +111,7 @@ class TareWindow:
         deviation_rel = np.where(self._missing, 0.0, baseline_pf / self._unloaded_pf - 1)
         worst = int(np.abs(deviation_rel).argmax())
         if abs(deviation_rel[worst]) > self._limits.unloaded_limit_rel:
-            opened = deviation_rel[worst] < OPEN_REL - 1
+            opened = deviation_rel[worst] < OPEN_ELEMENT_THRESHOLD_REL - 1
             what = "the foot is not unloaded" + (f", or another than {self._foot}" if self._foot else "")
             return TareResult(
                 Result.ELEMENT_FAULT if opened else Result.LOADED,
@@ -120,7 +120,7 @@ class TareWindow:
                 f"expected of {self._foot or 'the free foot (unloaded_pf)'}, "
                 f"at most {self._limits.unloaded_limit_rel:.1%} is allowed",
             )
-        left_out = _names(np.flatnonzero(self._missing), len(self._missing))
+        left_out = _element_list_text(np.flatnonzero(self._missing), len(self._missing))
         without = f" without elements {left_out}" if left_out else ""
         return TareResult(
             Result.DONE,
@@ -147,7 +147,7 @@ class Tares:
         self._limits, self._unloaded_pf, self._feet = limits, unloaded_pf, feet
         self.untared = set(range(len(unloaded_pf)))
         self.refused: set[int] = set()
-        self.in_progress = {leg: self._window(leg) for leg in self.untared}
+        self.in_progress = {leg: self._new_window(leg) for leg in self.untared}
         self._commanded: set[int] = set()
         self._refusals: dict[int, Result] = {}
 
@@ -158,14 +158,14 @@ class Tares:
 
     def command(self, leg: int) -> None:
         """Begin a tare on command, unless one is in progress already."""
-        self.in_progress.setdefault(leg, self._window(leg))
+        self.in_progress.setdefault(leg, self._new_window(leg))
         self._commanded.add(leg)
 
     def restart(self, leg: int) -> None:
         """Tare a leg again whose baseline was discarded."""
         self.untared.add(leg)
         self._refusals.pop(leg, None)
-        self.in_progress.setdefault(leg, self._window(leg))
+        self.in_progress.setdefault(leg, self._new_window(leg))
 
     def add(
         self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, missing: Mask
@@ -180,10 +180,10 @@ class Tares:
         for leg, window in list(self.in_progress.items()):
             tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
             if tared is not None:
-                ended.append((leg, tared, self._end(leg, tared)))
+                ended.append((leg, tared, self._end_tare(leg, tared)))
         return ended
 
-    def _end(self, leg: int, tared: TareResult) -> bool:
+    def _end_tare(self, leg: int, tared: TareResult) -> bool:
         """End a leg's tare, or repeat it; return whether the result is to be reported."""
         del self.in_progress[leg]
         commanded = leg in self._commanded
@@ -194,7 +194,7 @@ class Tares:
             self.refused.discard(leg)
             self._refusals.pop(leg, None)
         elif leg in self.untared:
-            self.in_progress[leg] = self._window(leg)
+            self.in_progress[leg] = self._new_window(leg)
             if tared.result is Result.ABSENT and not commanded:
                 return False
             self._refusals[leg] = tared.result
@@ -202,9 +202,9 @@ class Tares:
             self.refused.add(leg)
         return commanded or not repeated
 
-    def _window(self, leg: int) -> TareWindow:
+    def _new_window(self, leg: int) -> TareWindow:
         return TareWindow(self._limits, self._unloaded_pf[leg], self._feet[leg])
 
 
-def _names(elements: NDArray[np.intp], n: int) -> str:
+def _element_list_text(elements: NDArray[np.intp], n: int) -> str:
     return f"0 to {n - 1}" if len(elements) == n else ", ".join(map(str, elements.tolist()))

@@ -13,7 +13,7 @@ from footsense.estimation.baseline.contact import ContactDetector, ContactLimits
 from footsense.estimation.baseline.drift import MAX_DRIFT_PF, LegBaseline, baseline_sigma_pf
 from footsense.estimation.baseline.tare import TareLimits, Tares
 from footsense.estimation.baseline.unloaded import unloaded_feet
-from footsense.estimation.faults.causes import SILENT, drift_causes
+from footsense.estimation.faults.causes import SILENT_READINGS, drift_causes
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import (
@@ -106,7 +106,7 @@ class BaselineTracker:
         self._flags: list[int] = []
         self._max_errors_n: list[float] = []
         self._swinging: list[int] = []
-        self._gather()
+        self._copy_changed_baselines()
 
     def begin_tare(self, leg: int) -> CommandResult | None:
         """Tare a leg on command; a tare in progress serves.
@@ -154,7 +154,7 @@ class BaselineTracker:
                 tared_ns = int(t_ns[leg].max())
                 self._baselines[leg].set_tared(tared.baseline_pf, tared_ns)
                 self.contacts[leg].reset(tared_ns)
-                self._gather()
+                self._copy_changed_baselines()
             if is_news:
                 results.append(CommandResult(Command(CommandKind.TARE, leg), tared.result, tared.reason))
         if now_ns >= self._sigma_due_ns:
@@ -214,11 +214,11 @@ class BaselineTracker:
             if leg in swung or baseline.status is not held:
                 baseline.hold(held)
         self._swinging = swinging
-        self._follow(capacitance_pf, t_ns, missing)
+        self._track_drift(capacitance_pf, t_ns, missing)
         if flags != self._flags:
             self._flags, self.flags = flags, np.array(flags, np.uint8)
 
-    def _follow(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
+    def _track_drift(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
         """Track the drift of the baselines of the legs in swing that are due; arguments as of `observe`."""
         self._turn = (self._turn + 1) % _FRAMES_PER_ROUND
         moved = False
@@ -229,9 +229,9 @@ class BaselineTracker:
                 ignored = missing[leg] & np.isfinite(baseline.baseline_pf)
                 moved |= baseline.follow(np.where(ignored, np.nan, capacitance_pf[leg]), t_ns[leg])
         if moved:
-            self._gather()
+            self._copy_changed_baselines()
         elif list(map(_status_of, self._baselines)) != self._statuses:
-            self._publish()
+            self._update_status()
 
     def _update_sigma(self, now_ns: int) -> None:
         """Compute the baselines' uncertainty for the coming period.
@@ -244,7 +244,7 @@ class BaselineTracker:
         self._max_errors_n = [n_per_pf * min(3.0 * sigma, MAX_DRIFT_PF) for sigma in sigma_pf.tolist()]
         self.sigma_n = (sigma_pf * self._closure_per_pf)[:, None] * self._sensitivity.baseline_n
 
-    def _gather(self) -> None:
+    def _copy_changed_baselines(self) -> None:
         """Copy changed baselines of single legs into the arrays of all legs."""
         self._sigma_due_ns = 0
         legs = self._baselines
@@ -254,17 +254,17 @@ class BaselineTracker:
         self._updated_ns = np.array([leg.updated_ns for leg in legs], np.int64)
         mean_pf, worst_pf = np.array([leg.offset_pf for leg in legs]).T.copy()
         self._offsets = mean_pf, worst_pf, np.array([leg.moved_ns for leg in legs], np.int64)
-        self._publish()
+        self._update_status()
         self.drift_cause = drift_causes(self.drift)
 
-    def _publish(self) -> None:
+    def _update_status(self) -> None:
         """Replace the published status; the drift is as gathered."""
         self._statuses = list(map(_status_of, self._baselines))
         self.drift = BaselineDrift(np.array(self._statuses, np.uint8), *self._offsets)
 
     def _discard_silent(self, reading: Codes, now_ns: int) -> None:
         """Discard the baseline of every leg that has been silent for too long, and start a new tare of the leg."""
-        silent = np.isin(reading, SILENT).all(axis=1)
+        silent = np.isin(reading, SILENT_READINGS).all(axis=1)
         self._heard_ns[~silent] = now_ns
         allowed_ns = np.where(
             (reading == Reading.BUS_STUCK).any(axis=1), _MAX_SILENCE_STUCK_BUS_NS, _MAX_SILENCE_NS
@@ -274,4 +274,4 @@ class BaselineTracker:
                 self._tares.restart(leg)
                 self._baselines[leg].discard()
                 self.contacts[leg] = ContactDetector(self.contacts[leg].limits)
-                self._gather()
+                self._copy_changed_baselines()

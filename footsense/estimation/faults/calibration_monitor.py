@@ -96,7 +96,7 @@ class CalibrationMonitor:
         self._t_ns, self.due_ns = now_ns, now_ns + SAMPLE_NS
         first_in_contact = bool(in_contact[0])
         if first_in_contact and not self._first_in_contact:
-            self._end(now_ns)
+            self._end_stride(now_ns)
         self._first_in_contact = first_in_contact
         if elapsed_ns > _MAX_SAMPLE_GAP_NS:
             self._impulse_ns[:] = np.nan
@@ -106,7 +106,7 @@ class CalibrationMonitor:
         self._n_contact += in_contact
         self._n_samples += 1
 
-    def _end(self, now_ns: int) -> None:
+    def _end_stride(self, now_ns: int) -> None:
         """Test the stride that ends now, if the robot walked and every force was known."""
         lasted_ns, self._since_ns = now_ns - self._since_ns, now_ns
         load_n, (residual2, closure2) = self._impulse_ns / lasted_ns, self._squares.T.copy()
@@ -152,7 +152,7 @@ class _StrideTests:
             self._reference_n += share * (load_n - self._reference_n)
             self._reference_log += share * (np.log(residual_rel + _MIN_RESIDUAL) - self._reference_log)
         else:
-            changed_rel = attributed_rel(load_n, self._reference_n)
+            changed_rel = calibration_change_rel(load_n, self._reference_n)
             growth = np.log(residual_rel + _MIN_RESIDUAL) - self._reference_log
             self._legs.add(np.stack([changed_rel, -changed_rel, growth]))
         weight_n = self._body_weight_n or (float(self._reference_n.sum()) if complete else None)
@@ -187,7 +187,7 @@ class _Cusum:
         self.alarm = (self._sum >= self._limit) | (self.alarm & (self._sum > 0.0))
 
 
-def attributed_rel(load_n: Vector, reference_n: Vector) -> Vector:
+def calibration_change_rel(load_n: Vector, reference_n: Vector) -> Vector:
     """Return the change of each leg's reading that only its calibration explains [1], shape (legs,), signed.
 
     Args:
@@ -199,13 +199,13 @@ def attributed_rel(load_n: Vector, reference_n: Vector) -> Vector:
         >>> softer, turning = reference_n.copy(), reference_n.copy()
         >>> softer[1] *= 1.2
         >>> turning[:3], turning[3:] = 0.4, 0.6
-        >>> attributed_rel(softer, reference_n).round(3).tolist()
+        >>> calibration_change_rel(softer, reference_n).round(3).tolist()
         [0.0, 0.2, 0.0, 0.0, 0.0, 0.0]
-        >>> [bool(attributed_rel(load_n, reference_n).any()) for load_n in (turning, 1.5 * reference_n)]
+        >>> [bool(calibration_change_rel(load_n, reference_n).any()) for load_n in (turning, 1.5 * reference_n)]
         [False, False]
     """
     change_n = load_n - np.median(load_n / reference_n) * reference_n
     total_n = change_n.sum()
     alone_n = np.where(change_n * total_n > 0.0, np.minimum(np.abs(change_n), abs(total_n)), 0.0)
-    rel: Vector = np.sign(total_n) * alone_n / reference_n
-    return rel
+    change_rel: Vector = np.sign(total_n) * alone_n / reference_n
+    return change_rel

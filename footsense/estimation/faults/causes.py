@@ -12,7 +12,7 @@ from footsense.frames import BaselineDrift, Cause, Codes, Mask, Reading, State
 DRIFT_LIMIT_PF = 20e-3
 
 #: State and cause of a leg by the readings of its elements, the most severe last.
-_BY_READING = {
+_STATE_AND_CAUSE_OF_READING = {
     Reading.DELAYED: (State.STALE, Cause.DELAYED),
     Reading.NOT_READY: (State.CONVERTER_FAULT, Cause.NEVER_FINISHES),
     Reading.CORRUPT: (State.CONVERTER_FAULT, Cause.CORRUPT),
@@ -23,7 +23,7 @@ _BY_READING = {
     Reading.NO_ANSWER: (State.ABSENT, Cause.NO_ANSWER),
 }
 #: Readings of a leg whose foot does not answer: it may come back with another foot.
-SILENT = np.array([Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP], np.uint8)
+SILENT_READINGS = np.array([Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP], np.uint8)
 
 
 class ElementFaults(NamedTuple):
@@ -61,7 +61,7 @@ def converter_states(state: Codes, reading: Codes, faulty: Mask, closed: Mask) -
     if faulty.any():
         state[faulty.any(axis=1)] = State.ELEMENT_FAULT
     if reading.any():
-        for kind, (worse, _) in _BY_READING.items():
+        for kind, (worse, _) in _STATE_AND_CAUSE_OF_READING.items():
             state[(reading == kind).any(axis=1)] = worse
 
 
@@ -71,7 +71,7 @@ def drift_causes(drift: BaselineDrift) -> Codes:
     return np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
 
 
-def causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Codes) -> Codes:
+def leg_causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Codes) -> Codes:
     """Return the cause of each leg's state, shape (legs,), NONE where no fault is known.
 
     An open line shows as all three of its elements being open. A shorted element ties its column to its row and takes
@@ -95,7 +95,7 @@ def causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Cod
                 cause[faults.opened[:, line].all(axis=1)] = broken
         cause[faults.shorted.any(axis=1)] = Cause.ELEMENT_SHORTED
     if reading.any():
-        for kind, (_, reason) in _BY_READING.items():
+        for kind, (_, reason) in _STATE_AND_CAUSE_OF_READING.items():
             cause[(reading == kind).any(axis=1)] = reason
     cause[(state == State.STALE) & (cause == Cause.NONE)] = Cause.DELAYED
     return cause

@@ -10,10 +10,10 @@ import numpy as np
 from footsense.frames import Mask, Vector
 
 #: Capacitance below which an element is open, over its unloaded capacitance [1].
-OPEN_REL = 0.5
+OPEN_ELEMENT_THRESHOLD_REL = 0.5
 
 
-def floating_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
+def floating_row_crosstalk_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
     """Return the crosstalk of undriven rows into the readings of the other rows [pF], shape (legs, 9).
 
     A row whose elements are open has lost its line. Its electrodes float, and each column sees them in series

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
-from footsense.estimation.faults.causes import ElementFaults, causes, converter_states
+from footsense.estimation.faults.causes import ElementFaults, converter_states, leg_causes
 from footsense.estimation.faults.consistency import ConsistencyResult
 from footsense.estimation.faults.missing_sets import fault_mask, missing_elements
-from footsense.estimation.faults.open_elements import OPEN_REL, floating_pf
+from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL, floating_row_crosstalk_pf
 from footsense.estimation.reading_window import Readings
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import IS_USABLE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector
 
 #: Least capacitance of an element over the range of an FDC1004 [pF].
-RANGE_END_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
+CONVERTER_MAX_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 
 
 class ElementStatus(NamedTuple):
@@ -32,7 +32,7 @@ class ElementStatus(NamedTuple):
         over_range: Elements above the converter's range.
         faulty: Elements that are open, or excluded by the consistency test.
         missing: Elements that a tare and the network do without.
-        ok: Whether no reading of the frame has a fault.
+        is_all_ok: Whether no reading of the frame has a fault.
     """
 
     capacitance_pf: Vector
@@ -40,7 +40,7 @@ class ElementStatus(NamedTuple):
     over_range: Mask
     faulty: Mask
     missing: Mask
-    ok: bool
+    is_all_ok: bool
 
 
 class ElementClassifier:
@@ -52,10 +52,10 @@ class ElementClassifier:
         range_end_pf: Least capacitance of an element over the converter's range [pF].
     """
 
-    def __init__(self, stray_pf: Vector, unloaded_pf: Vector, range_end_pf: float = RANGE_END_PF) -> None:
+    def __init__(self, stray_pf: Vector, unloaded_pf: Vector, range_end_pf: float = CONVERTER_MAX_PF) -> None:
         self._stray_pf = stray_pf
         self._range_end_pf = range_end_pf
-        self._open_below_pf = OPEN_REL * unloaded_pf
+        self._open_below_pf = OPEN_ELEMENT_THRESHOLD_REL * unloaded_pf
         self._none: Mask = np.zeros(stray_pf.shape, bool)
         self._opened = self._none
         self._any_opened = False
@@ -78,12 +78,12 @@ class ElementClassifier:
         any_before, self._any_opened = self._any_opened, bool(np.count_nonzero(opened))
         if all_ok and not (self._any_opened or any_before):
             missing = missing_elements(excluded) if np.count_nonzero(excluded) else excluded
-            return ElementStatus(capacitance_pf, self._none, self._none, excluded, missing, ok=True)
+            return ElementStatus(capacitance_pf, self._none, self._none, excluded, missing, is_all_ok=True)
         over_range = scan.reading == Reading.OVER_RANGE
         if over_range.any():  # at least that much: the consistency test decides whether it can be
             capacitance_pf = np.where(over_range, self._range_end_pf - self._stray_pf, capacitance_pf)
         if self._any_opened:
-            capacitance_pf = capacitance_pf - floating_pf(scan.capacitance_pf, opened)
+            capacitance_pf = capacitance_pf - floating_row_crosstalk_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was intact for a part of the scan, and so was its effect on other elements.
         unsettled = opened | (opened != before).any(axis=1, keepdims=True)
         faulty = opened | excluded
@@ -91,7 +91,7 @@ class ElementClassifier:
         missing = missing_elements(faulty | over_range & np.isnan(baseline_pf))
         # In the window, an unsettled reading would be a step of the load.
         settled_pf = np.where(unsettled, np.nan, capacitance_pf)
-        return ElementStatus(settled_pf, opened, over_range, faulty, missing, ok=False)
+        return ElementStatus(settled_pf, opened, over_range, faulty, missing, is_all_ok=False)
 
 
 class LegStatus(NamedTuple):
@@ -173,8 +173,8 @@ class LegClassifier:
         fresh = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns
         # A leg without a baseline has no closures, and fails the consistency test.
         if (
-            elements.ok
-            and consistency.ok
+            elements.is_all_ok
+            and consistency.is_all_ok
             and fresh
             and not np.count_nonzero(lost)
             and not np.count_nonzero(out_of_range)
@@ -207,7 +207,7 @@ class LegClassifier:
             state=state,
             usable=IS_USABLE[state],
             fault_mask=fault_mask((reading != 0) | faulty | closed),
-            cause=causes(reading, state, faults, drift_cause),
+            cause=leg_causes(reading, state, faults, drift_cause),
             t_ns=readings.newest_ns,
             healthy=False,
         )

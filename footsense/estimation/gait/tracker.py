@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.estimation.baseline.contact import ContactDetector
-from footsense.estimation.gait.back_dating import KEPT, BackDated, Loads, lift_off, touchdown
+from footsense.estimation.gait.back_dating import N_KEPT_CONVERSIONS, BackDated, Loads, lift_off, touchdown
 from footsense.estimation.gait.friction import (
     CONVERSIONS_PER_CHECK,
     NO_GROUND,
@@ -23,12 +23,12 @@ from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import Load
 
 #: Period of the frames without an event [ns].
-PERIOD_NS = 100_000_000
+GAIT_FRAME_PERIOD_NS = 100_000_000
 #: Largest exponent of the probability: 1 - 1e-6.
 _MAX_EXPONENT = 13.8
 #: Slope of a logistic function over that of a normal distribution [1].
 _LOGISTIC_SLOPE = 1.7
-_NEVER = BackDated(0, math.nan)
+_NO_TIME = BackDated(0, math.nan)
 #: State of a leg whose force is known and whose foot is in contact.
 _IN_CONTACT = (True, True)
 
@@ -41,16 +41,16 @@ class GaitTracker:
         period_ns: Period of the frames without an event [ns]; 0 for a frame of each conversion.
     """
 
-    def __init__(self, n_legs: int, period_ns: int = PERIOD_NS) -> None:
+    def __init__(self, n_legs: int, period_ns: int = GAIT_FRAME_PERIOD_NS) -> None:
         friction = Friction()
         self._friction = friction
         self._slips = [SlipDetector(friction) for _ in range(n_legs)]
-        self._loads: deque[Loads] = deque(maxlen=KEPT)
+        self._loads: deque[Loads] = deque(maxlen=N_KEPT_CONVERSIONS)
         self._turn = 0
         self._period_ns, self._due_ns = period_ns, 0
         # Whether the force is known, and whether the foot is in contact, of each leg.
         self._states = [(False, False)] * n_legs
-        self._touchdowns, self._lift_offs = [_NEVER] * n_legs, [_NEVER] * n_legs
+        self._touchdowns, self._lift_offs = [_NO_TIME] * n_legs, [_NO_TIME] * n_legs
 
     def observe(self, load: Load, contacts: Sequence[ContactDetector], now_ns: int) -> GaitFrame | None:
         """Update the gait by one conversion; return it as of `now_ns` if an event happened or a frame is due.
@@ -71,7 +71,7 @@ class GaitTracker:
         if states != self._states:
             for row, (before, now) in enumerate(zip(self._states, states, strict=True)):
                 if now != before:
-                    events += self._change(row, before, now)
+                    events += self._contact_events(row, before, now)
             self._states = states
         self._turn = (self._turn + 1) % CONVERSIONS_PER_CHECK
         for row in range(self._turn, len(states), CONVERSIONS_PER_CHECK):
@@ -85,9 +85,9 @@ class GaitTracker:
             return None
         if now_ns >= self._due_ns and self._period_ns:
             self._due_ns = (now_ns // self._period_ns + 1) * self._period_ns
-        return self._frame(load, contacts, above_n, now_ns, tuple(events))
+        return self._gait_frame(load, contacts, above_n, now_ns, tuple(events))
 
-    def _change(self, row: int, before: tuple[bool, bool], now: tuple[bool, bool]) -> list[GaitEvent]:
+    def _contact_events(self, row: int, before: tuple[bool, bool], now: tuple[bool, bool]) -> list[GaitEvent]:
         """Return the events of a leg whose state has changed.
 
         A contact that began or ended while the force was not known has no event, and no time.
@@ -101,7 +101,7 @@ class GaitTracker:
             return []
         if not (is_known and before[0]):
             if before[1] != in_contact:
-                self._touchdowns[row] = self._lift_offs[row] = _NEVER
+                self._touchdowns[row] = self._lift_offs[row] = _NO_TIME
             return []
         if in_contact:
             dated = touchdown(self._loads, row)
@@ -115,7 +115,7 @@ class GaitTracker:
         ended = [GaitEvent(GaitEventKind.SLIP_END, row, *lifted)] if was_slipping else []
         return [*ended, GaitEvent(GaitEventKind.LIFT_OFF, row, *lifted)]
 
-    def _frame(
+    def _gait_frame(
         self,
         load: Load,
         contacts: Sequence[ContactDetector],
@@ -138,7 +138,7 @@ class GaitTracker:
             t_ns=now_ns,
             contact=contact,
             contact_raw=np.array([leg.raw for leg in contacts]),
-            probability=np.array([_probability(*leg) for leg in zip(contacts, above_n, strict=True)]),
+            probability=np.array([_contact_probability(*leg) for leg in zip(contacts, above_n, strict=True)]),
             touchdown_ns=np.array(touchdown_ns, np.int64),
             touchdown_sigma_s=np.array(touchdown_sigma_s),
             lift_off_ns=np.array(lift_off_ns, np.int64),
@@ -155,7 +155,7 @@ class GaitTracker:
         )
 
 
-def _probability(contact: ContactDetector, above_n: float) -> float:
+def _contact_probability(contact: ContactDetector, above_n: float) -> float:
     """Return the probability of contact by a load's distance from the threshold; NaN where it is not known.
 
     Args:

@@ -1,4 +1,4 @@
-"""Air in the cavities: what it presses back with when a gap closes, and how it leaks away.
+"""Air pressure in the cavities when gaps close, and its leakage.
 
 A closure d of the gap leaves the share v = 1 - d/g of a cavity's volume, d and g being means over its area. The air in
 it then has the pressure p of the gas law, and presses on both plates by what it is above the ambient pressure p_a:
@@ -20,22 +20,22 @@ import math
 
 import numpy as np
 
-from footsense.foot.cavity.air import HELD_S, Cavity, Gas
+from footsense.foot.cavity.air import SUSTAINED_LOAD_S, Cavity, Gas
 from footsense.foot.gap_contact import CELLS, element_means, solve_contact_lcp
 from footsense.frames import Vector
 
 #: Newton steps at most; six are usual, eight with gaps in contact.
 _MAX_STEPS = 60
 #: Steps of time in which air leaks from a foot under a load that stays.
-_HELD_STEPS = 6
+_N_SUSTAINED_STEPS = 6
 #: Largest rest of a mean closure over the gap [1].
 _TOLERANCE_REL = 1e-10
 #: Least share of the absolute pressure that a step leaves [1], so that no pressure becomes negative.
-_LEAST_KEPT = 0.2
+_MIN_REMAINING_PRESSURE_REL = 0.2
 
 
 class CavityPressures:
-    """Solver of the pressures for one specimen.
+    """Solver of the air pressures in the cavities of one foot.
 
     Args:
         gap_um: Gap of each element [um], shape (9,).
@@ -64,18 +64,18 @@ class CavityPressures:
         Raises:
             ArithmeticError: Newton's method does not converge.
         """
-        excess_mpa = self._without_contact(element_means(free_um), gas)
+        excess_mpa = self._pressures_without_contact_mpa(element_means(free_um), gas)
         closure_um = free_um - excess_mpa @ self._opening.T
         if not contact:
             return np.minimum(closure_um, self._gap_of_cell_um), excess_mpa
         amount_mpa = np.broadcast_to(gas.amount_mpa, excess_mpa.shape)
         for load in np.flatnonzero((closure_um > self._gap_of_cell_um).any(axis=1)):
             own = gas._replace(amount_mpa=amount_mpa[load])
-            closure_um[load], excess_mpa[load] = self._in_contact(free_um[load], excess_mpa[load], own)
+            closure_um[load], excess_mpa[load] = self._solve_in_contact(free_um[load], excess_mpa[load], own)
         return closure_um, excess_mpa
 
-    def held_um(self, free_um: Vector, cavity: Cavity, *, contact: bool) -> Vector:
-        """Return the closures of the cells [um], shape (n, 324), of a foot under loads that have lasted for `HELD_S`.
+    def sustained_closures_um(self, free_um: Vector, cavity: Cavity, *, contact: bool) -> Vector:
+        """Return the closures of the cells [um], shape (n, 324), under loads that have lasted for `SUSTAINED_LOAD_S`.
 
         Args:
             free_um: Closures of an empty foot without contact [um], shape (n, 324).
@@ -84,19 +84,21 @@ class CavityPressures:
         """
         gas = Gas(np.full(len(self._gap_um), 1e-3 * cavity.gas_kpa))
         if cavity.kind == "leaking":
-            for _ in range(_HELD_STEPS):
-                gas = gas._replace(leaked=HELD_S / _HELD_STEPS / cavity.leak_time_s)
+            for _ in range(_N_SUSTAINED_STEPS):
+                gas = gas._replace(leaked=SUSTAINED_LOAD_S / _N_SUSTAINED_STEPS / cavity.leak_time_s)
                 gas = gas.after_step(self.closures_um(free_um, gas, contact=contact)[1])
         return self.closures_um(free_um, gas, contact=contact)[0]
 
     def _volume_and_slope(self, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
         """Return v [1] and its negative slope [1/MPa], which the gas law gives at an excess pressure [MPa]."""
         pressure_mpa = excess_mpa + gas.ambient_mpa
-        kept: Vector = (gas.amount_mpa / pressure_mpa) ** (1.0 / gas.exponent)
-        volume: Vector = kept - gas.leaked * excess_mpa / pressure_mpa
-        return volume, (kept / gas.exponent + gas.leaked * gas.ambient_mpa / pressure_mpa) / pressure_mpa
+        remaining_volume: Vector = (gas.amount_mpa / pressure_mpa) ** (1.0 / gas.exponent)
+        volume: Vector = remaining_volume - gas.leaked * excess_mpa / pressure_mpa
+        return volume, (
+            remaining_volume / gas.exponent + gas.leaked * gas.ambient_mpa / pressure_mpa
+        ) / pressure_mpa
 
-    def _without_contact(self, free_um: Vector, gas: Gas) -> Vector:
+    def _pressures_without_contact_mpa(self, free_um: Vector, gas: Gas) -> Vector:
         """Return the excess pressures [MPa], shape (n, 9), at mean closures of an empty foot [um], shape (n, 9).
 
         Raises:
@@ -110,12 +112,12 @@ class CavityPressures:
                 return excess_mpa
             matrix = self._mean_opening + (self._gap_um * slope)[:, :, None] * np.eye(len(self._gap_um))
             step_mpa = np.asarray(np.linalg.solve(matrix, rest_um[:, :, None])[:, :, 0], np.float64)
-            excess_mpa = self._moved(excess_mpa, step_mpa, gas)
+            excess_mpa = self._pressures_after_step_mpa(excess_mpa, step_mpa, gas)
         raise ArithmeticError(
             "the pressures of the cavities do not converge: is the compliance positive definite?"
         )
 
-    def _in_contact(self, free_um: Vector, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
+    def _solve_in_contact(self, free_um: Vector, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
         """Return closures [um], shape (324,), and excess pressures [MPa], shape (9,), of one load that closes gaps.
 
         Raises:
@@ -143,12 +145,12 @@ class CavityPressures:
             opening = element_means((self._opening - self._compliance[:, closed] @ carried).T).T
             stiffness = opening + np.diag(self._gap_um * slope)
             newton_mpa = np.asarray(np.linalg.solve(stiffness, rest_um), np.float64)
-            moved = self._moved(excess_mpa, newton_mpa, gas)
+            moved = self._pressures_after_step_mpa(excess_mpa, newton_mpa, gas)
             step_mpa, excess_mpa = moved - excess_mpa, moved
         raise ArithmeticError("the pressures of the cavities do not converge with gaps in contact")
 
     @staticmethod
-    def _moved(excess_mpa: Vector, step_mpa: Vector, gas: Gas) -> Vector:
+    def _pressures_after_step_mpa(excess_mpa: Vector, step_mpa: Vector, gas: Gas) -> Vector:
         """Return excess pressures after a step [MPa], of which too much is left out where a vacuum would follow."""
-        least = _LEAST_KEPT * (excess_mpa + gas.ambient_mpa) - gas.ambient_mpa
+        least = _MIN_REMAINING_PRESSURE_REL * (excess_mpa + gas.ambient_mpa) - gas.ambient_mpa
         return np.maximum(excess_mpa + step_mpa, least)

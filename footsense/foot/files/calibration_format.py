@@ -19,7 +19,7 @@ import msgspec
 from msgspec import Meta
 
 from footsense.foot.correction_terms import N_CORRECTION_TERMS
-from footsense.foot.force_errors import Errors
+from footsense.foot.force_errors import ForceErrors
 from footsense.foot.temperature import COLDEST_C, WARMEST_C
 
 FORMAT = 2
@@ -36,7 +36,7 @@ CorrectionRow = Annotated[list[float], Meta(min_length=N_CORRECTION_TERMS, max_l
 
 
 class Format(msgspec.Struct, frozen=True):
-    """The field that every format has; read first, since another format may lack the others."""
+    """Format number: the field that every version has; read first, since others may be missing."""
 
     format: int
 
@@ -51,8 +51,8 @@ class HeldOut(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     """
 
     protocol: Annotated[str, Meta(min_length=1)]
-    design_only: Errors
-    calibrated: Errors
+    design_only: ForceErrors
+    calibrated: ForceErrors
 
 
 class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -98,7 +98,7 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
             f"{found.network_sha256[:12]}; calibrate the foot on this one"
         )
     try:
-        parameters = msgspec.convert(found, FootParameters, from_attributes=True, dec_hook=_array)
+        parameters = msgspec.convert(found, FootParameters, from_attributes=True, dec_hook=_decode_array)
     except msgspec.ValidationError as error:
         raise ModelError(f"{folder / PARAMETERS}: {error}") from None
     return FootCalibration(
@@ -114,7 +114,7 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
     )
 
 
-def _array(_: type, values: list[float]) -> Vector:
+def _decode_array(_: type, values: list[float]) -> Vector:
     return np.array(values)
 
 

@@ -14,9 +14,13 @@ import hashlib
 
 from footsense.errors import ModelError
 
-_KEY = b"footsense_sha256"
-_DIGITS = 64
-_HEAD = bytes((0x72, 2 + len(_KEY) + 2 + _DIGITS, 0x0A, len(_KEY))) + _KEY + bytes((0x12, _DIGITS))
+_CHECKSUM_KEY = b"footsense_sha256"
+_N_HEX_DIGITS = 64
+_TRAILER_HEADER = (
+    bytes((0x72, 2 + len(_CHECKSUM_KEY) + 2 + _N_HEX_DIGITS, 0x0A, len(_CHECKSUM_KEY)))
+    + _CHECKSUM_KEY
+    + bytes((0x12, _N_HEX_DIGITS))
+)
 
 
 def add_checksum(content: bytes) -> bytes:
@@ -25,7 +29,7 @@ def add_checksum(content: bytes) -> bytes:
     Args:
         content: The file without one.
     """
-    return content + _HEAD + hashlib.sha256(content).hexdigest().encode()
+    return content + _TRAILER_HEADER + hashlib.sha256(content).hexdigest().encode()
 
 
 def verified_sha256(content: bytes, where: str) -> str:
@@ -38,12 +42,12 @@ def verified_sha256(content: bytes, where: str) -> str:
     Raises:
         ModelError: The file has no trailer, or its checksum does not match.
     """
-    start = len(content) - _DIGITS - len(_HEAD)
-    if start < 0 or content[start : start + len(_HEAD)] != _HEAD:
+    start = len(content) - _N_HEX_DIGITS - len(_TRAILER_HEADER)
+    if start < 0 or content[start : start + len(_TRAILER_HEADER)] != _TRAILER_HEADER:
         raise ModelError(
             f"{where}: no checksum at its end: cut short, or not made by `footsense lab build`; copy it again"
         )
     found = hashlib.sha256(content[:start]).hexdigest()
-    if found.encode() != content[-_DIGITS:]:
+    if found.encode() != content[-_N_HEX_DIGITS:]:
         raise ModelError(f"{where}: its checksum is not that of its content: damaged; copy it again")
     return found

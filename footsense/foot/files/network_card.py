@@ -15,9 +15,9 @@ from footsense.frames import Vector
 METADATA_KEY = "footsense_card"
 FORMAT = 3
 
-_ELEMENTS = "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
-_READINGS = f"newest, the one before, the one before that, each by {_ELEMENTS}"
-_CONTACT = "contact point x y, stereographic, then tangential over normal force x y, foot frame"
+_ELEMENT_ORDER_TEXT = "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
+_READING_ORDER_TEXT = f"newest, the one before, the one before that, each by {_ELEMENT_ORDER_TEXT}"
+_CONTACT_ORDER_TEXT = "contact point x y, stereographic, then tangential over normal force x y, foot frame"
 
 
 class Signal(msgspec.Struct, frozen=True):
@@ -38,15 +38,15 @@ class Signal(msgspec.Struct, frozen=True):
 
 #: Inputs and outputs of the graph, as `footsense lab build` writes them; a network with others is refused.
 INPUTS = (
-    Signal("closure_rel", 27, "1", _READINGS),
-    Signal("age_s", 27, "s", _READINGS),
-    Signal("missing", 9, "1", _ELEMENTS),
+    Signal("closure_rel", 27, "1", _READING_ORDER_TEXT),
+    Signal("age_s", 27, "s", _READING_ORDER_TEXT),
+    Signal("missing", 9, "1", _ELEMENT_ORDER_TEXT),
 )
 OUTPUTS = (
     Signal("force_n", 3, "N", "x y z, foot frame"),
     Signal("sigma_n", 3, "N", "x y z, foot frame"),
-    Signal("contact", 4, "1", _CONTACT),
-    Signal("contact_sigma", 4, "1", _CONTACT),
+    Signal("contact", 4, "1", _CONTACT_ORDER_TEXT),
+    Signal("contact_sigma", 4, "1", _CONTACT_ORDER_TEXT),
 )
 
 Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
@@ -85,7 +85,7 @@ class TrainedInputs:
 
 
 class _Format(msgspec.Struct, frozen=True):
-    """The field that every format has."""
+    """Format number: the field that every version of the card has."""
 
     format: int
 

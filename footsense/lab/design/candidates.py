@@ -87,7 +87,7 @@ class Candidates(NamedTuple):
 
     @property
     def shape(self) -> Shape:
-        """The shapes, for the library."""
+        """Return the geometric shapes of the candidates for the response library."""
         spacer_mm = (self.gap_um + self.film_um) / UM_PER_MM
         return Shape(
             self.fill_rel,

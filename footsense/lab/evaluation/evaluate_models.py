@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from footsense.errors import ModelError
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
@@ -40,7 +40,7 @@ PAPER_NETWORK_362 = "paper_network_362"
 
 def error_table(
     response: FootResponse, loads: LoadRange, released: Readout, alone: dict[str, Readout] | None = None
-) -> dict[str, Errors]:
+) -> dict[str, ForceErrors]:
     """Return the force errors of every read-out on the paper's cases and on random loads.
 
     Args:
@@ -72,7 +72,10 @@ def error_table(
         "random_network": (released, test),
     }
     readouts |= {name: (read, verification) for name, read in (alone or {}).items()}
-    return {name: errors(cases.force_n, read(cases.closure_um)) for name, (read, cases) in readouts.items()}
+    return {
+        name: evaluate_force_errors(cases.force_n, read(cases.closure_um))
+        for name, (read, cases) in readouts.items()
+    }
 
 
 def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
@@ -128,14 +131,14 @@ def require_same_foot(
             )
 
 
-def evaluate_models(folder: Path) -> dict[str, Errors]:
+def evaluate_models(folder: Path) -> dict[str, ForceErrors]:
     """Return the error table of released files; the rows of the 362-case networks are those in the card."""
     response, network = open_models(folder)
     loads, gap_um = load_foot(folder / FOOT_FILE).loads, response.design.gap_um
     table = error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
     for name, row in network.card["errors"].items():
         if name.startswith(PAPER_NETWORK_362):
-            table[name] = Errors(**row)
+            table[name] = ForceErrors(**row)
     return table
 
 
@@ -151,7 +154,10 @@ def paper_protocol(folder: Path) -> dict[str, float]:
 
     response, network = open_models(folder)
     cases = paper_verification(response)
-    rows = [errors(cases.force_n, read(cases.closure_um)) for read in paper_networks(response, quick=False)]
+    rows = [
+        evaluate_force_errors(cases.force_n, read(cases.closure_um))
+        for read in paper_networks(response, quick=False)
+    ]
     ratio = crb_ratio(response, load_foot(folder / FOOT_FILE).loads, network.force_n)
     return {
         "paper_procedure_direction_deg": float(np.mean([row.direction_deg for row in rows])),
@@ -161,7 +167,7 @@ def paper_protocol(folder: Path) -> dict[str, float]:
     }
 
 
-def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) -> dict[str, Any]:
+def as_json(table: dict[str, ForceErrors], beside: dict[str, float] | None = None) -> dict[str, Any]:
     """Return the table as JSON values, the project's key figures first.
 
     Args:
@@ -184,7 +190,7 @@ def as_json(table: dict[str, Errors], beside: dict[str, float] | None = None) ->
     }
 
 
-def as_markdown(table: dict[str, Errors]) -> str:
+def as_markdown(table: dict[str, ForceErrors]) -> str:
     """Return the error table as Markdown, the paper's figures on top."""
     lines = [
         "| read-out | cases | direction mean / p95 / max [deg] | magnitude mean / p95 / max [gf] |",

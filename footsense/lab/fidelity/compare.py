@@ -6,7 +6,7 @@ from timeit import default_timer
 import numpy as np
 
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import Readout, rms
 from footsense.lab.fidelity.levels import FidelityLevel, LevelResponse
@@ -37,7 +37,7 @@ def reported_force_n(network: Readout, design: CapacitorDesign, answer: LevelRes
 
 @dataclass(frozen=True, slots=True)
 class FidelityError:
-    """How far one answer is from another one to the same loads.
+    """Error of one fidelity level against a finer one on the same loads.
 
     Attributes:
         closure_rel: Difference of the closures, rms over rms of the reference [1].
@@ -72,7 +72,9 @@ def fidelity_error(
     closure_um = answer.closure_um - finest.closure_um
     capacitance_pf = answer.capacitance_pf - finest.capacitance_pf
     change_pf = finest.capacitance_pf - design.unloaded_pf
-    read = errors(reported_force_n(network, design, finest), reported_force_n(network, design, answer))
+    read = evaluate_force_errors(
+        reported_force_n(network, design, finest), reported_force_n(network, design, answer)
+    )
     return FidelityError(
         closure_rel=rms(closure_um) / rms(finest.closure_um),
         closure_max_um=float(np.abs(closure_um).max()),

@@ -13,7 +13,7 @@ import numpy as np
 from footsense.estimation.rest import at_rest
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import normalized
-from footsense.foot.force_errors import GRAM_FORCE_N, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
@@ -163,7 +163,7 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Readout
         estimates["own_network"] = _train_plain_network(design, own_changes, rng, epochs)(changed_um)
     figures: ReadoutErrors = {}
     for name, estimate in estimates.items():
-        row = errors(test.force_n, estimate)
+        row = evaluate_force_errors(test.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
     off_rel = np.abs(network_n - on_design.verification_n) / network.estimate(at_rest(closure_rel)).sigma_n
     return figures | {f"within_{k}": float((off_rel <= k).mean()) for k in (1, 2)}

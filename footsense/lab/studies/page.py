@@ -71,7 +71,7 @@ class StudyContext:
         return read_card(json.dumps(self.network.card), str(self.models)).trained_inputs
 
     def model_hash_entry(self, *, uses_network: bool) -> dict[str, str]:
-        """Return the hash that the page of a study keeps: of the network, or of the response of the foot alone."""
+        """Return the hash that identifies a page's models: of the network, or of the foot's response alone."""
         if uses_network:
             return {"network_sha256": self.network_sha256}
         return {"response_sha256": self.response.sha256}

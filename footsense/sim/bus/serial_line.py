@@ -35,7 +35,7 @@ class SimulatedLine:
     def read(self) -> bytes:
         """Return the bytes that have arrived."""
         now_ns = self._clock.now_ns()
-        while self._next_ns + self._mcu.converts_ns <= now_ns:
+        while self._next_ns + self._mcu.conversion_span_ns <= now_ns:
             self.send(self._mcu.scan(self._next_ns), self._next_ns)
             self._next_ns += self._period_ns
         arrived = b""
@@ -45,7 +45,7 @@ class SimulatedLine:
 
     def wait_until_ns(self, t_ns: int) -> None:
         """Move the clock to the next arrival, or to `t_ns`."""
-        sends_ns = self._next_ns + self._mcu.converts_ns
+        sends_ns = self._next_ns + self._mcu.conversion_span_ns
         self._clock.sleep_until_ns(min(t_ns, self._due[0][0] if self._due else sends_ns))
 
     def write(self, data: bytes) -> None:
@@ -56,7 +56,7 @@ class SimulatedLine:
 
     def send(self, data: bytes, t_ns: int) -> None:
         """Transmit the bytes of a scan from a time on [ns], record by record."""
-        sends_ns = t_ns + self._mcu.converts_ns
+        sends_ns = t_ns + self._mcu.conversion_span_ns
         for end in range(FRAME_BYTES, len(data) + FRAME_BYTES, FRAME_BYTES):
             piece = data[end - FRAME_BYTES : end]
             self._due.append((sends_ns + min(end, len(data)) * self._byte_ns, piece))

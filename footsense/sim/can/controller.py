@@ -21,15 +21,15 @@ from footsense.sim.can.transmit_queue import QueuedFrame, TransmitQueue
 _NS_PER_S = 1_000_000_000
 
 #: Bits of an error flag, its delimiter and the pause behind it; more for a controller that is error passive.
-_ERROR_BITS = 6 + 8 + 3
-_SUSPEND_BITS = 8
+_ERROR_FRAME_BITS = 6 + 8 + 3
+_SUSPEND_TRANSMISSION_BITS = 8
 #: Bits of a frame behind the one in which an acknowledgement is missing: delimiter, end of frame, pause.
 _AFTER_ACK_BITS = 1 + 7 + 3
 #: Recessive bits after which a controller may leave bus-off.
-_RECOVERY_BITS = 128 * 11
+_BUS_OFF_RECOVERY_BITS = 128 * 11
 
-_PASSIVE = 128
-_BUS_OFF = 256
+_ERROR_PASSIVE_COUNT = 128
+_BUS_OFF_COUNT = 256
 _TX_PASSIVE = 0x20
 
 
@@ -52,7 +52,7 @@ class CanSettings(NamedTuple):
 
 
 class CanController:
-    """The controller of one interface.
+    """Simulated CAN controller of one interface: mailboxes, arbitration, error counter.
 
     Args:
         queue: Transmit queue of the interface.
@@ -108,15 +108,15 @@ class CanController:
                 self._passed(t_ns)
         if self._restart_ns <= t_ns:
             self._restart_ns = math.inf
-            self._flush()
+            self._flush_mailboxes()
             self._error_count = 0
             self._queue.regain_carrier()
             self._tell(error_frame(ErrorClass.RESTARTED))
-            self._occupy_wire(t_ns, _RECOVERY_BITS, None)
+            self._occupy_wire(t_ns, _BUS_OFF_RECOVERY_BITS, None)
 
     def stop(self) -> None:
         """Stop, as an interface that goes down."""
-        self._flush()
+        self._flush_mailboxes()
         self._free_ns = self._restart_ns = math.inf
         self._error_count = 0
 
@@ -127,7 +127,7 @@ class CanController:
         if self._free_ns < math.inf:
             return
         sent = None
-        if self.running and self._mailboxes and self._error_count < _BUS_OFF:
+        if self.running and self._mailboxes and self._error_count < _BUS_OFF_COUNT:
             sent = self._mailboxes[0]
         # Without acknowledgement, and on a shorted bus, no frame of another node arrives.
         reachable = not (self.no_ack or self.shorted)
@@ -137,31 +137,31 @@ class CanController:
         if other and not (sent and our_id < other.can_id):
             other.waiting = False
             if sent and self._settings.one_shot:  # the arbitration was lost
-                self._give_up()
+                self._drop_frame()
             self._occupy_wire(t_ns, LONGEST_FRAME_BITS, None)
         elif sent and self.shorted:
-            self._occupy_wire(t_ns, 1 + _ERROR_BITS + self._suspend_bits(), self._fail)
+            self._occupy_wire(t_ns, 1 + _ERROR_FRAME_BITS + self._suspend_bits(), self._count_bit_error)
         elif sent and self.no_ack:
-            bits = frame_bits(len(data)) - _AFTER_ACK_BITS + _ERROR_BITS + self._suspend_bits()
+            bits = frame_bits(len(data)) - _AFTER_ACK_BITS + _ERROR_FRAME_BITS + self._suspend_bits()
             self._occupy_wire(t_ns, bits, self._miss_ack)
         elif sent:
-            self._occupy_wire(t_ns, frame_bits(len(data)), self._deliver)
+            self._occupy_wire(t_ns, frame_bits(len(data)), self._deliver_frame)
 
     def _occupy_wire(self, t_ns: int, bits: int, then: Callable[[int], None] | None) -> None:
         self._free_ns = t_ns + bits * self._bit_ns
         self._passed = then
 
     def _suspend_bits(self) -> int:
-        return _SUSPEND_BITS if self._error_count >= _PASSIVE else 0
+        return _SUSPEND_TRANSMISSION_BITS if self._error_count >= _ERROR_PASSIVE_COUNT else 0
 
-    def _flush(self) -> None:
+    def _flush_mailboxes(self) -> None:
         self.n_flushed += sum(frame.from_socket for frame in self._mailboxes)
         self._mailboxes.clear()
 
-    def _give_up(self) -> None:
+    def _drop_frame(self) -> None:
         self.n_lost += self._mailboxes.popleft().from_socket
 
-    def _deliver(self, t_ns: int) -> None:
+    def _deliver_frame(self, t_ns: int) -> None:
         frame = self._mailboxes.popleft()
         if self._error_count:
             self._count_errors(-1)
@@ -171,29 +171,29 @@ class CanController:
     def _miss_ack(self, t_ns: int) -> None:
         """Count a missing acknowledgement, which alone takes no controller beyond error passive."""
         del t_ns
-        if self._error_count < _PASSIVE:
+        if self._error_count < _ERROR_PASSIVE_COUNT:
             self._count_errors(8)
         if self._settings.one_shot:
-            self._give_up()
+            self._drop_frame()
 
-    def _fail(self, t_ns: int) -> None:
+    def _count_bit_error(self, t_ns: int) -> None:
         """Count a bit error, and go bus-off at 256."""
         self._count_errors(8)
-        if self._error_count >= _BUS_OFF:
+        if self._error_count >= _BUS_OFF_COUNT:
             self.n_bus_off += 1
             self._queue.lose_carrier(t_ns)
             if self._settings.restart_ns:
                 self._restart_ns = t_ns + self._settings.restart_ns
         elif self._settings.one_shot:
-            self._give_up()
+            self._drop_frame()
 
     def _count_errors(self, change: int) -> None:
         """Change the transmit error counter, and report a change of the error state."""
         before, after = self._error_count, max(0, self._error_count + change)
         self._error_count = after
-        if after >= _BUS_OFF:
+        if after >= _BUS_OFF_COUNT:
             self._tell(error_frame(ErrorClass.BUS_OFF))
-        elif before < _PASSIVE <= after:
+        elif before < _ERROR_PASSIVE_COUNT <= after:
             self._tell(error_frame(ErrorClass.CONTROLLER, _TX_PASSIVE))
-        elif after < _PASSIVE <= before:
+        elif after < _ERROR_PASSIVE_COUNT <= before:
             self._tell(error_frame(ErrorClass.CONTROLLER, CONTROLLER_ACTIVE))

@@ -36,7 +36,7 @@ from footsense.sim.faults.schedule import Schedule
 AS_DEPLOYED = CanSettings(queue_frames=16, head_drop=True, one_shot=True, restart_ns=100_000_000)
 
 #: Unread frames of a socket; the kernel drops further ones.
-_MOST_UNREAD = 300
+_MAX_UNREAD_FRAMES = 300
 
 
 class SimulatedCan:
@@ -90,7 +90,7 @@ class SimulatedCan:
             socket.error = errno.ENETDOWN
         return socket
 
-    def take(self, frame: bytes) -> bool:
+    def enqueue_sent_frame(self, frame: bytes) -> bool:
         """Append a sent frame to the transmit queue.
 
         Returns:
@@ -101,7 +101,7 @@ class SimulatedCan:
         return taken
 
     def advance(self) -> None:
-        """Process all events up to now."""
+        """Process all CAN events up to the present time."""
         now_ns = self._clock.now_ns()
         while (t_ns := self._due_ns()) <= now_ns:
             self._t_ns = max(self._t_ns, math.ceil(t_ns))
@@ -155,7 +155,7 @@ class _Socket:
     def __init__(self, can: SimulatedCan, sockets: "list[_Socket]") -> None:
         self._can = can
         self._sockets = sockets
-        self.unread: deque[bytes] = deque(maxlen=_MOST_UNREAD)
+        self.unread: deque[bytes] = deque(maxlen=_MAX_UNREAD_FRAMES)
         self.error = 0  # reported once, as by the kernel
         self.gone = False
 
@@ -175,7 +175,7 @@ class _Socket:
             raise OSError(code, os.strerror(code))
         ends = frame_ends(frames)
         for n, (start, end) in enumerate(pairwise([0, *ends])):
-            if not self._can.take(frames[start:end]):
+            if not self._can.enqueue_sent_frame(frames[start:end]):
                 return n
         return len(ends)
 

@@ -9,7 +9,7 @@ from collections import deque
 from typing import NamedTuple
 
 #: Least time between two looks of the kernel at interfaces without carrier [ns].
-_LINK_WATCH_NS = 1_000_000_000
+_CARRIER_CHECK_PERIOD_NS = 1_000_000_000
 
 
 class QueuedFrame(NamedTuple):
@@ -86,7 +86,7 @@ class TransmitQueue:
     def check_carrier(self, t_ns: int) -> None:
         """Check the carrier at `t_ns` [ns]: without one, deactivate and empty the queue."""
         self.carrier_check_ns = math.inf
-        self._next_check_ns = t_ns + _LINK_WATCH_NS
+        self._next_check_ns = t_ns + _CARRIER_CHECK_PERIOD_NS
         if not self._carrier:
             self._active = False
             self.purge()

@@ -76,7 +76,7 @@ class SimulatedAd7746(LegChip):
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Receive a register pointer and the values of the registers from there on; or a reset command."""
-        self._finish_by(t_ns)
+        self._finish_conversions_by(t_ns)
         if data[0] == chip.RESET_COMMAND:
             self.power_up(t_ns)
             return
@@ -85,12 +85,12 @@ class SimulatedAd7746(LegChip):
             if Register.CAP_SETUP <= self._pointer < chip.N_REGISTERS:
                 self._registers[self._pointer] = value
             if self._pointer == Register.CONFIGURATION:
-                self._begin(t_ns)
+                self._start_conversion(t_ns)
             self._pointer += 1
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the registers from the pointer on, and ones behind the last one."""
-        self._finish_by(t_ns)
+        self._finish_conversions_by(t_ns)
         # The status as it was when it was sent: what follows in the same burst clears its bits.
         answer = bytes(self._registers[self._pointer : self._pointer + n])
         read = range(self._pointer, self._pointer + n)
@@ -111,7 +111,7 @@ class SimulatedAd7746(LegChip):
         #: Channel, start and end of the pending conversions, in their order.
         self._running: list[tuple[int, int, int]] = []
 
-    def _begin(self, t_ns: int) -> None:
+    def _start_conversion(self, t_ns: int) -> None:
         """Read the configuration registers, and start a single conversion."""
         self._running = []
         configuration = self._registers[Register.CONFIGURATION]
@@ -127,7 +127,7 @@ class SimulatedAd7746(LegChip):
             self._running.append((kind, t_ns, end_ns))
             t_ns = end_ns
 
-    def _finish_by(self, t_ns: int) -> None:
+    def _finish_conversions_by(self, t_ns: int) -> None:
         """Set the results of the conversions that are over by `t_ns` [ns]."""
         while self._running and self._running[0][2] <= t_ns:
             kind, start_ns, end_ns = self._running[0]
@@ -135,14 +135,16 @@ class SimulatedAd7746(LegChip):
                 return
             del self._running[0]
             data = Register.CAP_DATA if kind == _CAP else Register.VT_DATA
-            code = self._capacitance(start_ns, end_ns) if kind == _CAP else self._temperature(end_ns)
+            code = (
+                self._capacitance_code(start_ns, end_ns) if kind == _CAP else self._temperature_code(end_ns)
+            )
             self._registers[data : data + 3] = code.to_bytes(3, "big")
             self._registers[Register.STATUS] &= ~kind
             if not self._running:
                 self._registers[Register.STATUS] &= ~chip.NOT_RDY
                 self._registers[Register.CONFIGURATION] &= ~0x07
 
-    def _capacitance(self, start_ns: int, end_ns: int) -> int:
+    def _capacitance_code(self, start_ns: int, end_ns: int) -> int:
         registers = self._registers
         capacitance_pf, shorted = 0.0, False
         if registers[Register.EXC_SETUP] & chip.EXC_A and not registers[Register.CAP_SETUP] & chip.CAP_CIN2:
@@ -157,5 +159,5 @@ class SimulatedAd7746(LegChip):
         code = round(capacitance_pf * chip.ZERO_CODE / chip.FULL_SCALE_PF) + chip.ZERO_CODE
         return min(max(code, 0), chip.CODE_MAX)
 
-    def _temperature(self, t_ns: int) -> int:
+    def _temperature_code(self, t_ns: int) -> int:
         return round((self._temperature_c(t_ns) + 4096) * 2048)

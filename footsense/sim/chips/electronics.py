@@ -21,7 +21,7 @@ ROOM_C = 25.0
 _CAPDAC_DRAW, _THERMOMETER_DRAW = 4, 5
 
 
-def electronics(
+def leg_electronics(
     board: str, foot: WiredFoot, effects: Effects, seed: tuple[int, int]
 ) -> tuple[SimulatedFdc1004 | SimulatedAd7746, tuple[SimulatedLineSwitch, ...]]:
     """Return the chips of one leg without faults: converter, then line switches (rows first).

@@ -23,7 +23,7 @@ from footsense.sim.chips.chip import LegChip
 from footsense.sim.faults.schedule import Span, in_any_span
 
 #: Random numbers are drawn so many at a time, which is the same sequence as one by one.
-_DRAWN = 64
+_NOISE_BATCH_SIZE = 64
 
 _RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
 _FDC_CONF = int(chip.Register.FDC_CONF)
@@ -39,12 +39,12 @@ class _Conversion(NamedTuple):
     """A conversion that a word in FDC_CONF starts: measurement, nominal time [ns], noise [pF]."""
 
     slot: int
-    lasts_ns: int
+    duration_ns: int
     noise_pf: float
 
 
 @cache
-def _conversion(word: int) -> _Conversion | None:
+def _conversion_of_word(word: int) -> _Conversion | None:
     """Return the conversion that a word in FDC_CONF starts; None for none."""
     triggers = chip.CONF_TRIGGERS.decode(word)
     one_shot = triggers.bit_count() == 1 and not chip.CONF_REPEAT.decode(word)
@@ -64,7 +64,7 @@ def _pin_and_capdac(config: int) -> tuple[int, int]:
 def _unit_noise(noise: np.random.Generator) -> Iterator[float]:
     """Yield noise of standard deviation 1."""
     while True:
-        yield from noise.standard_normal(_DRAWN).tolist()
+        yield from noise.standard_normal(_NOISE_BATCH_SIZE).tolist()
 
 
 class SimulatedFdc1004(LegChip):
@@ -107,7 +107,7 @@ class SimulatedFdc1004(LegChip):
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Receive a register pointer and, if two bytes follow, the value of the register."""
-        self._finish_by(t_ns)
+        self._finish_conversions_by(t_ns)
         self._pointer = data[0]
         if len(data) < 3:
             return
@@ -119,7 +119,7 @@ class SimulatedFdc1004(LegChip):
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the register at the pointer, and ones behind it: no chip drives the line then."""
-        self._finish_by(t_ns)
+        self._finish_conversions_by(t_ns)
         word = self._read_register(self._pointer).to_bytes(2, "big")
         return word if n == len(word) else word[:n] + b"\xff" * (n - 2)
 
@@ -129,16 +129,16 @@ class SimulatedFdc1004(LegChip):
             return
         # DONE is read-only.
         self._conf = word & ~_DONE
-        self._running = conversion = _conversion(word)
+        self._running = conversion = _conversion_of_word(word)
         if conversion is None:
             return
         if self.trigger_clears_done:
             self._done = 0
         self._results[conversion.slot] = chip.CODE_MAX
         self._started_ns = t_ns
-        self._ends_ns = t_ns + round(conversion.lasts_ns * self.clock_factor)
+        self._ends_ns = t_ns + round(conversion.duration_ns * self.clock_factor)
 
-    def _finish_by(self, t_ns: int) -> None:
+    def _finish_conversions_by(self, t_ns: int) -> None:
         """Set the result of a conversion that is over by `t_ns` [ns]."""
         conversion = self._running
         if conversion is None or t_ns < self._ends_ns or in_any_span(self.stuck_ns, self._ends_ns):

@@ -24,9 +24,9 @@ from footsense.frames import Vector
 _NS_PER_US = 1000
 _AF_PER_PF = 1e6
 _FULL_SCALE_AF = 2**31
-_WRAP_US = 1 << 32
+_TIMER_WRAP_US = 1 << 32
 #: Records of a leg with the flag of a recent start.
-_STARTING_RECORDS = 256
+_N_STARTING_RECORDS = 256
 #: Noise of one conversion [pF]: that of the default board at its fastest rate; no such board was measured.
 _NOISE_PF = fdc1004.RATES[400].noise_ff * 1e-3
 #: Relative error of its crystal [1].
@@ -60,8 +60,8 @@ class SimulatedRobotMcu:
     def scan(self, t_ns: int) -> bytes:
         """Return the records of a scan, of which the middle of the first conversion is at `t_ns` [ns]."""
         number, self.n_scans = self.n_scans, self.n_scans + 1
-        flags = RecordFlag.STARTING if number < _STARTING_RECORDS else 0
-        t_us = round((t_ns - self.started_ns) * (1 + _CLOCK_ERROR_REL)) // _NS_PER_US % _WRAP_US
+        flags = RecordFlag.STARTING if number < _N_STARTING_RECORDS else 0
+        t_us = round((t_ns - self.started_ns) * (1 + _CLOCK_ERROR_REL)) // _NS_PER_US % _TIMER_WRAP_US
         return b"".join(
             encode_record(
                 Record(
@@ -77,7 +77,7 @@ class SimulatedRobotMcu:
         )
 
     @property
-    def converts_ns(self) -> int:
+    def conversion_span_ns(self) -> int:
         """Time from the first to the last conversion of a scan, after which its records are sent [ns]."""
         return (ELEMENTS - 1) * self._step_us * _NS_PER_US
 

@@ -12,7 +12,7 @@ from footsense.sim.faults import scene_faults
 from footsense.sim.faults.schedule import Schedule
 
 
-class Eeprom:
+class SimulatedEeprom:
     """Simulated 24C02: reads and writes advance a pointer; each byte initially holds its own address."""
 
     def __init__(self) -> None:
@@ -31,8 +31,8 @@ class Eeprom:
         return bytes(self._memory[(self._pointer + k) % 256] for k in range(n))
 
 
-_ON_LINES = (scene_faults.NackAtRandom, scene_faults.CorruptReads)
-_ON_CONVERTER = (*_ON_LINES, scene_faults.WrongChip)
+_LINE_FAULT_TYPES = (scene_faults.NackAtRandom, scene_faults.CorruptReads)
+_CONVERTER_FAULT_TYPES = (*_LINE_FAULT_TYPES, scene_faults.WrongChip)
 
 
 class _FailingChip:
@@ -48,7 +48,7 @@ class _FailingChip:
         self._chip = chip
         self._faults = Schedule((fault.span_ns, fault) for fault in faults)
         self._rng = rng
-        self._eeprom = Eeprom()
+        self._eeprom = SimulatedEeprom()
 
     def acknowledges(self, t_ns: int) -> bool:
         lost = False
@@ -108,7 +108,9 @@ def failing_chips(
             case _:
                 pass
     failing: list[SimulatedChip] = []
-    for chip, kinds in zip(chips, (_ON_CONVERTER, *(_ON_LINES for _ in switches)), strict=True):
+    for chip, kinds in zip(
+        chips, (_CONVERTER_FAULT_TYPES, *(_LINE_FAULT_TYPES for _ in switches)), strict=True
+    ):
         own = [fault for fault in faults if isinstance(fault, kinds)]
         failing.append(_FailingChip(chip, own, rng) if own else chip)
     return tuple(failing)

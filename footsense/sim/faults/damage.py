@@ -12,9 +12,9 @@ from footsense.sim.faults.line_capacitance import mutual_capacitance_pf, pin_cap
 from footsense.sim.faults.schedule import Schedule
 
 #: Capacitance of an element without electrode, or of a column without line: a piece of trace [pF].
-OPEN_PF = 0.1
+OPEN_ELEMENT_PF = 0.1
 
-_ON_LINES = (scene_faults.BrokenColumn, scene_faults.BrokenRow, scene_faults.ElementShorted)
+_LINE_FAULT_TYPES = (scene_faults.BrokenColumn, scene_faults.BrokenRow, scene_faults.ElementShorted)
 
 
 class WiredFoot:
@@ -33,7 +33,9 @@ class WiredFoot:
         self, whole_pf: Callable[[int], list[float]], faults: Sequence[scene_faults.OnFoot], foot: Foot
     ) -> None:
         self._whole_pf = whole_pf
-        self._on_lines = Schedule((fault.span_ns, fault) for fault in faults if isinstance(fault, _ON_LINES))
+        self._on_lines = Schedule(
+            (fault.span_ns, fault) for fault in faults if isinstance(fault, _LINE_FAULT_TYPES)
+        )
         self._on_elements = Schedule(
             # What has drifted stays.
             (
@@ -41,7 +43,7 @@ class WiredFoot:
                 fault,
             )
             for fault in faults
-            if not isinstance(fault, _ON_LINES)
+            if not isinstance(fault, _LINE_FAULT_TYPES)
         )
         self.rows = foot.response.rows
         design = foot.response.design
@@ -60,11 +62,11 @@ class WiredFoot:
             match fault:
                 case scene_faults.ElementDrifts():
                     drift_s = (min(t_ns, fault.until_ns) - fault.at_ns) * 1e-9
-                    pf = max(pf + fault.rate_ff_per_s * drift_s * 1e-3, OPEN_PF)
+                    pf = max(pf + fault.rate_ff_per_s * drift_s * 1e-3, OPEN_ELEMENT_PF)
                 case scene_faults.ElementStuck():
                     pf = self._held_pf.setdefault(fault, pf)
                 case scene_faults.ElementOpen():
-                    pf = OPEN_PF
+                    pf = OPEN_ELEMENT_PF
                 case scene_faults.GapClosed():
                     pf = self._closed_pf
             damaged_pf[fault.element] = pf
@@ -74,7 +76,7 @@ class WiredFoot:
         """Return the capacitance to ground of pin `cin` at a time [pF]; arguments as of `pin_capacitance_pf`."""
         broken_rows, broken_columns, shorted = self._broken_lines(t_ns)
         if broken_columns >> cin & 1:
-            return OPEN_PF
+            return OPEN_ELEMENT_PF
         shorted_rows = sum({1 << element // self.rows for element in shorted if element % self.rows == cin})
         return pin_capacitance_pf(column_pf, states, broken_rows, shorted_rows)
 

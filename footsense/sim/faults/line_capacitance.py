@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from footsense.sim.chips.line_switch import FLOATING_ROW_PF, LineStates
 
 #: A capacitance to ground beyond any converter's range [pF].
-SHORT_PF = 1e6
+SHORTED_ELEMENT_PF = 1e6
 
 
 def pin_capacitance_pf(
@@ -35,7 +35,7 @@ def pin_capacitance_pf(
     # A short is on the foot's side of a broken line: the row floats with the pin.
     broken = broken_rows & ~shorted_rows
     if shorted_rows & states.selected & ~broken_rows:
-        return SHORT_PF
+        return SHORTED_ELEMENT_PF
     if shorted_rows & states.waiting & ~broken_rows:
         return 0.0
     total_pf = 0.0
@@ -85,4 +85,4 @@ def mutual_capacitance_pf(
         row, column = divmod(element, n_columns)
         if excited >> row & sensed >> column & 1:
             total_pf += pf
-    return (SHORT_PF if over else total_pf), to_ground
+    return (SHORTED_ELEMENT_PF if over else total_pf), to_ground

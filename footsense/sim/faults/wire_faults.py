@@ -26,7 +26,7 @@ KERNEL_RETRIES = 3
 #: Address whose bits, with that to read, release SDA for nine clocks.
 _ALL_ONES = 0x7F
 #: Time in a transaction until arbitration is lost: that of the address, at 400 kHz [ns].
-_LOST_AFTER_NS = 25_000
+_ARBITRATION_LOST_AFTER_NS = 25_000
 
 
 class WireFaults:
@@ -91,7 +91,7 @@ class WireFaults:
         for _ in range(1 + KERNEL_RETRIES):
             if not any(self._rng.random() < rate_rel for rate_rel in lost):
                 return True
-            clock.advance_ns(host_cost_ns + _LOST_AFTER_NS)
+            clock.advance_ns(host_cost_ns + _ARBITRATION_LOST_AFTER_NS)
         raise BusTimeoutError("arbitration lost four times")
 
     def _holds_line(self, fault: OnWires, selection: int) -> bool:

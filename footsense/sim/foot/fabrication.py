@@ -15,7 +15,7 @@ from footsense.frames import Vector
 #: Smallest drawn gap, film and stiffness, relative to the designed one [1]; a smaller draw is repeated.
 MIN_DRAWN_REL = 0.25
 #: Lowest elevation of the paper's loads [deg].
-LOWEST_LOAD_DEG = 40.0
+MIN_LOAD_ELEVATION_DEG = 40.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,11 +65,11 @@ def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foo
         film_um=_draw_at_least(film, tolerances.film_um, n, min_deviation_rel * design.film_um),
         stray_pf=_draw_at_least(stray, tolerances.stray_pf, n, -np.inf),
         stiffness_rel=float(_draw_at_least(stiffness, tolerances.stiffness_rel, 1, min_deviation_rel)[0]),
-        mount=_draw_mount(mount, tolerances.mount_deg, LOWEST_LOAD_DEG - response.min_elevation_deg),
+        mount=_draw_mount(mount, tolerances.mount_deg, MIN_LOAD_ELEVATION_DEG - response.min_elevation_deg),
     )
 
 
-def remounted(own: Deviations, remount_deg: float, seed: int, foot: int, mounting: int) -> Deviations:
+def with_new_mounting(own: Deviations, remount_deg: float, seed: int, foot: int, mounting: int) -> Deviations:
     """Return a foot after another mounting, rotated by a further small angle.
 
     Args:

@@ -12,7 +12,7 @@ from footsense.foot.specimen import Foot
 from footsense.sim.loads.walk import Walk
 
 #: Time between two points of a table [ns]: error of 0.03 fF where no gap closes.
-STEP_NS = 250_000
+TABLE_STEP_NS = 250_000
 #: Step of the softness between two tables [1].
 _SOFTNESS_STEP = 0.005
 
@@ -32,7 +32,7 @@ class GaitTable:
 
     def __init__(self, foot: Foot, walk: Walk, leg: str, softness: tuple[float, float] = (1.0, 1.0)) -> None:
         self.unloaded_pf: list[float] = foot.unloaded_pf.tolist()
-        self._n_steps = math.ceil(walk.duty_rel * walk.period_ns / STEP_NS)
+        self._n_steps = math.ceil(walk.duty_rel * walk.period_ns / TABLE_STEP_NS)
         self._per_phase = self._n_steps / walk.duty_rel
         # The last point belongs to the stance: at its end a foot may still carry.
         phases = np.linspace(0.0, walk.duty_rel, self._n_steps + 1)
@@ -59,13 +59,13 @@ class GaitTable:
             return self.unloaded_pf
         level = (softness - self._low) * self._per_softness
         below = min(int(level), len(self._tables) - 1)
-        lower_pf = self._table_at(self._tables[below], phase)
+        lower_pf = self._interpolate_table(self._tables[below], phase)
         part = level - below
         if part <= 0.0:
             return lower_pf
-        return _interpolate(lower_pf, self._table_at(self._tables[below + 1], phase), part)
+        return _interpolate(lower_pf, self._interpolate_table(self._tables[below + 1], phase), part)
 
-    def _table_at(self, table: list[list[float]], phase: float) -> list[float]:
+    def _interpolate_table(self, table: list[list[float]], phase: float) -> list[float]:
         place = phase * self._per_phase
         step = min(int(place), self._n_steps - 1)
         return _interpolate(table[step], table[step + 1], place - step)

@@ -148,7 +148,7 @@ class RandomStance:
         return Loads(normal, self._pressing_n(t_s)[:, None] * (normal + tangential))
 
     def _pressing_n(self, t_s: Vector) -> Vector:
-        """Return the normal force [N]."""
+        """Return the normal force at n times since touchdown [N]."""
         rise, fall = t_s / self._rise_s, (self.duration_s - t_s) / self._fall_s
         if self._kind == 0:
             envelope = _smooth_step(rise) * _smooth_step(fall)

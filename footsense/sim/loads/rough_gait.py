@@ -72,7 +72,7 @@ class RoughStance:
         downhill = rng.random() * stone * self._normal[:, :2] / self._normal[:, 2:]
         demand_n = pressed * (np.where(pressed > 1e-6, wanted, 0.0) - downhill)
         demand_n += ground.stiffness_n_per_mm * self._drag_mm(rng)
-        tangential_n, self._way_mm = ground.react(self._pressing_n, demand_n)
+        tangential_n, self._way_mm = ground.ground_forces(self._pressing_n, demand_n)
         self._force_n = _contact_forces_n(self._normal, self._pressing_n, tangential_n)
 
     def _drag_mm(self, rng: np.random.Generator) -> Vector:

@@ -20,7 +20,7 @@ from footsense.frames import Vector
 #: Step of the integration [s].
 STEP_S = 1e-3
 #: Power of the creep in friction use.
-_CREEP_POWER = 4
+_CREEP_EXPONENT = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class SlidingGround:
     stiffness_n_per_mm: float
     creep_mm_per_s: float
 
-    def react(self, pressing_n: Vector, demand_n: Vector) -> tuple[Vector, Vector]:
+    def ground_forces(self, pressing_n: Vector, demand_n: Vector) -> tuple[Vector, Vector]:
         """Return the tangential forces of the ground and the slid distance in one stance.
 
         Args:
@@ -62,7 +62,7 @@ class SlidingGround:
                 step_mm = (size - self.kinetic_friction * s_n) / stiffness
                 kept = self.kinetic_friction * s_n / size
             elif size:
-                step_mm = min(creep * (size / cone_n) ** _CREEP_POWER, size / stiffness)
+                step_mm = min(creep * (size / cone_n) ** _CREEP_EXPONENT, size / stiffness)
                 kept = 1.0 - step_mm * stiffness / size
             else:
                 step_mm, kept = 0.0, 1.0

@@ -67,7 +67,7 @@ class PressSequence:
         self._press_period_ns = 2 * rise_ns + dwell_ns + pause_ns
 
     @property
-    def ends_ns(self) -> int:
+    def end_ns(self) -> int:
         """End of the pause after the last press [ns]."""
         return self._from_ns + len(self._force_n) * self._press_period_ns
 

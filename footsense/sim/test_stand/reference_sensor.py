@@ -22,7 +22,7 @@ from footsense.ports import Clock
 
 #: Rated value and resolution of fx, fy, fz [gf]; table II of the paper.
 RATED_GF = np.array([4000.0, 4000.0, 8000.0])
-STEP_GF = np.array([4.0, 4.0, 12.0])
+RESOLUTION_GF = np.array([4.0, 4.0, 12.0])
 #: Nonlinearity over the rated value [1]; table II of the paper.
 LINEARITY_REL = 0.015
 RATE_HZ = 200
@@ -49,8 +49,8 @@ def drawn_bow_gf(random: np.random.Generator, linearity_rel: float) -> Vector:
 def nonlinearity_gf(bow_gf: Vector, load_gf: Vector) -> Vector:
     """Return by how much a specimen with a bow reads too much at loads [gf], shape (..., 3)."""
     share = np.clip(load_gf / RATED_GF, -1, 1)
-    too_much_gf: Vector = bow_gf * (share - share**3)
-    return too_much_gf
+    nonlinearity_error_gf: Vector = bow_gf * (share - share**3)
+    return nonlinearity_error_gf
 
 
 class SimulatedSensor:
@@ -78,7 +78,7 @@ class SimulatedSensor:
         self._clock = clock
         self._random = np.random.default_rng((seed, 6))
         self._bow_gf = drawn_bow_gf(self._random, linearity_rel)
-        self._offset_gf = STEP_GF * self._random.uniform(-_MAX_OFFSET_STEPS, _MAX_OFFSET_STEPS, 3)
+        self._offset_gf = RESOLUTION_GF * self._random.uniform(-_MAX_OFFSET_STEPS, _MAX_OFFSET_STEPS, 3)
         self._period_ns = _PERIOD_NS * (1 + self._random.uniform(-_MAX_CLOCK_ERROR_REL, _MAX_CLOCK_ERROR_REL))
         self._t_first_us = int(self._random.integers(0, 1_000_000_000))
         self._started_ns: int | None = None
@@ -108,11 +108,11 @@ class SimulatedSensor:
                 return b"".join(lines)
             self._n_sent += 1
             sensor_us = self._t_first_us + self._n_sent * _PERIOD_NS // 1000
-            lines.append(b"%d,%d,%d,%d\r\n" % (sensor_us, *self._counted_gf(taken_ns)))
+            lines.append(b"%d,%d,%d,%d\r\n" % (sensor_us, *self._quantized_reading_gf(taken_ns)))
 
-    def _counted_gf(self, t_ns: int) -> list[int]:
+    def _quantized_reading_gf(self, t_ns: int) -> list[int]:
         load_gf = -self._true_force_at_time_n(t_ns) / GRAM_FORCE_N
-        noise_gf = _NOISE_STEPS * STEP_GF * self._random.normal(size=3)
+        noise_gf = _NOISE_STEPS * RESOLUTION_GF * self._random.normal(size=3)
         reading_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf) + self._offset_gf + noise_gf
-        counted_gf = STEP_GF * np.rint(reading_gf / STEP_GF)
+        counted_gf = RESOLUTION_GF * np.rint(reading_gf / RESOLUTION_GF)
         return [int(value) for value in np.clip(counted_gf, -RATED_GF, RATED_GF)]

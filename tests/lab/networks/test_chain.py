@@ -22,7 +22,7 @@ from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.network import Network
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.network_card import METADATA_KEY, read_card
-from footsense.foot.force_errors import GRAM_FORCE_N, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.build import MAX_ONNX_DIFFERENCE_REL, QUICK_BUILD, BuildResult, build
 from footsense.lab.evaluation.compare import compare_builds
@@ -102,7 +102,7 @@ def test_the_wide_set_stays_inside_its_promise(response: FootResponse) -> None:
 def test_errors_are_those_of_hand_computation() -> None:
     """A right angle is 90 deg, a 10 % longer estimate of 1 N is 10.197 gf off."""
     truth = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    row = errors(truth, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.1]]))
+    row = evaluate_force_errors(truth, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.1]]))
     assert row.direction_deg == pytest.approx(45.0)
     assert row.magnitude_gf == pytest.approx(0.1 / GRAM_FORCE_N / 2.0)
 

@@ -51,7 +51,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     light = tuple((0.5 * x, 0.5 * y, 0.5 * z) for x, y, z in presses(24))
     load = CalibrationLoads(presses=light, rise_s=0.1, dwell_s=0.7, pause_s=0.8)
     scene = Scene(description="a test stand", load=load, lead_in_s=2.0, fabrication=MADE)
-    end_ns = load.build(round(scene.lead_in_s * 1e9)).ends_ns + 500_000_000
+    end_ns = load.build(round(scene.lead_in_s * 1e9)).end_ns + 500_000_000
     run = StandSession(test_stand=STAND, leg="lf", foot="foot-0007", session="one")
     with open_service(CONFIG, scene, record=path, real_time=False, test_stand=run) as service:
         service.run(until_ns=end_ns)

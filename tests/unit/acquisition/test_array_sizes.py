@@ -14,12 +14,12 @@ from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.files.network_card import TrainedInputs
-from footsense.foot.response_table import FootResponse, n_products
 from footsense.foot.specimen import Foot
 from footsense.frames import ContactFrame, Reading, State
 from footsense.ports import Load, Window
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene_files import load_scene
+from tests.support.arrays import response
 from tests.support.feet import DESIGN
 
 LEGS = {leg: channel for channel, leg in enumerate(("lf", "lm", "lr", "rf", "rm", "rr"))}
@@ -34,29 +34,6 @@ def test_in_the_order_of_a_square_no_growing_force_is_a_tilt(rows: int) -> None:
     grid = place.reshape(rows, rows)
     assert set(grid.sum(axis=0)) == set(grid.sum(axis=1)) == {rows * (rows**2 - 1) // 2}
     assert (np.diff(np.append(order, order[0]) % rows) != 0).all()
-
-
-def response(rows: int) -> FootResponse:
-    """Return a table of a made-up foot: 5 um/N upright, and 2 um/N sideways, growing with the distance of the cell."""
-    half, side = 3 * rows, 6 * rows
-    own = np.zeros((half, half, side, side))
-    row, column = np.indices((half, half))
-    own[row, column, row, column] = 10.0
-    series = np.zeros((2, n_products(2), half, half, 3))
-    away = (half - 0.5 - row) / half
-    series[0, 0] = np.stack([2.0 * away, 2.0 * away.T, np.full_like(away, 5.0)], axis=-1)
-    return FootResponse(
-        foot_type=f"test-{rows}",
-        design=DESIGN,
-        ball_radius_mm=10.0,
-        hertz_modulus_mpa=6.8,
-        min_elevation_deg=25.0,
-        fit_elevation_deg=12.0,
-        degree=2,
-        quarter_series=series,
-        quarter_compliance=own,
-        provenance={},
-    )
 
 
 @pytest.mark.parametrize("board", ["fdc1004", "ad7746"])

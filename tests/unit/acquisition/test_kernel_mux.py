@@ -111,8 +111,8 @@ def test_the_period_is_near_the_best(board: Board, host_cost_us: int) -> None:
         traffic=schedule.FDC1004 if board is FDC1004 else schedule.AD7746,
     )
     assert (robot.clock.now_ns() - start_ns) / 18 < 1.03 * limits.scan_ns
-    assert robot.bus.timing is not None
-    assert math.isclose(robot.bus.timing.limits.scan_ns, limits.scan_ns, rel_tol=1e-3)
+    assert robot.bus.bus_timing is not None
+    assert math.isclose(robot.bus.bus_timing.limits.scan_ns, limits.scan_ns, rel_tol=1e-3)
 
 
 def test_each_leg_has_stamps_of_its_own() -> None:
@@ -216,10 +216,10 @@ def test_the_bus_is_measured_at_the_next_leg_if_the_first_one_is_missing() -> No
     """No read of the first leg is acknowledged; the scan starts with the limits all the same."""
     robot = Robot(distinct)
     leg = robot.legs["0"]
-    before = robot.bus.timing
+    before = robot.bus.bus_timing
     leg.failing = dict.fromkeys(range(leg.n, leg.n + 1000), NackError("gone"))
     robot.bus.start()
-    assert robot.bus.timing is not before
+    assert robot.bus.bus_timing is not before
     assert (robot.read(2).reading[1:] == Reading.OK).all()
 
 
@@ -231,7 +231,7 @@ def test_acknowledges_that_are_lost_while_the_bus_is_measured_do_not_end_the_sta
     for first in range(1, 40):
         leg.n, leg.failing = 0, {first + n: NackError("lost") for n in range(n_lost)}
         robot.bus.start()
-        assert robot.bus.timing is not None
+        assert robot.bus.bus_timing is not None
         assert any((robot.read().reading == Reading.OK).all() for _ in range(100))
 
 

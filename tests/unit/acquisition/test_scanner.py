@@ -14,7 +14,7 @@ from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.leg_group import BusReadings
 from footsense.acquisition.robot_scanner import RobotScanner
-from footsense.acquisition.scan_plan import ORDERS, scan_plan
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS, scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.clock import MonotonicClock
 from footsense.errors import BusTimeoutError, HardwareError, NackError
@@ -40,7 +40,7 @@ T_CONV_NS = FDC1004.conversion_ns
         (150, 1, 1.49),
     ],
 )
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", CONVERSION_ORDERS)
 def test_the_scan_period_is_near_the_best(order: str, host_cost_us: int, n_buses: int, limit: float) -> None:
     """Within 3 % of the best that bus and chips allow, and so near to nine conversions; the scanner knows it too."""
     robot = Robot(distinct, n_buses=n_buses, host_cost_ns=host_cost_us * 1000, order=order)
@@ -50,15 +50,15 @@ def test_the_scan_period_is_near_the_best(order: str, host_cost_us: int, n_buses
     period_ns = robot.period_ns(18)  # in which every check has had its turn
     assert 9 * T_CONV_NS < period_ns < min(limit * 9 * T_CONV_NS, 1.03 * best.scan_ns)
     for bus in robot.buses:
-        assert bus.timing is not None
-        assert math.isclose(bus.timing.limits.scan_ns, best.scan_ns, rel_tol=1e-4)
-        assert math.isclose(bus.timing.costs.host_cost_ns, host_cost_us * 1000, abs_tol=10)
+        assert bus.bus_timing is not None
+        assert math.isclose(bus.bus_timing.limits.scan_ns, best.scan_ns, rel_tol=1e-4)
+        assert math.isclose(bus.bus_timing.costs.host_cost_ns, host_cost_us * 1000, abs_tol=10)
 
 
 def test_the_timing_of_a_bus_is_one_line_for_the_journal() -> None:
     """Clock, cost and limit, as measured."""
     [bus] = Robot(distinct, host_cost_ns=100_000).buses
-    assert str(bus.timing) == (
+    assert str(bus.bus_timing) == (
         "400 kHz and 100 us of host per transaction; the best scan takes "
         "25.7 ms, 1.14 x its conversions; the limit is the read-out"
     )
@@ -213,7 +213,7 @@ def test_a_bus_that_times_out_twice_costs_what_was_being_read() -> None:
 
 
 @pytest.mark.parametrize(("host_cost_us", "limit_ms"), [(0, 102.5), (40, 103.4), (100, 104.9)])
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", CONVERSION_ORDERS)
 @pytest.mark.parametrize("rate_sps", [91, 9])
 def test_the_scan_period_of_the_second_board_is_near_the_best(
     order: str, host_cost_us: int, limit_ms: float, rate_sps: int
@@ -231,7 +231,7 @@ def test_the_scan_period_of_the_second_board_is_near_the_best(
     period_ns = robot.period_ns(9)
     assert 9 * plan.conversion_ns < period_ns < 1.01 * best.scan_ns
     assert rate_sps != 91 or period_ns < limit_ms * 1e6
-    timing = robot.buses[0].timing
+    timing = robot.buses[0].bus_timing
     assert timing is not None
     assert timing.limits.limiting_factor == "conversion"
     assert math.isclose(timing.limits.scan_ns, best.scan_ns, rel_tol=1e-4)

@@ -25,7 +25,7 @@ from footsense.estimation.rest import at_rest
 from footsense.foot.cavity.air import Cavity
 from footsense.foot.correction_terms import correction_terms
 from footsense.foot.directions import angles_between_deg, normalized, rotation
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Foot
 from footsense.sim.test_stand.press_sequence import paper_presses
@@ -99,8 +99,8 @@ def test_twenty_loads_make_a_foot_several_times_better() -> None:
         rng = np.random.default_rng(number)
         loads, judged = load_set(made(number), _TRAINING, rng), load_set(made(number), _JUDGED, rng)
         found = calibrate(design(), loads.subset(loads.space_filling_order()[:20]))
-        before = errors(judged.force_n, _read(judged, None))
-        after = errors(judged.force_n, _read(judged, found.parameters))
+        before = evaluate_force_errors(judged.force_n, _read(judged, None))
+        after = evaluate_force_errors(judged.force_n, _read(judged, found.parameters))
         assert after.direction_deg < 0.25 * before.direction_deg
         assert after.direction_deg < 3.0
         assert after.magnitude_gf < 4.0
@@ -132,7 +132,7 @@ def test_a_foot_as_designed_is_left_as_it_is() -> None:
     rng = np.random.default_rng(5)
     loads, judged = load_set(Deviations(), _TRAINING[::5], rng), load_set(Deviations(), _JUDGED)
     found = calibrate(design(), loads).parameters
-    assert errors(judged.force_n, _read(judged, found)).direction_deg < 0.5
+    assert evaluate_force_errors(judged.force_n, _read(judged, found)).direction_deg < 0.5
     assert not found.correction.any()
 
 
@@ -143,7 +143,7 @@ def test_a_load_that_slipped_does_not_count_much() -> None:
     slipped[10] = slipped[40]
     judged = load_set(made(1), _JUDGED)
     found = calibrate(design(), replace(loads, capacitance_pf=slipped)).parameters
-    assert errors(judged.force_n, _read(judged, found)).direction_deg < 1.5
+    assert evaluate_force_errors(judged.force_n, _read(judged, found)).direction_deg < 1.5
 
 
 def test_the_correction_learns_what_is_there_and_nothing_else() -> None:

@@ -18,7 +18,7 @@ assert TX_PASSIVE & CONTROLLER_PASSIVE
 
 
 def note(health: BusHealth, error: ErrorClass, t_ns: int, detail: int = 0) -> None:
-    health.note(*next(split_frames(error_frame(error, detail))), t_ns)
+    health.count_error_frame(*next(split_frames(error_frame(error, detail))), t_ns)
 
 
 def test_every_error_frame_counts_as_what_it_is() -> None:
@@ -61,7 +61,7 @@ def test_a_queue_that_is_full_now_and_then_is_told_once_and_at_its_end(
     for begin_ns, n_frames in ((0, 1000), (100 * S, 500)):
         for n in range(n_frames):
             if n % 2:
-                health.note_full(begin_ns + n * 10_000_000)
+                health.log_queue_full(begin_ns + n * 10_000_000)
                 stats.dropped += 1
             health.check_recovery(begin_ns + n * 10_000_000)
         health.check_recovery(begin_ns + 50 * S)

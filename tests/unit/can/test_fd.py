@@ -95,7 +95,7 @@ def test_frames_of_both_lengths_go_out_with_one_call() -> None:
 
 def test_a_classic_interface_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Said before it is opened, with both remedies."""
-    monkeypatch.setattr(python_can, "NETWORK", tmp_path)
+    monkeypatch.setattr(python_can, "NETWORK_DEVICES_FOLDER", tmp_path)
     (tmp_path / "can0").mkdir()
     (tmp_path / "can0" / "mtu").write_text("16\n")
     with pytest.raises(CanError) as caught:

@@ -221,7 +221,7 @@ def test_a_mux_whose_selection_cannot_be_read_is_not_switched() -> None:
     wires = LosingArbitration(clock, 400_000, 0, mux, {0: (SimulatedFdc1004(lambda *_: 5.0, None),)})
     scan = scan_bus(UpstreamBus(wires, 0x71), clock, scan_plan("lo_shu", 400), CHANNELS)
     assert scan.upstream is not None
-    assert (scan.mux_answers, scan.channels, scan.timing) == (False, {}, None)
+    assert (scan.mux_answers, scan.channels, scan.bus_timing) == (False, {}, None)
 
 
 MUX = 0x71
@@ -268,8 +268,8 @@ def test_adapters_of_a_kernel_mux_are_told_leg_by_leg() -> None:
     why = "no line switch answers at 0x49, though a converter does at 0x50"
     sound = ChannelScan((0x49, 0x50), Reading.OK)
     assert scan.channels == {0: ChannelScan((0x50,), Reading.NO_ANSWER, why), 1: sound, 2: sound}
-    assert scan.timing is not None
-    assert scan.timing.costs.rate_hz == pytest.approx(400_000, rel=1e-3)
+    assert scan.bus_timing is not None
+    assert scan.bus_timing.costs.rate_hz == pytest.approx(400_000, rel=1e-3)
 
 
 class HeldLow(SimulatedKernelMuxChannel):
@@ -296,13 +296,13 @@ def test_a_stuck_channel_does_not_hide_the_chips_of_the_upstream_bus() -> None:
     assert scan.channels[0].why.startswith("held low at 0x")
     sound = ChannelScan((0x49, 0x50), Reading.OK)
     assert (scan.channels[1], scan.channels[2]) == (sound, sound)
-    assert scan.timing is not None
+    assert scan.bus_timing is not None
 
 
 def test_the_upstream_bus_is_unknown_if_every_channel_is_stuck() -> None:
     """No channel shows what answers on it: one diagnosis of the bus, and no RESET pin to wire, the kernel has it."""
     scan = scanned_legs(HeldLow, HeldLow)
-    assert (scan.upstream, scan.timing) == (None, None)
+    assert (scan.upstream, scan.bus_timing) == (None, None)
     assert [chips.outcome for chips in scan.channels.values()] == [Reading.BUS_STUCK] * 2
     bus = Bus(device="sim", legs={"lf": "/dev/i2c-10", "lm": "/dev/i2c-11"})
     (diagnosis,) = bus_diagnoses(ProbedBus(bus, scan, {}), scan_plan("lo_shu", 400))
@@ -312,7 +312,7 @@ def test_the_upstream_bus_is_unknown_if_every_channel_is_stuck() -> None:
 
 def test_without_an_adapter_nothing_answers() -> None:
     """A bus without legs has an empty scan."""
-    assert scanned_legs() == BusScan(AddressProbe(()), mux_answers=True, channels={}, timing=None)
+    assert scanned_legs() == BusScan(AddressProbe(()), mux_answers=True, channels={}, bus_timing=None)
 
 
 def told_of_bus(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footsense.acquisition.scan_plan import ORDERS
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.estimation.rest import REST_AGE_S, at_rest
 
 
@@ -21,7 +21,7 @@ def test_a_foot_at_rest_has_read_the_same_three_times() -> None:
 
 def test_its_ages_are_those_at_the_end_of_a_scan() -> None:
     """In the order in which a robot reads them, one conversion apart, and a scan from reading to reading."""
-    newest_first = np.array(ORDERS["lo_shu"])[::-1]
+    newest_first = np.array(CONVERSION_ORDERS["lo_shu"])[::-1]
     np.testing.assert_array_equal(REST_AGE_S[0].argsort(), newest_first)
     steps_s = np.diff(REST_AGE_S[:, newest_first].ravel())
     np.testing.assert_allclose(steps_s, steps_s[0])

@@ -14,8 +14,8 @@ from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.chip_faults import failing_chips
-from footsense.sim.faults.damage import OPEN_PF
-from footsense.sim.faults.line_capacitance import SHORT_PF, pin_capacitance_pf
+from footsense.sim.faults.damage import OPEN_ELEMENT_PF
+from footsense.sim.faults.line_capacitance import SHORTED_ELEMENT_PF, pin_capacitance_pf
 from footsense.sim.faults.scene_faults import OnChips, OnWires
 from footsense.sim.faults.wire_faults import WireFaults
 from footsense.sim.foot.warming import DRIFT_PF_PER_K, WarmingFoot
@@ -168,7 +168,7 @@ def test_what_happens_at_random_happens_as_often_as_is_said(rate_rel: float) -> 
         (ROW_0, 0b000, 0b000, 5.0),
         (ROW_0, 0b001, 0b000, 5.0 * FLOATING_ROW_PF / (5.0 + FLOATING_ROW_PF)),
         (ROW_0, 0b010, 0b000, 5.0 + 6.0 * FLOATING_ROW_PF / (6.0 + FLOATING_ROW_PF)),
-        (ROW_0, 0b000, 0b001, SHORT_PF),
+        (ROW_0, 0b000, 0b001, SHORTED_ELEMENT_PF),
         (ROW_0, 0b000, 0b010, 0.0),
         (ROW_0, 0b010, 0b010, 5.0 + FLOATING_ROW_PF),
         (LineStates(0, 0b111, 0), 0b000, 0b000, 18.0),
@@ -179,7 +179,7 @@ def test_a_pin_sees_its_column_through_its_row_lines(
 ) -> None:
     """A grounded row counts, a shielded one does not, a floating one in series with itself; a short overrides all."""
     assert pin_capacitance_pf(COLUMN_PF, states, broken, shorted) == pytest.approx(expected_pf)
-    assert 0.5 * min(COLUMN_PF) > OPEN_PF
+    assert 0.5 * min(COLUMN_PF) > OPEN_ELEMENT_PF
 
 
 def test_warmth_takes_every_zero_along_a_little_differently_and_stiffens_the_foot() -> None:

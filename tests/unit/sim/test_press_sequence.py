@@ -47,7 +47,7 @@ def test_a_stick_presses_holds_and_lets_go(at_ms: int) -> None:
     size_n = (1.0, 0.5)[number] if number in {0, 1} else 0.0
     share = max(0.0, min(since_ms / 100, 1.0, (700 - since_ms) / 100))
     assert force_n == pytest.approx(size_n * share, abs=1e-12)
-    assert loads.ends_ns == 3000 * _MS
+    assert loads.end_ns == 3000 * _MS
 
 
 def test_contacts_lean_by_what_was_said() -> None:

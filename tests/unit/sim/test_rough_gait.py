@@ -13,7 +13,7 @@ GROUND = SlidingGround(kinetic_friction=0.4, static_rel=1.2, stiffness_n_per_mm=
 def test_a_foot_sticks_below_the_cone() -> None:
     """The force is the demanded one, and nothing slides."""
     demand_n = np.outer(np.linspace(0.0, 0.47, 100), [0.6, 0.8])
-    force_n, way_mm = GROUND.react(np.ones(100), demand_n)
+    force_n, way_mm = GROUND.ground_forces(np.ones(100), demand_n)
     assert np.allclose(force_n, demand_n)
     assert way_mm[-1] == 0.0
 
@@ -21,7 +21,7 @@ def test_a_foot_sticks_below_the_cone() -> None:
 def test_a_dragged_foot_slides_at_the_cone() -> None:
     """10 mm of drag: the spring takes what the cone allows, the foot slides the rest, slower friction when it moves."""
     drag_mm = np.linspace(0.0, 10.0, 1000)
-    force_n, way_mm = GROUND.react(np.ones(1000), 0.5 * np.outer(drag_mm, [1.0, 0.0]))
+    force_n, way_mm = GROUND.ground_forces(np.ones(1000), 0.5 * np.outer(drag_mm, [1.0, 0.0]))
     assert np.max(force_n) == pytest.approx(0.48, abs=0.01)
     assert np.max(force_n[200:]) <= 0.48
     assert way_mm[-1] == pytest.approx(10.0 - force_n[-1, 0] / 0.5)
@@ -30,7 +30,7 @@ def test_a_dragged_foot_slides_at_the_cone() -> None:
 def test_creep_relaxes_the_spring() -> None:
     """A held drag at 0.9 of the cone creeps at 0.9 to the fourth of the rate at the cone."""
     creeping = SlidingGround(kinetic_friction=0.4, static_rel=1.0, stiffness_n_per_mm=0.5, creep_mm_per_s=1.0)
-    _, way_mm = creeping.react(np.ones(10), np.tile([0.36, 0.0], (10, 1)))
+    _, way_mm = creeping.ground_forces(np.ones(10), np.tile([0.36, 0.0], (10, 1)))
     assert way_mm[0] == pytest.approx(0.9**4 * STEP_S)
     assert way_mm[-1] < 10.0 * way_mm[0]
 

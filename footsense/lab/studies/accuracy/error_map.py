@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from footsense.foot.directions import angles_between_deg, directions
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors, magnitude_errors_gf
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors, magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import (
@@ -74,7 +74,7 @@ class Results:
     map_max_deg: float
     worst_azimuth_deg: float
     worst_elevation_deg: float
-    verification: dict[str, Errors]
+    verification: dict[str, ForceErrors]
 
 
 def _estimated_forces_n(context: StudyContext, cases: Cases, draws: int) -> Vector:
@@ -169,7 +169,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         )
         read_n = _estimated_forces_n(context, verification, n).reshape(-1, 3)
         truth_n = np.tile(verification.force_n, (max(n, 1), 1))
-        readings[name] = errors(truth_n, read_n)
+        readings[name] = evaluate_force_errors(truth_n, read_n)
         drawn[name] = angles_between_deg(truth_n, read_n), magnitude_errors_gf(truth_n, read_n)
         context.report_progress(f"error-map: {computed.sum()} directions {name}")
     lowest_deg = context.foot_design.loads.min_elevation_deg

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.rest import at_rest
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import rms, sigma_coverage_shares
 from footsense.lab.evaluation.evaluate_models import (
@@ -69,11 +69,11 @@ class Results:
         coverage_on_deviating_feet: Coverage on feet that differ from the design, by batch.
     """
 
-    errors: dict[str, Errors]
+    errors: dict[str, ForceErrors]
     weights: int
     min_judged_n: float
     n_feet: int
-    missing: dict[str, Errors]
+    missing: dict[str, ForceErrors]
     missing_coverage: dict[str, SigmaCoverage]
     coverage_by_force_n: dict[str, SigmaCoverage]
     coverage_on_deviating_feet: dict[str, SigmaCoverage]
@@ -107,7 +107,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     for name, index in MISSING_PATTERNS.items():
         mask = np.tile(MISSING_SETS[index], (len(closure_rel), 1))
         force_n, sigma_n = network.estimate(at_rest(imputation.impute(closure_rel, mask), mask))[:2]
-        missing[name] = errors(cases.force_n[counted], force_n[counted])
+        missing[name] = evaluate_force_errors(cases.force_n[counted], force_n[counted])
         missing_coverage[name] = sigma_coverage_shares(cases.force_n, force_n, sigma_n)
     force_n, sigma_n = network.estimate(at_rest(closure_rel))[:2]
     by_force = {}

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.foot.direction_sets import paper_directions
-from footsense.foot.force_errors import GRAM_FORCE_N, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.symmetry import mirrored_series
 from footsense.frames import Vector
 from footsense.lab.fem.mesh import MeshSize
@@ -162,7 +162,7 @@ def network_direction_errors(
     starts = stack(start_weights_by_seed(seeds, (training.shape[1], *HIDDEN_NEURONS, 3)))
     networks = unstack(train(RPROP, starts, training_inputs, _TRAINING, epochs).layers)
     return MeanStd.of_values(
-        errors(_TEST, np.asarray(network_outputs(network, test_inputs), float)).direction_deg
+        evaluate_force_errors(_TEST, np.asarray(network_outputs(network, test_inputs), float)).direction_deg
         for network in networks
     )
 

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from joblib import Parallel, delayed
 
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation import evaluate
@@ -93,7 +93,7 @@ def foot_trained_network_errors(
     estimate_n = per_foot_force_n(
         response.design, training.change_pf, training.force_n, test.change_pf, epochs
     )
-    row = errors(test.force_n, estimate_n)
+    row = evaluate_force_errors(test.force_n, estimate_n)
     return row.direction_deg, row.magnitude_gf
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from footsense.foot.direction_sets import direction_grid, paper_directions, random_directions
 from footsense.foot.directions import angles_between_deg, normalized
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Mask, Vector
 from footsense.lab.evaluation.evaluate import Readout, elastance_readout
@@ -63,8 +63,8 @@ def inclined_unit_vectors(force: Vector, lean_deg: float, turn_deg: float) -> Ve
     down = np.cross(across, along)
     lean, turn = np.radians([lean_deg, turn_deg])
     side = np.cos(turn) * down + np.sin(turn) * across
-    leaning_load_errors: Vector = np.cos(lean) * along + np.sin(lean) * side
-    return leaning_load_errors
+    inclined: Vector = np.cos(lean) * along + np.sin(lean) * side
+    return inclined
 
 
 #: Read-outs under test.
@@ -94,9 +94,11 @@ class _ReadoutsUnderTest:
         noisy = measured_closure_rel(design, closure_um, np.random.default_rng(SEED)) * design.gap_um
         return noisy, design.capacitance_pf(closure_um).max(axis=1) < FULL_SCALE_PF
 
-    def errors(self, measured_um: Vector, truth_n: Vector) -> dict[str, Errors]:
+    def errors_by_readout(self, measured_um: Vector, truth_n: Vector) -> dict[str, ForceErrors]:
         """Return the force errors of each read-out on measured closures [um], by the name of the read-out."""
-        return {name: errors(truth_n, read(measured_um)) for name, read in self._readouts.items()}
+        return {
+            name: evaluate_force_errors(truth_n, read(measured_um)) for name, read in self._readouts.items()
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,13 +116,13 @@ class Results:
 
     arm_mm: float
     friction_deg: float
-    lean: list[dict[str, Errors]]
+    lean: list[dict[str, ForceErrors]]
     in_range_rel: list[float]
-    second: list[dict[str, Errors]]
-    distance: dict[str, dict[str, Errors]]
+    second: list[dict[str, ForceErrors]]
+    distance: dict[str, dict[str, ForceErrors]]
 
 
-def leaning_load_errors(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, Errors]], list[float]]:
+def leaning_load_errors(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
     """Return the errors at each lean, and the share of loads of `PAPER_GF` within the converter's range.
 
     108 force directions, the contact to four sides of each.
@@ -133,7 +135,7 @@ def leaning_load_errors(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, Erro
             [inclined_unit_vectors(direction, lean_deg, 90.0 * turn) for turn in range(4)]
         )
         measured_um, inside = tested.measured_um(tested.response.free_closure_um(normal, truth_n))
-        found.append(tested.errors(measured_um[inside], truth_n[inside]))
+        found.append(tested.errors_by_readout(measured_um[inside], truth_n[inside]))
         larger_n = truth_n * (PAPER_GF / LEANING_GF)
         _, inside = tested.measured_um(tested.response.free_closure_um(normal, larger_n))
         within.append(float(inside.mean()))
@@ -169,14 +171,14 @@ class _SecondLoads:
 
 def _errors_by_contact_angle(
     tested: _ReadoutsUnderTest, second: _SecondLoads
-) -> dict[str, dict[str, Errors]]:
+) -> dict[str, dict[str, ForceErrors]]:
     """Return the errors by the angle between the contacts."""
     measured_um, truth_n, inside = second.measured(SECOND_FORCE_REL_OVER_ANGLE)
     found = {}
     for low, high in pairwise(CONTACT_ANGLES_DEG):
         here = inside & (second.distance_deg >= low) & (second.distance_deg < high)
         if here.any():
-            found[f"{low:g} to {high:g}"] = tested.errors(measured_um[here], truth_n[here])
+            found[f"{low:g} to {high:g}"] = tested.errors_by_readout(measured_um[here], truth_n[here])
     return found
 
 
@@ -189,7 +191,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     shared = []
     for share in SECOND_FORCES_REL:
         measured_um, truth_n, inside = second.measured(share)
-        shared.append(tested.errors(measured_um[inside], truth_n[inside]))
+        shared.append(tested.errors_by_readout(measured_um[inside], truth_n[inside]))
     results = Results(
         arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
         friction_deg=context.foot_design.loads.friction_angle_deg,
@@ -205,7 +207,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     return results, figures
 
 
-def _curves(x: Sequence[float], label: str, found: list[dict[str, Errors]]) -> Figure:
+def _curves(x: Sequence[float], label: str, found: list[dict[str, ForceErrors]]) -> Figure:
     """Draw the mean errors of direction and magnitude over x, a curve for each read-out."""
     figure, row = subplot_row(2, 8.2, 3.9)
     quantities = (

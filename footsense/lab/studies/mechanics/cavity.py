@@ -13,7 +13,7 @@ from footsense.foot.cavity.air import ADIABATIC, AMBIENT_KPA, AMBIENT_MPA, ROOM_
 from footsense.foot.cavity.venting import CHANNEL_MM, channel_s, parylene_s, sorption_s
 from footsense.foot.direction_sets import paper_directions
 from footsense.foot.directions import normalized
-from footsense.foot.force_errors import GRAM_FORCE_N, Errors, errors
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.gap_contact import CELLS, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
@@ -65,7 +65,7 @@ _UPWARD = np.array([[0.0, 0.0, 1.0]])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CavityFigures:
-    """Figures of a foot with one kind of cavity.
+    """Sensitivity, range and errors of a foot with one kind of cavity.
 
     Attributes:
         closure_um_per_n: Mean closure of a corner, an edge and the middle under a small upright force [um/N].
@@ -86,8 +86,8 @@ class CavityFigures:
     closure_um_per_n: tuple[float, float, float]
     range_n: float
     contact_n: float
-    linear_change: Errors
-    linear_elastance: Errors
+    linear_change: ForceErrors
+    linear_elastance: ForceErrors
     bound_deg: list[float]
     bound_gf: list[float]
     own_deg: MeanStd
@@ -118,7 +118,7 @@ class Results:
     """
 
     kinds: dict[str, CavityFigures]
-    by_hand: dict[str, Errors]
+    by_hand: dict[str, ForceErrors]
     adiabatic_um_per_n: tuple[float, float, float]
     air_over_solid: tuple[float, float]
     drift_ff_per_kpa: float
@@ -137,7 +137,9 @@ def _corner_edge_middle_means_um(cells_um: Vector) -> tuple[float, float, float]
     return corner, edge, middle
 
 
-def paper_procedure_errors(foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int) -> Errors:
+def paper_procedure_errors(
+    foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int
+) -> ForceErrors:
     """Return the errors of the paper's procedure: a plain network trained on 362 cases of the foot, 180 asked.
 
     Args:
@@ -156,7 +158,7 @@ def paper_procedure_errors(foot: Foot, mount: Vector, stand: Tolerances, seed: i
         Cases(one.force_n, closure_of_designed_foot_um(design, one.change_pf)) for one in measured
     )
     read = PaperTraining(design, training).train(start_weights_by_seed(seed + 1)[-1:], epochs)[0]
-    return errors(test.force_n, read(test.closure_um))
+    return evaluate_force_errors(test.force_n, read(test.closure_um))
 
 
 def errors_over_feet(
@@ -192,14 +194,16 @@ def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
     made_deg, made_gf = errors_over_feet(response, PAPER_TOLERANCES, CAREFUL_TEST_STAND, feet, epochs)
     vented = replace(context.response, cavity=VENTED)
     designed = PaperTraining(design, paper_training(vented)).train(start_weights_by_seed(1), epochs)[0]
-    misread = errors(test.force_n, designed(test.closure_um))
+    misread = evaluate_force_errors(test.force_n, designed(test.closure_um))
     context.report_progress(f"cavity: {cavity.kind} measured")
     return CavityFigures(
         closure_um_per_n=_corner_edge_middle_means_um(foot.cells_um(_UPWARD, small_n) / 0.05),
         range_n=float(LOADS_N[beyond.argmax()] if beyond.any() else LOADS_N[-1]),
         contact_n=float(LOADS_N[closed.argmax()] if closed.any() else LOADS_N[-1]),
-        linear_change=errors(test.force_n, capacitance_readout(design, training)(test.closure_um)),
-        linear_elastance=errors(test.force_n, elastance_readout(training)(test.closure_um)),
+        linear_change=evaluate_force_errors(
+            test.force_n, capacitance_readout(design, training)(test.closure_um)
+        ),
+        linear_elastance=evaluate_force_errors(test.force_n, elastance_readout(training)(test.closure_um)),
         bound_deg=[float(np.sqrt(np.mean(bound.direction_rms_deg**2))) for bound in bounds],
         bound_gf=[float(np.sqrt(np.mean(bound.magnitude_gf**2))) for bound in bounds],
         own_deg=own_deg,
@@ -233,7 +237,7 @@ def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator)
     return Cases(force_n, design.closure_um(read_pf, foot.unloaded_pf))
 
 
-def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> Errors:
+def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> ForceErrors:
     """Return the errors of the paper's procedure on the exact foot with a leak [s], read by hand."""
     foot = Foot(replace(context.response, cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
     rng = np.random.default_rng(SEED)
@@ -242,7 +246,7 @@ def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> Errors:
         for cases in (paper_training(context.response), paper_verification(context.response))
     )
     read = PaperTraining(foot.response.design, training).train(start_weights_by_seed(1), epochs)[0]
-    return errors(test.force_n, read(test.closure_um))
+    return evaluate_force_errors(test.force_n, read(test.closure_um))
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:

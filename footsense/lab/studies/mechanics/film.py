@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from footsense.foot import gap_contact
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import directions, normalized
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import elastance_readout
@@ -92,7 +92,7 @@ class DesignFigures:
     sensitivity_pf_per_n: float
     range_n: float
     low_range_n: float
-    linear: Errors
+    linear: ForceErrors
     direction_deg: MeanStd
     magnitude_gf: MeanStd
 
@@ -193,7 +193,7 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures
     test = noisy(np.tile(paper_verification(context.response).force_n, (DRAWS, 1)))
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if context.quick else (SEEDS, EPOCHS)
     networks = PaperTraining(capacitor, training, "closure").train(start_weights_by_seed(seeds), epochs)
-    answers = [errors(test.force_n, read(test.closure_um)) for read in networks]
+    answers = [evaluate_force_errors(test.force_n, read(test.closure_um)) for read in networks]
     small_um = sensor.closure_um(_UPWARD, SMALL_FORCE_N * _UPWARD)
     change_pf = capacitor.capacitance_pf(small_um) - capacitor.unloaded_pf
     context.report_progress(f"film: {sensor.name} measured")
@@ -203,7 +203,7 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures
         sensitivity_pf_per_n=float(change_pf.mean() / SMALL_FORCE_N),
         range_n=_max_force_in_range_n(sensor, _UPWARD),
         low_range_n=_max_force_in_range_n(sensor, directions(0.0, 45.0)[None]),
-        linear=errors(test.force_n, elastance_readout(training)(test.closure_um)),
+        linear=evaluate_force_errors(test.force_n, elastance_readout(training)(test.closure_um)),
         direction_deg=MeanStd.of_values(answer.direction_deg for answer in answers),
         magnitude_gf=MeanStd.of_values(answer.magnitude_gf for answer in answers),
     )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.foot.force_errors import errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT_STANDARD_ERRORS, MeanDifference, MeanStd
 from footsense.lab.studies.page import Plots, Study, StudyContext
@@ -87,8 +87,11 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
             for seed in range(seeds)
         ]
         readouts = training.train(starts, epochs)
-        at_paper = [errors(paper.force_n, read(paper.closure_um)) for read in readouts]
-        at_others = [[errors(cases.force_n, read(cases.closure_um)) for cases in others] for read in readouts]
+        at_paper = [evaluate_force_errors(paper.force_n, read(paper.closure_um)) for read in readouts]
+        at_others = [
+            [evaluate_force_errors(cases.force_n, read(cases.closure_um)) for cases in others]
+            for read in readouts
+        ]
         figures = (
             [row.direction_deg for row in at_paper],
             [row.magnitude_gf for row in at_paper],

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.rest import at_rest
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
@@ -52,8 +52,8 @@ class NetworkSizeResult:
     channels: int
     weights: int
     run_us: float
-    gaits: Errors
-    rest: Errors
+    gaits: ForceErrors
+    rest: ForceErrors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +130,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     sizes = []
     for weights, time_us in zip(trained, times_us, strict=True):
         judged = {
-            name: errors(force_n, predict(weights, window).force_n)
+            name: evaluate_force_errors(force_n, predict(weights, window).force_n)
             for name, (force_n, window) in tests.items()
         }
         sizes.append(

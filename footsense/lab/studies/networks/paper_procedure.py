@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from footsense.foot.force_errors import Errors, errors
+from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
@@ -78,8 +78,13 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     by_feed, points = {}, {}
     for feed, name in FEED_LABELS.items():
         networks = paper_networks(response, quick=context.quick, feed=feed)
-        rows = [[errors(cases.force_n, read(cases.closure_um)) for read in networks] for cases in tests]
-        alone = errors(tests[INDEX_OF_100_GF].force_n, linear[feed](tests[INDEX_OF_100_GF].closure_um))
+        rows = [
+            [evaluate_force_errors(cases.force_n, read(cases.closure_um)) for read in networks]
+            for cases in tests
+        ]
+        alone = evaluate_force_errors(
+            tests[INDEX_OF_100_GF].force_n, linear[feed](tests[INDEX_OF_100_GF].closure_um)
+        )
         by_feed[str(feed)] = FeedErrors(
             direction_deg=[MeanStd.of_values(one.direction_deg for one in row) for row in rows],
             magnitude_gf=[MeanStd.of_values(one.magnitude_gf for one in row) for row in rows],
@@ -92,7 +97,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     return results, {"paper-procedure.png": _figure(by_feed, points)}
 
 
-def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[Errors]]) -> Figure:
+def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[ForceErrors]]) -> Figure:
     """Draw each network's magnitude error over its direction error, and the direction error over the force."""
     figure, (cloud, curve) = subplot_row(2, 8.2, 4.0)
     for colour, (feed, name) in zip(("C0", "C1"), FEED_LABELS.items(), strict=True):

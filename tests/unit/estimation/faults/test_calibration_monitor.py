@@ -15,7 +15,7 @@ from footsense.estimation.faults.calibration_monitor import (
     SUM_LIMIT,
     SUM_SLACK,
     CalibrationMonitor,
-    attributed_rel,
+    calibration_change_rel,
 )
 from footsense.frames import Vector
 
@@ -172,7 +172,7 @@ def test_walks_that_scatter_by_a_tenth_raise_no_false_alarm() -> None:
     sums = np.zeros((2, 6))
     worst = 0.0
     for load_n in USUAL_N * (1 + 0.1 * rng.standard_normal((5_000, 6))):
-        change = attributed_rel(load_n, usual_n)
+        change = calibration_change_rel(load_n, usual_n)
         sums = np.maximum(sums + np.stack([change, -change]) - LOAD_SLACK, 0.0)
         worst = max(worst, float(sums.max()))
     assert worst < 0.75 * LOAD_LIMIT

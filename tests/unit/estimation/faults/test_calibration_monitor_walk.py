@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from footsense.acquisition.scan_plan import ORDERS
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.config import DEFAULT, Config
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.foot_types import released_path
@@ -25,7 +25,7 @@ SCAN_NS, FRAMES = 24_400_000, 32
 PERIOD_NS = FRAMES * SCAN_NS
 STEP_NS = SCAN_NS // ELEMENTS
 #: When each element of a scan is converted, before its end [ns].
-BEFORE_NS = SCAN_NS - STEP_NS * np.argsort(ORDERS["lo_shu"])
+BEFORE_NS = SCAN_NS - STEP_NS * np.argsort(CONVERSION_ORDERS["lo_shu"])
 LEAD_IN = 20
 NOISE_PF, SCATTER_REL = 0.47e-3, 0.05
 RM = LEGS.index("rm")

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.causes import ElementFaults, causes, converter_states, drift_causes
+from footsense.estimation.faults.causes import ElementFaults, converter_states, drift_causes, leg_causes
 from footsense.estimation.faults.missing_sets import missing_elements
-from footsense.estimation.faults.open_elements import floating_pf
+from footsense.estimation.faults.open_elements import floating_row_crosstalk_pf
 from footsense.frames import USABLE, BaselineDrift, CapFrame, Cause, Reading, State
 from tests.support.feet import SCAN_NS, SIGMA_N, WINDOW, Feet
 
@@ -48,10 +48,10 @@ def test_legs_are_judged_apart() -> None:
 def test_only_a_whole_row_floats() -> None:
     """Each column of the rows that are left gets what the lost row reads there; a single open element adds none."""
     capacitance_pf = np.arange(9.0)[None] + 1.0
-    added = floating_pf(capacitance_pf, opened(3, 4, 5))
+    added = floating_row_crosstalk_pf(capacitance_pf, opened(3, 4, 5))
     np.testing.assert_array_equal(added, [[4.0, 5.0, 6.0, 0.0, 0.0, 0.0, 4.0, 5.0, 6.0]])
     for elements in ((), (4,), (3, 4), (2, 5, 8)):
-        np.testing.assert_array_equal(floating_pf(capacitance_pf, opened(*elements)), 0.0)
+        np.testing.assert_array_equal(floating_row_crosstalk_pf(capacitance_pf, opened(*elements)), 0.0)
 
 
 def break_line(scan: CapFrame, leg: int, broken: list[int], open_pf: float = OPEN_PF, first: int = 0) -> None:
@@ -197,7 +197,7 @@ def test_a_line_is_told_from_single_faults(elements: list[int], cause: Cause) ->
     nothing = np.zeros((1, 9), bool)
     faulty = ElementFaults(opened(*elements), nothing, nothing, nothing)
     reading = np.zeros((1, 9), np.uint8)
-    assert causes(reading, np.array([State.DEGRADED]), faulty, NO_DRIFT).tolist() == [cause]
+    assert leg_causes(reading, np.array([State.DEGRADED]), faulty, NO_DRIFT).tolist() == [cause]
 
 
 def test_the_most_severe_reading_gives_state_and_cause() -> None:
@@ -216,14 +216,14 @@ def test_the_most_severe_reading_gives_state_and_cause() -> None:
         states = np.array([State.VALID], np.uint8)
         converter_states(states, reading, whole, whole)
         assert states.tolist() == [state]
-        assert causes(reading, states, faulty, NO_DRIFT).tolist() == [cause]
+        assert leg_causes(reading, states, faulty, NO_DRIFT).tolist() == [cause]
 
 
 def test_an_element_that_drifts_apart_is_a_cause() -> None:
     """Though it is followed and the force is valid."""
     whole = np.zeros((2, 9), bool)
     drift = BaselineDrift.none(2)._replace(mean_pf=np.array([-0.03, -0.03]), worst_pf=np.array([-0.036, 0.0]))
-    cause = causes(
+    cause = leg_causes(
         np.zeros((2, 9), np.uint8),
         np.full(2, State.VALID),
         ElementFaults(whole, whole, whole, whole),
