@@ -55,7 +55,7 @@ def test_every_reader_has_what_was_sent(robot: tuple[Any, ...], counter: int) ->
     nodes, *legs = robot
     sigma_n, masks = legs[3], legs[5]
     single = list(split_frames(ForceQualityEncoder(nodes, 16).encode(counter, 1_000_001, *legs)))
-    fd = [(can_id, encode_forces(can_id, counter, 1_000_001, nodes, *legs, 16)) for can_id in NODES]
+    fd = [(can_id, encode_forces(can_id, counter, 1_000_001, nodes, *legs, n_elements=16)) for can_id in NODES]
     for frames, most_n, step_n in ((single, 0.992, 0.016), (fd, 0.96, 0.032)):
         ours, theirs = Link(LIMITS, n_elements=16), CLink(LIMITS, 16)
         for can_id, data in frames:
@@ -142,7 +142,7 @@ def test_more_elements_than_the_mask_has_bits_are_one_line() -> None:
     """Wherever they are told first; the force itself does not depend on them."""
     for make in (ForceQualityEncoder, lambda _, n: make_dbc(["lf"], 1, n), lambda _, n: Link(n_elements=n)):
         with pytest.raises(ValueError, match=r"^25 elements: the frames hold the masks of 1 to 16$"):
-            make([1], 25)  # type: ignore[operator]
+            make([1], 25)
     sent = dict(
         split_frames(ForceQualityEncoder([1], 16).encode(0, 1, [1], [1], [(1, 1, 1)], [(0, 0, 0)], [0], [0]))
     )
