@@ -31,9 +31,13 @@ LIMITS = LinkLimits(min_good=1)
 
 sigmas = st.one_of(st.just(math.nan), st.floats(0.0, 2.0))
 
+Axes = tuple[float, float, float]
+#: Nodes of the legs, and what the encoders take of them.
+Robot = tuple[list[int], list[int], list[State], list[Axes], list[Axes], list[int], list[int]]
+
 
 @st.composite
-def robots(draw: st.DrawFn) -> tuple[Any, ...]:
+def robots(draw: st.DrawFn) -> Robot:
     """Return nodes of one to eight legs, and what the encoders take of them."""
     nodes = sorted(draw(st.sets(st.integers(1, 8), min_size=1)))
     n = len(nodes)
@@ -50,12 +54,14 @@ def is_bound(told_n: float, sigma_n: float, step_n: float, most_n: float) -> boo
 
 
 @given(robots(), st.integers(0, 14))
-def test_every_reader_has_what_was_sent(robot: tuple[Any, ...], counter: int) -> None:
+def test_every_reader_has_what_was_sent(robot: Robot, counter: int) -> None:
     """Masks whole, sigmas never smaller than they are: codec, DBC, and the clients in Python and C."""
-    nodes, *legs = robot
+    nodes, legs = robot[0], robot[1:]
     sigma_n, masks = legs[3], legs[5]
     single = list(split_frames(ForceQualityEncoder(nodes, 16).encode(counter, 1_000_001, *legs)))
-    fd = [(can_id, encode_forces(can_id, counter, 1_000_001, nodes, *legs, n_elements=16)) for can_id in NODES]
+    fd = [
+        (can_id, encode_forces(can_id, counter, 1_000_001, nodes, *legs, n_elements=16)) for can_id in NODES
+    ]
     for frames, most_n, step_n in ((single, 0.992, 0.016), (fd, 0.96, 0.032)):
         ours, theirs = Link(LIMITS, n_elements=16), CLink(LIMITS, 16)
         for can_id, data in frames:
