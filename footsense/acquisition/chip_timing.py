@@ -17,7 +17,7 @@ from footsense.ports import Clock, I2cBus
 #: Halvings of the range of a slow chip: to a hundredth.
 _N_HALVINGS = 5
 #: What the clock of a slow chip may drift until it is measured again [1].
-_DRIFT_REL = 0.01
+_TIMING_DRIFT_REL = 0.01
 
 
 class ChipTiming(NamedTuple):
@@ -76,4 +76,4 @@ def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
     for _ in range(_N_HALVINGS):
         middle = (low + high) / 2
         low, high = (low, middle) if finishes_in_time(middle, next_started=keeps_done_bit) else (middle, high)
-    return ChipTiming(high * (1 + _DRIFT_REL), keeps_done_bit)
+    return ChipTiming(high * (1 + _TIMING_DRIFT_REL), keeps_done_bit)

@@ -95,7 +95,7 @@ MOTION_MODELS = (
 
 
 class ContactFilter:
-    """Filters of n feet that are read at the same times.
+    """Kalman filters of n feet that are read at the same times.
 
     Args:
         model: Model of the readings.
@@ -117,8 +117,8 @@ class ContactFilter:
         np.fill_diagonal(self._switch, _STAY)
         self._apart = np.zeros(n, int)
 
-    def read(self, element: int, closure_rel: Vector) -> None:
-        """Take the conversions of one element of all feet: closures over the gap [1], shape (n,)."""
+    def update(self, element: int, closure_rel: Vector) -> None:
+        """Update the filter by one element's conversions of all feet: closures over the gap [1], shape (n,)."""
         self._mix_models()
         self._predict()
         likelihood = self._correct(element, np.tile(closure_rel, len(MOTION_MODELS)))

@@ -55,9 +55,9 @@ def assess_foot(response: FootResponse, wishes: Wishes) -> Assessment:
     """Return range and force errors of a foot, from its response table."""
     foot, board = Foot(response), wishes.board
     grids = [direction_grid(list(_AZIMUTHS_DEG), [float(elevation)]) for elevation in ELEVATIONS_DEG]
-    by_elevation = [_range_n(foot, board, Loads(grid, grid)) for grid in grids]
+    by_elevation = [_max_readable_force_n(foot, board, Loads(grid, grid)) for grid in grids]
     loads = design_loads(wishes.reach_deg)
-    reach_n = _range_n(foot, board, loads)
+    reach_n = _max_readable_force_n(foot, board, loads)
     force_n = np.geomspace(wishes.min_n, wishes.max_n, LEVELS)
     rows = [_cramer_rao_bound(foot, board, loads.normal, size * loads.direction) for size in force_n]
     direction_deg, magnitude_rel = np.array(rows).T
@@ -76,7 +76,7 @@ def assess_foot(response: FootResponse, wishes: Wishes) -> Assessment:
     )
 
 
-def _range_n(foot: Foot, board: Converter, loads: Loads) -> float:
+def _max_readable_force_n(foot: Foot, board: Converter, loads: Loads) -> float:
     """Return the largest force that the foot reads under all of some loads [N], by bisection."""
     design = foot.response.design
     readable_um = (

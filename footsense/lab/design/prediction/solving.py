@@ -44,12 +44,12 @@ def solve_shapes(like: FootDesign, path: Path, report: Callable[[str], None]) ->
         fine.append(make_response(design_of_shape(shape, like), RELEASED_MESH))
         report(f"{shape}")
 
-    def coarse(shape: Shape) -> Vector:
+    def coarse_ln_amplitudes(shape: Shape) -> Vector:
         made = make_response(design_of_shape(shape, like), COARSE_MESH)
         report(f"{shape}, coarse")
         return np.log(amplitudes(made.quarter_series, made.quarter_compliance))
 
-    store_shapes(path, fine, pair_interaction_corrections(coarse))
+    store_shapes(path, fine, pair_interaction_corrections(coarse_ln_amplitudes))
 
 
 def pair_interaction_corrections(ln_amplitude: Callable[[Shape], Vector]) -> Vector:
