@@ -36,7 +36,7 @@ def test_eight_legs_walk_in_two_groups_of_four(tmp_path: Path) -> None:
         [z_n[leg] for leg in group] for group in (("lf", "rm", "lr", "r4"), ("rf", "lm", "rr", "l4"))
     )
     assert len(z_n["lf"]) > 200
-    together = np.corrcoef(first + second)
+    together = np.atleast_2d(np.corrcoef(first + second))
     assert together[:4, :4].min() > 0.95
     assert together[4:, 4:].min() > 0.95
     assert together[:4, 4:].max() < 0.0
