@@ -104,7 +104,7 @@ class Record(NamedTuple):
     values: bytes
 
     def values_af(self) -> tuple[int, ...]:
-        """Return the values as numbers [aF], shape (9,)."""
+        """Return the capacitances of the nine elements as integers [aF], shape (9,)."""
         return _VALUES.unpack(self.values)
 
 

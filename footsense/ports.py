@@ -204,7 +204,7 @@ class Estimator(Protocol):
     """Estimates loads from the last readings of the feet: the network."""
 
     def estimate(self, window: Window) -> Load:
-        """Return the load of every row."""
+        """Return the estimated load of every row of the window."""
         ...
 
 

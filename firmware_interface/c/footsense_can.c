@@ -75,7 +75,27 @@ bool footsense_decode_force(uint16_t id, const uint8_t *data, uint8_t len, foots
     return true;
 }
 
+/* The mask of unusable elements has 9 bits or, of feet with more elements, 16; the standard deviations have the rest
+ * (../can/element_mask.py). */
+static uint8_t mask_bits(uint8_t n_elements)
+{
+    return n_elements > FOOTSENSE_NARROW_ELEMENTS ? 16 : FOOTSENSE_NARROW_ELEMENTS;
+}
+
+/* A standard deviation of so many bits, in steps of so many mN. */
+static uint16_t sigma_of(uint32_t bits, unsigned n_bits, unsigned step_mn)
+{
+    uint32_t none = (1u << n_bits) - 1u;
+    return (bits & none) == none ? FOOTSENSE_NO_SIGMA : (uint16_t)((bits & none) * step_mn);
+}
+
 bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, footsense_quality *out)
+{
+    return footsense_decode_quality_of(FOOTSENSE_NARROW_ELEMENTS, id, data, len, out);
+}
+
+bool footsense_decode_quality_of(uint8_t n_elements, uint16_t id, const uint8_t *data, uint8_t len,
+                                 footsense_quality *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_QUALITY_ID, 8)) {
         return false;
@@ -86,10 +106,12 @@ bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, foo
     out->counter = data[1] & 0x0Fu;
     out->flags = data[1] >> 4;
     out->age_us = age == 0xFFFu ? FOOTSENSE_NO_AGE : age * 100u;
-    out->fault_mask = (uint16_t)(bits >> 20 & 0x1FFu);
-    for (int axis = 0; axis < 3; axis++) {
-        uint16_t code = (uint16_t)(bits >> (29 + 9 * axis) & 0x1FFu);
-        out->sigma_mn[axis] = code == 0x1FFu ? FOOTSENSE_NO_SIGMA : (uint16_t)(code * 2u);
+    unsigned n_mask = mask_bits(n_elements);
+    unsigned n_sigma = n_mask == 16 ? 6 : 9;
+    out->fault_mask = (uint16_t)(bits >> 20 & ((1u << n_mask) - 1u));
+    for (unsigned axis = 0; axis < 3; axis++) {
+        uint32_t sigma = (uint32_t)(bits >> (20 + n_mask + axis * n_sigma));
+        out->sigma_mn[axis] = sigma_of(sigma, n_sigma, n_mask == 16 ? 16 : 2);
     }
     return true;
 }
@@ -101,12 +123,6 @@ static uint16_t crc16_byte(uint16_t crc, uint8_t byte)
         crc = (uint16_t)(crc << 1 ^ (crc & 0x8000u ? 0x1021u : 0u));
     }
     return crc;
-}
-
-/* A standard deviation in steps of 4 mN. */
-static uint16_t sigma_of(uint32_t code)
-{
-    return code == 0xFFu ? FOOTSENSE_NO_SIGMA : (uint16_t)(code * 4u);
 }
 
 bool footsense_is_forces(uint16_t id, uint8_t len)
@@ -122,6 +138,12 @@ uint8_t footsense_first_node(uint16_t id)
 
 bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, footsense_forces *out)
 {
+    return footsense_decode_forces_of(FOOTSENSE_NARROW_ELEMENTS, id, data, len, out);
+}
+
+bool footsense_decode_forces_of(uint8_t n_elements, uint16_t id, const uint8_t *data, uint8_t len,
+                                footsense_forces *out)
+{
     if (!footsense_is_forces(id, len) || (data[2] & 0x0Fu) >= FOOTSENSE_COUNTER_PERIOD) {
         return false;
     }
@@ -133,6 +155,8 @@ bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, foot
     if (crc != u16(data)) {
         return false;
     }
+    unsigned n_mask = mask_bits(n_elements);
+    unsigned n_sigma = n_mask == 16 ? 5 : 8;
     unsigned n_legs = (len - 4u) / 10u;
     for (unsigned leg = 0; leg < n_legs; leg++) {
         if ((data[4 + 10 * leg] & 0x0Fu) > LAST_STATE) {
@@ -153,11 +177,12 @@ bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, foot
         force->state = bits & 0x0Fu;
         for (int axis = 0; axis < 3; axis++) {
             force->force_mn[axis] = i16(part + 4 + 2 * axis);
-            quality->sigma_mn[axis] = sigma_of(bits >> (axis < 2 ? 15 : 23) & 0xFFu);
+            quality->sigma_mn[axis] = sigma_of(bits >> (6 + n_mask + (axis < 2 ? 0 : n_sigma)), n_sigma,
+                                                n_mask == 16 ? 32 : 4);
         }
         quality->flags = (uint8_t)(common | (bits & 0x10u ? FOOTSENSE_CONTACT : 0)
                                    | (bits & 0x20u ? FOOTSENSE_TARE_REFUSED : 0));
-        quality->fault_mask = (uint16_t)(bits >> 6 & 0x1FFu);
+        quality->fault_mask = (uint16_t)(bits >> 6 & ((1u << n_mask) - 1u));
         bool usable = force->state == FOOTSENSE_VALID || force->state == FOOTSENSE_DEGRADED;
         quality->age_us = usable && data[3] != 0xFFu ? data[3] * 500u : FOOTSENSE_NO_AGE;
     }
@@ -174,7 +199,7 @@ bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, foots
     out->counter = data[1] & 0x0Fu;
     out->state = data[1] >> 4;
     out->previous = data[2] & 0x0Fu;
-    out->fault_mask = u16(data + 3) & 0x1FFu;
+    out->fault_mask = u16(data + 3);
     out->cause = data[5];
     return true;
 }

@@ -19,6 +19,8 @@
     sigma: 4 mN per bit, the larger one of x and y, 255: no value, 254: 1.016 N or more
     fx, fy, fz: as in `Force`
 
+    of feet with ten to sixteen elements: mask 16 bits, sigma 5 and 5, 32 mN per bit, 31: no value, 30: 0.96 N or more
+
 Age and sigma are rounded up. A leg that the robot does not have is Absent. A robot that has node 7 or 8 sends `Forces4`
 beside it, 24 bytes of the same layout with the fourth legs, l4 and r4.
 
@@ -38,6 +40,7 @@ from typing import NamedTuple
 from firmware_interface.can.codes import USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
 from firmware_interface.can.decoding import enum_member
+from firmware_interface.can.element_mask import FORCES_LAYOUTS, mask_layout
 from firmware_interface.can.force import FORCE_ID, Force, Quality
 
 #: The id of `Force` with node 0, which stands for nodes 1 to 6, and with node 9, which stands for nodes 7 and 8.
@@ -54,10 +57,8 @@ _NO_FORCE = -32768
 _MAX_FORCE = 32767
 _FORCE_PER_N = 1000
 _AGE_STEP_NS, _NO_AGE = 500_000, 0xFF
-_SIGMA_PER_N, _NO_SIGMA = 250, 0xFF
-_ROUND_UP = 1 - 1e-6
+_FIRST_MASK_BIT = 6
 _FLAGS_OF_ALL_LEGS = Flag.SIMULATED | Flag.DEGRADED_TIMING
-_ABSENT_LEG = (int(State.ABSENT) | _NO_SIGMA << 15 | _NO_SIGMA << 23, _NO_FORCE, _NO_FORCE, _NO_FORCE)
 
 
 class Forces(NamedTuple):
@@ -83,12 +84,21 @@ def encode_forces(
     sigma_n: Sequence[Sequence[float]],
     flags: Sequence[int],
     fault_mask: Sequence[int],
+    n_elements: int = 9,
 ) -> bytes:
-    """Return the data bytes of one of the frames, of which `can_id` is the id.
+    """Return the data bytes of a `Forces` or `Forces4` frame: force and quality of several legs.
 
-    The other arguments are those of `ForceQualityEncoder.encode`, for all legs of the robot, and the legs' nodes.
+    The other arguments are those of `ForceQualityEncoder.encode`, for all legs of the robot, the legs' nodes, and the
+    elements of each foot, 1..16.
+
+    Raises:
+        ValueError: There are more elements.
     """
-    slots = dict.fromkeys(NODES[can_id], _ABSENT_LEG)
+    layout = mask_layout(FORCES_LAYOUTS, n_elements)
+    across_at = _FIRST_MASK_BIT + layout.mask_bits
+    along_at = across_at + layout.sigma_bits
+    no_sigmas = layout.no_sigma << across_at | layout.no_sigma << along_at
+    slots = dict.fromkeys(NODES[can_id], (State.ABSENT | no_sigmas, _NO_FORCE, _NO_FORCE, _NO_FORCE))
     ages_ns = [0]
     in_air, common = True, 0
     for node, leg_ns, code, leg_n, leg_sigma_n, flag, mask in zip(
@@ -103,9 +113,10 @@ def encode_forces(
         forces = [_force_code(part_n) if known else _NO_FORCE for part_n in leg_n]
         x_n, y_n, z_n = leg_sigma_n
         widest_n = max(x_n, y_n) if math.isfinite(x_n + y_n) else math.nan
-        across, along = _sigma_code(widest_n), _sigma_code(z_n)
+        across, along = layout.sigma_code(widest_n), layout.sigma_code(z_n)
         bits = shown | bool(flag & Flag.CONTACT) << 4 | bool(flag & Flag.TARE_REFUSED) << 5
-        slots[node] = (bits | (mask & 0x1FF) << 6 | across << 15 | along << 23, *forces)
+        bits |= (mask & layout.mask) << _FIRST_MASK_BIT | across << across_at | along << along_at
+        slots[node] = (bits, *forces)
         if known:
             ages_ns.append(t_sent_ns - leg_ns if leg_ns else -1)
     age = -(-max(ages_ns) // _AGE_STEP_NS) if min(ages_ns) >= 0 and len(ages_ns) > 1 else _NO_AGE
@@ -118,12 +129,14 @@ def encode_forces(
     return _crc(can_id, payload).to_bytes(2, "little") + payload
 
 
-def decode_forces(can_id: int, data: bytes) -> Forces:
-    """Decode a CAN FD `Forces` or `Forces4` frame.
+def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
+    """Decode a CAN FD `Forces` or `Forces4` frame of feet with so many elements.
 
     Raises:
         FrameError: The id, length, crc, counter or a state is wrong.
+        ValueError: There are more than 16 elements.
     """
+    layout = mask_layout(FORCES_LAYOUTS, n_elements)
     if len(data) != N_BYTES.get(can_id):
         raise FrameError(f"frame 0x{can_id:03x} of {len(data)} bytes is no frame of all legs")
     crc, head, age = _HEADER_STRUCT.unpack_from(data)
@@ -140,7 +153,9 @@ def decode_forces(can_id: int, data: bytes) -> Forces:
     slots = _LEG_STRUCT.iter_unpack(data[_HEADER_STRUCT.size :])
     for node, (bits, *codes) in zip(NODES[can_id], slots, strict=True):
         x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
-        across_n, along_n = (_sigma_n(bits >> shift & 0xFF) for shift in (15, 23))
+        sigmas = bits >> _FIRST_MASK_BIT + layout.mask_bits
+        across_n, along_n = (layout.sigma_n(sigmas >> at & layout.no_sigma) for at in (0, layout.sigma_bits))
+        mask = bits >> _FIRST_MASK_BIT & layout.mask
         flags = Flag(
             common | (Flag.CONTACT if bits & 0x10 else 0) | (Flag.TARE_REFUSED if bits & 0x20 else 0)
         )
@@ -149,7 +164,7 @@ def decode_forces(can_id: int, data: bytes) -> Forces:
         legs.append(
             (
                 Force(node, counter, state, (x_n, y_n, z_n)),
-                Quality(node, counter, flags, own_ns, bits >> 6 & 0x1FF, (across_n, across_n, along_n)),
+                Quality(node, counter, flags, own_ns, mask, (across_n, across_n, along_n)),
             )
         )
     return Forces(bool(head & 0x10), tuple(legs))
@@ -161,13 +176,3 @@ def _crc(can_id: int, payload: bytes) -> int:
 
 def _force_code(force_n: float) -> int:
     return round(max(-_MAX_FORCE, min(_MAX_FORCE, force_n * _FORCE_PER_N)))
-
-
-def _sigma_code(sigma_n: float) -> int:
-    if not sigma_n >= 0.0:
-        return _NO_SIGMA
-    return int(min(sigma_n * _SIGMA_PER_N + _ROUND_UP, _NO_SIGMA - 1))
-
-
-def _sigma_n(code: int) -> float:
-    return math.nan if code == _NO_SIGMA else code / _SIGMA_PER_N

@@ -2,9 +2,10 @@
 
 `footsense.dbc`, for a hexapod, is written by hand. Its left front leg is the model of all others: whatever is said of
 node 1 is said again of each leg of the robot, with its id and its name. Nothing else differs but the unit of the forces
-of feet beyond 32 N.
+of feet beyond 32 N, and the mask and the standard deviations of feet with more than nine elements.
 """
 
+import math
 import re
 from collections.abc import Sequence
 from itertools import groupby
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, N_BYTES, NODES
 from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.element_mask import FORCES_LAYOUTS, NARROW_ELEMENTS, QUALITY_LAYOUTS, mask_layout
 
 #: The description of a hexapod's frames.
 HEXAPOD_DBC = Path(__file__).with_name("footsense.dbc")
@@ -23,17 +25,25 @@ _ID = re.compile(r'(?:BO_|CM_ SG_|CM_ BO_|VAL_|BA_ "\w+" BO_) (\d+) ')
 _NODE = 0x7F
 _FORCE_SIGNAL = re.compile(r"( SG_ (?:Force|Sigma)\w+ : \S+ )\((\S+),0\) \[(\S+)\|(\S+)\] \"N\"")
 
+_MASK_OR_SIGMA = re.compile(
+    r"^ SG_ (?P<name>FaultMask|Sigma(?P<axis>XY|X|Y|Z))(?P<leg>\w*) : (?P<start>\d+)\|\d+@1\+ \(\S+\) \[\S+\]"
+)
+_VALUES = re.compile(r'^(VAL_ \d+ Sigma(?:XY|X|Y|Z)(\w*)) \d+ "Saturated" \d+')
 
-def make_dbc(legs: Sequence[str], force_step_mn: int = 1) -> str:
+
+def make_dbc(legs: Sequence[str], force_step_mn: int = 1, n_elements: int = NARROW_ELEMENTS) -> str:
     """Return the DBC of a robot.
 
     Args:
         legs: Names of its legs, of `NODE_IDS`.
         force_step_mn: What a bit of a force stands for [mN], as `footsense check-config` names it.
+        n_elements: Elements of each foot, 1..16.
 
     Raises:
         KeyError: There is no such leg.
+        ValueError: There are more elements.
     """
+    mask_layout(QUALITY_LAYOUTS, n_elements)  # raises
     nodes = sorted(NODE_IDS[leg] for leg in legs)
     names = {node: leg for leg, node in NODE_IDS.items()}
     text: list[str] = []
@@ -50,6 +60,9 @@ def make_dbc(legs: Sequence[str], force_step_mn: int = 1) -> str:
         elif can_id & _NODE == 1:
             for node in nodes:
                 text += _of_leg(block, can_id, node, names[node])
+    text = [line.replace("e = 3 row", f"e = {math.isqrt(n_elements)} row") for line in text]
+    if n_elements > NARROW_ELEMENTS:
+        text = [_VALUES.sub(_wide_values, _MASK_OR_SIGMA.sub(_wide_signal, line)) for line in text]
     return "\n".join(line if force_step_mn == 1 else _scaled(line, force_step_mn) for line in text) + "\n"
 
 
@@ -95,6 +108,24 @@ def _fourth_legs(lines: list[str]) -> list[str]:
         changed = re.sub(r"(\w)Lm ", r"\1R4 ", changed).replace("left middle", _WORDS["r4"])
         fourth.append(changed.replace("of all legs", "of the fourth legs"))
     return fourth
+
+
+def _wide_signal(match: re.Match[str]) -> str:
+    """Return the head of a mask or standard deviation with the wide mask in its frame."""
+    narrow, wide = FORCES_LAYOUTS if match["leg"] else QUALITY_LAYOUTS
+    start, head = int(match["start"]), f" SG_ {match['name']}{match['leg']} : "
+    if match["axis"] is None:
+        return f"{head}{start}|{wide.mask_bits}@1+ (1,0) [0|{wide.mask}]"
+    place = (("XY", "Z") if match["leg"] else ("X", "Y", "Z")).index(match["axis"])
+    start += wide.mask_bits - narrow.mask_bits - place * (narrow.sigma_bits - wide.sigma_bits)
+    step_n = wide.step_mn / 1000
+    return f"{head}{start}|{wide.sigma_bits}@1+ ({step_n:g},0) [0|{step_n * wide.no_sigma:.6g}]"
+
+
+def _wide_values(match: re.Match[str]) -> str:
+    """Return the codes of a standard deviation with the wide mask in its frame."""
+    none = (FORCES_LAYOUTS if match[2] else QUALITY_LAYOUTS)[1].no_sigma
+    return f'{match[1]} {none - 1} "Saturated" {none}'
 
 
 def _scaled(line: str, step: int) -> str:

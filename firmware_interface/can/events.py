@@ -27,7 +27,7 @@ class Fault(NamedTuple):
         counter: Sequence counter of the frame, 0..14.
         state: State from now on.
         previous: State until now.
-        fault_mask: Bit e set where element e is not usable, 9 bits.
+        fault_mask: Bit e set where element e is not usable, 16 bits.
         cause: Cause of the state, as far as it is known.
     """
 
@@ -64,7 +64,7 @@ def encode_fault(node: int, counter: int, state: int, previous: int, fault_mask:
 
         byte    0        1           2         3    4      5
              +-------+-----+-----+------+---+---------+-------+
-             | crc8  |state| cnt |  0   |old|  mask   | cause |   mask: bits 0..8, the others 0
+             | crc8  |state| cnt |  0   |old|  mask   | cause |   mask: 16 bits; of nine elements bits 0..8
              +-------+-----+-----+------+---+---------+-------+
                       7..4  3..0  7..4   3..0
 
@@ -72,7 +72,7 @@ def encode_fault(node: int, counter: int, state: int, previous: int, fault_mask:
         >>> encode_fault(2, 7, State.DEGRADED, State.VALID, 0b1_0000_0001, Cause.ELEMENT_OPEN).hex(" ")
         'ff a7 01 01 01 07'
     """
-    return protect(FAULT_ID + node, _FAULT.pack(state << 4 | counter, previous, fault_mask & 0x1FF, cause))
+    return protect(FAULT_ID + node, _FAULT.pack(state << 4 | counter, previous, fault_mask & 0xFFFF, cause))
 
 
 def decode_fault(can_id: int, data: bytes) -> Fault:
@@ -83,7 +83,7 @@ def decode_fault(can_id: int, data: bytes) -> Fault:
     """
     node, counter, (head, previous, fault_mask, code) = unpack_protected(can_id, data, FAULT_ID, _FAULT)
     state, before = enum_member(State, head >> 4), enum_member(State, previous & 0xF)
-    return Fault(node, counter, state, before, fault_mask & 0x1FF, enum_member(Cause, code))
+    return Fault(node, counter, state, before, fault_mask, enum_member(Cause, code))
 
 
 def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes:

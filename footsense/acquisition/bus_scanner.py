@@ -31,7 +31,7 @@ _TEMPERATURE_PERIOD_NS = _TIMING_PERIOD_NS = 10_000_000_000
 
 
 class BusScanner:
-    """The legs of one bus.
+    """Scanner of all legs on one I2C bus.
 
     Args:
         transport: The way to their chips.

@@ -75,7 +75,7 @@ def measure_bus_costs(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
 
 
 class BusTiming(NamedTuple):
-    """Cost and limits of a bus.
+    """Transaction cost and scan limits of one I2C bus.
 
     Attributes:
         costs: Cost of its transactions.

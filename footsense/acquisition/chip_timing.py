@@ -17,19 +17,19 @@ from footsense.ports import Clock, I2cBus
 #: Halvings of the range of a slow chip: to a hundredth.
 _N_HALVINGS = 5
 #: What the clock of a slow chip may drift until it is measured again [1].
-_DRIFT_REL = 0.01
+_TIMING_DRIFT_REL = 0.01
 
 
 class ChipTiming(NamedTuple):
-    """Timing of one converter.
+    """Measured conversion time of one leg's converter.
 
     Attributes:
         slowness: Time after which it has finished, over the wait of the plan, at least 1 [1].
-        keeps_done: Whether it says that a conversion is done after the next one was started.
+        keeps_done_bit: Whether it says that a conversion is done after the next one was started.
     """
 
     slowness: float = 1.0
-    keeps_done: bool = True
+    keeps_done_bit: bool = True
 
 
 def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
@@ -69,11 +69,11 @@ def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
         return ChipTiming()
     if not finishes_in_time(MAX_WAIT_FACTOR, next_started=False):
         return None
-    keeps_done = finishes_in_time(MAX_WAIT_FACTOR, next_started=True)
-    if not keeps_done and finishes_in_time(1.0, next_started=False):
-        return ChipTiming(keeps_done=False)
+    keeps_done_bit = finishes_in_time(MAX_WAIT_FACTOR, next_started=True)
+    if not keeps_done_bit and finishes_in_time(1.0, next_started=False):
+        return ChipTiming(keeps_done_bit=False)
     low, high = 1.0, MAX_WAIT_FACTOR
     for _ in range(_N_HALVINGS):
         middle = (low + high) / 2
-        low, high = (low, middle) if finishes_in_time(middle, next_started=keeps_done) else (middle, high)
-    return ChipTiming(high * (1 + _DRIFT_REL), keeps_done)
+        low, high = (low, middle) if finishes_in_time(middle, next_started=keeps_done_bit) else (middle, high)
+    return ChipTiming(high * (1 + _TIMING_DRIFT_REL), keeps_done_bit)

@@ -65,7 +65,7 @@ class Conversion(NamedTuple):
 
 
 class LegGroup:
-    """Legs that one write reaches.
+    """Legs that convert in parallel, because one I2C write reaches them all.
 
     Args:
         legs: The legs, with consecutive rows.
@@ -165,7 +165,7 @@ class LegGroup:
         slowness, forgets = 1.0, False
         for leg in conversion.legs:
             slowness = max(slowness, leg.timing.slowness)
-            forgets |= not leg.timing.keeps_done
+            forgets |= not leg.timing.keeps_done_bit
         self._clock.sleep_until_ns(conversion.t_start_ns + round(self._plan.wait_ns * slowness))
         return forgets and conversion.step.done is not None
 

@@ -43,7 +43,7 @@ class ScanPlan(NamedTuple):
 
 
 def scan_plan(order: str, rate_sps: int, board: str = "fdc1004", rows: int = 3) -> ScanPlan:
-    """Return the scan of a board.
+    """Return the conversions and transactions of one scan with a board.
 
     Args:
         order: A key of ORDERS.

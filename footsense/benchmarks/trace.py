@@ -80,15 +80,15 @@ def _is_simulated(frame: FrameType | None) -> bool:
 
 
 def _mean_calls_by_function(calls: Counter[CodeType], n_conversions: int) -> Calls:
-    found: Counter[tuple[str, str]] = Counter()
+    calls_by_function: Counter[tuple[str, str]] = Counter()
     for code, n in calls.items():
         path = Path(code.co_filename)
         module = path.relative_to(_SOURCE_ROOT).as_posix() if path.is_relative_to(_SOURCE_ROOT) else ""
         if module.startswith(("footsense/", "firmware_interface/")) and not module.startswith(
             _EXCLUDED_PATHS
         ):
-            found[module, code.co_qualname] += n
-    return {function: n / n_conversions for function, n in found.items()}
+            calls_by_function[module, code.co_qualname] += n
+    return {function: n / n_conversions for function, n in calls_by_function.items()}
 
 
 def functions_called_every_conversion(calls: Calls) -> list[tuple[str, str]]:

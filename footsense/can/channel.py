@@ -83,7 +83,7 @@ class _OpenAttempt(threading.Thread):
             self.run()
 
     def run(self) -> None:
-        """Close and open."""
+        """Close the last socket, and open the interface again."""
         if self._old is not None:
             self._old.close()
         try:

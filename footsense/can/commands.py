@@ -33,18 +33,18 @@ class _LegCommands:
     row: int
     node: int
     answer_counter: int = 0
-    last: tuple[CommandKind, int] | None = None  # kind and counter
-    last_ns: int = 0
-    second: int = -1  # in which `n_commands` arrived
+    last_command: tuple[CommandKind, int] | None = None  # kind and counter
+    last_command_ns: int = 0
+    current_second: int = -1  # in which `n_commands` arrived
     n_commands: int = 0
     #: Counters of the commands without an answer of each kind, oldest first.
-    pending: defaultdict[CommandKind, list[int]] = field(default_factory=lambda: defaultdict(list))
+    pending_counters: defaultdict[CommandKind, list[int]] = field(default_factory=lambda: defaultdict(list))
 
     def accepts_command(self, t_ns: int) -> bool:
         """Count a command that arrives at a time [ns], and return whether it is not one too many."""
-        second = t_ns // _SECOND_NS
-        self.n_commands = self.n_commands + 1 if second == self.second else 1
-        self.second = second
+        current_second = t_ns // _SECOND_NS
+        self.n_commands = self.n_commands + 1 if current_second == self.current_second else 1
+        self.current_second = current_second
         return self.n_commands <= _MAX_COMMANDS_PER_SECOND
 
     def answer_frame(self, result: int, kind: int, command_counter: int) -> bytes:
@@ -94,13 +94,13 @@ class CanCommands:
                 continue
             except FrameError:
                 continue
-            if (kind, counter) == leg.last and now_ns - leg.last_ns < _REPETITION_WITHIN_NS:
+            if (kind, counter) == leg.last_command and now_ns - leg.last_command_ns < _REPETITION_WITHIN_NS:
                 continue
             if not leg.accepts_command(now_ns):
                 continue
-            leg.last, leg.last_ns = (kind, counter), now_ns
-            if counter not in leg.pending[kind]:  # so the list cannot outgrow the counter's range
-                leg.pending[kind].append(counter)
+            leg.last_command, leg.last_command_ns = (kind, counter), now_ns
+            if counter not in leg.pending_counters[kind]:  # so the list cannot outgrow the counter's range
+                leg.pending_counters[kind].append(counter)
             commands.append(Command(kind, leg.row))
         self._channel.stats.rejected += len(frames) - len(commands)
         return commands
@@ -113,13 +113,13 @@ class CanCommands:
         """
         kind, row = outcome.command
         leg = self._legs[row]
-        pending = leg.pending[kind]
-        n_ended = len(pending) if kind is CommandKind.TARE else 1
-        for counter in pending[:n_ended]:
+        pending_counters = leg.pending_counters[kind]
+        n_ended = len(pending_counters) if kind is CommandKind.TARE else 1
+        for counter in pending_counters[:n_ended]:
             self._answer(leg, outcome.result, kind, counter)
-        if not pending:
+        if not pending_counters:
             self.unsolicited[row] = (outcome.result, kind)
-        del pending[:n_ended]
+        del pending_counters[:n_ended]
 
     def unsolicited_frames(self, room: int) -> list[bytes]:
         """Return at most `room` unsolicited results as frames."""

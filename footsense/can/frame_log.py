@@ -54,7 +54,7 @@ def check_log_target(path: Path) -> None:
 
 
 class CanFrameLog:
-    """A log that is being written.
+    """Log of CAN frames, written to its file by a child process.
 
     Args:
         path: The file, its format by suffix.

@@ -89,7 +89,7 @@ _MAX_WAITING_EVENTS = 24
 
 
 class GaitFrames:
-    """The frames of the legs' gait that are to be sent.
+    """Queue of the gait frames and gait events of all legs that are to be sent on CAN.
 
     Args:
         nodes: CAN node id of each leg.

@@ -95,9 +95,9 @@ class SocketWire:
         """
         del t_ns
         n = self._fill_buffers(frames)
-        taken: int = _sendmmsg(self._fd, self._first, n, socket.MSG_DONTWAIT)
-        if taken >= 0:
-            return taken
+        n_accepted: int = _sendmmsg(self._fd, self._first, n, socket.MSG_DONTWAIT)
+        if n_accepted >= 0:
+            return n_accepted
         code = ctypes.get_errno()
         if code in QUEUE_FULL_ERRNOS:
             return 0

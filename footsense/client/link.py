@@ -9,11 +9,13 @@ Source:
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 from typing import NamedTuple
 
 from firmware_interface.can.all_legs import N_BYTES, NODES, decode_forces
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
+from firmware_interface.can.element_mask import QUALITY_LAYOUTS, mask_layout
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
 
 #: CAN ids of the accepted frames.
@@ -60,7 +62,7 @@ class LegForce(NamedTuple):
         usable: Whether the force may be used.
         state: Last reported state of the leg; ABSENT before the first report.
         flags: Flags of the last force.
-        fault_mask: Bit e set where element e is not usable, 9 bits.
+        fault_mask: Bit e set where element e is not usable.
         force_n: Ground reaction on the foot in the foot frame [N]; NaN unless usable.
         sigma_n: Standard deviation of each component [N]; NaN unless usable.
         age_ns: Present age of the measurement [ns]; None unless usable.
@@ -83,6 +85,10 @@ class Link:
         limits: Limits for using a force; None for the defaults.
         force_step_mn: What a bit of a force stands for [mN]: 1, but for feet of more than 32 N, for which
             `footsense check-config` names it.
+        n_elements: Elements of each foot, 1..16.
+
+    Raises:
+        ValueError: There are more elements.
 
     Example:
         >>> link = Link()
@@ -90,9 +96,15 @@ class Link:
         <LinkStatus.STALE: 0>
     """
 
-    def __init__(self, limits: LinkLimits | None = None, force_step_mn: int = 1) -> None:
+    def __init__(self, limits: LinkLimits | None = None, force_step_mn: int = 1, n_elements: int = 9) -> None:
+        mask_layout(QUALITY_LAYOUTS, n_elements)  # raises
         self._limits = limits or LinkLimits()
         self._force_step_mn = force_step_mn
+        self._decoders = (
+            (FORCE_ID, decode_force),
+            (QUALITY_ID, partial(decode_quality, n_elements=n_elements)),
+        )
+        self._n_elements = n_elements
         self._legs = {node: _Leg(self._limits) for node in NODE_IDS.values()}
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
@@ -109,7 +121,7 @@ class Link:
         if len(data) == N_BYTES.get(can_id):  # a classic frame with this id is somebody else's
             self._feed_all(can_id, data, now_ns)
             return True
-        for base, decode in ((FORCE_ID, decode_force), (QUALITY_ID, decode_quality)):
+        for base, decode in self._decoders:
             if can_id - base in self._legs:
                 leg = self._legs[can_id - base]
                 try:
@@ -124,7 +136,7 @@ class Link:
     def _feed_all(self, can_id: int, data: bytes, now_ns: int) -> None:
         """Process a CAN FD frame with the forces of several legs."""
         try:
-            forces = decode_forces(can_id, data)
+            forces = decode_forces(can_id, data, self._n_elements)
         except FrameError:
             for node in NODES[can_id]:
                 self._legs[node].process_corrupt_frame(now_ns)

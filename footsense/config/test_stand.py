@@ -119,7 +119,7 @@ class Axes(Section, frozen=True, kw_only=True):
 
 
 class StandConfig(Section, frozen=True, kw_only=True):
-    """The force sensor under the foot.
+    """Configuration of a test stand: the force sensor under the foot, and its mounting.
 
     Attributes:
         sensor: Its interface.

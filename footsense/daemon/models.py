@@ -53,18 +53,20 @@ def load_calibrations(config: Config) -> dict[str, FootCalibration]:
         return {}
     feet: dict[str, str] = dict(config.feet.items())
     foot_type = foot_type_of(config)
-    found: dict[str, FootCalibration] = {}
+    calibrations_by_leg: dict[str, FootCalibration] = {}
     for leg in config.legs:
         foot = feet.get(leg)
         if foot is None:
             _log.warning("%s: no foot is named under feet: the mounted one is read as designed", leg)
             continue
-        found[leg] = calibration = read_calibration(Path(config.calibrations) / foot, foot_type, foot)
-        manifest, first = calibration.manifest, next(iter(found.values()))
+        calibrations_by_leg[leg] = calibration = read_calibration(
+            Path(config.calibrations) / foot, foot_type, foot
+        )
+        manifest, first = calibration.manifest, next(iter(calibrations_by_leg.values()))
         if calibration.network_sha256 != first.network_sha256:
             raise ModelError(
                 f"{calibration.folder}: fitted on network {calibration.network_sha256[:12]}, {first.manifest.foot} on "
                 f"{first.network_sha256[:12]}; a robot has one network, calibrate one of the two again on the other's"
             )
         _log.info("%s: %s by its calibration of %s, %s", leg, foot, manifest.made, manifest.sha256[:12])
-    return found
+    return calibrations_by_leg

@@ -68,7 +68,7 @@ class CalibratedFeet:
         self._error_rel = np.hypot(self._calibrated_error_rel, np.tile(unknown_rel, self._repeats))[:, None]
 
     def estimate(self, window: Window) -> Load:
-        """Return the load of every row.
+        """Return the estimated load of every row of the window, corrected by the calibrations.
 
         The network's sigma is rotated and scaled with the force; the calibration's residual error is added. The contact
         is turned by the mount as the force is.

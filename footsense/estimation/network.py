@@ -78,7 +78,7 @@ class Network:
         self._run_test_inference(path)
 
     def estimate(self, window: Window) -> Load:
-        """Return the load of every row."""
+        """Return the estimated load of every row of the window."""
         for array, values in zip(self._in, window, strict=True):
             array[...] = values.reshape(array.shape)
         self._session.run_with_iobinding(self._binding)

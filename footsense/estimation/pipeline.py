@@ -173,10 +173,10 @@ class Pipeline:
         closure_rel = unloaded.distance_rel[:, None] - readings.distance_rel
         measured_rel = closure_rel[:, 0]
         consistency = self._consistency.test(measured_rel, readings.motion_rel, missing, now_ns)
-        if not consistency.ok:
+        if not consistency.is_all_ok:
             self._window.discard(consistency.missing & ~missing)
         lost = self._no_leg
-        if np.count_nonzero(readings.whole) < readings.whole.size:
+        if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
             consistency, lost = _with_history(consistency, readings)
         legs = self._legs.classify(
             scan.reading,
@@ -215,7 +215,7 @@ class Pipeline:
         """Return the elements to do without, shape (legs, 9): faulty, excluded, or without a baseline."""
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
-        elif elements.ok:
+        elif elements.is_all_ok:
             return elements.missing
         return missing_elements(elements.faulty | unloaded.untared)
 
@@ -241,7 +241,7 @@ class Pipeline:
         load = self._estimator.estimate(Window(closure_rel, age_s, consistency.missing))
         force_n, sigma_n = load.force_n, load.sigma_n
         sigma_n = np.hypot(sigma_n, self._baselines.sigma_n)
-        if not consistency.ok and consistency.inconsistency_rel.any():
+        if not consistency.is_all_ok and consistency.inconsistency_rel.any():
             inconsistent_n = consistency.inconsistency_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
         if legs.healthy and math.isfinite(np.vdot(force_n, sigma_n)):
@@ -283,11 +283,11 @@ def _with_history(consistency: ConsistencyResult, readings: Readings) -> tuple[C
     A leg is lost, shape (legs,), until enough of its elements have been read in a row for the network to do without the
     others.
     """
-    incomplete = ~readings.whole
+    incomplete = ~readings.is_consecutive
     missing = missing_elements(consistency.missing | incomplete)
     lost: Mask = np.asarray((incomplete & ~missing).any(axis=1))
     missing[lost] = consistency.missing[lost]
-    return consistency._replace(missing=missing, ok=False), lost
+    return consistency._replace(missing=missing, is_all_ok=False), lost
 
 
 def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:

@@ -22,7 +22,7 @@ class Readings(NamedTuple):
     Attributes:
         distance_rel: Plate distances over the gap [1], shape (legs, 3, 9), NaN where there is none.
         t_ns: Middle of each conversion [ns], same shape; 0 where there is none.
-        whole: Elements whose newest two readings follow on one another, shape (legs, 9).
+        is_consecutive: Elements whose newest two readings follow on one another, shape (legs, 9).
         newest_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
         oldest_ns: Time of the oldest of the newest readings of each leg's whole elements [ns], shape (legs,).
         motion_rel: Second largest change of an element from one reading to the next [1], shape (legs,).
@@ -30,7 +30,7 @@ class Readings(NamedTuple):
 
     distance_rel: Vector
     t_ns: Stamps
-    whole: Mask
+    is_consecutive: Mask
     newest_ns: Stamps
     oldest_ns: Stamps
     motion_rel: Vector

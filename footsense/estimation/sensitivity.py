@@ -18,7 +18,7 @@ _UNEVEN_REL = 0.2
 
 
 class Sensitivity(NamedTuple):
-    """Forces for each gap of closure.
+    """Sensitivity of load and baseline force to closures, per closure over the gap.
 
     Attributes:
         load_n: Load along the leg over the trimmed mean of the closures [N].

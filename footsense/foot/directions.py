@@ -75,5 +75,5 @@ def rotation(turn_rad: Vector) -> Vector:
         return np.eye(3)
     x, y, z = turn_rad / angle
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: Vector = np.eye(3) + np.sin(angle) * across + (1.0 - np.cos(angle)) * across @ across
-    return turned
+    rotation_matrix: Vector = np.eye(3) + np.sin(angle) * across + (1.0 - np.cos(angle)) * across @ across
+    return rotation_matrix

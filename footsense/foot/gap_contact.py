@@ -48,8 +48,8 @@ def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
     per_cell = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2 / CELLS
     n_elements = distance_um.shape[-1] // CELLS
     of_cells = (1.0 / distance_um).reshape(*distance_um.shape[:-1], n_elements, CELLS)
-    whole: Vector = per_cell * of_cells.sum(axis=-1)
-    return whole
+    element_capacitance_pf: Vector = per_cell * of_cells.sum(axis=-1)
+    return element_capacitance_pf
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -76,7 +76,7 @@ class FootParameters:
 
     @property
     def force_matrix(self) -> Vector:
-        """M above: force in the leg's frame per newton that the design's network estimates, shape (3, 3)."""
+        """Matrix M from the force that the design's network estimates to the force in the leg's frame, (3, 3)."""
         matrix: Vector = (1.0 + self.stiffness_rel) * self.mount.T
         return matrix
 

@@ -40,7 +40,7 @@ class Deviations:
 
 
 class Foot:
-    """One specimen of a foot.
+    """One specimen of a foot: the response of its type, with its own deviations.
 
     Args:
         response: Response of its type.

@@ -18,7 +18,7 @@ STIFFNESS_PER_K = 4.4e-3
 COLDEST_C, WARMEST_C = -40.0, 125.0
 #: Half range of an unmeasured foot's temperature about that of its test stand [K]: from an unheated hall, 12 degC, to a
 #: summer's day, 32 degC.
-_RANGE_K = 10.0
+_UNMEASURED_HALF_RANGE_K = 10.0
 
 
 class CalibratedAt(NamedTuple):
@@ -54,7 +54,7 @@ def force_factor_and_uncertainty(temperature_c: float, then: CalibratedAt | None
         return 1.0, 0.0
     if then.temperature_c is not None and COLDEST_C <= temperature_c <= WARMEST_C:
         return 1.0 + then.stiffness_per_k * (temperature_c - then.temperature_c), 0.0
-    return 1.0, unknown_temperature_rel(_RANGE_K, then.stiffness_per_k)
+    return 1.0, unknown_temperature_rel(_UNMEASURED_HALF_RANGE_K, then.stiffness_per_k)
 
 
 def unknown_temperature_rel(range_k: float, stiffness_per_k: float = STIFFNESS_PER_K) -> float:

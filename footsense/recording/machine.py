@@ -24,12 +24,12 @@ def platform_versions(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, str]:
 
 def _processor_description(cpuinfo: Path) -> str:
     lines = cpuinfo.read_text(errors="replace").splitlines() if cpuinfo.exists() else []
-    first: dict[str, str] = {}
+    first_values: dict[str, str] = {}
     for line in lines:
         key, _, value = line.partition(":")
-        first.setdefault(key.strip(), value.strip())
-    names = " ".join(first[key] for key in _PROCESSOR_KEYS if key in first)
-    features = " ".join(sorted(" ".join(first.get(key, "") for key in _FEATURE_KEYS).split()))
+        first_values.setdefault(key.strip(), value.strip())
+    names = " ".join(first_values[key] for key in _PROCESSOR_KEYS if key in first_values)
+    features = " ".join(sorted(" ".join(first_values.get(key, "") for key in _FEATURE_KEYS).split()))
     return f"{platform.machine()} {names} [{zlib.crc32(features.encode()):08x}]"
 
 

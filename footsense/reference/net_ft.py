@@ -92,10 +92,10 @@ class NetFtReference:
         records = self._sort_records(np.frombuffer(b"".join(good), _RECORD_DTYPE))
         # If all records come late, the sensor has restarted its sequence at the request of another client.
         silent = self._requested_ns is None or now_ns - self._requested_ns > _REQUEST_RETRY_NS
-        if self._requested_ns is None or (silent and not len(records.raw)):
+        if self._requested_ns is None or (silent and not len(records.sensor_values)):
             self._request_stream()
             self._requested_ns = now_ns
-        elif len(records.raw):
+        elif len(records.sensor_values):
             self._requested_ns = now_ns
         return self._stream.convert(records, sum(map(len, packets)), now_ns, self._bad)
 

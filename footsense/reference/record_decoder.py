@@ -19,13 +19,13 @@ class SensorRecords(NamedTuple):
     Attributes:
         t_ns: Time of each by the sensor's clock [ns], shape (n,), int64; None if it sends none.
         sequence: Sequence numbers, shape (n,), int64; None if it sends none.
-        raw: Forces as sent, shape (n, 3).
+        sensor_values: Forces as sent, shape (n, 3).
         saturated: Whether the sensor flags them as saturated, shape (n,).
     """
 
     t_ns: Stamps | None
     sequence: Stamps | None
-    raw: Vector
+    sensor_values: Vector
     saturated: Mask
 
 

@@ -59,7 +59,7 @@ class SampleStream:
             SensorError: There has never been a record, or never a byte.
         """
         t_ns = self._times.time_stamps_ns(records, now_ns)
-        force_n, saturated = self._mounting.to_foot_force_n(records.raw)
+        force_n, saturated = self._mounting.to_foot_force_n(records.sensor_values)
         saturated |= records.saturated
         # Samples older than the clock of a simulation have no time.
         fresh = np.full(len(t_ns), self._heard_ns is not None) & (t_ns >= 0)

@@ -67,7 +67,7 @@ class SampleTimes:
             records: Records received at once.
             arrival_ns: Time at which they were read [ns].
         """
-        n = len(records.raw)
+        n = len(records.sensor_values)
         if n == 0:
             return np.zeros(0, np.int64)
         counted = records.t_ns is None and records.sequence is None

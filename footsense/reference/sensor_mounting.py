@@ -47,9 +47,9 @@ class SensorMounting:
         self._unit_per_count = unit_per_count
         self._limit = _SATURATION_THRESHOLD_REL * np.array(rated)
 
-    def to_foot_force_n(self, raw: Vector) -> tuple[Vector, Mask]:
+    def to_foot_force_n(self, sensor_values: Vector) -> tuple[Vector, Mask]:
         """Return forces [N], shape (n, 3), and whether an axis is saturated, shape (n,), of readings, shape (n, 3)."""
-        readings = raw * self._unit_per_count
+        readings = sensor_values * self._unit_per_count
         saturated: Mask = np.any(np.abs(readings) >= self._limit, axis=1)
         return readings @ self._to_foot.T, saturated
 

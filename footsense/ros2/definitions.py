@@ -71,11 +71,11 @@ def message_definition(message: type) -> str:
 
 def nested_types(message: type) -> list[type]:
     """Return the types within a type, each once, in the order in which they are met."""
-    found: dict[type, None] = {}
+    types_found: dict[type, None] = {}
     for field in fields_of(message):
         if isinstance(field.kind, type):
-            found |= dict.fromkeys([field.kind, *nested_types(field.kind)])
-    return list(found)
+            types_found |= dict.fromkeys([field.kind, *nested_types(field.kind)])
+    return list(types_found)
 
 
 def _definition_lines(message: type) -> str:

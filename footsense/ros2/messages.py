@@ -115,7 +115,7 @@ class TransformStamped:
 
 @dataclass(frozen=True, slots=True)
 class TFMessage:
-    """Some transforms."""
+    """A list of coordinate transforms."""
 
     transforms: list[TransformStamped]
 

@@ -22,7 +22,7 @@ class VirtualClock:
         self._now_ns = max(self._now_ns, t_ns)
 
     def advance_ns(self, duration_ns: int) -> None:
-        """Move by a duration [ns], not negative."""
+        """Advance the virtual time by a duration [ns], not negative."""
         self._now_ns += duration_ns
 
 

@@ -81,7 +81,7 @@ def _gait_tables(scene: Scene, load: ContactSource, feet: dict[str, Foot]) -> di
 
 
 class SimulatedRobot:
-    """A robot in a scene.
+    """Simulated robot of a scene: feet, chips, buses and clocks.
 
     Args:
         scene: The scene.

@@ -6,7 +6,7 @@ from types import ModuleType
 
 
 def code_digest(*rooms: ModuleType) -> str:
-    """Return a digest of all source files of some packages, 12 characters."""
+    """Return a digest of all source files of some packages, 12 hexadecimal characters."""
     folders = [Path(str(room.__file__)).parent for room in rooms]
     files = sorted(file for folder in folders for file in folder.rglob("*.py"))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]

@@ -98,14 +98,14 @@ class TrialPlan:
     Attributes:
         tolerances: Fabrication tolerances.
         seed: Seed of all feet.
-        every: Use one of so many of the paper's 362 presses.
+        every_nth_press: Use one of so many of the paper's 362 presses.
         n_few_loads: Loads of a second calibration; 0 for none.
         test_loads_by_name: Test loads by name.
     """
 
     tolerances: FootTolerances
     seed: int
-    every: int = 3
+    every_nth_press: int = 3
     n_few_loads: int = 20
     test_loads_by_name: dict[str, TestLoads] = field(default_factory=dict)
 
@@ -197,7 +197,7 @@ class _FootOnTestStand:
         return normalized(lowered) @ self._mount
 
     def _reference_reading_n(self, force_n: Vector, noise: Vector) -> Vector:
-        """Return what the reference reads of forces [N], shape (n, 3)."""
+        """Return the readings of the reference sensor under forces [N], shape (n, 3)."""
         load_gf = -force_n / GRAM_FORCE_N
         read_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf)
         read_gf += self._disturbance.reference_noise_steps * RESOLUTION_GF * noise
@@ -231,7 +231,7 @@ def run_mismatch_trial(
         fringe=disturbance.has_fringe_field,
     )
     foot = _FootOnTestStand(truth, own, disturbance, rng)
-    force_n = paper_presses("training")[:: plan.every]
+    force_n = paper_presses("training")[:: plan.every_nth_press]
     direction = normalized(force_n)
     lean = (
         np.radians(disturbance.press_lean_rms_deg)

@@ -8,8 +8,8 @@ from footsense.daemon.recording_header import ClosureConversion
 from footsense.frames import ELEMENTS, CommandKind, Cycle, Result, Vector
 
 
-class Closures:
-    """Closure of each gap of some legs.
+class ClosureConverter:
+    """Converts readings and baselines of legs into the closure of each gap.
 
     Args:
         elements: What turns their readings into closures.

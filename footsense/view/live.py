@@ -12,7 +12,7 @@ from footsense.errors import FootsenseError
 from footsense.frames import CanStatistics, Cycle
 from footsense.ports import Clock
 from footsense.recording.shared_cycles import CycleReader
-from footsense.view.closures import Closures
+from footsense.view.closures import ClosureConverter
 from footsense.view.events import Event, EventLog
 from footsense.view.signals import SignalTable, Table
 
@@ -122,7 +122,7 @@ class LiveSource:
             self.problem = "the service has ended" if ended or self.service else f"no service runs: {error}"
             return
         self._reader = reader
-        self._closures = Closures(elements)
+        self._closures = ClosureConverter(elements)
         self._table = SignalTable(len(reader.legs))
         self._log = EventLog(len(reader.legs))
         self.header, self.legs = reader.header, reader.legs

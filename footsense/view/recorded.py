@@ -24,7 +24,7 @@ from footsense.errors import FootsenseError, RecordingError
 from footsense.frames import ELEMENTS, Cycle
 from footsense.recording.cycle_records import LostCycles
 from footsense.recording.replay import Replay
-from footsense.view.closures import Closures, RecordedBaselines
+from footsense.view.closures import ClosureConverter, RecordedBaselines
 from footsense.view.events import Event, EventLog
 from footsense.view.page_messages import encode_cycles
 from footsense.view.signals import SignalTable, Table
@@ -59,7 +59,7 @@ class RecordingSource:
         self.header, self.legs = self._replay.header, self._replay.legs
         config = recorded_config(self._replay)
         self.damage = ""
-        self._closures = Closures(self._closure_conversion(config))
+        self._closures = ClosureConverter(self._closure_conversion(config))
         self._baselines = RecordedBaselines(self._closures.stray_pf, config.tare.window_scans)
         self._table = SignalTable(len(self.legs))
         self._log = EventLog(len(self.legs))

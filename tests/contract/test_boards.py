@@ -147,7 +147,7 @@ def test_a_chip_that_forgets_is_asked_before_the_next_conversion_starts(
         frame = robot.read()
         assert (frame.reading == Reading.OK).all()
         assert robot.is_right(frame).all()
-        assert {leg.timing.keeps_done for leg in robot.buses[0].legs} == {not forgets}
+        assert {leg.timing.keeps_done_bit for leg in robot.buses[0].legs} == {not forgets}
     assert 1.0 < periods_ns[1] / periods_ns[0] < limit_rel
 
 

@@ -7,15 +7,15 @@ import pytest
 from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.design.choice import choose
+from footsense.lab.design.choice import choose_candidates
 from footsense.lab.design.foot_files import foot_text
 from footsense.lab.design.inputs.boards import converter
 from footsense.lab.design.inputs.materials import load_materials
 from footsense.lab.design.inputs.processes import load_processes
 from footsense.lab.design.inputs.wishes import Wishes
-from footsense.lab.design.prediction.assess import assess
+from footsense.lab.design.prediction.assess import assess_foot
 from footsense.lab.design.prediction.shapes import ShapeLibrary
-from footsense.lab.design.screen import TRAINED_REL
+from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.similarity import response_in_force_unit
@@ -35,7 +35,7 @@ def wishes(
         reach_deg=30.0,
         error_deg=1.0,
         ball_mm=ball_mm,
-        materials=load_materials().only(material),
+        materials=load_materials().select_materials(material),
         process=load_processes()[process],
         board=converter(board),
     )
@@ -97,7 +97,7 @@ def test_a_force_unit_leaves_closures_alone() -> None:
 def paper_design(library: ShapeLibrary) -> FootDesign:
     """Return the most accurate foot for the paper's own numbers: its ball, materials, process and forces."""
     asked = wishes(1.0, (20.0, 20.0), "butadiene-paper", "pdms-paper", process="paper")
-    choice = choose(library, asked, 1)
+    choice = choose_candidates(library, asked, 1)
     return load_foot(
         foot_text("again", "The paper's numbers", choice.feet, int(choice.ranked[0][0]), asked).encode()
     )
@@ -124,7 +124,7 @@ def test_the_papers_foot_comes_out_of_its_own_numbers(library: ShapeLibrary) -> 
 def test_the_outer_elements_end_with_the_sheet(library: ShapeLibrary) -> None:
     """A strip beside them, were it of rounding alone, would join the plates and take a quarter off the closures."""
     asked = wishes(12.0, (30.0, 30.0), "urethane-90a", "tpu-80a")
-    choice = choose(library, asked, 1)
+    choice = choose_candidates(library, asked, 1)
     found = load_foot(foot_text("again", "Thirty", choice.feet, int(choice.ranked[0][0]), asked).encode())
     assert found.sheet_mm == pytest.approx(2.0 * found.pitch_mm + found.electrode_mm, abs=1e-9)
 
@@ -134,8 +134,8 @@ def test_a_released_foot_is_as_predicted(library: ShapeLibrary, foot_type: str) 
     """Range and errors of the solved table are within 4 % of the prediction without a mesh, and it carries its load."""
     folder = RELEASED.parent / foot_type
     design, built = load_foot(folder / "foot.yaml"), FootResponse.load(folder / "response.npz")
-    asked = wishes(design.loads.max_n / TRAINED_REL, (20.0, 60.0))
-    predicted, measured = (assess(response, asked) for response in (library.response(design), built))
+    asked = wishes(design.loads.max_n / TRAINED_RANGE_FACTOR, (20.0, 60.0))
+    predicted, measured = (assess_foot(response, asked) for response in (library.response(design), built))
     for name, value in predicted._asdict().items():
         np.testing.assert_allclose(value, getattr(measured, name), rtol=0.04, err_msg=name)
     assert measured.reach_n >= asked.max_n
@@ -160,5 +160,5 @@ def test_a_released_foot_is_as_predicted(library: ShapeLibrary, foot_type: str) 
 def test_wishes_that_conflict_are_named(library: ShapeLibrary, asked: Wishes, message: str) -> None:
     """One line: which wish conflicts with which, and the nearest design that works."""
     with pytest.raises(FootsenseError, match=message) as refused:
-        choose(library, asked, 1)
+        choose_candidates(library, asked, 1)
     assert "\n" not in str(refused.value)

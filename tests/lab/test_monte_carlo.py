@@ -220,7 +220,7 @@ def test_levels_are_interpolated_linearly() -> None:
         f"{gap_um:g}": {"network_deg": MeanStd.of_values([2.0 * gap_um] * 2)}
         for gap_um in FULL_PLAN.levels(sweep)
     }
-    results = SweepResults(plan=FULL_PLAN, gap_um=20.0, figures={sweep.what: levels})
+    results = SweepResults(plan=FULL_PLAN, gap_um=20.0, figures={sweep.varied_quantity: levels})
     assert results.level_reaching(sweep, "network_deg", 9.0) == pytest.approx(4.5)
     assert results.level_reaching(sweep, "network_deg", 0.0) == 0.0
     assert results.level_reaching(sweep, "network_deg", 99.0) is None

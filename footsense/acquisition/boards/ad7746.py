@@ -57,7 +57,7 @@ _SELECT_NO_LINES = tuple(Transaction(address, b"\x00") for address in (adg715.AD
 
 
 def _write_settings(capdac: int) -> Transaction:
-    """Return the write of all settings, after which the chip is idle."""
+    """Return the transaction that writes all settings; the chip is idle afterwards."""
     return write_registers(
         Register.CAP_SETUP,
         chip.CAP_ENABLE,
@@ -79,7 +79,7 @@ def _wait_ns(conversion_ns: int) -> int:
 
 
 def step(element: int, rate_sps: int, rows: int = 3) -> Step:
-    """Return the conversion of an element.
+    """Return the transactions that convert an element.
 
     Args:
         element: Flat index.

@@ -38,7 +38,7 @@ class Done(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The conversion of one element.
+    """Transactions of one element's conversion: line selection, trigger, poll, read-out, checks.
 
     Attributes:
         element: Flat index of the element.

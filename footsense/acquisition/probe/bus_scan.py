@@ -37,7 +37,7 @@ class ChannelScan(NamedTuple):
 
 
 class BusScan(NamedTuple):
-    """The chips on one bus.
+    """The chips found on one I2C bus, and its timing.
 
     Attributes:
         upstream: Addresses that answer with no channel connected; None if a line is stuck.

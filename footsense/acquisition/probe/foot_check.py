@@ -15,20 +15,20 @@ _ROW, _COLUMN = np.divmod(np.arange(ELEMENTS), 3)
 
 
 class FootFault(NamedTuple):
-    """A fault of a foot.
+    """A fault of a foot: its cause, the elements, and what to check.
 
     Attributes:
         cause: The cause as CAN names it; NONE where CAN has no name for it.
         elements: Flat indices of its elements.
-        what: The fault in words.
-        check: The parts to look at.
+        observation: The fault in words.
+        advice: The parts to look at.
         is_fit: Whether the readings may be those of a sound foot, only of another one than expected.
     """
 
     cause: Cause
     elements: tuple[int, ...]
-    what: str
-    check: str
+    observation: str
+    advice: str
     is_fit: bool = False
 
 
@@ -73,7 +73,7 @@ CHIP_READINGS = (*_CHIP_FAULTS, Reading.NO_ANSWER)
 
 
 class FootScans(NamedTuple):
-    """Some scans of one foot.
+    """Capacitances and readings of some scans of one foot.
 
     Attributes:
         capacitance_pf: As converted, stray included [pF], shape (scans, 9), NaN without a reading.
@@ -150,21 +150,22 @@ def foot_faults(
     mean_pf = mean_pf - floating_row_crosstalk_pf(scans.mean_pf[None], opened[None])[0]
     noisy = ~wrong & (scans.noise_ff > noise_limit_ff)
     if noisy.any():
-        what = f"noise of up to {scans.noise_ff[noisy].max():.1f} fF; a tare is refused above {noise_limit_ff:g} fF"
-        check = "whether the foot hangs still, the shield's connection, and motor cables beside the foot's"
-        broken.append(FootFault(Cause.NONE, _indices(noisy), what, check))
+        noise_ff = scans.noise_ff[noisy].max()
+        observation = f"noise of up to {noise_ff:.1f} fF; a tare is refused above {noise_limit_ff:g} fF"
+        advice = "whether the foot hangs still, the shield's connection, and motor cables beside the foot's"
+        broken.append(FootFault(Cause.NONE, _indices(noisy), observation, advice))
     off_rel = mean_pf / unloaded_pf - 1.0
     off = ~(wrong | noisy) & (np.abs(off_rel) > unloaded_limit_rel)
     if off.any():
         worst = int(np.abs(np.where(off, off_rel, 0.0)).argmax())
-        what = (
+        observation = (
             f"element {worst} reads {off_rel[worst]:+.1%} from the expected capacitance of the free foot; "
             f"a tare is refused above {unloaded_limit_rel:.1%}"
         )
-        check = (
+        advice = (
             "that nothing presses the foot; then put its readings below into the configuration as unloaded_pf"
         )
-        broken.append(FootFault(Cause.NONE, _indices(off), what, check, is_fit=True))
+        broken.append(FootFault(Cause.NONE, _indices(off), observation, advice, is_fit=True))
     return tuple(broken)
 
 
@@ -175,28 +176,30 @@ def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
         of_column = column == _COLUMN
         elements = _indices(over & of_column)
         if len(elements) == 3:
-            what = f"the line of column {column} is shorted to ground"
-            check = "the plug, then the trace of that column"
-            faults.append(FootFault(Cause.ELEMENT_SHORTED, elements, what, check))
+            observation = f"the line of column {column} is shorted to ground"
+            advice = "the plug, then the trace of that column"
+            faults.append(FootFault(Cause.ELEMENT_SHORTED, elements, observation, advice))
             continue
         for element in elements:
             # A short to the shield's driver hides the rest of its column.
             if (over | opened)[of_column].all():
-                what = f"element {element} is shorted; with it the rest of column {column} cannot be read"
-                check = f"whether the electrodes of row {element // 3}, column {column} touch"
-                faults.append(FootFault(Cause.ELEMENT_SHORTED, (element,), what, check))
+                observation = (
+                    f"element {element} is shorted; with it the rest of column {column} cannot be read"
+                )
+                advice = f"whether the electrodes of row {element // 3}, column {column} touch"
+                faults.append(FootFault(Cause.ELEMENT_SHORTED, (element,), observation, advice))
             else:
-                what = f"element {element} is over the converter's range: its gap is closed"
-                check = "water in the gap, and what presses the foot"
-                faults.append(FootFault(Cause.GAP_CLOSED, (element,), what, check))
+                observation = f"element {element} is over the converter's range: its gap is closed"
+                advice = "water in the gap, and what presses the foot"
+                faults.append(FootFault(Cause.GAP_CLOSED, (element,), observation, advice))
     return faults
 
 
 def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
     """Return the faults of elements without their electrode: whole lines first, then single elements."""
     if opened.all():
-        what, check = "none of its elements is connected", "whether the foot is plugged in"
-        return [FootFault(Cause.ELEMENT_OPEN, _ALL_ELEMENTS, what, check)]
+        observation, advice = "none of its elements is connected", "whether the foot is plugged in"
+        return [FootFault(Cause.ELEMENT_OPEN, _ALL_ELEMENTS, observation, advice)]
     # A shorted element makes the others of its column read as open.
     taken = [bool((opened | over)[column::3].all() and over[column::3].any()) for column in range(3)]
     left = opened & ~np.array(taken)[_COLUMN]
@@ -209,12 +212,12 @@ def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
             elements = number_of == line
             if left[elements].all():
                 left = left & ~elements
-                what = f"the line of {name} {line} is interrupted"
-                check = f"the wire between {end} and the foot, and its plug"
-                faults.append(FootFault(cause, _indices(elements), what, check))
+                observation = f"the line of {name} {line} is interrupted"
+                advice = f"the wire between {end} and the foot, and its plug"
+                faults.append(FootFault(cause, _indices(elements), observation, advice))
     for element in _indices(left):
-        check = f"the electrode of row {element // 3}, column {element % 3} and its trace"
-        faults.append(FootFault(Cause.ELEMENT_OPEN, (element,), f"element {element} is open", check))
+        advice = f"the electrode of row {element // 3}, column {element % 3} and its trace"
+        faults.append(FootFault(Cause.ELEMENT_OPEN, (element,), f"element {element} is open", advice))
     return faults
 
 

@@ -128,8 +128,8 @@ def _lag_ms(held_n: Vector, sampled_n: Vector, first: int) -> float:
     )
     best = int(np.clip(misfit.argmin(), 1, len(shifts) - 2))
     left, middle, right = misfit[best - 1 : best + 2].tolist()
-    between: float = 0.5 * (left - right) / (left - 2 * middle + right)
-    return float(shifts[best]) + between
+    subsample_shift: float = 0.5 * (left - right) / (left - 2 * middle + right)
+    return float(shifts[best]) + subsample_shift
 
 
 def settling_ms(published: PublishedForces, truth: TrueLoads, starts_ns: Sequence[int]) -> Vector:

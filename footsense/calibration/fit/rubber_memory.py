@@ -69,8 +69,8 @@ def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
     def detrended(values: Vector) -> Vector:
         """Return values over the presses, shape (n, ...), without their mean and linear drift."""
         flat = values.reshape(n, -1)
-        left: Vector = flat - steady @ (steady.T @ flat)
-        return left
+        detrended_values: Vector = flat - steady @ (steady.T @ flat)
+        return detrended_values
 
     slopes = detrended(memory_um).reshape(n, ELEMENTS, -1)
     moved_um, scale = -detrended(distance_um), np.ones((ELEMENTS, 1))
@@ -86,7 +86,7 @@ def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
 
 
 def _residual_closures_um(twin: FootTwin, force_n: Vector) -> Vector:
-    """Return the closures after each press per a, b and c, shape (n, 9, 3) [um]."""
+    """Return the closures that remain after each press, per coefficient a, b and c, shape (n, 9, 3) [um]."""
     mean_n, means_n = np.zeros(3), []
     for one_n in force_n:
         mean_n = mean_n + _NEWEST_PRESS_WEIGHT * (one_n - mean_n)

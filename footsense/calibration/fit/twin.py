@@ -142,7 +142,7 @@ class FootTwin:
         return _compliance_factor(parameters) * self._designed_cell_closures_um(parameters, loads)
 
     def _designed_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the same closures of a solid as stiff as designed."""
+        """Return the closures of each cell for a solid as stiff as designed [um], shape (n, 324)."""
         mount = rotation(parameters[MOUNT])
         moved = loads.normal @ mount.T
         moved[:, :2] += parameters[OFFSET]

@@ -30,7 +30,7 @@ class LoadSet:
 
     @classmethod
     def from_loads(cls, loads: Sequence[CalibrationLoad]) -> Self:
-        """Return the set of some calibration loads."""
+        """Return calibration loads as one set of arrays."""
         widths = {"force_n": 3, "sigma_n": 3, "capacitance_pf": 9, "baseline_pf": 9}
         return cls(
             **{

@@ -12,7 +12,7 @@ from footsense.errors import FootsenseError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from footsense.lab.design.design import Designed
+    from footsense.lab.design.design import DesignResult
 
 _POSITIVE = click.FloatRange(min=0, min_open=True)
 
@@ -114,7 +114,7 @@ def design(
         largest_n = largest_force_n(mass, legs, load_factor)
     if recorded is not None:
         largest_n = largest_recorded_n(recorded)
-    known = process_table.load_processes(processes or process_table.TABLE)
+    known = process_table.load_processes(processes or process_table.PROCESSES_TABLE)
     if process not in known:
         raise FootsenseError(f"--process {process}: not in the table, which has {', '.join(known)}")
     least_n = min_force or largest_n / 20.0
@@ -130,7 +130,7 @@ def design(
         reach,
         error,
         ball,
-        material_table.load_materials(materials or material_table.TABLE).only(material),
+        material_table.load_materials(materials or material_table.MATERIALS_TABLE).select_materials(material),
         known[process],
         converter(board),
     )
@@ -151,13 +151,13 @@ def design(
 def shapes(*, out: Path) -> None:
     """Solve the shapes that `lab design` starts from; half an hour, after a change of the solid's model alone."""
     from footsense.daemon.foot_types import released_path
-    from footsense.lab.design.prediction.solving import solve
+    from footsense.lab.design.prediction.solving import solve_shapes
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
-    solve(load_foot(released_path(FOOT_FILE)), out, options.elapsed_time_reporter())
+    solve_shapes(load_foot(released_path(FOOT_FILE)), out, options.elapsed_time_reporter())
 
 
-def _print(designed: "Designed") -> None:
+def _print(designed: "DesignResult") -> None:
     """Print the chosen feet as a table, then the files."""
     from rich.console import Console
 
@@ -166,7 +166,7 @@ def _print(designed: "Designed") -> None:
     wishes = designed.wishes
     board = wishes.board
     click.echo(
-        f"{designed.choice.tried} feet compared for {wishes.min_n:.3g} to {wishes.max_n:.3g} N "
+        f"{designed.choice.n_tried} feet compared for {wishes.min_n:.3g} to {wishes.max_n:.3g} N "
         f"up to {wishes.reach_deg:g} deg from the leg"
     )
     click.echo(
@@ -177,7 +177,7 @@ def _print(designed: "Designed") -> None:
         click.echo(f"wrote {path}")
 
 
-def _table(designed: "Designed") -> "Table":
+def _table(designed: "DesignResult") -> "Table":
     """Return the figures, one column per foot."""
     from rich.markup import escape
     from rich.table import Table
@@ -186,6 +186,6 @@ def _table(designed: "Designed") -> "Table":
     table.add_column("", no_wrap=True)
     for foot in designed.feet:
         table.add_column(foot.name, justify="right", no_wrap=True)
-    for title, cells in designed.rows().items():
+    for title, cells in designed.table_rows().items():
         table.add_row(escape(title), *cells)
     return table

@@ -113,6 +113,6 @@ def compare(*, other: Path, models: Path | None) -> None:
     differences = compare_builds(models or options.released_folder(), other)
     for row in differences:
         result = "same" if row.is_within_tolerance else "DIFFERS"
-        click.echo(f"{row.figure_name}: {row.measured:.3g}, tolerated {row.tolerance:.3g}: {result}")
+        click.echo(f"{row.quantity}: {row.measured:.3g}, tolerated {row.tolerance:.3g}: {result}")
     if not all(row.is_within_tolerance for row in differences):
         raise FootsenseError(f"{other} is not the same release")

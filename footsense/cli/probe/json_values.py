@@ -69,7 +69,7 @@ def _leg_json(report: ProbedLeg) -> dict[str, Any]:
         "answering": None if chips is None else _addresses_json(chips.answering),
         "chips": None if chips is None else chips.outcome.name.lower(),
         "slowness_rel": None if report.timing is None else round(report.timing.slowness, 3),
-        "keeps_done": None if report.timing is None else report.timing.keeps_done,
+        "keeps_done": None if report.timing is None else report.timing.keeps_done_bit,
         "mean_pf": None if scans is None else [round(value, 4) for value in scans.mean_pf.tolist()],
         "noise_ff": None if scans is None else [round(value, 2) for value in scans.noise_ff.tolist()],
         "reading": None

@@ -58,7 +58,7 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
                 f"nine conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
             )
         )
-    if known := [leg.timing.keeps_done for leg in result.legs if leg.timing]:
+    if known := [leg.timing.keeps_done_bit for leg in result.legs if leg.timing]:
         order = (
             "while the next conversion runs"
             if all(known)

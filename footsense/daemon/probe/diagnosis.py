@@ -126,4 +126,4 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
         )
         yield Diagnosis(report.leg, observation, "its supply; or replace the converter")
     for fault in report.faults:
-        yield Diagnosis(report.leg, fault.what, fault.check)
+        yield Diagnosis(report.leg, fault.observation, fault.advice)

@@ -51,7 +51,7 @@ def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, no
 
 
 class LegBaseline:
-    """The baseline of one leg.
+    """Baseline of one leg, with its variance and drift tracking.
 
     Args:
         unloaded_pf: Expected reading of each element of the free foot [pF], shape (9,).

@@ -207,5 +207,5 @@ def calibration_change_rel(load_n: Vector, reference_n: Vector) -> Vector:
     change_n = load_n - np.median(load_n / reference_n) * reference_n
     total_n = change_n.sum()
     alone_n = np.where(change_n * total_n > 0.0, np.minimum(np.abs(change_n), abs(total_n)), 0.0)
-    rel: Vector = np.sign(total_n) * alone_n / reference_n
-    return rel
+    change_rel: Vector = np.sign(total_n) * alone_n / reference_n
+    return change_rel

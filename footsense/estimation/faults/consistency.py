@@ -51,7 +51,7 @@ class ConsistencyResult(NamedTuple):
         unexplained: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
         stuck: Excluded elements that do not follow the load, shape (legs, 9).
         drifting: Excluded elements that follow it with an offset, shape (legs, 9).
-        ok: Whether every element is consistent, and none is missing, suspected or excluded.
+        is_all_ok: Whether every element is consistent, and none is missing, suspected or excluded.
     """
 
     missing: Mask
@@ -59,7 +59,7 @@ class ConsistencyResult(NamedTuple):
     unexplained: Mask
     stuck: Mask
     drifting: Mask
-    ok: bool
+    is_all_ok: bool
 
 
 class ConsistencyTest:
@@ -120,7 +120,7 @@ class ConsistencyTest:
         return squares
 
     def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
-        """Test the elements of a frame.
+        """Test the elements of a frame, and return the missing and inconsistent ones.
 
         Args:
             closure_rel: Newest closures over the gap [1], shape (legs, 9); a leg with a NaN that is not missing is not
@@ -142,7 +142,9 @@ class ConsistencyTest:
             and not np.count_nonzero(missing)
         ):
             self._t_ns = now_ns
-            return ConsistencyResult(missing, self._no_inconsistency, self._no_leg, missing, missing, ok=True)
+            return ConsistencyResult(
+                missing, self._no_inconsistency, self._no_leg, missing, missing, is_all_ok=True
+            )
         suspicious = ~consistent.all(axis=1) | missing.any(axis=1) | self._suspected.any(axis=1)
         inconsistency_rel = np.zeros(len(closure_rel))
         self._unexplained = np.zeros(len(closure_rel), bool)
@@ -162,7 +164,7 @@ class ConsistencyTest:
             self._unexplained,
             self._stuck.copy(),
             self.excluded & ~self._stuck,
-            ok=False,
+            is_all_ok=False,
         )
 
     def _test_leg(

@@ -18,7 +18,7 @@ class MissingSets(NamedTuple):
         rows: The rows, shape (r, n).
         columns: The columns, shape (r, n).
         bits: Bit of each element in a pattern of elements, shape (n,).
-        index_of: Index in `sets` of each of the 2^n patterns; 0 also where it is no set.
+        set_index_of_pattern: Index in `sets` of each of the 2^n patterns; 0 also where it is no set.
         smallest_around: Smallest set that contains each pattern; the empty one where no set does, shape (2^n, n).
     """
 
@@ -26,7 +26,7 @@ class MissingSets(NamedTuple):
     rows: Mask
     columns: Mask
     bits: NDArray[np.uint16]
-    index_of: NDArray[np.intp]
+    set_index_of_pattern: NDArray[np.intp]
     smallest_around: Mask
 
 
@@ -38,14 +38,14 @@ def missing_sets(n_elements: int) -> MissingSets:
     none = np.zeros((1, n_elements), bool)
     sets: Mask = np.concatenate([none, np.eye(n_elements, dtype=bool), rows, columns])
     bits = (1 << element).astype(np.uint16)
-    index_of = np.zeros(1 << n_elements, np.intp)
-    index_of[sets @ bits] = np.arange(len(sets))
+    set_index_of_pattern = np.zeros(1 << n_elements, np.intp)
+    set_index_of_pattern[sets @ bits] = np.arange(len(sets))
     patterns = (np.arange(1 << n_elements)[:, None] & bits) > 0
     # Set by set, the smaller ones last: all pairs at once would take a gigabyte of 16 elements.
     smallest = np.zeros(1 << n_elements, np.intp)
     for number in range(len(sets))[::-1]:
         smallest[~(patterns & ~sets[number]).any(axis=1)] = number
-    return MissingSets(sets, rows, columns, bits, index_of, sets[smallest])
+    return MissingSets(sets, rows, columns, bits, set_index_of_pattern, sets[smallest])
 
 
 #: Every set of the paper's foot, shape (16, 9).
@@ -60,7 +60,7 @@ def missing_set_index(missing: Mask) -> NDArray[np.intp]:
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
     known = missing_sets(missing.shape[1])
-    index: NDArray[np.intp] = known.index_of[missing @ known.bits]
+    index: NDArray[np.intp] = known.set_index_of_pattern[missing @ known.bits]
     return index
 
 

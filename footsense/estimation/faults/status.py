@@ -32,7 +32,7 @@ class ElementStatus(NamedTuple):
         over_range: Elements above the converter's range.
         faulty: Elements that are open, or excluded by the consistency test.
         missing: Elements that a tare and the network do without.
-        ok: Whether no reading of the frame has a fault.
+        is_all_ok: Whether no reading of the frame has a fault.
     """
 
     capacitance_pf: Vector
@@ -40,7 +40,7 @@ class ElementStatus(NamedTuple):
     over_range: Mask
     faulty: Mask
     missing: Mask
-    ok: bool
+    is_all_ok: bool
 
 
 class ElementClassifier:
@@ -78,7 +78,7 @@ class ElementClassifier:
         any_before, self._any_opened = self._any_opened, bool(np.count_nonzero(opened))
         if all_ok and not (self._any_opened or any_before):
             missing = missing_elements(excluded) if np.count_nonzero(excluded) else excluded
-            return ElementStatus(capacitance_pf, self._none, self._none, excluded, missing, ok=True)
+            return ElementStatus(capacitance_pf, self._none, self._none, excluded, missing, is_all_ok=True)
         over_range = scan.reading == Reading.OVER_RANGE
         if over_range.any():  # at least that much: the consistency test decides whether it can be
             capacitance_pf = np.where(over_range, self._range_end_pf - self._stray_pf, capacitance_pf)
@@ -91,7 +91,7 @@ class ElementClassifier:
         missing = missing_elements(faulty | over_range & np.isnan(baseline_pf))
         # In the window, an unsettled reading would be a step of the load.
         settled_pf = np.where(unsettled, np.nan, capacitance_pf)
-        return ElementStatus(settled_pf, opened, over_range, faulty, missing, ok=False)
+        return ElementStatus(settled_pf, opened, over_range, faulty, missing, is_all_ok=False)
 
 
 class LegStatus(NamedTuple):
@@ -173,8 +173,8 @@ class LegClassifier:
         fresh = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns
         # A leg without a baseline has no closures, and fails the consistency test.
         if (
-            elements.ok
-            and consistency.ok
+            elements.is_all_ok
+            and consistency.is_all_ok
             and fresh
             and not np.count_nonzero(lost)
             and not np.count_nonzero(out_of_range)

@@ -1,1 +1,1 @@
-"""What a gait controller asks of a foot: contact and its times, load share, ground normal, friction, slip."""
+"""Gait semantics for a controller: contact and its times, load share, ground normal, friction, slip."""

@@ -76,14 +76,14 @@ def lift_off(loads: Sequence[Loads], row: int) -> BackDated:
         loads: Last loads, oldest first.
         row: Row of the leg.
     """
-    known: list[tuple[int, float]] = []
+    known_loads: list[tuple[int, float]] = []
     for past in reversed(loads):
         if math.isnan(past.mean_n[row]):
             break
-        known.append((past.t_ns, past.mean_n[row]))
-    most_n = max(known, key=itemgetter(1))[1]
-    low_ns = high_ns = known[-1][0]
-    for t_ns, mean_n in reversed(known):
+        known_loads.append((past.t_ns, past.mean_n[row]))
+    most_n = max(known_loads, key=itemgetter(1))[1]
+    low_ns = high_ns = known_loads[-1][0]
+    for t_ns, mean_n in reversed(known_loads):
         if mean_n > _LOW_REL * most_n:
             low_ns = t_ns
             if mean_n > _HIGH_REL * most_n:

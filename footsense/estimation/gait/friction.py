@@ -50,7 +50,7 @@ _TIME_SIGMA_S = 0.01
 
 
 class Ground(NamedTuple):
-    """The ground below one foot.
+    """Ground normal and friction use below one foot.
 
     Attributes:
         pressing_n: Normal force [N].
@@ -145,7 +145,7 @@ class Friction:
 
 
 class SlipDetector:
-    """Slip of one leg.
+    """Slip detection of one leg.
 
     Args:
         friction: Estimate of the coefficient of friction, shared by all legs.

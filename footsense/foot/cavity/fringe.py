@@ -23,7 +23,7 @@ _IS_EDGE_CELL = np.pad(np.zeros((CELLS_PER_SIDE - 2,) * 2, bool), 1, constant_va
 
 
 def fringe_pf(design: CapacitorDesign, spacing_um: Vector) -> Vector:
-    """Return what its four edges add to each element [pF], shape (..., 9).
+    """Return the fringe capacitance of each element's four edges [pF], shape (..., 9).
 
     Args:
         design: Dimensions of the capacitors.
@@ -32,5 +32,7 @@ def fringe_pf(design: CapacitorDesign, spacing_um: Vector) -> Vector:
     side_mm = np.sqrt(design.electrode_area_mm2)
     at_edge_um = spacing_um.reshape(*spacing_um.shape[:-1], -1, CELLS)[..., _IS_EDGE_CELL].mean(axis=-1)
     per_mm = EPS0_PF_UM_PER_MM2 / _UM_PER_MM * design.film_eps_r / (2.0 * np.pi)
-    added: Vector = 4.0 * side_mm * per_mm * (1.0 + np.log(2.0 * np.pi * side_mm * _UM_PER_MM / at_edge_um))
-    return added
+    fringe_capacitance_pf: Vector = (
+        4.0 * side_mm * per_mm * (1.0 + np.log(2.0 * np.pi * side_mm * _UM_PER_MM / at_edge_um))
+    )
+    return fringe_capacitance_pf

@@ -1,4 +1,4 @@
-"""Air in the cavities: what it presses back with when a gap closes, and how it leaks away.
+"""Air pressure in the cavities when gaps close, and its leakage.
 
 A closure d of the gap leaves the share v = 1 - d/g of a cavity's volume, d and g being means over its area. The air in
 it then has the pressure p of the gas law, and presses on both plates by what it is above the ambient pressure p_a:
@@ -35,7 +35,7 @@ _MIN_REMAINING_PRESSURE_REL = 0.2
 
 
 class CavityPressures:
-    """Solver of the pressures for one specimen.
+    """Solver of the air pressures in the cavities of one foot.
 
     Args:
         gap_um: Gap of each element [um], shape (9,).
@@ -92,9 +92,11 @@ class CavityPressures:
     def _volume_and_slope(self, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
         """Return v [1] and its negative slope [1/MPa], which the gas law gives at an excess pressure [MPa]."""
         pressure_mpa = excess_mpa + gas.ambient_mpa
-        kept: Vector = (gas.amount_mpa / pressure_mpa) ** (1.0 / gas.exponent)
-        volume: Vector = kept - gas.leaked * excess_mpa / pressure_mpa
-        return volume, (kept / gas.exponent + gas.leaked * gas.ambient_mpa / pressure_mpa) / pressure_mpa
+        remaining_volume: Vector = (gas.amount_mpa / pressure_mpa) ** (1.0 / gas.exponent)
+        volume: Vector = remaining_volume - gas.leaked * excess_mpa / pressure_mpa
+        return volume, (
+            remaining_volume / gas.exponent + gas.leaked * gas.ambient_mpa / pressure_mpa
+        ) / pressure_mpa
 
     def _pressures_without_contact_mpa(self, free_um: Vector, gas: Gas) -> Vector:
         """Return the excess pressures [MPa], shape (n, 9), at mean closures of an empty foot [um], shape (n, 9).

@@ -36,7 +36,7 @@ CorrectionRow = Annotated[list[float], Meta(min_length=N_CORRECTION_TERMS, max_l
 
 
 class Format(msgspec.Struct, frozen=True):
-    """The field that every format has; read first, since another format may lack the others."""
+    """Format number: the field that every version has; read first, since others may be missing."""
 
     format: int
 

@@ -85,7 +85,7 @@ class TrainedInputs:
 
 
 class _Format(msgspec.Struct, frozen=True):
-    """The field that every format has."""
+    """Format number: the field that every version of the card has."""
 
     format: int
 

@@ -12,7 +12,7 @@ from footsense.lab.design.prediction.shapes import Shape, pitch_mm
 from footsense.lab.geometry import UM_PER_MM
 
 #: Steps of the ball's diameter.
-_BALLS = 9
+_N_BALL_DIAMETERS = 9
 
 
 class Candidates(NamedTuple):
@@ -46,8 +46,8 @@ class Candidates(NamedTuple):
     film_um: Vector
     film_eps_r: Vector
 
-    def rows(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "Candidates":
-        """Return some of the feet."""
+    def select(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "Candidates":
+        """Return the selected candidates."""
         parts: list[Any] = [part[which] for part in self]
         return Candidates(*parts)
 
@@ -68,7 +68,7 @@ class Candidates(NamedTuple):
         return area
 
     @property
-    def open_um(self) -> Vector:
+    def unloaded_distance_um(self) -> Vector:
         """Distance of the unloaded electrodes in air, the film's share included [um]."""
         distance: Vector = self.gap_um + self.film_um / self.film_eps_r
         return distance
@@ -76,18 +76,18 @@ class Candidates(NamedTuple):
     @property
     def unloaded_pf(self) -> Vector:
         """Capacitance of an unloaded element [pF]."""
-        unloaded: Vector = self.plates_pf_um / self.open_um
+        unloaded: Vector = self.plates_pf_um / self.unloaded_distance_um
         return unloaded
 
     @property
     def half_closed_pf(self) -> Vector:
         """Capacitance of an element whose gap is half closed [pF]."""
-        half: Vector = self.plates_pf_um / (self.open_um - 0.5 * self.gap_um)
+        half: Vector = self.plates_pf_um / (self.unloaded_distance_um - 0.5 * self.gap_um)
         return half
 
     @property
     def shape(self) -> Shape:
-        """The shapes, for the library."""
+        """Return the geometric shapes of the candidates for the response library."""
         spacer_mm = (self.gap_um + self.film_um) / UM_PER_MM
         return Shape(
             self.fill_rel,
@@ -101,7 +101,7 @@ class Candidates(NamedTuple):
 def all_candidates(wishes: Wishes) -> Candidates:
     """Return every combination of what is at hand, whether it works or not."""
     low_mm, high_mm = wishes.ball_mm
-    radii = np.unique(np.round(np.linspace(low_mm, high_mm, _BALLS) * 2.0) / 2.0) / 2.0
+    radii = np.unique(np.round(np.linspace(low_mm, high_mm, _N_BALL_DIAMETERS) * 2.0) / 2.0) / 2.0
     process, materials = wishes.process, wishes.materials
     axes = (
         radii,

@@ -12,10 +12,10 @@ from footsense.lab.design.candidates import Candidates, all_candidates
 from footsense.lab.design.inputs.materials import load_materials
 from footsense.lab.design.inputs.wishes import Wishes
 from footsense.lab.design.prediction.shapes import ShapeLibrary
-from footsense.lab.design.screen import LIMITS, Screened, screen
+from footsense.lab.design.screen import LIMIT_NAMES, ScreeningResult, screen_candidates
 
 #: Feet of a size that may be assessed.
-_PER_SIZE = 12
+_MAX_ASSESSED_PER_SIZE = 12
 #: Largest ball that is tried where no smaller one carries the load [mm].
 _LARGEST_BALL_MM = 120.0
 
@@ -26,20 +26,20 @@ class Choice(NamedTuple):
     Attributes:
         feet: All candidates that can be made and read, n of them.
         screened: Their range and error.
-        front: Rows that no other foot beats in range, error and size at once.
+        pareto_front: Rows that no other foot beats in range, error and size at once.
         ranked: For some sizes of the ball the rows to assess, the most accurate first.
-        tried: Number of all candidates.
+        n_tried: Number of all candidates.
     """
 
     feet: Candidates
-    screened: Screened
-    front: NDArray[np.intp]
+    screened: ScreeningResult
+    pareto_front: NDArray[np.intp]
     ranked: list[NDArray[np.intp]]
-    tried: int
+    n_tried: int
 
 
-def choose(library: ShapeLibrary, wishes: Wishes, keep: int) -> Choice:
-    """Screen all candidates and choose some.
+def choose_candidates(library: ShapeLibrary, wishes: Wishes, keep: int) -> Choice:
+    """Screen all candidates, and choose the feet to assess from the Pareto front.
 
     Args:
         library: The solved shapes.
@@ -50,23 +50,23 @@ def choose(library: ShapeLibrary, wishes: Wishes, keep: int) -> Choice:
         FootsenseError: No candidate works; the message names the wishes that conflict and the nearest that do not.
     """
     everything = all_candidates(wishes)
-    feet = _makeable(library, wishes, everything)
-    screened = screen(library, wishes, feet)
+    feet = _manufacturable_candidates(library, wishes, everything)
+    screened = screen_candidates(library, wishes, feet)
     works = np.flatnonzero(screened.direction_deg <= wishes.error_deg)
     if not len(works):
-        raise FootsenseError(_conflict(library, wishes, feet, screened))
+        raise FootsenseError(_conflict_message(library, wishes, feet, screened))
     error = screened.direction_deg
-    front = works[
-        _front(np.stack([-screened.range_n[works], error[works], feet.ball_radius_mm[works]], axis=1))
+    pareto_front = works[
+        _pareto_rows(np.stack([-screened.range_n[works], error[works], feet.ball_radius_mm[works]], axis=1))
     ]
     radii = np.unique(feet.ball_radius_mm[works])
     spread = np.unique(np.round(np.linspace(0, len(radii) - 1, min(keep, len(radii)))).astype(int))
     of_radius = [works[feet.ball_radius_mm[works] == radius] for radius in radii[spread]]
-    ranked = [rows[np.argsort(error[rows])][:_PER_SIZE] for rows in of_radius]
-    return Choice(feet, screened, front, ranked, len(everything.gap_um))
+    ranked = [rows[np.argsort(error[rows])][:_MAX_ASSESSED_PER_SIZE] for rows in of_radius]
+    return Choice(feet, screened, pareto_front, ranked, len(everything.gap_um))
 
 
-def _makeable(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> Candidates:
+def _manufacturable_candidates(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> Candidates:
     """Return the candidates whose sheet can be made, whose elements can be read, and whose shape is known.
 
     Raises:
@@ -92,16 +92,16 @@ def _makeable(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> Candid
             f"{board.range_end_pf:.1f} pF; use a ball {'up to' if most else 'from'} "
             f"{share * wishes.ball_mm[0 if most else 1]:.0f} mm"
         )
-    known = library.holds(feet.shape)
+    known = library.covers(feet.shape)
     if not (bars & read & known).any():
         raise FootsenseError(
             "--ball and --material conflict: plate, spacer and sheet are too far from the solved shapes, whose plates "
             "have 0.025 to 0.1 of the ball's radius and 0.2 to 1.5 of the rubber's modulus; use other materials"
         )
-    return feet.rows(bars & read & known)
+    return feet.select(bars & read & known)
 
 
-def _front(costs: Vector) -> NDArray[np.intp]:
+def _pareto_rows(costs: Vector) -> NDArray[np.intp]:
     """Return the rows of costs, shape (n, k), that no other row beats in all columns."""
     order = np.lexsort(costs.T[::-1])
     kept: list[int] = []
@@ -111,7 +111,9 @@ def _front(costs: Vector) -> NDArray[np.intp]:
     return np.array(kept, np.intp)
 
 
-def _conflict(library: ShapeLibrary, wishes: Wishes, feet: Candidates, screened: Screened) -> str:
+def _conflict_message(
+    library: ShapeLibrary, wishes: Wishes, feet: Candidates, screened: ScreeningResult
+) -> str:
     """Return which wishes no candidate meets, and the nearest design that works."""
     able = screened.range_n >= wishes.max_n
     if able.any():
@@ -121,40 +123,40 @@ def _conflict(library: ShapeLibrary, wishes: Wishes, feet: Candidates, screened:
             f"--min-force {wishes.min_n:g} and --max-force {wishes.max_n:g} conflict at --error {wishes.error_deg:g}: "
             f"the noise of board {wishes.board.name} alone gives {screened.direction_deg[best]:.2g} deg over this "
             f"range, with the gap of {feet.gap_um[best]:g} um (the process makes {thinnest:g} um and more); "
-            f"nearest that works: --min-force {_nearest_min_n(library, wishes, feet):.2g}"
+            f"nearest that works: --min-force {_nearest_min_force_n(library, wishes, feet):.2g}"
         )
     best = int(np.argmax(screened.range_n))
     rubbers = wishes.materials.rubbers
     text = (
         f"--max-force {wishes.max_n:g} and --ball {wishes.ball_mm[1]:g} conflict: no rubber and gap at hand carry more "
         f"than {screened.range_n[best]:.3g} N on such a ball ({rubbers[int(feet.rubber[best])].name}, gap "
-        f"{feet.gap_um[best]:g} um, ends by the {LIMITS[int(screened.limit[best])]})"
+        f"{feet.gap_um[best]:g} um, ends by the {LIMIT_NAMES[int(screened.limit[best])]})"
     )
     larger = wishes._replace(ball_mm=(wishes.ball_mm[1], _LARGEST_BALL_MM))
     try:
-        others = _makeable(library, larger, all_candidates(larger))
+        others = _manufacturable_candidates(library, larger, all_candidates(larger))
     except FootsenseError:
         others = feet
-    carries = screen(library, larger, others).range_n >= wishes.max_n
+    carries = screen_candidates(library, larger, others).range_n >= wishes.max_n
     nearest = f"--max-force {0.99 * screened.range_n[best]:.3g}"
     harder = wishes._replace(materials=load_materials())
     if carries.any():
         nearest = f"--ball {wishes.ball_mm[0]:g} {2.0 * others.ball_radius_mm[carries].min():g}, or {nearest}"
     else:
-        others = _makeable(library, harder, all_candidates(harder))
-        carries = screen(library, harder, others).range_n >= wishes.max_n
+        others = _manufacturable_candidates(library, harder, all_candidates(harder))
+        carries = screen_candidates(library, harder, others).range_n >= wishes.max_n
         if carries.any():
             nearest = f"a rubber of {others.rubber_mpa[carries].min():g} MPa, or {nearest}"
     return f"{text}; nearest that works: {nearest}"
 
 
-def _nearest_min_n(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> float:
+def _nearest_min_force_n(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> float:
     """Return the least smallest force at which some candidate meets the wished error [N]."""
     low, high = np.log(wishes.min_n), np.log(wishes.max_n)
     for _ in range(8):
         middle = (low + high) / 2.0
-        tried = wishes._replace(min_n=float(np.exp(middle)))
-        if np.nanmin(screen(library, tried, feet).direction_deg) <= wishes.error_deg:
+        n_tried = wishes._replace(min_n=float(np.exp(middle)))
+        if np.nanmin(screen_candidates(library, n_tried, feet).direction_deg) <= wishes.error_deg:
             high = middle
         else:
             low = middle

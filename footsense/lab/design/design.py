@@ -6,21 +6,21 @@ from typing import Any, NamedTuple
 import msgspec
 
 from footsense.errors import FootsenseError
-from footsense.lab.design.choice import Choice, choose
+from footsense.lab.design.choice import Choice, choose_candidates
 from footsense.lab.design.foot_files import foot_text, write_foot
 from footsense.lab.design.inputs.wishes import Wishes
-from footsense.lab.design.prediction.assess import ELEVATIONS_DEG, Assessment, assess
+from footsense.lab.design.prediction.assess import ELEVATIONS_DEG, Assessment, assess_foot
 from footsense.lab.design.prediction.shapes import ShapeLibrary
-from footsense.lab.design.screen import LIMITS
+from footsense.lab.design.screen import LIMIT_NAMES
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign
 
 #: Predicted over wished range [1]: the ranges of solved tables are up to 2 % below the predicted ones.
-_RESERVE_REL = 1.02
+_RANGE_RESERVE_FACTOR = 1.02
 
 
 class DesignedFoot(NamedTuple):
-    """A chosen foot.
+    """A chosen foot: its description, figures, and what limits its range.
 
     Attributes:
         name: Its foot type.
@@ -39,8 +39,8 @@ class DesignedFoot(NamedTuple):
     limit: str
 
 
-class Designed(NamedTuple):
-    """Result of a design.
+class DesignResult(NamedTuple):
+    """Result of a design: the wishes, the candidates, and the chosen feet.
 
     Attributes:
         wishes: The input.
@@ -54,9 +54,9 @@ class Designed(NamedTuple):
     feet: list[DesignedFoot]
     picture: Path
 
-    def rows(self) -> dict[str, list[str]]:
+    def table_rows(self) -> dict[str, list[str]]:
         """Return the figures for people: a cell per foot, by the name of the row."""
-        rows: dict[str, list[str]] = {}
+        table_rows: dict[str, list[str]] = {}
         for foot in self.feet:
             one, design, row = foot.figures, foot.design, foot.row
             materials = self.wishes.materials
@@ -83,15 +83,15 @@ class Designed(NamedTuple):
                 "made, calibrated": f"{one.calibrated_deg:.2g} deg, {100.0 * one.calibrated_rel:.2g} %",
             }
             for title, cell in cells.items():
-                rows.setdefault(title, []).append(cell)
-        return rows
+                table_rows.setdefault(title, []).append(cell)
+        return table_rows
 
     def json_values(self) -> dict[str, Any]:
-        """Return the figures for programs."""
+        """Return the figures of the chosen feet as JSON values."""
         return {
             "max_n": self.wishes.max_n,
             "min_n": self.wishes.min_n,
-            "candidates": self.choice.tried,
+            "candidates": self.choice.n_tried,
             "scan_s": self.wishes.board.scan_s,
             "feet": [
                 {
@@ -105,7 +105,7 @@ class Designed(NamedTuple):
         }
 
 
-def design(wishes: Wishes, name: str, keep: int, folder: Path) -> Designed:
+def design(wishes: Wishes, name: str, keep: int, folder: Path) -> DesignResult:
     """Find feet, and write their descriptions and the picture.
 
     Args:
@@ -117,21 +117,21 @@ def design(wishes: Wishes, name: str, keep: int, folder: Path) -> Designed:
     Raises:
         FootsenseError: No foot works, or a file cannot be written.
     """
-    from footsense.lab.design.drawing import draw
+    from footsense.lab.design.drawing import draw_design
 
     library = ShapeLibrary()
-    choice = choose(library, wishes, keep)
+    choice = choose_candidates(library, wishes, keep)
     feet = []
-    for rows in choice.ranked:
-        own = f"{name}-{2.0 * choice.feet.ball_radius_mm[rows[0]]:g}mm".replace(".", "-")
-        for row in map(int, rows):
+    for table_rows in choice.ranked:
+        own = f"{name}-{2.0 * choice.feet.ball_radius_mm[table_rows[0]]:g}mm".replace(".", "-")
+        for row in map(int, table_rows):
             text = foot_text(own, f"A foot for forces up to {wishes.max_n:.3g} N", choice.feet, row, wishes)
             made = load_foot(text.encode())
-            figures = assess(library.response(made), wishes)
-            if figures.reach_n >= _RESERVE_REL * wishes.max_n:
+            figures = assess_foot(library.response(made), wishes)
+            if figures.reach_n >= _RANGE_RESERVE_FACTOR * wishes.max_n:
                 path = write_foot(folder / own, text)
                 feet.append(
-                    DesignedFoot(own, row, path, made, figures, LIMITS[int(choice.screened.limit[row])])
+                    DesignedFoot(own, row, path, made, figures, LIMIT_NAMES[int(choice.screened.limit[row])])
                 )
                 break
     if not feet:
@@ -140,5 +140,5 @@ def design(wishes: Wishes, name: str, keep: int, folder: Path) -> Designed:
             f"nearest that works: --max-force {0.95 * wishes.max_n:.3g}"
         )
     picture = folder / "design.png"
-    draw(picture, choice, feet, wishes)
-    return Designed(wishes, choice, feet, picture)
+    draw_design(picture, choice, feet, wishes)
+    return DesignResult(wishes, choice, feet, picture)

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from footsense.lab.design.design import DesignedFoot
 
 #: Numbers as they are on logarithmic axes; every second of the small ones is left out.
-PLAIN = FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "1235" else "")
+PLAIN_NUMBER_FORMATTER = FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "1235" else "")
 #: Points of the cloud that are drawn.
-_DRAWN = 6000
+_MAX_DRAWN_POINTS = 6000
 
 
-def draw(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wishes: Wishes) -> None:
-    """Write the picture.
+def draw_design(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wishes: Wishes) -> None:
+    """Write the picture of range, error and size of all candidates, the chosen ones marked.
 
     Args:
         path: PNG to write.
@@ -33,7 +33,7 @@ def draw(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wishes: W
     figure, (cloud, directions) = subplot_row(2, 10.0, 4.4)
     feet, screened = choice.feet, choice.screened
     works = np.flatnonzero(np.isfinite(screened.direction_deg))
-    shown = np.random.default_rng(1).permutation(works)[:_DRAWN]
+    shown = np.random.default_rng(1).permutation(works)[:_MAX_DRAWN_POINTS]
     diameter = 2.0 * feet.ball_radius_mm
     colour = cloud.scatter(
         screened.range_n[shown],
@@ -45,8 +45,8 @@ def draw(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wishes: W
         cmap="viridis",
     )
     cloud.scatter(
-        *(screened.range_n[choice.front], screened.direction_deg[choice.front]),
-        c=diameter[choice.front],
+        *(screened.range_n[choice.pareto_front], screened.direction_deg[choice.pareto_front]),
+        c=diameter[choice.pareto_front],
         s=14,
         edgecolors="black",
         linewidths=0.4,
@@ -66,8 +66,8 @@ def draw(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wishes: W
     )
     cloud.legend(loc="upper left")
     for axis in (cloud.xaxis, cloud.yaxis):
-        axis.set_major_formatter(PLAIN)
-        axis.set_minor_formatter(PLAIN)
+        axis.set_major_formatter(PLAIN_NUMBER_FORMATTER)
+        axis.set_minor_formatter(PLAIN_NUMBER_FORMATTER)
     cloud.tick_params(which="both", labelsize=8)
     bar = figure.colorbar(colour, ax=cloud, label="diameter of the ball [mm]")
     if bar.solids is not None:

@@ -6,13 +6,18 @@ from typing import Any
 from footsense.errors import FootsenseError
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.inputs.wishes import Wishes
-from footsense.lab.design.prediction.shapes import SHEET_REL
-from footsense.lab.design.screen import TRAINED_REL
+from footsense.lab.design.prediction.shapes import SHEET_SIDE_OVER_RADIUS
+from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.geometry import UM_PER_MM
 
 #: Loads of the training that no wish changes: those of the paper's foot.
-_LOADS = {"friction_angle_deg": 35, "typical_lean_deg": 10, "min_elevation_deg": 30, "centred_share": 0.5}
+_DEFAULT_LOAD_RANGE = {
+    "friction_angle_deg": 35,
+    "typical_lean_deg": 10,
+    "min_elevation_deg": 30,
+    "centred_share": 0.5,
+}
 
 
 def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes) -> str:
@@ -28,7 +33,7 @@ def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes)
     foot = {field: float(getattr(feet, field)[row]) for field in ("ball_radius_mm", "plate_mm", "gap_um")}
     # The outer elements end where the sheet does, open to its edge: a strip beside them, however narrow, would join the
     # plates there and take a quarter off the closures.
-    sheet_mm = round(SHEET_REL * foot["ball_radius_mm"], 2)
+    sheet_mm = round(SHEET_SIDE_OVER_RADIUS * foot["ball_radius_mm"], 2)
     pitch_mm = round(float(feet.pitch_mm[row]), 2)
     film = wishes.process.film[int(feet.film[row])]
     rubber, sheet = (
@@ -47,7 +52,7 @@ def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes)
         "film_eps_r": film.eps_r,
     }
     solids = {"rubber": rubber, "pdms": sheet}
-    loads = {"max_n": float(f"{TRAINED_REL * wishes.max_n:.3g}"), **_LOADS}
+    loads = {"max_n": float(f"{TRAINED_RANGE_FACTOR * wishes.max_n:.3g}"), **_DEFAULT_LOAD_RANGE}
     title = (
         f"# Designed for {wishes.min_n:.3g} to {wishes.max_n:.3g} N up to {wishes.reach_deg:g} deg from the leg, "
         f"board {wishes.board.name}."

@@ -1,7 +1,8 @@
 """Range and error of every candidate, vectorised: what a foot carries, what limits it, what no read-out can better.
 
-The range is the largest force in every direction under which no element reads as closed by more than `READ_REL` of its
-gap, no capacitance exceeds the converter's range, and the contact patch is no wider than the response table holds.
+The range is the largest force in every direction under which no element reads as closed by more than
+`MAX_READABLE_CLOSURE_REL` of its gap, no capacitance exceeds the converter's range, and the contact patch is no wider
+than the response table holds.
 Errors are the Cramer-Rao bound of one scan for an unknown force and contact (`evaluation.cramer_rao`), from the
 smallest force to the largest.
 """
@@ -15,27 +16,27 @@ from footsense.foot.directions import tangent_frame
 from footsense.frames import Vector
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.inputs.boards import Converter
-from footsense.lab.design.inputs.wishes import READ_REL, Wishes
+from footsense.lab.design.inputs.wishes import MAX_READABLE_CLOSURE_REL, Wishes
 from footsense.lab.design.prediction.closures import ClosureModel, Influence, design_loads
 from footsense.lab.design.prediction.shapes import RUBBER_POISSON, ShapeLibrary
 from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG
 
 #: Feet evaluated at once, which limits memory.
-_AT_ONCE = 2000
+_FEET_PER_CALL = 2000
 #: Forces between the smallest and the largest at which errors are evaluated, evenly in the logarithm.
-_LEVELS = 3
+_N_FORCE_LEVELS = 3
 #: The foot is trained beyond its range by this factor, and its patch has to be in the table there too [1].
-TRAINED_REL = 1.5
+TRAINED_RANGE_FACTOR = 1.5
 #: What ends a foot's range, by number.
-LIMITS = ("gap", "converter", "patch")
+LIMIT_NAMES = ("gap", "converter", "patch")
 
 
-class Screened(NamedTuple):
-    """Result for n candidates.
+class ScreeningResult(NamedTuple):
+    """Range, limit and predicted error of n candidates.
 
     Attributes:
         range_n: Largest force in every direction of the design [N], shape (n,).
-        limit: What ends it, a number in `LIMITS`, shape (n,).
+        limit: What ends it, a number in `LIMIT_NAMES`, shape (n,).
         direction_deg: Cramer-Rao bound of the direction, mean over loads [deg rms], shape (n,); NaN if the largest
             force is beyond the range.
         magnitude_rel: The same of the magnitude over the force [1].
@@ -54,32 +55,34 @@ def patch_limit_n(feet: Candidates) -> Vector:
     return limit
 
 
-def screen(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> Screened:
+def screen_candidates(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> ScreeningResult:
     """Return range and error of every candidate."""
     model = ClosureModel(library, design_loads(wishes.reach_deg))
     parts = [
-        _screen_some(model, wishes, feet.rows(slice(first, first + _AT_ONCE)))
-        for first in range(0, len(feet.gap_um), _AT_ONCE)
+        _screen_batch(model, wishes, feet.select(slice(first, first + _FEET_PER_CALL)))
+        for first in range(0, len(feet.gap_um), _FEET_PER_CALL)
     ]
-    return Screened(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+    return ScreeningResult(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
 
-def _screen_some(model: ClosureModel, wishes: Wishes, feet: Candidates) -> Screened:
+def _screen_batch(model: ClosureModel, wishes: Wishes, feet: Candidates) -> ScreeningResult:
     influence = model.influence(feet)
-    by_gap = _force_at(model, influence, feet, READ_REL * feet.gap_um)
-    readable = feet.open_um - feet.plates_pf_um / wishes.board.range_end_pf
-    by_converter = _force_at(model, influence, feet, np.maximum(readable, 1e-9))
-    limits = np.stack([by_gap, by_converter, patch_limit_n(feet) / TRAINED_REL])
+    by_gap = _force_at_closure_n(model, influence, feet, MAX_READABLE_CLOSURE_REL * feet.gap_um)
+    readable = feet.unloaded_distance_um - feet.plates_pf_um / wishes.board.range_end_pf
+    by_converter = _force_at_closure_n(model, influence, feet, np.maximum(readable, 1e-9))
+    limits = np.stack([by_gap, by_converter, patch_limit_n(feet) / TRAINED_RANGE_FACTOR])
     range_n, limit = limits.min(axis=0), limits.argmin(axis=0)
     direction, magnitude = np.full((2, len(range_n)), np.nan)
     able = np.flatnonzero(range_n >= wishes.max_n)
     if len(able):
         some = Influence(influence.point[able], influence.patch[able])
-        direction[able], magnitude[able] = _bounds(model, some, feet.rows(able), wishes)
-    return Screened(range_n, limit, direction, magnitude)
+        direction[able], magnitude[able] = _mean_bounds(model, some, feet.select(able), wishes)
+    return ScreeningResult(range_n, limit, direction, magnitude)
 
 
-def _force_at(model: ClosureModel, influence: Influence, feet: Candidates, closure_um: Vector) -> Vector:
+def _force_at_closure_n(
+    model: ClosureModel, influence: Influence, feet: Candidates, closure_um: Vector
+) -> Vector:
     """Return the least force over all loads under which some element reads as closed so far [N], shape (n,).
 
     An electrode that bends reads as closed a little more than its mean: its closest parts count most.
@@ -88,7 +91,7 @@ def _force_at(model: ClosureModel, influence: Influence, feet: Candidates, closu
     pressing = (direction * normal).sum(axis=1) ** (2.0 / 3.0)
     point = np.einsum("nmce,mc->nme", influence.point[:, :, 0], direction)
     patch = np.einsum("nmce,mc->nme", influence.patch[:, :, 0], direction) * pressing[:, None]
-    read, open_um = closure_um[:, None, None], feet.open_um[:, None, None]
+    read, open_um = closure_um[:, None, None], feet.unloaded_distance_um[:, None, None]
     # The mean d of distances D - d that reads as r: d + v d^2 / (D - d) = r to second order, v the relative variance.
     even = 1.0 - model.unevenness
     total = open_um + read
@@ -107,20 +110,20 @@ def _force_at(model: ClosureModel, influence: Influence, feet: Candidates, closu
 def closure_sigma_um(board: Converter, feet: Candidates, closure_um: Vector) -> Vector:
     """Return the standard deviation of measured closures [um], shape of `closure_um`, (n, ...)."""
     shape = (-1, *(1,) * (closure_um.ndim - 1))
-    open_um, plates = feet.open_um.reshape(shape), feet.plates_pf_um.reshape(shape)
+    open_um, plates = feet.unloaded_distance_um.reshape(shape), feet.plates_pf_um.reshape(shape)
     now, rest = (open_um - closure_um) ** 2 * board.noise_pf, open_um**2 * board.baseline_noise_pf
     sigma: Vector = np.hypot(now, rest) / plates
     return sigma
 
 
-def _bounds(
+def _mean_bounds(
     model: ClosureModel, influence: Influence, feet: Candidates, wishes: Wishes
 ) -> tuple[Vector, Vector]:
     """Return direction [deg] and relative magnitude [1] bounds, means over loads and levels, shape (n,) each."""
     direction = model.loads.direction
     across = np.stack(tangent_frame(direction), axis=1)
     angles, sizes = [], []
-    for force_n in np.geomspace(wishes.min_n, wishes.max_n, _LEVELS):
+    for force_n in np.geomspace(wishes.min_n, wishes.max_n, _N_FORCE_LEVELS):
         closure, slopes = model.closures_um(influence, np.full((len(feet.gap_um), len(direction)), force_n))
         whitened = slopes / closure_sigma_um(wishes.board, feet, closure)[..., None]
         information = np.einsum("nmei,nmej->nmij", whitened, whitened)

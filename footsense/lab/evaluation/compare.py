@@ -27,12 +27,12 @@ class BuildDifference:
     """One figure compared between two builds: the measured and the tolerated value.
 
     Attributes:
-        figure_name: Name and unit.
+        quantity: Name and unit.
         measured: Difference between the builds; for an error, its value in the second build.
         tolerance: Largest value of the same release.
     """
 
-    figure_name: str
+    quantity: str
     measured: float
     tolerance: float
 
@@ -42,14 +42,14 @@ class BuildDifference:
         return self.measured <= self.tolerance
 
 
-def error_difference(figure_name: str, released: float, built: float, promised: float) -> BuildDifference:
+def error_difference(quantity: str, released: float, built: float, promised: float) -> BuildDifference:
     """Return the comparison of a build's error with the released one and its promised limit.
 
     Example:
         >>> [error_difference("error", 0.08, built, 0.24).is_within_tolerance for built in (0.19, 0.25)]
         [True, False]
     """
-    return BuildDifference(figure_name, built, max(promised, released * (1.0 + ERROR_INCREASE_TOLERANCE_REL)))
+    return BuildDifference(quantity, built, max(promised, released * (1.0 + ERROR_INCREASE_TOLERANCE_REL)))
 
 
 def compare_builds(first: Path, second: Path) -> list[BuildDifference]:

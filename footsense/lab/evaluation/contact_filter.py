@@ -54,16 +54,16 @@ class MotionModel(NamedTuple):
     """A model of the motion: spectral densities of the noise that drives it, and how long it remembers.
 
     Attributes:
-        load: Of the normal force's third derivative [N2/s5].
+        normal_force_noise_density: Of the normal force's third derivative [N2/s5].
         normal_force_memory_s: Memory of the normal force's acceleration [s].
-        ratio: Of the friction ratio's second derivative [1/s3].
-        point: Of the contact point's second derivative [1/s3].
+        friction_ratio_noise_density: Of the friction ratio's second derivative [1/s3].
+        contact_point_noise_density: Of the contact point's second derivative [1/s3].
     """
 
-    load: float
+    normal_force_noise_density: float
     normal_force_memory_s: float
-    ratio: float
-    point: float
+    friction_ratio_noise_density: float
+    contact_point_noise_density: float
 
     def transition(self, step_s: float) -> tuple[Vector, Vector]:
         """Return transition and covariance of the noise of a step, shapes (11, 11), by Van Loan's method."""
@@ -73,7 +73,14 @@ class MotionModel(NamedTuple):
         memory_s = np.array([np.inf, _RATIO_S, _RATIO_S, _POINT_S, _POINT_S, self.normal_force_memory_s])
         moving = np.arange(COORDINATES, _STATES)
         rate[moving, moving] = -1.0 / memory_s
-        noise[moving, moving] = [0.0, self.ratio, self.ratio, self.point, self.point, self.load]
+        noise[moving, moving] = [
+            0.0,
+            self.friction_ratio_noise_density,
+            self.friction_ratio_noise_density,
+            self.contact_point_noise_density,
+            self.contact_point_noise_density,
+            self.normal_force_noise_density,
+        ]
         both = expm(np.block([[-rate, noise], [np.zeros_like(rate), rate.T]]) * step_s)
         step = both[_STATES:, _STATES:].T
         return step, step @ both[:_STATES, _STATES:]
@@ -88,7 +95,7 @@ MOTION_MODELS = (
 
 
 class ContactFilter:
-    """Filters of n feet that are read at the same times.
+    """Kalman filters of n feet that are read at the same times.
 
     Args:
         model: Model of the readings.
@@ -110,8 +117,8 @@ class ContactFilter:
         np.fill_diagonal(self._switch, _STAY)
         self._apart = np.zeros(n, int)
 
-    def read(self, element: int, closure_rel: Vector) -> None:
-        """Take the conversions of one element of all feet: closures over the gap [1], shape (n,)."""
+    def update(self, element: int, closure_rel: Vector) -> None:
+        """Update the filter by one element's conversions of all feet: closures over the gap [1], shape (n,)."""
         self._mix_models()
         self._predict()
         likelihood = self._correct(element, np.tile(closure_rel, len(MOTION_MODELS)))

@@ -34,7 +34,7 @@ RELATIVE_STEP = 1e-4
 
 
 class Unknowns(Enum):
-    """The unknowns of a read-out: three or five."""
+    """Unknowns of an estimate: the force alone (centred contact), or the force and the contact normal."""
 
     CENTRED = 3
     LEANING = 5

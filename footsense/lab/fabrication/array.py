@@ -37,8 +37,8 @@ class ElementArray:
             (5.0, 0.0, -5.0)
         """
         return cls(
-            row_x_mm=_lines(x for x, _ in design.centres_mm),
-            column_y_mm=_lines(y for _, y in design.centres_mm),
+            row_x_mm=_distinct_coordinates_mm(x for x, _ in design.centres_mm),
+            column_y_mm=_distinct_coordinates_mm(y for _, y in design.centres_mm),
             electrode_mm=design.electrode_mm,
             sheet_mm=design.sheet_mm,
         )
@@ -61,7 +61,7 @@ class ElementArray:
         return min(pitches) - self.electrode_mm
 
 
-def _lines(values_mm: Iterable[float]) -> tuple[float, ...]:
+def _distinct_coordinates_mm(values_mm: Iterable[float]) -> tuple[float, ...]:
     """Return the different coordinates of the elements' centres, the highest first [mm]."""
     lines: list[float] = []
     for value in sorted(values_mm, reverse=True):

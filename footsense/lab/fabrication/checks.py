@@ -1,4 +1,4 @@
-"""The written files read back and measured: what they should be, what they are."""
+"""Checks of the written files: read back, measured, compared with the expected values."""
 
 import math
 from collections.abc import Iterator

@@ -80,16 +80,16 @@ class CavityCell:
     Attributes:
         name: Name of its face in the mesh.
         element: Element that it belongs to, flat index of the foot.
-        forward: Place in the element along x, 0 the most forward.
-        leftward: Place along y, 0 the leftmost.
+        row_in_element: Place in the element along x, 0 the most forward.
+        column_in_element: Place along y, 0 the leftmost.
         x_mm: Centre [mm].
         y_mm: Centre [mm].
     """
 
     name: str
     element: int
-    forward: int
-    leftward: int
+    row_in_element: int
+    column_in_element: int
     x_mm: float
     y_mm: float
 
@@ -113,7 +113,9 @@ def quarter_grid(per_cell: Vector, design: FootDesign, axis: int) -> Vector:
     order = np.empty((design.rows * CELLS_PER_SIDE // 2,) * 2, np.intp)
     for number, cell in enumerate(quarter_cells(design)):
         row, column = divmod(cell.element, design.rows)
-        order[row * CELLS_PER_SIDE + cell.forward, column * CELLS_PER_SIDE + cell.leftward] = number
+        order[
+            row * CELLS_PER_SIDE + cell.row_in_element, column * CELLS_PER_SIDE + cell.column_in_element
+        ] = number
     return np.take(per_cell, order, axis=axis)
 
 

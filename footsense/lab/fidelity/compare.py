@@ -37,7 +37,7 @@ def reported_force_n(network: Readout, design: CapacitorDesign, answer: LevelRes
 
 @dataclass(frozen=True, slots=True)
 class FidelityError:
-    """How far one answer is from another one to the same loads.
+    """Error of one fidelity level against a finer one on the same loads.
 
     Attributes:
         closure_rel: Difference of the closures, rms over rms of the reference [1].

@@ -43,13 +43,13 @@ class Sweep:
     """One kind of imperfection at several levels.
 
     Attributes:
-        what: Varied quantity, with the unit of the levels.
+        varied_quantity: Varied quantity, with the unit of the levels.
         step: Tolerances at level 1.
         levels: Levels, rising, without 0.
         base: Tolerances at every level besides.
     """
 
-    what: str
+    varied_quantity: str
     step: Tolerances
     levels: tuple[float, ...]
     base: Tolerances = NO_DEVIATIONS
@@ -60,20 +60,32 @@ class Sweep:
 
 
 FOOT_SWEEPS = (
-    Sweep(what="gap [um]", step=Tolerances(gap_um=1.0), levels=(0.5, 1.0, 2.0, 3.0, 5.0, 8.0)),
-    Sweep(what="unknown stray [pF]", step=Tolerances(stray_pf=1.0), levels=(0.05, 0.1, 0.2, 0.5, 1.0)),
-    Sweep(what="stiffness [%]", step=Tolerances(stiffness_rel=0.01), levels=(5.0, 10.0, 20.0, 40.0)),
-    Sweep(what="mount [deg]", step=Tolerances(mount_deg=1.0), levels=(1.0, 2.0, 5.0, 10.0)),
-    Sweep(what="film [um]", step=Tolerances(film_um=1.0), levels=(0.5, 1.0, 2.0, 4.0)),
-    Sweep(what="all, times typical", step=TYPICAL_TOLERANCES, levels=(0.5, 1.0, 2.0, 3.0, 5.0)),
+    Sweep(varied_quantity="gap [um]", step=Tolerances(gap_um=1.0), levels=(0.5, 1.0, 2.0, 3.0, 5.0, 8.0)),
+    Sweep(
+        varied_quantity="unknown stray [pF]", step=Tolerances(stray_pf=1.0), levels=(0.05, 0.1, 0.2, 0.5, 1.0)
+    ),
+    Sweep(
+        varied_quantity="stiffness [%]", step=Tolerances(stiffness_rel=0.01), levels=(5.0, 10.0, 20.0, 40.0)
+    ),
+    Sweep(varied_quantity="mount [deg]", step=Tolerances(mount_deg=1.0), levels=(1.0, 2.0, 5.0, 10.0)),
+    Sweep(varied_quantity="film [um]", step=Tolerances(film_um=1.0), levels=(0.5, 1.0, 2.0, 4.0)),
+    Sweep(varied_quantity="all, times typical", step=TYPICAL_TOLERANCES, levels=(0.5, 1.0, 2.0, 3.0, 5.0)),
 )
 TEST_STAND_SWEEPS = (
-    Sweep(what="reading [fF]", step=Tolerances(reading_pf=0.001), levels=(1.0, 5.0, 20.0)),
-    Sweep(what="repeatability of ΔC [%]", step=Tolerances(repeatability_rel=0.01), levels=(2.0, 5.0, 20.0)),
-    Sweep(what="reference [resolutions]", step=Tolerances(reference_resolutions=1.0), levels=(0.5, 1.0, 3.0)),
-    Sweep(what="stick [deg]", step=Tolerances(stick_deg=1.0), levels=(1.0, 2.0, 5.0, 8.0)),
+    Sweep(varied_quantity="reading [fF]", step=Tolerances(reading_pf=0.001), levels=(1.0, 5.0, 20.0)),
     Sweep(
-        what="all of it, times careful",
+        varied_quantity="repeatability of ΔC [%]",
+        step=Tolerances(repeatability_rel=0.01),
+        levels=(2.0, 5.0, 20.0),
+    ),
+    Sweep(
+        varied_quantity="reference [resolutions]",
+        step=Tolerances(reference_resolutions=1.0),
+        levels=(0.5, 1.0, 3.0),
+    ),
+    Sweep(varied_quantity="stick [deg]", step=Tolerances(stick_deg=1.0), levels=(1.0, 2.0, 5.0, 8.0)),
+    Sweep(
+        varied_quantity="all of it, times careful",
         step=CAREFUL_TEST_STAND,
         levels=(1.0, 2.0, 4.0),
         base=TYPICAL_TOLERANCES,
@@ -130,7 +142,7 @@ class SweepResults:
 
     def over_feet(self, sweep: Sweep, level: float, name: str) -> MeanStd:
         """Return the statistics of a figure over the feet of a level."""
-        return self.figures[sweep.what][f"{level:g}"][name]
+        return self.figures[sweep.varied_quantity][f"{level:g}"][name]
 
     def means(self, sweep: Sweep, name: str) -> list[float]:
         """Return a figure's mean over the feet at each level."""
@@ -184,5 +196,5 @@ def sweep_results(
         for level in plan.levels(sweep):
             feet = [found[job] for job in plan.jobs(sweep, level)]
             over_feet = {name: MeanStd.of_values(foot[name] for foot in feet) for name in feet[0]}
-            figures.setdefault(sweep.what, {})[f"{level:g}"] = over_feet
+            figures.setdefault(sweep.varied_quantity, {})[f"{level:g}"] = over_feet
     return SweepResults(plan=plan, gap_um=gap_um, figures=figures)

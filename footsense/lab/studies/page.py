@@ -71,7 +71,7 @@ class StudyContext:
         return read_card(json.dumps(self.network.card), str(self.models)).trained_inputs
 
     def model_hash_entry(self, *, uses_network: bool) -> dict[str, str]:
-        """Return the hash that the page of a study keeps: of the network, or of the response of the foot alone."""
+        """Return the hash that identifies a page's models: of the network, or of the foot's response alone."""
         if uses_network:
             return {"network_sha256": self.network_sha256}
         return {"response_sha256": self.response.sha256}
@@ -153,22 +153,22 @@ class Study:
             "seconds": round(default_timer() - started, 1),
             "quick": context.quick,
             **context.model_hash_entry(uses_network=self.uses_network),
-            "code_sha256": compute_sha256(self._function.__module__),
+            "code_sha256": compute_sha256(self._compute_function.__module__),
             **msgspec.to_builtins(results, str_keys=True, enc_hook=lambda value: value.tolist()),
         }
         return self.rerender(json.loads(json.dumps(values)), figures)
 
     @property
-    def _function(self) -> Any:
+    def _compute_function(self) -> Any:
         """The function behind `compute`, which may be partial."""
         return getattr(self.compute, "func", self.compute)
 
     def rerender(self, values: dict[str, Any], figures: Plots | None = None) -> Page:
         """Render the page from stored JSON values, without computing."""
-        results_type, _ = get_args(get_type_hints(self._function)["return"])
+        results_type, _ = get_args(get_type_hints(self._compute_function)["return"])
         results: Any = msgspec.convert(values, results_type, str_keys=True)
         numbers = {one.name: getattr(results, one.name) for one in fields(results)}
-        module = self._function.__module__
+        module = self._compute_function.__module__
         names = vars(import_module(module)) | numbers | self.names | {"results": results}
         body = render(module, names)
         return Page(

@@ -1,4 +1,4 @@
-"""What the figures of the studies share: a row of panels, and a mean with its standard deviation as a band."""
+"""Parts of the studies' figures: a row of panels, and a mean with a band of one standard deviation."""
 
 from collections.abc import Sequence
 from typing import Any

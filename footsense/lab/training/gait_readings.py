@@ -78,7 +78,7 @@ def _with_viscoelastic_load(
     return normals, forces
 
 
-def _closures_um(foot: Foot, t_s: Vector, normal: Vector, force_n: Vector) -> Vector:
+def _gait_closures_um(foot: Foot, t_s: Vector, normal: Vector, force_n: Vector) -> Vector:
     """Return the closures of every element at the times [um], shape (n, 9); air that leaks is followed in time."""
     if foot.cavity.kind == "leaking":
         air = CavityAir(foot)
@@ -138,7 +138,7 @@ def read_gait(
     normal, force_n = (
         _with_viscoelastic_load(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
     )
-    closure_um = _closures_um(Foot(response), t_s, normal, force_n)
+    closure_um = _gait_closures_um(Foot(response), t_s, normal, force_n)
     element = conversion_elements(conditions.order, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)

@@ -36,12 +36,12 @@ def hidden_input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
 
 
 def relative_symmetry_index() -> NDArray[np.intp]:
-    """Return the place of inverse(g) h among the symmetries, shape (8 of g, 8 of h)."""
+    """Return the index of inverse(g) h among the eight symmetries, shape (8 of g, 8 of h)."""
     stack = np.stack(SYMMETRIES)
     products = np.einsum("gji,hjk->ghik", stack, stack)
     same = np.abs(products[:, :, None] - stack).max(axis=(3, 4)) == 0.0
-    place: NDArray[np.intp] = same.argmax(axis=2).astype(np.intp)
-    return place
+    symmetry_index: NDArray[np.intp] = same.argmax(axis=2).astype(np.intp)
+    return symmetry_index
 
 
 def linear_basis() -> NDArray[np.float64]:

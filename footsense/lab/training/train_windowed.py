@@ -74,13 +74,13 @@ class Batch(NamedTuple):
     """Windows with their truth, n of them.
 
     Attributes:
-        seen: What the network sees.
+        features: Input features of the network.
         force_n: True forces [N], shape (n, 3).
         contact: True contact point, stereographic, and friction ratio [1], shape (n, 4).
         loaded: One where the two are learnt, shape (n, 1).
     """
 
-    seen: Features
+    features: Features
     force_n: Any
     contact: Any
     loaded: Any
@@ -96,16 +96,16 @@ class _TrainingConstants(NamedTuple):
     send_delay_s: Any
     step_s: Any
     order: Any
-    where: Any
-    ages: Any
-    rest_rel: Any
+    window_indices: Any
+    conversion_ages: Any
+    rest_closure_rel: Any
     rest_force_n: Any
     rest_contact: Any
-    rest_rough: Any
-    fill: Any
-    masks: Any
+    rest_friction_indices: Any
+    imputation_matrices: Any
+    missing_masks: Any
     noise_rel: Any
-    film_rel: Any
+    film_thickness_rel: Any
 
 
 def _training_constants(
@@ -132,24 +132,29 @@ def _training_constants(
         send_delay_s=jnp.asarray(gaits.send_delay_s.ravel(), single),
         step_s=jnp.asarray(gaits.step_s, single),
         order=jnp.asarray(gaits.order),
-        where=jnp.asarray(where),
-        ages=jnp.asarray(age_table()),
-        rest_rel=jnp.asarray(rest.closure_um / design.gap_um, single),
+        window_indices=jnp.asarray(where),
+        conversion_ages=jnp.asarray(age_table()),
+        rest_closure_rel=jnp.asarray(rest.closure_um / design.gap_um, single),
         rest_force_n=jnp.asarray(rest.force_n, single),
         rest_contact=jnp.asarray(rest_contact, single),
-        rest_rough=jnp.asarray(np.flatnonzero(np.linalg.norm(rest_contact[:, 2:], axis=1) > _FRICTION_REL)),
-        fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), single),
-        masks=jnp.asarray(MISSING_SETS, single),
+        rest_friction_indices=jnp.asarray(
+            np.flatnonzero(np.linalg.norm(rest_contact[:, 2:], axis=1) > _FRICTION_REL)
+        ),
+        imputation_matrices=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), single),
+        missing_masks=jnp.asarray(MISSING_SETS, single),
         noise_rel=jnp.asarray([s * design.gap_um / plates_um for s in (NOISE_PF, BASELINE_NOISE_PF)], single),
-        film_rel=jnp.asarray(design.film_equivalent_um / design.gap_um, single),
+        film_thickness_rel=jnp.asarray(design.film_equivalent_um / design.gap_um, single),
     )
 
 
 def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array, n: int) -> tuple[Any, ...]:
     """Return closures and ages, shape (n, 3, 9), and the truth of random windows of gaits."""
-    at = data.where[jax.random.randint(key, (n,), 0, len(data.where))]
+    at = data.window_indices[jax.random.randint(key, (n,), 0, len(data.window_indices))]
     gait, time = at // times_per_gait, at % times_per_gait
-    since = data.ages[data.order[gait], time % ELEMENTS][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
+    since = (
+        data.conversion_ages[data.order[gait], time % ELEMENTS][:, None]
+        + ELEMENTS * jnp.arange(READINGS)[:, None]
+    )
     closure_rel = data.closure_rel[at[:, None, None] - since]
     age_s = since * data.step_s[gait][:, None, None] + data.send_delay_s[at][:, None, None]
     return closure_rel, age_s, data.force_n[at], data.contact[at], data.loaded[at]
@@ -159,10 +164,10 @@ def _rest_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any
     """Return windows and true loads of feet at rest."""
     k1, k2, k3, k4, k5, k6, k7 = jax.random.split(key, 7)
     n_rough, n_paced = round(_FRICTION_SHARE * n), round(_PACED_SHARE * n)
-    rough = data.rest_rough[jax.random.randint(k1, (n_rough,), 0, len(data.rest_rough))]
-    at = jnp.concatenate([rough, jax.random.randint(k5, (n - n_rough,), 0, len(data.rest_rel))])
-    exact = data.rest_rel[at][:, None]
-    steep = (1.0 + data.film_rel - exact) ** 2
+    rough = data.rest_friction_indices[jax.random.randint(k1, (n_rough,), 0, len(data.rest_friction_indices))]
+    at = jnp.concatenate([rough, jax.random.randint(k5, (n - n_rough,), 0, len(data.rest_closure_rel))])
+    exact = data.rest_closure_rel[at][:, None]
+    steep = (1.0 + data.film_thickness_rel - exact) ** 2
     noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS, ELEMENTS))
     offset = data.noise_rel[1] * jax.random.normal(k3, (n, 1, ELEMENTS))
     phase = jax.random.randint(k4, (n,), 0, ELEMENTS)
@@ -171,8 +176,8 @@ def _rest_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any
     drawn = jax.random.uniform(k7, (2, n))
     step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
     order = jnp.where(paced, (drawn[1] * len(CONVERSION_ORDERS)).astype(int), 0)
-    since = data.ages[order, phase][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
-    closure_rel = exact + steep * noise + (1.0 + data.film_rel) ** 2 * offset
+    since = data.conversion_ages[order, phase][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
+    closure_rel = exact + steep * noise + (1.0 + data.film_thickness_rel) ** 2 * offset
     return (
         closure_rel,
         since * step_s + nominal_send_delay_s(step_s),
@@ -190,10 +195,10 @@ def _random_windows_batch(data: _TrainingConstants, times_per_gait: int, n: int,
         _gait_windows(data, times_per_gait, k1, n - n_rest), _rest_windows(data, k2, n_rest), strict=True
     )
     closure_rel, age_s, force_n, contact, loaded = (jnp.concatenate(pair) for pair in parts)
-    which = jax.random.randint(k3, (n,), 1, len(data.masks))
+    which = jax.random.randint(k3, (n,), 1, len(data.missing_masks))
     which = jnp.where(jax.random.uniform(k4, (n,)) < _MISSING_SHARE, which, 0)
-    closure_rel = jnp.einsum("nab,nsb->nsa", data.fill[which], closure_rel)
-    return Batch(features(closure_rel, age_s, data.masks[which]), force_n, contact, loaded)
+    closure_rel = jnp.einsum("nab,nsb->nsa", data.imputation_matrices[which], closure_rel)
+    return Batch(features(closure_rel, age_s, data.missing_masks[which]), force_n, contact, loaded)
 
 
 def _random_weights(key: jax.Array, c: int) -> Weights:
@@ -242,10 +247,10 @@ def train_windowed(
     carries = np.asarray(first.loaded[:, 0] > 0.0)
     unmasked = (FEATURES_PER_ELEMENT - 1) * ELEMENTS
     place = np.r_[0:unmasked, FEATURES_PER_ELEMENT * ELEMENTS : N_INPUTS]
-    seen = np.asarray(first.seen.seen, np.float64)[carries]
-    whiten, mean = whitening_transform(seen, element_input_index(), place, 3e-8)
+    element_inputs = np.asarray(first.features.seen, np.float64)[carries]
+    whiten, mean = whitening_transform(element_inputs, element_input_index(), place, 3e-8)
     now, newest, force_n = (
-        np.asarray(part, np.float64) for part in (first.seen.now, first.seen.newest, first.force_n)
+        np.asarray(part, np.float64) for part in (first.features.now, first.features.newest, first.force_n)
     )
     linear = fit_linear_start((now, now - newest), force_n, protocol.min_force_n)
 
@@ -254,7 +259,7 @@ def train_windowed(
         return free._replace(linear=linear + free.linear, w1=w1, b1=free.b1 - w1 @ mean)
 
     def loss(free: Weights, batch: Batch) -> jax.Array:
-        load = run(expand_shared_weights(fold_whitening(free)), batch.seen)
+        load = run(expand_shared_weights(fold_whitening(free)), batch.features)
         force = (load.force_n, load.sigma_n, batch.force_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
         apart, sigma = load.contact_coordinates - batch.contact, load.contact_sigma
         likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)

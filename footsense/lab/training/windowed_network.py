@@ -105,7 +105,7 @@ class LayerMatrices(NamedTuple):
 
 
 class Features(NamedTuple):
-    """What the network sees of n windows.
+    """Input features of the network for n windows.
 
     Attributes:
         seen: Inputs of the first hidden layer, shape (n, SEEN).

@@ -52,7 +52,7 @@ class CanSettings(NamedTuple):
 
 
 class CanController:
-    """The controller of one interface.
+    """Simulated CAN controller of one interface: mailboxes, arbitration, error counter.
 
     Args:
         queue: Transmit queue of the interface.

@@ -101,7 +101,7 @@ class SimulatedCan:
         return taken
 
     def advance(self) -> None:
-        """Process all events up to now."""
+        """Process all CAN events up to the present time."""
         now_ns = self._clock.now_ns()
         while (t_ns := self._due_ns()) <= now_ns:
             self._t_ns = max(self._t_ns, math.ceil(t_ns))

@@ -72,8 +72,8 @@ def measured_walk(peak_force_n: float, pitch_deg: float, from_ns: int) -> Walk:
             index = min(int(position), last)
             following = min(index + 1, last)
             part = position - index
-            value: Vector = (1 - part) * scaled_n[index] + part * scaled_n[following]
-            return value
+            reaction_n: Vector = (1 - part) * scaled_n[index] + part * scaled_n[following]
+            return reaction_n
 
         return reaction
 

@@ -42,7 +42,7 @@ class Loads(NamedTuple):
     force_n: Vector
 
 
-class _Step(NamedTuple):
+class _SuddenChange(NamedTuple):
     """A sudden change: start and duration [s], change of the load over it [1], and of the friction ratio [1]."""
 
     start_s: float
@@ -112,7 +112,7 @@ class RandomStance:
         self._wave = _oscillation(rng, 0.06 * (rng.random() < 0.6), (0.5, 15.0), (3,))
         impact = rng.uniform(0.0, 0.5) * (rng.random() < 0.4)
         self._impact = impact, rng.uniform(0.01, 0.05), rng.uniform(0.006, 0.02)
-        self._load_steps = self._steps(rng, 0.3)
+        self._load_steps = self._sudden_changes(rng, 0.3)
         around = rng.uniform(0.0, 2.0 * np.pi)
         lean = np.radians(rng.uniform(0.0, _LEAN_DEG if rng.random() < 0.65 else _STEEP_DEG))
         self._lean = lean * np.array([np.cos(around), np.sin(around)])
@@ -121,13 +121,13 @@ class RandomStance:
         self._wander = _oscillation(rng, np.radians(1.0) * (rng.random() < 0.6), (0.2, 5.0), (2, 2))
         self._friction = 0.1 * rng.normal(size=2) * (rng.random() < 0.75)
         self._shear = _oscillation(rng, 0.0 if still else 0.07, (0.4, 12.0), (2, 3))
-        self._shear_steps = self._steps(rng, 0.0 if still else 0.3)
+        self._shear_steps = self._sudden_changes(rng, 0.0 if still else 0.3)
 
-    def _steps(self, rng: np.random.Generator, probability: float) -> list[_Step]:
+    def _sudden_changes(self, rng: np.random.Generator, probability: float) -> list[_SuddenChange]:
         if rng.random() >= probability:
             return []
         return [
-            _Step(
+            _SuddenChange(
                 start_s=rng.uniform(0.0, self.duration_s),
                 duration_s=rng.uniform(0.005, 0.04),
                 load_rel=rng.uniform(-0.5, 0.4),
@@ -148,7 +148,7 @@ class RandomStance:
         return Loads(normal, self._pressing_n(t_s)[:, None] * (normal + tangential))
 
     def _pressing_n(self, t_s: Vector) -> Vector:
-        """Return the normal force [N]."""
+        """Return the normal force at n times since touchdown [N]."""
         rise, fall = t_s / self._rise_s, (self.duration_s - t_s) / self._fall_s
         if self._kind == 0:
             envelope = _smooth_step(rise) * _smooth_step(fall)

@@ -68,7 +68,7 @@ def test_a_filter_follows_a_load_and_is_seeded_by_the_network(model: ContactMode
     true_n, _ = force_and_slopes(COORDINATES)
     tracker = ContactFilter(model, 3, STEP_S, NOMINAL_SEND_DELAY_S)
     for element in conversion_elements(0, 90).tolist():
-        tracker.read(element, closure_rel[:, element])
+        tracker.update(element, closure_rel[:, element])
     force_n, sigma_n = tracker.force()
     assert np.abs(force_n - true_n).max() < OFF_N
     assert (np.abs(force_n - true_n) < 3.0 * sigma_n + 1e-3).all()

@@ -123,7 +123,7 @@ def test_forward_is_the_formula_and_its_gradient_the_difference_quotient() -> No
         for k, layer in enumerate(layers):
             weight = layer.weight.astype(np.float64)
             weight[1, 0] += nudge * (k == where)
-            hidden = hidden @ weight + layer.offset
+            hidden = hidden @ weight + layer.bias
             hidden = np.tanh(hidden) if k < len(layers) - 1 else hidden
         return float(((hidden - targets) ** 2).sum(axis=1).mean())
 

@@ -31,7 +31,7 @@ def test_noise_is_told_by_its_amount_and_judged_by_nothing_else() -> None:
     scans.capacitance_pf[:, 4] += [1.0, 2.0] * (N_SCANS // 2)
     (noise,) = found(scans)
     assert noise.elements == (4,)
-    assert noise.what.startswith("noise of up to 547.7 fF")
+    assert noise.observation.startswith("noise of up to 547.7 fF")
     assert not noise.is_fit
 
 
@@ -41,7 +41,7 @@ def test_another_foot_than_expected_is_fit_to_be_configured() -> None:
     scans.capacitance_pf[:, 7] = 5.0
     (off,) = found(scans)
     assert (off.elements, off.is_fit) == ((7,), True)
-    assert "element 7 reads -7.5%" in off.what
+    assert "element 7 reads -7.5%" in off.observation
 
 
 @pytest.mark.parametrize(
@@ -84,12 +84,12 @@ def test_the_line_that_is_at_ground_is_named(column: int) -> None:
     scans.capacitance_pf[:, column::3] = np.nan
     scans.reading[:, column::3] = Reading.OVER_RANGE
     (shorted,) = found(scans)
-    assert shorted.what == f"the line of column {column} is shorted to ground"
+    assert shorted.observation == f"the line of column {column} is shorted to ground"
     scans.capacitance_pf[:, [column, 3 + column]] = 0.1
     scans.reading[:, [column, 3 + column]] = Reading.OK
     (shorted,) = found(scans)
     assert (shorted.cause, shorted.elements) == (Cause.ELEMENT_SHORTED, (6 + column,))
-    assert shorted.what.endswith(f"with it the rest of column {column} cannot be read")
+    assert shorted.observation.endswith(f"with it the rest of column {column} cannot be read")
 
 
 def test_a_loose_contact_is_told_from_one_that_is_off() -> None:

@@ -49,7 +49,7 @@ def test_three_scans_are_a_window() -> None:
     readings = Leg().scans(5)
     np.testing.assert_array_equal(readings.distance_rel[0], np.repeat([[4.0], [3.0], [2.0]], 9, axis=1))
     np.testing.assert_array_equal(readings.t_ns[0], np.repeat([[5], [4], [3]], 9, axis=1) * SCAN_NS)
-    assert readings.whole.all()
+    assert readings.is_consecutive.all()
     assert times_ns(readings) == (5 * SCAN_NS, 5 * SCAN_NS)
 
 
@@ -61,16 +61,16 @@ def test_a_reading_of_one_element_moves_no_other() -> None:
     ages = (30 - np.arange(ELEMENTS)) % ELEMENTS + ELEMENTS * np.arange(3)[:, None]
     np.testing.assert_array_equal(readings.distance_rel[0], 30.0 - ages)
     np.testing.assert_array_equal(readings.t_ns[0], (31 - ages) * STEP_NS)
-    assert readings.whole.all()
+    assert readings.is_consecutive.all()
     assert times_ns(readings) == (31 * STEP_NS, 23 * STEP_NS)
 
 
 def test_an_element_is_whole_with_its_second_reading() -> None:
     """One reading says nothing of motion. The second reading stands for a third, as far back as the two are apart."""
     leg = Leg()
-    assert not leg.read(5.0, SCAN_NS).whole.any()
+    assert not leg.read(5.0, SCAN_NS).is_consecutive.any()
     readings = leg.read(7.0, SCAN_NS + 20_000_000)
-    assert readings.whole.all()
+    assert readings.is_consecutive.all()
     np.testing.assert_array_equal(readings.distance_rel[0, :, 0], [7.0, 5.0, 5.0])
     np.testing.assert_array_equal(readings.t_ns[0, :, 0] - SCAN_NS, [20_000_000, 0, -20_000_000])
     assert leg.read(8.0, 3 * SCAN_NS).distance_rel[0, :, 0].tolist() == [8.0, 7.0, 5.0]
@@ -81,9 +81,9 @@ def test_readings_on_both_sides_of_a_stall_make_no_window(gap_ns: int, *, whole:
     """A late scan is in order, a pause is not, nor a stamp that jumps back; the same stamp is the same reading."""
     leg = Leg()
     leg.scans()
-    assert (leg.read(9.0, 3 * SCAN_NS + gap_ns).whole == whole).all()
+    assert (leg.read(9.0, 3 * SCAN_NS + gap_ns).is_consecutive == whole).all()
     after = leg.read(10.0, 4 * SCAN_NS + gap_ns)
-    assert after.whole.all()
+    assert after.is_consecutive.all()
     assert (
         after.distance_rel[0, :, 0].tolist() == [10.0, 9.0, 9.0 if gap_ns in (LONG_NS, -1) else 2.0]
         or not gap_ns
@@ -100,8 +100,8 @@ def test_a_reading_that_is_no_number_takes_its_element_out_for_one_more(number: 
         distance_rel = np.full(ELEMENTS, 3.0)
         distance_rel[4] = number if n == 0 else 3.0
         readings = leg.read(distance_rel, (4 + n) * SCAN_NS)
-        assert np.delete(readings.whole[0], 4).all()
-        whole.append(bool(readings.whole[0, 4]))
+        assert np.delete(readings.is_consecutive[0], 4).all()
+        whole.append(bool(readings.is_consecutive[0, 4]))
     assert whole == [False, False, True, True]
 
 
@@ -114,9 +114,9 @@ def test_a_discarded_reading_is_in_no_later_window() -> None:
     # Conversion by conversion it comes again with every frame until its element has been read anew.
     leg.read(3.0, 4 * SCAN_NS + STEP_NS, 5)
     leg.discard(4)
-    assert np.flatnonzero(~leg.read(3.0, 5 * SCAN_NS).whole[0]).tolist() == [4]
+    assert np.flatnonzero(~leg.read(3.0, 5 * SCAN_NS).is_consecutive[0]).tolist() == [4]
     readings = leg.read(3.0, 6 * SCAN_NS)
-    assert readings.whole.all()
+    assert readings.is_consecutive.all()
     assert readings.distance_rel[0, :, 4].tolist() == [3.0, 3.0, 3.0]
     assert readings.motion_rel == 0.0
 
@@ -154,7 +154,7 @@ def test_an_element_without_order_does_not_age_the_leg() -> None:
     assert times_ns(readings) == (4 * SCAN_NS, 4 * SCAN_NS)
     silent = leg.read(np.nan, 0)
     assert silent.newest_ns.tolist() == [0]
-    assert not silent.whole.any()
+    assert not silent.is_consecutive.any()
 
 
 def test_legs_do_not_mix() -> None:
@@ -163,7 +163,7 @@ def test_legs_do_not_mix() -> None:
     for n in range(3):
         t_ns = np.repeat([[n + 1], [0]], ELEMENTS, axis=1) * SCAN_NS
         readings = window.add(np.where(t_ns > 0, float(n), np.nan), t_ns)
-    assert readings.whole.all(axis=1).tolist() == [True, False]
+    assert readings.is_consecutive.all(axis=1).tolist() == [True, False]
     np.testing.assert_array_equal(readings.distance_rel[0], np.repeat([[2.0], [1.0], [0.0]], 9, axis=1))
     assert np.isnan(readings.distance_rel[1]).all()
 
@@ -238,7 +238,7 @@ def test_a_window_is_the_last_readings_whatever_comes(
                     (second_ns, third_ns, second, third),
                 )
             ]
-            assert readings.whole[0, element] == follows[0]
+            assert readings.is_consecutive[0, element] == follows[0]
             if not follows[1]:
                 third, third_ns = second, 2 * second_ns - first_ns
             if follows[0]:

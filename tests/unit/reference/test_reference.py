@@ -56,7 +56,9 @@ def test_binary_records_come_out_as_they_went_in(
     decoder = BinaryDecoder(("time_us", "fx", "fy", "fz"), "<Ihhh", SYNC, checksum)
     stream = b"".join(packed(record, checksum) for record in sent) + (SYNC if checksum == "none" else b"")
     rows = fed(decoder, stream, piece)
-    assert np.concatenate([part.raw for part in rows]).tolist() == [list(record[1:]) for record in sent]
+    assert np.concatenate([part.sensor_values for part in rows]).tolist() == [
+        list(record[1:]) for record in sent
+    ]
     assert decoder.n_bad == 0
 
 
@@ -70,7 +72,9 @@ def test_garbage_between_binary_records_is_skipped_and_counted(
     # But for what begins like a record and is none by a chance of 2^-16.
     garbage = garbage.replace(b"\xaa", b"")
     rows = fed(decoder, whole[0] + garbage + b"".join(whole[1:]), piece)
-    assert np.concatenate([part.raw for part in rows]).tolist() == [list(record[1:]) for record in sent]
+    assert np.concatenate([part.sensor_values for part in rows]).tolist() == [
+        list(record[1:]) for record in sent
+    ]
     assert decoder.n_bad == (len(sent) > 1 and bool(garbage))
 
 
@@ -93,11 +97,11 @@ def test_lines_are_read_and_others_counted() -> None:
     decoder = LineDecoder(("sequence", "-", "fx", "fy", "fz"), "")
     text = b"7 8\r\n 1 x -2.5 1e-3 4\r\n2 ? 1 2\nfx fy fz a b\n3 0 nan 0 0\n4 0 0 0 1\n5 0"
     rows = decoder.feed(text)
-    assert rows.raw.tolist() == [[-2.5, 1e-3, 4.0], [0.0, 0.0, 1.0]]
+    assert rows.sensor_values.tolist() == [[-2.5, 1e-3, 4.0], [0.0, 0.0, 1.0]]
     assert rows.sequence is not None
     assert rows.sequence.tolist() == [1, 4]
     assert (decoder.n_bad, decoder.last_bad) == (3, b"3 0 nan 0 0")
-    assert len(decoder.feed(b" 0 0 2\n").raw) == 1
+    assert len(decoder.feed(b" 0 0 2\n").sensor_values) == 1
 
 
 @given(st.lists(st.binary(max_size=80), max_size=6))
@@ -108,7 +112,7 @@ def test_no_bytes_crash_a_decoder(parts: list[bytes]) -> None:
         BinaryDecoder(("fx", "fy", "fz"), "<fff", b"\xaa", "none"),
     ):
         for part in parts:
-            assert np.isfinite(decoder.feed(part).raw).all()
+            assert np.isfinite(decoder.feed(part).sensor_values).all()
 
 
 def test_a_mounting_turns_scales_and_limits() -> None:

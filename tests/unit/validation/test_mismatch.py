@@ -29,7 +29,7 @@ def _plan() -> TrialPlan:
     normal = normalized(direction + np.radians(12.0) * rng.normal(size=direction.shape))
     leaning = TestLoads(normal, 60.0 * GRAM_FORCE_N * direction)
     tests = {"centred": TestLoads(normalized(centred), centred), "leaning": leaning}
-    return TrialPlan(tolerances=PAPER_TOLERANCES, seed=8, every=6, test_loads_by_name=tests)
+    return TrialPlan(tolerances=PAPER_TOLERANCES, seed=8, every_nth_press=6, test_loads_by_name=tests)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_a_foot_that_holds_its_air_is_refused(cavity: Cavity) -> None:
 
 def test_the_rubber_and_the_worn_pole_change_what_is_read() -> None:
     """Each disturbance reaches the readings: none is a row without effect."""
-    plan, models = replace(_plan(), every=15, n_few_loads=0), design()
+    plan, models = replace(_plan(), every_nth_press=15, n_few_loads=0), design()
     plain = run_mismatch_trial(models, models.response, UNDISTURBED, plan, 2)
     for disturbance in (
         Disturbance(worn_cap_height_mm=0.3),

@@ -9,7 +9,7 @@ from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import closure_conversion, recorded_config, recorded_flags
 from footsense.recording.replay import Replay
-from footsense.view.closures import Closures, RecordedBaselines
+from footsense.view.closures import ClosureConverter, RecordedBaselines
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 
@@ -20,7 +20,7 @@ def test_the_baselines_of_a_recording_are_found_again() -> None:
     config = recorded_config(recording)
     models = load_models(config)
     pipeline = pipeline_for(models, recorded_flags(recording))
-    closures = Closures(closure_conversion(models))
+    closures = ClosureConverter(closure_conversion(models))
     baselines = RecordedBaselines(closures.stray_pf, config.tare.window_scans)
     largest = 0.0
     for cycle in islice(recording, 900):

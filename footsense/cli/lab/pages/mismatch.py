@@ -143,7 +143,7 @@ def run_study(
     plan = TrialPlan(
         tolerances=PAPER_TOLERANCES,
         seed=SEED,
-        every=QUICK_EVERY if context.quick else EVERY,
+        every_nth_press=QUICK_EVERY if context.quick else EVERY,
         test_loads_by_name=test_loads(context.foot_design.loads),
     )
     began_s = process_time()
@@ -154,7 +154,7 @@ def run_study(
     about: dict[str, str | int] = {
         "study": "mismatch",
         "seed": SEED,
-        "every": plan.every,
+        "every": plan.every_nth_press,
         "models": context.network_sha256,
         "tolerances": str(plan.tolerances),
         "code": code_digest(calibration, foot, estimation),
@@ -172,7 +172,7 @@ def run_study(
         worst[name] = {figure: round(float(np.nanmax(values)), 3) for figure, values in columns.items()}
         scatter[name] = [(round(one["distance_all"], 2), round(one["centred_all_deg"], 3)) for one in made]
         context.report_progress(f"{name}: {_progress_line(means[name])}")
-    presses = len(paper_presses("training")[:: plan.every])
+    presses = len(paper_presses("training")[:: plan.every_nth_press])
     results = MismatchResults(
         feet=n_feet,
         presses=presses,

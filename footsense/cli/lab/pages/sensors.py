@@ -45,14 +45,14 @@ AZIMUTHS_DEG = np.array([0.0, 15.0, 30.0, 45.0])
 #: Steps of the range's force over the largest load of the training, and the most that is tried [1].
 STEP_REL, MOST_REL = 0.05, 5.0
 #: Load of the bound over the largest load of the training [1].
-BOUND_REL = 0.5
+BOUND_LOAD_REL = 0.5
 #: Scans of the simulated bus: every check has had its turn.
-SCANS = 18
+N_SIMULATED_SCANS = 18
 #: Time that the host adds to a transaction [us].
 HOST_COST_US = 40.0
 #: Steps in which an electrode's side is rounded down [mm].
 _SIDE_STEP_MM = 0.05
-_MUX = 0x71
+_MUX_ADDRESS = 0x71
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,15 +136,15 @@ def scan_ms(response: FootResponse) -> float:
     """Return the time of a scan of six hanging legs on one bus at 400 kHz, board `fdc1004` [ms]."""
     scene = msgspec.structs.replace(load_scene("hanging"), host_cost_us=HOST_COST_US)
     channels = {leg: channel for channel, leg in enumerate(DEFAULT.legs)}
-    [bus] = SimulatedRobot(scene, response, [Wiring(400_000, _MUX, channels)]).buses
+    [bus] = SimulatedRobot(scene, response, [Wiring(400_000, _MUX_ADDRESS, channels)]).buses
     plan = scan_plan(DEFAULT.order, DEFAULT.rate_sps, rows=response.rows)
-    scanner = BusScanner(UpstreamBus(bus, _MUX), bus.clock, channels, plan)
+    scanner = BusScanner(UpstreamBus(bus, _MUX_ADDRESS), bus.clock, channels, plan)
     scanner.start()
     scanner.read()
     start_ns = bus.clock.now_ns()
-    for _ in range(SCANS * response.n_elements):
+    for _ in range(N_SIMULATED_SCANS * response.n_elements):
         scanner.read()
-    return (bus.clock.now_ns() - start_ns) * 1e-6 / SCANS
+    return (bus.clock.now_ns() - start_ns) * 1e-6 / N_SIMULATED_SCANS
 
 
 def range_n(foot: Foot, max_n: float) -> list[float]:
@@ -160,7 +160,7 @@ def range_n(foot: Foot, max_n: float) -> list[float]:
     return least
 
 
-def _bounds(foot: Foot, load_n: float, noise_pf: float) -> tuple[float, float | None, float | None]:
+def _rms_bounds(foot: Foot, load_n: float, noise_pf: float) -> tuple[float, float | None, float | None]:
     """Return the rms bounds over the paper's test directions: centred and leaning [deg], and leaning [gf]."""
     direction = paper_directions("verification")
     force_n = load_n * direction
@@ -189,11 +189,11 @@ def array_figures(like: FootDesign, design: FootDesign, response: FootResponse) 
     boards = [converter(name) for name in ("fdc1004", "ad7746")]
     # As long a scan as of nine elements leaves each conversion another share of the time; the noise is white.
     same_time_pf = NOISE_PF * math.sqrt(response.n_elements / 9.0)
-    centred_deg, leaning_deg, leaning_gf = _bounds(foot, BOUND_REL * max_n, NOISE_PF)
-    same_centred_deg, same_leaning_deg, _ = _bounds(foot, BOUND_REL * max_n, same_time_pf)
+    centred_deg, leaning_deg, leaning_gf = _rms_bounds(foot, BOUND_LOAD_REL * max_n, NOISE_PF)
+    same_centred_deg, same_leaning_deg, _ = _rms_bounds(foot, BOUND_LOAD_REL * max_n, same_time_pf)
     reach_n = range_n(foot, max_n)
     own_deg, same_own_deg = (
-        _bounds(foot, BOUND_REL * min(reach_n), pf)[1] for pf in (NOISE_PF, same_time_pf)
+        _rms_bounds(foot, BOUND_LOAD_REL * min(reach_n), pf)[1] for pf in (NOISE_PF, same_time_pf)
     )
     return ArrayFigures(
         electrode_mm=design.electrode_mm,
@@ -232,7 +232,7 @@ def compute_arrays(context: StudyContext) -> dict[int, ArrayFigures]:
     return arrays
 
 
-def figure(arrays: dict[int, ArrayFigures]) -> Figure:
+def arrays_figure(arrays: dict[int, ArrayFigures]) -> Figure:
     """Draw the bound and the range over the number of elements."""
     drawing, (error, reach) = subplot_row(2, 8.2, 3.6)
     number = [rows**2 for rows in arrays]
@@ -261,9 +261,9 @@ def compute(context: StudyContext) -> tuple[SensorResults, Plots]:
     """Read the block by every sensor, and the foot by every array."""
     on_block, plots = block.compute(context)
     arrays = compute_arrays(context)
-    load_n = BOUND_REL * context.foot_design.loads.max_n
+    load_n = BOUND_LOAD_REL * context.foot_design.loads.max_n
     results = SensorResults(**vars(on_block), load_n=load_n, arrays=arrays)
-    return results, plots | {"sensors-arrays.png": figure(arrays)}
+    return results, plots | {"sensors-arrays.png": arrays_figure(arrays)}
 
 
 STUDY = Study(

@@ -11,7 +11,7 @@ from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF
 #: (docs/adr/0012-ad7746-fixed-capdac-measured-step.md).
 _AD7746_RANGE_PF = (4.0, 9.3)
 #: Noise of a baseline over that of a conversion [1], as with board `fdc1004`.
-_BASELINE_REL = 0.4
+_BASELINE_NOISE_REL = 0.4
 
 
 class Converter(NamedTuple):
@@ -47,4 +47,4 @@ def converter(name: str) -> Converter:
         return Converter(name, NOISE_PF, BASELINE_NOISE_PF, MIN_UNLOADED_PF, end_pf, scan_s)
     quick = ad7746.RATES[max(ad7746.RATES)]
     noise_pf, scan_s = 1e-3 * quick.noise_ff, 1e-9 * ELEMENTS * quick.conversion_ns
-    return Converter(name, noise_pf, _BASELINE_REL * noise_pf, *_AD7746_RANGE_PF, scan_s)
+    return Converter(name, noise_pf, _BASELINE_NOISE_REL * noise_pf, *_AD7746_RANGE_PF, scan_s)

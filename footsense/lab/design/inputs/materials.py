@@ -10,7 +10,7 @@ from footsense.lab.geometry import Material
 from footsense.strict_yaml import Problem, load
 
 #: The table that comes with the lab.
-TABLE = Path(__file__).with_name("materials.yaml")
+MATERIALS_TABLE = Path(__file__).with_name("materials.yaml")
 
 
 def youngs_mpa_of(shore_a: float) -> float:
@@ -28,7 +28,7 @@ def youngs_mpa_of(shore_a: float) -> float:
 
 
 class Solid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A material of the table.
+    """A rubber or sheet material of the table: modulus or hardness, Poisson's ratio, source.
 
     Attributes:
         name: Name, as options and pages use it.
@@ -55,7 +55,7 @@ class Solid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Materials(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Materials at hand.
+    """Rubbers and sheets at hand.
 
     Attributes:
         rubbers: Of the ball.
@@ -65,7 +65,7 @@ class Materials(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     rubbers: Annotated[tuple[Solid, ...], Meta(min_length=1)]
     sheets: Annotated[tuple[Solid, ...], Meta(min_length=1)]
 
-    def only(self, names: tuple[str, ...]) -> "Materials":
+    def select_materials(self, names: tuple[str, ...]) -> "Materials":
         """Return the named materials; of rubbers or sheets all, if none of them is named.
 
         Raises:
@@ -80,16 +80,16 @@ class Materials(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return Materials(rubbers=rubbers or self.rubbers, sheets=sheets or self.sheets)
 
 
-def load_materials(path: Path = TABLE) -> Materials:
-    """Read a table of materials.
+def load_materials(path: Path = MATERIALS_TABLE) -> Materials:
+    """Read a table of rubbers and sheets from a YAML file.
 
     Raises:
         ConfigError: It is missing or does not fit.
     """
-    return load(path, Materials, check=_incomplete)
+    return load(path, Materials, check=_incomplete_material)
 
 
-def _incomplete(materials: Materials) -> Problem | None:
+def _incomplete_material(materials: Materials) -> Problem | None:
     """Return the first material that has not exactly one of modulus and hardness."""
     for kind in ("rubbers", "sheets"):
         for place, solid in enumerate(getattr(materials, kind)):

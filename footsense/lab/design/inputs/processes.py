@@ -8,7 +8,7 @@ from msgspec import Meta, Struct
 from footsense.strict_yaml import load
 
 #: The table that comes with the lab.
-TABLE = Path(__file__).with_name("processes.yaml")
+PROCESSES_TABLE = Path(__file__).with_name("processes.yaml")
 
 _Positive = Annotated[float, Meta(gt=0.0, le=1000.0)]
 _Share = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -22,7 +22,7 @@ class Film(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Process(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A way to make a sheet.
+    """A fabrication process of a foot's sheet: possible dimensions, and tolerances.
 
     Attributes:
         about: Short description.
@@ -55,7 +55,7 @@ class Process(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     mount_tolerance_deg: Annotated[float, Meta(ge=0.0, le=20.0)]
 
 
-def load_processes(path: Path = TABLE) -> dict[str, Process]:
+def load_processes(path: Path = PROCESSES_TABLE) -> dict[str, Process]:
     """Read a table of processes by their names.
 
     Raises:

@@ -6,7 +6,7 @@ from pathlib import Path
 from footsense.errors import FootsenseError
 
 #: Columns are forces if their names end so.
-_SUFFIX = "z_n"
+_FORCE_COLUMN_SUFFIX = "z_n"
 
 
 def largest_recorded_n(path: Path) -> float:
@@ -23,10 +23,11 @@ def largest_recorded_n(path: Path) -> float:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise FootsenseError(f"{path}: cannot be read as CSV: {error}") from error
-    columns = [name for name in (rows[0] if rows else {}) if name and name.endswith(_SUFFIX)]
+    columns = [name for name in (rows[0] if rows else {}) if name and name.endswith(_FORCE_COLUMN_SUFFIX)]
     if not columns:
         raise FootsenseError(
-            f"{path}: no column of forces: a name that ends in {_SUFFIX}, such as force_{_SUFFIX}"
+            f"{path}: no column of forces: a name that ends in {_FORCE_COLUMN_SUFFIX}, "
+            f"such as force_{_FORCE_COLUMN_SUFFIX}"
         )
     values: list[float] = []
     for row in rows:

@@ -10,11 +10,11 @@ from footsense.lab.design.inputs.processes import Process
 GRAVITY_M_S2 = 9.80665
 #: Closure over the gap up to which a load is read [1]: beyond, different loads have nearly the same closures
 #: (docs/report/force-range.md).
-READ_REL = 0.8
+MAX_READABLE_CLOSURE_REL = 0.8
 
 
 class Wishes(NamedTuple):
-    """Input of a design.
+    """Requirements of a design: forces, reach, error, size, materials, process, board.
 
     Attributes:
         max_n: Largest force on a foot [N].

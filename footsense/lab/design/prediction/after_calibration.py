@@ -43,10 +43,10 @@ def calibrated_errors(
     pressed_n = np.concatenate([size * max_n * presses for size in _SIZES_REL])
     test = direction_grid([0.0, 22.5, 45.0], [90.0 - reach_deg / 2.0, 90.0 - reach_deg])
     tested_n = 0.6 * max_n * test
-    slopes = _slopes_um(response, np.concatenate([pressed_n, tested_n]))
+    slopes = _closure_jacobians_um(response, np.concatenate([pressed_n, tested_n]))
     by_deviation, by_force, by_normal, closure = slopes
     n = len(pressed_n)
-    prior = _prior(process, response.design.gap_um)
+    prior = _prior_sigma(process, response.design.gap_um)
     information = np.diag(1.0 / prior**2)
     design = response.design
     per_pf = (design.gap_um + design.film_equivalent_um) / design.unloaded_pf
@@ -73,7 +73,7 @@ def gap_tolerance_um(process: Process, gap_um: float) -> float:
     return float(np.hypot(process.gap_tolerance_um, process.gap_tolerance_rel * gap_um))
 
 
-def _prior(process: Process, gap_um: float) -> Vector:
+def _prior_sigma(process: Process, gap_um: float) -> Vector:
     """Return the prior standard deviations: nine gaps [um], nine strays [pF], stiffness [1], mount [rad]."""
     gap = gap_tolerance_um(process, gap_um)
     sigma = [
@@ -86,7 +86,7 @@ def _prior(process: Process, gap_um: float) -> Vector:
     return prior
 
 
-def _slopes_um(response: FootResponse, force_n: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+def _closure_jacobians_um(response: FootResponse, force_n: Vector) -> tuple[Vector, Vector, Vector, Vector]:
     """Return slopes of the sensed closures by deviation (n, 9, 22), force (n, 9, 3) [um/N], normal (n, 9, 2); closures.
 
     Args:

@@ -15,7 +15,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.design.inputs.boards import Converter
-from footsense.lab.design.inputs.wishes import READ_REL, Wishes
+from footsense.lab.design.inputs.wishes import MAX_READABLE_CLOSURE_REL, Wishes
 from footsense.lab.design.prediction.after_calibration import calibrated_errors
 from footsense.lab.design.prediction.closures import Loads, design_loads
 from footsense.lab.evaluation.cramer_rao import Unknowns, jacobian_um
@@ -28,7 +28,7 @@ _BISECTIONS, LEVELS = 14, 5
 
 
 class Assessment(NamedTuple):
-    """Figures of one foot.
+    """Range and force errors of one foot, direction by direction.
 
     Attributes:
         unloaded_pf: Capacitance of an unloaded element [pF].
@@ -51,15 +51,15 @@ class Assessment(NamedTuple):
     calibrated_rel: float
 
 
-def assess(response: FootResponse, wishes: Wishes) -> Assessment:
-    """Return the figures of a foot by its response table."""
+def assess_foot(response: FootResponse, wishes: Wishes) -> Assessment:
+    """Return range and force errors of a foot, from its response table."""
     foot, board = Foot(response), wishes.board
     grids = [direction_grid(list(_AZIMUTHS_DEG), [float(elevation)]) for elevation in ELEVATIONS_DEG]
-    by_elevation = [_range_n(foot, board, Loads(grid, grid)) for grid in grids]
+    by_elevation = [_max_readable_force_n(foot, board, Loads(grid, grid)) for grid in grids]
     loads = design_loads(wishes.reach_deg)
-    reach_n = _range_n(foot, board, loads)
+    reach_n = _max_readable_force_n(foot, board, loads)
     force_n = np.geomspace(wishes.min_n, wishes.max_n, LEVELS)
-    rows = [_bound(foot, board, loads.normal, size * loads.direction) for size in force_n]
+    rows = [_cramer_rao_bound(foot, board, loads.normal, size * loads.direction) for size in force_n]
     direction_deg, magnitude_rel = np.array(rows).T
     calibrated_deg, calibrated_rel = calibrated_errors(
         response, wishes.process, wishes.reach_deg, float(force_n[-1])
@@ -76,13 +76,13 @@ def assess(response: FootResponse, wishes: Wishes) -> Assessment:
     )
 
 
-def _range_n(foot: Foot, board: Converter, loads: Loads) -> float:
+def _max_readable_force_n(foot: Foot, board: Converter, loads: Loads) -> float:
     """Return the largest force that the foot reads under all of some loads [N], by bisection."""
     design = foot.response.design
     readable_um = (
         design.gap_um + design.film_equivalent_um - design.plate_distance_um(np.array(board.range_end_pf))
     )
-    largest_um = min(READ_REL * design.gap_um, float(readable_um))
+    largest_um = min(MAX_READABLE_CLOSURE_REL * design.gap_um, float(readable_um))
     one_um = foot.response.closure_um(loads.normal, loads.direction).max()
     low, high = 0.0, 4.0 * largest_um / float(one_um)
     for _ in range(_BISECTIONS):
@@ -94,7 +94,7 @@ def _range_n(foot: Foot, board: Converter, loads: Loads) -> float:
     return low
 
 
-def sigma_um(board: Converter, design: CapacitorDesign, closure_um: Vector) -> Vector:
+def closure_sigma_um(board: Converter, design: CapacitorDesign, closure_um: Vector) -> Vector:
     """Return the standard deviation of measured closures [um], any shape, from a board's noise."""
     rest_um = design.gap_um + design.film_equivalent_um
     plates = design.unloaded_pf * rest_um
@@ -104,11 +104,11 @@ def sigma_um(board: Converter, design: CapacitorDesign, closure_um: Vector) -> V
     return sigma
 
 
-def _bound(foot: Foot, board: Converter, normal: Vector, force_n: Vector) -> tuple[float, float]:
+def _cramer_rao_bound(foot: Foot, board: Converter, normal: Vector, force_n: Vector) -> tuple[float, float]:
     """Return the Cramer-Rao bound of direction [deg] and relative magnitude [1], rms, means over the loads."""
     closure_um = sensed_closure_um(foot, normal, force_n)
     slopes = jacobian_um(foot, normal, force_n, Unknowns.LEANING)
-    whitened = slopes / sigma_um(board, foot.response.design, closure_um)[..., None]
+    whitened = slopes / closure_sigma_um(board, foot.response.design, closure_um)[..., None]
     inverse = np.linalg.inv(np.linalg.qr(whitened, mode="r"))[:, :3]
     direction = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
     across = np.stack(tangent_frame(direction), axis=1)

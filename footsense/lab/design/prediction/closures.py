@@ -19,10 +19,10 @@ from footsense.foot.symmetry import whole_series
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.prediction.shapes import (
-    ELEMENT_OF,
+    CELLS_PER_SHEET_SIDE,
+    QUARTER_ELEMENT_OF,
     RADIUS_MM,
     RUBBER_POISSON,
-    SIDE,
     YOUNGS_MPA,
     ShapeLibrary,
 )
@@ -32,7 +32,7 @@ from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG
 _STEP, _DEGREE = 1e-3, 12
 #: Angle between force and contact normal of the leaning loads [deg]: at its largest a foot's force is nearly upright,
 #: and friction takes a tenth of it.
-LEAN_DEG = 5.0
+CONTACT_LEAN_DEG = 5.0
 
 
 class Loads(NamedTuple):
@@ -53,7 +53,7 @@ def design_loads(reach_deg: float) -> Loads:
     polar = [(0.0, 0.0), (half, 0.0), (half, 45.0), (reach_deg, 0.0), (reach_deg, 22.5), (reach_deg, 45.0)]
     centred = np.stack([toward(*one) for one in polar])
     leaning = np.stack([toward(half, 0.0), toward(reach_deg, 45.0)])
-    lean = np.radians(LEAN_DEG)
+    lean = np.radians(CONTACT_LEAN_DEG)
     directions, normals = [centred], [centred]
     for across in tangent_frame(leaning):
         for sign in (1.0, -1.0):
@@ -90,7 +90,9 @@ class ClosureModel:
         """Evaluate the solved shapes at the loads."""
         self._library, self.loads = library, loads
         self._across = np.stack(tangent_frame(loads.normal), axis=1)
-        whole = [[whole_series(part, _DEGREE, SIDE) for part in shape] for shape in library.series]
+        whole = [
+            [whole_series(part, _DEGREE, CELLS_PER_SHEET_SIDE) for part in shape] for shape in library.series
+        ]
         # shapes, point or patch, products, xyz, elements
         series = element_means(np.moveaxis(np.array(whole), -1, -2))
         basis = self._basis()
@@ -117,8 +119,8 @@ class ClosureModel:
 
     def influence(self, feet: Candidates) -> Influence:
         """Return the influence of some feet; a few thousand at once, as memory is 12 kB each."""
-        weights = self._library.weights(feet.shape)
-        amplitude = self._library.amplitudes(weights)[:, ELEMENT_OF]
+        weights = self._library.interpolation_weights(feet.shape)
+        amplitude = self._library.amplitudes(weights)[:, QUARTER_ELEMENT_OF]
         size = RADIUS_MM / feet.ball_radius_mm
         softness = (YOUNGS_MPA / feet.rubber_mpa) * size
         m = len(self.loads.normal)

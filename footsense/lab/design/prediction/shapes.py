@@ -32,17 +32,17 @@ SHAPES_FILE = Path(__file__).with_name("shapes.npz")
 #: Ball radius [mm], rubber modulus [MPa] and its Poisson's ratio of the solved shapes: the paper's.
 RADIUS_MM, YOUNGS_MPA, RUBBER_POISSON = 10.0, 5.2, 0.49
 #: Side of the sheet, and of the array on it, over the ball's radius [1].
-SHEET_REL = 1.4
+SHEET_SIDE_OVER_RADIUS = 1.4
 #: Degree of the stored series, that of `response.DEGREE`.
-_DEGREE = 12
+_SERIES_DEGREE = 12
 
 
 #: Cells along a side of the array: the designs have the paper's 3 x 3 elements.
-SIDE = 3 * CELLS_PER_SIDE
+CELLS_PER_SHEET_SIDE = 3 * CELLS_PER_SIDE
 #: Element of each cell of a quarter, as a number of an amplitude: corner, edge, middle.
-_ELEMENT = np.add.outer(*[np.arange(SIDE // 2) // CELLS_PER_SIDE] * 2)
+_ELEMENT = np.add.outer(*[np.arange(CELLS_PER_SHEET_SIDE // 2) // CELLS_PER_SIDE] * 2)
 #: Element of each element of the foot, likewise.
-ELEMENT_OF = np.add.outer([0, 1, 0], [0, 1, 0]).ravel()
+QUARTER_ELEMENT_OF = np.add.outer([0, 1, 0], [0, 1, 0]).ravel()
 
 
 class Shape(NamedTuple):
@@ -71,9 +71,9 @@ class Shape(NamedTuple):
 
 
 #: The paper's foot.
-CENTRE = Shape(0.8, 0.05, 0.0037, 3.0 / 5.2, 0.40)
+CENTRE_SHAPE = Shape(0.8, 0.05, 0.0037, 3.0 / 5.2, 0.40)
 #: Values of each number beside the paper's that are solved: below and above, or twice above.
-BESIDE = {
+NEIGHBOUR_VALUES = {
     "fill_rel": (0.7, 0.88),
     "plate_rel": (0.025, 0.1),
     "spacer_rel": (0.0018, 0.0105),
@@ -85,14 +85,18 @@ BESIDE = {
 def solved_shapes() -> list[Shape]:
     """Return the shapes that are solved: the paper's, then those with one number changed."""
     return [
-        CENTRE,
-        *(CENTRE._replace(**{name: value}) for name, values in BESIDE.items() for value in values),
+        CENTRE_SHAPE,
+        *(
+            CENTRE_SHAPE._replace(**{name: value})
+            for name, values in NEIGHBOUR_VALUES.items()
+            for value in values
+        ),
     ]
 
 
 def pitch_mm(fill_rel: Vector | float, ball_radius_mm: Vector | float) -> Vector:
     """Return the pitch [mm] at which the array is as wide as the sheet."""
-    pitch: Vector = SHEET_REL * np.asarray(ball_radius_mm) / (2.0 + np.asarray(fill_rel))
+    pitch: Vector = SHEET_SIDE_OVER_RADIUS * np.asarray(ball_radius_mm) / (2.0 + np.asarray(fill_rel))
     return pitch
 
 
@@ -108,13 +112,13 @@ def shape_of(design: FootDesign) -> Shape:
     )
 
 
-def of_shape(shape: Shape, like: FootDesign) -> FootDesign:
+def design_of_shape(shape: Shape, like: FootDesign) -> FootDesign:
     """Return the foot of a shape that is solved, 10 mm in radius and of the paper's rubber."""
     pitch = float(pitch_mm(shape.fill_rel, RADIUS_MM))
     return msgspec.structs.replace(
         like,
         ball_radius_mm=RADIUS_MM,
-        sheet_mm=SHEET_REL * RADIUS_MM,
+        sheet_mm=SHEET_SIDE_OVER_RADIUS * RADIUS_MM,
         pitch_mm=pitch,
         electrode_mm=float(shape.fill_rel) * pitch,
         plate_mm=float(shape.plate_rel) * RADIUS_MM,
@@ -133,7 +137,7 @@ def amplitudes(series: Vector, compliance: Vector) -> Vector:
         series: Influence of a quarter, shape (2, products, 9, 9, 3).
         compliance: Compliance of a quarter, shape (9, 9, 18, 18).
     """
-    upright = series_basis(np.array([0.0, 0.0, 1.0]), _DEGREE, MIN_FITTED_ELEVATION_DEG)
+    upright = series_basis(np.array([0.0, 0.0, 1.0]), _SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     closures = np.tensordot(upright, series[0, ..., 2], 1)
     of_element = [closures[number == _ELEMENT].mean() for number in range(3)]
     return np.array([*of_element, np.sqrt((compliance**2).mean())])
@@ -162,11 +166,11 @@ class ShapeLibrary:
         self.compliance = compliance / each[:, 3, None, None, None, None]
         self._coordinates = np.stack([shape.coordinates for shape in solved_shapes()])
 
-    def weights(self, shape: Shape) -> Vector:
-        """Return how much of each solved shape is in some shapes [1], shape (..., shapes)."""
+    def interpolation_weights(self, shape: Shape) -> Vector:
+        """Return the interpolation weight of each solved shape for some shapes [1], shape (..., shapes)."""
         moved = shape.coordinates - self._coordinates[0]
-        weights = np.zeros((*moved.shape[:-1], len(self._coordinates)))
-        weights[..., 0] = 1.0
+        interpolation_weights = np.zeros((*moved.shape[:-1], len(self._coordinates)))
+        interpolation_weights[..., 0] = 1.0
         for axis in range(moved.shape[-1]):
             pair = (1 + 2 * axis, 2 + 2 * axis)
             first, second = (self._coordinates[one, axis] - self._coordinates[0, axis] for one in pair)
@@ -176,17 +180,17 @@ class ShapeLibrary:
                 x * (x - first) / (second * (second - first)),
             )
             for one, part in zip(pair, parts, strict=True):
-                weights[..., one] = part
-                weights[..., 0] -= part
-        return weights
+                interpolation_weights[..., one] = part
+                interpolation_weights[..., 0] -= part
+        return interpolation_weights
 
-    def amplitudes(self, weights: Vector) -> Vector:
-        """Return the amplitudes, as of the function, in the solved feet's units [um/N], shape (..., 4)."""
-        pairs = np.einsum("...a,...b,abk->...k", weights, weights, self._pairs)
-        each: Vector = np.exp(weights @ self._ln_amplitudes + pairs)
+    def amplitudes(self, interpolation_weights: Vector) -> Vector:
+        """Return the interpolated amplitudes of the response, in the solved feet's units [um/N], (..., 4)."""
+        pairs = np.einsum("...a,...b,abk->...k", interpolation_weights, interpolation_weights, self._pairs)
+        each: Vector = np.exp(interpolation_weights @ self._ln_amplitudes + pairs)
         return each
 
-    def holds(self, shape: Shape, beyond: float = 0.1) -> NDArray[np.bool_]:
+    def covers(self, shape: Shape, beyond: float = 0.1) -> NDArray[np.bool_]:
         """Tell which shapes lie between the solved ones, or beyond by this share of each span, shape (...)."""
         corners = self._coordinates
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -202,11 +206,13 @@ class ShapeLibrary:
         Args:
             design: The foot; its array fills its sheet.
         """
-        weights = self.weights(shape_of(design))
-        amplitude = self.amplitudes(weights)
+        interpolation_weights = self.interpolation_weights(shape_of(design))
+        amplitude = self.amplitudes(interpolation_weights)
         size = RADIUS_MM / design.ball_radius_mm
         softness = YOUNGS_MPA / design.rubber.youngs_mpa * size
-        point, patch = softness * amplitude[_ELEMENT][:, :, None] * np.tensordot(weights, self.series, 1)
+        point, patch = (
+            softness * amplitude[_ELEMENT][:, :, None] * np.tensordot(interpolation_weights, self.series, 1)
+        )
         return FootResponse(
             foot_type=design.foot_type,
             design=design.capacitor,
@@ -214,9 +220,11 @@ class ShapeLibrary:
             hertz_modulus_mpa=design.rubber.hertz_mpa,
             min_elevation_deg=MIN_ELEVATION_DEG,
             fit_elevation_deg=MIN_FITTED_ELEVATION_DEG,
-            degree=_DEGREE,
+            degree=_SERIES_DEGREE,
             quarter_series=np.stack([point, size**2 * patch]),
-            quarter_compliance=amplitude[3] * softness * np.tensordot(weights, self.compliance, 1),
+            quarter_compliance=amplitude[3]
+            * softness
+            * np.tensordot(interpolation_weights, self.compliance, 1),
             cavity=design.cavity_air,
             provenance={"from": "solved shapes"},
         )

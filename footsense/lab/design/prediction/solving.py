@@ -14,17 +14,24 @@ import numpy as np
 
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
-from footsense.lab.design.prediction.shapes import BESIDE, CENTRE, Shape, amplitudes, of_shape, solved_shapes
+from footsense.lab.design.prediction.shapes import (
+    CENTRE_SHAPE,
+    NEIGHBOUR_VALUES,
+    Shape,
+    amplitudes,
+    design_of_shape,
+    solved_shapes,
+)
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import make_response
 
-#: Values whose pairs are solved, by place in `BESIDE`: narrow electrodes, thin plates, soft and incompressible sheets,
-#: where the feet of larger robots lie. Other pairs are left to multiply.
-_PAIRED = {"fill_rel": 0, "plate_rel": 0, "sheet_modulus_rel": 0, "sheet_poisson": 1}
+#: Values whose pairs are solved, by place in `NEIGHBOUR_VALUES`: narrow electrodes, thin plates, soft and
+#: incompressible sheets, where the feet of larger robots lie. Other pairs are left to multiply.
+_SOLVED_PAIR_VALUES = {"fill_rel": 0, "plate_rel": 0, "sheet_modulus_rel": 0, "sheet_poisson": 1}
 
 
-def solve(like: FootDesign, path: Path, report: Callable[[str], None]) -> None:
+def solve_shapes(like: FootDesign, path: Path, report: Callable[[str], None]) -> None:
     """Solve all shapes and write their file.
 
     Args:
@@ -34,43 +41,45 @@ def solve(like: FootDesign, path: Path, report: Callable[[str], None]) -> None:
     """
     fine = []
     for shape in solved_shapes():
-        fine.append(make_response(of_shape(shape, like), RELEASED_MESH))
+        fine.append(make_response(design_of_shape(shape, like), RELEASED_MESH))
         report(f"{shape}")
 
-    def coarse(shape: Shape) -> Vector:
-        made = make_response(of_shape(shape, like), COARSE_MESH)
+    def coarse_ln_amplitudes(shape: Shape) -> Vector:
+        made = make_response(design_of_shape(shape, like), COARSE_MESH)
         report(f"{shape}, coarse")
         return np.log(amplitudes(made.quarter_series, made.quarter_compliance))
 
-    store(path, fine, pair_corrections(coarse))
+    store_shapes(path, fine, pair_interaction_corrections(coarse_ln_amplitudes))
 
 
-def pair_corrections(ln_amplitude: Callable[[Shape], Vector]) -> Vector:
-    """Return how far pairs of changes are from multiplying, shape (shapes, shapes, 4), above the diagonal.
+def pair_interaction_corrections(ln_amplitude: Callable[[Shape], Vector]) -> Vector:
+    """Return the interaction of pairs of changed numbers (0: they multiply), shape (shapes, shapes, 4).
 
     Args:
         ln_amplitude: Returns the logarithms of the amplitudes of a shape, shape (4,).
     """
-    places = {name: 1 + 2 * number for number, name in enumerate(BESIDE)}
-    values = {name: BESIDE[name][side] for name, side in _PAIRED.items()}
-    centre = ln_amplitude(CENTRE)
-    alone = {name: ln_amplitude(CENTRE._replace(**{name: value})) - centre for name, value in values.items()}
-    n_shapes = 1 + 2 * len(BESIDE)
+    places = {name: 1 + 2 * number for number, name in enumerate(NEIGHBOUR_VALUES)}
+    values = {name: NEIGHBOUR_VALUES[name][side] for name, side in _SOLVED_PAIR_VALUES.items()}
+    centre = ln_amplitude(CENTRE_SHAPE)
+    alone = {
+        name: ln_amplitude(CENTRE_SHAPE._replace(**{name: value})) - centre for name, value in values.items()
+    }
+    n_shapes = 1 + 2 * len(NEIGHBOUR_VALUES)
     pairs = np.zeros((n_shapes, n_shapes, 4))
-    for one, other in combinations(_PAIRED, 2):
-        both = ln_amplitude(CENTRE._replace(**{one: values[one], other: values[other]})) - centre
-        at = places[one] + _PAIRED[one], places[other] + _PAIRED[other]
+    for one, other in combinations(_SOLVED_PAIR_VALUES, 2):
+        both = ln_amplitude(CENTRE_SHAPE._replace(**{one: values[one], other: values[other]})) - centre
+        at = places[one] + _SOLVED_PAIR_VALUES[one], places[other] + _SOLVED_PAIR_VALUES[other]
         pairs[at] = both - alone[one] - alone[other]
     # The nearer Poisson's ratio in proportion to the logarithm.
     nearer, farther = (
-        CENTRE._replace(sheet_poisson=value).coordinates[-1] - CENTRE.coordinates[-1]
-        for value in BESIDE["sheet_poisson"]
+        CENTRE_SHAPE._replace(sheet_poisson=value).coordinates[-1] - CENTRE_SHAPE.coordinates[-1]
+        for value in NEIGHBOUR_VALUES["sheet_poisson"]
     )
     pairs[:, -2] = pairs[:, -1] * nearer / farther
     return pairs
 
 
-def store(path: Path, solved: list[FootResponse], pairs: Vector) -> None:
+def store_shapes(path: Path, solved: list[FootResponse], pairs: Vector) -> None:
     """Write the solved shapes, in the order of `solved_shapes`, in single precision."""
     np.savez_compressed(
         path,

@@ -216,8 +216,8 @@ def _gait_errors(
 def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
     """Return tangential over normal force, shape (n,), of its part in the plane, shape (n, 2)."""
     along = (normal[:, :2] * ratio).sum(axis=1) / normal[:, 2]
-    size: Vector = np.sqrt((ratio**2).sum(axis=1) + along**2)
-    return size
+    friction_ratio: Vector = np.sqrt((ratio**2).sum(axis=1) + along**2)
+    return friction_ratio
 
 
 def _rest_errors(context: StudyContext) -> list[RestErrors]:

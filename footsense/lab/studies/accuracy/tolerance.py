@@ -49,7 +49,7 @@ def _figure(results: SweepResults, some: tuple[Sweep, ...], readouts: dict[str, 
             statistics = [results.over_feet(sweep, level, f"{name}_deg") for level in levels]
             plot_band(axes, levels, statistics, color=_COLOURS[label], label=label)
         axes.axhline(evaluate.MEASURED_DIRECTION_DEG, color="k", ls=":", label="the paper, measured")
-        axes.set(xlabel=f"{sweep.what}, rms", ylim=(0.0, 45.0))
+        axes.set(xlabel=f"{sweep.varied_quantity}, rms", ylim=(0.0, 45.0))
         axes.grid(alpha=0.3)
     for axes in subplot_row[::3]:
         axes.set_ylabel("mean direction error [deg]")

@@ -171,7 +171,7 @@ def _run_filter(model: ContactModel, readings: GaitReadings, whole: Mask, networ
     force_n, sigma_n = np.zeros((2, n_gaits, n, 3))
     tracker = ContactFilter(model, n_gaits, STEP_S, NOMINAL_SEND_DELAY_S)
     for k, element in enumerate(conversion_elements(0, n).tolist()):
-        tracker.read(element, readings.closure_rel[:, k].astype(np.float64))
+        tracker.update(element, readings.closure_rel[:, k].astype(np.float64))
         tracker.seed(Load(*(part[:, k] for part in by_time)), whole[:, k])
         force_n[:, k], sigma_n[:, k] = tracker.force()
     return _ForceEstimate(force_n[whole], sigma_n[whole])
@@ -229,7 +229,7 @@ def _six_leg_times_us(
     following = iter(zip(conversion_elements(0, conversions.shape[1]).tolist(), conversions.T, strict=True))
 
     def track() -> None:
-        tracker.read(*next(following))
+        tracker.update(*next(following))
         tracker.seed(network, np.zeros(len(LEGS), bool))
         tracker.force()
 

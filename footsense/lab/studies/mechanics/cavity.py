@@ -52,7 +52,7 @@ SEED = 20090304
 #: Magnitudes of the bound [gf].
 BOUND_MAGNITUDES_GF = (20.0, 50.0, 100.0, 150.0)
 #: Loads of the search for the range [N].
-LOADS_N = np.geomspace(0.2, 40.0, 120)
+RANGE_SEARCH_LOADS_N = np.geomspace(0.2, 40.0, 120)
 #: Load of the figure on leaking [N], its hold [s], and the time constants [s].
 HOLD_N, HOLD_S, LEAK_TIMES_S = 1.0, 60.0, (0.1, 1.0, 10.0)
 #: A hold read by hand, our assumption: first reading after this many seconds, evenly drawn, then one element each [s].
@@ -65,7 +65,7 @@ _UPWARD = np.array([[0.0, 0.0, 1.0]])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CavityFigures:
-    """Figures of a foot with one kind of cavity.
+    """Sensitivity, range and errors of a foot with one kind of cavity.
 
     Attributes:
         closure_um_per_n: Mean closure of a corner, an edge and the middle under a small upright force [um/N].
@@ -181,7 +181,10 @@ def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
     feet, epochs = (QUICK_FEET, QUICK_EPOCHS) if context.quick else (FEET, EPOCHS)
     training, test = paper_training(response), paper_verification(response)
     small_n = 0.05 * _UPWARD
-    up, loads_n = np.repeat(_UPWARD, len(LOADS_N), axis=0), LOADS_N[:, None] * _UPWARD
+    up, loads_n = (
+        np.repeat(_UPWARD, len(RANGE_SEARCH_LOADS_N), axis=0),
+        RANGE_SEARCH_LOADS_N[:, None] * _UPWARD,
+    )
     cells_um = foot.cells_um(up, loads_n)
     beyond = foot.capacitance_pf(up, loads_n).max(axis=1) >= FULL_SCALE_PF
     closed = cells_um.max(axis=1) >= design.gap_um
@@ -198,8 +201,8 @@ def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
     context.report_progress(f"cavity: {cavity.kind} measured")
     return CavityFigures(
         closure_um_per_n=_corner_edge_middle_means_um(foot.cells_um(_UPWARD, small_n) / 0.05),
-        range_n=float(LOADS_N[beyond.argmax()] if beyond.any() else LOADS_N[-1]),
-        contact_n=float(LOADS_N[closed.argmax()] if closed.any() else LOADS_N[-1]),
+        range_n=float(RANGE_SEARCH_LOADS_N[beyond.argmax()] if beyond.any() else RANGE_SEARCH_LOADS_N[-1]),
+        contact_n=float(RANGE_SEARCH_LOADS_N[closed.argmax()] if closed.any() else RANGE_SEARCH_LOADS_N[-1]),
         linear_change=evaluate_force_errors(
             test.force_n, capacitance_readout(design, training)(test.closure_um)
         ),

@@ -45,7 +45,7 @@ POISSONS, QUICK_POISSONS = (0.3, 0.45, 0.49, 0.499, 0.4999), (0.3, 0.4999)
 #: Load of the sensitivity [N]: no gap closes.
 SMALL_FORCE_N = 0.05
 #: Loads of the search for the range [N].
-LOADS_N = np.geomspace(0.05, 50.0, 200)
+RANGE_SEARCH_LOADS_N = np.geomspace(0.05, 50.0, 200)
 #: Networks for each design, and epochs of training.
 SEEDS, QUICK_SEEDS = 6, 2
 EPOCHS, QUICK_EPOCHS = 3000, 300
@@ -169,15 +169,18 @@ def film_design(context: StudyContext, film: GelLayerDesign) -> SensorDesign:
 
 
 def _max_force_in_range_n(sensor: SensorDesign, direction: Vector) -> float:
-    """Return the largest of `LOADS_N` in range [N], of a centred contact."""
+    """Return the largest of `RANGE_SEARCH_LOADS_N` in range [N], of a centred contact."""
     # A larger load never returns into the range, so bisect.
     inside = (
         bisect_left(
-            LOADS_N, 1.0, lo=1, key=lambda load_n: sensor.used_range_rel(direction, load_n * direction)
+            RANGE_SEARCH_LOADS_N,
+            1.0,
+            lo=1,
+            key=lambda load_n: sensor.used_range_rel(direction, load_n * direction),
         )
         - 1
     )
-    return float(LOADS_N[inside])
+    return float(RANGE_SEARCH_LOADS_N[inside])
 
 
 def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures:

@@ -22,11 +22,11 @@ class Layer(NamedTuple):
 
     Attributes:
         weight: Connections, shape (..., n_in, n_out).
-        offset: Offsets, shape (..., n_out).
+        bias: Biases, shape (..., n_out).
     """
 
     weight: Any
-    offset: Any
+    bias: Any
 
 
 #: The layers of a network, from the input on.
@@ -46,7 +46,7 @@ def random_layers(rng: np.random.Generator, widths: Sequence[int], room: Sequenc
     for n_in, n_out, room_in, room_out in zip(widths[:-1], widths[1:], room[:-1], room[1:], strict=True):
         drawn = rng.uniform(-1.0, 1.0, (n_in + 1, n_out)) / np.sqrt(n_in)
         layer = Layer(np.zeros((room_in, room_out), np.float32), np.zeros(room_out, np.float32))
-        layer.weight[:n_in, :n_out], layer.offset[:n_out] = drawn[:-1], drawn[-1]
+        layer.weight[:n_in, :n_out], layer.bias[:n_out] = drawn[:-1], drawn[-1]
         layers.append(layer)
     return tuple(layers)
 
@@ -65,8 +65,8 @@ def unstack(layers: Layers) -> list[Layers]:
 def network_outputs(layers: Layers, inputs: Any) -> jax.Array:
     """Return the outputs, shape (n, n_out), of one network for inputs of shape (n, n_in)."""
     for layer in layers[:-1]:
-        inputs = jnp.tanh(inputs @ layer.weight + layer.offset)
-    outputs: jax.Array = inputs @ layers[-1].weight + layers[-1].offset
+        inputs = jnp.tanh(inputs @ layer.weight + layer.bias)
+    outputs: jax.Array = inputs @ layers[-1].weight + layers[-1].bias
     return outputs
 
 

@@ -57,7 +57,7 @@ def _update_array(gradient: Any, step_size: Any, previous_gradient: Any, last_we
 
 
 def _update_all(gradient: Any, state: Any, weights: Any = None) -> tuple[Any, RpropState]:
-    """Return the moves and the state after an epoch."""
+    """Return the weight steps and the optimiser state after an epoch."""
     del weights
     after = jax.tree.map(_update_array, gradient, *state)
     state = jax.tree.transpose(jax.tree.structure(gradient), jax.tree.structure(RpropState(0, 0, 0)), after)

@@ -84,10 +84,10 @@ class _TrainingConstants(NamedTuple):
 
     closure_rel: jax.Array
     force_n: jax.Array
-    fill: jax.Array
-    masks: jax.Array
+    imputation_matrices: jax.Array
+    missing_masks: jax.Array
     noise_rel: float
-    film_rel: float
+    film_thickness_rel: float
 
 
 def _training_constants(
@@ -99,11 +99,13 @@ def _training_constants(
     return _TrainingConstants(
         closure_rel=jnp.asarray(cases.closure_um / design.gap_um, jnp.float32),
         force_n=jnp.asarray(cases.force_n, jnp.float32),
-        fill=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), jnp.float32),
-        masks=jnp.asarray(MISSING_SETS, jnp.float32),
+        imputation_matrices=jnp.asarray(
+            np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), jnp.float32
+        ),
+        missing_masks=jnp.asarray(MISSING_SETS, jnp.float32),
         # A noise of the capacitance is one of the distance by distance^2 / (eps0 A); all over the gap.
         noise_rel=float(noise_pf * design.gap_um / plates_um),
-        film_rel=design.film_equivalent_um / design.gap_um,
+        film_thickness_rel=design.film_equivalent_um / design.gap_um,
     )
 
 
@@ -114,12 +116,18 @@ def _random_batch(
     k1, k2, k3, k4 = jax.random.split(key, 4)
     chosen = jax.random.randint(k1, (protocol.batch,), 0, len(task.force_n))
     exact = task.closure_rel[chosen]
-    noisy = exact + task.noise_rel * (1.0 + task.film_rel - exact) ** 2 * jax.random.normal(k2, exact.shape)
+    noisy = exact + task.noise_rel * (1.0 + task.film_thickness_rel - exact) ** 2 * jax.random.normal(
+        k2, exact.shape
+    )
     if not protocol.masked:
         return noisy, jnp.zeros_like(noisy), task.force_n[chosen]
-    which = jax.random.randint(k3, (protocol.batch,), 1, len(task.masks))
+    which = jax.random.randint(k3, (protocol.batch,), 1, len(task.missing_masks))
     which = jnp.where(jax.random.uniform(k4, which.shape) < _MISSING_SHARE, which, 0)
-    return jnp.einsum("nab,nb->na", task.fill[which], noisy), task.masks[which], task.force_n[chosen]
+    return (
+        jnp.einsum("nab,nb->na", task.imputation_matrices[which], noisy),
+        task.missing_masks[which],
+        task.force_n[chosen],
+    )
 
 
 def train(

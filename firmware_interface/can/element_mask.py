@@ -1,0 +1,72 @@
+"""Mask of unusable elements and standard deviations, by the elements of a foot: 9 bits hold up to nine, else 16.
+
+The wider mask takes its bits from the standard deviations, which are then sent in coarser steps. Sender and receiver
+have the number of elements from their configuration; feet of up to nine elements share one layout.
+"""
+
+import math
+from typing import NamedTuple
+
+#: Most elements that the narrow mask holds, and that any frame does.
+NARROW_ELEMENTS, MAX_ELEMENTS = 9, 16
+
+# Rounds up, except for the rounding error of a whole number of bits.
+_ROUND_UP = 1 - 1e-6
+
+
+class MaskLayout(NamedTuple):
+    """Widths of the mask and of each standard deviation in a frame.
+
+    Attributes:
+        mask_bits: Bits of the mask.
+        sigma_bits: Bits of each standard deviation; its highest code is "no value", the next one "this or more".
+        step_mn: What a bit of a standard deviation stands for [mN].
+    """
+
+    mask_bits: int
+    sigma_bits: int
+    step_mn: int
+
+    @property
+    def no_sigma(self) -> int:
+        """Code of a standard deviation without a value."""
+        return (1 << self.sigma_bits) - 1
+
+    @property
+    def mask(self) -> int:
+        """A mask with every element set."""
+        return (1 << self.mask_bits) - 1
+
+    def sigma_code(self, sigma_n: float) -> int:
+        """Return the code of a standard deviation [N], rounded up; NaN and negative ones are "no value"."""
+        if not sigma_n >= 0.0:
+            return self.no_sigma
+        return int(min(sigma_n * 1000 / self.step_mn + _ROUND_UP, self.no_sigma - 1))
+
+    def sigma_n(self, code: int) -> float:
+        """Return the standard deviation of a code [N]; NaN: no value."""
+        return math.nan if code == self.no_sigma else code * self.step_mn / 1000
+
+
+#: Layouts of a frame for the narrow mask and for the wide one: of `Quality`, and of a leg in `Forces`.
+QUALITY_LAYOUTS = MaskLayout(9, 9, 2), MaskLayout(16, 6, 16)
+FORCES_LAYOUTS = MaskLayout(9, 8, 4), MaskLayout(16, 5, 32)
+
+
+def mask_layout(layouts: tuple[MaskLayout, MaskLayout], n_elements: int) -> MaskLayout:
+    """Return the one of two layouts that holds the elements of a foot.
+
+    Args:
+        layouts: `QUALITY_LAYOUTS` or `FORCES_LAYOUTS`.
+        n_elements: Elements of each foot of the robot, 1..16.
+
+    Raises:
+        ValueError: A frame holds no mask of so many elements.
+
+    Example:
+        >>> mask_layout(QUALITY_LAYOUTS, 4).mask_bits, mask_layout(QUALITY_LAYOUTS, 16).mask_bits
+        (9, 16)
+    """
+    if not 1 <= n_elements <= MAX_ELEMENTS:
+        raise ValueError(f"{n_elements} elements: the frames hold the masks of 1 to {MAX_ELEMENTS}")
+    return layouts[n_elements > NARROW_ELEMENTS]
