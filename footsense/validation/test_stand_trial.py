@@ -55,7 +55,7 @@ class FootBatch(NamedTuple):
     foot_type: str = DEFAULT_FOOT_TYPE
 
 
-class TestStandTrial(NamedTuple):
+class FootOnTestStand(NamedTuple):
     """Training and test session of one foot on the simulated test stand.
 
     Attributes:
@@ -71,7 +71,7 @@ class TestStandTrial(NamedTuple):
     read_s: float
 
 
-def run_test_stand_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> TestStandTrial:
+def run_test_stand_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> FootOnTestStand:
     """Press a foot in both sessions and read the recordings.
 
     Args:
@@ -89,7 +89,7 @@ def run_test_stand_trial(batch: FootBatch, number: int, folder: Path, *, every: 
     true_force_n = np.array(
         [presses.contact(TRIAL_LEG, sum(load.dwell_ns) // 2).force_n for load in test.loads]
     )
-    return TestStandTrial(training, test, true_force_n, read_ns * 1e-9)
+    return FootOnTestStand(training, test, true_force_n, read_ns * 1e-9)
 
 
 def foot_name(number: int) -> str:
