@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
@@ -22,16 +21,17 @@ PATTERN_SOFTENING_REL = 2e-3
 N_SYMMETRIES = len(SYMMETRIES)
 
 
-def hidden_input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
+def hidden_input_index(n_planes: int, n_scalars: int, rows: int = 3) -> NDArray[np.intp]:
     """Return which input of a channel meets each input of the layer in its unit g, shape (8, inputs).
 
     Args:
-        n_planes: Features of each element; the inputs begin with nine of each.
+        n_planes: Features of each element; the inputs begin with as many of each as there are elements.
         n_scalars: Features of the foot, which follow.
+        rows: Rows of elements, and as many columns.
     """
-    inverse = np.argsort(np.stack([element_permutation(g) for g in SYMMETRIES]), axis=1)
-    planes = [ELEMENTS * plane + inverse for plane in range(n_planes)]
-    scalars = np.tile(ELEMENTS * n_planes + np.arange(n_scalars), (N_SYMMETRIES, 1))
+    inverse = np.argsort(np.stack([element_permutation(g, rows) for g in SYMMETRIES]), axis=1)
+    planes = [rows**2 * plane + inverse for plane in range(n_planes)]
+    scalars = np.tile(rows**2 * n_planes + np.arange(n_scalars), (N_SYMMETRIES, 1))
     return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
 
 
@@ -44,29 +44,43 @@ def relative_symmetry_index() -> NDArray[np.intp]:
     return symmetry_index
 
 
-def linear_basis() -> NDArray[np.float64]:
-    """Return the five linear maps that have the square's symmetry, shape (5, 9, 3)."""
-    basis = np.zeros((5, 9, 3))
-    corners, edges = [0, 2, 6, 8], [1, 3, 5, 7]
-    basis[0, corners, 2] = basis[1, edges, 2] = basis[2, 4, 2] = 1.0
-    for g in SYMMETRIES:  # fx from row 0, turned in all directions
-        image = element_permutation(g)
-        for element, weight in ((0, 0.25), (2, 0.25)):
-            basis[3, image[element]] += weight * g @ [1.0, 0.0, 0.0]
-        basis[4, image[1]] += 0.5 * g @ [1.0, 0.0, 0.0]
-    return basis
+def linear_basis(rows: int = 3) -> NDArray[np.float64]:
+    """Return the linear maps from closures to force that have the square's symmetry, shape (maps, elements, 3).
+
+    Elements that the symmetries exchange share their weights. First come the maps to fz, one for each group of such
+    elements, then those to fx and fy: none of the central element, one of a group on the axes or diagonals, and two of
+    any other. Arrays of 2, 3 and 4 rows have 2, 5 and 7 maps.
+
+    Args:
+        rows: Rows of elements, and as many columns.
+    """
+    images = np.stack([element_permutation(g, rows) for g in SYMMETRIES])
+    upward, sideways = [], []
+    for first in np.unique(images.min(axis=0)):
+        basis = np.zeros((3, rows**2, 3))
+        basis[2, images[:, first], 2] = 1.0
+        upward.append(basis[2])
+        for g, image in zip(
+            SYMMETRIES, images, strict=True
+        ):  # fx and fy from one element, turned in all directions
+            basis[:2, image[first]] += 0.5 * g[:, :2].T
+        used = basis[:2].any(axis=(1, 2))
+        used[1] &= not np.array_equal(*basis[:2])
+        sideways.extend(basis[:2][used])
+    return np.stack([*upward, *sideways])
 
 
-def expand_hidden(weights: Any, n_planes: int, n_scalars: int) -> dict[str, Any]:
+def expand_hidden(weights: Any, n_planes: int, n_scalars: int, rows: int = 3) -> dict[str, Any]:
     """Return the matrices and offsets of both hidden layers by name: unit g * c + i is channel i under symmetry g.
 
     Args:
         weights: Weights of c channels: `w1` (c, inputs), `b1` (c,), `w2` (c, 8 c), the symmetry slow, and `b2` (c,).
         n_planes: As for `hidden_input_index`.
         n_scalars: As for `hidden_input_index`.
+        rows: As for `hidden_input_index`.
     """
     c = weights.channels
-    w1 = weights.w1[:, hidden_input_index(n_planes, n_scalars)]  # (c, 8, inputs)
+    w1 = weights.w1[:, hidden_input_index(n_planes, n_scalars, rows)]  # (c, 8, inputs)
     w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_symmetry_index()]  # (c of unit, g, h, c of input)
     return {
         "w1": jnp.transpose(w1, (2, 1, 0)).reshape(w1.shape[-1], -1),

@@ -19,6 +19,7 @@ Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
 """
 
+import math
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -60,7 +61,7 @@ class Weights(NamedTuple):
     """All trained weights, `c` channels in each hidden layer.
 
     Attributes:
-        linear: Linear paths L and M [N], shape (10,).
+        linear: Linear paths L and M [N], shape (10,) of nine elements.
         w1: First hidden layer, shape (c, SEEN).
         b1: Offsets of the first layer, shape (c,).
         w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
@@ -88,6 +89,11 @@ class Weights(NamedTuple):
     def channels(self) -> int:
         """Channels of a hidden layer."""
         return int(self.b1.size)
+
+    @property
+    def rows(self) -> int:
+        """Rows of elements of the foot, and columns."""
+        return math.isqrt((self.w1.shape[1] - FEATURES_PER_FOOT) // FEATURES_PER_ELEMENT)
 
 
 class LayerMatrices(NamedTuple):
@@ -136,11 +142,11 @@ def output_symmetries() -> NDArray[np.float64]:
 
 def expand_shared_weights(weights: Weights) -> LayerMatrices:
     """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
-    turns = output_symmetries()
+    turns, basis = output_symmetries(), linear_basis(weights.rows)
     return LayerMatrices(
-        level=jnp.tensordot(weights.linear[:5], linear_basis(), 1),
-        slope=jnp.tensordot(weights.linear[5:], linear_basis(), 1),
-        **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT),
+        level=jnp.tensordot(weights.linear[: len(basis)], basis, 1),
+        slope=jnp.tensordot(weights.linear[len(basis) :], basis, 1),
+        **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, weights.rows),
         out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS),
         sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS),
         sigma_offset=weights.sigma_offset[SIGMA_ROW_OF_OUTPUT],

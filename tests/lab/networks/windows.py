@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.missing_sets import MISSING_SETS
+from footsense.estimation.faults.missing_sets import MISSING_SETS, missing_sets
+from footsense.estimation.rest import rest_age_s
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.gait_windows import age_table
 from footsense.ports import Load, Window
@@ -34,13 +35,23 @@ def turned(window: Window, image: NDArray[np.intp]) -> Window:
     return Window(*(part[..., image_of] for part in window))  # type: ignore[arg-type]
 
 
-def assert_symmetric(estimate: Callable[[Window], Load], atol: float) -> None:
+def windows_of_array(rows: int, n: int = 40) -> Window:
+    """Return windows of feet in motion with so many rows and columns, with every set of missing elements."""
+    rng, sets = np.random.default_rng(2), missing_sets(rows**2).sets
+    return Window(
+        rng.uniform(-0.05, 0.8, (n, 1, rows**2)) + rng.normal(0.0, 0.1, (n, 3, rows**2)),
+        rest_age_s(rows**2) * rng.uniform(0.5, 2.0, (n, 1, 1)),
+        sets[np.arange(n) % len(sets)],
+    )
+
+
+def assert_symmetric(estimate: Callable[[Window], Load], atol: float, rows: int = 3) -> None:
     """Check that a turned or mirrored foot has turned or mirrored loads, and sigmas that follow."""
-    window = some_windows()
+    window = some_windows() if rows == 3 else windows_of_array(rows)
     load = estimate(window)
     assert all(np.ptp(part, axis=0).min() > 0.01 for part in load)
     for symmetry in SYMMETRIES:
-        again = estimate(turned(window, element_permutation(symmetry)))
+        again = estimate(turned(window, element_permutation(symmetry, rows)))
         plane = np.kron(np.eye(2), symmetry[:2, :2])
         for found, known, turn in (
             (again.force_n, load.force_n, symmetry),
