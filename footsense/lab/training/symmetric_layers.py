@@ -55,7 +55,8 @@ def linear_basis(rows: int = 3) -> NDArray[np.float64]:
         rows: Rows of elements, and as many columns.
     """
     images = np.stack([element_permutation(g, rows) for g in SYMMETRIES])
-    upward, sideways = [], []
+    upward: list[NDArray[np.float64]] = []
+    sideways: list[NDArray[np.float64]] = []
     for first in np.unique(images.min(axis=0)):
         basis = np.zeros((3, rows**2, 3))
         basis[2, images[:, first], 2] = 1.0
@@ -64,10 +65,9 @@ def linear_basis(rows: int = 3) -> NDArray[np.float64]:
             SYMMETRIES, images, strict=True
         ):  # fx and fy from one element, turned in all directions
             basis[:2, image[first]] += 0.5 * g[:, :2].T
-        used = basis[:2].any(axis=(1, 2))
-        used[1] &= not np.array_equal(*basis[:2])
-        sideways.extend(basis[:2][used])
-    return np.stack([*upward, *sideways])
+        one, other = basis[:2]
+        sideways.extend([one] if np.array_equal(one, other) else [one, other])
+    return np.stack([*upward, *(part for part in sideways if part.any())])
 
 
 def expand_hidden(weights: Any, n_planes: int, n_scalars: int, rows: int = 3) -> dict[str, Any]:
