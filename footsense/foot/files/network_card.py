@@ -15,8 +15,6 @@ from footsense.frames import Vector
 METADATA_KEY = "footsense_card"
 FORMAT = 3
 
-_ELEMENT_ORDER_TEXT = "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
-_READING_ORDER_TEXT = f"newest, the one before, the one before that, each by {_ELEMENT_ORDER_TEXT}"
 _CONTACT_ORDER_TEXT = "contact point x y, stereographic, then tangential over normal force x y, foot frame"
 
 
@@ -36,12 +34,19 @@ class Signal(msgspec.Struct, frozen=True):
     order: str
 
 
+def input_signals(rows: int) -> tuple[Signal, ...]:
+    """Return the inputs of the graph of a foot with so many rows and columns of elements."""
+    elements = f"flat index {rows} * row + column, row 0 most forward, column 0 leftmost"
+    readings = f"newest, the one before, the one before that, each by {elements}"
+    return (
+        Signal("closure_rel", 3 * rows**2, "1", readings),
+        Signal("age_s", 3 * rows**2, "s", readings),
+        Signal("missing", rows**2, "1", elements),
+    )
+
+
 #: Inputs and outputs of the graph, as `footsense lab build` writes them; a network with others is refused.
-INPUTS = (
-    Signal("closure_rel", 27, "1", _READING_ORDER_TEXT),
-    Signal("age_s", 27, "s", _READING_ORDER_TEXT),
-    Signal("missing", 9, "1", _ELEMENT_ORDER_TEXT),
-)
+INPUTS = input_signals(3)
 OUTPUTS = (
     Signal("force_n", 3, "N", "x y z, foot frame"),
     Signal("sigma_n", 3, "N", "x y z, foot frame"),

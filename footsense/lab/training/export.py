@@ -7,6 +7,7 @@ The operators are written in ONNX's textual syntax, in `windowed_network.onnxtxt
 """
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,8 @@ from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
 from footsense.estimation.rest import at_rest
-from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
-from footsense.frames import ELEMENTS, Vector
+from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, input_signals
+from footsense.frames import Vector
 from footsense.lab.training.symmetric_layers import (
     N_SYMMETRIES,
     PATTERN_SOFTENING_REL,
@@ -33,7 +34,6 @@ from footsense.lab.training.windowed_network import (
     LN_SIGMA_BOUNDS,
     MAX_FEATURE,
     MIN_INTERVAL_S,
-    N_INPUTS,
     N_OUTPUTS,
     READINGS,
     REFERENCE_SCAN_PERIOD_S,
@@ -50,37 +50,37 @@ IR_VERSION, OPSET = 8, 17
 
 def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
     """Return the ONNX initialisers: each weight once, and the indices that place it in the full matrices."""
-    c = weights.channels
+    c, elements, basis = weights.channels, weights.rows**2, linear_basis(weights.rows)
+    n_inputs = weights.w1.shape[1]
     turns = output_symmetries().transpose(0, 2, 1)  # a row vector times this is the turned vector
     named = {name: np.asarray(part, np.float64) for name, part in weights._asdict().items()}
-    one, none = np.eye(ELEMENTS), np.zeros((ELEMENTS, ELEMENTS))
-    level, slope = np.zeros((2, 5, 10))
-    level[:, :5], slope[:, 5:] = np.eye(5), np.eye(5)
+    one, none = np.eye(elements), np.zeros((elements, elements))
+    level, slope = np.hsplit(np.eye(2 * len(basis)), 2)
     return {
         **named,
         "sigma_axes": SIGMA_ROW_OF_OUTPUT,
-        "seen_at": element_input_index().ravel(),
+        "seen_at": element_input_index(weights.rows).ravel(),
         "relative_at": relative_symmetry_index().ravel(),
         "turns": turns,
         "sizes": np.abs(turns),
-        "linear_basis": linear_basis().reshape(5, 27),
-        "level_of": level,
-        "slope_of": slope,
-        "linear_as": np.array([ELEMENTS, 3]),
+        "linear_basis": basis.reshape(len(basis), -1),
+        "level_of": level.T,
+        "slope_of": slope.T,
+        "linear_as": np.array([elements, 3]),
         "eight": np.array([N_SYMMETRIES]),
-        "w1_as": np.array([c, N_SYMMETRIES, N_INPUTS]),
-        "w1_flat": np.array([N_INPUTS, N_SYMMETRIES * c]),
+        "w1_as": np.array([c, N_SYMMETRIES, n_inputs]),
+        "w1_flat": np.array([n_inputs, N_SYMMETRIES * c]),
         "w2_by": np.array([c, N_SYMMETRIES, c]),
         "w2_as": np.array([c, N_SYMMETRIES, N_SYMMETRIES, c]),
         "w2_flat": np.array([N_SYMMETRIES * c, N_SYMMETRIES * c]),
         "out_flat": np.array([N_SYMMETRIES * c, N_OUTPUTS]),
         # Newest minus the one before, and that minus the oldest.
         "changes_of": np.block([[one, none], [-one, one], [none, -one]]),
-        "each_nine": np.array([ELEMENTS, ELEMENTS]),
-        "all_three": np.full(READINGS, ELEMENTS),
-        "mean_of_first": np.concatenate([np.full((ELEMENTS, 1), 1.0 / ELEMENTS), np.zeros((ELEMENTS, 1))]),
-        "mean": np.full((ELEMENTS, 1), 1.0 / ELEMENTS),
-        "both_means": np.full((2 * ELEMENTS, 1), 0.5 / ELEMENTS),
+        "each_nine": np.array([elements, elements]),
+        "all_three": np.full(READINGS, elements),
+        "mean_of_first": np.concatenate([np.full((elements, 1), 1.0 / elements), np.zeros((elements, 1))]),
+        "mean": np.full((elements, 1), 1.0 / elements),
+        "both_means": np.full((2 * elements, 1), 0.5 / elements),
         "least_s": np.array(-MIN_INTERVAL_S),
         "per_period": np.array([1.0 / REFERENCE_SCAN_PERIOD_S]),
         "soft": np.array([PATTERN_SOFTENING_REL**2]),
@@ -124,7 +124,7 @@ def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) 
     graph = helper.make_graph(
         _graph_nodes(),
         "footsense",
-        tensor_infos(INPUTS),
+        tensor_infos(input_signals(weights.rows)),
         tensor_infos(OUTPUTS),
         [numpy_helper.from_array(value, name) for name, value in constants.items()],
     )
@@ -179,7 +179,7 @@ class OnnxNetwork:
     def estimate(self, window: Window) -> Load:
         """Return the load of every row; any number of rows."""
         inputs = {
-            signal.name: np.asarray(part, np.float32).reshape(len(part), signal.width)
+            signal.name: np.asarray(part, np.float32).reshape(len(part), math.prod(part.shape[1:]))
             for signal, part in zip(INPUTS, window, strict=True)
         }
         outputs = self._session.run([signal.name for signal in OUTPUTS], inputs)

@@ -126,9 +126,9 @@ class Features(NamedTuple):
     size: Any
 
 
-def element_input_index() -> NDArray[np.intp]:
+def element_input_index(rows: int = 3) -> NDArray[np.intp]:
     """Return which input of a channel meets input e of the layer in its unit g, shape (8, SEEN)."""
-    return hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
+    return hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, rows)
 
 
 def output_symmetries() -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ from footsense.lab.training.windowed_network import (
     predict,
 )
 from footsense.ports import Load, Window
-from tests.lab.networks.windows import STEP_S, assert_symmetric, some_windows, turned
+from tests.lab.networks.windows import STEP_S, assert_symmetric, some_windows, turned, windows_of_array
 from tests.support.networks import CARD
 
 pytestmark = pytest.mark.lab
@@ -100,11 +100,16 @@ def test_the_network_has_the_squares_symmetry_whatever_its_weights(tmp_path: Pat
 
 
 @pytest.mark.parametrize("rows", [2, 4])
-def test_a_network_of_another_array_has_the_squares_symmetry(rows: int) -> None:
+def test_a_network_of_another_array_has_the_squares_symmetry(tmp_path: Path, rows: int) -> None:
     """Whatever its weights, as that of nine elements."""
     weights = some_weights(rows=rows)
     assert weights.rows == rows
     assert_symmetric(lambda window: predict(weights, window), 2e-4, rows)
+    window = windows_of_array(rows)
+    for found, known in zip(
+        in_file(tmp_path, weights).estimate(window), predict(weights, window), strict=True
+    ):
+        np.testing.assert_allclose(found, known, rtol=3e-4, atol=2e-4)
 
 
 @pytest.mark.parametrize("rows", [2, 3, 4])
