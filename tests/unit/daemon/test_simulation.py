@@ -18,7 +18,9 @@ def test_a_foot_of_another_array_than_the_configured_is_refused(tmp_path: Path) 
     folder = tmp_path / "test-4"
     folder.mkdir()
     response(4).save(folder / "response.npz")
-    with pytest.raises(ModelError, match=r"response.npz: made for 4 x 4 elements, the configuration has 3 x 3; set rows: 4"):
+    with pytest.raises(
+        ModelError, match=r"response.npz: made for 4 x 4 elements, the configuration has 3 x 3; set rows: 4"
+    ):
         simulated_robot(replace(DEFAULT, foot_type=str(folder)), load_scene("hanging"))
 
 
