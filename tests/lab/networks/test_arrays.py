@@ -12,7 +12,6 @@ from footsense.daemon.service import open_service
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.network import Network
 from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.frames import State
 from footsense.lab.build import QUICK_BUILD, build
 from footsense.lab.geometry import LoadRange
 from footsense.lab.training.export import onnx_model

@@ -90,7 +90,7 @@ def test_another_input_or_output_is_refused_with_what_there_is(
 def test_a_card_of_another_array_than_the_graph_is_refused(tmp_path: Path) -> None:
     """Each fits by itself; together they are of no foot."""
     path = network_file(tmp_path, json.dumps(card_of(4)))
-    with pytest.raises(ModelError, match="network.onnx: its card is of 16 elements, its graph of 9"):
+    with pytest.raises(ModelError, match=r"network.onnx: its card is of 16 elements, its graph of 9"):
         Network(path, 6)
 
 
