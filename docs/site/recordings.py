@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Mapping
 
 from docstrings import attributes, table
 
@@ -44,7 +45,7 @@ def markdown() -> str:
     return "\n".join(parts)
 
 
-def _section(topic: str, words: str, fields: dict[str, CycleField], start: str) -> str:
+def _section(topic: str, words: str, fields: Mapping[str, CycleField], start: str) -> str:
     rows: list[list[object]] = []
     for path, field in fields.items():
         if path.startswith(start):
@@ -64,4 +65,4 @@ def _kind(field: CycleField) -> str:
     if field.names is not None:
         return "one of " + ", ".join(f"`{code.name}`" for code in field.names)
     kind = {"<f8": "number or null", "<i8": "integer"}.get(field.kind, f"0 to {field.max_value}")
-    return f"list of 9: {kind}" if field.shape == (9,) else kind
+    return f"list, an entry for each element: {kind}" if field.shape and len(field.keys) == 1 else kind

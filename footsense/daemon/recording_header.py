@@ -49,8 +49,8 @@ class ClosureConversion(msgspec.Struct, frozen=True):
     """Stray capacitance and plate distance of each element, which convert readings into gap closures.
 
     Attributes:
-        stray_pf: Capacitance in parallel with each element [pF], shape (legs, 9).
-        distance_pf: Distance of the plates over the gap, times capacitance without stray [pF], shape (legs, 9).
+        stray_pf: Capacitance in parallel with each element [pF], shape (legs, elements).
+        distance_pf: Distance of the plates over the gap, times capacitance without stray [pF], shape (legs, elements).
     """
 
     stray_pf: list[list[float]]

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from footsense.errors import FootsenseError
-from footsense.export.table import COLUMNS, read_rows
+from footsense.export.table import column_names, read_rows
 from footsense.recording.replay import Replay
 
 try:
@@ -37,7 +37,7 @@ def write_parquet(replay: Replay, path: Path) -> int:
     """
     if not HAS_PYARROW:
         raise FootsenseError("--parquet needs pyarrow: pip install 'footsense[parquet]'")
-    schema = pa.schema([(name, _column_type(name)) for name in COLUMNS])
+    schema = pa.schema([(name, _column_type(name)) for name in column_names(replay.n_elements)])
     cycles = read_rows(replay)
     n_cycles = 0
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:

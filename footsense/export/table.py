@@ -7,16 +7,28 @@ from typing import Any
 import numpy as np
 
 from footsense.frames import USABLE, Cycle, GaitEventKind
-from footsense.recording.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField
+from footsense.recording.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField, cycle_fields
 from footsense.recording.replay import Replay
 
 #: A column: whole numbers, numbers, or names; NaN and None stand for values that are not known.
 Column = list[Any]
 
 _FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
-_SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("scan.")}
+_SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path not in _FORCE_FIELDS}
 _FIRST_COLUMNS = ("sequence", "t_sent_ns", "leg")
 _EVENT_COLUMNS = ("event", "event_t_ns", "friction")
+
+
+def column_names(n_elements: int) -> tuple[str, ...]:
+    """Return the names of the columns in their order; those of the elements end in the number of the element."""
+    of_elements = {path: cycle_fields(n_elements)[path] for path in _SCAN_FIELDS}
+    return (
+        *_FIRST_COLUMNS,
+        *_column_names(_FORCE_FIELDS),
+        *_column_names(GAIT_FIELDS),
+        *_EVENT_COLUMNS,
+        *_column_names(of_elements),
+    )
 
 
 def _column_names(fields: Mapping[str, CycleField]) -> list[str]:
@@ -28,15 +40,6 @@ def _column_names(fields: Mapping[str, CycleField]) -> list[str]:
         )
     return names
 
-
-#: Names of the columns in their order; those of the elements end in the number of the element.
-COLUMNS = (
-    *_FIRST_COLUMNS,
-    *_column_names(_FORCE_FIELDS),
-    *_column_names(GAIT_FIELDS),
-    *_EVENT_COLUMNS,
-    *_column_names(_SCAN_FIELDS),
-)
 
 _EMPTY_GAIT_COLUMN: Column = [None] * len(_column_names(GAIT_FIELDS))
 _CONTACT_COLUMN_INDICES = tuple(
@@ -51,7 +54,7 @@ def read_rows(replay: Replay) -> Iterator[list[Column]]:
         replay: The recording.
 
     Yields:
-        The rows of each cycle, a list of values for each leg, in the order of `COLUMNS`.
+        The rows of each cycle, a list of values for each leg, in the order of `column_names`.
 
     Raises:
         RecordingError: The rest of the file is cut off or damaged.

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from enum import IntEnum
+from functools import cache
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
@@ -47,25 +48,32 @@ class CycleField(NamedTuple):
     names: type[IntEnum] | None = None
 
 
-_PER_ELEMENT_SHAPE = (ELEMENTS,)
+@cache
+def cycle_fields(n_elements: int) -> Mapping[str, CycleField]:
+    """Return the arrays of feet with so many elements, by their place in a cycle."""
+    shape, all_set = (n_elements,), (1 << n_elements) - 1
+    return {
+        "scan.t_ns": CycleField("<i8", shape, ("t_ns",)),
+        "scan.capacitance_pf": CycleField("<f8", shape, ("capacitance_pf",)),
+        "scan.reading": CycleField("u1", shape, ("reading",), max(Reading)),
+        "forces.force_n": CycleField("<f8", (3,), ("fx_n", "fy_n", "fz_n")),
+        "forces.sigma_n": CycleField("<f8", (3,), ("sigma_x_n", "sigma_y_n", "sigma_z_n")),
+        "forces.state": CycleField("u1", (), ("state",), max(State), State),
+        "forces.fault_mask": CycleField("<u2", (), ("fault_mask",), all_set),
+        "forces.flags": CycleField("u1", (), ("flags",), 255),
+        "forces.t_ns": CycleField("<i8", (), ("t_ns",)),
+        "forces.cause": CycleField("u1", (), ("cause",), max(Cause), Cause),
+        "forces.baseline.status": CycleField(
+            "u1", (), ("baseline_status",), max(BaselineStatus), BaselineStatus
+        ),
+        "forces.baseline.mean_pf": CycleField("<f8", (), ("baseline_mean_pf",)),
+        "forces.baseline.worst_pf": CycleField("<f8", (), ("baseline_worst_pf",)),
+        "forces.baseline.moved_ns": CycleField("<i8", (), ("baseline_moved_ns",)),
+    }
 
-#: The arrays by their place in a cycle.
-CYCLE_FIELDS = {
-    "scan.t_ns": CycleField("<i8", _PER_ELEMENT_SHAPE, ("t_ns",)),
-    "scan.capacitance_pf": CycleField("<f8", _PER_ELEMENT_SHAPE, ("capacitance_pf",)),
-    "scan.reading": CycleField("u1", _PER_ELEMENT_SHAPE, ("reading",), max(Reading)),
-    "forces.force_n": CycleField("<f8", (3,), ("fx_n", "fy_n", "fz_n")),
-    "forces.sigma_n": CycleField("<f8", (3,), ("sigma_x_n", "sigma_y_n", "sigma_z_n")),
-    "forces.state": CycleField("u1", (), ("state",), max(State), State),
-    "forces.fault_mask": CycleField("<u2", (), ("fault_mask",), (1 << ELEMENTS) - 1),
-    "forces.flags": CycleField("u1", (), ("flags",), 255),
-    "forces.t_ns": CycleField("<i8", (), ("t_ns",)),
-    "forces.cause": CycleField("u1", (), ("cause",), max(Cause), Cause),
-    "forces.baseline.status": CycleField("u1", (), ("baseline_status",), max(BaselineStatus), BaselineStatus),
-    "forces.baseline.mean_pf": CycleField("<f8", (), ("baseline_mean_pf",)),
-    "forces.baseline.worst_pf": CycleField("<f8", (), ("baseline_worst_pf",)),
-    "forces.baseline.moved_ns": CycleField("<i8", (), ("baseline_moved_ns",)),
-}
+
+#: The arrays of feet with nine elements; places, types and keys are those of any feet.
+CYCLE_FIELDS = cycle_fields(ELEMENTS)
 
 #: The arrays of a gait, which few cycles have.
 GAIT_FIELDS = {

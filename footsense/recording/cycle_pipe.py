@@ -29,7 +29,8 @@ class CyclePipe:
 
     Args:
         fd: The descriptor, nothing written to it yet; closed by `close`.
-        header: Entries of the recording's header; `legs` names the rows of the frames.
+        header: Entries of the recording's header; `legs` names the rows of the frames, `n_elements` a number of
+            elements beside nine.
         blocking: Whether a full pipe makes the sender wait.
         on_broken: Called once when the reader has ended.
 

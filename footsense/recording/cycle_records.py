@@ -14,16 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import RecordingError
-from footsense.frames import ALL_LEGS, Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
+from footsense.frames import Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
 from footsense.recording.cycle_fields import (
     CYCLE_FIELDS,
     GAIT_FIELDS,
     Count,
     CycleField,
+    cycle_fields,
     forces_from_arrays,
     gait_from_arrays,
     scan_from_arrays,
 )
+from footsense.recording.frame_shape import FrameShape, frame_shape
 
 LENGTH_BYTES = 4
 #: Longest record [bytes], far above any cycle.
@@ -57,7 +59,7 @@ class LostCycles(msgspec.Struct, frozen=True, array_like=True, tag="loss"):
 
 
 class Header(msgspec.Struct, array_like=True, tag="header"):
-    """Entries of the recording's header; `legs` names the rows of the frames."""
+    """Entries of the recording's header: `legs` names the rows of the frames, `n_elements` a number beside nine."""
 
     entries: dict[str, str]
 
@@ -93,13 +95,13 @@ GAIT_ARRAY_ORDER = sorted(
 
 
 def unpack_records(
-    buffer: bytearray, n_legs: int | None
+    buffer: bytearray, shape: FrameShape | None
 ) -> Iterator[dict[str, str] | NumberedCycle | LostCycles]:
     """Remove every complete record from the front of a buffer, and decode it.
 
     Args:
         buffer: Bytes as they arrived; yielded records are removed, an incomplete one stays.
-        n_legs: Legs of the recording; None before the header.
+        shape: Legs and elements of the recording; None before the header.
 
     Yields:
         The header, cycles and losses, in the order of the pipe.
@@ -116,15 +118,13 @@ def unpack_records(
             record = _decode(bytes(buffer[LENGTH_BYTES:end]))
             del buffer[:end]
             if isinstance(record, Header):
-                legs = record.entries["legs"].split(",")
-                n_legs = len(legs)
-                require_valid(set(legs) <= set(ALL_LEGS) and len(set(legs)) == n_legs, f"legs {legs}")
+                shape = frame_shape(record.entries)
                 yield record.entries
             elif isinstance(record, LostCycles):
                 yield record
             else:
-                require_valid(n_legs is not None, "no header before the first cycle")
-                yield _decode_cycle(record, n_legs or 0)
+                require_valid(shape is not None, "no header before the first cycle")
+                yield _decode_cycle(record, shape or FrameShape(0))
     except (msgspec.MsgspecError, ValueError, LookupError) as error:
         raise RecordingError(f"the cycles of the loop arrive damaged ({error})") from None
 
@@ -139,8 +139,9 @@ def require_valid(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like
         raise ValueError(words)
 
 
-def _decode_cycle(record: _Cycle, n_legs: int) -> NumberedCycle:
-    entry = _decode_arrays(record.arrays, CYCLE_FIELDS, ARRAY_ORDER, n_legs)
+def _decode_cycle(record: _Cycle, shape: FrameShape) -> NumberedCycle:
+    n_legs = shape.n_legs
+    entry = _decode_arrays(record.arrays, cycle_fields(shape.n_elements), ARRAY_ORDER, n_legs)
     commands = (*record.commands, *(outcome.command for outcome in record.outcomes))
     require_valid(
         all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs"

@@ -82,7 +82,7 @@ class Recorder:
     Args:
         path: File to write; `FILE.partial` until it is complete.
         legs: Name of the leg in each row of the frames.
-        header: Entries of the recording's header.
+        header: Entries of the recording's header, of feet without nine elements with their number.
         blocking: Whether a full pipe makes the loop wait (virtual time) or loses the cycle (real time).
 
     Attributes:

@@ -9,11 +9,12 @@ The file::
     8 bytes   length n of the header, little-endian
     n bytes   the header: a JSON object of strings as in a recording, padded with blanks to a multiple of 8
     8 bytes   number of cycles so far
-    doubles   unloaded reading of every element without stray [pF], (legs, 9), then the counts of `CanStatistics`
+    doubles   unloaded reading of every element without stray [pF], (legs, elements), then the counts of `CanStatistics`
     slots     8 bytes number of the cycle + 1, or 0 while it is written; then the record of `cycle_records`
 """
 
 import json
+import math
 import mmap
 import os
 import struct
@@ -28,10 +29,11 @@ import msgspec
 import numpy as np
 
 from footsense.errors import FootsenseError, RecordingError
-from footsense.frames import ALL_LEGS, ELEMENTS, CanStatistics, Cycle, Vector
+from footsense.frames import CanStatistics, Cycle, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import pack_cycle
 from footsense.recording.cycle_records import NumberedCycle, unpack_records
+from footsense.recording.frame_shape import frame_shape, header_elements
 from footsense.shared_file import SharedFile, is_locked
 
 _MAGIC = b"FSCYCLE1"
@@ -39,8 +41,8 @@ _HEADER_STRUCT = struct.Struct("<8sQ")
 _COUNTER_STRUCT = struct.Struct("<Q")
 #: Cycles in the ring: 1.4 s at the highest rate, so that a viewer that was not scheduled for a second misses nothing.
 N_SLOTS = 512
-#: Bytes of a slot: twice a cycle of six legs with its gait.
-SLOT_BYTES = 4096
+#: Bytes of a slot: twice a cycle of eight legs of 16 elements with its gait.
+SLOT_BYTES = 8192
 _N_COUNTS = len(fields(CanStatistics))
 _COPY_PERIOD_NS = 100_000_000
 
@@ -51,9 +53,9 @@ class SharedCycles(Observer):
     Args:
         path: The file, in memory.
         legs: Name of the leg in each row of the frames.
-        header: Entries of a recording's header.
-        baseline_pf: Returns the unloaded reading of each element, without stray [pF], shape (legs, 9); a new array
-            whenever it moves.
+        header: Entries of a recording's header, of feet without nine elements with their number.
+        baseline_pf: Returns the unloaded reading of each element, without stray [pF], shape (legs, elements); a new
+            array whenever it moves.
         can: Counts of the CAN channel.
 
     Raises:
@@ -71,9 +73,10 @@ class SharedCycles(Observer):
         baseline_pf: Callable[[], Vector],
         can: CanStatistics,
     ) -> None:
-        text = json.dumps({**header, "legs": ",".join(legs)}).encode()
+        header = {**header, "legs": ",".join(legs)}
+        text = json.dumps(header).encode()
         text += b" " * (-len(text) % 8)
-        n_doubles = len(legs) * ELEMENTS + _N_COUNTS
+        n_doubles = len(legs) * header_elements(header) + _N_COUNTS
         n_bytes = _COUNTER_STRUCT.size + 8 * n_doubles + N_SLOTS * SLOT_BYTES
         self._file = SharedFile(path, _HEADER_STRUCT.pack(_MAGIC, len(text)) + text, n_bytes)
         self._cells = self._file.cells
@@ -135,6 +138,7 @@ class CycleReader:
     Attributes:
         header: Entries of the header.
         legs: Name of the leg in each row of the frames.
+        shape: Number of legs, and of elements of each foot.
 
     Raises:
         FootsenseError: No running service writes the file, or `SharedCycles` did not create it.
@@ -170,13 +174,14 @@ class CycleReader:
                 self._map[_HEADER_STRUCT.size : _HEADER_STRUCT.size + length], type=dict[str, str]
             )
             self.legs = tuple(self.header["legs"].split(","))
-            self._n_doubles = len(self.legs) * ELEMENTS + _N_COUNTS
+            self.shape = frame_shape(self.header)
+            self._n_doubles = math.prod(self.shape) + _N_COUNTS
         except (ValueError, LookupError, struct.error, OSError, RecursionError) as error:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles: {error}") from error
         n_bytes = (
             _HEADER_STRUCT.size + length + _COUNTER_STRUCT.size + 8 * self._n_doubles + N_SLOTS * SLOT_BYTES
         )
-        if magic != _MAGIC or not set(self.legs) <= set(ALL_LEGS) or len(self._map) != n_bytes:
+        if magic != _MAGIC or len(self._map) != n_bytes:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles")
         return int(length)
 
@@ -215,7 +220,7 @@ class CycleReader:
             length = 4 + int.from_bytes(record[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + 4], "little")
             try:
                 for entry in unpack_records(
-                    bytearray(record[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + length]), len(self.legs)
+                    bytearray(record[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + length]), self.shape
                 ):
                     if isinstance(entry, NumberedCycle) and entry.counter == number:
                         yield entry
@@ -224,8 +229,8 @@ class CycleReader:
 
     @property
     def baseline_pf(self) -> Vector:
-        """Unloaded reading of each element, without stray [pF], shape (legs, 9), NaN where unknown."""
-        return self._float64_values()[:-_N_COUNTS].reshape(len(self.legs), ELEMENTS)
+        """Unloaded reading of each element, without stray [pF], shape (legs, elements), NaN where unknown."""
+        return self._float64_values()[:-_N_COUNTS].reshape(self.shape)
 
     @property
     def can(self) -> CanStatistics:

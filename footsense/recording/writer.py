@@ -18,6 +18,7 @@ from footsense.child_process import drop_realtime, read_batches
 from footsense.errors import RecordingError
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
+from footsense.recording.frame_shape import FrameShape, frame_shape
 
 #: Longest time that cycles stay in an unfinished chunk [ns].
 FLUSH_PERIOD_NS = 400_000_000
@@ -40,7 +41,7 @@ class PipeWriter:
         self._fd = fd
         self._buffer = bytearray()
         self._file: McapFile | None = None
-        self._n_legs: int | None = None
+        self._shape: FrameShape | None = None
         self._n_added = 0
         self._t_flushed_ns: int | None = None
         self.n_cycles = 0
@@ -52,10 +53,10 @@ class PipeWriter:
             RecordingError: The bytes are damaged.
         """
         self._buffer += data
-        for entry in unpack_records(self._buffer, self._n_legs):
+        for entry in unpack_records(self._buffer, self._shape):
             if isinstance(entry, dict):
                 self._file = McapFile(self._fd, entry)
-                self._n_legs = len(entry["legs"].split(","))
+                self._shape = frame_shape(entry)
             elif self._file is not None:
                 self._add(self._file, entry)
 

@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 
 from footsense.daemon.recording_header import ClosureConversion
-from footsense.frames import ELEMENTS, CommandKind, Cycle, Result, Vector
+from footsense.frames import CommandKind, Cycle, Result, Vector
 
 
 class ClosureConverter:
@@ -21,11 +21,11 @@ class ClosureConverter:
 
     @np.errstate(divide="ignore", invalid="ignore")
     def closure_rel(self, cycle: Cycle, baseline_pf: Vector) -> Vector:
-        """Return the closures over the gap [1], shape (legs, 9), NaN without a reading or a baseline.
+        """Return the closures over the gap [1], shape (legs, elements), NaN without a reading or a baseline.
 
         Args:
             cycle: The cycle with the readings.
-            baseline_pf: Unloaded reading of each element, without stray [pF], shape (legs, 9).
+            baseline_pf: Unloaded reading of each element, without stray [pF], shape (legs, elements).
         """
         reading_pf = cycle.scan.capacitance_pf - self.stray_pf
         closure_rel: Vector = self._distance_pf * (1.0 / baseline_pf - 1.0 / reading_pf)
@@ -39,19 +39,22 @@ class RecordedBaselines:
     mean is added to each.
 
     Args:
-        stray_pf: Capacitance in parallel with each element [pF], shape (legs, 9).
+        stray_pf: Capacitance in parallel with each element [pF], shape (legs, elements).
         window_scans: Scans that a tare averages.
     """
 
     def __init__(self, stray_pf: Vector, window_scans: int) -> None:
-        n_legs = len(stray_pf)
         self._stray_pf = stray_pf
-        self._tared_pf = np.full((n_legs, ELEMENTS), np.nan)
-        self._windows = [deque[Vector](maxlen=window_scans) for _ in range(n_legs)]
-        self._newest_ns = [0] * n_legs
+        self._tared_pf = np.full(stray_pf.shape, np.nan)
+        self._windows = [deque[Vector](maxlen=window_scans) for _ in stray_pf]
+        self._newest_ns = [0] * len(stray_pf)
 
     def baseline_pf(self, cycle: Cycle) -> Vector:
-        """Return the baselines after the next cycle, without stray [pF], shape (legs, 9), NaN before the first tare."""
+        """Return the baselines after the next cycle, without stray [pF].
+
+        Returns:
+            The baselines, shape (legs, elements), NaN before the first tare.
+        """
         scan = cycle.scan
         oldest, newest = scan.t_ns.min(axis=1).tolist(), scan.t_ns.max(axis=1).tolist()
         for leg, window in enumerate(self._windows):

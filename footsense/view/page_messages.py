@@ -5,6 +5,7 @@ server -> page   hello, status, events, progress, answer    JSON objects with `t
 page -> server   drawn, chunk, tare                          JSON objects with `type`
 """
 
+import math
 import struct
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -14,7 +15,7 @@ import numpy as np
 
 from footsense import __version__
 from footsense.view.events import Event
-from footsense.view.signals import SIGNALS, Table
+from footsense.view.signals import Table, signals
 from footsense.view.words import code_texts
 
 _CYCLES_HEADER_STRUCT = struct.Struct("<IIII")
@@ -53,7 +54,13 @@ def decode_request(message: str | bytes) -> Request:
 
 
 def hello_message(
-    mode: Literal["live", "replay"], title: str, legs: Sequence[str], *, simulated: bool, commands: bool
+    mode: Literal["live", "replay"],
+    title: str,
+    legs: Sequence[str],
+    n_elements: int,
+    *,
+    simulated: bool,
+    commands: bool,
 ) -> str:
     """Return the first message: what is shown, the signals, and the words.
 
@@ -61,6 +68,7 @@ def hello_message(
         mode: Whether a service or a recording is shown.
         title: Its name.
         legs: Names of its legs.
+        n_elements: Elements of each foot.
         simulated: Whether its feet are simulated.
         commands: Whether tares are allowed.
     """
@@ -69,9 +77,10 @@ def hello_message(
         "mode": mode,
         "title": title,
         "legs": list(legs),
+        "rows": math.isqrt(n_elements),
         "simulated": simulated,
         "commands": commands,
-        "signals": [signal._asdict() for signal in SIGNALS],
+        "signals": [signal._asdict() for signal in signals(n_elements)],
         "words": code_texts(),
     }
     return message("hello", values)
@@ -112,6 +121,6 @@ def encode_cycles(kind: int, times_s: Sequence[float], tables: Sequence[Table]) 
         times_s: Time of each cycle [s].
         tables: Signals of each, shape (legs, signals).
     """
-    n_legs, n_signals = tables[0].shape if tables else (0, len(SIGNALS))
+    n_legs, n_signals = tables[0].shape if tables else (0, 0)
     head = _CYCLES_HEADER_STRUCT.pack(kind, len(tables), n_legs, n_signals)
     return b"".join((head, np.array(times_s, "<f8").tobytes(), *(t.astype("<f4").tobytes() for t in tables)))

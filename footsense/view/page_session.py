@@ -152,14 +152,21 @@ class RecordingPageSession:
 def recording_hello(recorded: RecordingSource) -> str:
     """Return the first message of the page of a recording."""
     is_simulated = bool(recorded.header.get("scene"))
-    return hello_message("replay", recorded.path.name, recorded.legs, simulated=is_simulated, commands=False)
+    return hello_message(
+        "replay",
+        recorded.path.name,
+        recorded.legs,
+        recorded.n_elements,
+        simulated=is_simulated,
+        commands=False,
+    )
 
 
 def live_hello(live: LiveSource, *, commands: bool) -> str:
     """Return the first message of the page of a service."""
     scene = msgspec.json.decode(live.header.get("scene") or "{}")
     title = scene.get("description", "") if scene else "on the robot" if live.legs else "no service"
-    return hello_message("live", title, live.legs, simulated=bool(scene), commands=commands)
+    return hello_message("live", title, live.legs, live.n_elements, simulated=bool(scene), commands=commands)
 
 
 class WakeUpSignal:

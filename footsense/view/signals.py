@@ -1,5 +1,6 @@
 """Signals of a cycle as one table of numbers, legs by signals: what the page draws and plots."""
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -26,13 +27,10 @@ class Signal(NamedTuple):
     unit: str
 
 
-_CLOSURE_SIGNALS = tuple(Signal(f"closure_{element}", "") for element in range(ELEMENTS))
-
-#: The columns of the table in their order.
-SIGNALS = (
+#: The columns of the table in their order, before those of the elements' closures.
+_SIGNALS = (
     *(Signal("fx", "N"), Signal("fy", "N"), Signal("fz", "N")),
     *(Signal("sigma_x", "N"), Signal("sigma_y", "N"), Signal("sigma_z", "N")),
-    *_CLOSURE_SIGNALS,
     Signal("age", "ms"),
     *(Signal("state", ""), Signal("cause", ""), Signal("fault_mask", ""), Signal("flags", "")),
     *(Signal("baseline_status", ""), Signal("baseline_mean", "fF"), Signal("baseline_worst", "fF")),
@@ -41,12 +39,13 @@ SIGNALS = (
     *(Signal("normal_x", ""), Signal("normal_y", ""), Signal("normal_z", ""), Signal("normal_sigma", "rad")),
     *(Signal("friction_use", ""), Signal("friction_use_sigma", ""), Signal("friction", "")),
     *(Signal("slip", ""), Signal("all_in_air", "")),
+    Signal("closure_middle", ""),
 )
-_COLUMN_OF_SIGNAL = {signal.name: column for column, signal in enumerate(SIGNALS)}
+_COLUMN_OF_SIGNAL = {signal.name: column for column, signal in enumerate(_SIGNALS)}
 _FORCE_SLICE = slice(_COLUMN_OF_SIGNAL["fx"], _COLUMN_OF_SIGNAL["fx"] + 3)
 _SIGMA_SLICE = slice(_COLUMN_OF_SIGNAL["sigma_x"], _COLUMN_OF_SIGNAL["sigma_x"] + 3)
 #: The columns of the closures.
-CLOSURE_COLUMNS = slice(_COLUMN_OF_SIGNAL["closure_0"], _COLUMN_OF_SIGNAL["closure_0"] + ELEMENTS)
+CLOSURE_COLUMNS = slice(len(_SIGNALS), None)
 _NORMAL_SLICE = slice(_COLUMN_OF_SIGNAL["normal_x"], _COLUMN_OF_SIGNAL["normal_x"] + 3)
 
 _FORCE_COLUMNS: tuple[tuple[int, Callable[[Any], Any]], ...] = (
@@ -72,6 +71,30 @@ _GAIT_COLUMNS = {
 }
 
 
+def signals(n_elements: int = ELEMENTS) -> tuple[Signal, ...]:
+    """Return the columns of the table in their order, the closures of the elements last."""
+    return (*_SIGNALS, *(Signal(f"closure_{element}", "") for element in range(n_elements)))
+
+
+def middle_closure_rel(closure_rel: Vector) -> Vector:
+    """Return the closure in the middle of each foot: of the middle element, or the mean of the four around the middle.
+
+    Args:
+        closure_rel: Closure of each gap over the gap [1], shape (legs, elements), in rows and columns of equal number.
+
+    Returns:
+        The closure [1], shape (legs,); NaN where one of the elements is.
+
+    Example:
+        >>> middle_closure_rel(np.arange(16.0)[None])  # 5, 6, 9 and 10
+        array([7.5])
+    """
+    rows = math.isqrt(closure_rel.shape[1])
+    middle = slice((rows - 1) // 2, rows // 2 + 1)
+    middle_rel: Vector = closure_rel.reshape(-1, rows, rows)[:, middle, middle].mean(axis=(1, 2))
+    return middle_rel
+
+
 class SignalTable:
     """Turns cycles into tables; remembers what not every cycle carries: gait and temperature.
 
@@ -89,16 +112,17 @@ class SignalTable:
 
         Args:
             cycle: The cycle.
-            closure_rel: Closure of each gap over the gap [1], shape (legs, 9).
+            closure_rel: Closure of each gap over the gap [1], shape (legs, elements).
         """
         forces = cycle.forces
         if forces.gait is not None:
             self._gait = forces.gait
         if cycle.temperature_c is not None:
             self._temperature_c = cycle.temperature_c
-        table = np.full((self._n_legs, len(SIGNALS)), np.nan, np.float32)
+        table = np.full((self._n_legs, len(_SIGNALS) + closure_rel.shape[1]), np.nan, np.float32)
         table[:, _FORCE_SLICE] = forces.force_n
         table[:, _SIGMA_SLICE] = forces.sigma_n
+        table[:, _COLUMN_OF_SIGNAL["closure_middle"]] = middle_closure_rel(closure_rel)
         table[:, CLOSURE_COLUMNS] = closure_rel
         for column, value in _FORCE_COLUMNS:
             table[:, column] = value(forces)

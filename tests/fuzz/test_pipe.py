@@ -11,6 +11,7 @@ from footsense.errors import RecordingError
 from footsense.frames import CommandResult, Result
 from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
+from footsense.recording.frame_shape import FrameShape
 from footsense.recording.writer import PipeWriter
 from tests.fuzz.outcome import TRIED, refusal
 from tests.support.cycles import LEGS, TARE, cycle, same
@@ -33,15 +34,16 @@ anything = st.recursive(
     max_leaves=6,
 ) | st.text(max_size=9)
 lengths = st.sampled_from([0, 1, 15, 1486, 2**24, 2**32 - 1]).map(lambda length: length.to_bytes(4, "little"))
+shapes = st.builds(FrameShape, st.integers(1, 6), st.sampled_from((4, 9, 16)))
 heads = lengths | st.lists(anything, max_size=4).map(framed)
 
 
-@given(st.lists(heads | st.binary(max_size=60) | st.just(STREAM), max_size=6), st.none() | st.integers(1, 6))
+@given(st.lists(heads | st.binary(max_size=60) | st.just(STREAM), max_size=6), st.none() | shapes)
 @TRIED
-def test_any_bytes(parts: list[bytes], n_legs: int | None) -> None:
+def test_any_bytes(parts: list[bytes], shape: FrameShape | None) -> None:
     """They are records, or are refused; none is read twice, and a record that never ends waits."""
     buffer = bytearray(b"".join(parts))
-    refusal(lambda: list(unpack_records(buffer, n_legs)), RecordingError)
+    refusal(lambda: list(unpack_records(buffer, shape)), RecordingError)
 
 
 @given(st.data())
@@ -56,10 +58,13 @@ def test_a_flipped_byte(tmp_path: Path, data: st.DataObject) -> None:
         refusal(lambda: write(bytes(damaged), file.fileno()), RecordingError)
 
 
-@pytest.mark.parametrize("legs", ["lf,lf", "lf,", "", "body"])
-def test_legs_that_a_recording_cannot_have(legs: str) -> None:
-    """Twice, or none of a robot's: a reader would refuse the recording."""
-    stream = bytearray(pack_header({"legs": legs}))
+@pytest.mark.parametrize(
+    ("legs", "n_elements"),
+    [("lf,lf", "9"), ("lf,", "9"), ("", "9"), ("body", "9"), ("lf", "10"), ("lf", ""), ("lf", "\u0664")],
+)
+def test_feet_that_a_recording_cannot_have(legs: str, n_elements: str) -> None:
+    """Legs twice, or none of a robot's; no array of so many elements: a reader would refuse the recording."""
+    stream = bytearray(pack_header({"legs": legs, "n_elements": n_elements}))
     assert refusal(lambda: list(unpack_records(stream, None)), RecordingError)
 
 

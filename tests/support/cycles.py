@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from footsense.errors import RecordingError
 from footsense.frames import (
+    ALL_LEGS,
     BaselineDrift,
     BaselineStatus,
     CapFrame,
@@ -29,6 +30,7 @@ from footsense.frames import (
 from footsense.recording.compare import first_difference
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
+from footsense.recording.frame_shape import elements_entry
 from footsense.recording.replay import Replay
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
@@ -43,6 +45,7 @@ def cycle(
     *,
     outcomes: tuple[CommandResult, ...] = (),
     n_legs: int = 6,
+    n_elements: int = 9,
     n_samples: int | None = None,
     warm: bool = False,
 ) -> Cycle:
@@ -55,9 +58,9 @@ def cycle(
 
     scan = CapFrame(
         number,
-        rng.integers(0, 2**63, (n_legs, 9)),
-        floats(n_legs, 9),
-        rng.choice([int(r) for r in Reading], (n_legs, 9)).astype(np.uint8),
+        rng.integers(0, 2**63, (n_legs, n_elements)),
+        floats(n_legs, n_elements),
+        rng.choice([int(r) for r in Reading], (n_legs, n_elements)).astype(np.uint8),
     )
     forces = ContactFrame(
         number,
@@ -66,7 +69,7 @@ def cycle(
         floats(n_legs, 3),
         floats(n_legs, 3),
         rng.choice([int(s) for s in State], n_legs).astype(np.uint8),
-        rng.integers(0, 512, n_legs).astype(np.uint16),
+        rng.integers(0, 1 << n_elements, n_legs).astype(np.uint16),
         rng.choice([int(f) for f in Flag], n_legs).astype(np.uint8),
         rng.choice([int(c) for c in Cause], n_legs).astype(np.uint8),
         BaselineDrift(
@@ -126,7 +129,7 @@ def same(a: Cycle, b: Cycle) -> bool:
     arrays = ("t_ns", "capacitance_pf", "reading")
     scans = all(np.array_equal(getattr(a.scan, f), getattr(b.scan, f), equal_nan=True) for f in arrays)
     zeros = np.array_equal(np.signbit(a.scan.capacitance_pf), np.signbit(b.scan.capacitance_pf))
-    legs = LEGS[: len(a.forces.state)]
+    legs = ALL_LEGS[: len(a.forces.state)]
     return (
         scans
         and (zeros or bool(np.isnan(a.scan.capacitance_pf).any()))
@@ -158,10 +161,12 @@ def _same_reference(a: Reference | None, b: Reference | None) -> bool:
     return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in zip(a, b, strict=True))
 
 
-def write(path: Path, cycles: list[Cycle], every: int = 10) -> Path:
+def write(path: Path, cycles: list[Cycle], every: int = 10, n_elements: int = 9) -> Path:
     """Write a finished recording in this process, a chunk for every so many cycles."""
     with path.open("wb") as file:
-        recording = McapFile(file.fileno(), {"legs": ",".join(LEGS), "scene": "test"})
+        recording = McapFile(
+            file.fileno(), {"legs": ",".join(LEGS), "scene": "test", **elements_entry(n_elements)}
+        )
         for number, one in enumerate(cycles):
             recording.add_entry(NumberedCycle(number, one))
             if number % every == every - 1:

@@ -10,8 +10,8 @@ from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 
 from footsense.errors import RecordingError
-from footsense.frames import ALL_LEGS
 from footsense.recording.container.bounded_file import DAMAGE_ERRORS, BoundedFile
+from footsense.recording.frame_shape import frame_shape
 
 #: Profile of the container, which identifies footsense's files.
 MCAP_PROFILE = "footsense"
@@ -36,7 +36,7 @@ def read_header(path: Path) -> dict[str, str]:
         path: The recording.
 
     Returns:
-        The header; its entry `legs` names the rows of the frames.
+        The header; its entry `legs` names the rows of the frames, `n_elements` a number of elements beside nine.
 
     Raises:
         RecordingError: The file is missing, or not a recording, or its header is damaged.
@@ -51,7 +51,7 @@ def read_header(path: Path) -> dict[str, str]:
             header = metadata.metadata if isinstance(metadata, Metadata) else {}
             if header.get(HEADER_CRC_KEY) != header_crc(header) or metadata.name != METADATA_NAME:
                 raise RecordingError(f"{path}: the header of the recording is damaged; nothing can be read")
-            _check_leg_names(path, header.get("legs", ""))
+            _check_frame_shape(path, header)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
     except (*DAMAGE_ERRORS, StopIteration):
@@ -59,14 +59,13 @@ def read_header(path: Path) -> dict[str, str]:
     return {key: value for key, value in header.items() if key != HEADER_CRC_KEY}
 
 
-def _check_leg_names(path: Path, legs: str) -> None:
-    """Check that a header names the rows of the frames.
+def _check_frame_shape(path: Path, header: Mapping[str, str]) -> None:
+    """Check the legs and the number of elements of a header.
 
     Raises:
-        RecordingError: It does not.
+        RecordingError: They are none of a robot's.
     """
-    names = legs.split(",")
-    if len(set(names)) < len(names) or not set(names) <= set(ALL_LEGS):
-        raise RecordingError(
-            f"{path}: the recording names its legs {legs[:40]!r}, not some of {', '.join(ALL_LEGS)}"
-        )
+    try:
+        frame_shape(header)
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}") from None

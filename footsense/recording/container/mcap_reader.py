@@ -22,13 +22,14 @@ _Record = Any  # the library is not typed
 
 
 def read_entries(
-    path: Path, legs: tuple[str, ...], on_read: Callable[[int], None]
+    path: Path, legs: tuple[str, ...], n_elements: int, on_read: Callable[[int], None]
 ) -> Iterator[NumberedCycle | LostCycles]:
     """Yield every complete cycle and every recorded loss, in file order.
 
     Args:
         path: The recording.
         legs: Name of each row of the frames.
+        n_elements: Elements of each foot.
         on_read: Receives the number of bytes read so far, after each chunk.
 
     Yields:
@@ -39,7 +40,7 @@ def read_entries(
     """
     with path.open("rb") as file:
         bounded = BoundedFile(file)
-        assembly = CycleAssembly(legs)
+        assembly = CycleAssembly(legs, n_elements)
         good = 0
         try:
             for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:

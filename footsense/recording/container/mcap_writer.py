@@ -22,6 +22,7 @@ from footsense.recording.container.event_messages import (
 )
 from footsense.recording.container.mcap_header import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
+from footsense.recording.frame_shape import header_elements
 
 #: Chunk size before compression [bytes]: about half a second of six legs.
 CHUNK_BYTES = 65_536
@@ -56,7 +57,8 @@ class McapFile:
 
     Args:
         fd: Descriptor of the empty file.
-        header: Entries of the recording's header; `legs` names the rows of the frames.
+        header: Entries of the recording's header; `legs` names the rows of the frames, `n_elements` a number of
+            elements beside nine.
     """
 
     def __init__(self, fd: int, header: Mapping[str, str]) -> None:
@@ -68,7 +70,7 @@ class McapFile:
         self._writer.start(profile=MCAP_PROFILE)
         self._writer.add_metadata(METADATA_NAME, {**header, HEADER_CRC_KEY: header_crc(header)})
         self._channels: dict[str, int] = {}
-        for topic, schema in messages.topic_schemas(self._legs).items():
+        for topic, schema in messages.topic_schemas(self._legs, header_elements(header)).items():
             self._register_topic(topic, schema)
         self.flush()
 

@@ -3,7 +3,7 @@
 A float is written with the fewest digits that give the same 64 bits back; NaN is null, and infinity, for
 which JSON has no word, is the number 1e999.
 
-The readings of all elements are written with every conversion, of which one ninth is new: the container's compression
+The readings of all elements are written with every conversion, of which one is new: the container's compression
 finds repetitions, and writing the changes alone would save a tenth of the file.
 
 Recordings from before causes and baselines were recorded lack these entries: they are read as `NOT_RECORDED` and as
@@ -34,6 +34,7 @@ from footsense.recording.cycle_fields import (
     NOT_RECORDED,
     Count,
     CycleField,
+    cycle_fields,
     forces_from_arrays,
     scan_from_arrays,
 )
@@ -73,22 +74,31 @@ _CODE_OF_NAME[BaselineStatus] |= {
     "TOO_FAST": BaselineStatus.DRIFT_TOO_FAST,
 }
 
-_SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("scan.")}
-_FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path not in _SCAN_FIELDS}
+
+@cache
+def _scan_fields(n_elements: int = ELEMENTS) -> dict[str, CycleField]:
+    return {path: field for path, field in cycle_fields(n_elements).items() if path.startswith("scan.")}
+
+
+@cache
+def _force_fields(n_elements: int = ELEMENTS) -> dict[str, CycleField]:
+    return {path: field for path, field in cycle_fields(n_elements).items() if path.startswith("forces.")}
+
+
 _FIRST_FORCE_FIELDS = {
-    path: field for path, field in _FORCE_FIELDS.items() if field.keys[0] not in _DEFAULTS_OF_OLD_RECORDINGS
+    path: field for path, field in _force_fields().items() if field.keys[0] not in _DEFAULTS_OF_OLD_RECORDINGS
 }
 
 
 def encode_scan(scan: CapFrame, legs: Sequence[str]) -> bytes:
     """Return a scan as a JSON object with one entry per leg."""
-    return encode_json({"sequence": scan.sequence, **leg_objects(scan, legs, _SCAN_FIELDS)})
+    return encode_json({"sequence": scan.sequence, **leg_objects(scan, legs, _scan_fields())})
 
 
 def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
     """Return forces as a JSON object with one entry per leg."""
     is_old = (forces.cause == NOT_RECORDED).all()
-    rows = leg_objects(forces, legs, _FIRST_FORCE_FIELDS if is_old else _FORCE_FIELDS)
+    rows = leg_objects(forces, legs, _FIRST_FORCE_FIELDS if is_old else _force_fields())
     return encode_json({"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
 
 
@@ -107,19 +117,19 @@ def leg_objects(
     return objects
 
 
-def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
+def decode_scan(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) -> CapFrame:
     """Return the scan that `encode_scan` wrote."""
     message = json.loads(data)
     rows = [message[leg] for leg in legs]
-    arrays = {path: field_array(field, rows) for path, field in _SCAN_FIELDS.items()}
+    arrays = {path: field_array(field, rows) for path, field in _scan_fields(n_elements).items()}
     return scan_from_arrays(msgspec.convert(message["sequence"], Count), arrays)
 
 
-def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
+def decode_force(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) -> ContactFrame:
     """Return the forces that `encode_force` wrote."""
     message = json.loads(data)
     rows = [{**_DEFAULTS_OF_OLD_RECORDINGS, **_with_current_names(message[leg])} for leg in legs]
-    arrays = {path: field_array(field, rows) for path, field in _FORCE_FIELDS.items()}
+    arrays = {path: field_array(field, rows) for path, field in _force_fields(n_elements).items()}
     sequence, t_sent_ns = (msgspec.convert(message[key], Count) for key in ("sequence", "t_sent_ns"))
     return forces_from_arrays(sequence, t_sent_ns, arrays)
 
@@ -148,7 +158,7 @@ def _decoded_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
         entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.max_value))]
     elif field.kind == "<i8":
         entry = int
-    if field.shape == (ELEMENTS,):
+    if field.shape and len(field.keys) == 1:
         entry = list[entry]
     return list[list[entry]]
 
@@ -172,16 +182,16 @@ def encode_json(message: dict[str, Any]) -> bytes:
     )
 
 
-def topic_schemas(legs: Sequence[str]) -> dict[str, bytes]:
-    """Return the JSON schema of each topic."""
+def topic_schemas(legs: Sequence[str], n_elements: int = ELEMENTS) -> dict[str, bytes]:
+    """Return the JSON schema of each topic, for feet of so many elements."""
     number, whole, text = {"type": ["number", "null"]}, {"type": "integer"}, {"type": "string"}
 
     def leg_schema(fields: Mapping[str, CycleField]) -> dict[str, Any]:
         properties: dict[str, Any] = {}
         for field in fields.values():
             value: dict[str, Any] = text if field.names else number if field.kind == "<f8" else whole
-            if field.shape == (ELEMENTS,):
-                value = {"type": "array", "items": value, "minItems": ELEMENTS, "maxItems": ELEMENTS}
+            if field.shape and len(field.keys) == 1:
+                value = {"type": "array", "items": value, "minItems": n_elements, "maxItems": n_elements}
             properties |= dict.fromkeys(field.keys, value)
         return object_schema(**properties)
 
@@ -189,9 +199,9 @@ def topic_schemas(legs: Sequence[str]) -> dict[str, bytes]:
         return {"type": "object", "properties": properties}
 
     topics = {
-        SCAN: object_schema(sequence=whole, **dict.fromkeys(legs, leg_schema(_SCAN_FIELDS))),
+        SCAN: object_schema(sequence=whole, **dict.fromkeys(legs, leg_schema(_scan_fields(n_elements)))),
         FORCE: object_schema(
-            sequence=whole, t_sent_ns=whole, **dict.fromkeys(legs, leg_schema(_FORCE_FIELDS))
+            sequence=whole, t_sent_ns=whole, **dict.fromkeys(legs, leg_schema(_force_fields(n_elements)))
         ),
         GAIT: object_schema(
             t_ns=whole,

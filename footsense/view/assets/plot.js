@@ -2,8 +2,9 @@
 
 import { css, element, number } from "./format.js";
 
+// The middle gap of an even number of rows is the mean of the four around the middle.
 const OFFERED = [
-  ["fz", "fz", "N"], ["fx", "fx", "N"], ["fy", "fy", "N"], ["sigma_z", "σz", "N"], ["closure_4", "middle gap", ""],
+  ["fz", "fz", "N"], ["fx", "fx", "N"], ["fy", "fy", "N"], ["sigma_z", "σz", "N"], ["closure_middle", "middle gap", ""],
   ["probability", "contact", ""], ["load_share", "share", ""], ["friction_use", "friction use", ""], ["age", "age", "ms"],
   ["baseline_mean", "drift", "fF"], ["temperature", "temperature", "°C"],
 ];
@@ -13,6 +14,7 @@ export class Plot {
   constructor(parent, hello) {
     this.parent = parent;
     this.chart = parent.querySelector("#chart");
+    this.chart.replaceChildren(); // the chart of the former service
     this.legs = hello.legs;
     this.signals = new Set(["fz"]);
     this.shown = new Set(hello.legs.keys());

@@ -35,12 +35,12 @@ class TopicChannel(NamedTuple):
     is_picture: bool = False
 
 
-def topic_channels(legs: Sequence[str]) -> list[TopicChannel]:
-    """Return the topics of a robot with these legs, those of a recording first."""
-    return [*_recording_channels(legs), *_picture_channels(legs)]
+def topic_channels(legs: Sequence[str], n_elements: int) -> list[TopicChannel]:
+    """Return the topics of a robot with these legs and elements of a foot, those of a recording first."""
+    return [*_recording_channels(legs, n_elements), *_picture_channels(legs)]
 
 
-def _recording_channels(legs: Sequence[str]) -> Iterator[TopicChannel]:
+def _recording_channels(legs: Sequence[str], n_elements: int) -> Iterator[TopicChannel]:
     """Yield the topics of a recording, with the same messages and schemas."""
     encoders: dict[str, Callable[[ViewedCycle], list[bytes]]] = {
         messages.SCAN: lambda viewed: [messages.encode_scan(viewed.cycle.scan, legs)],
@@ -49,7 +49,7 @@ def _recording_channels(legs: Sequence[str]) -> Iterator[TopicChannel]:
         messages.GAIT_EVENT: lambda viewed: _gait_event_messages(viewed, legs),
         messages.EVENT: lambda viewed: _event_messages(viewed, legs),
     }
-    for topic, schema in messages.topic_schemas(legs).items():
+    for topic, schema in messages.topic_schemas(legs, n_elements).items():
         yield TopicChannel(topic, f"footsense.{topic[1:]}", schema.decode(), encoders[topic])
 
 

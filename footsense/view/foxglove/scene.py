@@ -20,9 +20,9 @@ FOOT_POSITIONS_M = {
     for side, y_m in (("l", 0.15), ("r", -0.15))
     for place, x_m in (("f", 0.2), ("m", 0.0), ("r", -0.2), ("4", -0.4))
 }
-#: Length of the arrow of a newton [m].
+#: Length of the arrow of a newton, and side of a foot's grid [m].
 _ARROW_M_PER_N = 0.1
-_GRID_CELL_M = 0.02
+_GRID_SIDE_M = 0.06
 _FOXGLOVE_FLOAT32 = 7
 #: Parts of an entity that ours does not have.
 _UNUSED_ENTITY_FIELDS = ("metadata", "cubes", "spheres", "cylinders", "lines", "triangles", "models")
@@ -105,20 +105,21 @@ def orientation(direction: Vector) -> dict[str, float]:
 
 
 def closure_grid(closure_rel: Vector, leg: str, t_ns: int) -> dict[str, Any]:
-    """Return a `foxglove.Grid` of the closures of a foot over the gap [1], shape (9,), NaN where unknown.
+    """Return a `foxglove.Grid` of the closures of a foot over the gap [1], shape (elements,), NaN where unknown.
 
     A grid's columns go along x, forward, and its rows along y, to the left; ours run the other way.
     """
-    cells = closure_rel.reshape(3, 3)[::-1, ::-1].T.astype("<f4")
+    rows = math.isqrt(len(closure_rel))
+    cells = closure_rel.reshape(rows, rows)[::-1, ::-1].T.astype("<f4")
     x_m, y_m, z_m = FOOT_POSITIONS_M[leg]
-    corner = (x_m - 1.5 * _GRID_CELL_M, y_m - 1.5 * _GRID_CELL_M, z_m)
+    corner = (x_m - _GRID_SIDE_M / 2, y_m - _GRID_SIDE_M / 2, z_m)
     return {
         "timestamp": _time_json(t_ns),
         "frame_id": ROBOT_FRAME,
         "pose": {"position": _point_json(corner), "orientation": _IDENTITY_ROTATION},
-        "column_count": 3,
-        "cell_size": {"x": _GRID_CELL_M, "y": _GRID_CELL_M},
-        "row_stride": 12,
+        "column_count": rows,
+        "cell_size": dict.fromkeys("xy", _GRID_SIDE_M / rows),
+        "row_stride": 4 * rows,
         "cell_stride": 4,
         "fields": [{"name": "closure", "offset": 0, "type": _FOXGLOVE_FLOAT32}],
         "data": base64.b64encode(cells.tobytes()).decode(),

@@ -57,6 +57,7 @@ class FoxgloveClient:
         self._live = live
         self._greeted = False
         self._legs: tuple[str, ...] = ()
+        self._n_elements = live.n_elements
         self._channels: dict[int, TopicChannel] = {}
         self._first_id = 1
         self._by_channel: dict[int, int] = {}
@@ -146,15 +147,15 @@ class FoxgloveClient:
                 )
 
     async def _advertise(self, connection: Connection) -> None:
-        """Announce the channels of the service; anew if another service has other legs."""
-        if self._live.legs == self._legs:
+        """Announce the channels of the service; anew if another service has other legs or elements."""
+        if (self._live.legs, self._live.n_elements) == (self._legs, self._n_elements):
             return
-        self._legs = self._live.legs
+        self._legs, self._n_elements = self._live.legs, self._live.n_elements
         if self._channels:
             await connection.send(_message_json(op="unadvertise", channelIds=list(self._channels)))
             self._first_id += len(self._channels)
         self._by_channel.clear()
-        self._channels = dict(enumerate(topic_channels(self._legs), self._first_id))
+        self._channels = dict(enumerate(topic_channels(self._legs, self._n_elements), self._first_id))
         entries = [
             {
                 "id": number,

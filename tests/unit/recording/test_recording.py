@@ -17,6 +17,7 @@ from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_fields import NOT_RECORDED
 from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
+from footsense.recording.frame_shape import FrameShape, elements_entry, frame_shape
 from footsense.recording.machine import platform_versions
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
@@ -40,25 +41,39 @@ outcome = st.builds(CommandResult, st.just(TARE), st.sampled_from(Result), st.te
 
 
 samples = st.none() | st.integers(0, 6)
+arrays = st.sampled_from((4, 9, 16))
 
 
-@given(st.integers(0, 2**32), st.integers(3, 6), st.lists(outcome, max_size=3), samples, st.integers(1, 4000))
+@given(
+    st.integers(0, 2**32),
+    st.builds(FrameShape, st.integers(3, 6), arrays),
+    st.lists(outcome, max_size=3),
+    samples,
+    st.integers(1, 4000),
+)
 def test_the_pipe_keeps_every_bit(
-    seed: int, n_legs: int, outcomes: list[CommandResult], n_samples: int | None, piece: int
+    seed: int, shape: FrameShape, outcomes: list[CommandResult], n_samples: int | None, piece: int
 ) -> None:
     """Cycles come out of the pipe as they went in, in whatever pieces they arrive."""
     shown = [
-        cycle(number, seed, outcomes=tuple(outcomes), n_legs=n_legs, n_samples=n_samples, warm=number == 1)
+        cycle(
+            number,
+            seed,
+            outcomes=tuple(outcomes),
+            n_samples=n_samples,
+            warm=number == 1,
+            **shape._asdict(),
+        )
         for number in range(3)
     ]
-    header = {"legs": ",".join(LEGS[:n_legs])}
+    header = {"legs": ",".join(LEGS[: shape.n_legs]), **elements_entry(shape.n_elements)}
     stream = pack_header(header) + b"".join(pack_cycle(i, one) for i, one in enumerate(shown))
     stream += pack_loss(LostCycles(9, 8, 6))
-    buffer, entries, legs = bytearray(), [], None
+    buffer, entries, known = bytearray(), [], None
     for at in range(0, len(stream), piece):
         buffer += stream[at : at + piece]
-        for entry in unpack_records(buffer, legs):
-            legs = n_legs
+        for entry in unpack_records(buffer, known):
+            known = known or frame_shape(header)
             entries.append(entry)
     assert entries[0] == header
     assert entries[-1] == LostCycles(9, 8, 6)
@@ -67,18 +82,28 @@ def test_the_pipe_keeps_every_bit(
     assert all(same(a, b.cycle) for a, b in zip(shown, numbered, strict=True))
 
 
-@given(st.integers(0, 2**32), st.lists(outcome, max_size=2), samples)
+@given(st.integers(0, 2**32), st.lists(outcome, max_size=2), samples, arrays)
 @settings(max_examples=25)
 def test_the_file_keeps_every_bit(
-    scratch: Path, seed: int, outcomes: list[CommandResult], n_samples: int | None
+    scratch: Path, seed: int, outcomes: list[CommandResult], n_samples: int | None, n_elements: int
 ) -> None:
     """Floats of any value, NaN, infinities and -0.0, and reasons in any script come out of the file again."""
     shown = [
-        cycle(number, seed, outcomes=tuple(outcomes), n_samples=n_samples, warm=number % 3 == 1)
+        cycle(
+            number,
+            seed,
+            outcomes=tuple(outcomes),
+            n_elements=n_elements,
+            n_samples=n_samples,
+            warm=number % 3 == 1,
+        )
         for number in range(5)
     ]
-    read, damage = read_until_damage(write(scratch, shown))
+    read, damage = read_until_damage(write(scratch, shown, n_elements=n_elements))
     assert damage is None
+    assert all(
+        np.array_equal(a.forces.fault_mask, b.forces.fault_mask) for a, b in zip(shown, read, strict=True)
+    )
     assert all(same(a, b) for a, b in zip(shown, read, strict=True))
 
 

@@ -1,6 +1,6 @@
 """The cycles in shared memory: whole, newest first to go, and over restarts of the service."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -8,18 +8,20 @@ import numpy as np
 import pytest
 
 from footsense.errors import FootsenseError
-from footsense.frames import CanStatistics, Vector
+from footsense.frames import ALL_LEGS, CanStatistics, CommandResult, Result, Vector
+from footsense.recording.frame_shape import elements_entry
 from footsense.recording.shared_cycles import N_SLOTS, CycleReader, SharedCycles
-from tests.support.cycles import LEGS, cycle, same
+from tests.support.cycles import LEGS, TARE, cycle, same
 
 
 class Service:
     """A writer whose baselines can be moved."""
 
-    def __init__(self, path: Path) -> None:
-        self.baseline_pf: Vector = np.full((6, 9), np.nan)
+    def __init__(self, path: Path, legs: Sequence[str] = LEGS, n_elements: int = 9) -> None:
+        self.baseline_pf: Vector = np.full((len(legs), n_elements), np.nan)
         self.can = CanStatistics()
-        self.shared = SharedCycles(path, LEGS, {"scene": "flat"}, lambda: self.baseline_pf, self.can)
+        header = {"scene": "flat", **elements_entry(n_elements)}
+        self.shared = SharedCycles(path, legs, header, lambda: self.baseline_pf, self.can)
 
 
 @pytest.fixture
@@ -50,6 +52,28 @@ def test_a_reader_gets_every_cycle_bit_for_bit(service: Service, path: Path) -> 
     assert reader.can == service.can
     assert reader.read().cycles == []
     reader.close()
+
+
+@pytest.mark.parametrize("n_elements", [4, 16])
+def test_eight_legs_of_another_array(path: Path, n_elements: int) -> None:
+    """The largest cycle fits its slot: gait, temperatures, and a long result for every leg."""
+    service = Service(path, ALL_LEGS, n_elements)
+    reader = CycleReader(path)
+    assert (reader.legs, reader.shape) == (ALL_LEGS, (8, n_elements))
+    results = tuple(CommandResult(TARE._replace(leg=leg), Result.LOADED, "x" * 200) for leg in range(8))
+    shown = [
+        cycle(number, outcomes=results, n_legs=8, n_elements=n_elements, n_samples=3, warm=True)
+        for number in range(4)
+    ]
+    service.baseline_pf = np.arange(8.0 * n_elements).reshape(8, n_elements)
+    for one in shown:
+        service.shared.observe(one)
+    new = reader.read()
+    assert new.n_missed == 0
+    assert all(same(a, b.cycle) for a, b in zip(shown, new.cycles, strict=True))
+    assert np.array_equal(reader.baseline_pf, service.baseline_pf)
+    reader.close()
+    service.shared.close()
 
 
 def test_a_slow_reader_gets_the_newest_and_counts_what_it_missed(service: Service, path: Path) -> None:

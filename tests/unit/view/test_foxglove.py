@@ -24,7 +24,7 @@ from footsense.view.foxglove.session import FoxgloveClient
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import ViewServer
-from tests.support.viewed_service import LEGS, ViewedService
+from tests.support.viewed_service import LEGS, ViewedService, header_of
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 TIMEOUT_S = 20
@@ -34,11 +34,12 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
     asyncio.run(asyncio.wait_for(test(), TIMEOUT_S))
 
 
-def test_a_client_of_the_protocol_gets_every_topic(tmp_path: Path) -> None:
+@pytest.mark.parametrize("rows", [3, 4])
+def test_a_client_of_the_protocol_gets_every_topic(rows: int, tmp_path: Path) -> None:
     """Messages fit the schemas that they are announced with, and say what the service said."""
 
     async def test() -> None:
-        with ViewedService(tmp_path / "cycles") as service:
+        with ViewedService(tmp_path / "cycles", header_of(rows**2)) as service:
             service.force_n[3] = 0.3, 0.0, 0.4
             service.publish()
             live = LiveSource(tmp_path / "cycles", MonotonicClock())
@@ -64,12 +65,12 @@ def test_a_client_of_the_protocol_gets_every_topic(tmp_path: Path) -> None:
                     await client.unsubscribe(topic)
                 await client.disconnect()
             live.close()
-        check(channels, received)
+        check(channels, received, rows)
 
     run(test)
 
 
-def check(channels: dict[str, Any], received: dict[str, list[tuple[int, dict[str, Any]]]]) -> None:
+def check(channels: dict[str, Any], received: dict[str, list[tuple[int, dict[str, Any]]]], rows: int) -> None:
     """Check what a client was sent against the schemas and against the service."""
     schemas = {topic: channel["schemaName"] for topic, channel in channels.items()}
     assert schemas["/feet"] == "foxglove.SceneUpdate"
@@ -84,7 +85,8 @@ def check(channels: dict[str, Any], received: dict[str, list[tuple[int, dict[str
     forces = decode_force(json.dumps(message).encode(), LEGS)
     assert forces.t_sent_ns == t_ns
     assert forces.force_n[3] == pytest.approx([0.3, 0.0, 0.4])
-    assert decode_scan(json.dumps(received["/scan"][-1][1]).encode(), LEGS).capacitance_pf.shape == (6, 9)
+    scan = decode_scan(json.dumps(received["/scan"][-1][1]).encode(), LEGS, rows**2)
+    assert scan.capacitance_pf.shape == (6, rows**2)
     (entity,) = [entity for entity in received["/feet"][-1][1]["entities"] if entity["id"] == "rf"]
     (arrow,) = entity["arrows"]
     assert arrow["shaft_length"] + arrow["head_length"] == pytest.approx(0.05)
@@ -92,9 +94,11 @@ def check(channels: dict[str, Any], received: dict[str, list[tuple[int, dict[str
     grid = received["/closure/rf"][-1][1]
     cells = np.frombuffer(base64.b64decode(grid["data"]), "<f4").reshape(-1, grid["column_count"])
     # x forward along the columns, y to the left along the rows: element 0 is the most forward and leftmost.
-    assert cells[2, 2] == pytest.approx(0.4 * 0.2, abs=1e-6)
+    assert cells.shape == (rows, rows)
+    assert (grid["row_stride"], grid["cell_size"]["x"]) == (4 * rows, pytest.approx(0.06 / rows))
+    assert cells[-1, -1] == pytest.approx(0.4 * 0.2, abs=1e-6)
     assert cells[0, 0] == pytest.approx(0.4 * 0.7, abs=1e-6)
-    assert cells[2, 0] == pytest.approx(0.4 * np.linspace(0.2, 0.7, 9)[6], abs=1e-6)
+    assert cells[-1, 0] == pytest.approx(0.4 * np.linspace(0.2, 0.7, rows**2)[-rows], abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["foxglove.sdk.v1", "foxglove.websocket.v1"])
