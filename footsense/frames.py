@@ -35,6 +35,8 @@ IS_USABLE: Mask = np.isin(np.arange(256), list(USABLE))
 
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
 ELEMENTS = 9
+#: Elements of the feet that a robot may have: 2 x 2, 3 x 3, 4 x 4.
+ELEMENT_COUNTS = (4, 9, 16)
 
 #: Every leg that a robot may have, in the order of the CAN node ids 1..8.
 ALL_LEGS = tuple(NODE_IDS)
@@ -66,9 +68,9 @@ class CapFrame(NamedTuple):
 
     Attributes:
         sequence: Number of the frame since start, from 0, without gaps.
-        t_ns: Middle of each element's conversion [ns, monotonic], shape (legs, 9), int64; 0 where there was none.
-        capacitance_pf: Capacitance as converted, stray included [pF], shape (legs, 9), float64, NaN unless OK.
-        reading: Result of reading each element, shape (legs, 9), uint8 of `Reading`.
+        t_ns: Middle of each element's conversion [ns, monotonic], shape (legs, elements), int64; 0 where none.
+        capacitance_pf: Capacitance as converted, stray included [pF], shape (legs, elements), float64, NaN unless OK.
+        reading: Result of reading each element, shape (legs, elements), uint8 of `Reading`.
     """
 
     sequence: int

@@ -175,7 +175,7 @@ class Window(NamedTuple):
     Attributes:
         closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, 3, 9).
         age_s: Time from the middle of each conversion to the time that the load is asked for [s], same shape.
-        missing: The imputed elements, shape (rows, 9).
+        missing: The imputed elements, shape (rows, elements).
     """
 
     closure_rel: Vector

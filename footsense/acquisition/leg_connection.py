@@ -103,7 +103,7 @@ class LegConnection:
         """Count scans with a missing reading in a row; after three, leave the leg out for a while.
 
         Args:
-            readings: How each element answered, shape (9,), uint8 of `Reading`.
+            readings: How each element answered, shape (elements,), uint8 of `Reading`.
             now_ns: The time now [ns].
         """
         present = set(readings.tolist())

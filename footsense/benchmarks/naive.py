@@ -28,7 +28,7 @@ from footsense.ports import Clock, I2cBus, Transaction
 
 def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
     """Scan every element of every leg of the first bus in sequence."""
-    plan = scan_plan("raster", config.rate_sps, config.board)
+    plan = scan_plan("raster", config.rate_sps, config.board, config.rows)
     for channel in config.buses[0].channels.values():
         for step in plan.steps:
             bus.transfer(Transaction(config.buses[0].mux.address, bytes((tca9548a.select(channel),))))

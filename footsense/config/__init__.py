@@ -44,4 +44,6 @@ def load_config(path: Path) -> Config:
     config = load(path, Config, check=first_contradiction, former=FORMER_KEYS)
     folder = config.foot_type if "/" in config.foot_type else None
     paths = {"model": config.model, "calibrations": config.calibrations, "foot_type": folder}
-    return replace(config, **{key: str(path.parent / value) for key, value in paths.items() if value})
+    return replace(
+        config, **{key: str(path.parent.absolute() / value) for key, value in paths.items() if value}
+    )

@@ -8,6 +8,7 @@ from firmware_interface.wire_timing import can_bits_per_s
 from footsense.config.boards import BOARDS
 from footsense.config.schema import PUBLISH_EVERY, Config
 from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
+from footsense.frames import ELEMENTS
 from footsense.strict_yaml import Problem
 
 #: Largest share of the bus for forces; the rest is the robot's.
@@ -192,6 +193,7 @@ def _foot_contradictions(config: Config) -> Iterator[Problem]:
             yield Problem(
                 f"{section}.{leg}", f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}"
             )
+    yield from _array_contradictions(config)
     if config.calibrations is None:
         return
     if not config.feet:
@@ -204,6 +206,24 @@ def _foot_contradictions(config: Config) -> Iterator[Problem]:
             yield Problem(
                 f"{section}.{leg}", f"the calibration of {config.feet[leg]} has it; take this entry away"
             )
+
+
+def _array_contradictions(config: Config) -> Iterator[Problem]:
+    """Yield settings for another number of elements."""
+    n_elements = config.n_elements
+    if config.serial is not None and n_elements != ELEMENTS:
+        yield Problem("rows", f"the microcontroller sends {ELEMENTS} elements of a foot; take rows away")
+    if config.calibrations is not None and n_elements != ELEMENTS:
+        yield Problem(
+            "calibrations", f"calibrations are of feet of {ELEMENTS} elements; take calibrations away"
+        )
+    for section, values_of_legs in (("stray_pf", config.stray_pf), ("unloaded_pf", config.unloaded_pf)):
+        for leg, values in values_of_legs.items():
+            if len(values) != n_elements:
+                message = (
+                    f"{len(values)} values; a foot of {config.rows} x {config.rows} elements has {n_elements}"
+                )
+                yield Problem(f"{section}.{leg}", message)
 
 
 def _repeated_values(entries: Iterable[tuple[str, int | str, str]], message: str) -> Iterator[Problem]:

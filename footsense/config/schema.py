@@ -9,7 +9,6 @@ from firmware_interface.chips import ad7746, fdc1004
 from footsense.config import sections
 from footsense.config.boards import BOARDS
 from footsense.foot.files.calibration_format import FootId
-from footsense.frames import ELEMENTS
 
 #: Default of `publish_every`: 92 forces a second, with all other frames 34 % of 500 kbit/s for six legs.
 PUBLISH_EVERY = 4
@@ -30,11 +29,12 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         baseline: Tracking of the baseline between tares.
         contact: Contact detection.
         max_age_ms: Age of its oldest element at which a measurement becomes `stale` [ms]; None for four scans.
-        stray_pf: Capacitance of the wiring beside each element [pF], nine per leg; 0 where absent.
-        unloaded_pf: Reading of each element of the mounted, unloaded foot, stray included [pF], nine per leg; the
-            design's if absent. A tare has to be near it.
+        stray_pf: Capacitance of the wiring beside each element [pF], one for each element of a leg; 0 where absent.
+        unloaded_pf: Reading of each element of the mounted, unloaded foot, stray included [pF], one for each element of
+            a leg; the design's if absent. A tare has to be near it.
         foot_type: Name of a released foot type, or, with a slash, the folder of another from `footsense lab build`,
             relative to the file. The folder has the name of the type.
+        rows: Rows of elements of every foot, and as many columns.
         model: Network to use, relative to the file; None for that of the foot type.
         feet: Foot mounted on each leg.
         body_weight_n: Sum of all legs' loads while walking [N], to detect feet whose calibration no longer holds; None
@@ -65,6 +65,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             description="such as aoyagi-3x3, or ./models/my-foot for a folder",
         ),
     ] = "aoyagi-3x3"
+    rows: Literal[2, 3, 4] = 3
     model: Annotated[str, Meta(min_length=1)] | None = None
     feet: dict[sections.Leg, FootId] = {}
     body_weight_n: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
@@ -81,11 +82,16 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return tuple(leg for bus in self.buses for leg in bus.legs)
 
     @property
+    def n_elements(self) -> int:
+        """Return the elements of every foot."""
+        return self.rows**2
+
+    @property
     def shortest_scan_ms(self) -> float:
-        """Return the shortest duration of a scan [ms]: nine conversions, or the microcontroller's period."""
+        """Return the shortest duration of a scan [ms]: of all conversions, or the microcontroller's period."""
         if self.serial is not None:
             return 1e3 / self.serial.rate_hz
-        return ELEMENTS * self.rate.conversion_ns * 1e-6
+        return self.n_elements * self.rate.conversion_ns * 1e-6
 
     @property
     def frames_per_force(self) -> int:

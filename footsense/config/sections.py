@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from firmware_interface.chips import tca9548a
-from footsense.frames import ALL_LEGS, ELEMENTS, LEGS
+from footsense.frames import ALL_LEGS, LEGS
 
 Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
 
@@ -14,12 +14,8 @@ PCA9685_ALLCALL = 0x70
 
 Channel = Annotated[int, Meta(ge=0, le=tca9548a.CHANNELS - 1, description="a channel of the TCA9548A")]
 Device = Annotated[str, Meta(pattern=r"^(/dev/[^\s]+|sim[0-9]?)$", description="such as /dev/i2c-1, or sim")]
-StrayPf = Annotated[
-    tuple[Annotated[float, Meta(ge=0.0, le=20.0)], ...], Meta(min_length=ELEMENTS, max_length=ELEMENTS)
-]
-UnloadedPf = Annotated[
-    tuple[Annotated[float, Meta(ge=0.1, le=15.0)], ...], Meta(min_length=ELEMENTS, max_length=ELEMENTS)
-]
+StrayPf = tuple[Annotated[float, Meta(ge=0.0, le=20.0)], ...]
+UnloadedPf = tuple[Annotated[float, Meta(ge=0.1, le=15.0)], ...]
 
 
 class Section(Struct, frozen=True, forbid_unknown_fields=True):

@@ -19,7 +19,7 @@ from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.config.sections import Bus, Serial
 from footsense.daemon.simulation import simulated_robot
-from footsense.frames import ELEMENTS, CapFrame, Vector
+from footsense.frames import CapFrame, Vector
 from footsense.ports import Clock, SerialPort, WakeupLatency
 from footsense.sim.bus.serial_line import SimulatedLine
 from footsense.sim.robot import SimulatedRobot
@@ -39,7 +39,7 @@ class ScanSource:
     Attributes:
         source: The scanner, started.
         clock: Clock of its time stamps.
-        frames_per_scan: Frames in which every element is read once: nine single conversions, or a whole scan.
+        frames_per_scan: Frames in which every element is read once: single conversions, or a whole scan.
         response_sha256: Hash of the response table of the simulated feet, None on a real robot.
         true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         wakeups: Wake-up latency of the thread of each bus; none in virtual time.
@@ -67,7 +67,7 @@ class ScanSource:
 
 def scan_plan_for(config: Config) -> ScanPlan:
     """Return the order of transactions on each bus of a robot that is read over I2C."""
-    return scan_plan(config.order, config.rate_sps, config.board)
+    return scan_plan(config.order, config.rate_sps, config.board, config.rows)
 
 
 class OpenBus(NamedTuple):
@@ -213,7 +213,7 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
     return ScanSource(
         source,
         MonotonicClock(),
-        ELEMENTS,
+        config.n_elements,
         wakeups=tuple(bus.clock.wakeups for bus in buses if isinstance(bus.clock, MonotonicClock)),
         temperature_c=source.temperature_c if plan.board.thermometer else None,
     )

@@ -18,7 +18,7 @@ from footsense.estimation.faults.status import CONVERTER_MAX_PF
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import Sensitivity, sensitivity
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import Vector
 from footsense.ports import Estimator
 
 #: Least rise of a load over the fastest drift [1].
@@ -71,12 +71,14 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
         body_weight_n=config.body_weight_n,
         set_temperature=set_temperature,
-        range_end_pf=BOARDS[config.board](3).range_end_pf if config.board in BOARDS else CONVERTER_MAX_PF,
+        range_end_pf=BOARDS[config.board](config.rows).range_end_pf
+        if config.board in BOARDS
+        else CONVERTER_MAX_PF,
     )
 
 
 def unloaded_capacitance_pf(models: Models) -> tuple[Vector, Vector]:
-    """Return stray, and capacitance without stray, of each element of the free feet [pF], shape (legs, 9) each."""
+    """Return stray, and capacitance without stray, of the elements of the free feet [pF], shape (legs, elements)."""
     # The design's capacitance excludes stray; a configured or calibrated reading of the foot includes it.
     stray_pf = _element_parameter(models, "stray_pf", models.config.stray_pf, 0.0)
     reading_pf = _element_parameter(models, "unloaded_pf", models.config.unloaded_pf, np.nan)
@@ -85,7 +87,7 @@ def unloaded_capacitance_pf(models: Models) -> tuple[Vector, Vector]:
 
 
 def distance_times_capacitance_pf(models: Models) -> Vector:
-    """Return the distance of each element's plates over the gap, times capacitance [pF], shape (legs, 9)."""
+    """Return the distance of each element's plates over the gap, times capacitance [pF], shape (legs, elements)."""
     design = models.network.card.trained_inputs.design
     gain_rel = _element_parameter(models, "gain_rel", {}, 1.0)
     return design.plate_distance_um(np.ones(1)) / design.gap_um / gain_rel
@@ -109,10 +111,10 @@ def _estimator_and_temperature_receiver(models: Models) -> tuple[Estimator, Call
 def _element_parameter(
     models: Models, name: str, configured: Mapping[Any, Sequence[float]], default: float
 ) -> Vector:
-    """Return a parameter of every element, shape (legs, 9): the calibration's, the configured, or the default."""
+    """Return a parameter, shape (legs, elements): the calibration's, the configured, or the default."""
     values: dict[str, Sequence[float] | Vector] = dict(configured)
     values |= {leg: getattr(found.parameters, name) for leg, found in models.calibrations.items()}
-    return np.array([values.get(leg, (default,) * ELEMENTS) for leg in models.config.legs])
+    return np.array([values.get(leg, (default,) * models.config.n_elements) for leg in models.config.legs])
 
 
 def _closure_rel_per_pf(design: CapacitorDesign) -> float:

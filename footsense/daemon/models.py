@@ -44,7 +44,7 @@ def load_models(config: Config) -> Models:
     path = Path(config.model) if config.model else artefact_path(config, "network.onnx")
     path = next((calibration.network for calibration in calibrations.values()), path)
     network = Network(path, n_rows=len(config.legs))
-    check_foot_type(path, network.card.foot_type, config)
+    check_foot_type(path, network.card.foot_type, network.card.rows, config)
     return Models(config, network, calibrations)
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Config
 from footsense.daemon.foot_types import artefact_path, check_foot_type
-from footsense.errors import ConfigError, ModelError
+from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS, CapFrame
+from footsense.frames import CapFrame
 from footsense.ports import Clock, FrameSource
 from footsense.sim.faults.scene_faults import OnChips, OnWires
 from footsense.sim.robot import SimulatedRobot, Wiring
@@ -43,14 +43,11 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         wiring = [Wiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
     table = artefact_path(config, "response.npz")
     response = FootResponse.load(table)
-    check_foot_type(table, response.foot_type, config)
-    if response.n_elements != ELEMENTS:
-        array = f"{response.rows} x {response.rows}"
-        raise ModelError(f"{table}: a foot of {array} elements; the service reads 3 x 3")
+    check_foot_type(table, response.foot_type, response.rows, config)
     for problem in _inapplicable_faults(config, scene, response.rows):
         raise ConfigError(f"scene: {problem}")
-    grace_ns = math.inf if config.serial else scan_plan(config.order, config.rate_sps, config.board).wait_ns
-    return SimulatedRobot(scene, response, wiring, grace_ns)
+    plan = scan_plan(config.order, config.rate_sps, config.board, config.rows) if config.buses else None
+    return SimulatedRobot(scene, response, wiring, plan.wait_ns if plan else math.inf)
 
 
 def _inapplicable_faults(config: Config, scene: Scene, rows: int) -> Iterator[str]:

@@ -54,8 +54,8 @@ class Pipeline:
     Args:
         estimator: The network, for as many rows as there are legs.
         trained: Inputs that the network was trained for.
-        stray_pf: Known capacitance in parallel with each element [pF], shape (legs, 9).
-        unloaded_pf: Expected reading of each element of the free foot, without stray [pF], shape (legs, 9).
+        stray_pf: Known capacitance in parallel with each element [pF], shape (legs, elements).
+        unloaded_pf: Expected reading of each element of the free foot, without stray [pF], shape (legs, elements).
         sensitivity: Forces per closure.
         tare: Limits of a tare.
         contact: Thresholds of contact.
@@ -65,9 +65,9 @@ class Pipeline:
         settled_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
         flags: Flags of every frame.
         range_end_pf: Least capacitance of an element over the converter's range [pF].
-        gap_um: Air gap of each element [um], shape (legs, 9); None for the design's.
-        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, 9); None
-            for 1. All stages use real closures over the design's gap.
+        gap_um: Air gap of each element [um], shape (legs, elements); None for the design's.
+        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, elements);
+            None for 1. All stages use real closures over the design's gap.
         feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
         body_weight_n: Load of all legs together [N]; None if not configured.
         set_temperature: Called with the temperature of each leg's foot [degC], shape (legs,), NaN where it is not
@@ -130,7 +130,7 @@ class Pipeline:
 
     @property
     def baseline_pf(self) -> Vector:
-        """Unloaded reading of each element, without stray [pF], shape (legs, 9), NaN where unknown."""
+        """Unloaded reading of each element, without stray [pF], shape (legs, elements), NaN where unknown."""
         return self._baselines.unloaded.baseline_pf
 
     def execute(self, command: Command) -> CommandResult | None:
@@ -212,7 +212,7 @@ class Pipeline:
         ), results
 
     def _missing_elements(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
-        """Return the elements to do without, shape (legs, 9): faulty, excluded, or without a baseline."""
+        """Return the elements to do without, shape (legs, elements): faulty, excluded, or without a baseline."""
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
         elif elements.is_all_ok:
@@ -296,7 +296,7 @@ def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
     Args:
         age_s: Ages of the readings [s], shape (legs, 3, 9).
         usable: Legs whose force may be used, shape (legs,).
-        missing: Missing elements, shape (legs, 9).
+        missing: Missing elements, shape (legs, elements).
     """
     read = ~missing[:, None]
     n_read = np.maximum(read.sum(axis=2, keepdims=True), 1)

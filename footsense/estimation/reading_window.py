@@ -22,7 +22,7 @@ class Readings(NamedTuple):
     Attributes:
         distance_rel: Plate distances over the gap [1], shape (legs, 3, 9), NaN where there is none.
         t_ns: Middle of each conversion [ns], same shape; 0 where there is none.
-        is_consecutive: Elements whose newest two readings follow on one another, shape (legs, 9).
+        is_consecutive: Elements whose newest two readings follow on one another, shape (legs, elements).
         newest_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
         oldest_ns: Time of the oldest of the newest readings of each leg's whole elements [ns], shape (legs,).
         motion_rel: Second largest change of an element from one reading to the next [1], shape (legs,).
@@ -57,7 +57,7 @@ class ReadingWindow:
         over random gaits no error exceeds 7 sigma then, and a third on a line with the two gives up to 370 sigma.
 
         Args:
-            distance_rel: Plate distances over the gap [1], shape (legs, 9), NaN where there is none.
+            distance_rel: Plate distances over the gap [1], shape (legs, elements), NaN where there is none.
             t_ns: Middle of each element's conversion [ns], same shape.
         """
         kept_rel, kept_ns = self._distance_rel, self._t_ns
@@ -96,7 +96,7 @@ class ReadingWindow:
         )
 
     def discard(self, elements: Mask) -> None:
-        """Discard the newest reading of each element in a mask, shape (legs, 9)."""
+        """Discard the newest reading of each element in a mask, shape (legs, elements)."""
         self._distance_rel[:, 0][elements] = np.nan
 
 

@@ -29,7 +29,7 @@ def at_rest(closure_rel: Vector, missing: Mask | None = None) -> Window:
     """Return the windows of feet whose closures have been the same for a while.
 
     Args:
-        closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, 9).
+        closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, elements).
         missing: The imputed ones, same shape; None for none.
     """
     rows, age_s = len(closure_rel), rest_age_s(closure_rel.shape[1])

@@ -36,7 +36,7 @@ def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector
     Args:
         estimator: The network.
         n_rows: Rows that it estimates at once.
-        closure_rel: Closures over the gap at which it is taken [1], shape (9,).
+        closure_rel: Closures over the gap at which it is taken [1], shape (elements,).
     """
     n = len(closure_rel)
     steps = _STEP_REL * np.concatenate((np.eye(n), -np.eye(n)))
@@ -48,7 +48,7 @@ def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector
 
 
 def principal_pattern(moments: Vector) -> Vector:
-    """Return the most common pattern of closures, largest entry 1, shape (9,), of their second moments (9, 9)."""
+    """Return the most common pattern of closures, largest entry 1, shape (elements,), of their second moments."""
     axes, directions = np.linalg.eigh(moments)
     pattern: Vector = np.abs(directions[:, axes.argmax()])
     pattern /= pattern.max()
@@ -61,7 +61,7 @@ def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivi
     Args:
         estimator: The network.
         n_rows: Rows that it estimates at once.
-        moments: Second moments of the closures of its loads, shape (9, 9).
+        moments: Second moments of the closures of its loads, shape (elements, elements).
     """
     stance_rel = principal_pattern(moments)
     errors_n = []

@@ -24,11 +24,11 @@ class FootParameters:
     """Measured parameters in which one foot differs from its design, as its calibration gives them.
 
     Attributes:
-        stray_pf: Capacitance of the wiring in parallel with each element [pF], shape (9,).
-        unloaded_pf: Reading of each element of the unloaded foot, stray included [pF], shape (9,): its fingerprint.
-        gap_um: Air gap of each element [um], shape (9,).
-        gain_rel: Closure of each element by the design's electrodes over its real closure [1], shape (9,); of (1,),
-            that of all.
+        stray_pf: Capacitance of the wiring in parallel with each element [pF], shape (elements,).
+        unloaded_pf: Reading of each element of the unloaded foot, stray included [pF], shape (elements,).
+        gap_um: Air gap of each element [um], shape (elements,).
+        gain_rel: Closure of each element by the design's electrodes over its real closure [1], shape (elements,); of
+            (1,), that of all.
         stiffness_rel: Stiffness of the whole foot over the design's, minus one [1].
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         correction: C above, shape (3, N_CORRECTION_TERMS); zero for none.

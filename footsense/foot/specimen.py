@@ -21,7 +21,7 @@ class Deviations:
     """Deviations of one foot from its design: gaps, films, stray capacitances, stiffness and mounting.
 
     Attributes:
-        gap_um: Added to the gap of each element [um], shape (9,), or (1,) for all alike.
+        gap_um: Added to the gap of each element [um], shape (elements,), or (1,) for all alike.
         film_um: Added to the film of each element [um], same shapes.
         stray_pf: Capacitance in parallel with each element [pF], same shapes.
         stiffness_rel: Added to the stiffness of the whole foot [1]; the contact patch stays the designed one.
@@ -50,7 +50,7 @@ class Foot:
     Attributes:
         response: Response of its type.
         cavity: How its cavities hold their air.
-        unloaded_pf: Capacitance of each element of the free foot, stray included [pF], shape (9,).
+        unloaded_pf: Capacitance of each element of the free foot, stray included [pF], shape (elements,).
 
     Raises:
         ValueError: A gap, a film or the stiffness is not above 0, or the deviations are of another number of elements.
@@ -100,7 +100,7 @@ class Foot:
         return self._limited_closures_um(self._free_closures_um(normal, force_n), gas)
 
     def after_step(self, normal: Vector, force_n: Vector, gas: Gas) -> tuple[Vector, Gas]:
-        """Return capacitances [pF], shape (n, 9), and air after a step of time; arguments as of `cells_um`.
+        """Return capacitances [pF], shape (n, elements), and air after a step of time; arguments as of `cells_um`.
 
         Args:
             normal: Contact normals at the end of the step.
@@ -114,7 +114,7 @@ class Foot:
     def after_sticking(
         self, normal: Vector, force_n: Vector, stuck: Mask, stiction_kpa: float
     ) -> tuple[Vector, Mask]:
-        """Return capacitances [pF], shape (9,), and closed cells, shape (324,), of a vented foot whose gaps stick.
+        """Return capacitances [pF], shape (elements,), and closed cells, shape (cells,), of a foot with sticking gaps.
 
         Args:
             normal: Contact normal, shape (3,).
@@ -146,13 +146,13 @@ class Foot:
         return gap_contact.contact_closures_um(free_um, self._gap_of_cell_um, self._compliance_um_per_n)
 
     def capacitance_pf(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
-        """Return the capacitance of each element, stray included [pF], shape (n, 9); arguments as of `cells_um`."""
+        """Return the capacitances, stray included [pF], shape (n, elements); arguments as of `cells_um`."""
         if gas is None and not force_n.any():  # a foot in swing costs nothing
             return np.tile(self.unloaded_pf, (len(force_n), 1))
         return self._capacitance_pf(self.cells_um(normal, force_n, gas))
 
     def capacitance_of_free_pf(self, free_um: Vector) -> Vector:
-        """Return the capacitance [pF], shape (n, 9), of closures in an empty foot without contact, shape (n, 324)."""
+        """Return the capacitances [pF], shape (n, elements), of closures without contact and air, shape (n, cells)."""
         return self._capacitance_pf(self._limited_closures_um(free_um, None))
 
     def _capacitance_pf(self, cells_um: Vector) -> Vector:

@@ -13,12 +13,11 @@ import msgspec
 import ngsolve as ng
 import numpy as np
 
-from footsense.errors import ModelError
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
+from footsense.estimation.faults.missing_sets import missing_sets
 from footsense.estimation.rest import at_rest
 from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS
+from footsense.foot.files.network_card import FORMAT, OUTPUTS, input_signals
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import Readout
@@ -55,8 +54,6 @@ TRAINING_SEED = 1
 MAX_ONNX_DIFFERENCE_REL = 5e-5
 #: Margin around the trained closures within which the daemon uses the network [1]: noise, and drift since the tare.
 INPUT_RANGE_MARGIN_REL = 0.02
-#: Rows of the feet that a network can be trained for, and columns.
-_NETWORK_ROWS = 3
 #: Decimals of the moments, whose largest is about 1.
 _CARD_DECIMALS = 9
 
@@ -178,7 +175,7 @@ def _network_card(
     return {
         "format": FORMAT,
         "foot_type": response.foot_type,
-        "inputs": [msgspec.structs.asdict(signal) for signal in INPUTS],
+        "inputs": [msgspec.structs.asdict(signal) for signal in input_signals(response.rows)],
         "outputs": [msgspec.structs.asdict(signal) for signal in OUTPUTS],
         **asdict(design),
         "closure_rel_min": [
@@ -221,7 +218,8 @@ def _rounded_moments(closure_rel: Any) -> Any:
 
 def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
     """Return the largest difference between ONNX Runtime and JAX [N], over loads with every kind of mask."""
-    window = at_rest(closure_rel, MISSING_SETS[np.arange(len(closure_rel)) % len(MISSING_SETS)])
+    masks = missing_sets(closure_rel.shape[1]).sets
+    window = at_rest(closure_rel, masks[np.arange(len(closure_rel)) % len(masks)])
     pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
     return max(float(np.abs(one - unit * other).max()) for one, other in pairs)
 
@@ -241,14 +239,9 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
     Raises:
         ConfigError: The description does not fit.
         ArithmeticError: ONNX Runtime and JAX differ too much.
-        ModelError: The foot is not of 3 x 3 elements, cannot be solved, or its loads are beyond the converter.
+        ModelError: The foot cannot be solved, or its loads are beyond the converter.
     """
     foot_design, description = load_foot(foot_file), foot_file.read_bytes()
-    if foot_design.rows != _NETWORK_ROWS:
-        raise ModelError(
-            f"{foot_file}: rows: networks are of {_NETWORK_ROWS} x {_NETWORK_ROWS} elements, got {foot_design.rows}; "
-            f"use {_NETWORK_ROWS}, or leave rows out"
-        )
     with timed_bar("solid", 0.0 if recipe.quick else _SOLVE_DURATION_S):
         made = make_response(foot_design, recipe.mesh, report)
     report(f"response table: {made.provenance}")

@@ -4,14 +4,13 @@ For a person who has just connected it, not for the loop: each fault names the p
 readings are those of the estimation (`estimation/faults`).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL, floating_row_crosstalk_pf
-from footsense.frames import ELEMENTS, Cause, Codes, Mask, Reading, Vector
-
-_ROW, _COLUMN = np.divmod(np.arange(ELEMENTS), 3)
+from footsense.frames import Cause, Codes, Mask, Reading, Vector
 
 
 class FootFault(NamedTuple):
@@ -32,37 +31,35 @@ class FootFault(NamedTuple):
     is_fit: bool = False
 
 
-_ALL_ELEMENTS = tuple(range(ELEMENTS))
-
-#: Faults of a leg's chips by the readings that show them; the gravest first.
+#: Faults of a leg's chips by the readings that show them, the gravest first: of all elements of the foot.
 _CHIP_FAULTS = {
     Reading.MISCONFIGURED: FootFault(
         Cause.SETTINGS_LOST,
-        _ALL_ELEMENTS,
+        (),
         "a chip does not hold its settings",
         "the supply of its chips and the switches' RESET pin; or a loose contact",
     ),
     Reading.EXCITATION: FootFault(
         Cause.CANNOT_EXCITE,
-        _ALL_ELEMENTS,
+        (),
         "its converter cannot drive the rows",
         "a row line that is shorted or leaks to ground",
     ),
     Reading.CORRUPT: FootFault(
         Cause.CORRUPT,
-        _ALL_ELEMENTS,
+        (),
         "its answers are such as no healthy chip gives",
         "pull-ups, cable length and ground of this leg",
     ),
     Reading.NOT_READY: FootFault(
         Cause.NEVER_FINISHES,
-        _ALL_ELEMENTS,
+        (),
         "its converter does not finish its conversions",
         "its 3.3 V supply",
     ),
     Reading.DELAYED: FootFault(
         Cause.DELAYED,
-        _ALL_ELEMENTS,
+        (),
         "its readings came too late",
         "what else loads this computer or this bus",
     ),
@@ -76,8 +73,8 @@ class FootScans(NamedTuple):
     """Capacitances and readings of some scans of one foot.
 
     Attributes:
-        capacitance_pf: As converted, stray included [pF], shape (scans, 9), NaN without a reading.
-        reading: How each element answered, shape (scans, 9), uint8 of `Reading`.
+        capacitance_pf: As converted, stray included [pF], shape (scans, elements), NaN without a reading.
+        reading: How each element answered, shape (scans, elements), uint8 of `Reading`.
     """
 
     capacitance_pf: Vector
@@ -85,19 +82,19 @@ class FootScans(NamedTuple):
 
     @property
     def mean_pf(self) -> Vector:
-        """Mean capacitance of each element over the scans [pF], shape (9,), NaN if a scan lacks the element."""
+        """Mean capacitance of each element over the scans [pF], shape (elements,), NaN if a scan lacks the element."""
         mean_pf: Vector = self.capacitance_pf.mean(axis=0)
         return mean_pf
 
     @property
     def noise_ff(self) -> Vector:
-        """Standard deviation of each element over the scans [fF], shape (9,), NaN if a scan lacks the element."""
+        """Standard deviation of each element over the scans [fF], shape (elements,), NaN if one is missing."""
         noise_pf: Vector = self.capacitance_pf.std(axis=0, ddof=1)
         return noise_pf * 1e3
 
     @property
     def worst_reading(self) -> Codes:
-        """Highest `Reading` of each element, shape (9,); 0 if all were OK."""
+        """Highest `Reading` of each element, shape (elements,); 0 if all were OK."""
         highest: Codes = self.reading.max(axis=0)
         return highest
 
@@ -120,8 +117,8 @@ def foot_faults(
 
     Args:
         scans: At least two scans of it in the air.
-        stray_pf: Known capacitance in parallel with each element [pF], shape (9,).
-        unloaded_pf: Expected capacitance of each element, without stray [pF], shape (9,).
+        stray_pf: Known capacitance in parallel with each element [pF], shape (elements,).
+        unloaded_pf: Expected capacitance of each element, without stray [pF], shape (elements,).
         noise_limit_ff: Noise above which a tare is refused [fF].
         unloaded_limit_rel: Deviation from `unloaded_pf` above which a tare is refused [1].
 
@@ -138,7 +135,7 @@ def foot_faults(
     """
     for reading, fault in _CHIP_FAULTS.items():
         if (scans.reading == reading).any():
-            return (fault,)
+            return (fault._replace(elements=tuple(range(len(stray_pf)))),)
     mean_pf = scans.mean_pf - stray_pf
     over = scans.worst_reading == Reading.OVER_RANGE
     opened = (mean_pf < OPEN_ELEMENT_THRESHOLD_REL * unloaded_pf) | (
@@ -172,10 +169,11 @@ def foot_faults(
 def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
     """Return the faults of elements over the converter's range: a whole column of them has its line at ground."""
     faults = []
-    for column in range(3):
-        of_column = column == _COLUMN
+    rows = math.isqrt(len(over))
+    for column in range(rows):
+        of_column = np.arange(len(over)) % rows == column
         elements = _indices(over & of_column)
-        if len(elements) == 3:
+        if len(elements) == rows:
             observation = f"the line of column {column} is shorted to ground"
             advice = "the plug, then the trace of that column"
             faults.append(FootFault(Cause.ELEMENT_SHORTED, elements, observation, advice))
@@ -186,7 +184,7 @@ def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
                 observation = (
                     f"element {element} is shorted; with it the rest of column {column} cannot be read"
                 )
-                advice = f"whether the electrodes of row {element // 3}, column {column} touch"
+                advice = f"whether the electrodes of row {element // rows}, column {column} touch"
                 faults.append(FootFault(Cause.ELEMENT_SHORTED, (element,), observation, advice))
             else:
                 observation = f"element {element} is over the converter's range: its gap is closed"
@@ -199,16 +197,18 @@ def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
     """Return the faults of elements without their electrode: whole lines first, then single elements."""
     if opened.all():
         observation, advice = "none of its elements is connected", "whether the foot is plugged in"
-        return [FootFault(Cause.ELEMENT_OPEN, _ALL_ELEMENTS, observation, advice)]
+        return [FootFault(Cause.ELEMENT_OPEN, _indices(opened), observation, advice)]
+    rows = math.isqrt(len(opened))
+    row_of, column_of = np.divmod(np.arange(len(opened)), rows)
     # A shorted element makes the others of its column read as open.
-    taken = [bool((opened | over)[column::3].all() and over[column::3].any()) for column in range(3)]
-    left = opened & ~np.array(taken)[_COLUMN]
+    taken = [bool((opened | over)[column::rows].all() and over[column::rows].any()) for column in range(rows)]
+    left = opened & ~np.array(taken)[column_of]
     faults = []
     for name, cause, number_of, end in (
-        ("row", Cause.ROW_OPEN, _ROW, "the row switch"),
-        ("column", Cause.COLUMN_OPEN, _COLUMN, "the converter's pin"),
+        ("row", Cause.ROW_OPEN, row_of, "the row switch"),
+        ("column", Cause.COLUMN_OPEN, column_of, "the converter's pin"),
     ):
-        for line in range(3):
+        for line in range(rows):
             elements = number_of == line
             if left[elements].all():
                 left = left & ~elements
@@ -216,7 +216,7 @@ def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
                 advice = f"the wire between {end} and the foot, and its plug"
                 faults.append(FootFault(cause, _indices(elements), observation, advice))
     for element in _indices(left):
-        advice = f"the electrode of row {element // 3}, column {element % 3} and its trace"
+        advice = f"the electrode of row {element // rows}, column {element % rows} and its trace"
         faults.append(FootFault(Cause.ELEMENT_OPEN, (element,), f"element {element} is open", advice))
     return faults
 

@@ -67,7 +67,7 @@ def trimmed_means(closure_rel: Vector) -> list[float]:
     In Python numbers: for six legs, numpy's calls take longer.
 
     Args:
-        closure_rel: Closures over the gap [1], shape (legs, 9), NaN where there is none.
+        closure_rel: Closures over the gap [1], shape (legs, elements), NaN where there is none.
 
     Returns:
         Mean of each leg [1]; NaN for a leg with fewer than three closures.

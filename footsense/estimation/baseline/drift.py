@@ -54,12 +54,12 @@ class LegBaseline:
     """Baseline of one leg, with its variance and drift tracking.
 
     Args:
-        unloaded_pf: Expected reading of each element of the free foot [pF], shape (9,).
+        unloaded_pf: Expected reading of each element of the free foot [pF], shape (elements,).
         limits: Limits of a tare, which readings that it follows keep too.
 
     Attributes:
-        baseline_pf: Unloaded capacitance without stray [pF], shape (9,), NaN where there is none; replaced, never
-            written to.
+        baseline_pf: Unloaded capacitance without stray [pF], shape (elements,), NaN where there is none; replaced,
+            never written to.
         status: State of the drift tracking.
         moved_ns: Time of the last tare or move [ns]; 0 without a baseline.
         offset_pf: Distance since the last tare, mean over the elements and worst element [pF]; NaN without a baseline.
@@ -85,7 +85,7 @@ class LegBaseline:
         self._step_pf2 = np.zeros_like(self._unloaded_pf)
 
     def set_tared(self, baseline_pf: Vector, t_ns: int) -> None:
-        """Set the baseline to a tare's readings [pF], shape (9,); elements that are NaN there keep theirs."""
+        """Set the baseline to a tare's readings [pF], shape (elements,); elements that are NaN there keep theirs."""
         self.baseline_pf = np.where(np.isnan(baseline_pf), self.baseline_pf, baseline_pf)
         self._tared_pf = self._anchor_pf = self.baseline_pf
         self.moved_ns = self.updated_ns = t_ns
@@ -104,7 +104,7 @@ class LegBaseline:
         Nothing happens until every element has been read anew since the last call that counted.
 
         Args:
-            capacitance_pf: Readings without stray [pF], shape (9,), NaN where there is none to be used.
+            capacitance_pf: Readings without stray [pF], shape (elements,), NaN where there is none to be used.
             t_ns: Stamp of each [ns], same shape.
 
         Returns:

@@ -38,7 +38,7 @@ class TareResult:
     Attributes:
         result: DONE, or why it was refused.
         reason: The same in words, with numbers.
-        baseline_pf: The new baseline [pF], shape (9,), NaN for elements that were missing; None if refused.
+        baseline_pf: The new baseline [pF], shape (elements,), NaN for elements that were missing; None if refused.
     """
 
     result: Result
@@ -51,7 +51,7 @@ class TareWindow:
 
     Args:
         limits: Limits.
-        unloaded_pf: Expected reading of the free foot [pF], shape (9,).
+        unloaded_pf: Expected reading of the free foot [pF], shape (elements,).
         foot: Name of the foot that `unloaded_pf` was measured on; empty where it is a design value.
     """
 
@@ -73,10 +73,10 @@ class TareWindow:
         """Add the leg's readings of one scan, and return the result once the window is full.
 
         Args:
-            capacitance_pf: Readings without stray [pF], shape (9,), NaN where there is none.
-            reading: How each element answered, shape (9,).
-            t_ns: Stamp of each [ns], shape (9,).
-            missing: Elements to leave out, shape (9,).
+            capacitance_pf: Readings without stray [pF], shape (elements,), NaN where there is none.
+            reading: How each element answered, shape (elements,).
+            t_ns: Stamp of each [ns], shape (elements,).
+            missing: Elements to leave out, shape (elements,).
 
         Returns:
             None while the window is not full. A frame counts if every element has been read anew since the one
@@ -134,7 +134,7 @@ class Tares:
 
     Args:
         limits: Limits.
-        unloaded_pf: Expected reading of the free feet [pF], shape (legs, 9).
+        unloaded_pf: Expected reading of the free feet [pF], shape (legs, elements).
         feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
 
     Attributes:

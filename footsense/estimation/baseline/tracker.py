@@ -57,13 +57,13 @@ class BaselineTracker:
     Every leg is tared at start, repeatedly until that succeeds.
 
     Args:
-        unloaded_pf: Expected reading of each element of the free foot [pF], shape (legs, 9).
+        unloaded_pf: Expected reading of each element of the free foot [pF], shape (legs, elements).
         design: The capacitors.
         tare: Limits of a tare.
         contact: Thresholds of contact.
         sensitivity: Forces per closure.
         track: Whether baselines follow a foot in swing.
-        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, 9).
+        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, elements).
         feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
 
     Attributes:
@@ -136,7 +136,7 @@ class BaselineTracker:
         """Feed a frame of all legs to the tares in progress, and return the results of those that end with it.
 
         Args:
-            capacitance_pf: Readings without stray [pF], shape (legs, 9), NaN where there is none to be used.
+            capacitance_pf: Readings without stray [pF], shape (legs, elements), NaN where there is none to be used.
             reading: How each element answered, same shape.
             t_ns: Stamp of each [ns], same shape.
             missing: Elements to leave out, same shape.
@@ -173,7 +173,7 @@ class BaselineTracker:
         """Detect contact, and let the baselines of legs in swing follow.
 
         Args:
-            closure_rel: Measured closures over the gap [1], shape (legs, 9), NaN where there is none.
+            closure_rel: Measured closures over the gap [1], shape (legs, elements), NaN where there is none.
             predicted_n: Force along each leg as of now, from the last readings [N], shape (legs,), NaN for none.
             capacitance_pf: Readings without stray that they come from [pF], same shape.
             t_ns: Stamp of each [ns], same shape.

@@ -12,10 +12,10 @@ class UnloadedFeet(NamedTuple):
     """Baselines of all legs with derived arrays; immutable, replaced when a baseline moves.
 
     Attributes:
-        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, 9), NaN where there is none.
-        distance_rel: Plate distances over the gap [1], shape (legs, 9).
+        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none.
+        distance_rel: Plate distances over the gap [1], shape (legs, elements).
         untared_legs: Legs without any baseline, shape (legs,).
-        untared: Elements without a baseline on legs that have others, shape (legs, 9).
+        untared: Elements without a baseline on legs that have others, shape (legs, elements).
         complete: Whether every element of every leg has a baseline.
     """
 
@@ -30,9 +30,9 @@ def unloaded_feet(baseline_pf: Vector, design: CapacitorDesign, gain_rel: Vector
     """Return baselines with their derived arrays.
 
     Args:
-        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, 9), NaN where there is none.
+        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none.
         design: The capacitors.
-        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, 9).
+        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, elements).
     """
     missing: Mask = np.isnan(baseline_pf)
     untared_legs: Mask = np.asarray(missing.all(axis=1))

@@ -27,7 +27,7 @@ SILENT_READINGS = np.array([Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_
 
 
 class ElementFaults(NamedTuple):
-    """Faulty elements by kind, shape (legs, 9) each.
+    """Faulty elements by kind, shape (legs, elements) each.
 
     Attributes:
         opened: The electrode is disconnected.
@@ -52,9 +52,9 @@ def converter_states(state: Codes, reading: Codes, faulty: Mask, closed: Mask) -
 
     Args:
         state: The states so far.
-        reading: How each element answered, shape (legs, 9).
-        faulty: Faulty elements that the network cannot do without, shape (legs, 9).
-        closed: Elements pressed beyond their range, shape (legs, 9).
+        reading: How each element answered, shape (legs, elements).
+        faulty: Faulty elements that the network cannot do without, shape (legs, elements).
+        closed: Elements pressed beyond their range, shape (legs, elements).
     """
     if closed.any():
         state[closed.any(axis=1)] = State.SATURATED
@@ -78,7 +78,7 @@ def leg_causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause:
     the other two elements of its column along.
 
     Args:
-        reading: How each element answered, shape (legs, 9).
+        reading: How each element answered, shape (legs, elements).
         state: State of each leg, shape (legs,).
         faults: Faulty elements.
         drift_cause: Causes by drift, as of `drift_causes`; a baseline still follows such a drift.

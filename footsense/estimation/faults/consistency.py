@@ -46,11 +46,11 @@ class ConsistencyResult(NamedTuple):
     """Result of the test for all legs.
 
     Attributes:
-        missing: Elements that the network does without, shape (legs, 9): missing before, or isolated.
+        missing: Elements that the network does without, shape (legs, elements): missing before, or isolated.
         inconsistency_rel: Sigma to add, over the force, for residuals without an excluded element, shape (legs,) [1].
         unexplained: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
-        stuck: Excluded elements that do not follow the load, shape (legs, 9).
-        drifting: Excluded elements that follow it with an offset, shape (legs, 9).
+        stuck: Excluded elements that do not follow the load, shape (legs, elements).
+        drifting: Excluded elements that follow it with an offset, shape (legs, elements).
         is_all_ok: Whether every element is consistent, and none is missing, suspected or excluded.
     """
 
@@ -67,11 +67,11 @@ class ConsistencyTest:
 
     Args:
         n_legs: Legs in a frame.
-        moments: S, as of `Imputation`, shape (9, 9).
+        moments: S, as of `Imputation`, shape (elements, elements).
         settled_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
 
     Attributes:
-        excluded: Elements excluded until their readings are consistent again, shape (legs, 9).
+        excluded: Elements excluded until their readings are consistent again, shape (legs, elements).
     """
 
     def __init__(self, n_legs: int, moments: Vector, settled_ns: int) -> None:
@@ -113,7 +113,7 @@ class ConsistencyTest:
         """Return each leg's sum of squares of the residuals, and of the closures [1], shape (legs, 2).
 
         Args:
-            closure_rel: Closures over the gap [1], shape (legs, 9).
+            closure_rel: Closures over the gap [1], shape (legs, elements).
         """
         both = closure_rel @ self._residual_and_closure
         squares: Vector = both * both @ self._sums_of_both
@@ -123,11 +123,11 @@ class ConsistencyTest:
         """Test the elements of a frame, and return the missing and inconsistent ones.
 
         Args:
-            closure_rel: Newest closures over the gap [1], shape (legs, 9); a leg with a NaN that is not missing is not
-                tested.
+            closure_rel: Newest closures over the gap [1], shape (legs, elements); a leg with a NaN that is not missing
+                is not tested.
             motion_rel: Second largest change of an element over its last readings [1], shape (legs,): one element
                 alone is no motion.
-            missing: Missing elements, shape (legs, 9), `excluded` included.
+            missing: Missing elements, shape (legs, elements), `excluded` included.
             now_ns: Current time [ns].
         """
         residual = np.abs(closure_rel @ self._whole)
@@ -170,7 +170,7 @@ class ConsistencyTest:
     def _test_leg(
         self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int
     ) -> float:
-        """Add the isolated elements to `missing`, shape (9,), and return the inconsistency [1]."""
+        """Add the isolated elements to `missing`, shape (elements,), and return the inconsistency [1]."""
         if not np.isfinite(closure_rel[~missing]).all():
             return 0.0
         if self.excluded[leg].any():
@@ -239,7 +239,7 @@ class ConsistencyTest:
         extremes[:, 1] = np.fmax(extremes[:, 1], both)
 
     def _predict(self, closure_rel: Vector, missing: Mask) -> Vector:
-        """Return the closures with the missing ones predicted from the others, shape (9,)."""
+        """Return the closures with the missing ones predicted from the others, shape (elements,)."""
         predicted: Vector = self._imputation.impute(closure_rel[None], missing[None])[0]
         return predicted
 
@@ -273,7 +273,7 @@ class ConsistencyTest:
         return missing
 
     def _residual_matrix(self, missing: Mask) -> Vector:
-        """Return R of the residuals R @ x of closures x, shape (9, 9); rows and columns are zero where missing."""
+        """Return R of the residuals R @ x of closures x, shape (elements, elements), zero where missing."""
         key = missing.tobytes()
         if key not in self._matrices:
             matrix = np.zeros_like(self._moments)

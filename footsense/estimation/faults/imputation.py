@@ -14,8 +14,8 @@ class Imputation:
     """Linear imputation of missing closures from the other elements of the foot.
 
     Args:
-        moments: S, second moments of the closures of all nine elements over the gap [1], symmetric and positive
-            definite, shape (9, 9); its scale does not matter.
+        moments: S, second moments of the closures of all elements over the gap [1], symmetric and positive
+            definite, shape (elements, elements); its scale does not matter.
     """
 
     def __init__(self, moments: Vector) -> None:
@@ -23,10 +23,10 @@ class Imputation:
         self._matrices: dict[bytes, Vector] = {}
 
     def matrix(self, missing: Mask) -> Vector:
-        """Return F of the imputed closures F @ x, shape (9, 9).
+        """Return F of the imputed closures F @ x, shape (elements, elements).
 
         Args:
-            missing: Missing elements, shape (9,). Their entries of x have no influence, but must be finite.
+            missing: Missing elements, shape (elements,). Their entries of x have no influence, but must be finite.
         """
         key = missing.tobytes()
         if key not in self._matrices:
@@ -42,8 +42,9 @@ class Imputation:
         """Return the closures with the missing ones imputed, shape as given.
 
         Args:
-            closure_rel: Closures over the gap [1], shape (n, k, 9) or (n, 9); anything, NaN included, where missing.
-            missing: Missing elements, shape (n, 9).
+            closure_rel: Closures over the gap [1], shape (n, k, elements) or (n, elements);
+                anything where missing, NaN included.
+            missing: Missing elements, shape (n, elements).
         """
         if not missing.any():
             return closure_rel

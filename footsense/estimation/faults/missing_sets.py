@@ -65,7 +65,7 @@ def missing_set_index(missing: Mask) -> NDArray[np.intp]:
 
 
 def missing_elements(faulty: Mask) -> Mask:
-    """Return the elements that the network has to do without, shape (legs, 9): a faulty one, or the faulty ones' line.
+    """Return the elements that the network does without, shape (legs, elements): a faulty one, or the line of several.
 
     A leg whose faulty elements do not lie in one row or column gets none: the network is not trained for that.
 

@@ -14,15 +14,15 @@ OPEN_ELEMENT_THRESHOLD_REL = 0.5
 
 
 def floating_row_crosstalk_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
-    """Return the crosstalk of undriven rows into the readings of the other rows [pF], shape (legs, 9).
+    """Return the crosstalk of undriven rows into the readings of the other rows [pF], shape (legs, elements).
 
     A row whose elements are open has lost its line. Its electrodes float, and each column sees them in series
     with their small capacitance to ground whichever row is selected: as much as the open element itself reads. An open
     element under the converter's range is on a board that grounds unselected columns: nothing is added there.
 
     Args:
-        capacitance_pf: Readings, stray included [pF], shape (legs, 9), NaN under the range.
-        opened: Open elements, shape (legs, 9).
+        capacitance_pf: Readings, stray included [pF], shape (legs, elements), NaN under the range.
+        opened: Open elements, shape (legs, elements).
     """
     rows = math.isqrt(opened.shape[1])
     floating = opened.reshape(-1, rows, rows).all(axis=2, keepdims=True)

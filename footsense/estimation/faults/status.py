@@ -24,7 +24,7 @@ CONVERTER_MAX_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 
 
 class ElementStatus(NamedTuple):
-    """Status of every element in a frame, shape (legs, 9) each.
+    """Status of every element in a frame, shape (legs, elements) each.
 
     Attributes:
         capacitance_pf: Capacitances without stray [pF], NaN where there is none to be used.
@@ -47,8 +47,8 @@ class ElementClassifier:
     """Classifies the elements frame by frame.
 
     Args:
-        stray_pf: Known capacitance in parallel with each element [pF], shape (legs, 9).
-        unloaded_pf: Expected reading of each element of the free foot, without stray [pF], shape (legs, 9).
+        stray_pf: Known capacitance in parallel with each element [pF], shape (legs, elements).
+        unloaded_pf: Expected reading of each element of the free foot, without stray [pF], shape (legs, elements).
         range_end_pf: Least capacitance of an element over the converter's range [pF].
     """
 
@@ -65,8 +65,8 @@ class ElementClassifier:
 
         Args:
             scan: The frame.
-            excluded: Elements that the consistency test excludes, shape (legs, 9).
-            baseline_pf: Baselines [pF], shape (legs, 9), NaN where there is none.
+            excluded: Elements that the consistency test excludes, shape (legs, elements).
+            baseline_pf: Baselines [pF], shape (legs, elements), NaN where there is none.
         """
         capacitance_pf = scan.capacitance_pf - self._stray_pf
         # NaN compares as False: an element that was not read is not open.
@@ -120,7 +120,7 @@ class LegClassifier:
     Args:
         n_legs: Legs in a frame.
         trained: Range of closures that the network was trained for.
-        gap_um: Air gap of each element [um], shape (legs, 9).
+        gap_um: Air gap of each element [um], shape (legs, elements).
         max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
 
     Attributes:
@@ -156,14 +156,14 @@ class LegClassifier:
         """Classify the legs of a frame.
 
         Args:
-            reading: How each element answered, shape (legs, 9).
+            reading: How each element answered, shape (legs, elements).
             elements: Status of the elements.
-            missing: Elements missing before the consistency test, shape (legs, 9).
+            missing: Elements missing before the consistency test, shape (legs, elements).
             readings: The last readings of the elements.
             lost: Legs with more incomplete windows than the network can do without, shape (legs,).
-            measured_rel: Measured closures over the gap [1], shape (legs, 9).
+            measured_rel: Measured closures over the gap [1], shape (legs, elements).
             consistency: Result of the consistency test.
-            untared: Elements without a baseline on legs that have others, shape (legs, 9).
+            untared: Elements without a baseline on legs that have others, shape (legs, elements).
             untared_legs: State of every leg without a baseline, by row.
             drift_cause: Cause of each leg by the drift of its baseline, shape (legs,).
             now_ns: Current time [ns].

@@ -67,7 +67,7 @@ class Gas(NamedTuple):
 
     Attributes:
         amount_mpa: Pressure that the air would have in the unloaded gap, the measure m of its amount, of each cavity
-            [MPa], shape (9,), (1,) if all are alike, or one row for each load, (n, 9).
+            [MPa], shape (elements,), (1,) if all are alike, or one row for each load, (n, 9).
         ambient_mpa: Ambient pressure [MPa].
         exponent: Exponent n of the gas law.
         leaked: A step s of time over the time constant of the leak [1]; 0 where nothing leaks.

@@ -38,7 +38,7 @@ class CavityPressures:
     """Solver of the air pressures in the cavities of one foot.
 
     Args:
-        gap_um: Gap of each element [um], shape (9,).
+        gap_um: Gap of each element [um], shape (elements,).
         compliance_um_per_n: B of the specimen, shape (324, 324).
         element_mm2: Area of an element [mm2].
     """
@@ -54,7 +54,7 @@ class CavityPressures:
         self._mean_opening = element_means(self._opening.T).T
 
     def closures_um(self, free_um: Vector, gas: Gas, *, contact: bool) -> tuple[Vector, Vector]:
-        """Return the closures of the cells [um], shape (n, 324), and the excess pressures [MPa], shape (n, 9).
+        """Return the closures of the cells [um], shape (n, 324), and the excess pressures [MPa], shape (n, elements).
 
         Args:
             free_um: Closures of an empty foot without contact [um], shape (n, 324).
@@ -99,7 +99,7 @@ class CavityPressures:
         ) / pressure_mpa
 
     def _pressures_without_contact_mpa(self, free_um: Vector, gas: Gas) -> Vector:
-        """Return the excess pressures [MPa], shape (n, 9), at mean closures of an empty foot [um], shape (n, 9).
+        """Return the excess pressures [MPa] at mean closures of an empty foot [um], shape (n, elements) each.
 
         Raises:
             ArithmeticError: Newton's method does not converge.
@@ -118,7 +118,7 @@ class CavityPressures:
         )
 
     def _solve_in_contact(self, free_um: Vector, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
-        """Return closures [um], shape (324,), and excess pressures [MPa], shape (9,), of one load that closes gaps.
+        """Return closures [um], shape (cells,), and excess pressures [MPa], shape (elements,), of one load.
 
         Raises:
             ArithmeticError: Newton's method does not converge.

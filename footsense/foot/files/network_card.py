@@ -1,5 +1,6 @@
 """The card in the metadata of a network's ONNX file: its capacitors, units and training range."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -9,7 +10,7 @@ from msgspec import Meta
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import GAP_CLOSED_REL, CapacitorDesign
-from footsense.frames import Vector
+from footsense.frames import ELEMENT_COUNTS, Vector
 
 #: Key of the card in the file's metadata.
 METADATA_KEY = "footsense_card"
@@ -45,7 +46,7 @@ def input_signals(rows: int) -> tuple[Signal, ...]:
     )
 
 
-#: Inputs and outputs of the graph, as `footsense lab build` writes them; a network with others is refused.
+#: Inputs of the paper's foot, and outputs, as `footsense lab build` writes them; a network with others is refused.
 INPUTS = input_signals(3)
 OUTPUTS = (
     Signal("force_n", 3, "N", "x y z, foot frame"),
@@ -54,9 +55,8 @@ OUTPUTS = (
     Signal("contact_sigma", 4, "1", _CONTACT_ORDER_TEXT),
 )
 
-Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
+PerElement = Annotated[list[float], Meta(min_length=min(ELEMENT_COUNTS), max_length=max(ELEMENT_COUNTS))]
 Positive = Annotated[float, Meta(gt=0.0)]
-NineByNine = Annotated[list[Nine], Meta(min_length=9, max_length=9)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,9 +65,9 @@ class TrainedInputs:
 
     Attributes:
         design: The capacitors.
-        closure_rel_min: Smallest training input of each element [1], shape (9,).
-        closure_rel_max: Largest training input of each element [1], shape (9,).
-        moments: Second moments of the closures, for the imputation of missing ones, shape (9, 9).
+        closure_rel_min: Smallest training input of each element [1], shape (elements,).
+        closure_rel_max: Largest training input of each element [1], shape (elements,).
+        moments: Second moments of the closures, for the imputation of missing ones, shape (elements, elements).
     """
 
     design: CapacitorDesign
@@ -79,7 +79,7 @@ class TrainedInputs:
         """Return the closure over the design's gap above which a gap counts as closed [1], shape as given.
 
         Args:
-            gap_um: Air gap of each element [um], shape (..., 9).
+            gap_um: Air gap of each element [um], shape (..., elements).
         """
         closed_rel: Vector = GAP_CLOSED_REL * (gap_um / self.design.gap_um)
         return closed_rel
@@ -122,11 +122,16 @@ class Card(msgspec.Struct, frozen=True):
     film_um: Positive
     film_eps_r: Positive
     electrode_area_mm2: Positive
-    closure_rel_min: Nine
-    closure_rel_max: Nine
-    moments: NineByNine
+    closure_rel_min: PerElement
+    closure_rel_max: PerElement
+    moments: list[PerElement]
     response_sha256: str
     training: _Training = _Training()
+
+    @property
+    def rows(self) -> int:
+        """Rows of elements of the foot, and columns."""
+        return math.isqrt(len(self.closure_rel_min))
 
     @property
     def max_n(self) -> float:
@@ -167,7 +172,8 @@ def read_card(text: str | None, where: str) -> Card:
         raise ModelError(f"{where}: the card does not fit: {error}") from error
     if card is None:
         raise ModelError(f"{where}: card format {found}, this version reads format {FORMAT}")
-    _check_signals(where, "inputs", card.inputs, INPUTS)
+    _check_sizes(where, card)
+    _check_signals(where, "inputs", card.inputs, input_signals(card.rows))
     _check_signals(where, "outputs", card.outputs, OUTPUTS)
     for element, (low, high) in enumerate(zip(card.closure_rel_min, card.closure_rel_max, strict=True)):
         if not low < high:
@@ -179,6 +185,27 @@ def read_card(text: str | None, where: str) -> Card:
     if not (np.array_equal(moments, moments.T) and np.linalg.eigvalsh(moments)[0] > 0.0):
         raise ModelError(f"{where}: the card's moments have to be a symmetric, positive definite matrix")
     return card
+
+
+def _check_sizes(where: str, card: Card) -> None:
+    """Check that every entry of a card that is by element is of one number of elements.
+
+    Raises:
+        ModelError: It is of another, or no foot has so many.
+    """
+    n_elements = len(card.closure_rel_min)
+    if n_elements not in ELEMENT_COUNTS:
+        counts = ", ".join(map(str, ELEMENT_COUNTS))
+        raise ModelError(
+            f"{where}: closure_rel_min has {n_elements} numbers; a foot has one of {counts} elements"
+        )
+    sizes = {"closure_rel_max": len(card.closure_rel_max), "moments": len(card.moments)}
+    sizes |= {f"moments[{row}]": len(moments) for row, moments in enumerate(card.moments)}
+    for name, size in sizes.items():
+        if size != n_elements:
+            raise ModelError(
+                f"{where}: {name} has {size} entries, closure_rel_min {n_elements}; one for each element"
+            )
 
 
 def _check_signals(where: str, kind: str, found: tuple[Signal, ...], needed: tuple[Signal, ...]) -> None:

@@ -186,7 +186,7 @@ class OnnxNetwork:
         return Load(*(np.asarray(part, dtype=np.float64) for part in outputs))
 
     def force_n(self, closure_rel: Vector) -> Vector:
-        """Return forces [N], shape (n, 3), of feet at rest with closures over the gap, shape (n, 9), none missing."""
+        """Return forces [N], shape (n, 3), of feet at rest with closures over the gap, shape (n, elements)."""
         return self.estimate(at_rest(closure_rel)).force_n
 
 

@@ -14,6 +14,7 @@ Source:
     2022, for the tempering.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
@@ -82,16 +83,17 @@ def whitening_transform(
 
 
 def fit_linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: float) -> jax.Array:
-    """Return the least-squares linear paths [N], five weights for each input, weighted like the loss.
+    """Return the least-squares linear paths [N], a weight for each linear map and input, weighted like the loss.
 
     Args:
-        inputs: Closures over the gap [1], shape (n, 9) each.
+        inputs: Closures over the gap [1], shape (n, elements) each.
         force_n: Forces [N], shape (n, 3).
         min_force_n: Force below which errors count absolutely [N].
     """
     weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + min_force_n**2)
-    columns = [np.einsum("ne,beo->nob", part * weight, linear_basis()) for part in inputs]
-    flat = np.concatenate(columns, axis=2).reshape(-1, 5 * len(columns))
+    basis = linear_basis(math.isqrt(inputs[0].shape[1]))
+    columns = [np.einsum("ne,beo->nob", part * weight, basis) for part in inputs]
+    flat = np.concatenate(columns, axis=2).reshape(-1, len(basis) * len(columns))
     solution = np.linalg.lstsq(flat, (force_n * weight).ravel(), rcond=None)
     return jnp.asarray(solution[0], jnp.float32)
 

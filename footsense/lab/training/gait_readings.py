@@ -5,16 +5,17 @@ which a force estimated from it would be sent. Half a minute of walking is thous
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from firmware_interface.conversion_order import conversion_order
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import Mask, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.progress import progress_bar
 from footsense.sim.foot.cavity_air import CavityAir
@@ -22,7 +23,7 @@ from footsense.sim.foot.viscoelastic import ViscoelasticElement
 from footsense.sim.loads.random_gait import Loads, RandomGait
 
 #: Orders of the conversions that a window may come from; almost all robots use the first.
-CONVERSION_ORDERS: NDArray[np.intp] = np.array([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(ELEMENTS))], np.intp)
+CONVERSION_ORDERS = ("lo_shu", "raster")
 #: Share of the gaits that are read in the second order, of those read at another pace, and of those sent later.
 _RASTER_SHARE, _PACED_SHARE, _LATE_SHARE = 0.1, 0.2, 0.15
 #: Share of the gaits on rubber that creeps and lags, and the most of it over that of the simulated rubber [1].
@@ -42,7 +43,8 @@ class GaitReadings:
     """Readings of m gaits of n conversions each.
 
     Attributes:
-        order: Row of `CONVERSION_ORDERS` of each gait, shape (m,).
+        rows: Rows of elements of the foot, and as many columns.
+        order: Index into `CONVERSION_ORDERS` of each gait, shape (m,).
         step_s: Time of a conversion of each gait [s], shape (m,).
         send_delay_s: Time from the middle of each conversion to sending [s], shape (m, n).
         closure_rel: Measured closure of the conversion's own element over the gap [1], shape (m, n); at most that at
@@ -52,6 +54,7 @@ class GaitReadings:
         normal: True normal of the contact at sending, shape (m, n, 3); up in the air.
     """
 
+    rows: int
     order: NDArray[np.intp]
     step_s: Vector
     send_delay_s: Vector
@@ -61,9 +64,13 @@ class GaitReadings:
     normal: NDArray[np.float32]
 
 
-def conversion_elements(order: int, n: int) -> NDArray[np.intp]:
-    """Return the element of each of n conversions, shape (n,)."""
-    return np.resize(CONVERSION_ORDERS[order], n)
+#: The arrays of gaits, each with a row for each gait.
+_ARRAYS = [field.name for field in fields(GaitReadings) if field.name != "rows"]
+
+
+def conversion_elements(order: int, n: int, rows: int = 3) -> NDArray[np.intp]:
+    """Return the element of each of n conversions of a foot with so many rows and columns, shape (n,)."""
+    return np.resize(np.array(conversion_order(CONVERSION_ORDERS[order], rows), np.intp), n)
 
 
 def _with_viscoelastic_load(
@@ -79,13 +86,13 @@ def _with_viscoelastic_load(
 
 
 def _gait_closures_um(foot: Foot, t_s: Vector, normal: Vector, force_n: Vector) -> Vector:
-    """Return the closures of every element at the times [um], shape (n, 9); air that leaks is followed in time."""
+    """Return the closures at the times [um], shape (n, elements); air that leaks is followed in time."""
     if foot.cavity.kind == "leaking":
         air = CavityAir(foot)
         loads = zip((t_s * 1e9).astype(np.int64).tolist(), normal, force_n, strict=True)
         capacitance_pf = np.array([air.capacitance_pf(*load) for load in loads])
         return foot.response.design.closure_um(capacitance_pf, foot.unloaded_pf)
-    closure_um = np.zeros((len(t_s), ELEMENTS))
+    closure_um = np.zeros((len(t_s), foot.response.n_elements))
     loaded = force_n.any(axis=1)
     if loaded.any():
         closure_um[loaded] = sensed_closure_um(foot, normal[loaded], force_n[loaded])
@@ -101,7 +108,7 @@ class ReadingConditions(NamedTuple):
     """Conditions under which the capacitances of a gait are read, the rubber's and the baselines' included.
 
     Attributes:
-        order: Row of `CONVERSION_ORDERS`.
+        order: Index into `CONVERSION_ORDERS`.
         step_s: Time of a conversion [s].
         send_delay_s: Time from the middle of a conversion to the sending of a force [s].
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
@@ -139,13 +146,14 @@ def read_gait(
         _with_viscoelastic_load(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
     )
     closure_um = _gait_closures_um(Foot(response), t_s, normal, force_n)
-    element = conversion_elements(conditions.order, n)
+    element = conversion_elements(conditions.order, n, response.rows)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)
     off_pf = float(np.hypot(BASELINE_NOISE_PF, conditions.drift_pf))
-    baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=ELEMENTS)
+    baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=response.n_elements)
     closure_rel = design.closure_um(measured_pf, baseline_pf[element]) / design.gap_um
     return GaitReadings(
+        rows=response.rows,
         order=np.array([conditions.order]),
         step_s=np.array([conditions.step_s]),
         send_delay_s=send_delay_s[None],
@@ -180,9 +188,17 @@ def read_random_gait(response: FootResponse, rng: np.random.Generator, n: int, m
 
 
 def concatenate_gaits(gaits: list[GaitReadings]) -> GaitReadings:
-    """Return gaits of equal length as one."""
-    names = [field.name for field in fields(GaitReadings)]
-    return GaitReadings(**{name: np.concatenate([getattr(gait, name) for gait in gaits]) for name in names})
+    """Return gaits of equal length on feet of one kind as one."""
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(gait, name) for gait in gaits]) for name in _ARRAYS
+    }
+    return replace(gaits[0], **arrays)
+
+
+def select_gaits(gaits: GaitReadings, chosen: Mask) -> GaitReadings:
+    """Return the gaits that a mask selects."""
+    arrays: dict[str, Any] = {name: getattr(gaits, name)[chosen] for name in _ARRAYS}
+    return replace(gaits, **arrays)
 
 
 def random_gaits(

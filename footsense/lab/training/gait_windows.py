@@ -5,19 +5,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS, Vector
-from footsense.lab.training.gait_readings import CONVERSION_ORDERS, GaitReadings
+from footsense.frames import Vector
+from footsense.lab.training.gait_readings import CONVERSION_ORDERS, GaitReadings, conversion_elements
 from footsense.lab.training.windowed_network import READINGS
 
-#: Conversions before the first window of a gait, and of a whole window.
-WARM_UP, WINDOW = 30, READINGS * ELEMENTS
+#: Conversions before the first window of a gait, beyond those of the window.
+_EXTRA_CONVERSIONS = 3
 
 
-def age_table() -> NDArray[np.intp]:
-    """Return the conversions since each element was read, shape (orders, 9 of the last conversion, 9 elements)."""
-    place = np.argsort(CONVERSION_ORDERS, axis=1)
-    phases = np.arange(ELEMENTS)
-    ages: NDArray[np.intp] = (phases[None, :, None] - place[:, None, :]) % ELEMENTS
+def age_table(rows: int) -> NDArray[np.intp]:
+    """Return the conversions since each element was read, shape (orders, n of the last conversion, n elements).
+
+    Args:
+        rows: Rows of elements of the foot, and as many columns.
+    """
+    n = rows**2
+    place = np.argsort(
+        [conversion_elements(order, n, rows) for order in range(len(CONVERSION_ORDERS))], axis=1
+    )
+    phases = np.arange(n)
+    ages: NDArray[np.intp] = (phases[None, :, None] - place[:, None, :]) % n
     return ages
 
 
@@ -32,9 +39,11 @@ def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, V
 
 def complete_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
     """Tell after which conversions the newest reading of every element is within its range, shape (m, n)."""
+    n_elements = gaits.rows**2
+    warm_up = READINGS * n_elements + _EXTRA_CONVERSIONS
     beyond = (~gaits.in_range).cumsum(axis=1)
     whole = np.zeros(beyond.shape, bool)
-    whole[:, WARM_UP:] = beyond[:, WARM_UP:] == beyond[:, WARM_UP - ELEMENTS : -ELEMENTS]
+    whole[:, warm_up:] = beyond[:, warm_up:] == beyond[:, warm_up - n_elements : -n_elements]
     return whole
 
 
@@ -43,7 +52,7 @@ class GaitWindows(NamedTuple):
 
     Attributes:
         gait: Row of the gait of each, shape (n,).
-        closure_rel: Closures over the gap, newest first [1], shape (n, 3, 9).
+        closure_rel: Closures over the gap, newest first [1], shape (n, 3, elements).
         age_s: Ages of the readings at sending [s], same shape.
         force_n: True force [N], shape (n, 3).
         normal: True normal of the contact, shape (n, 3).
@@ -59,8 +68,9 @@ class GaitWindows(NamedTuple):
 def windows_of(gaits: GaitReadings) -> GaitWindows:
     """Return all whole windows, in the order of gaits and times."""
     gait, time = np.nonzero(complete_windows(gaits))
-    oldest = ELEMENTS * np.arange(READINGS)[:, None]
-    since = age_table()[gaits.order[gait], time % ELEMENTS][:, None] + oldest
+    n_elements = gaits.rows**2
+    oldest = n_elements * np.arange(READINGS)[:, None]
+    since = age_table(gaits.rows)[gaits.order[gait], time % n_elements][:, None] + oldest
     age_s = since * gaits.step_s[gait][:, None, None] + gaits.send_delay_s[gait, time][:, None, None]
     return GaitWindows(
         gait,

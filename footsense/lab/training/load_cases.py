@@ -6,6 +6,7 @@ from the force by friction and uneven ground, which turn the pattern of closures
 force does. The network has to tell the two apart, so its training needs both.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,12 +39,12 @@ _MAX_DRAWS_PER_LOAD = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cases:
-    """Forces [N] on a foot, and the nine gap closures [um] under each force.
+    """Forces [N] on a foot, and the gap closures [um] under each force.
 
     Attributes:
         force_n: Ground reaction on the foot [N], shape (n, 3).
-        closure_um: Closure that the capacitance of each element stands for [um], shape (n, 9): the mean closure as
-            long as the electrode stays flat, a little more where it bends.
+        closure_um: Closure that the capacitance of each element stands for [um], shape (n, elements): the mean closure
+            as long as the electrode stays flat, a little more where it bends.
     """
 
     force_n: Vector
@@ -51,10 +52,10 @@ class Cases:
 
     def with_symmetric_copies(self) -> "Cases":
         """Return the cases and their seven images under the square's symmetries, shape (8 n, ...)."""
-        closures = []
+        closures, rows = [], math.isqrt(self.closure_um.shape[1])
         for symmetry in SYMMETRIES:
             image = np.empty_like(self.closure_um)
-            image[:, element_permutation(symmetry)] = self.closure_um
+            image[:, element_permutation(symmetry, rows)] = self.closure_um
             closures.append(image)
         return Cases(np.concatenate([self.force_n @ g.T for g in SYMMETRIES]), np.concatenate(closures))
 
@@ -71,7 +72,7 @@ class LeaningCases(Cases):
 
 
 def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
-    """Return the closures that the daemon would find, shape (n, 9) [um]: from capacitance, by the designed dimensions.
+    """Return the closures that the daemon would find [um], shape (n, elements): from capacitance, by the design.
 
     Args:
         foot: The specimen.

@@ -13,9 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
+from footsense.estimation.faults.missing_sets import missing_sets
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.frames import ELEMENTS
 from footsense.lab.training.fit import (
     Protocol,
     fit,
@@ -30,11 +29,12 @@ from footsense.lab.training.gait_readings import (
     GaitReadings,
     nominal_send_delay_s,
 )
-from footsense.lab.training.gait_windows import WINDOW, age_table, complete_windows, contact_and_normal_force
+from footsense.lab.training.gait_windows import age_table, complete_windows, contact_and_normal_force
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
+from footsense.lab.training.symmetric_layers import linear_basis
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
-    N_INPUTS,
+    FEATURES_PER_FOOT,
     READINGS,
     Features,
     Weights,
@@ -116,13 +116,14 @@ def _training_constants(
     )
     rest_contact, _ = contact_and_normal_force(rest.force_n, rest.normal)
     rng = np.random.default_rng(1)
-    carries = pressing_n > 0.0
-    load = np.concatenate([np.zeros((len(carries), WINDOW), int), carries.cumsum(axis=1)], axis=1)
-    lately = load[:, WINDOW:] > load[:, :-WINDOW]
+    carries, window = pressing_n > 0.0, READINGS * gaits.rows**2
+    load = np.concatenate([np.zeros((len(carries), window), int), carries.cumsum(axis=1)], axis=1)
+    lately = load[:, window:] > load[:, :-window]
     drawn = rng.random(carries.shape)
     share = np.where(carries, 1.0, np.where(lately, _JUST_LIFTED_SHARE, _AIR_SHARE))
     where = np.flatnonzero((complete_windows(gaits) & (drawn < share)).ravel())
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
+    masks = missing_sets(gaits.rows**2).sets
     single = jnp.float32
     return _TrainingConstants(
         closure_rel=jnp.asarray(gaits.closure_rel.ravel(), single),
@@ -133,27 +134,28 @@ def _training_constants(
         step_s=jnp.asarray(gaits.step_s, single),
         order=jnp.asarray(gaits.order),
         window_indices=jnp.asarray(where),
-        conversion_ages=jnp.asarray(age_table()),
+        conversion_ages=jnp.asarray(age_table(gaits.rows)),
         rest_closure_rel=jnp.asarray(rest.closure_um / design.gap_um, single),
         rest_force_n=jnp.asarray(rest.force_n, single),
         rest_contact=jnp.asarray(rest_contact, single),
         rest_friction_indices=jnp.asarray(
             np.flatnonzero(np.linalg.norm(rest_contact[:, 2:], axis=1) > _FRICTION_REL)
         ),
-        imputation_matrices=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), single),
-        missing_masks=jnp.asarray(MISSING_SETS, single),
+        imputation_matrices=jnp.asarray(np.stack([imputation.matrix(mask) for mask in masks]), single),
+        missing_masks=jnp.asarray(masks, single),
         noise_rel=jnp.asarray([s * design.gap_um / plates_um for s in (NOISE_PF, BASELINE_NOISE_PF)], single),
         film_thickness_rel=jnp.asarray(design.film_equivalent_um / design.gap_um, single),
     )
 
 
 def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array, n: int) -> tuple[Any, ...]:
-    """Return closures and ages, shape (n, 3, 9), and the truth of random windows of gaits."""
+    """Return closures and ages, shape (n, 3, elements), and the truth of random windows of gaits."""
+    n_elements = data.missing_masks.shape[1]
     at = data.window_indices[jax.random.randint(key, (n,), 0, len(data.window_indices))]
     gait, time = at // times_per_gait, at % times_per_gait
     since = (
-        data.conversion_ages[data.order[gait], time % ELEMENTS][:, None]
-        + ELEMENTS * jnp.arange(READINGS)[:, None]
+        data.conversion_ages[data.order[gait], time % n_elements][:, None]
+        + n_elements * jnp.arange(READINGS)[:, None]
     )
     closure_rel = data.closure_rel[at[:, None, None] - since]
     age_s = since * data.step_s[gait][:, None, None] + data.send_delay_s[at][:, None, None]
@@ -163,20 +165,21 @@ def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array,
 def _rest_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any, ...]:
     """Return windows and true loads of feet at rest."""
     k1, k2, k3, k4, k5, k6, k7 = jax.random.split(key, 7)
+    n_elements = data.missing_masks.shape[1]
     n_rough, n_paced = round(_FRICTION_SHARE * n), round(_PACED_SHARE * n)
     rough = data.rest_friction_indices[jax.random.randint(k1, (n_rough,), 0, len(data.rest_friction_indices))]
     at = jnp.concatenate([rough, jax.random.randint(k5, (n - n_rough,), 0, len(data.rest_closure_rel))])
     exact = data.rest_closure_rel[at][:, None]
     steep = (1.0 + data.film_thickness_rel - exact) ** 2
-    noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS, ELEMENTS))
-    offset = data.noise_rel[1] * jax.random.normal(k3, (n, 1, ELEMENTS))
-    phase = jax.random.randint(k4, (n,), 0, ELEMENTS)
+    noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS, n_elements))
+    offset = data.noise_rel[1] * jax.random.normal(k3, (n, 1, n_elements))
+    phase = jax.random.randint(k4, (n,), 0, n_elements)
     paced = jax.random.permutation(k6, n) < n_paced
     low, high = np.log(PACE_REL)
     drawn = jax.random.uniform(k7, (2, n))
     step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
     order = jnp.where(paced, (drawn[1] * len(CONVERSION_ORDERS)).astype(int), 0)
-    since = data.conversion_ages[order, phase][:, None] + ELEMENTS * jnp.arange(READINGS)[:, None]
+    since = data.conversion_ages[order, phase][:, None] + n_elements * jnp.arange(READINGS)[:, None]
     closure_rel = exact + steep * noise + (1.0 + data.film_thickness_rel) ** 2 * offset
     return (
         closure_rel,
@@ -201,12 +204,13 @@ def _random_windows_batch(data: _TrainingConstants, times_per_gait: int, n: int,
     return Batch(features(closure_rel, age_s, data.missing_masks[which]), force_n, contact, loaded)
 
 
-def _random_weights(key: jax.Array, c: int) -> Weights:
+def _random_weights(key: jax.Array, c: int, rows: int) -> Weights:
     """Return random weights; the linear path is a correction to its start and begins at zero."""
+    n_inputs = FEATURES_PER_ELEMENT * rows**2 + FEATURES_PER_FOOT
     k1, k2, k3, k4 = jax.random.split(key, 4)
     return Weights(
-        linear=jnp.zeros(10),
-        w1=jax.random.normal(k1, (c, N_INPUTS)) / np.sqrt(12.0),
+        linear=jnp.zeros(2 * len(linear_basis(rows))),
+        w1=jax.random.normal(k1, (c, n_inputs)) / np.sqrt(12.0),
         b1=0.5 * jax.random.normal(k2, (c,)),
         w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
         b2=jnp.zeros(c),
@@ -245,10 +249,10 @@ def train_windowed(
         data, times_per_gait, 60_000, jax.random.PRNGKey(0)
     )
     carries = np.asarray(first.loaded[:, 0] > 0.0)
-    unmasked = (FEATURES_PER_ELEMENT - 1) * ELEMENTS
-    place = np.r_[0:unmasked, FEATURES_PER_ELEMENT * ELEMENTS : N_INPUTS]
-    element_inputs = np.asarray(first.features.seen, np.float64)[carries]
-    whiten, mean = whitening_transform(element_inputs, element_input_index(), place, 3e-8)
+    element_inputs, n_elements = np.asarray(first.features.seen, np.float64)[carries], gaits.rows**2
+    unmasked, masked = (n * n_elements for n in (FEATURES_PER_ELEMENT - 1, FEATURES_PER_ELEMENT))
+    place = np.r_[0:unmasked, masked : masked + FEATURES_PER_FOOT]
+    whiten, mean = whitening_transform(element_inputs, element_input_index(gaits.rows), place, 3e-8)
     now, newest, force_n = (
         np.asarray(part, np.float64) for part in (first.features.now, first.features.newest, first.force_n)
     )
@@ -276,7 +280,7 @@ def train_windowed(
         return weights._replace(linear=weights.linear - linear, w1=w1, b1=weights.b1 + weights.w1 @ mean)
 
     def first_weights(key: jax.Array, c: int) -> Weights:
-        return _random_weights(key, c) if start is None else unfolded(start)
+        return _random_weights(key, c, gaits.rows) if start is None else unfolded(start)
 
     free = fit(first_weights, loss, random_batch, data, protocol, _STEPS_PER_CALL, report)
     return fold_whitening(free)

@@ -1,6 +1,6 @@
-"""The windowed network on paper: the last three readings of nine elements, with their ages, to a load.
+"""The windowed network on paper: the last three readings of every element, with their ages, to a load.
 
-The foot is read one element after the other, so nine readings are never of one time. The network sees, of each
+The foot is read one element after the other, so its readings are never of one time. The network sees, of each
 element e, its last three readings v0, v1, v2 (closure over gap, newest first, missing ones imputed) and their ages
 a0, a1, a2 at the time for which the load is asked. With the period T = mean of a1 - a0, A = a0 / T and
 
@@ -9,7 +9,7 @@ a0, a1, a2 at the time for which the load is asked. With the period T = mean of 
 it sees per element u = (v0, d1, A d1, d2, A d2, A^2 d2) / r, with r the root mean square of v0 and x over the foot,
 and beside them the mask of missing elements, r and ln T. Two hidden layers of tanh follow:
 
-    f = L x + M (x - v0) + (s / r) V h2,     s = |x|^2 / 9
+    f = L x + M (x - v0) + (s / r) V h2,     s = |x|^2 / number of elements
     sigma_f = r exp(Q h2 + q),    contact point and friction ratio: C h2,    their sigma: exp(R h2 + c)
 
 No load gives exactly no force. The eight symmetries of the square are built in as in `symmetric_layers.py`: a hidden
@@ -26,7 +26,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS
 from footsense.lab.symmetry import SYMMETRIES
 from footsense.lab.training.symmetric_layers import (
     N_SYMMETRIES,
@@ -41,8 +40,6 @@ from footsense.ports import Load, Window
 READINGS = 3
 #: Features of an element and of the foot: six of its readings, its mask; size, period.
 FEATURES_PER_ELEMENT, FEATURES_PER_FOOT = 7, 2
-#: Inputs of the first hidden layer.
-N_INPUTS = FEATURES_PER_ELEMENT * ELEMENTS + FEATURES_PER_FOOT
 #: Outputs: force, contact point, friction ratio.
 N_OUTPUTS = 7
 #: Row of `Weights.sigma_offset` of each output: axes that the square exchanges share one.
@@ -115,8 +112,8 @@ class Features(NamedTuple):
 
     Attributes:
         seen: Inputs of the first hidden layer, shape (n, SEEN).
-        now: Readings moved to the asked time along their slope [1], shape (n, 9).
-        newest: Newest readings [1], shape (n, 9).
+        now: Readings moved to the asked time along their slope [1], shape (n, elements).
+        newest: Newest readings [1], shape (n, elements).
         size: Root mean square of the closures [1], shape (n, 1).
     """
 
@@ -157,9 +154,9 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
     """Return the input features of the network for some windows.
 
     Args:
-        closure_rel: Closures over the gap, newest first, missing ones imputed [1], shape (n, 3, 9).
-        age_s: Ages of the readings [s], shape (n, 3, 9).
-        missing: One for each element that is missing, else zero, shape (n, 9).
+        closure_rel: Closures over the gap, newest first, missing ones imputed [1], shape (n, 3, elements).
+        age_s: Ages of the readings [s], shape (n, 3, elements).
+        missing: One for each element that is missing, else zero, shape (n, elements).
         module: `jax.numpy` or `numpy`.
     """
     v0, v1, v2 = (closure_rel[:, k] for k in range(READINGS))

@@ -122,12 +122,3 @@ def test_another_foot_of_a_known_name_is_refused(tmp_path: Path) -> None:
     result = CliRunner().invoke(lab, ["build", "--foot", str(path), "--out", str(tmp_path)])
     assert isinstance(result.exception, FootsenseError)
     assert "describes another foot of the name aoyagi-3x3; give this one a name of" in str(result.exception)
-
-
-def test_a_network_of_another_array_is_refused_before_the_solve(tmp_path: Path) -> None:
-    """One line that names the key and the array that a network can have."""
-    path = tmp_path / "mine.yaml"
-    path.write_text(TEXT.replace("pitch_mm: 5", "rows: 2\npitch_mm: 8").replace("aoyagi-3x3", "mine"))
-    result = CliRunner().invoke(lab, ["build", "--foot", str(path), "--out", str(tmp_path)])
-    assert isinstance(result.exception, FootsenseError)
-    assert "mine.yaml: rows: networks are of 3 x 3 elements, got 2; use 3" in str(result.exception)

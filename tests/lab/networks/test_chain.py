@@ -32,7 +32,7 @@ from footsense.lab.foot_file import load_foot
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork
-from footsense.lab.training.snapshot.network import N_INPUTS, Weights
+from footsense.lab.training.snapshot.network import Weights
 from footsense.lab.training.snapshot.train import predict
 from footsense.lab.training.symmetric_layers import N_SYMMETRIES
 from footsense.sim.scene_files import load_scene
@@ -120,7 +120,7 @@ def some_weights(channels: int = 3, seed: int = 0) -> Weights:
     """Return weights that nobody trained."""
     rng = np.random.default_rng(seed)
     c, hidden = channels, N_SYMMETRIES * channels
-    shapes = [(5,), (c, N_INPUTS), (c,), (c, hidden), (c,), (c, 3), (c, 3), (2,)]
+    shapes = [(5,), (c, 19), (c,), (c, hidden), (c,), (c, 3), (c, 3), (2,)]
     return Weights(*(rng.normal(0.0, 0.5, shape).astype(np.float32) for shape in shapes))
 
 

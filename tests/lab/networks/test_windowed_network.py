@@ -19,9 +19,9 @@ from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.symmetric_layers import linear_basis
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
+    FEATURES_PER_FOOT,
     LN_SIGMA_BOUNDS,
     MAX_FEATURE,
-    N_INPUTS,
     Features,
     Weights,
     features,
@@ -40,7 +40,7 @@ def some_weights(channels: int = 3, seed: int = 0, size: float = 0.5, rows: int 
     """Return weights that nobody trained."""
     rng = np.random.default_rng(seed)
     c = channels
-    n_linear, n_inputs = 2 * len(linear_basis(rows)), N_INPUTS + FEATURES_PER_ELEMENT * (rows**2 - 9)
+    n_linear, n_inputs = 2 * len(linear_basis(rows)), FEATURES_PER_ELEMENT * rows**2 + FEATURES_PER_FOOT
     shapes = [(n_linear,), (c, n_inputs), (c,), (c, 8 * c), (c,), (c, 7), (c, 7), (4,)]
     return Weights(*(rng.normal(0.0, size, shape).astype(np.float32) for shape in shapes))
 
@@ -254,4 +254,4 @@ def test_the_file_holds_each_weight_once() -> None:
     for name, weight in weights._asdict().items():
         assert stored[name].data_type == TensorProto.FLOAT
         np.testing.assert_array_equal(onnx.numpy_helper.to_array(stored[name]), weight)
-    assert weights.size == 10 + 5 * N_INPUTS + 5 + 5 * 40 + 5 + 70 + 4
+    assert weights.size == 10 + 5 * 65 + 5 + 5 * 40 + 5 + 70 + 4

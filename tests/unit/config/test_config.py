@@ -61,6 +61,15 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
     assert load_config(file).calibrations == str(file.parent / "feet")
 
 
+def test_a_folder_beside_a_file_of_the_working_directory_is_found(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`--config robot.yaml` with `foot_type: ./my-foot`: the folder keeps a slash, by which it is no released name."""
+    file.write_text(ONE_BUS + "foot_type: ./my-foot")
+    monkeypatch.chdir(file.parent)
+    assert load_config(Path(file.name)).foot_type == str(file.parent / "my-foot")
+
+
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
@@ -146,6 +155,17 @@ def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
             + "feet: {lf: foot-0001}\ncalibrations: feet/\nunloaded_pf: {lf: [5, 5, 5, 5, 5, 5, 5, 5, 5]}",
             "unloaded_pf.lf: the calibration of foot-0001 has it; take this entry away",
         ),
+        (ONE_BUS + "stray_pf: {rf: [1, 1, 1, 1]}", "stray_pf.rf: 4 values; a foot of 3 x 3 elements has 9"),
+        (
+            ONE_BUS + "rows: 2\nunloaded_pf: {lf: [5, 5, 5]}",
+            "unloaded_pf.lf: 3 values; a foot of 2 x 2 elements",
+        ),
+        (ONE_BUS + "rows: 5", ":5: rows: Invalid enum value 5; expected"),
+        (
+            ONE_BUS + "rows: 4\nfeet: {lf: foot-0001}\ncalibrations: feet/",
+            "calibrations: calibrations are of feet of 9 elements; take calibrations away",
+        ),
+        (MCU + "rows: 4", "rows: the microcontroller sends 9 elements of a foot; take rows away"),
         (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
         (
             ONE_BUS.replace("rf: 1", "rf: /dev/i2c-11"),

@@ -13,12 +13,14 @@ from footsense.sim.scene_files import load_scene
 from tests.support.arrays import response
 
 
-def test_a_foot_of_another_array_than_the_service_reads_is_refused(tmp_path: Path) -> None:
-    """The line names the table, its array, and the one that the service reads."""
+def test_a_foot_of_another_array_than_the_configured_is_refused(tmp_path: Path) -> None:
+    """The line names the table, its array, and what to set."""
     folder = tmp_path / "test-4"
     folder.mkdir()
     response(4).save(folder / "response.npz")
-    with pytest.raises(ModelError, match=r"response.npz: a foot of 4 x 4 elements; the service reads 3 x 3"):
+    with pytest.raises(
+        ModelError, match=r"response.npz: made for 4 x 4 elements, the configuration has 3 x 3; set rows: 4"
+    ):
         simulated_robot(replace(DEFAULT, foot_type=str(folder)), load_scene("hanging"))
 
 

@@ -6,7 +6,7 @@ the row *nothing* of the page of faults.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +25,7 @@ from footsense.lab.training.gait_readings import (
     concatenate_gaits,
     random_gaits,
     read_gait,
+    select_gaits,
 )
 from footsense.lab.training.gait_windows import contact_and_normal_force, windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, paper_verification, random_loads
@@ -117,11 +118,6 @@ class _InputFault(NamedTuple):
 
 _NONE_MISSING = np.zeros(9, bool)
 _NO_INPUT_FAULT = _InputFault(_NONE_MISSING)
-
-
-def _select_gaits(gaits: GaitReadings, chosen: Mask) -> GaitReadings:
-    """Return the gaits that a mask selects."""
-    return GaitReadings(**{field.name: getattr(gaits, field.name)[chosen] for field in fields(GaitReadings)})
 
 
 def load_function(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
@@ -254,7 +250,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         context.response, TEST_GAIT_SEED, n_gaits, CONVERSIONS, context.foot_design.loads.max_n
     )
     at_usual_pace = (random.order == 0) & (np.abs(random.step_s / STEP_S - 1.0) < _NOMINAL_RATE_TOLERANCE_REL)
-    usual = _select_gaits(random, at_usual_pace)
+    usual = select_gaits(random, at_usual_pace)
     context.report_progress("gaits: random gaits read")
     walk, tripod = test_walks()
     sides = ("rf", "lf")
@@ -262,7 +258,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     middle, row = np.arange(9) == 4, np.arange(9) < 3
     rows = [
         _gait_errors(context, "random gaits", usual),
-        _gait_errors(context, "random gaits at another pace", _select_gaits(random, ~at_usual_pace)),
+        _gait_errors(context, "random gaits at another pace", select_gaits(random, ~at_usual_pace)),
         _gait_errors(context, "measured walk", walked),
         _gait_errors(context, "tripod", _walk_readings(context, tripod, ("rf",), ReadingConditions())),
         _gait_errors(

@@ -4,7 +4,7 @@ Elastance gives the closure of a flat gap. A plate that bends into its cavity ha
 which dominates the capacitance, and where the middle closes, the rest carries. The response table has both: a cell's
 free closure follows the elements' mean closures m by a linear profile P (fitted on loads of the kind to be read), the
 air of closed cavities and contact take away their part, and the cells' capacitances add up. Newton's method finds the
-nine m that explain the nine capacitances:
+m that explain the measured capacitances:
 
     C(m) = sum over cells of eps0 dA / (g - d + t / eps_r),      d = limited(P m),      C(m) = C measured
 
@@ -37,21 +37,21 @@ class ForwardModel:
 
     Attributes:
         response: The foot.
-        closure_per_mean: Closure of each cell per mean closure of each element [1], shape (9, 324).
+        closure_per_mean: Closure of each cell per mean closure of each element [1], shape (elements, cells).
     """
 
     response: FootResponse
     closure_per_mean: Vector
 
     def capacitance_pf(self, mean_um: Vector) -> Vector:
-        """Return the capacitances [pF], shape (n, 9), of mean closures of free gaps [um], shape (n, 9)."""
+        """Return the capacitances [pF] of mean closures of free gaps [um], shape (n, elements) each."""
         return Foot(self.response).capacitance_of_free_pf(mean_um @ self.closure_per_mean)
 
     def mean_um(self, closure_um: Vector) -> Vector:
-        """Return the mean closures of free gaps [um], shape (n, 9).
+        """Return the mean closures of free gaps [um], shape (n, elements).
 
         Args:
-            closure_um: Closures by elastance [um], shape (n, 9), as `Cases` have them.
+            closure_um: Closures by elastance [um], shape (n, elements), as `Cases` have them.
 
         Raises:
             ArithmeticError: No load gives such a capacitance.
@@ -62,7 +62,7 @@ class ForwardModel:
             computed = self.capacitance_pf(mean)
             if np.abs(target_pf - computed).max(initial=0.0) < _TOLERANCE_PF:
                 return mean
-            moved = [self.capacitance_pf(mean + _STEP_UM * unit) for unit in np.eye(9)]
+            moved = [self.capacitance_pf(mean + _STEP_UM * unit) for unit in np.eye(mean.shape[1])]
             slope = (np.stack(moved, axis=2) - computed[:, :, None]) / _STEP_UM
             step = np.linalg.solve(slope, (target_pf - computed)[:, :, None])[:, :, 0]
             mean += np.clip(step, -largest_um, largest_um)

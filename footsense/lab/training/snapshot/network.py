@@ -1,6 +1,6 @@
-"""The network on paper: nine closures to a force and its sigma, two hidden layers beside a linear path.
+"""The network on paper: the closures of one scan to a force and its sigma, two hidden layers beside a linear path.
 
-    s = |x|^2 / 9,   r = sqrt(s + e^2),   u = x / r           x: closure over gap, missing ones filled in
+    s = |x|^2 / n,   r = sqrt(s + e^2),   u = x / r           x: n closures over gap, missing ones filled in
     f = L x + (s / r) V h2,      ln sigma = ln r + Q h2 + q,      h2 = tanh(W2 h1 + b2),   h1 = tanh(W1 [u, m, r] + b1)
 
 As long as no gap closes, the foot's response is homogeneous of degree one but for the growing contact patch: the same
@@ -18,6 +18,7 @@ Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
 """
 
+import math
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -27,16 +28,16 @@ from footsense.frames import Vector
 from footsense.lab.symmetry import SYMMETRIES
 from footsense.lab.training.symmetric_layers import PATTERN_SOFTENING_REL, expand_hidden, linear_basis
 
-#: Inputs of the first hidden layer: nine closures, nine masks, the size.
-N_INPUTS = 19
+#: Features of an element and of the foot: closure, mask; size.
+FEATURES_PER_ELEMENT, FEATURES_PER_FOOT = 2, 1
 
 
 class Weights(NamedTuple):
     """All trained weights, `c` channels in each hidden layer.
 
     Attributes:
-        linear: Linear path [N]: fz from a corner, an edge, the middle; fx from a corner, an edge; shape (5,).
-        w1: First hidden layer, shape (c, 19).
+        linear: Linear path [N], a weight for each map of `linear_basis`.
+        w1: First hidden layer, shape (c, inputs).
         b1: Offsets of the first layer, shape (c,).
         w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
         b2: Offsets of the second layer, shape (c,).
@@ -64,6 +65,11 @@ class Weights(NamedTuple):
         """Channels of a hidden layer."""
         return int(self.b1.size)
 
+    @property
+    def rows(self) -> int:
+        """Rows of elements of the foot, and columns."""
+        return math.isqrt((self.w1.shape[1] - FEATURES_PER_FOOT) // FEATURES_PER_ELEMENT)
+
 
 class LayerMatrices(NamedTuple):
     """The weights in all their places: rows are inputs, so that a layer is x @ w + b; 8 c units in a hidden layer."""
@@ -84,8 +90,8 @@ def expand_shared_weights(weights: Weights) -> LayerMatrices:
     force = jnp.einsum("gab,cb->gca", turns, weights.force)
     sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma)
     return LayerMatrices(
-        linear=jnp.tensordot(weights.linear, linear_basis(), 1),
-        **expand_hidden(weights, 2, 1),
+        linear=jnp.tensordot(weights.linear, linear_basis(weights.rows), 1),
+        **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, weights.rows),
         force=force.reshape(-1, 3),
         sigma=sigma.reshape(-1, 3),
         sigma_offset=weights.sigma_offset[np.array([0, 0, 1])],
@@ -97,8 +103,8 @@ def run(matrices: LayerMatrices, closure_rel: Any, missing: Any) -> tuple[Any, A
 
     Args:
         matrices: The network.
-        closure_rel: Closures over the gap, missing ones filled in [1], shape (n, 9).
-        missing: One for each element that is missing, else zero, shape (n, 9).
+        closure_rel: Closures over the gap, missing ones filled in [1], shape (n, elements).
+        missing: One for each element that is missing, else zero, shape (n, elements).
     """
     square = jnp.mean(closure_rel**2, axis=-1, keepdims=True)
     size = jnp.sqrt(square + PATTERN_SOFTENING_REL**2)
@@ -111,6 +117,6 @@ def run(matrices: LayerMatrices, closure_rel: Any, missing: Any) -> tuple[Any, A
 
 
 def hidden_layer_input(closure_rel: Vector) -> Vector:
-    """Return the inputs of the hidden layers for closures, none missing, shape (n, 19), as `run` in numpy."""
+    """Return the inputs of the hidden layers for closures, none missing, shape (n, inputs), as `run` in numpy."""
     size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + PATTERN_SOFTENING_REL**2)
     return np.concatenate([closure_rel / size, np.zeros_like(closure_rel), size], axis=-1)

@@ -1,5 +1,6 @@
 """Training of the snapshot network on load cases, by `training/fit.py`."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
+from footsense.estimation.faults.missing_sets import missing_sets
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import Vector
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
@@ -22,13 +23,14 @@ from footsense.lab.training.fit import (
 )
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Cases
 from footsense.lab.training.snapshot.network import (
-    N_INPUTS,
+    FEATURES_PER_ELEMENT,
+    FEATURES_PER_FOOT,
     Weights,
     expand_shared_weights,
     hidden_layer_input,
     run,
 )
-from footsense.lab.training.symmetric_layers import hidden_input_index
+from footsense.lab.training.symmetric_layers import hidden_input_index, linear_basis
 
 #: Share of the training cases with something missing.
 _MISSING_SHARE = 0.15
@@ -56,20 +58,22 @@ class SnapshotProtocol(Protocol):
 
 
 def closure_moments(closure_rel: Vector) -> Vector:
-    """Return the second moments of the patterns of closures, with the square's symmetry, shape (9, 9)."""
-    pattern = hidden_layer_input(closure_rel)[:, :9]
+    """Return the second moments of the patterns of closures, with the square's symmetry, shape (elements, elements)."""
+    n_elements = closure_rel.shape[1]
+    pattern = hidden_layer_input(closure_rel)[:, :n_elements]
     plain = pattern.T @ pattern / len(pattern)
-    maps = [element_permutation(g) for g in SYMMETRIES]
-    even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(9)
+    maps = [element_permutation(g, math.isqrt(n_elements)) for g in SYMMETRIES]
+    even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(n_elements)
     return even
 
 
-def _random_weights(key: jax.Array, c: int) -> Weights:
+def _random_weights(key: jax.Array, c: int, rows: int) -> Weights:
     """Return random weights; the linear path is a correction to its start and begins at zero."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
+    n_inputs = FEATURES_PER_ELEMENT * rows**2 + FEATURES_PER_FOOT
     return Weights(
-        linear=jnp.zeros(5),
-        w1=jax.random.normal(k1, (c, N_INPUTS)) / np.sqrt(10.0),
+        linear=jnp.zeros(len(linear_basis(rows))),
+        w1=jax.random.normal(k1, (c, n_inputs)) / np.sqrt(10.0),
         b1=0.5 * jax.random.normal(k2, (c,)),
         w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
         b2=jnp.zeros(c),
@@ -95,14 +99,13 @@ def _training_constants(
 ) -> _TrainingConstants:
     """Return the cases, their noise and their masks as JAX arrays."""
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
+    masks = missing_sets(cases.closure_um.shape[1]).sets
     noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * protocol.noise_rel
     return _TrainingConstants(
         closure_rel=jnp.asarray(cases.closure_um / design.gap_um, jnp.float32),
         force_n=jnp.asarray(cases.force_n, jnp.float32),
-        imputation_matrices=jnp.asarray(
-            np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), jnp.float32
-        ),
-        missing_masks=jnp.asarray(MISSING_SETS, jnp.float32),
+        imputation_matrices=jnp.asarray(np.stack([imputation.matrix(mask) for mask in masks]), jnp.float32),
+        missing_masks=jnp.asarray(masks, jnp.float32),
         # A noise of the capacitance is one of the distance by distance^2 / (eps0 A); all over the gap.
         noise_rel=float(noise_pf * design.gap_um / plates_um),
         film_thickness_rel=design.film_equivalent_um / design.gap_um,
@@ -147,8 +150,11 @@ def train(
     closure_rel = cases.closure_um / design.gap_um
     imputation = imputation or Imputation(closure_moments(closure_rel))
     task = _training_constants(cases, design, protocol, imputation)
-    place = np.r_[0:9, N_INPUTS - 1]
-    whiten, mean = whitening_transform(hidden_layer_input(closure_rel), hidden_input_index(2, 1), place, 1e-8)
+    n_elements = closure_rel.shape[1]
+    rows = math.isqrt(n_elements)
+    place = np.r_[0:n_elements, FEATURES_PER_ELEMENT * n_elements]
+    index = hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, rows)
+    whiten, mean = whitening_transform(hidden_layer_input(closure_rel), index, place, 1e-8)
     linear = fit_linear_start((closure_rel,), cases.force_n, protocol.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
@@ -163,7 +169,10 @@ def train(
     def random_batch(task: _TrainingConstants, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
         return _random_batch(task, protocol, key)
 
-    return fold_whitening(fit(_random_weights, loss, random_batch, task, protocol, _STEPS_PER_CALL))
+    def first_weights(key: jax.Array, c: int) -> Weights:
+        return _random_weights(key, c, rows)
+
+    return fold_whitening(fit(first_weights, loss, random_batch, task, protocol, _STEPS_PER_CALL))
 
 
 def predict(
@@ -173,8 +182,8 @@ def predict(
 
     Args:
         weights: The network.
-        closure_rel: Closures over the gap, missing ones filled in, shape (n, 9).
-        missing: Mask of the missing ones, shape (n, 9); none if None.
+        closure_rel: Closures over the gap, missing ones filled in, shape (n, elements).
+        missing: Mask of the missing ones, shape (n, elements); none if None.
     """
     mask = jnp.zeros(closure_rel.shape) if missing is None else jnp.asarray(missing, jnp.float32)
     force, sigma = run(expand_shared_weights(weights), jnp.asarray(closure_rel, jnp.float32), mask)
