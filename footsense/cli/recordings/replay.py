@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 import msgspec
 
+from firmware_interface.can.force import force_step_mn
 from footsense.can.frame_log import check_log_target
 from footsense.cli.options import FILE, FOLDER, can_log_option
 from footsense.cli.recordings.file_bar import file_progress_bar
@@ -58,7 +59,7 @@ def _run_replay(
 
     Raises:
         FootsenseError: A force differs.
-        ModelError: The forces cannot be compared: they are of another network.
+        ModelError: The forces cannot be compared: they are of another network; or the readings are of another array.
     """
     file = recording.path
     source = ReplaySource(recording)
@@ -72,11 +73,24 @@ def _run_replay(
         if check:
             raise error
         click.echo(f"warning: {error}", err=True)
+    if recording.n_elements != models.n_elements:
+        raise ModelError(
+            f"{file}: recorded with feet of {recording.n_elements} elements, the feet here have {models.n_elements}"
+        )
     pipeline = pipeline_for(models, recorded_flags(recording))
     exact = same_machine(recording.header, platform_versions())
     n_frames = n_equal = 0
     with ExitStack() as stack:
-        sink = stack.enter_context(can_sink(config, clock, can_log, real_time=realtime))
+        sink = stack.enter_context(
+            can_sink(
+                config,
+                clock,
+                can_log,
+                real_time=realtime,
+                force_step_mn=force_step_mn(models.network.card.max_n),
+                n_elements=models.n_elements,
+            )
+        )
         loop = Loop(pipeline, sink, (), clock)
         frames = PacedSource(source, clock, MonotonicClock()) if realtime else source
         while (scan := frames.read()) is not None:
