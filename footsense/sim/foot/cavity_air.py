@@ -32,7 +32,7 @@ class CavityAir:
     def capacitance_pf(
         self, t_ns: int, normal: Vector, force_n: Vector, softness: float = 1.0, kelvin: float = 0.0
     ) -> Vector:
-        """Return the capacitance of each element under a load [pF], shape (elements,), stray included; advances the air.
+        """Return the capacitance of each element under a load [pF], shape (elements,), with stray; advances the air.
 
         Args:
             t_ns: Time, not before that of the last call [ns].

@@ -25,7 +25,7 @@ class StickingGaps:
         self._stuck = np.zeros(foot.response.n_cells, bool)
 
     def capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the capacitance of each element under the next load [pF], shape (elements,), and update which gaps stick.
+        """Return the capacitance of each element under the next load [pF], shape (elements,); updates which stick.
 
         Args:
             normal: Inward normal of the contact, shape (3,).
