@@ -1,4 +1,4 @@
-"""The parameters of a foot as one vector: places, names and units."""
+"""Layout of a foot's parameter vector: slice, name and unit of each parameter."""
 
 from footsense.frames import ELEMENTS
 
@@ -21,7 +21,7 @@ SLICE_OF_KIND = {
 
 
 def parameter_names() -> list[str]:
-    """Return the names of all parameters, each with element and unit."""
+    """Return the names of all parameters in vector order, each with element number and unit."""
     kinds = [("stray", "pF"), ("gain", "1"), ("gap", "um")]
     nines = [f"{kind} of element {element} [{unit}]" for kind, unit in kinds for element in range(ELEMENTS)]
     return [
