@@ -32,7 +32,7 @@ def check_config(file: Path, dbc: Path | None) -> None:
         click.echo(line)
     if dbc is not None:
         step_mn = force_step_mn(models.network.card.max_n)
-        dbc.write_text(make_dbc(config.legs, step_mn, models.n_elements), "utf-8")
+        dbc.write_text(make_dbc(config.legs, step_mn, config.n_elements), "utf-8")
         click.echo(f"wrote {dbc}")
     for warning in warnings(config):
         click.echo(f"warning: {warning}", err=True)
@@ -69,7 +69,7 @@ def _can_text(models: Models) -> str:
     """Return the channel, and what a consumer must know of these feet: another unit of force, wider masks."""
     config, step_mn = models.config, force_step_mn(models.network.card.max_n)
     coarse = "" if step_mn == 1 else f", {step_mn} mN per bit of a force and {2 * step_mn} mN of its sigma"
-    wide = f", masks of {models.n_elements} elements" if models.n_elements > NARROW_ELEMENTS else ""
+    wide = f", masks of {config.n_elements} elements" if config.n_elements > NARROW_ELEMENTS else ""
     return f"{config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s{coarse}{wide}"
 
 

@@ -8,7 +8,6 @@ from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.config import Config
 from footsense.errors import RecordingError
-from footsense.frames import ELEMENTS
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.faults.scene_faults import CanFault
@@ -23,7 +22,6 @@ def can_sink(
     *,
     real_time: bool = False,
     force_step_mn: int = 1,
-    n_elements: int = ELEMENTS,
     connect: Callable[[], CanWire] | None = None,
 ) -> Iterator[CanSink]:
     """Open the CAN channel, and end with every leg's heartbeat `stopped`.
@@ -52,7 +50,7 @@ def can_sink(
         clock,
         every=config.frames_per_force,
         force_step_mn=force_step_mn,
-        n_elements=n_elements,
+        n_elements=config.n_elements,
     )
     with close_at_end(sink.close):
         yield sink

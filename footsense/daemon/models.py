@@ -9,7 +9,6 @@ from footsense.daemon.foot_types import artefact_path, check_foot_type, foot_typ
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
-from footsense.frames import ELEMENTS
 
 _log = logging.getLogger(__name__)
 
@@ -27,11 +26,6 @@ class Models:
     config: Config
     network: Network
     calibrations: dict[str, FootCalibration]
-
-    @property
-    def n_elements(self) -> int:
-        """Number of elements of each foot."""
-        return ELEMENTS
 
 
 def load_models(config: Config) -> Models:

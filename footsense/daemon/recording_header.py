@@ -42,7 +42,7 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
         _CALIBRATIONS_KEY: ",".join(hashes),
         **platform_versions(),
-        **elements_entry(models.n_elements),
+        **elements_entry(config.n_elements),
         ELEMENTS_KEY: msgspec.json.encode(closure_conversion(models)).decode(),
     }
 
@@ -81,7 +81,7 @@ def recorded_config(recording: "Replay") -> Config:
     """Return the configuration of a recording, its CAN kept inside the process.
 
     Raises:
-        RecordingError: The header has no configuration that this version reads, or one of other legs.
+        RecordingError: The header has no configuration that this version reads, or one of other legs or elements.
     """
     try:
         data = msgspec.json.decode(recording.header["config"])
@@ -93,6 +93,11 @@ def recorded_config(recording: "Replay") -> Config:
     if config.legs != recording.legs:
         then, now = ", ".join(recording.legs), ", ".join(config.legs)
         raise RecordingError(f"{recording.path}: holds the legs {then}, but a configuration of {now}")
+    if config.n_elements != recording.n_elements:
+        raise RecordingError(
+            f"{recording.path}: holds feet of {recording.n_elements} elements, but a configuration of "
+            f"{config.n_elements}"
+        )
     return msgspec.structs.replace(config, can=Can(interface="virtual"))
 
 

@@ -145,7 +145,6 @@ def open_service(
                 can_log,
                 real_time=real_time,
                 force_step_mn=force_step_mn(models.network.card.max_n),
-                n_elements=models.n_elements,
                 connect=connect,
             )
         )

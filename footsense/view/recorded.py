@@ -80,18 +80,15 @@ class RecordingSource:
 
     def _closure_conversion(self, config: Config) -> ClosureConversion:
         """Return the element values of the header; those of the models for recordings from before these were stored."""
-        shape = len(self.legs), self.n_elements
+        if ELEMENTS_KEY in self.header:
+            with suppress(msgspec.MsgspecError):
+                return msgspec.json.decode(self.header[ELEMENTS_KEY], type=ClosureConversion)
         try:
-            conversion = None
-            if ELEMENTS_KEY in self.header:
-                with suppress(msgspec.MsgspecError):
-                    conversion = msgspec.json.decode(self.header[ELEMENTS_KEY], type=ClosureConversion)
-            conversion = conversion or closure_conversion(load_models(config))
-            _check_shape(conversion, shape)
+            return closure_conversion(load_models(config))
         except FootsenseError as error:
             self.damage = f"the closures of the gaps are unknown: {error}"
-            return ClosureConversion(np.zeros(shape).tolist(), np.full(shape, np.nan).tolist())
-        return conversion
+            unknown = np.full((len(self.legs), self.n_elements), np.nan)
+            return ClosureConversion(np.zeros_like(unknown).tolist(), unknown.tolist())
 
     def read(self, on_progress: Callable[[float], None] = lambda _: None) -> None:
         """Read the recording to its end, or its first damage.
@@ -163,20 +160,6 @@ class RecordingSource:
         with self._lock:
             self._stopped = True
             self._file.close()
-
-
-def _check_shape(conversion: ClosureConversion, shape: tuple[int, int]) -> None:
-    """Check that element values are those of as many legs and elements as the recording has.
-
-    Raises:
-        RecordingError: They are not.
-    """
-    n_legs, n_elements = shape
-    for values in conversion.stray_pf, conversion.distance_pf:
-        if [len(of_leg) for of_leg in values] != [n_elements] * n_legs:
-            raise RecordingError(
-                f"the element values are not those of {n_legs} feet with {n_elements} elements"
-            )
 
 
 def _recording_duration_s(path: Path) -> float:

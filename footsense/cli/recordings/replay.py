@@ -59,7 +59,7 @@ def _run_replay(
 
     Raises:
         FootsenseError: A force differs.
-        ModelError: The forces cannot be compared: they are of another network; or the readings are of another array.
+        ModelError: The forces cannot be compared: they are of another network.
     """
     file = recording.path
     source = ReplaySource(recording)
@@ -73,10 +73,6 @@ def _run_replay(
         if check:
             raise error
         click.echo(f"warning: {error}", err=True)
-    if recording.n_elements != models.n_elements:
-        raise ModelError(
-            f"{file}: recorded with feet of {recording.n_elements} elements, the feet here have {models.n_elements}"
-        )
     pipeline = pipeline_for(models, recorded_flags(recording))
     exact = same_machine(recording.header, platform_versions())
     n_frames = n_equal = 0
@@ -88,7 +84,6 @@ def _run_replay(
                 can_log,
                 real_time=realtime,
                 force_step_mn=force_step_mn(models.network.card.max_n),
-                n_elements=models.n_elements,
             )
         )
         loop = Loop(pipeline, sink, (), clock)

@@ -235,8 +235,8 @@ def test_readings_of_another_array_are_not_replayed(walk: Path, tmp_path: Path) 
     path = tmp_path / "sixteen.mcap"
     with path.open("wb") as file:
         McapFile(file.fileno(), {**Replay(walk).header, "n_elements": "16"}).finish()
-    line = one_line_error(footsense("replay", path), 66)
-    assert line == f"{path}: recorded with feet of 16 elements, the feet here have 9"
+    line = one_line_error(footsense("replay", path), 74)
+    assert line == f"{path}: holds feet of 16 elements, but a configuration of 9"
 
 
 def test_recover_says_what_is_lost_in_one_line(walk: Path, tmp_path: Path) -> None:

@@ -19,15 +19,13 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from footsense.clock import MonotonicClock
 from footsense.errors import ConfigError
 from footsense.ports import CanWire
-from footsense.recording.container.mcap_writer import McapFile
-from footsense.recording.replay import Replay
 from footsense.view.access import MAX_CLIENTS
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import PAGE_PROTOCOL, ViewServer
 from footsense.view.signals import signals
 from footsense.view.tares import TareCommands
-from tests.support.viewed_service import HEADER, LEGS, ViewedService, header_of
+from tests.support.viewed_service import LEGS, ViewedService, header_of
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 COLUMN = {signal.name: column for column, signal in enumerate(signals())}
@@ -124,16 +122,6 @@ def test_the_page_of_another_array(n_elements: int, middle: list[int], tmp_path:
                 assert last["closure_middle"] == pytest.approx(closures[middle].mean(), abs=1e-5)
 
     run(test)
-
-
-def test_element_values_of_another_array_are_told(tmp_path: Path) -> None:
-    """A recording of sixteen elements with the values of nine is shown without closures."""
-    path = tmp_path / "walk.mcap"
-    with path.open("wb") as file:
-        McapFile(file.fileno(), {**Replay(GOLDEN).header, **HEADER, "n_elements": "16"}).finish()
-    recorded = RecordingSource(path)
-    assert recorded.damage.endswith("the element values are not those of 6 feet with 16 elements")
-    recorded.close()
 
 
 def test_a_slow_page_is_sent_the_newest_and_no_backlog(tmp_path: Path) -> None:
