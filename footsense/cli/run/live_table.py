@@ -1,4 +1,4 @@
-"""The live table: every leg's force as sent on CAN, beside the true force of a simulated foot."""
+"""Live table of a run: every leg's force as sent on CAN, with the true force of a simulated foot."""
 
 from collections.abc import Callable
 
@@ -18,7 +18,7 @@ _STATE_WIDTH = max(len(state.name) for state in State)
 
 
 class LiveTable(LiveView):
-    """An observer that redraws a table some fifteen times a second.
+    """Observer that redraws the table of the legs fifteen times a second.
 
     Args:
         console: Terminal to draw on.
@@ -43,7 +43,7 @@ class LiveTable(LiveView):
         self._url = url
 
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
-        """Return title and table; they fit 80 columns."""
+        """Return the title and the table of the legs, for a terminal of 80 columns."""
         forces = cycle.forces
         usable = IS_USABLE[forces.state]
         force_n = np.where(usable[:, None], forces.force_n, np.nan)
@@ -66,6 +66,7 @@ class LiveTable(LiveView):
 
 
 def _force_bar(force_n: float) -> ProgressBar:
+    """Return a bar for a force."""
     return ProgressBar(
         _BAR_FULL_SCALE_N,
         max(force_n, 0.0),
