@@ -131,7 +131,7 @@ class BusScanner:
         t_ns, capacitance_pf, reading = self.latest
         return BusReadings(t_ns.copy(), capacitance_pf.copy(), reading.copy())
 
-    def stop(self) -> None:
+    def disconnect_legs(self) -> None:
         """Disconnect all legs from the bus: select no mux channel."""
         self._transport.disconnect_legs()
 

@@ -95,7 +95,7 @@ class RobotScanner:
         fresh = []
         for n, bus in enumerate(self._buses):
             if self._pending[n] is None:
-                self._pending[n] = self._pool.submit(_timed_read, bus)
+                self._pending[n] = self._pool.submit(_read_with_completion_time, bus)
                 fresh.append(n)
         running = [pending for n in fresh if (pending := self._pending[n]) is not None]
         _, others = wait(running, return_when=FIRST_COMPLETED)
@@ -117,9 +117,9 @@ class RobotScanner:
         """End the threads of the buses, and disconnect all legs."""
         self._pool.shutdown()
         for bus in self._buses:
-            bus.stop()
+            bus.disconnect_legs()
 
 
-def _timed_read(bus: BusScanner) -> tuple[BusReadings, int]:
+def _read_with_completion_time(bus: BusScanner) -> tuple[BusReadings, int]:
     """Return the next readings of a bus, and the time at which they were complete [ns]."""
     return bus.read(), bus.clock.now_ns()

@@ -102,7 +102,7 @@ def run(
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
-        statistics = RunStatistics(service.legs, service.true_force_at_time_n, service.network.card.max_n)
+        statistics = RunStatistics(service.legs, service.true_force_n_at, service.network.card.max_n)
         service.observers.append(statistics)
         first = FirstFrameAge()
         service.observers.append(first)
@@ -115,7 +115,7 @@ def run(
         if live:
             from footsense.cli.run.live_table import LiveTable
 
-            table = LiveTable(_console(), service.legs, title, service.true_force_at_time_n, url)
+            table = LiveTable(_console(), service.legs, title, service.true_force_n_at, url)
             stack.callback(table.close)
             service.observers.append(table)
         if scene and not paced and math.isfinite(duration_s):

@@ -24,7 +24,7 @@ class LiveTable(LiveView):
         console: Terminal to draw on.
         legs: Names of the legs in the order of the frames' rows.
         title: Source of the frames.
-        true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         url: Address of the page; empty without one.
     """
 
@@ -33,13 +33,13 @@ class LiveTable(LiveView):
         console: Console,
         legs: tuple[str, ...],
         title: str,
-        true_force_at_time_n: Callable[[int], Vector] | None,
+        true_force_n_at: Callable[[int], Vector] | None,
         url: str = "",
     ) -> None:
         super().__init__(console, _REDRAW_PERIOD_NS)
         self._legs = legs
         self._title = title
-        self._true_force_at_time_n = true_force_at_time_n
+        self._true_force_n_at = true_force_n_at
         self._url = url
 
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
@@ -52,8 +52,8 @@ class LiveTable(LiveView):
             **force_columns(lambda row: force_n[row].tolist()),
             "load": (f"<{_BAR_WIDTH_CELLS}", lambda row: _force_bar(force_n[row, 2]) if usable[row] else ""),
         }
-        if self._true_force_at_time_n is not None:
-            true_n = self._true_force_at_time_n(forces.t_sent_ns)
+        if self._true_force_n_at is not None:
+            true_n = self._true_force_n_at(forces.t_sent_ns)
             columns["true [N]"] = (">8", lambda row: Text(f"{true_n[row, 2]:.3f}", "dim"))
         columns["age [ms]"] = (
             ">8",
