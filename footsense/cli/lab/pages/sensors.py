@@ -279,6 +279,6 @@ STUDY = Study(
     name="sensors",
     title="How many elements, and how large",
     compute=compute,
-    names=vars(block) | {"FULL": FULL, "SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
+    names=vars(block) | {"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
     uses_network=False,
 )
