@@ -1,4 +1,4 @@
-"""The contact force of every foot of a legged robot, from soft capacitors to CAN.
+"""Contact-force sensing for legged robots: from soft capacitive feet to forces on CAN.
 
 The way of one frame is told, file by file, in `docs/architecture.md`.
 """

@@ -1,4 +1,4 @@
-"""`python -m footsense` is the command `footsense`."""
+"""Entry point of `python -m footsense`: runs the command line."""
 
 from footsense.cli import main
 

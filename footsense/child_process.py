@@ -1,4 +1,4 @@
-"""Child processes of the loop: start a writer of a file, read its pipe, and drop the inherited real-time scheduling."""
+"""Child processes of the main loop: start a file writer, read its pipe, drop inherited real-time scheduling."""
 
 import contextlib
 import ctypes
@@ -26,7 +26,7 @@ _BUSY_BATCH_BYTES = 1 << 17
 
 
 def check_new_file(name: str, path: Path) -> None:
-    """Check that a file can be created; call it before anything is opened.
+    """Raise an error unless a new file can be created at `path`; call it before opening anything.
 
     Args:
         name: Name of the file in error messages.
@@ -46,7 +46,7 @@ def check_new_file(name: str, path: Path) -> None:
 def start_writer(
     module: str, arguments: list[str], file: int, pipe_bytes: int
 ) -> tuple[subprocess.Popen[bytes], int]:
-    """Start a module of ours as the process that writes a file from the bytes of a pipe.
+    """Start a footsense module as a child process that writes a file from the bytes of a pipe.
 
     Args:
         module: Name of the module.
@@ -81,7 +81,7 @@ def start_writer(
 
 
 def read_batches(pipe: int) -> Iterator[bytes]:
-    """Read the pipe a few times a second, up to its end.
+    """Yield the bytes of a pipe in batches, a few times per second, until its end.
 
     Args:
         pipe: Descriptor of the reading end; made non-blocking.
@@ -106,11 +106,11 @@ def read_batches(pipe: int) -> Iterator[bytes]:
 
 
 def end_with_parent() -> None:
-    """Let the kernel send SIGTERM to this process when the one that started it ends, even if that was killed."""
+    """Ask the kernel to send this process SIGTERM when its parent ends, even if the parent is killed."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def drop_realtime() -> None:
-    """Return to ordinary scheduling."""
+    """Set this process's scheduling from real-time to ordinary."""
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))

@@ -1,4 +1,4 @@
-"""Real time and real-time scheduling: the only file that calls `time` and the scheduler.
+"""Real time and real-time scheduling; no other file calls `time` or the scheduler.
 
 A Python loop needs three settings of the kernel and the interpreter. Latency without each (p99.9 of the wake-up, two
 busy cores): SCHED_FIFO, 6 ms instead of 0.1 ms; locked memory, 4 ms where its pages were reclaimed; garbage collection
@@ -27,7 +27,7 @@ _SWITCH_INTERVAL_S = 1e-4
 
 
 class MonotonicClock:
-    """The machine's monotonic clock.
+    """The operating system's monotonic clock.
 
     Attributes:
         wakeups: Wake-up latency of its thread: each thread has a clock of its own.
@@ -37,11 +37,11 @@ class MonotonicClock:
         self.wakeups = WakeupLatency()
 
     def now_ns(self) -> int:
-        """Return the time since an arbitrary start [ns]; steps of the wall clock do not touch it."""
+        """Return the monotonic time since an arbitrary start [ns], unaffected by wall-clock steps."""
         return time.monotonic_ns()
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        """Sleep until `t_ns`; returns late by the scheduler's latency, never early."""
+        """Sleep until `t_ns` [ns]; returns late by the scheduler's latency, never early."""
         remaining_ns = t_ns - time.monotonic_ns()
         if remaining_ns <= 0:
             self.wakeups.overruns += 1
@@ -55,7 +55,7 @@ class MonotonicClock:
 
 
 def request_realtime(priority: int, cpu: int | None) -> tuple[str, ...]:
-    """Request SCHED_FIFO, processor affinity and locked memory, for this thread and those that it starts from now on.
+    """Request SCHED_FIFO, CPU affinity and locked memory for this thread and its future threads; return what failed.
 
     Args:
         priority: Priority of SCHED_FIFO, 1 to 99.
@@ -72,7 +72,7 @@ def request_realtime(priority: int, cpu: int | None) -> tuple[str, ...]:
 
 @contextmanager
 def gc_disabled() -> Iterator[None]:
-    """Disable garbage collection, and shorten the interpreter's switch interval between threads.
+    """Disable garbage collection and shorten the thread switch interval, within a `with` block.
 
     Reference cycles are not freed meanwhile, so the loop must not make any; a test counts them.
     """
@@ -92,7 +92,7 @@ def gc_disabled() -> Iterator[None]:
 
 @contextmanager
 def fifo_priority(priority: int) -> Iterator[None]:
-    """Run with SCHED_FIFO for a while, where that is granted: to measure on a busy machine.
+    """Run a `with` block with SCHED_FIFO, if permitted; for measurements on a busy machine.
 
     Args:
         priority: Priority of SCHED_FIFO, 1 to 99.
@@ -106,6 +106,7 @@ def fifo_priority(priority: int) -> Iterator[None]:
 
 
 def _set_affinity(cpu: int | None) -> str | None:
+    """Pin this thread to one CPU; return an error message if that is refused."""
     try:
         if cpu is not None:
             os.sched_setaffinity(0, {cpu})
@@ -116,6 +117,7 @@ def _set_affinity(cpu: int | None) -> str | None:
 
 
 def _set_fifo(priority: int) -> str | None:
+    """Set SCHED_FIFO for this thread; return an error message if that is refused."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:
@@ -126,6 +128,7 @@ def _set_fifo(priority: int) -> str | None:
 
 
 def _lock_memory(libc: ctypes.CDLL) -> str | None:
+    """Lock this process's memory; return an error message if that is refused."""
     # Under a limit that is not reached yet the lock succeeds, and the next allocation fails instead.
     limited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] != resource.RLIM_INFINITY
     if limited and not int(_process_status("CapEff"), 16) >> _CAP_IPC_LOCK & 1:
@@ -137,22 +140,22 @@ def _lock_memory(libc: ctypes.CDLL) -> str | None:
 
 
 def stopwatch_ns() -> int:
-    """Return a time for measuring durations in benchmarks [ns]."""
+    """Return a monotonic time for measuring durations [ns]."""
     return time.perf_counter_ns()
 
 
 def wall_time_iso() -> str:
-    """Return the date and time in UTC, for the header of a recording."""
+    """Return the UTC date and time in ISO format."""
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
 
 
 def wall_time_ns() -> int:
-    """Return the time since 1970 [ns]; it may step."""
+    """Return the wall-clock time since 1970 [ns]; it may step."""
     return time.time_ns()
 
 
 def process_age_ns() -> int:
-    """Return the time since the start of this process, interpreter start included [ns]. Linux only."""
+    """Return the time since this process was started, interpreter start included [ns]. Linux only."""
     with open("/proc/self/stat", encoding="ascii") as stat:  # noqa: PTH123 - no path arithmetic here
         started_ticks = int(stat.read().rpartition(")")[2].split()[19])
     ticks_per_s = 100  # USER_HZ, part of the kernel's interface

@@ -1,4 +1,4 @@
-"""Clock offset and drift estimation: the time of a microcontroller or a sensor in the time of this machine.
+"""Clock synchronisation: offset and drift of a microcontroller's or sensor's clock against this machine's.
 
 A message is stamped by the sender and again on arrival: the second stamp minus the first is the offset of the clocks
 plus the delay. The delay varies with interrupts, buffers and scheduling, but is never negative. So the smallest offsets
@@ -35,7 +35,7 @@ _Point = tuple[int, int]  # foreign time and offset [ns]
 
 
 class ClockMap:
-    """Tracks offset and drift of one foreign clock.
+    """Estimates offset and drift of one foreign clock, and maps its time stamps to this machine's clock.
 
     A jump restarts the estimate: at once if the clock jumps back or ahead by more than 20 ms, and after a second if it
     stood still, since until then the messages may just be delayed.
@@ -60,13 +60,13 @@ class ClockMap:
 
     @property
     def residual_ns(self) -> int:
-        """Mean distance of the smallest offsets above the line [ns]: the error of a mapped time."""
+        """Mean distance of the smallest clock offsets from the fitted straight line [ns]: error of a mapped time."""
         if not self._points:
             return 0
         return sum(y_ns - self._fitted_offset_ns(x_ns) for x_ns, y_ns in self._points) // len(self._points)
 
     def map(self, t_foreign_ns: int, t_arrival_ns: int) -> int:
-        """Map a foreign stamp to the time of this machine [ns].
+        """Return a foreign time stamp in this machine's monotonic clock [ns].
 
         The result is never later than the arrival, and monotonic where the foreign clock is: a map that turns out to be
         ahead is corrected at half the speed.
@@ -91,10 +91,11 @@ class ClockMap:
         return mapped_ns
 
     def _fitted_offset_ns(self, t_foreign_ns: int) -> int:
-        """Return the offset at a foreign time [ns]."""
+        """Return the fitted clock offset at a foreign time [ns]."""
         return self._origin[1] + round(self.drift_rel * (t_foreign_ns - self._origin[0]))
 
     def _has_jumped(self, since_ns: int, late_ns: int, t_arrival_ns: int) -> bool:
+        """Return whether the foreign clock has jumped or restarted."""
         if late_ns <= _MIN_JUMP_NS:
             self._late_since_ns = None
         elif self._late_since_ns is None:
@@ -118,7 +119,7 @@ class ClockMap:
         self._slot_ends_ns = t_arrival_ns + _SLOT_DURATION_NS
 
     def _add_point(self, point: _Point, late_ns: int, t_arrival_ns: int) -> None:
-        """Add a point, and begin a new slot when the last one has ended."""
+        """Add an offset sample; at the end of a time slot, store its smallest one and fit again."""
         if late_ns < 0:
             self._lowered_ns -= late_ns
             self._origin, late_ns = point, 0
@@ -134,7 +135,7 @@ class ClockMap:
         self._fit_line()
 
     def _fit_line(self) -> None:
-        """Fit the line of smallest offsets, below all points, as offset and drift."""
+        """Fit offset and drift: the straight line below all offset samples."""
         self._lowered_ns = 0
         points = sorted(self._points)
         if points[-1][0] - points[0][0] >= _MIN_FIT_SPAN_NS:
@@ -144,7 +145,7 @@ class ClockMap:
 
 
 def _lower_hull_slope(points: list[_Point]) -> float:
-    """Return the slope of the lower convex hull at the mean time of some points, sorted, not all of one time.
+    """Return the slope of the lower convex hull at the mean time of sorted points (not all of one time).
 
     Example:
         >>> _lower_hull_slope([(0, 0), (10, 7), (20, 2), (30, 9), (40, 4)])
@@ -164,4 +165,5 @@ def _lower_hull_slope(points: list[_Point]) -> float:
 
 
 def _is_clockwise(a: _Point, b: _Point, c: _Point) -> bool:
+    """Return whether the turn from one point over the second to the third is clockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])

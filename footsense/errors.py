@@ -1,4 +1,4 @@
-"""The errors of footsense, as one tree.
+"""Exception classes of footsense, with their exit codes.
 
     FootsenseError            exit 1   a check failed, or a reason no other class names
     ├── ConfigError           exit 78  a key is unknown, a value is out of range, two settings clash
@@ -20,67 +20,67 @@ systemd itself begin at 2, where `5` is NOTINSTALLED. A wrong command line ends 
 
 
 class FootsenseError(Exception):
-    """Base of all expected errors; the message is one line for the user."""
+    """Base class of all expected errors; the message is one line of text for the user."""
 
     exit_code = 1
 
     def __str__(self) -> str:
-        """Return the message as one line without control characters: it may quote a forged file to a terminal."""
+        """Return the message as one line without control characters, safe to print on a terminal."""
         line = " ".join(super().__str__().split())
         return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
 
 
 class ConfigError(FootsenseError):
-    """A configuration or scene contradicts its schema or itself."""
+    """A configuration or scene violates its schema or contradicts itself."""
 
     exit_code = 78
 
 
 class RecordingError(FootsenseError):
-    """A recording cannot be read, or not to its end."""
+    """A recording cannot be read, or cannot be read to its end."""
 
     exit_code = 74
 
 
 class ModelError(FootsenseError):
-    """A network or a response table cannot be used for these feet."""
+    """A network or response table cannot be used for the given feet."""
 
     exit_code = 66
 
 
 class HardwareError(FootsenseError):
-    """A bus or chip that the service cannot work without is not there."""
+    """A bus or chip without which the service cannot run is missing."""
 
     exit_code = 69
 
 
 class SensorError(HardwareError):
-    """The force sensor of a test stand is missing, or its data do not match its description."""
+    """The reference force sensor of a test stand is missing, or its data do not match its description."""
 
 
 class WrongChipError(HardwareError):
-    """Another chip than the expected one answers at its address."""
+    """A chip other than the expected one answers at its I2C address."""
 
 
 class BusError(HardwareError):
-    """One I2C transaction failed; its data are invalid."""
+    """An I2C transaction failed; its data are invalid."""
 
 
 class NackError(BusError):
-    """No device acknowledged: absent, unpowered, or at another address."""
+    """No device acknowledged its I2C address: absent, unpowered, or at another address."""
 
 
 class BusTimeoutError(BusError):
-    """The adapter waited its whole timeout: SDA or SCL is held low."""
+    """An I2C transaction timed out: SDA or SCL is held low."""
 
 
 class CanError(FootsenseError):
-    """The CAN channel is missing or down."""
+    """The CAN interface is missing or down."""
 
     exit_code = 71
 
 
 class CalibrationError(FootsenseError):
-    """The recordings of a foot are inconsistent, or not sufficient."""
+    """The recordings of a foot are inconsistent or insufficient for a calibration."""
 
     exit_code = 65

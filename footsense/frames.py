@@ -1,4 +1,4 @@
-"""Data types passed between the packages: capacitance frame, contact-force frame, and a cycle with both.
+"""Data types passed between the packages: capacitance frame, force frame, gait frame, cycle.
 
 A frame holds all legs of the robot, row n for the n-th leg of the configuration, because the network runs once for all
 of them. An entry that was not measured is NaN, never a substitute. Arrays are read-only by agreement: a receiver may
@@ -61,7 +61,7 @@ class Reading(IntEnum):
 
 
 class CapFrame(NamedTuple):
-    """The latest reading of every element of every leg.
+    """Latest capacitance reading of every element of every leg, with time and read result.
 
     A scanner of I2C buses gives a frame for every conversion, with one new reading of each leg; a microcontroller one
     for every scan, with nine.
@@ -80,7 +80,7 @@ class CapFrame(NamedTuple):
 
 
 class BaselineDrift(NamedTuple):
-    """Status of every leg's baseline, and its drift since the last tare.
+    """Status of every leg's baseline, and the drift of its baseline since the last tare.
 
     Attributes:
         status: Status of the drift tracking, shape (legs,), uint8 of `BaselineStatus`.
@@ -96,13 +96,13 @@ class BaselineDrift(NamedTuple):
 
     @classmethod
     def none(cls, n_legs: int) -> "BaselineDrift":
-        """Return the drift of legs without a baseline."""
+        """Return the drift values of legs without a baseline."""
         nan = np.full(n_legs, np.nan)
         return cls(np.full(n_legs, BaselineStatus.NONE, np.uint8), nan, nan, np.zeros(n_legs, np.int64))
 
 
 class GaitEvent(NamedTuple):
-    """Something that happened to one leg; each is reported once.
+    """A gait event of one leg (touchdown, lift-off, slip, ...), reported once.
 
     Attributes:
         kind: Kind of event.
@@ -118,7 +118,7 @@ class GaitEvent(NamedTuple):
 
 
 class GaitFrame(NamedTuple):
-    """Gait semantics of all legs, as of one time.
+    """Gait estimate of all legs at one time: contact, load share, ground normal, friction, slip, events.
 
     Foot frame here is that of `ContactFrame.force_n`: x forward, y left, z along the leg.
 
@@ -163,7 +163,7 @@ class GaitFrame(NamedTuple):
 
 
 class ContactFrame(NamedTuple):
-    """The contact of every leg.
+    """Force estimate of every leg after one scan, with standard deviation, state, faults and baseline drift.
 
     Attributes:
         sequence: Number of the frame that it was estimated from.
@@ -193,12 +193,12 @@ class ContactFrame(NamedTuple):
 
     @property
     def age_ns(self) -> Stamps:
-        """Age of each leg's measurement at the time of sending [ns], shape (legs,); of no meaning where t_ns is 0."""
+        """Age of each leg's newest reading at sending [ns], shape (legs,); meaningless where t_ns is 0."""
         return self.t_sent_ns - self.t_ns
 
 
 class Command(NamedTuple):
-    """A request to the daemon, already checked for its crc and counter.
+    """A received command to one leg (tare, stop, ...), with CRC and counter already checked.
 
     Attributes:
         kind: Kind of command.
@@ -210,7 +210,7 @@ class Command(NamedTuple):
 
 
 class CommandResult(NamedTuple):
-    """Result of a command, or of the tare that the daemon takes by itself at start.
+    """Result of a command, or of the tare that the daemon starts by itself at start-up.
 
     Attributes:
         command: The command.
@@ -224,7 +224,7 @@ class CommandResult(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """Samples of a test stand's force sensor since the last cycle, oldest first.
+    """Samples of the test stand's force sensor since the last cycle, oldest first.
 
     Attributes:
         t_ns: Time of each sample in the daemon's clock [ns, monotonic], shape (n,), int64.
@@ -238,7 +238,7 @@ class Reference(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """One cycle of the loop, as its observers get it.
+    """All inputs and outputs of one cycle of the main loop, as passed to its observers.
 
     Attributes:
         scan: The readings.
@@ -260,7 +260,7 @@ class Cycle(NamedTuple):
 
 @dataclass(slots=True)
 class CanStatistics:
-    """Numbers of frames and events since the channel was first opened.
+    """Counters of CAN frames and bus events since the interface was first opened.
 
     Attributes:
         published: Cycles whose forces were published, whether the channel took them or not.

@@ -1,4 +1,4 @@
-"""Phase of a leg, for dashboards and tables: coarser than the state, and not sent on CAN."""
+"""Operating phase of a leg: a coarse grouping of its states for dashboards and tables, not sent on CAN."""
 
 from enum import IntEnum
 
@@ -6,7 +6,7 @@ from firmware_interface.can.codes import State
 
 
 class LegPhase(IntEnum):
-    """Phase of a leg from power-up to forces: a coarse grouping of the leg's states for people and dashboards."""
+    """Operating phase of a leg from power-up to forces (not a gait phase): a coarse grouping of its states."""
 
     ABSENT = 0  #: its chips do not answer
     STARTING = 1  #: they answer, but readings or a tare are missing for a force
@@ -34,5 +34,5 @@ _PHASES = {
 
 
 def phase_of(state: State) -> LegPhase:
-    """Return the phase of a state."""
+    """Return the operating phase that a leg state belongs to."""
     return _PHASES[state]

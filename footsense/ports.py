@@ -1,4 +1,4 @@
-"""The ports of the daemon, one to four methods each.
+"""Interfaces (ports) between the daemon and its hardware, network, clock and observers.
 
 A port has an implementation for hardware and one for the simulation, chosen once in `footsense.daemon`; code above a
 port cannot tell which.
@@ -17,7 +17,7 @@ LATENCY_BOUNDS_S = (
 
 
 class Transaction(NamedTuple):
-    """One I2C transaction that every Linux adapter can do: a write, a read, or one and then the other, to one address.
+    """One I2C transaction to one address: a write, a read, or a write and then a read.
 
     Attributes:
         address: 7-bit address.
@@ -32,10 +32,10 @@ class Transaction(NamedTuple):
 
 
 class I2cBus(Protocol):
-    """Port of one I2C adapter."""
+    """Interface of an I2C adapter."""
 
     def transfer(self, transaction: Transaction) -> bytes:
-        """Do one transaction, from START to STOP, and return the bytes read (empty for a plain write).
+        """Do one I2C transaction from START to STOP; return the bytes read (empty for a plain write).
 
         Raises:
             NackError: No device acknowledged the address or a byte.
@@ -46,27 +46,27 @@ class I2cBus(Protocol):
 
 
 class ResetLine(Protocol):
-    """The RESET pin of a mux, driven by the host."""
+    """Interface of the GPIO that drives a mux's RESET pin."""
 
     def pulse(self) -> None:
-        """Pull the pin low for a moment, which disconnects every channel."""
+        """Pull the RESET pin low for a moment, which disconnects all mux channels."""
         ...
 
 
 class Clock(Protocol):
-    """Monotonic time; the only time in the program."""
+    """Interface of the monotonic clock."""
 
     def now_ns(self) -> int:
-        """Return the time since an arbitrary start [ns]."""
+        """Return the monotonic time since an arbitrary start [ns]."""
         ...
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        """Return at `t_ns`, or at once if that has passed."""
+        """Sleep until `t_ns` [ns]; return at once if that has passed."""
         ...
 
 
 class WakeupLatency:
-    """Wake-up latency of one thread, measured by its clock.
+    """Histogram of the wake-up latency of one thread, recorded by its clock.
 
     Attributes:
         bounds_s: Bounds of the histogram [s].
@@ -82,7 +82,7 @@ class WakeupLatency:
 
 
 class SerialPort(Protocol):
-    """A serial line to a microcontroller or a sensor, which may be unplugged and come back.
+    """Interface of a serial port to a microcontroller or sensor, which may be unplugged and reappear.
 
     Attributes:
         opened: Number of times that it was opened; when it changes, a reader drops an incomplete message.
@@ -91,27 +91,27 @@ class SerialPort(Protocol):
     opened: int
 
     def read(self) -> bytes:
-        """Return the bytes that have arrived, possibly none; never waits, and opens a line again that had gone."""
+        """Return the bytes received so far, possibly none, without waiting; reopen a port that has disappeared."""
         ...
 
     def wait_until_ns(self, t_ns: int) -> None:
-        """Return when bytes have arrived, at `t_ns` at the latest."""
+        """Wait until bytes have arrived, or until `t_ns` [ns]."""
         ...
 
     def write(self, data: bytes) -> None:
-        """Send a few bytes; they are lost if the line has gone."""
+        """Send a few bytes; they are lost if the port has disappeared."""
         ...
 
     def close(self) -> None:
-        """Release the line."""
+        """Close the port."""
         ...
 
 
 class CanWire(Protocol):
-    """A CAN interface; frames as in `firmware_interface.can.socketcan`."""
+    """Interface of an open CAN socket; frames as in `firmware_interface.can.socketcan`."""
 
     def send(self, frames: bytes, t_ns: int) -> int:
-        """Queue frames, as many as there is room for, without waiting.
+        """Queue frames for sending without waiting, as many as fit; return their number.
 
         Args:
             frames: Whole frames behind each other.
@@ -126,7 +126,7 @@ class CanWire(Protocol):
         ...
 
     def receive(self) -> list[bytes]:
-        """Return the frames that have arrived, oldest first, error frames included; never waits.
+        """Return the received frames, oldest first, error frames included, without waiting.
 
         Raises:
             OSError: The interface is down or gone.
@@ -134,27 +134,27 @@ class CanWire(Protocol):
         ...
 
     def close(self) -> None:
-        """Release the interface."""
+        """Close the CAN socket."""
         ...
 
 
 class FrameSource(Protocol):
-    """A source of readings: the scanner, or a recording."""
+    """Interface of a source of capacitance frames: scanner, microcontroller or recording."""
 
     def read(self) -> CapFrame | None:
-        """Wait for the next frame and return it; None at the end of a recording."""
+        """Wait for the next capacitance frame and return it; None at the end of a recording."""
         ...
 
     def close(self) -> None:
-        """Stop the conversions and release what is held."""
+        """Stop the conversions, and close the buses or files."""
         ...
 
 
 class ReferenceSensor(Protocol):
-    """The multi-axis force sensor of a test stand."""
+    """Interface of the reference force sensor of a test stand."""
 
     def read(self, now_ns: int) -> Reference:
-        """Return the samples that have arrived since the last call, oldest first, possibly none; never waits.
+        """Return the force samples since the last call, oldest first, possibly none, without waiting.
 
         Args:
             now_ns: Current time [ns], to which the samples' own times are mapped.
@@ -165,12 +165,12 @@ class ReferenceSensor(Protocol):
         ...
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the sensor's port."""
         ...
 
 
 class Window(NamedTuple):
-    """The last three readings of every element of some feet, newest first.
+    """Network input: the last three readings of every element of some feet, newest first.
 
     Attributes:
         closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, 3, 9).
@@ -184,7 +184,7 @@ class Window(NamedTuple):
 
 
 class Load(NamedTuple):
-    """Estimated load of some feet, with standard deviations.
+    """Network output: estimated force and contact of some feet, with standard deviations.
 
     Attributes:
         force_n: Ground reaction on the foot [N], foot frame, shape (rows, 3).
@@ -201,22 +201,22 @@ class Load(NamedTuple):
 
 
 class Estimator(Protocol):
-    """Estimates loads from the last readings of the feet: the network."""
+    """Interface of the network that estimates the loads of feet from their last readings."""
 
     def estimate(self, window: Window) -> Load:
-        """Return the estimated load of every row of the window."""
+        """Return the estimated load of every foot (row) of the window."""
         ...
 
 
 class ForceSink(Protocol):
-    """The sink of forces, and source of commands."""
+    """Interface of the output of forces, which is also the source of commands (CAN)."""
 
     def publish(self, frame: ContactFrame) -> None:
-        """Send the forces of a cycle if due; what cannot be sent now is dropped and counted, never sent late."""
+        """Send the forces of a cycle if due; forces that cannot be sent at once are dropped and counted."""
         ...
 
     def commands(self) -> list[Command]:
-        """Return the commands that have arrived since the last call, oldest first; never waits."""
+        """Return the commands received since the last call, oldest first, without waiting."""
         ...
 
     def answer(self, outcome: CommandResult) -> None:
@@ -224,17 +224,17 @@ class ForceSink(Protocol):
         ...
 
     def close(self) -> None:
-        """Announce the end of the frames, and release the channel."""
+        """Announce the end of sending to the receivers, and close the interface."""
         ...
 
 
 class Observer(Protocol):
-    """An observer of every cycle: recorder, metrics, run statistics, live table; it changes nothing."""
+    """Interface of an observer of every cycle (recorder, metrics, live table); it must not change the cycle."""
 
     def observe(self, cycle: Cycle) -> None:
-        """Process one cycle; must return at once."""
+        """Process one cycle without blocking."""
         ...
 
     def close(self) -> None:
-        """Flush and release what is held; by default nothing."""
+        """Finish outputs and close files at the end of the run; does nothing by default."""
         return

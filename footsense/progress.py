@@ -1,4 +1,4 @@
-"""Progress with the time left, for every command that may take more than two seconds; silent without a terminal."""
+"""Progress bars with the time left, for commands longer than two seconds; silent without a terminal."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -21,13 +21,13 @@ _FULL_BAR_REL = 0.99
 
 
 def is_terminal() -> bool:
-    """Return whether standard error is a terminal, where progress bars are shown."""
+    """Return whether standard error is a terminal, where progress bars are drawn."""
     return sys.stderr is not None and sys.stderr.isatty()
 
 
 @contextmanager
 def progress_bar(title: str, total: float) -> Iterator[Callable[[float], None]]:
-    """Show a bar on the terminal of standard error while a task runs, and remove it at the end.
+    """Show a progress bar on standard error during a `with` block; yield a function that sets the amount done.
 
     Args:
         title: The task, in a word or two.
@@ -47,7 +47,7 @@ def progress_bar(title: str, total: float) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def timed_bar(title: str, expected_s: float) -> Iterator[None]:
-    """Show a bar as `progress_bar`, for a task of which only the usual duration is known.
+    """Show a progress bar that follows the elapsed time, for a task of known usual duration.
 
     Args:
         title: The task, in a word or two.
@@ -66,7 +66,7 @@ def timed_bar(title: str, expected_s: float) -> Iterator[None]:
 
 
 class _TimedProgress(Progress):
-    """Bars that follow the elapsed time."""
+    """Progress bars that advance with the elapsed time."""
 
     def get_renderables(self) -> Iterable[RenderableType]:
         for task in self.tasks:
@@ -75,6 +75,8 @@ class _TimedProgress(Progress):
 
 
 class _TimeLeftColumn(ProgressColumn):
+    """Column of a progress bar with the estimated time left."""
+
     def render(self, task: Task) -> Text:
         left_s = (task.total or 0.0) - (task.elapsed or 0.0)
         words = "longer than usual" if left_s < 0 else f"about {left_s // 60:.0f}:{left_s % 60:02.0f} left"

@@ -1,4 +1,4 @@
-"""A memory-mapped file that one process writes and others read, such as the counters of the service.
+"""Memory-mapped file that one process writes and others read, such as the service's counters.
 
 The writer holds an exclusive flock(2) on it for as long as it lives, so that a file without a lock is left over from a
 process that was killed. Readers see the file only once it is complete: it is written under another name, and renamed.
@@ -16,7 +16,7 @@ from footsense.errors import FootsenseError
 
 
 class SharedFile:
-    """The writer's side: creates the file, and removes it at the end.
+    """Writer's end of a memory-mapped file: creates it, locks it, and removes it when closed.
 
     Args:
         path: The file. It should lie in memory (/dev/shm, /run): on a disk, write-back can block the writer.
@@ -52,7 +52,7 @@ class SharedFile:
             raise FootsenseError(f"{path}: cannot be written: {error.strerror}") from error
 
     def close(self) -> None:
-        """Remove the file; a second call does nothing."""
+        """Remove the file and release its lock; a second call does nothing."""
         if self._fd >= 0:
             self._path.unlink(missing_ok=True)
             os.close(self._fd)
@@ -61,7 +61,7 @@ class SharedFile:
 
 
 def is_locked(file: BinaryIO) -> bool:
-    """Return whether another process, or another open file of this one, holds the writer's lock."""
+    """Return whether the writer's lock of an open file is held by another process or file object."""
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:

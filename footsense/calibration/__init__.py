@@ -1,4 +1,4 @@
-"""From the recordings of a foot on a test stand to its calibration.
+"""Fit a foot's calibration from recordings of the foot on a test stand.
 
 `loads` finds the presses, `session` guides and reads a session, `fit` fits a model of the foot and a correction of its
 residual, `evaluation` compares the result with the reference, `writer` writes the files.

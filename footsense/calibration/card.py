@@ -1,4 +1,4 @@
-"""The card of a calibration: a summary of a calibrated foot for people, in Markdown."""
+"""Markdown summary (card) of a calibrated foot: parameters and force errors, for people to read."""
 
 from collections.abc import Sequence
 
@@ -55,10 +55,12 @@ Network `{parameters.network_sha256}`, training set `{manifest.training_sha256}`
 
 
 def _count_with_plural(n: int, what: str) -> str:
+    """Return a count with its noun as text, in the plural unless it is 1."""
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 def _temperature_text(parameters: Parameters) -> str:
+    """Return the calibration temperature as a clause of text."""
     if parameters.temperature_c is None:
         return ", at an unknown temperature"
     per_k = parameters.stiffness_per_k
@@ -67,6 +69,7 @@ def _temperature_text(parameters: Parameters) -> str:
 
 
 def _error_table(manifest: Manifest) -> str:
+    """Return the Markdown table of the force errors."""
     held_out = manifest.held_out
     if held_out is None:
         return "Unknown: no load was held out."
@@ -79,6 +82,7 @@ def _error_table(manifest: Manifest) -> str:
 
 
 def _error_row(name: str, errors: ForceErrors) -> str:
+    """Return one row of the Markdown table of force errors."""
     direction = (
         f"{errors.direction_deg:.2f} / {errors.direction_p95_deg:.2f} / {errors.direction_max_deg:.2f}"
     )
@@ -87,10 +91,11 @@ def _error_row(name: str, errors: ForceErrors) -> str:
 
 
 def _element_values_row(what: str, values: Sequence[float], digits: int) -> str:
+    """Return one row of a Markdown table with a value per element."""
     rows = [" ".join(f"{value:.{digits}f}" for value in values[i : i + 3]) for i in (0, 3, 6)]
     return f"| {what} | {'<br>'.join(rows)} | mean {np.mean(values):.{digits}f} |"
 
 
 def _mount_angle_deg(parameters: Parameters) -> float:
-    """Return the angle of the mount's rotation [deg]."""
+    """Return the angle of the fitted mounting rotation [deg]."""
     return float(np.degrees(np.arccos(np.clip((np.trace(parameters.mount) - 1.0) / 2.0, -1.0, 1.0))))

@@ -1,4 +1,4 @@
-"""Compare the network's forces, with and without the foot's calibration, with the reference sensor's.
+"""Force errors against the reference sensor, for the network alone and for the network with the foot's calibration.
 
 The loads are recorded calibration loads. Both forces are computed as on the robot: closures against the foot's own
 unloaded reading, no force outside of the network's training range. Errors are compared over the loads that both can
@@ -34,7 +34,7 @@ _MIN_LOADS = 20
 
 
 class Estimates(NamedTuple):
-    """Forces [N] estimated for a set of loads.
+    """Forces [N] and standard deviations estimated for a set of calibration loads.
 
     Attributes:
         closure_rel: Inputs of the network [1], shape (n, elements).
@@ -48,13 +48,13 @@ class Estimates(NamedTuple):
 
     @property
     def has_force(self) -> Mask:
-        """Which loads have a force, shape (n,)."""
+        """Mask of the loads for which a force was estimated, shape (n,)."""
         has_force: Mask = np.asarray(np.isfinite(self.force_n).all(axis=1))
         return has_force
 
 
 class DesignModels(NamedTuple):
-    """Models of a foot type: response table and network.
+    """Models of a foot type (uncalibrated design): response table and trained network.
 
     Attributes:
         response: Response table of the type.
@@ -66,7 +66,7 @@ class DesignModels(NamedTuple):
 
     @classmethod
     def load(cls, folder: Path) -> Self:
-        """Return the models in a folder with `network.onnx` and `response.npz`.
+        """Load the models of a folder with `network.onnx` and `response.npz`.
 
         Raises:
             ModelError: A file is missing, damaged, or of another format.
@@ -75,13 +75,13 @@ class DesignModels(NamedTuple):
         return cls(FootResponse.load(folder / "response.npz"), network)
 
     def estimate(self, loads: LoadSet, foot: FootParameters | None) -> Estimates:
-        """Return the forces that a robot would estimate of loads; arguments as of `estimate_loads`."""
+        """Return the forces that a robot would estimate from the readings of loads; see `estimate_loads`."""
         network = self.network(len(loads))
         return estimate_loads(loads, network, network.card.trained_inputs, foot)
 
 
 class MagnitudeBand(NamedTuple):
-    """Loads of at least `min_gf` and less than `max_gf`, which are evaluated together."""
+    """Range of force magnitudes [gf], lower limit included, whose loads are evaluated together."""
 
     name: str
     min_gf: float
@@ -98,7 +98,7 @@ MAGNITUDE_BANDS = (
 
 
 class Evaluation(NamedTuple):
-    """Reference and estimates of the same loads.
+    """Reference forces and estimated forces of the same loads.
 
     Attributes:
         reference_n: Forces of the reference [N], shape (n, 3), leg frame.
@@ -110,12 +110,12 @@ class Evaluation(NamedTuple):
 
     @property
     def is_compared(self) -> Mask:
-        """Which loads have a force with and without the calibration, shape (n,)."""
+        """Mask of the loads for which both estimators gave a force, shape (n,)."""
         is_compared: Mask = np.all([one.has_force for one in self.estimates.values()], axis=0)
         return is_compared
 
     def errors_of(self, estimates: Estimates, band: MagnitudeBand) -> ForceErrors | None:
-        """Return the errors of estimates over the compared loads of a band, None if there are none."""
+        """Return the force errors of estimates over the compared loads of a band; None if the band is empty."""
         magnitude_gf = np.linalg.norm(self.reference_n, axis=1) / GRAM_FORCE_N
         chosen = self.is_compared & (magnitude_gf >= band.min_gf) & (magnitude_gf < band.max_gf)
         return (
@@ -128,7 +128,7 @@ class Evaluation(NamedTuple):
 def estimate_loads(
     loads: LoadSet, network: Estimator, trained_inputs: TrainedInputs, foot: FootParameters | None
 ) -> Estimates:
-    """Return the forces that a robot would estimate of loads.
+    """Return the forces that a robot would estimate from the readings of calibration loads.
 
     Args:
         loads: At least one.
@@ -158,7 +158,7 @@ def evaluate(
     models: DesignModels,
     foot: FootParameters | None,
 ) -> Evaluation:
-    """Compare the network alone and a foot's calibration with the reference.
+    """Estimate the loads of sessions by the network alone and with the calibration, beside the reference forces.
 
     Args:
         sessions: The recordings.

@@ -1,4 +1,4 @@
-"""Write a calibration: whole under its name, or not at all.
+"""Write a calibration folder atomically: complete under its final name, or not at all.
 
 The files are made in a folder beside, read back as the robot reads them, and only then get the name. An existing
 calibration is kept under the first free number, `foot-0007.1`, and only replaced on request.
@@ -21,7 +21,7 @@ from footsense.foot.parameters import FootParameters
 
 
 def file_sha256(path: Path) -> str:
-    """Return the hash of a file of any length.
+    """Return the SHA-256 of a file as hexadecimal digits; reads it in blocks.
 
     Raises:
         CalibrationError: It cannot be read.
@@ -34,7 +34,7 @@ def file_sha256(path: Path) -> str:
 
 
 def check_calibration_target(folder: Path, *, replace: bool) -> None:
-    """Check, before the work, that a calibration can be written to `folder`; create nothing.
+    """Raise an error if a calibration cannot be written to `folder`; creates nothing.
 
     Raises:
         CalibrationError: Its name is not that of a foot; it exists and is not to be replaced; or its parent cannot be
@@ -65,7 +65,7 @@ def write_calibration(
     temperature_c: float | None = None,
     replace: bool = False,
 ) -> FootCalibration:
-    """Write a calibration and return it as the robot reads it.
+    """Write a calibration folder, and return the calibration as loaded back from it.
 
     Args:
         calibrations: Folder of all calibrations, created if missing.
@@ -119,7 +119,7 @@ def write_calibration(
 
 
 def _free_backup_path(folder: Path) -> Path:
-    """Return the first free name for the replaced calibration."""
+    """Return the first unused path to which the replaced calibration can be renamed."""
     number = 1
     while (kept := folder.with_name(f"{folder.name}.{number}")).exists():
         number += 1
@@ -127,11 +127,12 @@ def _free_backup_path(folder: Path) -> Path:
 
 
 def _to_json(value: msgspec.Struct) -> bytes:
+    """Return a struct as indented JSON."""
     return msgspec.json.format(msgspec.json.encode(value), indent=2) + b"\n"
 
 
 def _fsync(path: Path) -> None:
-    """Wait until a file or folder is on the disk: after a power cut no name must be left without its content."""
+    """Flush a file or folder to disk, so that a power cut leaves no name without content."""
     fd = os.open(path, os.O_RDONLY)
     try:
         os.fsync(fd)

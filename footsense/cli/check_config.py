@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from firmware_interface.can.dbc import make_dbc
+from firmware_interface.can.element_mask import NARROW_ELEMENTS
 from firmware_interface.can.force import force_step_mn
 from footsense.cli.options import FILE
 from footsense.clock import wall_time_iso
@@ -30,7 +31,8 @@ def check_config(file: Path, dbc: Path | None) -> None:
     for line in _summary_lines(models):
         click.echo(line)
     if dbc is not None:
-        dbc.write_text(make_dbc(config.legs, force_step_mn(models.network.card.max_n)), "utf-8")
+        step_mn = force_step_mn(models.network.card.max_n)
+        dbc.write_text(make_dbc(config.legs, step_mn, config.n_elements), "utf-8")
         click.echo(f"wrote {dbc}")
     for warning in warnings(config):
         click.echo(f"warning: {warning}", err=True)
@@ -57,17 +59,18 @@ def _summary_lines(models: Models) -> list[str]:
         f"all legs carry {_weight_text(config)}",
         f"stale after {config.stale_after_ms:g} ms",
         f"network: {model or 'that of the foot type'}, {network.sha256[:12]}",
-        f"CAN: {_can_text(config, network.card.max_n)}",
+        f"CAN: {_can_text(models)}",
         f"metrics: {f'http://{metrics.address}:{metrics.port}/metrics' if metrics else 'none'}",
         f"real time: {f'SCHED_FIFO {realtime.priority}{cpu}' if realtime else 'not requested'}",
     ]
 
 
-def _can_text(config: Config, max_n: float) -> str:
-    """Return the channel, and what a bit of a force stands for if it is not the usual millinewton."""
-    step_mn = force_step_mn(max_n)
+def _can_text(models: Models) -> str:
+    """Return the channel, and what a consumer must know of these feet: another unit of force, wider masks."""
+    config, step_mn = models.config, force_step_mn(models.network.card.max_n)
     coarse = "" if step_mn == 1 else f", {step_mn} mN per bit of a force and {2 * step_mn} mN of its sigma"
-    return f"{config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s{coarse}"
+    wide = f", masks of {config.n_elements} elements" if config.n_elements > NARROW_ELEMENTS else ""
+    return f"{config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s{coarse}{wide}"
 
 
 def _scan_text(config: Config) -> str:

@@ -44,7 +44,14 @@ def can_sink(
         log_waits=not real_time,
         connect=connect,
     )
-    sink = CanSink(settings, config.legs, clock, every=config.frames_per_force, force_step_mn=force_step_mn)
+    sink = CanSink(
+        settings,
+        config.legs,
+        clock,
+        every=config.frames_per_force,
+        force_step_mn=force_step_mn,
+        n_elements=config.n_elements,
+    )
     with close_at_end(sink.close):
         yield sink
 

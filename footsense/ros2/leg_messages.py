@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from footsense.frames import ELEMENTS, USABLE, BaselineStatus, Cause, Slip, State
+from footsense.frames import USABLE, BaselineStatus, Cause, Slip, State
 from footsense.ros2.messages import (
     ContactState,
     DiagnosticArray,
@@ -137,7 +137,7 @@ def _diagnostic_status(sample: LegSample) -> DiagnosticStatus:
     words = "no answer on CAN" if state is None else _name_as_words(state.name)
     if cause:
         words += f": {_name_as_words(cause.name)}"
-    elements = [str(e) for e in range(ELEMENTS) if sample.fault_mask >> e & 1]
+    elements = [str(e) for e in range(sample.fault_mask.bit_length()) if sample.fault_mask >> e & 1]
     values = {
         "state": "unknown" if state is None else state.name,
         "cause": "unknown" if cause is None else cause.name,

@@ -1,4 +1,4 @@
-"""A simulated leg: its electronics, and the foot that they measure."""
+"""One simulated leg: a foot under its load, and the chips that measure it."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from footsense.sim.scene import Scene
 
 
 class SimulatedLeg:
-    """The electronics of one leg and the foot that it measures.
+    """One simulated leg: a foot under its load over time, and the chips that measure it.
 
     Args:
         leg: Name of the leg.
@@ -72,7 +72,7 @@ class SimulatedLeg:
             self._warming = WarmingFoot(effects.warming, np.random.default_rng(drift), n_elements)
 
     def _undamaged_capacitance_pf(self, t_ns: int) -> list[float]:
-        """Return the capacitance of each element without damage at a time [pF], stray not included."""
+        """Return each element's capacitance at a time without damage and without stray [pF]."""
         softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
         if self._softening is not None:
             softness *= self._softening.softness(t_ns)
@@ -95,7 +95,7 @@ class SimulatedLeg:
         return element_pf
 
     def _loaded_capacitance_pf(self, contact: GroundContact) -> list[float]:
-        """Return the capacitances under a load [pF]; a load that stays is computed once."""
+        """Return each element's capacitance under a load [pF]; recomputed only when the load changes."""
         if self._last is None or not all(map(np.array_equal, contact, self._last)):
             normal, force_n = self._last = contact
             if self._gaps is None:

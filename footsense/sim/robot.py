@@ -1,4 +1,4 @@
-"""The simulated robot: feet, chips, buses and clocks of a scene.
+"""The simulated robot of a scene: feet, chips, buses and clocks.
 
 The load of the scene presses each foot; the response table turns contacts into gap closures, those into capacitances;
 the row switch connects some of them to the pins of the converter.
@@ -29,7 +29,7 @@ from footsense.sim.scene import Scene
 
 
 class Wiring(NamedTuple):
-    """Wiring of one simulated bus: clock, mux, channels, board.
+    """Wiring of one simulated bus: bus rate, mux address, mux channel of each leg, board.
 
     Attributes:
         rate_hz: Clock of the bus [Hz].
@@ -47,7 +47,7 @@ class Wiring(NamedTuple):
 
 
 def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str, Foot]:
-    """Return the foot on each leg: one as designed for all, or a fabricated one each."""
+    """Return the foot of each leg: the same designed foot for all, or one fabricated foot per leg."""
     made, contact = scene.fabrication, scene.effects.gap_contact
     cavity = None if scene.effects.cavity is None else scene.effects.cavity.air
     if made is None:
@@ -63,7 +63,7 @@ def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str
 
 
 def _gait_tables(scene: Scene, load: ContactSource, feet: dict[str, Foot]) -> dict[str, GaitTable]:
-    """Return the gait table of each leg; legs with the same foot and load share one.
+    """Return the precomputed capacitance table of each leg; legs with the same foot and load share one.
 
     Enclosed air depends on temperature, weather and past: its feet are computed load by load.
     """
@@ -81,7 +81,7 @@ def _gait_tables(scene: Scene, load: ContactSource, feet: dict[str, Foot]) -> di
 
 
 class SimulatedRobot:
-    """Simulated robot of a scene: feet, chips, buses and clocks.
+    """Simulated robot of a scene: feet under their loads, chips, I2C buses and clocks.
 
     Args:
         scene: The scene.

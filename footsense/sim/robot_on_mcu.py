@@ -1,4 +1,4 @@
-"""The feet of a simulated robot on the board `mcu`: a microcontroller scans all of them."""
+"""Simulated robot with board `mcu`: one microcontroller scans all feet."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ _NOISE_SEED = 6
 
 
 def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> SimulatedRobotMcu:
-    """Return a microcontroller on a simulated robot, whose buses are not used then.
+    """Return a simulated microcontroller that scans the feet of a simulated robot, whose I2C buses stay unused.
 
     Args:
         robot: The robot.
@@ -36,7 +36,7 @@ def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> Simula
 
 
 def _measured_elements(foot: WiredFoot, stray_pf: float) -> Elements:
-    """Return the function that measures the elements of a foot row by row, with fault-free electronics."""
+    """Return a function of time [ns] that returns a foot's element capacitances [pF], scanned row by row."""
 
     def elements_pf(t_ns: int) -> Vector:
         element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]

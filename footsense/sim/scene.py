@@ -1,4 +1,4 @@
-"""A scene: motion, loads and faults of a simulated robot, fabrication of its feet, and effects: other deviations.
+"""Schema of a scene file: load, faults and effects of a simulated robot, and fabrication of its feet.
 
 An effect that a scene does not name is not computed. `scene_files.py` reads scenes.
 """
@@ -17,11 +17,11 @@ from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_DEG, FootTo
 
 
 class ScenePart(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A strict part of a scene."""
+    """Base class of the parts of a scene file; unknown keys are errors."""
 
 
 class _Gradual(ScenePart, frozen=True):
-    """A linear change over time.
+    """A linear change that starts at a time and takes a duration.
 
     Attributes:
         from_s: Start [s].
@@ -32,12 +32,12 @@ class _Gradual(ScenePart, frozen=True):
     over_s: Annotated[float, Meta(gt=0.0)]
 
     def elapsed_share(self, t_ns: int) -> float:
-        """Return the share of the change that has happened by a time [1]."""
+        """Return the fraction of the change that is complete at a time, 0 to 1."""
         return min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
 
 
 class Warming(_Gradual, frozen=True, kw_only=True):
-    """A change of temperature.
+    """A linear change of the temperature of all feet.
 
     Attributes:
         kelvin: Change in the end [K].
@@ -46,12 +46,12 @@ class Warming(_Gradual, frozen=True, kw_only=True):
     kelvin: Annotated[float, Meta(ge=-60.0, le=60.0)]
 
     def kelvin_at(self, t_ns: int) -> float:
-        """Return the change by a time [K]."""
+        """Return the temperature change at a time [K]."""
         return self.kelvin * self.elapsed_share(t_ns)
 
 
 class Softening(_Gradual, frozen=True, kw_only=True):
-    """One foot that becomes softer than the others: rubber that ages, or a sheet that comes off.
+    """One foot becomes softer than the others over time: ageing rubber, or a sheet that comes off.
 
     Attributes:
         leg: Leg of the foot.
@@ -62,12 +62,12 @@ class Softening(_Gradual, frozen=True, kw_only=True):
     softer_rel: Annotated[float, Meta(ge=-0.5, le=0.5)]
 
     def softness(self, t_ns: int) -> float:
-        """Return the factor on the closures under the same load at a time, 1 at the start [1]."""
+        """Return the factor on the gap closures under the same load at a time [1]; 1 at the start."""
         return 1.0 + self.softer_rel * self.elapsed_share(t_ns)
 
 
 class Cavities(ScenePart, frozen=True):
-    """Air of feet whose cavities are other than those of their type; `foot.cavity.air.Cavity` explains the fields.
+    """Cavities of the feet that differ from those of their type; for the fields see `foot.cavity.air.Cavity`.
 
     Attributes:
         kind: `vented`, `sealed` or `leaking`.
@@ -80,7 +80,7 @@ class Cavities(ScenePart, frozen=True):
     gas_kpa: Annotated[float, Meta(ge=10.0, le=1000.0)] = AMBIENT_KPA
 
     def __post_init__(self) -> None:
-        """Check that the fields belong together.
+        """Check that the fields are consistent.
 
         Raises:
             ValueError: They do not.
@@ -89,13 +89,13 @@ class Cavities(ScenePart, frozen=True):
 
     @property
     def air(self) -> Cavity:
-        """The cavities of a simulated foot."""
+        """The cavity model of the simulated feet."""
         leak_time_s = math.inf if self.leak_time_s is None else self.leak_time_s
         return Cavity(kind=self.kind, leak_time_s=leak_time_s, gas_kpa=self.gas_kpa)
 
 
 class Effects(ScenePart, frozen=True):
-    """Deviations of the robot from the ideal.
+    """Simulated deviations of the robot from the ideal: noise, clock errors, rubber, temperature, stiction, air.
 
     Attributes:
         converter_noise: Whether conversions have white noise, by rate.
@@ -132,7 +132,7 @@ class Effects(ScenePart, frozen=True):
 
 
 class Fabrication(ScenePart, frozen=True):
-    """Deviations of the feet from their design: rms values, as in `fabrication.FootTolerances`.
+    """Fabrication of the simulated feet: seed, first foot, mounting, and rms deviations from the design.
 
     Attributes:
         seed: Seed of the deviations.
@@ -158,19 +158,19 @@ class Fabrication(ScenePart, frozen=True):
 
     @classmethod
     def with_paper_tolerances(cls, *, seed: int, first: int, mounting: int) -> "Fabrication":
-        """Return feet with the paper's fabrication tolerances, in one of their mountings."""
+        """Return the settings of feet with the paper's fabrication tolerances, in a given mounting."""
         rms = dataclasses.asdict(PAPER_TOLERANCES)
         return cls(seed=seed, first=first, mounting=mounting, remount_deg=REMOUNT_DEG, **rms)
 
     @property
     def tolerances(self) -> FootTolerances:
-        """The rms values of the deviations."""
+        """The rms deviations as fabrication tolerances."""
         rms = dataclasses.fields(FootTolerances)
         return FootTolerances(**{field.name: getattr(self, field.name) for field in rms})
 
 
 class Scene(ScenePart, frozen=True):
-    """Motion, loads, effects and faults of a simulated robot.
+    """A scene file: load, effects, fabrication and faults of a simulated robot.
 
     Attributes:
         description: One line for the reader.

@@ -1,4 +1,4 @@
-"""Scenes of the package, in `footsense/sim/scenes`, and of YAML files, with checks across their parts."""
+"""Load scenes by name from `footsense/sim/scenes` or from a YAML file, and check them for contradictions."""
 
 import math
 from importlib.resources import files
@@ -15,7 +15,7 @@ MIN_FORCE_ELEVATION_DEG = 30
 
 
 def scene_names() -> list[str]:
-    """Return the names of the scenes of the package."""
+    """Return the names of the scenes that come with the package."""
     folder = files("footsense.sim") / "scenes"
     return sorted(
         entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml")
@@ -23,7 +23,7 @@ def scene_names() -> list[str]:
 
 
 def load_scene(name_or_path: str) -> Scene:
-    """Return a scene of the package by name, or the scene of a YAML file.
+    """Load a scene that comes with the package, by name, or one from a YAML file.
 
     Raises:
         ConfigError: There is no such scene, or it is not a valid one.
@@ -43,7 +43,7 @@ def load_scene(name_or_path: str) -> Scene:
 
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
-    """Return the first contradiction between parts that are each valid."""
+    """Return the first contradiction between keys that are valid each for itself; None if there is none."""
     problem = _low_elevation_contradiction(scene) or _effect_without_its_cause(scene)
     if problem is not None:
         return problem
@@ -60,7 +60,7 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
 
 
 def _effect_without_its_cause(scene: Scene) -> strict_yaml.Problem | None:
-    """Return the first effect that lacks what it depends on."""
+    """Return the first effect that the scene's other keys rule out (needs memory, or closing gaps); None if none."""
     for past in ("rubber", "stiction_kpa"):
         if scene.gait_table and getattr(scene.effects, past):
             return strict_yaml.Problem(
@@ -72,7 +72,7 @@ def _effect_without_its_cause(scene: Scene) -> strict_yaml.Problem | None:
 
 
 def _low_elevation_contradiction(scene: Scene) -> strict_yaml.Problem | None:
-    """Return the first force that leans more than the response table covers."""
+    """Return the first force whose elevation is below the response table's range; None if there is none."""
     forces: dict[str, scene_loads.ReactionForce] = {}
     if isinstance(scene.load, scene_loads.Constant):
         forces = {"load.force_n": scene.load.force_n}

@@ -1,4 +1,4 @@
-"""Loads of a scene: the values of its key `load`, each with the load of the feet that it describes."""
+"""Schemas of a scene's key `load`; each builds the true load of the feet over time."""
 
 from typing import Annotated, Literal
 
@@ -30,25 +30,25 @@ def _nanoseconds(seconds: float) -> int:
 
 
 class _Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"):
-    """A load from a time on; before that, all feet are in the air."""
+    """Base class of the loads: `build` returns a load that starts at a time; before it, all feet are in the air."""
 
 
 class Unloaded(_Load, frozen=True, kw_only=True, tag="unloaded"):
-    """All feet in the air."""
+    """All feet stay in the air."""
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
-        """Return the constant load."""
+        """Return itself: a constant zero load."""
         del from_ns
         return self
 
     def contact(self, leg: str, t_ns: int) -> ground_load.GroundContact:
-        """Return a contact without force."""
+        """Return a contact with zero force."""
         del leg, t_ns
         return ground_load.IN_THE_AIR
 
 
 class Constant(_Load, frozen=True, kw_only=True, tag="constant"):
-    """One force on every foot, through the centre of its ball.
+    """The same constant force on every foot, through the centre of its ball.
 
     Attributes:
         force_n: The force [N].
@@ -57,12 +57,12 @@ class Constant(_Load, frozen=True, kw_only=True, tag="constant"):
     force_n: ReactionForce
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
-        """Return the load from a time on [ns]."""
+        """Return the load as a function of time, starting at `from_ns` [ns]."""
         return ground_load.Ramp(self.force_n, from_ns)
 
 
 class Ramp(Constant, frozen=True, kw_only=True, tag="ramp"):
-    """One force on every foot, through the centre of its ball, that rises linearly from zero.
+    """The same force on every foot, through the centre of its ball, rising linearly from zero and then constant.
 
     Attributes:
         rise_s: Duration of the rise [s].
@@ -71,12 +71,12 @@ class Ramp(Constant, frozen=True, kw_only=True, tag="ramp"):
     rise_s: Annotated[float, Meta(gt=0.0, le=60.0)]
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
-        """Return the load from a time on [ns]."""
+        """Return the load as a function of time, starting at `from_ns` [ns]."""
         return ground_load.Ramp(self.force_n, from_ns, _nanoseconds(self.rise_s))
 
 
 class Stand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A stand: from the middle of each leg's next stance on, for whole gait periods.
+    """A standstill in a walk: from the middle of each leg's next stance on, for whole gait periods.
 
     Attributes:
         from_s: Start [s].
@@ -88,7 +88,7 @@ class Stand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
-    """A tripod gait with rounded stances.
+    """A tripod gait with smooth stances on flat ground.
 
     Attributes:
         period_s: Gait period [s].
@@ -110,7 +110,7 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
     second: tuple[Leg, ...] = SECOND_TRIPOD
 
     def build(self, from_ns: int) -> Walk:
-        """Return the load from a time on [ns]."""
+        """Return the walk, starting at `from_ns` [ns]."""
         reaction = smooth_stance(self.duty_rel, self.peak_force_n, self.friction_rel)
         return Walk(
             dict.fromkeys(ALL_LEGS, reaction),
@@ -126,7 +126,7 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
 
 
 class MeasuredWalk(_Load, frozen=True, kw_only=True, tag="measured_walk"):
-    """A tripod gait with the measured ground reactions of a walking person, scaled.
+    """A tripod gait with the measured ground reaction forces of a walking person, scaled.
 
     Attributes:
         peak_force_n: Largest vertical force [N].
@@ -137,12 +137,12 @@ class MeasuredWalk(_Load, frozen=True, kw_only=True, tag="measured_walk"):
     pitch_deg: Pitch = 0.0
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
-        """Return the load from a time on [ns]."""
+        """Return the walk, starting at `from_ns` [ns]."""
         return measured_walk(self.peak_force_n, self.pitch_deg, from_ns)
 
 
 class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"):
-    """Presses of all feet through the centre of the ball, one after the other, as on a test stand.
+    """A sequence of presses on all feet at once, through the centre of the ball, as on a test stand.
 
     Attributes:
         presses: The forces [N]; or the paper's: `training`, 362, or `verification`, 180.
@@ -161,7 +161,7 @@ class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"
     seed: Annotated[int, Meta(ge=0)] = 1
 
     def build(self, from_ns: int) -> PressSequence:
-        """Return the load from a time on [ns]."""
+        """Return the sequence of presses, starting at `from_ns` [ns]."""
         return PressSequence(
             paper_presses(self.presses) if isinstance(self.presses, str) else self.presses,
             from_ns=from_ns,

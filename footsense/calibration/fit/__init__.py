@@ -1,1 +1,1 @@
-"""From calibration loads to the parameters of a foot, and the force errors that remain."""
+"""Fit the parameters of a foot to calibration loads, and predict the remaining force errors."""

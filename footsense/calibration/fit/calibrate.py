@@ -1,4 +1,4 @@
-"""Calibration of one foot: from its recorded sessions to parameters, and an unbiased figure of their errors.
+"""Calibrate one foot: fit its parameters to recorded sessions, and measure its force errors on held-out loads.
 
 The figure is of loads that the fit did not use: of a whole session where there are two, since a foot that is mounted
 again differs from itself; else of every fifth load. The parameters themselves use all loads.
@@ -46,7 +46,7 @@ _HOLD_OUT_EVERY = 5
 
 
 class CalibrationResult(NamedTuple):
-    """Fitted parameters of a foot, with predicted and held-out errors.
+    """Fitted parameters of a foot, with predicted and held-out force errors.
 
     Attributes:
         parameters: Parameters of the foot.
@@ -66,14 +66,14 @@ class CalibrationResult(NamedTuple):
 
     @property
     def distance(self) -> float:
-        """Median Mahalanobis distance of the loads from the fitted foot [1]."""
+        """Median Mahalanobis distance of the calibration loads from the fitted model [1]."""
         return float(np.median(self.fit.distance))
 
 
 def calibrate_sessions(
     models: DesignModels, sessions: Sequence[RecordedSession], hold_out: str | None = None
 ) -> CalibrationResult:
-    """Fit the parameters of a foot to its calibration sessions.
+    """Fit the parameters of a foot to its recorded sessions; with held-out loads, measure its force errors.
 
     Args:
         models: Models of its type.
@@ -107,7 +107,7 @@ def calibrate_sessions(
 
 
 def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
-    """Fit the parameters in which a foot differs from its design to calibration loads.
+    """Fit a foot's deviations from its design to calibration loads, and refuse an implausible result.
 
     Args:
         models: Models of its type.
@@ -122,7 +122,7 @@ def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
 
 
 def require_plausible(result: CalibrationResult) -> None:
-    """Refuse a calibration whose loads are of no foot of the type, or do not identify the parameters.
+    """Raise an error if the loads do not match the foot type or do not identify the parameters.
 
     Raises:
         CalibrationError: They are.
@@ -142,7 +142,7 @@ def require_plausible(result: CalibrationResult) -> None:
 
 
 def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResult:
-    """Fit the parameters of a foot, plausible or not; arguments as of `calibrate`.
+    """Fit the parameters of a foot as `calibrate` does, without refusing an implausible result.
 
     Raises:
         CalibrationError: The loads are too few, or none can be read.
@@ -175,7 +175,7 @@ def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResul
 
 
 def _estimate_loads(models: DesignModels, loads: LoadSet, foot: FootParameters | None) -> Estimates:
-    """Return the estimates of a foot, calibrated or as designed.
+    """Return the estimated forces of loads, calibrated or as designed; raise an error if none has a force.
 
     Raises:
         CalibrationError: There is none.
@@ -192,7 +192,7 @@ def _estimate_loads(models: DesignModels, loads: LoadSet, foot: FootParameters |
 def _held_out_loads(
     sessions: Sequence[RecordedSession], loads: LoadSet, hold_out: str | None
 ) -> tuple[Mask, str]:
-    """Return which loads are held out, shape (n,), and the protocol in words.
+    """Return the mask of the held-out loads, shape (n,), and a description of how they were chosen.
 
     Raises:
         CalibrationError: The named session is not one of several.

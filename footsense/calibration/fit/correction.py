@@ -1,4 +1,4 @@
-"""Residual correction: a small linear layer behind the network, fitted to the residual of the physical parameters.
+"""Residual correction: a small linear layer behind the network, fitted to the remaining force errors.
 
 Ridge regression of the relative errors of the physical forces M p, with the reference f and the network's forces p:
 
@@ -31,7 +31,7 @@ _MIN_LOADS, _MIN_GROUPS = 40, 6
 
 
 class Correction(NamedTuple):
-    """Fitted residual correction of the force.
+    """Fitted linear correction of the estimated force, with its residuals.
 
     Attributes:
         correction_matrix: C above, shape (3, N_CORRECTION_TERMS); zeros for none.
@@ -44,7 +44,7 @@ class Correction(NamedTuple):
 
 
 def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> Correction:
-    """Fit the residual correction of the force by ridge regression.
+    """Fit the linear correction of the estimated force by ridge regression.
 
     Args:
         designed_n: p above, the network's forces [N], shape (n, 3).
@@ -78,12 +78,13 @@ def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> C
 
 
 def _ridge_regression(terms: Vector, target: Vector, penalty: float) -> Vector:
+    """Return the coefficients of a ridge regression of `target` on `terms`."""
     solution = np.linalg.solve(terms.T @ terms + penalty * np.eye(N_CORRECTION_TERMS), terms.T @ target)
     return np.asarray(solution, np.float64)
 
 
 def _cross_validation_groups(force_n: Vector) -> NDArray[np.intp]:
-    """Return the group of each load, shape (n,): eight sectors of azimuth, above and below the median magnitude."""
+    """Return the cross-validation group of each load, shape (n,): eight azimuth sectors, each halved by magnitude."""
     magnitude_n = np.linalg.norm(force_n, axis=1)
     sector = np.floor((np.arctan2(force_n[:, 1], force_n[:, 0]) / np.pi + 1.0) * 3.999)
     groups: NDArray[np.intp] = (2 * sector + (magnitude_n > np.median(magnitude_n))).astype(np.intp)
@@ -91,7 +92,7 @@ def _cross_validation_groups(force_n: Vector) -> NDArray[np.intp]:
 
 
 def _mean_clipped_error(error_rel: Vector) -> tuple[float, float]:
-    """Return the mean error size [1] and its standard error [1], with errors clipped at five times the median."""
+    """Return the mean absolute error [1] and its standard error [1]; errors are clipped at five times the median."""
     size = np.linalg.norm(error_rel, axis=1)
     size = np.minimum(size, 5.0 * np.median(size))
     return float(size.mean()), float(size.std() / np.sqrt(len(size)))

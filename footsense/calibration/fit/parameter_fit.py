@@ -1,4 +1,4 @@
-"""Maximum a posteriori fit of a foot's parameters to calibration loads.
+"""Maximum a posteriori fit of a foot's parameters to calibration loads (Levenberg-Marquardt).
 
 The readings of one load share errors: of the reference, of the stick's lean, of the rubber's creep. Each is a
 known direction in the space of readings, so the covariance of one load's readings is
@@ -69,7 +69,7 @@ def prior_sigma(n_elements: int) -> Vector:
 
 
 class ParameterFit(NamedTuple):
-    """Result of a parameter fit: parameters, posterior covariance, and misfit of each load.
+    """Result of a parameter fit: parameters, posterior covariance, and Mahalanobis distance of each load.
 
     Attributes:
         parameters: Parameters as in `twin`, shape (parameters,).
@@ -83,7 +83,7 @@ class ParameterFit(NamedTuple):
 
     @property
     def contraction(self) -> Vector:
-        """One minus posterior over prior standard deviation: 0 unidentified, 1 known, shape (parameters,)."""
+        """1 minus posterior over prior standard deviation, per parameter: 0 unidentified, 1 known exactly."""
         contraction: Vector = 1.0 - np.sqrt(np.diag(self.covariance)) / prior_sigma(
             (len(self.parameters) - 9) // 3
         )
@@ -91,7 +91,7 @@ class ParameterFit(NamedTuple):
 
 
 def fit_parameters(twin: FootTwin, loads: LoadSet) -> ParameterFit:
-    """Fit a foot's parameters to calibration loads.
+    """Fit a foot's parameters to calibration loads; return them with their posterior covariance.
 
     If there are enough, light loads from all sides come first: they close no gap, and the problem is nearly linear.
 
@@ -112,7 +112,7 @@ def fit_parameters(twin: FootTwin, loads: LoadSet) -> ParameterFit:
 
 
 def _levenberg_marquardt(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -> ParameterFit:
-    """Return the optimum of Levenberg-Marquardt from `start`; `shared_gap` as of `_FitState.residual_jacobian`."""
+    """Return the fit at the optimum found from `start`; `shared_gap` as of `_FitState.residual_jacobian`."""
     state = _FitState(twin, loads, _whitening_matrices(twin, start, loads), start)
     damping, tolerance_rel = 1e-3, _ROUGH_TOLERANCE_REL if shared_gap else _TOLERANCE_REL
     for iteration in range(_MAX_ITERATIONS):
@@ -143,7 +143,7 @@ def _levenberg_marquardt(twin: FootTwin, loads: LoadSet, start: Vector, *, share
 
 
 class _FitState:
-    """Model and whitened misfit at some parameters.
+    """Model readings and whitened residual at given parameter values.
 
     Args:
         twin: Model of the foot.
@@ -175,12 +175,12 @@ class _FitState:
         self.cost = float((within * (2.0 * self.distance - within)).sum() + (prior**2).sum())
 
     def with_parameters(self, parameters: Vector, whitening: Vector | None = None) -> "_FitState":
-        """Return the state of the fit at other parameters, with this whitening unless another is given."""
+        """Return the fit state at other parameter values, with the same whitening unless another is given."""
         whitening = self._whitening_matrices if whitening is None else whitening
         return _FitState(self._twin, self._loads, whitening, parameters)
 
     def residual_jacobian(self, *, shared_gap: bool) -> Vector:
-        """Return the slopes of the residual by each parameter, shape (elements n + parameters, parameters).
+        """Return the Jacobian of the residual, shape (elements n + parameters, parameters).
 
         Args:
             shared_gap: Whether the slope of each gap is that of all gaps together on its own element, which does not
@@ -209,13 +209,13 @@ class _FitState:
         return np.concatenate([white.reshape(-1, size), np.diag(1.0 / self._prior_sigma)])
 
     def _shifted_parameters(self, which: slice) -> Vector:
-        """Return the parameters with these moved by a step."""
+        """Return the parameters with those of a slice shifted by their difference step."""
         moved = self.parameters.copy()
         moved[which] += self._steps[which]
         return moved
 
     def _reading_derivative_pf(self, which: slice, cells_um: Vector) -> Vector:
-        """Return the derivative of the readings by parameters that move together [pF per unit], shape (n, elements).
+        """Return the finite-difference derivative of the readings by a group of parameters [pF per unit].
 
         Args:
             which: The parameters, all of one kind.

@@ -1,4 +1,4 @@
-"""The parameters of a foot as one vector: places, names and units."""
+"""Layout of a foot's parameter vector: slice, name and unit of each parameter."""
 
 from functools import cache
 from typing import NamedTuple
@@ -43,7 +43,7 @@ def slice_of_kind(n_elements: int) -> dict[str, slice]:
 
 
 def parameter_names(n_elements: int) -> list[str]:
-    """Return the names of all parameters, each with element and unit."""
+    """Return the names of all parameters in vector order, each with element number and unit."""
     kinds = [("stray", "pF"), ("gain", "1"), ("gap", "um")]
     of_elements = [
         f"{kind} of element {element} [{unit}]" for kind, unit in kinds for element in range(n_elements)

@@ -1,4 +1,4 @@
-"""Force errors to expect of a calibrated foot, from the posterior of its parameters, before anyone relies on it."""
+"""Force errors to expect of a calibrated foot, predicted from the posterior covariance of its parameters."""
 
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ IDENTIFIED_CONTRACTION = 0.5
 
 
 class PredictedUncertainty(NamedTuple):
-    """Expected force errors over all load directions, from the posterior covariance of the parameters.
+    """Force errors to expect over all load directions, predicted from the parameters' posterior covariance.
 
     Attributes:
         direction_deg: Median angle [deg].
@@ -40,7 +40,7 @@ class PredictedUncertainty(NamedTuple):
 
 
 def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertainty:
-    """Return the errors to expect, to first order, over draws from the posterior.
+    """Return the expected force errors, by linear propagation of draws from the posterior.
 
     A foot whose parameters differ from the fitted ones changes the readings of a load; the least-squares change of
     force that explains them is the error. Loads that close a gap are left out.
@@ -93,7 +93,7 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
 
 
 def require_identified(predicted: PredictedUncertainty, n_loads: int) -> None:
-    """Refuse a calibration whose parameters remain too uncertain.
+    """Raise an error if the fitted parameters remain too uncertain.
 
     Raises:
         CalibrationError: The predicted errors are larger than those of a calibrated foot may be.

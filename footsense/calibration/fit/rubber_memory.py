@@ -1,4 +1,4 @@
-"""Unloaded readings of a session without what the rubber remembers of the presses before.
+"""Correct a session's unloaded readings for the creep that remains in the rubber from earlier presses.
 
 Rubber that creeps and has play still pushes after a release, where the foot was pressed last: with a force a u in that
 press's direction u, b f of its force f, and c m of the mean m of the last presses. Half a second after a press of
@@ -39,7 +39,7 @@ _FIT_ROUNDS = 4
 
 
 def loads_without_rubber_memory(response: FootResponse, sessions: Sequence[RecordedSession]) -> LoadSet:
-    """Return the loads of all sessions, with the unloaded readings of a rested foot.
+    """Return the loads of all sessions, with unloaded readings corrected for remaining creep.
 
     Args:
         response: Response table of the foot type.
@@ -53,7 +53,7 @@ def loads_without_rubber_memory(response: FootResponse, sessions: Sequence[Recor
 
 
 def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
-    """Return the loads with the unloaded readings that a rested foot would have had.
+    """Return the loads with unloaded readings as of a fully relaxed foot, corrected for remaining creep.
 
     Args:
         response: Response table of the foot type.
@@ -86,7 +86,7 @@ def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
 
 
 def _residual_closures_um(twin: FootTwin, force_n: Vector) -> Vector:
-    """Return the closures that remain after each press, per coefficient a, b and c, shape (n, elements, 3) [um]."""
+    """Return the gap closures left after each press, per creep coefficient a, b and c [um], shape (n, elements, 3)."""
     mean_n, means_n = np.zeros(3), []
     for one_n in force_n:
         mean_n = mean_n + _NEWEST_PRESS_WEIGHT * (one_n - mean_n)

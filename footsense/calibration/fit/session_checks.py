@@ -1,4 +1,4 @@
-"""Checks of the sessions of a calibration: all are of one foot, and the foot contradicts no reference."""
+"""Checks before a calibration: all sessions are of the same foot, and it agrees with each reference sensor."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ _SAME_FOOT_TOLERANCE_REL = 0.03
 
 
 def require_one_foot(sessions: Sequence[RecordedSession]) -> None:
-    """Check by the unloaded readings that all sessions are of one foot.
+    """Raise an error if the unloaded readings of the sessions are not those of one and the same foot.
 
     Raises:
         CalibrationError: One is not, or has no accepted load.
@@ -39,7 +39,7 @@ def require_one_foot(sessions: Sequence[RecordedSession]) -> None:
 
 
 def require_consistent_reference(models: DesignModels, sessions: Sequence[RecordedSession]) -> None:
-    """Check that the foot contradicts no session's reference.
+    """Raise an error if a session's reference forces contradict the foot's own estimates (units, axes).
 
     Args:
         models: Models of the foot's type.

@@ -1,4 +1,4 @@
-"""Parametric model of one foot: the readings of its elements under a load.
+"""Parametric forward model of one foot: load and parameters to the readings of its elements.
 
 Element i with cells c, unloaded reading C0 and the closures that the design's response predicts reads
 
@@ -38,29 +38,30 @@ _CLOSED_TOLERANCE_UM = 1e-6
 
 
 def reference_gains(parameters: Vector) -> Vector:
-    """Return the gains of the reference along x, y, z, shape (3,), of mean one: no foot tells it from a stiffness."""
+    """Return the gain of the reference sensor along x, y, z, shape (3,), normalised to a mean of one."""
     gains: Vector = 1.0 + parameters[REFERENCE] - parameters[REFERENCE].mean()
     return gains
 
 
 def _compliance_factor(parameters: Vector) -> float:
+    """Return the compliance of the foot over that of the design [1]."""
     return 1.0 / (1.0 + float(parameters[STIFFNESS][0]))
 
 
 class ContactLoads(NamedTuple):
-    """Loads in the leg's frame: contact normals, shape (n, 3), and forces of the reference [N], shape (n, 3)."""
+    """Loads in the leg's frame: contact normals and reference forces [N], shape (n, 3) each."""
 
     normal: Vector
     force_n: Vector
 
     @classmethod
     def centred(cls, force_n: Vector) -> "ContactLoads":
-        """Return contact loads through the centre of the ball: each contact normal is parallel to the force."""
+        """Return loads through the centre of the ball, where the contact normal is parallel to the force."""
         return cls(force_n / np.linalg.norm(force_n, axis=1, keepdims=True), force_n)
 
 
 class FootTwin:
-    """Model of one foot; every method is a function of the parameter vector, shape (parameters,).
+    """Forward model of one foot; its methods take the parameter vector, shape (parameters,).
 
     Args:
         response: Response table of its foot type.
@@ -79,7 +80,7 @@ class FootTwin:
         self._min_sine = np.sin(np.radians(response.min_elevation_deg))
 
     def parameter_bounds(self) -> tuple[Vector, Vector]:
-        """Return the lower and upper limit of each parameter: capacitance beside the stray, a gap, and stiffness."""
+        """Return the lower and the upper bound of each parameter, shape (parameters,) each."""
         lower, upper = (
             np.full(n_parameters(self.n_elements), -np.inf),
             np.full(n_parameters(self.n_elements), np.inf),
@@ -99,7 +100,7 @@ class FootTwin:
         return gap_um
 
     def cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the closure of each cell [um], shape (n, cells), limited to the cell's gap; ignores stray and gain."""
+        """Return the closure of each cell of the gaps [um], shape (n, cells), limited to the cell's gap."""
         response, free_um = self._response, self._free_cell_closures_um(parameters, loads)
         gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS)
         if response.cavity.kind != "vented":
@@ -115,7 +116,7 @@ class FootTwin:
         return gap_contact.contact_closures_um(free_um, gap_um, compliance)
 
     def closed_cells(self, parameters: Vector, cell_closures_um: Vector) -> Mask:
-        """Return which cells are closed, shape (n, cells), at these closures [um]."""
+        """Return the mask of the cells whose gap is fully closed, shape (n, cells), at given closures [um]."""
         closed_cells: Mask = (
             cell_closures_um >= np.repeat(self.gap_um(parameters), gap_contact.CELLS) - _CLOSED_TOLERANCE_UM
         )
@@ -124,7 +125,7 @@ class FootTwin:
     def nearby_cell_closures_um(
         self, nearby: Sequence[tuple[Vector, ContactLoads]], closed_cells: Mask
     ) -> Vector:
-        """Return the closures of the cells for derivatives [um], shape (k, n, cells): contact problems are not solved.
+        """Return cell closures [um], shape (k, n, cells), at nearby parameters, with the set of closed cells fixed.
 
         Args:
             nearby: Parameters and n loads, k times, all near those of the closed cells.
@@ -146,7 +147,7 @@ class FootTwin:
         )
 
     def _free_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the closure of each cell as if no gap could close [um], shape (n, cells)."""
+        """Return the cell closures as if gaps were infinitely deep [um], shape (n, cells)."""
         return _compliance_factor(parameters) * self._designed_cell_closures_um(parameters, loads)
 
     def _designed_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
@@ -158,7 +159,7 @@ class FootTwin:
         return self._response.free_closure_um(self._clamped_to_min_elevation(normalized(moved)), force_n)
 
     def effective_stiffness_rel(self, stiffness_rel: float) -> float:
-        """Return the load that closes the gaps as far over that of the design, upright, minus one [1].
+        """Return the relative excess of the upright load that closes the gaps as far as in the design [1].
 
         It is the stiffness where the solid alone resists; air that resists is as stiff in every foot.
 
@@ -176,7 +177,7 @@ class FootTwin:
         return float(designed_um / own_um) - 1.0
 
     def reading_pf(self, parameters: Vector, cell_closures_um: Vector) -> Vector:
-        """Return the reading of each element [pF], shape (n, elements), at cell closures [um], shape (n, cells)."""
+        """Return the reading of each element [pF], shape (n, elements), from cell closures [um], shape (n, cells)."""
         design, stray_pf = self._response.design, parameters[self.element_slices.stray]
         unloaded_um = design.plate_distance_um(self._unloaded_pf - stray_pf)
         closure_um = cell_closures_um * np.repeat(
@@ -186,11 +187,11 @@ class FootTwin:
         return gap_contact.capacitance_pf(design, distance_um) + stray_pf
 
     def capacitance_pf(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the reading of each element under loads [pF], shape (n, elements)."""
+        """Return the predicted reading of each element under loads [pF], shape (n, elements)."""
         return self.reading_pf(parameters, self.cell_closures_um(parameters, loads))
 
     def _clamped_to_min_elevation(self, normal: Vector) -> Vector:
-        """Return the normals, with elevations below the table's lowest raised to it."""
+        """Return the normals with elevations raised to at least the response table's lowest."""
         low = normal[:, 2] < self._min_sine
         lifted = normal.copy()
         across = normal[low, :2] / np.linalg.norm(normal[low, :2], axis=1, keepdims=True)

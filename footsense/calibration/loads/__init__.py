@@ -1,1 +1,1 @@
-"""Presses of a foot found in a recording, each reduced to one calibration load."""
+"""Find the presses in a recording, and reduce each to one calibration load."""

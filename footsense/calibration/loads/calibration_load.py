@@ -1,4 +1,4 @@
-"""A press as arrays, and its reduction: a calibration load, or the reason for rejecting the press."""
+"""Data types of a press: its samples, the calibration load reduced from it, or the reason for its rejection."""
 
 from enum import StrEnum
 from typing import NamedTuple
@@ -7,7 +7,7 @@ from footsense.frames import Codes, Reference, Stamps, Vector
 
 
 class Rejection(StrEnum):
-    """Why a press gives no calibration load."""
+    """Reason why a press gives no calibration load."""
 
     SLIPPED = "slipped"
     TOO_SHORT = "too short"
@@ -21,7 +21,7 @@ class Rejection(StrEnum):
 
 
 class CalibrationLoad(NamedTuple):
-    """Mean force and capacitances over the dwell of one press.
+    """Means over the dwell of one press: reference force and element capacitances.
 
     Attributes:
         dwell_ns: Start and end of the dwell, the longest time without motion [ns].
@@ -41,7 +41,7 @@ class CalibrationLoad(NamedTuple):
 
 
 class RejectedPress(NamedTuple):
-    """A press that gives no calibration load.
+    """Press that gives no calibration load, with the reason.
 
     Attributes:
         rejection: Why it gives none.
@@ -53,7 +53,7 @@ class RejectedPress(NamedTuple):
 
 
 class Press(NamedTuple):
-    """A press and the unloaded spans around it, oldest first.
+    """Samples of one press and of the unloaded spans before and after it, oldest first.
 
     Attributes:
         t_ns: Time of each scan of the leg [ns], shape (scans,), int64.

@@ -1,4 +1,4 @@
-"""Presses found in a recording or as they happen: the foot is pressed, held still, and released.
+"""Detect presses (press, dwell, release) of a foot, cycle by cycle.
 
 The foot's own capacitances detect a press: they change by a hundred times their noise where the force of a robust
 reference changes by a few times its own. `reduce_press` evaluates the press after a pause without load.
@@ -38,13 +38,15 @@ _MIN_UNLOADED_SCANS = 2
 
 
 class _Phase(Enum):
+    """State of the press detector."""
+
     UNLOADED = auto()
     PRESSED = auto()
     RELEASED = auto()
 
 
 class LoadDetector:
-    """Finds the calibration loads of one leg, cycle by cycle.
+    """Detects the presses of one leg, cycle by cycle, and reduces each to a calibration load.
 
     Args:
         row: Row of the leg in the frames.
@@ -66,12 +68,12 @@ class LoadDetector:
 
     @property
     def is_pressed(self) -> bool:
-        """Whether the foot is pressed now."""
+        """Whether the foot is being pressed at the latest cycle."""
         return self._phase is _Phase.PRESSED
 
     @property
     def reference_offset_n(self) -> Vector:
-        """Unloaded reading of the reference sensor [N], shape (3,); NaN until known."""
+        """Reading of the reference sensor while unloaded [N], shape (3,); NaN until measured."""
         samples_n = self._offset_samples_n()
         if self._phase is _Phase.UNLOADED:
             now_n = unsaturated_samples_n(join_references(self._reference), self._before_ns)
@@ -79,7 +81,7 @@ class LoadDetector:
         return column_means(samples_n)
 
     def process_cycle(self, cycle: Cycle) -> CalibrationLoad | RejectedPress | None:
-        """Process a cycle; return the load or rejected press that ends with this cycle, or None."""
+        """Process a cycle; return the load or rejected press that is complete with this cycle, else None."""
         if cycle.reference is not None and len(cycle.reference.t_ns):
             self._reference.append(cycle.reference)
         scan, row = cycle.scan, self._row
@@ -102,7 +104,7 @@ class LoadDetector:
                 return self._await_recovery(t_ns, capacitance_pf)
 
     def finish(self) -> CalibrationLoad | RejectedPress | None:
-        """Return the load or rejected press that is not over at the end of the recording."""
+        """End the recording: return the load or rejection of a press still in progress, else None."""
         phase, self._phase = self._phase, _Phase.UNLOADED
         if phase is _Phase.UNLOADED:
             return None
@@ -111,6 +113,7 @@ class LoadDetector:
         return RejectedPress(Rejection.NOT_RELEASED, "the recording ends in it")
 
     def _await_press(self, t_ns: int, capacitance_pf: Vector) -> None:
+        """Update the baseline while unloaded, and switch to pressed once a press begins."""
         if self._n_agreeing == 0:
             self._before_ns = (
                 t_ns - _UNLOADED_TO_PRESS_MARGIN_NS - _UNLOADED_BEFORE_SPAN_NS,
@@ -122,6 +125,7 @@ class LoadDetector:
             self._begin_press()
 
     def _begin_press(self) -> None:
+        """Switch to pressed, and store the reference offset from the unloaded span before."""
         self._phase = _Phase.PRESSED
         self._pressed_ns = self._scans[-_N_AGREEING_SCANS][0]
         self._peak_rel = 0.0
@@ -132,6 +136,7 @@ class LoadDetector:
             self._offsets.append((self._before_ns[1], before_n))
 
     def _await_release(self, t_ns: int, capacitance_pf: Vector) -> RejectedPress | None:
+        """Switch to released once the capacitances fall; return a rejection if the press is too long."""
         change_rel = self._mean_change_rel(capacitance_pf)
         self._peak_rel = max(self._peak_rel, change_rel)
         if self._confirm_change(
@@ -147,6 +152,7 @@ class LoadDetector:
         return None
 
     def _await_recovery(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | RejectedPress | None:
+        """Return the load or rejection of a released press once the unloaded span after it is complete."""
         recovered_ns = self._released_ns + _RECOVERY_WAIT_NS
         pressed_rel = max(_PRESS_THRESHOLD_REL, 2 * _RELEASE_THRESHOLD_REL * self._peak_rel)
         if self._confirm_change(change=self._mean_change_rel(capacitance_pf) > pressed_rel):
@@ -165,38 +171,40 @@ class LoadDetector:
         return load
 
     def _confirm_change(self, *, change: bool) -> bool:
-        """Return whether enough scans in a row show a change; the count restarts then."""
+        """Return whether enough scans in a row show a change; reset the count once they do."""
         self._n_agreeing = (self._n_agreeing + 1) % _N_AGREEING_SCANS if change else 0
         return change and self._n_agreeing == 0
 
     def _mean_pf(self, span_ns: tuple[int, int]) -> Vector | None:
-        """Return the mean reading of each element in a span [pF], shape (9,); None with too few scans."""
+        """Return the mean reading of each element in a time span [pF], shape (9,); None if it has too few scans."""
         scans = [entry[1] for entry in self._scans if span_ns[0] <= entry[0] <= span_ns[1]]
         return column_means(np.array(scans)) if len(scans) >= _MIN_UNLOADED_SCANS else None
 
     def _mean_change_rel(self, capacitance_pf: Vector) -> float:
-        """Return the mean relative change of the elements [1]; NaN without a baseline or a reading."""
+        """Return the relative capacitance change from the baseline, mean over elements [1]; NaN without a baseline."""
         if self._baseline_pf is None:
             return np.nan
         return float(column_means((capacitance_pf / self._baseline_pf - 1)[:, None])[0])
 
     def _offset_samples_n(self) -> Vector:
-        """Return the reference samples in the unloaded spans before the last presses [N], shape (n, 3)."""
+        """Return the reference samples of the unloaded spans before recent presses [N], shape (n, 3)."""
         return np.concatenate([np.zeros((0, 3)), *(samples_n for _, samples_n in self._offsets)])
 
     def _end_press(self, since_ns: int) -> None:
-        """Wait for the next press; drop the samples before `since_ns` [ns]."""
+        """Switch to unloaded, and drop the samples before `since_ns` [ns]."""
         self._phase = _Phase.UNLOADED
         self._baseline_pf = None
         self._drop_samples_before(since_ns)
 
     def _drop_samples_before(self, t_ns: int) -> None:
+        """Drop scans and reference samples older than `t_ns` [ns]."""
         while self._scans and self._scans[0][0] < t_ns:
             self._scans.popleft()
         while self._reference and int(self._reference[0].t_ns[-1]) < t_ns:
             self._reference.popleft()
 
     def _recorded_press(self, unloaded_after_ns: tuple[int, int] | None) -> Press:
+        """Return the buffered samples as one press."""
         t_ns, capacitance_pf, reading = zip(*self._scans, strict=True)
         return Press(
             np.array(t_ns, np.int64),
@@ -211,7 +219,7 @@ class LoadDetector:
 
 
 def join_references(blocks: Iterable[Reference]) -> Reference:
-    """Return the samples of some cycles in one block, sorted by time: a corrected clock may have swapped two."""
+    """Return the reference samples of several cycles as one block, sorted by time."""
     none = Reference(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.bool_))
     t_ns, force_n, saturated = (np.concatenate(parts) for parts in zip(none, *blocks, strict=True))
     order = np.argsort(t_ns, kind="stable")

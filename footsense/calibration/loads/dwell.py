@@ -1,4 +1,4 @@
-"""The dwell of a press: the longest span in which neither the reference force nor the foot's capacitances moved."""
+"""Find the dwell of a press: its longest span in which reference force and capacitances stay constant."""
 
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ _NOISE_RANGE_SIGMAS = 5.0
 
 
 class UnloadedSpan(NamedTuple):
-    """Mean readings and reference force over a span in which the foot is unloaded.
+    """Mean readings and reference samples over a span in which the foot is unloaded.
 
     Attributes:
         t_ns: Mean time of the scans [ns].
@@ -42,7 +42,7 @@ class UnloadedSpan(NamedTuple):
 
 
 def mean_unloaded(press: Press, span_ns: tuple[int, int]) -> UnloadedSpan:
-    """Return the readings over an unloaded span [ns] beside a press."""
+    """Return mean readings, their noise and the reference samples over an unloaded span [ns] of a press."""
     inside = is_in_span(press.t_ns, span_ns)
     scans = press.capacitance_pf[inside]
     t_ns = float(press.t_ns[inside].mean()) if inside.any() else sum(span_ns) / 2
@@ -52,7 +52,7 @@ def mean_unloaded(press: Press, span_ns: tuple[int, int]) -> UnloadedSpan:
 
 
 def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
-    """Return start and end of the longest span without motion [ns], equal if there is none."""
+    """Return start and end of the longest constant span of a press [ns]; equal if there is none."""
     t_ns = press.t_ns[pressed := is_in_span(press.t_ns, press.pressed_span_ns)]
     force_n = _reference_means_n(press.reference, t_ns) - column_means(before.force_n)
     change_pf = press.capacitance_pf[pressed] - before.capacitance_pf
@@ -71,7 +71,7 @@ def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
 
 
 def _reference_means_n(reference: Reference, t_ns: Stamps) -> Vector:
-    """Return the mean of the reference about each time [N], shape (times, 3); NaN without a sample."""
+    """Return the moving average of the reference force at given times [N], shape (times, 3); NaN without samples."""
     first = np.searchsorted(reference.t_ns, t_ns - _HALF_WINDOW_NS)
     last = np.searchsorted(reference.t_ns, t_ns + _HALF_WINDOW_NS)
     total_n = np.vstack([np.zeros(3), np.cumsum(reference.force_n, axis=0)])
@@ -80,7 +80,7 @@ def _reference_means_n(reference: Reference, t_ns: Stamps) -> Vector:
 
 
 def sample_period_ns(reference: Reference) -> float:
-    """Return the median time between two samples [ns]; 1 s if there are fewer than two."""
+    """Return the median period of the reference samples [ns]; 1 s if there are fewer than two."""
     if len(reference.t_ns) < 2:
         return 1e9
     return max(float(np.median(np.diff(reference.t_ns))), 1.0)

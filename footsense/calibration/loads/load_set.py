@@ -1,4 +1,4 @@
-"""The accepted calibration loads of a foot as arrays."""
+"""Array form of the accepted calibration loads of a foot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from footsense.frames import ELEMENTS, Mask, Vector
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoadSet:
-    """The accepted calibration loads of a foot as arrays.
+    """Accepted calibration loads of one foot as arrays, one row per load.
 
     Attributes:
         force_n: Reference force [N], shape (n, 3), leg frame.
@@ -30,7 +30,7 @@ class LoadSet:
 
     @classmethod
     def from_loads(cls, loads: Sequence[CalibrationLoad]) -> Self:
-        """Return calibration loads as one set of arrays."""
+        """Return a list of calibration loads in array form."""
         n_elements = len(loads[0].capacitance_pf) if loads else ELEMENTS
         widths = {"force_n": 3, "sigma_n": 3, "capacitance_pf": n_elements, "baseline_pf": n_elements}
         return cls(
@@ -45,22 +45,22 @@ class LoadSet:
         return len(self.force_n)
 
     def subset(self, which: NDArray[np.intp] | Mask) -> Self:
-        """Return some of the loads, by index or by mask."""
+        """Return the selected loads, by index or by mask."""
         return type(self)(**{name: getattr(self, name)[which] for name in self.__slots__})
 
     @property
     def unloaded_pf(self) -> Vector:
-        """Unloaded reading of each element [pF], shape (9,): the median over the loads."""
+        """Median unloaded reading of each element over the loads [pF], shape (9,)."""
         unloaded_pf: Vector = np.median(self.baseline_pf, axis=0)
         return unloaded_pf
 
     @property
     def drift_corrected_pf(self) -> Vector:
-        """Readings minus the drift of the unloaded reading since its median [pF], shape (n, 9)."""
+        """Readings under load, corrected for drift of the unloaded reading [pF], shape (n, 9)."""
         return self.capacitance_pf - self.baseline_pf + self.unloaded_pf
 
     def space_filling_order(self) -> NDArray[np.intp]:
-        """Return load indices, shape (n,), ordered so that the first k cover the forces well for any k.
+        """Return an order of the loads, shape (n,), whose first k cover the forces evenly for any k.
 
         The first load is the nearest to the mean; each next one is the farthest from all before it, by direction and
         magnitude (farthest-point sampling).

@@ -1,4 +1,4 @@
-"""Reduction of one press to a calibration load: reasons for rejection, and means over the dwell."""
+"""Reduce one press to a calibration load: check for rejection, and average over the dwell."""
 
 from collections.abc import Iterator
 
@@ -17,7 +17,7 @@ _MIN_ANSWERED_SCANS_REL = 0.9
 
 
 def reduce_press(press: Press) -> CalibrationLoad | RejectedPress:
-    """Return the calibration load of a recorded press, or the reason for rejecting the press."""
+    """Return the calibration load of a press, or the reason for its rejection."""
     before = dwell.mean_unloaded(press, press.unloaded_before_ns)
     dwell_ns = dwell.longest_dwell(press, before)
     return next(_rejection_reasons(press, before, dwell_ns), None) or _mean_load(press, dwell_ns, before)
@@ -26,7 +26,7 @@ def reduce_press(press: Press) -> CalibrationLoad | RejectedPress:
 def _rejection_reasons(
     press: Press, before: dwell.UnloadedSpan, dwell_ns: tuple[int, int]
 ) -> Iterator[RejectedPress]:
-    """Yield why a press gives no load, causes before their consequences."""
+    """Yield the reasons to reject a press, causes before their consequences."""
     reading = press.reading[is_in_span(press.t_ns, press.pressed_span_ns)]
     over = (reading == Reading.OVER_RANGE).any(axis=0)
     silent = (reading != Reading.OK).mean(axis=0) > 1 - _MIN_ANSWERED_SCANS_REL
@@ -66,7 +66,7 @@ def _rejection_reasons(
 def _mean_load(
     press: Press, dwell_ns: tuple[int, int], before: dwell.UnloadedSpan
 ) -> CalibrationLoad | RejectedPress:
-    """Return the means over a dwell minus the means of the unloaded spans before and after it."""
+    """Return the means over the dwell relative to the unloaded spans before and after it, or a rejection."""
     scans, samples = is_in_span(press.t_ns, dwell_ns), is_in_span(press.reference.t_ns, dwell_ns)
     baseline_pf, offsets_n = before.capacitance_pf, press.reference_offset_n
     after = None if press.unloaded_after_ns is None else dwell.mean_unloaded(press, press.unloaded_after_ns)
@@ -92,8 +92,10 @@ def _mean_load(
 
 
 def _duration_s(span_ns: tuple[int, int]) -> float:
+    """Return the duration of a time span [s]."""
     return (span_ns[1] - span_ns[0]) / 1e9
 
 
 def _element_list_text(which: Mask) -> str:
+    """Return the numbers of the selected elements as text."""
     return ", ".join(map(str, np.flatnonzero(which)))

@@ -1,4 +1,4 @@
-"""Delay of a reference sensor behind its foot: force against capacitances while a foot is pressed and released.
+"""Time lag of the reference sensor behind the foot's capacitances, measured at the start and end of presses.
 
 Both rise from unloaded to the dwell and fall back. The area between the two normalised curves is the delay, with
 opposite signs on the way up and on the way down; what is not linear between force and capacitance cancels.
@@ -23,7 +23,7 @@ _MIN_PRESSES = 5
 def reference_lag_s(
     press: Press, dwell_ns: tuple[int, int], baseline_pf: Vector, reference_offset_n: Vector, force_n: Vector
 ) -> float:
-    """Return the delay of the reference sensor behind the foot [s]; NaN if the end of the press is missing.
+    """Return the time lag of the reference sensor behind the foot [s]; NaN if the end of the press is missing.
 
     Args:
         press: The press.
@@ -54,7 +54,7 @@ def reference_lag_s(
 
 
 def lag_message(lags_s: Sequence[float]) -> str:
-    """Return a warning for the median lag of a session's presses [s]; empty if it is small or from too few presses."""
+    """Return a warning about a session's median reference lag [s]; empty if small or from too few presses."""
     known = [lag for lag in lags_s if np.isfinite(lag)]
     median_s = float(np.median(known)) if len(known) >= _MIN_PRESSES else 0.0
     if abs(median_s) < _MIN_REPORTED_LAG_S:

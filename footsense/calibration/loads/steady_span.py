@@ -1,4 +1,4 @@
-"""Search for the longest steady span of a press: force and each capacitance stay within a tolerance.
+"""Find the longest span of a press in which force and every capacitance stay within their tolerances.
 
 The limit of a range is that of the span's last scan, and a range only grows with its span. So the first scan of the
 longest span that ends at a scan never moves back from one scan to the next: running extremes find it in one pass.
@@ -19,7 +19,7 @@ def longest_steady(
     force_tolerance_n: Vector,
     capacitance_tolerance_pf: Vector,
 ) -> tuple[int, int]:
-    """Return the first and the last scan of the longest span without motion; one scan if there is none.
+    """Return the first and last scan index of the longest constant span; the same index if there is none.
 
     Args:
         t_ns: Time of each scan [ns], shape (scans,), at least one.
@@ -39,7 +39,7 @@ def longest_steady(
 
 
 def _steady_span_starts(values: list[float], limits: list[float]) -> list[int]:
-    """Return for each scan the first one since which the range of the values is within its limit; NaN is ignored.
+    """Return, per scan, the first scan since which the values' range is within its limit; NaN is ignored.
 
     Example:
         >>> _steady_span_starts([0.0, 1.0, 5.0, 5.5], [1.0, 1.0, 1.0, 1.0])

@@ -1,1 +1,1 @@
-"""Sessions on a test stand: guidance while recording, and reading of the recordings."""
+"""Sessions on a test stand: live guidance while recording, and reading of the recordings."""

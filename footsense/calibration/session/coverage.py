@@ -1,4 +1,4 @@
-"""Directions and magnitudes that the loads of a session cover, and the next load to apply.
+"""Force directions and magnitudes covered by a session's loads, and the load to apply next.
 
 Directions are those of the paper's protocol, from 40 deg of elevation up; its magnitudes of 50, 100 and 150 gf have a
 band each. A load covers the directions within its reach. The wanted number of loads in a hexagonal covering would need
@@ -33,7 +33,7 @@ _N_DIRECTIONS = 400
 
 
 class NextLoad(NamedTuple):
-    """The load in the middle of the largest uncovered part.
+    """Load to apply next: the centre of the largest uncovered range of directions.
 
     Attributes:
         azimuth_deg: 0 forward, 90 to the left [deg].
@@ -47,7 +47,7 @@ class NextLoad(NamedTuple):
 
 
 class Coverage:
-    """Counts the accepted calibration loads and the force directions covered so far.
+    """Counts the accepted calibration loads and tracks which force directions they cover.
 
     Args:
         wanted: Number of loads of a complete set.
@@ -75,7 +75,7 @@ class Coverage:
         return sum(self.counts)
 
     def add_load(self, force_n: Vector) -> None:
-        """Count a load of this force [N], shape (3,)."""
+        """Add an accepted load with this force [N], shape (3,)."""
         band = nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N)
         self.counts[band] += 1
         angle_deg = angles_between_deg(self._directions, force_n)
@@ -83,22 +83,22 @@ class Coverage:
 
     @property
     def covered_directions_rel(self) -> list[float]:
-        """Share of the force directions covered by the loads of each of `MAGNITUDE_BANDS_GF` [1]."""
+        """Fraction of the force directions covered, for each of `MAGNITUDE_BANDS_GF` [1]."""
         return [float(share) for share in (self._nearest_deg <= self.reach_deg).mean(axis=1)]
 
     def is_covered(self, band: int, direction: Vector) -> bool:
-        """Return whether a band covers a direction, a unit vector of shape (3,)."""
+        """Return whether the loads of a magnitude band cover a direction, a unit vector of shape (3,)."""
         return bool(self._nearest_deg[band][int(np.argmax(self._directions @ direction))] <= self.reach_deg)
 
     @property
     def is_complete(self) -> bool:
-        """Whether there are enough loads, spread over the directions in two bands."""
+        """Whether there are enough loads, covering the directions in two magnitude bands."""
         fullest = sorted(self.covered_directions_rel)[-N_BANDS_TO_COVER:]
         return self.n_loads >= self._wanted and min(fullest) >= COMPLETE_COVERAGE_REL
 
     @property
     def next_load(self) -> NextLoad:
-        """The next load: in the emptier of the two fullest bands, the direction farthest from every load."""
+        """Load to apply next: in the emptier of the two fullest bands, the direction farthest from all loads."""
         shares = self.covered_directions_rel
         # Of equally empty bands the outer ones come first: those of the paper's training set.
         fullest = sorted(range(len(MAGNITUDE_BANDS_GF)), key=lambda band: (-shares[band], band == 1, band))[
@@ -111,7 +111,7 @@ class Coverage:
         return NextLoad(azimuth_deg, elevation_deg, MAGNITUDE_BANDS_GF[band])
 
     def progress_text(self) -> str:
-        """Return the number of loads and the covered share of the directions in one line."""
+        """Return the number of loads and the covered fraction of directions as one line of text."""
         shares = ", ".join(
             f"{100 * share:.0f} % at {gf:.0f} gf"
             for gf, share in zip(MAGNITUDE_BANDS_GF, self.covered_directions_rel, strict=True)
@@ -120,12 +120,12 @@ class Coverage:
 
 
 def nearest_band(magnitude_gf: float) -> int:
-    """Return the band of a magnitude [gf]."""
+    """Return the index of the magnitude band nearest to a magnitude [gf]."""
     return int(np.argmin(np.abs(np.array(MAGNITUDE_BANDS_GF) - magnitude_gf)))
 
 
 def azimuth_and_elevation_deg(force: Vector) -> tuple[float, float]:
-    """Return azimuth, 0 to 360, and elevation of one force [deg].
+    """Return the azimuth, 0 to 360, and elevation of one force vector [deg].
 
     Example:
         >>> azimuth_and_elevation_deg(np.array([0.0, 1.0, 1.0]))

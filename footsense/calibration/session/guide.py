@@ -1,4 +1,4 @@
-"""Guidance of a session on the test stand: new loads, their coverage, and findings about the reference."""
+"""Live guidance of a test-stand session: accepted loads, their coverage, and errors of the reference sensor."""
 
 from collections import Counter, deque
 from collections.abc import Callable
@@ -17,7 +17,7 @@ _REFERENCE_MEAN_SPAN_NS = 100_000_000
 
 
 class SessionGuide:
-    """An observer that finds and counts calibration loads.
+    """Observer that detects calibration loads, counts their coverage, and reports findings to the user.
 
     Args:
         row: Row of the leg in the frames.
@@ -60,12 +60,12 @@ class SessionGuide:
 
     @property
     def is_pressed(self) -> bool:
-        """Whether the foot is pressed now."""
+        """Whether the foot is being pressed at the latest cycle."""
         return self._detector.is_pressed
 
     @property
     def reference_n(self) -> Vector:
-        """Present force on the reference sensor, offset subtracted [N], shape (3,); NaN without samples."""
+        """Latest force on the reference sensor, offset subtracted [N], shape (3,); NaN without samples."""
         if not self._shown:
             return np.full(3, np.nan)
         force_n: Vector = (
@@ -74,7 +74,7 @@ class SessionGuide:
         return force_n
 
     def observe(self, cycle: Cycle) -> None:
-        """Detect presses in a cycle, and update coverage and guidance."""
+        """Process a cycle: detect presses, and update coverage and guidance."""
         if cycle.reference is not None:
             self._shown.extend(zip(cycle.reference.t_ns.tolist(), cycle.reference.force_n, strict=True))
         while self._shown and self._shown[0][0] < cycle.forces.t_sent_ns - _REFERENCE_MEAN_SPAN_NS:
@@ -82,10 +82,11 @@ class SessionGuide:
         self._add_load(self._detector.process_cycle(cycle))
 
     def close(self) -> None:
-        """Process the press that is still open at the end of the session."""
+        """Finish the session: add the press that is still in progress."""
         self._add_load(self._detector.finish())
 
     def _add_load(self, load: CalibrationLoad | RejectedPress | None) -> None:
+        """Count and report an accepted load or a rejected press; None is ignored."""
         if load is None:
             return
         number = self.coverage.n_loads + self.rejected.total() + 1

@@ -1,4 +1,4 @@
-"""A recording of a test stand, read as one session of calibration loads of one foot."""
+"""Read a test-stand recording as one session: the calibration loads of one foot."""
 
 import math
 from collections import Counter
@@ -22,7 +22,7 @@ from footsense.recording.replay import Replay
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedSession:
-    """One mounting of a foot on the test stand.
+    """Calibration loads of one foot from one recording: one mounting on the test stand.
 
     Attributes:
         path: The recording.
@@ -52,7 +52,7 @@ class RecordedSession:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Parts missing from the session, one line each."""
+        """Warnings about missing parts of the recording, one line of text each."""
         warnings = []
         if self.rejected:
             n, why = self.rejected.total(), ", ".join(f"{n} {why}" for why, n in self.rejected.most_common())
@@ -73,7 +73,7 @@ class RecordedSession:
 def read_sessions(
     paths: Sequence[Path], foot: str, on_read: Callable[[int], None] | None = None
 ) -> list[RecordedSession]:
-    """Return the sessions of one foot.
+    """Read several recordings; return the sessions of one foot.
 
     Args:
         paths: The recordings, at least one.
@@ -106,11 +106,12 @@ def read_sessions(
 
 
 def _report_bytes_read(on_read: Callable[[int], None], n_before: int, n_read: int) -> None:
+    """Report the total number of bytes read so far."""
     on_read(n_before + n_read)
 
 
 def read_session(path: Path, foot: str, on_read: Callable[[int], None] | None = None) -> RecordedSession:
-    """Return the session in a recording; of a truncated one, the whole part.
+    """Read one recording as a session; of a truncated recording, its intact part.
 
     Args:
         path: The recording.
@@ -169,7 +170,7 @@ def read_session(path: Path, foot: str, on_read: Callable[[int], None] | None = 
 
 
 def _leg_of_foot(header: dict[str, str]) -> dict[str, str]:
-    """Return the leg of each foot in a recording: one on a test stand, up to six on a robot."""
+    """Return the leg on which each foot of a recording was mounted."""
     legs = header["legs"].split(",")
     if "foot" in header and header.get("leg") in legs:
         return {header["foot"]: header["leg"]}
@@ -178,6 +179,7 @@ def _leg_of_foot(header: dict[str, str]) -> dict[str, str]:
 
 
 def _test_stand(header: dict[str, str]) -> StandConfig | None:
+    """Return the test stand's configuration from a recording's header; None if it has none."""
     try:
         return msgspec.json.decode(header["reference"], type=StandConfig)
     except (KeyError, msgspec.DecodeError):

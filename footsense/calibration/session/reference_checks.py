@@ -1,4 +1,4 @@
-"""Checks of a reference sensor against the foot's own estimates of the same loads.
+"""Check a reference sensor's units and axes against the foot's own force estimates of the same loads.
 
 A carelessly made foot errs by some 20 deg and 20 %, which is enough to tell a kilogram-force from a newton and left
 from right. So the checks find wrong units and axes, but no error of the reference's own calibration.
@@ -26,7 +26,7 @@ _SUSPICIOUS_DEG, _MIN_IMPROVEMENT_DEG, _MIN_LEAD_DEG, _IMPOSSIBLE_DEG = 35.0, 20
 
 
 def reference_findings(test_stand: StandConfig, reference_n: Vector, estimate_n: Vector) -> list[str]:
-    """Return wrong units and axes of a reference sensor, one line each; none from fewer than 5 estimates.
+    """Return wrong units or axes of a reference sensor, one text line each; empty with fewer than 5 estimates.
 
     Args:
         test_stand: Units, axes and mount of the sensor.
@@ -44,6 +44,7 @@ def reference_findings(test_stand: StandConfig, reference_n: Vector, estimate_n:
 
 
 def _unit_findings(reference_n: Vector, estimate_n: Vector, units: str) -> Iterator[str]:
+    """Yield a finding if another unit explains the ratio of reference to estimated magnitudes."""
     ratio = float(np.median(np.linalg.norm(reference_n, axis=1) / np.linalg.norm(estimate_n, axis=1)))
     if abs(math.log(ratio)) < math.log(_MAGNITUDE_RATIO):
         return
@@ -63,6 +64,7 @@ def _unit_findings(reference_n: Vector, estimate_n: Vector, units: str) -> Itera
 
 
 def _axis_findings(reference_n: Vector, estimate_n: Vector, test_stand: StandConfig) -> Iterator[str]:
+    """Yield a finding if other axes explain the angles between reference and estimated forces."""
     given_deg = float(angles_between_deg(reference_n, estimate_n).mean())
     if given_deg < _SUSPICIOUS_DEG:
         return
@@ -88,7 +90,7 @@ def _axis_findings(reference_n: Vector, estimate_n: Vector, test_stand: StandCon
 
 
 def _signed_axis(axis: str, sign: float) -> str:
-    """Return the name of an axis such as `-x`, or of the opposite axis if `sign` is negative.
+    """Return an axis name with its sign, such as `-x`; the opposite one if `sign` is negative.
 
     Example:
         >>> _signed_axis("-x", -1.0), _signed_axis("+y", -1.0), _signed_axis("z", 1.0)

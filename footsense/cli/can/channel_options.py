@@ -52,6 +52,17 @@ force_step_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.op
     help="What a bit of a force stands for, as `footsense check-config` names it: 1 for feet of up to 32 N.",
 )
 
+#: The frames do not tell the number of elements; those of more than nine have wider masks.
+rows_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
+    "--rows",
+    "n_elements",
+    type=click.Choice(["2", "3", "4"]),
+    default="3",
+    show_default=True,
+    callback=lambda _ctx, _param, value: int(value) ** 2,
+    help="Rows, and columns, of the array of each foot.",
+)
+
 
 def _is_multicast(name: str) -> bool:
     try:

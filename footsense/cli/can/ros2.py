@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from footsense.cli.can.channel_options import channel_option, force_step_option, interface_option
+from footsense.cli.can.channel_options import channel_option, force_step_option, interface_option, rows_option
 from footsense.cli.options import FILE, StopRequest, duration_option
 from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock, wall_time_ns
@@ -24,6 +24,7 @@ _NS_PER_S = 1_000_000_000
 @interface_option
 @channel_option
 @force_step_option
+@rows_option
 @click.option(
     "--domain",
     type=click.IntRange(0, 232),
@@ -35,7 +36,13 @@ _NS_PER_S = 1_000_000_000
 @click.option("--tf", type=FILE, metavar="FRAMES.yaml", help="Frames of the feet; without it lf_foot etc.")
 @duration_option("Stop after this time.")
 def ros2(
-    interface: str, channel: str, force_step_mn: int, domain: int, tf: Path | None, duration_s: float
+    interface: str,
+    channel: str,
+    force_step_mn: int,
+    n_elements: int,
+    domain: int,
+    tf: Path | None,
+    duration_s: float,
 ) -> None:
     """Publish the legs on CAN to ROS 2 nodes; ROS itself need not be installed (needs footsense[ros2]).
 
@@ -48,7 +55,7 @@ def ros2(
     start_ns = clock.now_ns()
     n_published = 0
     limits = LinkLimits(accept_degraded=True)
-    with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
+    with closing(open_listener(interface, channel, clock, limits, force_step_mn, n_elements)) as listener:
         click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
             listener.listen(now_ns + _PUBLISH_PERIOD_NS)

@@ -7,7 +7,7 @@ import click
 from rich.console import Console
 from rich.live import Live
 
-from footsense.cli.can.channel_options import channel_option, force_step_option, interface_option
+from footsense.cli.can.channel_options import channel_option, force_step_option, interface_option, rows_option
 from footsense.cli.monitor.json_values import snapshot_json
 from footsense.cli.monitor.table import monitor_table
 from footsense.cli.options import StopRequest, duration_option, echo_json
@@ -23,6 +23,7 @@ _REDRAW_PERIOD_NS = 200_000_000
 @interface_option
 @channel_option
 @force_step_option
+@rows_option
 @click.option(
     "--max-age-ms",
     type=click.IntRange(1, 10_000),
@@ -38,7 +39,14 @@ _REDRAW_PERIOD_NS = 200_000_000
     help="Print one line of JSON per leg and second; the default if the output is no terminal.",
 )
 def monitor(
-    interface: str, channel: str, force_step_mn: int, max_age_ms: int, duration_s: float, *, as_json: bool
+    interface: str,
+    channel: str,
+    force_step_mn: int,
+    n_elements: int,
+    max_age_ms: int,
+    duration_s: float,
+    *,
+    as_json: bool,
 ) -> None:
     """Show the legs on CAN: state, force with its age and uncertainty, and the cause of a fault.
 
@@ -51,7 +59,7 @@ def monitor(
     stop = StopRequest()
     start_ns = clock.now_ns()
     end_ns = start_ns + duration_s * _NS_PER_S
-    with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
+    with closing(open_listener(interface, channel, clock, limits, force_step_mn, n_elements)) as listener:
         if as_json or not console.is_terminal:
             for t_ns in _listening_periods(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():

@@ -12,7 +12,7 @@ from footsense.leg_phase import phase_of
 def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
     """Return a leg as plain values; None and NaN stand for unknown values."""
     leg, force, report, n_force_frames, *_ = snapshot
-    known = snapshot.is_current
+    known, mask = snapshot.is_current, force.fault_mask
     return {
         "leg": leg,
         "link": force.status.name.lower(),
@@ -26,7 +26,7 @@ def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
         "age_ms": None if force.age_ns is None else round(force.age_ns * 1e-6, 1),
         "contact": bool(force.flags & Flag.CONTACT) if force.usable else None,
         "simulated": bool(force.flags & Flag.SIMULATED) if known else None,
-        "elements_out": [e for e in range(9) if force.fault_mask >> e & 1] if known else None,
+        "elements_out": [e for e in range(mask.bit_length()) if mask >> e & 1] if known else None,
         "baseline": {
             "status": None if report.baseline is None else report.baseline.name.lower(),
             "mean_ff": round(report.mean_pf * 1e3, 1),

@@ -7,6 +7,7 @@ from rich.console import Group
 from rich.text import Text
 
 from firmware_interface.can.codes import Cause, Flag, NmtState, Slip
+from firmware_interface.can.element_mask import NARROW_ELEMENTS
 from firmware_interface.can.gait import Gait, Ground
 from footsense.cli.leg_table import (
     EMPTY_CELL,
@@ -34,6 +35,8 @@ _NODE_STATE_NAMES = {
 def monitor_table(legs: list[LegSnapshot], title: str) -> Group:
     """Return the picture of all legs; it fits 80 columns and 22 lines.
 
+    The grids of 4 x 4 elements take the room of the time since a baseline last moved, which `--json` still tells.
+
     Args:
         legs: The legs as their frames show them.
         title: Channel and time.
@@ -46,9 +49,9 @@ def monitor_table(legs: list[LegSnapshot], title: str) -> Group:
     if any(snapshot.report.gait and snapshot.report.gait.all_in_air for snapshot in legs):
         head.append("  in air", "cyan")
     by_name = {snapshot.leg: snapshot for snapshot in legs}
-    return Group(
-        head, *(leg_table(by_name, columns) for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, _REPORT_COLUMNS))
-    )
+    is_wide = any(snapshot.n_elements > NARROW_ELEMENTS for snapshot in legs)
+    reports = {title: column for title, column in _REPORT_COLUMNS.items() if title != _AGO or not is_wide}
+    return Group(head, *(leg_table(by_name, columns) for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, reports)))
 
 
 def cause_text(snapshot: LegSnapshot) -> str | None:
@@ -99,7 +102,7 @@ def _cause_cell(leg: LegSnapshot) -> Text:
 
 
 def _elements_cell(leg: LegSnapshot) -> Text:
-    return _element_grid(leg.force.fault_mask) if leg.is_current else EMPTY_CELL
+    return _element_grid(leg.force.fault_mask, leg.n_elements) if leg.is_current else EMPTY_CELL
 
 
 def _baseline_cell(leg: LegSnapshot) -> str | Text:
@@ -111,15 +114,17 @@ def _node_state_cell(leg: LegSnapshot) -> str | Text:
     return Text("silent", "bold red") if state is None else _NODE_STATE_NAMES[state]
 
 
-def _element_grid(mask: int) -> Text:
+def _element_grid(mask: int, n_elements: int) -> Text:
     """Return the elements row by row, an x for each that is not usable.
 
     Example:
-        >>> _element_grid(0b000_010_001).plain
+        >>> _element_grid(0b000_010_001, 9).plain
         'x.. .x. ...'
     """
-    marks = "".join("x" if mask >> element & 1 else "." for element in range(9))
-    return Text(f"{marks[:3]} {marks[3:6]} {marks[6:]}", "yellow" if mask else "dim")
+    rows = math.isqrt(n_elements)
+    marks = "".join("x" if mask >> element & 1 else "." for element in range(n_elements))
+    grid = " ".join(marks[start : start + rows] for start in range(0, n_elements, rows))
+    return Text(grid, "yellow" if mask else "dim")
 
 
 _FORCE_COLUMNS: LegColumns[LegSnapshot] = {
@@ -141,12 +146,13 @@ _GAIT_COLUMNS: LegColumns[LegSnapshot] = {
     "y": (">5", _ground_number_cell(lambda ground: ground.normal[1], "+.2f")),
     "+- [deg]": (">8", _ground_number_cell(lambda ground: math.degrees(ground.normal_sigma_rad), ".1f")),
 }
+_AGO = "ago [s]"
 _REPORT_COLUMNS: LegColumns[LegSnapshot] = {
     "cause": ("<15", _cause_cell),
     "elements": ("<11", _elements_cell),
     "baseline": ("<9", _baseline_cell),
     "mean fF": (">7", lambda leg: number_cell(leg.report.mean_pf, "+.1f", 1e3)),
     "worst": (">7", lambda leg: number_cell(leg.report.worst_pf, "+.1f", 1e3)),
-    "ago [s]": (">7", lambda leg: number_cell(leg.report.moved_ago_ns, ".1f", 1e-9)),
+    _AGO: (">7", lambda leg: number_cell(leg.report.moved_ago_ns, ".1f", 1e-9)),
     "node": ("<7", _node_state_cell),
 }

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 import msgspec
 
+from firmware_interface.can.force import force_step_mn
 from footsense.can.frame_log import check_log_target
 from footsense.cli.options import FILE, FOLDER, can_log_option
 from footsense.cli.recordings.file_bar import file_progress_bar
@@ -76,7 +77,15 @@ def _run_replay(
     exact = same_machine(recording.header, platform_versions())
     n_frames = n_equal = 0
     with ExitStack() as stack:
-        sink = stack.enter_context(can_sink(config, clock, can_log, real_time=realtime))
+        sink = stack.enter_context(
+            can_sink(
+                config,
+                clock,
+                can_log,
+                real_time=realtime,
+                force_step_mn=force_step_mn(models.network.card.max_n),
+            )
+        )
         loop = Loop(pipeline, sink, (), clock)
         frames = PacedSource(source, clock, MonotonicClock()) if realtime else source
         while (scan := frames.read()) is not None:

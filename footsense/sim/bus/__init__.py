@@ -1,1 +1,1 @@
-"""I2C buses and serial lines in bit time."""
+"""Simulated I2C buses and serial ports; every transfer advances virtual time by its bits on the wire."""

@@ -1,4 +1,4 @@
-"""A simulated I2C bus: upstream bus, mux, and the legs behind it, in bytes and bit times.
+"""Simulated I2C bus: upstream bus, mux, and the chips of the legs behind it, in bytes and bit times.
 
 The bus is open-drain: every connected chip at an address takes part, their answers are a wired AND, and a transaction
 fails only if no chip acknowledges. The mux switches at STOP, so that a selection never acts within its own transaction.
@@ -23,12 +23,12 @@ from footsense.sim.faults.wire_faults import WireFaults
 
 @cache
 def _wire_time_ns(n_written: int, n_read: int, rate_hz: int) -> int:
-    """Return the duration of a transaction on the wire [ns]."""
+    """Return the duration of a transaction on the wire [ns], from its numbers of written and read bytes."""
     return wire_time_ns(transaction_bits(n_written, n_read), rate_hz)
 
 
 class SimulatedBus:
-    """The adapter of a simulated upstream bus.
+    """Simulated I2C adapter of an upstream bus, with the mux and the legs' chips behind it.
 
     Args:
         clock: Clock of the bus, moved by every transaction.
@@ -95,7 +95,7 @@ class SimulatedBus:
         return answer
 
     def _connect(self, address: int) -> tuple[SimulatedChip, ...]:
-        """Return all connected chips at `address`, the mux included, and cache the result for this mux selection."""
+        """Return all connected chips at `address`, the mux included; cached per mux selection."""
         behind = [
             chip
             for channel in range(tca9548a.CHANNELS)
@@ -107,7 +107,7 @@ class SimulatedBus:
 
 
 class SimulatedKernelMuxChannel:
-    """One mux channel of an upstream bus, presented as a separate adapter.
+    """One mux channel of an upstream bus as an I2C adapter of its own, as the kernel's mux driver presents it.
 
     A selection costs bits on the wire and no system call: the upstream bus has no host cost here, and each transaction
     adds its own.
@@ -130,7 +130,7 @@ class SimulatedKernelMuxChannel:
         self._host_cost_ns = host_cost_ns
 
     def transfer(self, transaction: Transaction) -> bytes:
-        """Select the channel where it is not selected, then do the transaction.
+        """Do one I2C transaction on the channel, after switching the mux to it if it is not selected.
 
         Raises:
             BusError: As the upstream bus.

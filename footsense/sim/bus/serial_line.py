@@ -1,4 +1,4 @@
-"""A serial line in virtual time, from a simulated microcontroller to the daemon.
+"""Simulated serial port in virtual time, from a simulated microcontroller to the daemon.
 
 Bytes arrive a record's length at a time, as on the wire. Not simulated: delays of a USB adapter.
 """
@@ -11,7 +11,7 @@ from footsense.sim.chips.mcu import SimulatedRobotMcu
 
 
 class SimulatedLine:
-    """The serial port at the daemon's end.
+    """Serial port at the daemon's end, fed by a simulated microcontroller.
 
     Args:
         mcu: The controller at the other end.
@@ -33,7 +33,7 @@ class SimulatedLine:
         self._next_ns = clock.now_ns() + self._period_ns  # first conversion of the scan that comes next
 
     def read(self) -> bytes:
-        """Return the bytes that have arrived."""
+        """Return the bytes that have arrived by the present virtual time, and scan the feet whenever a scan is due."""
         now_ns = self._clock.now_ns()
         while self._next_ns + self._mcu.conversion_span_ns <= now_ns:
             self.send(self._mcu.scan(self._next_ns), self._next_ns)
@@ -44,18 +44,18 @@ class SimulatedLine:
         return arrived
 
     def wait_until_ns(self, t_ns: int) -> None:
-        """Move the clock to the next arrival, or to `t_ns`."""
+        """Advance the clock to the next arrival of bytes, at the latest to `t_ns` [ns]."""
         sends_ns = self._next_ns + self._mcu.conversion_span_ns
         self._clock.sleep_until_ns(min(t_ns, self._due[0][0] if self._due else sends_ns))
 
     def write(self, data: bytes) -> None:
-        """Discard bytes: the controller does not listen."""
+        """Discard the bytes: the simulated microcontroller takes no commands."""
 
     def close(self) -> None:
-        """Do nothing: there is nothing to release."""
+        """Do nothing: a simulated port holds no resources."""
 
     def send(self, data: bytes, t_ns: int) -> None:
-        """Transmit the bytes of a scan from a time on [ns], record by record."""
+        """Schedule the arrival of a scan's bytes, sent serial record by serial record from `t_ns` [ns] on."""
         sends_ns = t_ns + self._mcu.conversion_span_ns
         for end in range(FRAME_BYTES, len(data) + FRAME_BYTES, FRAME_BYTES):
             piece = data[end - FRAME_BYTES : end]

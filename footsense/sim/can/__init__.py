@@ -1,1 +1,1 @@
-"""A CAN interface, its queue and its controller, frame by frame in virtual time."""
+"""Simulated CAN interface, its transmit queue and its controller, frame by frame in virtual time."""

@@ -1,4 +1,4 @@
-"""A CAN controller on its wire: arbitration, acknowledgement, error counter, bus-off.
+"""Simulated CAN controller on the bus: arbitration, acknowledgement, error counter, bus-off.
 
 Not modelled: real stuff bits (every frame has its maximum length); faults that begin or end within a frame (they act
 from the next on); receive errors; drivers that keep the carrier in bus-off.
@@ -97,11 +97,11 @@ class CanController:
 
     @property
     def due_ns(self) -> float:
-        """Time of the next event [ns]; infinite without any."""
+        """Time of the controller's next event [ns]; infinite if none is pending."""
         return min(self._free_ns, self._restart_ns)
 
     def process_due(self, t_ns: int) -> None:
-        """Process the events due at `t_ns` [ns]."""
+        """Process all events of the controller that are due at `t_ns` [ns]."""
         if self._free_ns <= t_ns:
             self._free_ns = math.inf
             if self._passed is not None:
@@ -115,13 +115,13 @@ class CanController:
             self._occupy_wire(t_ns, _BUS_OFF_RECOVERY_BITS, None)
 
     def stop(self) -> None:
-        """Stop, as an interface that goes down."""
+        """Discard mailboxes and the frame in transmission, and reset the errors, as an interface that goes down."""
         self._flush_mailboxes()
         self._free_ns = self._restart_ns = math.inf
         self._error_count = 0
 
     def start_transmission(self, t_ns: int) -> None:
-        """Fill the mailboxes from the queue, and start a frame if the wire is free."""
+        """Fill the mailboxes from the queue, and start sending a frame if the bus is idle."""
         while len(self._mailboxes) < self._settings.mailboxes and self.running and self._queue.frames:
             self._mailboxes.append(self._queue.frames.popleft())
         if self._free_ns < math.inf:
@@ -148,20 +148,25 @@ class CanController:
             self._occupy_wire(t_ns, frame_bits(len(data)), self._deliver_frame)
 
     def _occupy_wire(self, t_ns: int, bits: int, then: Callable[[int], None] | None) -> None:
+        """Occupy the bus for a number of bits from `t_ns` [ns] on, then call `then`."""
         self._free_ns = t_ns + bits * self._bit_ns
         self._passed = then
 
     def _suspend_bits(self) -> int:
+        """Return the bits that the controller must pause after a frame: 8 if it is error passive, else 0."""
         return _SUSPEND_TRANSMISSION_BITS if self._error_count >= _ERROR_PASSIVE_COUNT else 0
 
     def _flush_mailboxes(self) -> None:
+        """Discard the frames in the mailboxes."""
         self.n_flushed += sum(frame.from_socket for frame in self._mailboxes)
         self._mailboxes.clear()
 
     def _drop_frame(self) -> None:
+        """Discard the oldest mailbox's frame, and count it as lost."""
         self.n_lost += self._mailboxes.popleft().from_socket
 
     def _deliver_frame(self, t_ns: int) -> None:
+        """Deliver the transmitted frame to its receivers, and decrement the transmit error counter."""
         frame = self._mailboxes.popleft()
         if self._error_count:
             self._count_errors(-1)
@@ -169,7 +174,7 @@ class CanController:
             self.on_delivered(t_ns, frame.handed_ns, frame.data)
 
     def _miss_ack(self, t_ns: int) -> None:
-        """Count a missing acknowledgement, which alone takes no controller beyond error passive."""
+        """Count a missing acknowledgement; alone it takes no controller beyond error passive."""
         del t_ns
         if self._error_count < _ERROR_PASSIVE_COUNT:
             self._count_errors(8)
@@ -177,7 +182,7 @@ class CanController:
             self._drop_frame()
 
     def _count_bit_error(self, t_ns: int) -> None:
-        """Count a bit error, and go bus-off at 256."""
+        """Count a bit error, and go bus-off at an error count of 256."""
         self._count_errors(8)
         if self._error_count >= _BUS_OFF_COUNT:
             self.n_bus_off += 1
@@ -188,7 +193,7 @@ class CanController:
             self._drop_frame()
 
     def _count_errors(self, change: int) -> None:
-        """Change the transmit error counter, and report a change of the error state."""
+        """Add `change` to the transmit error counter, and report a change of the error state."""
         before, after = self._error_count, max(0, self._error_count + change)
         self._error_count = after
         if after >= _BUS_OFF_COUNT:

@@ -1,4 +1,4 @@
-"""A SocketCAN interface and the bus behind it, frame by frame in virtual time.
+"""Simulated SocketCAN interface and the bus behind it, frame by frame in virtual time.
 
 A frame passes from the socket to the queue of the interface, to a mailbox of the controller, and to the wire. These
 stages decide whether an old force arrives late, and vcan simulates none of them:
@@ -76,7 +76,7 @@ class SimulatedCan:
         self.controller = CanController(self.queue, settings, bitrate, nodes, self._deliver)
 
     def connect(self) -> CanWire:
-        """Return a socket that is bound to the interface.
+        """Return a new socket that is bound to the interface.
 
         Raises:
             CanError: The interface does not exist at the moment.
@@ -109,12 +109,12 @@ class SimulatedCan:
         self._t_ns = max(self._t_ns, now_ns)
 
     def _due_ns(self) -> float:
-        """Return the time of the next event [ns]."""
+        """Return the time of the next CAN event [ns]; infinite if none is pending."""
         others_ns = (sender.due_ns for sender in self._senders)
         return min(self._faults.until_ns, self.controller.due_ns, self.queue.carrier_check_ns, *others_ns)
 
     def _process_due(self, t_ns: int) -> None:
-        """Process the events due at `t_ns` [ns]."""
+        """Process the CAN events that are due at `t_ns` [ns]."""
         if self._faults.until_ns <= t_ns:
             self._switch_faults(t_ns)
         self.controller.process_due(t_ns)
@@ -128,7 +128,7 @@ class SimulatedCan:
         self.controller.start_transmission(t_ns)
 
     def _switch_faults(self, t_ns: int) -> None:
-        """Begin and end faults at `t_ns` [ns]."""
+        """Start and end the faults whose time is `t_ns` [ns]."""
         acting = self._faults.at(t_ns)
         down = [fault for fault in acting if isinstance(fault, CanDown)]
         if self.up and down:
@@ -145,12 +145,13 @@ class SimulatedCan:
         self.controller.shorted = any(isinstance(fault, CanBusOff) for fault in acting)
 
     def _deliver(self, frame: bytes) -> None:
+        """Append a received frame to the receive buffer of every socket."""
         for socket in self._sockets:
             socket.unread.append(frame)
 
 
 class _Socket:
-    """A socket that is bound to the interface, a `CanWire`."""
+    """Simulated raw CAN socket that is bound to the interface (a `CanWire`)."""
 
     def __init__(self, can: SimulatedCan, sockets: "list[_Socket]") -> None:
         self._can = can
@@ -160,7 +161,7 @@ class _Socket:
         self.gone = False
 
     def send(self, frames: bytes, t_ns: int = 0) -> int:
-        """Hand over frames up to the first that is refused.
+        """Queue frames up to the first that the interface refuses; return the number accepted.
 
         Returns:
             How many were taken.
@@ -180,7 +181,7 @@ class _Socket:
         return len(ends)
 
     def receive(self) -> list[bytes]:
-        """Return the frames that have arrived.
+        """Return the frames that have arrived, oldest first.
 
         Raises:
             OSError: The interface has gone down.
@@ -194,6 +195,6 @@ class _Socket:
         return arrived
 
     def close(self) -> None:
-        """Release the socket; its frames stay in the queue."""
+        """Close the socket; frames that it has queued are still sent."""
         if self in self._sockets:
             self._sockets.remove(self)

@@ -1,4 +1,4 @@
-"""Other senders of a scene: another node on the bus, and another program on the same computer."""
+"""Other CAN traffic of a scene: another node on the bus, or another program on the same computer."""
 
 import math
 
@@ -8,7 +8,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class OtherSender:
-    """Schedule of a sender of frames of 8 bytes, and whether one of them waits.
+    """Periodic sender of 8-byte CAN frames beside the daemon, and whether one of its frames is waiting.
 
     Args:
         fault: The traffic of the scene.
@@ -29,7 +29,7 @@ class OtherSender:
         self._until_ns = fault.until_ns
 
     def send(self) -> None:
-        """Count the frame that is due as waiting, and set the time of the next one."""
+        """Mark the frame that is due as waiting, and schedule the next one a period later."""
         self.waiting = True
         self.due_ns += self._period_ns
         if self.due_ns >= self._until_ns:

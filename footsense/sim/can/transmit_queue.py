@@ -1,4 +1,4 @@
-"""The transmit queue of a CAN interface in Linux, and its treatment at a loss of carrier.
+"""Transmit queue of a CAN interface in Linux, and its behaviour when the carrier is lost.
 
 Source:
     Linux: net/sched/sch_fifo.c, net/sched/sch_generic.c, net/core/link_watch.c.
@@ -13,7 +13,7 @@ _CARRIER_CHECK_PERIOD_NS = 1_000_000_000
 
 
 class QueuedFrame(NamedTuple):
-    """A frame in the queue or a mailbox.
+    """One CAN frame in the transmit queue or in a controller mailbox.
 
     Attributes:
         handed_ns: Time at which it was handed to the kernel [ns].
@@ -27,7 +27,7 @@ class QueuedFrame(NamedTuple):
 
 
 class TransmitQueue:
-    """Simulated transmit queue of a CAN interface, as the Linux kernel keeps it.
+    """Simulated transmit queue of a CAN interface, with the drop and carrier rules of the Linux kernel.
 
     Args:
         room: Capacity in frames.
@@ -49,7 +49,7 @@ class TransmitQueue:
         self.n_purged = 0
 
     def put(self, frame: QueuedFrame) -> bool:
-        """Append a frame; a full queue refuses the frame or drops the oldest one.
+        """Append a frame; a full queue refuses it or drops the oldest one. Return whether it was accepted.
 
         Returns:
             False if it was refused: ENOBUFS.
@@ -69,22 +69,22 @@ class TransmitQueue:
         self.frames.clear()
 
     def stop(self) -> None:
-        """Discard the queue of an interface that goes down, and restore its carrier."""
+        """Discard all queued frames and reset the carrier to present, as when the interface goes down."""
         self.purge()
         self.regain_carrier()
         self.carrier_check_ns = math.inf
 
     def lose_carrier(self, t_ns: int) -> None:
-        """Lose the carrier; the kernel checks it at once, or a second after its last check."""
+        """Mark the carrier as lost; the kernel notices at once, or a second after its last check."""
         self._carrier = False
         self.carrier_check_ns = max(t_ns, self._next_check_ns)
 
     def regain_carrier(self) -> None:
-        """Regain the carrier, and activate a deactivated queue at once."""
+        """Mark the carrier as present, and reactivate a deactivated queue at once."""
         self._active = self._carrier = True
 
     def check_carrier(self, t_ns: int) -> None:
-        """Check the carrier at `t_ns` [ns]: without one, deactivate and empty the queue."""
+        """Do the kernel's carrier check at `t_ns` [ns]: without a carrier, deactivate and empty the queue."""
         self.carrier_check_ns = math.inf
         self._next_check_ns = t_ns + _CARRIER_CHECK_PERIOD_NS
         if not self._carrier:

@@ -1,1 +1,1 @@
-"""Chips and boards at byte level, from their data sheets."""
+"""Simulated chips and boards at register and byte level, from their data sheets."""

@@ -1,4 +1,4 @@
-"""A simulated AD7746, from the data sheet: registers, single conversions, ready bits, range, noise, temperature.
+"""Simulated AD7746 capacitance converter: registers, single conversions, ready bits, range, noise, temperature.
 
 It shares only register addresses and times with the driver. Simulated:
 - the address pointer advances with every byte read or written; the byte 0xBF in its place resets the chip, which then
@@ -39,7 +39,7 @@ MutualCapacitance = Callable[[int, int], tuple[float, bool]]
 
 
 class SimulatedAd7746(LegChip):
-    """Simulated AD7746: registers, conversions, noise.
+    """Simulated AD7746 capacitance converter at register level, with conversions and noise.
 
     Args:
         mutual_capacitance: The foot between EXCA and CIN1.
@@ -71,11 +71,11 @@ class SimulatedAd7746(LegChip):
         self.power_up(-chip.RESET_NS)
 
     def acknowledges(self, t_ns: int) -> bool:
-        """Return whether the chip answers at a time [ns]: not within 200 us of a reset."""
+        """Return whether the chip acknowledges its address at a time [ns]: not within 200 us of a reset."""
         return super().acknowledges(t_ns) and t_ns >= self._ready_ns
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Receive a register pointer and the values of the registers from there on; or a reset command."""
+        """Process written bytes: a register pointer with the values from there on, or the reset command."""
         self._finish_conversions_by(t_ns)
         if data[0] == chip.RESET_COMMAND:
             self.power_up(t_ns)
@@ -89,7 +89,7 @@ class SimulatedAd7746(LegChip):
             self._pointer += 1
 
     def read(self, n: int, t_ns: int) -> bytes:
-        """Return the registers from the pointer on, and ones behind the last one."""
+        """Return `n` bytes from the register at the pointer on; bytes behind the last register read 0xFF."""
         self._finish_conversions_by(t_ns)
         # The status as it was when it was sent: what follows in the same burst clears its bits.
         answer = bytes(self._registers[self._pointer : self._pointer + n])
@@ -128,7 +128,7 @@ class SimulatedAd7746(LegChip):
             t_ns = end_ns
 
     def _finish_conversions_by(self, t_ns: int) -> None:
-        """Set the results of the conversions that are over by `t_ns` [ns]."""
+        """Store the results of all conversions that end by `t_ns` [ns]."""
         while self._running and self._running[0][2] <= t_ns:
             kind, start_ns, end_ns = self._running[0]
             if in_any_span(self.stuck_ns, end_ns):
@@ -145,6 +145,7 @@ class SimulatedAd7746(LegChip):
                 self._registers[Register.CONFIGURATION] &= ~0x07
 
     def _capacitance_code(self, start_ns: int, end_ns: int) -> int:
+        """Return the capacitance code, averaged over the conversion from `start_ns` to `end_ns`."""
         registers = self._registers
         capacitance_pf, shorted = 0.0, False
         if registers[Register.EXC_SETUP] & chip.EXC_A and not registers[Register.CAP_SETUP] & chip.CAP_CIN2:
@@ -160,4 +161,5 @@ class SimulatedAd7746(LegChip):
         return min(max(code, 0), chip.CODE_MAX)
 
     def _temperature_code(self, t_ns: int) -> int:
+        """Return the code of the chip's temperature sensor at `t_ns`."""
         return round((self._temperature_c(t_ns) + 4096) * 2048)

@@ -1,4 +1,4 @@
-"""A simulated chip as its bus sees it, and behind a leg's channel of the mux: presence and supply."""
+"""Interface of a simulated I2C chip, and base class of the chips behind a leg's mux channel (presence, supply)."""
 
 from abc import ABC, abstractmethod
 from typing import Protocol
@@ -7,25 +7,25 @@ from footsense.sim.faults.schedule import Span, in_any_span
 
 
 class SimulatedChip(Protocol):
-    """A chip on the bus; times are the end of the transaction's last clock [ns]."""
+    """Interface of a simulated I2C chip; every `t_ns` is the end of the transaction's last clock [ns]."""
 
     address: int
 
     def acknowledges(self, t_ns: int) -> bool:
-        """Return whether the chip acknowledges its address."""
+        """Return whether the chip acknowledges its address at a time [ns]."""
         ...
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Receive the bytes of a write."""
+        """Process the bytes of an I2C write."""
         ...
 
     def read(self, n: int, t_ns: int) -> bytes:
-        """Return the next `n` bytes."""
+        """Return the next `n` bytes of an I2C read."""
         ...
 
 
 class LegChip(ABC):
-    """A chip that answers as long as its leg is connected and supplied.
+    """Base class of a leg's chips: answers only while the leg is connected and has its supply.
 
     Args:
         address: Address on the bus.
@@ -42,7 +42,7 @@ class LegChip(ABC):
         self.brown_outs_ns: list[float] = []
 
     def acknowledges(self, t_ns: int) -> bool:
-        """Return whether the chip answers at a time [ns], after the supply dips that are over by then."""
+        """Return whether the chip acknowledges at a time [ns], after resets by the supply dips up to then."""
         if not (self.brown_outs_ns or self.absent_ns):
             return True
         while self.brown_outs_ns and (dip_ns := min(self.brown_outs_ns)) <= t_ns:
@@ -52,4 +52,4 @@ class LegChip(ABC):
 
     @abstractmethod
     def power_up(self, t_ns: int) -> None:
-        """Reset the chip to its power-up state at a time [ns]."""
+        """Reset the chip to its power-up state at `t_ns` [ns]."""

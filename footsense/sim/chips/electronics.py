@@ -1,4 +1,4 @@
-"""The boards of a leg: a converter, its line switches, and the foot that it measures through them."""
+"""The chips of one leg, wired to its foot: a capacitance converter and the line switches in front of it."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ _CAPDAC_DRAW, _THERMOMETER_DRAW = 4, 5
 def leg_electronics(
     board: str, foot: WiredFoot, effects: Effects, seed: tuple[int, int]
 ) -> tuple[SimulatedFdc1004 | SimulatedAd7746, tuple[SimulatedLineSwitch, ...]]:
-    """Return the chips of one leg without faults: converter, then line switches (rows first).
+    """Return the chips of one fault-free leg: converter, then line switches (rows first).
 
     Args:
         board: `fdc1004` or `ad7746`.
@@ -55,7 +55,7 @@ def leg_electronics(
 
 
 def _column_pins(foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float) -> CinCapacitance:
-    """Return the pins of board `fdc1004`: the elements of each column to ground through their rows, and stray."""
+    """Return the capacitance function of board `fdc1004`'s pins: a column's elements to ground, and stray."""
 
     def pin_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
         # The load is that of the middle of the conversion; the rows are weighted by their share of it.
@@ -72,7 +72,7 @@ def _column_pins(foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float) ->
 def _crossing_capacitance(
     foot: WiredFoot, rows: SimulatedLineSwitch, columns: SimulatedLineSwitch
 ) -> MutualCapacitance:
-    """Return the input of board `ad7746`: elements between excited rows and selected columns, no stray to ground."""
+    """Return the mutual-capacitance function of board `ad7746`, between excited rows and selected columns."""
 
     def mutual_pf(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:
         t_ns = (t_start_ns + t_end_ns) // 2

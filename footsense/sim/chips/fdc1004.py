@@ -1,4 +1,4 @@
-"""A simulated FDC1004, from the data sheet: registers, one-shot conversions, DONE bits, noise and range.
+"""Simulated FDC1004 capacitance converter: registers, one-shot conversions, DONE bits, noise and range.
 
 It shares only register addresses with the driver. Simulated (sections of the data sheet, SNOSCY5):
 - one conversion at a time: a trigger with several measurements and no REPEAT starts none (8.5.3.1), and a trigger
@@ -36,7 +36,7 @@ CinCapacitance = Callable[[int, int, int], float]
 
 
 class _Conversion(NamedTuple):
-    """A conversion that a word in FDC_CONF starts: measurement, nominal time [ns], noise [pF]."""
+    """A one-shot conversion started by a write to FDC_CONF: measurement slot, nominal time [ns], noise [pF]."""
 
     slot: int
     duration_ns: int
@@ -45,7 +45,7 @@ class _Conversion(NamedTuple):
 
 @cache
 def _conversion_of_word(word: int) -> _Conversion | None:
-    """Return the conversion that a word in FDC_CONF starts; None for none."""
+    """Return the conversion that a write of `word` to FDC_CONF starts; None if it starts none."""
     triggers = chip.CONF_TRIGGERS.decode(word)
     one_shot = triggers.bit_count() == 1 and not chip.CONF_REPEAT.decode(word)
     rate = _RATE_OF_CODE.get(chip.CONF_RATE.decode(word))
@@ -56,19 +56,19 @@ def _conversion_of_word(word: int) -> _Conversion | None:
 
 @cache
 def _pin_and_capdac(config: int) -> tuple[int, int]:
-    """Return the pin that a word in CONF_MEASn measures, and the number of CAPDAC steps that it subtracts."""
+    """Return the pin (CINx) that a CONF_MEASn value measures, and the CAPDAC steps that it subtracts."""
     takes_off = chip.CONF_CHB.decode(config) == chip.CHB_CAPDAC
     return chip.CONF_CHA.decode(config), chip.CONF_CAPDAC.decode(config) if takes_off else 0
 
 
 def _unit_noise(noise: np.random.Generator) -> Iterator[float]:
-    """Yield noise of standard deviation 1."""
+    """Yield normal noise of standard deviation 1, drawn in batches."""
     while True:
         yield from noise.standard_normal(_NOISE_BATCH_SIZE).tolist()
 
 
 class SimulatedFdc1004(LegChip):
-    """Simulated FDC1004: registers, conversions, noise.
+    """Simulated FDC1004 capacitance converter at register level, with conversions and noise.
 
     Args:
         cin_capacitance_pf: Capacitance at the pins.
@@ -106,7 +106,7 @@ class SimulatedFdc1004(LegChip):
         self._started_ns = self._ends_ns = t_ns
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Receive a register pointer and, if two bytes follow, the value of the register."""
+        """Process written bytes: a register pointer and, if two bytes follow, the register's new value."""
         self._finish_conversions_by(t_ns)
         self._pointer = data[0]
         if len(data) < 3:
@@ -118,12 +118,13 @@ class SimulatedFdc1004(LegChip):
             self._registers[self._pointer] = word
 
     def read(self, n: int, t_ns: int) -> bytes:
-        """Return the register at the pointer, and ones behind it: no chip drives the line then."""
+        """Return the register at the pointer; further bytes read 0xFF, as no chip drives SDA then."""
         self._finish_conversions_by(t_ns)
         word = self._read_register(self._pointer).to_bytes(2, "big")
         return word if n == len(word) else word[:n] + b"\xff" * (n - 2)
 
     def _configure(self, word: int, t_ns: int) -> None:
+        """Process a write to FDC_CONF: reset the chip, or start a conversion."""
         if word & _RESET:
             self.power_up(t_ns)
             return
@@ -139,7 +140,7 @@ class SimulatedFdc1004(LegChip):
         self._ends_ns = t_ns + round(conversion.duration_ns * self.clock_factor)
 
     def _finish_conversions_by(self, t_ns: int) -> None:
-        """Set the result of a conversion that is over by `t_ns` [ns]."""
+        """Store the result of the conversion, if it ends by `t_ns` [ns]."""
         conversion = self._running
         if conversion is None or t_ns < self._ends_ns or in_any_span(self.stuck_ns, self._ends_ns):
             return
@@ -148,6 +149,7 @@ class SimulatedFdc1004(LegChip):
         self._done |= chip.slot_bit(conversion.slot)
 
     def _convert(self, conversion: _Conversion) -> int:
+        """Return the 24-bit code of a conversion, with noise, clipped to the range."""
         cin, capdac = _pin_and_capdac(self._registers[_CONF_MEAS1 + conversion.slot])
         capacitance_pf = self._cin_capacitance_pf(cin, self._started_ns, self._ends_ns)
         capacitance_pf -= capdac * chip.CAPDAC_STEP_PF

@@ -1,4 +1,4 @@
-"""A simulated ADG715 on the rows or columns of a foot.
+"""Simulated ADG715 switch that connects the row or column lines of a foot.
 
 Source:
     Analog Devices ADG714/ADG715 data sheet rev. B: one data byte, bit n closes switch n + 1; all open at power-up.
@@ -16,7 +16,7 @@ FLOATING_ROW_PF = 1.0
 
 
 class LineStates(NamedTuple):
-    """Selected and waiting lines from a time on [ns], as bit masks; the others float."""
+    """States of a foot's row or column lines from `since_ns` on, as bit masks: selected, waiting, the others float."""
 
     since_ns: int
     selected: int
@@ -24,7 +24,7 @@ class LineStates(NamedTuple):
 
 
 class SimulatedLineSwitch(LegChip):
-    """An ADG715 behind a leg's mux channel: one data byte, readable, all switches open at power-up.
+    """Simulated ADG715 behind a leg's mux channel: one readable data byte, all switches open at power-up.
 
     Args:
         address: Its address on the bus.
@@ -49,7 +49,7 @@ class SimulatedLineSwitch(LegChip):
         self._set_switches(0, t_ns)
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Set the switches to the last byte."""
+        """Set all switches to the bits of the last byte."""
         if not in_any_span(self.ignores_writes_ns, t_ns):
             self._set_switches(data[-1] | self.stuck_closed, t_ns)
 
@@ -59,12 +59,12 @@ class SimulatedLineSwitch(LegChip):
         self._history.append(LineStates(t_ns, selected, adg715.waiting_lines(switches, self._n_lines)))
 
     def read(self, n: int, t_ns: int) -> bytes:
-        """Return the byte of the switch states, one bit per switch, repeated for every byte read."""
+        """Return the byte of the switch states, one bit per switch, `n` times."""
         del t_ns
         return bytes((self._switches,)) * n
 
     def states_between(self, t_from_ns: int, t_to_ns: int) -> list[tuple[float, LineStates]]:
-        """Return the states of the lines between two times [ns], each with its share of the span; they sum to 1."""
+        """Return the line states between two times [ns], each with its share of that time; shares sum to 1."""
         shares = []
         until_ns = t_to_ns
         for states in reversed(self._history):

@@ -1,4 +1,4 @@
-"""A simulated microcontroller that scans feet by itself.
+"""Simulated microcontroller (board `mcu`) that scans all feet and sends the results over a serial port.
 
 It shares only the layout of a record with the driver. Simulated: a clock that drifts and wraps; all records of a scan
 in one burst, after its last conversion.
@@ -37,7 +37,7 @@ Elements = Callable[[int], Vector]
 
 
 class SimulatedRobotMcu:
-    """Simulated microcontroller of a robot: scans all legs and sends a serial record for each.
+    """Simulated microcontroller of a robot: scans all legs and sends one serial record per leg and scan.
 
     Args:
         legs: Capacitances of each leg, by its name.
@@ -58,7 +58,7 @@ class SimulatedRobotMcu:
         self.started_ns = self.n_scans = 0
 
     def scan(self, t_ns: int) -> bytes:
-        """Return the records of a scan, of which the middle of the first conversion is at `t_ns` [ns]."""
+        """Return the serial records of one scan; the middle of its first conversion is at `t_ns` [ns]."""
         number, self.n_scans = self.n_scans, self.n_scans + 1
         flags = RecordFlag.STARTING if number < _N_STARTING_RECORDS else 0
         t_us = round((t_ns - self.started_ns) * (1 + _CLOCK_ERROR_REL)) // _NS_PER_US % _TIMER_WRAP_US
@@ -78,10 +78,11 @@ class SimulatedRobotMcu:
 
     @property
     def conversion_span_ns(self) -> int:
-        """Time from the first to the last conversion of a scan, after which its records are sent [ns]."""
+        """Time from the first to the last conversion of a scan [ns]; the records are sent after it."""
         return (ELEMENTS - 1) * self._step_us * _NS_PER_US
 
     def _values_af(self, elements_pf: Elements, t_ns: int) -> list[int]:
+        """Return the measured capacitances of one leg's elements [aF], clipped to the full scale."""
         if self._step_us:
             step_ns = self._step_us * _NS_PER_US
             values_pf = np.array([elements_pf(t_ns + n * step_ns)[n] for n in range(ELEMENTS)])

@@ -1,4 +1,4 @@
-"""A simulated mux between an upstream bus and the legs.
+"""Simulated TCA9548A I2C mux between an upstream bus and the legs.
 
 Source:
     TCA9548A data sheet SCPS207, sections 8.4.1 (RESET input) and 8.5.4 (selection at STOP).
@@ -6,7 +6,7 @@ Source:
 
 
 class SimulatedMux:
-    """A TCA9548A: the last byte written selects its channels, from STOP on.
+    """Simulated TCA9548A I2C mux: the last byte written selects its channels, effective at STOP.
 
     Args:
         address: Address on the bus.
@@ -21,20 +21,20 @@ class SimulatedMux:
         self.control = 0
 
     def acknowledges(self, t_ns: int) -> bool:
-        """Return True: the mux always answers."""
+        """Return True: the mux always acknowledges."""
         del t_ns
         return True
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Set the control register; the bus applies it at STOP, when this returns."""
+        """Store the control byte (one bit per connected channel); called at STOP, when it takes effect."""
         del t_ns
         self.control = data[-1]
 
     def pulse(self) -> None:
-        """Disconnect all channels, as a pulse at the RESET pin does."""
+        """Disconnect all channels, as a pulse on the RESET pin does."""
         self.control = 0
 
     def read(self, n: int, t_ns: int) -> bytes:
-        """Return the mux's control byte, repeated for every byte read."""
+        """Return the mux's control byte, `n` times."""
         del t_ns
         return bytes((self.control,)) * n

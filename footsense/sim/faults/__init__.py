@@ -1,1 +1,1 @@
-"""Faults of a scene, and their simulation in wires, chips, feet and lines."""
+"""Faults that a scene can inject, and their simulation in bus wires, chips and feet."""

@@ -1,4 +1,4 @@
-"""Faults of a leg's chips, in the chips themselves or in a wrapper around them."""
+"""Injected faults of a leg's chips, simulated in the chips themselves or by a wrapper around them."""
 
 from collections.abc import Sequence
 
@@ -13,21 +13,21 @@ from footsense.sim.faults.schedule import Schedule
 
 
 class SimulatedEeprom:
-    """Simulated 24C02: reads and writes advance a pointer; each byte initially holds its own address."""
+    """Simulated 24C02 EEPROM: reads and writes advance a pointer; each byte initially holds its address."""
 
     def __init__(self) -> None:
         self._pointer = 0
         self._memory = bytearray(range(256))
 
     def write(self, data: bytes) -> None:
-        """Receive a pointer, and the bytes from there on."""
+        """Process written bytes: an address pointer, then data bytes to store from there on."""
         self._pointer = data[0]
         for value in data[1:]:
             self._memory[self._pointer] = value
             self._pointer = (self._pointer + 1) % 256
 
     def read(self, n: int) -> bytes:
-        """Return `n` bytes from the pointer on."""
+        """Return `n` bytes from the address pointer on."""
         return bytes(self._memory[(self._pointer + k) % 256] for k in range(n))
 
 
@@ -36,7 +36,7 @@ _CONVERTER_FAULT_TYPES = (*_LINE_FAULT_TYPES, scene_faults.WrongChip)
 
 
 class _FailingChip:
-    """A chip whose acknowledges are lost, whose answers are corrupt, or which an EEPROM replaces for a time."""
+    """Wrapper of a chip: it drops acknowledges, corrupts answers, or answers as an EEPROM while a fault is active."""
 
     def __init__(
         self,
@@ -84,7 +84,7 @@ def failing_chips(
     faults: Sequence[scene_faults.OnChips],
     rng: np.random.Generator,
 ) -> tuple[SimulatedChip, ...]:
-    """Return the chips of a leg as its bus sees them, the converter first.
+    """Return a leg's chips with its faults injected, the converter first.
 
     Args:
         converter: The leg's converter.

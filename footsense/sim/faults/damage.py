@@ -1,4 +1,4 @@
-"""Damage of a foot and of the lines to it, in the capacitances that a converter measures."""
+"""Injected damage of a foot and of its row and column lines, as changed capacitances at the converter."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ _LINE_FAULT_TYPES = (scene_faults.BrokenColumn, scene_faults.BrokenRow, scene_fa
 
 
 class WiredFoot:
-    """The foot of a leg behind its lines, with the damage of both.
+    """A foot with its row and column lines as the converter measures it, with damage to either.
 
     Args:
         whole_pf: Returns the capacitance of each element without damage at a time [ns], stray not included [pF].
@@ -51,7 +51,7 @@ class WiredFoot:
         self._held_pf: dict[scene_faults.ElementStuck, float] = {}
 
     def elements_pf(self, t_ns: int) -> list[float]:
-        """Return the capacitance without stray of each of the elements at a time [ns] [pF]."""
+        """Return the capacitance of each element at a time [ns], with damage, without stray [pF]."""
         whole_pf = self._whole_pf(t_ns)
         acting = self._on_elements.at(t_ns)
         if not acting:
@@ -73,7 +73,7 @@ class WiredFoot:
         return damaged_pf
 
     def pin_pf(self, cin: int, column_pf: list[float], states: LineStates, t_ns: int) -> float:
-        """Return the capacitance to ground of pin `cin` at a time [pF]; arguments as of `pin_capacitance_pf`."""
+        """Return the capacitance of pin `cin` to ground at a time [pF], with damage; see `pin_capacitance_pf`."""
         broken_rows, broken_columns, shorted = self._broken_lines(t_ns)
         if broken_columns >> cin & 1:
             return OPEN_ELEMENT_PF
@@ -83,11 +83,11 @@ class WiredFoot:
     def mutual_pf(
         self, element_pf: list[float], rows: LineStates, columns: LineStates, t_ns: int
     ) -> tuple[float, bool]:
-        """Return mutual capacitance [pF] and short at a time, as `mutual_capacitance_pf` with its arguments."""
+        """Return mutual capacitance [pF] and whether it is shorted, with damage; see `mutual_capacitance_pf`."""
         return mutual_capacitance_pf(element_pf, rows, columns, *self._broken_lines(t_ns))
 
     def _broken_lines(self, t_ns: int) -> tuple[int, int, list[int]]:
-        """Return bit r for each interrupted row line, bit c for each column line, and the shorted elements."""
+        """Return the interrupted row lines and column lines at a time (bit masks), and the shorted elements."""
         rows = columns = 0
         shorted: list[int] = []
         for fault in self._on_lines.at(t_ns):

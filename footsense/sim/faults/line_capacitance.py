@@ -1,4 +1,4 @@
-"""Capacitances that a converter measures through the lines of a foot, some of them broken or shorted.
+"""Capacitances at the converter's inputs, given the elements and the (broken or shorted) row and column lines.
 
 Board `fdc1004`: the pin of column j measures each element of its column against its row line. A row at ground counts in
 full, one at the shield drops out, a floating one counts in series with its own small capacitance to ground. A short
@@ -24,7 +24,7 @@ SHORTED_ELEMENT_PF = 1e6
 def pin_capacitance_pf(
     column_pf: Sequence[float], states: LineStates, broken_rows: int = 0, shorted_rows: int = 0
 ) -> float:
-    """Return the capacitance of a pin of board `fdc1004` to ground [pF].
+    """Return the capacitance to ground of one converter pin of board `fdc1004` [pF].
 
     Args:
         column_pf: Capacitance of each element of its column [pF], one a row.
@@ -58,7 +58,7 @@ def mutual_capacitance_pf(
     broken_columns: int,
     shorted: Sequence[int],
 ) -> tuple[float, bool]:
-    """Return the capacitance between excitation and input of board `ad7746`, and whether the excitation is shorted.
+    """Return the capacitance from excitation to input of board `ad7746` [pF], and whether it is shorted.
 
     Args:
         element_pf: Capacitance of each element [pF], a square array.

@@ -1,4 +1,4 @@
-"""Faults of a scene: the entries of its list `faults`.
+"""Fault types of a scene: the entries of its list `faults`.
 
 Each class is one kind of fault; its name in the file is the class name in lower case:
 `{at_s: 3.2, leg: rm, fault: stuck_sda}`. A fault lasts from `at_s` until `until_s`, or to the end without it. The
@@ -43,6 +43,8 @@ def _tag(name: str) -> str:
 class _Fault(
     msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="fault", tag=_tag
 ):
+    """A fault that starts at a time."""
+
     at_s: Annotated[float, Meta(ge=0.0)]
 
     @property
@@ -52,24 +54,30 @@ class _Fault(
 
 
 class _Lasting(_Fault, frozen=True, kw_only=True):
+    """A fault with an optional end time."""
+
     until_s: Annotated[float, Meta(gt=0.0)] | None = None
 
     @property
     def until_ns(self) -> float:
-        """End of the fault [ns]; infinite if it stays."""
+        """End of the fault [ns]; infinite for a permanent fault."""
         return math.inf if self.until_s is None else round(self.until_s * _NS_PER_S)
 
     @property
     def span_ns(self) -> Span:
-        """Begin and end of the fault [ns]."""
+        """Start and end of the fault [ns]."""
         return self.at_ns, self.until_ns
 
 
 class _OnLeg(_Lasting, frozen=True, kw_only=True):
+    """A fault of one leg."""
+
     leg: Leg
 
 
 class _OnElement(_OnLeg, frozen=True, kw_only=True):
+    """A fault of one element of a foot."""
+
     element: Element
 
 
@@ -77,44 +85,44 @@ class _OnElement(_OnLeg, frozen=True, kw_only=True):
 
 
 class Absent(_OnLeg, frozen=True, kw_only=True):
-    """No chip of the leg answers: its cable is off."""
+    """No chip of the leg answers: the leg's cable is unplugged."""
 
 
 class NackAtRandom(_OnLeg, frozen=True, kw_only=True):
-    """An acknowledge of the leg is lost with a probability of `rate_rel`: a loose contact."""
+    """Each acknowledge of the leg's chips is lost with probability `rate_rel`: a loose contact."""
 
     rate_rel: Rate
 
 
 class CorruptReads(_OnLeg, frozen=True, kw_only=True):
-    """One bit of an answer of the leg is wrong with a probability of `rate_rel`: noise on its lines."""
+    """Each read from the leg has one flipped bit with probability `rate_rel`: noise on its I2C lines."""
 
     rate_rel: Rate
 
 
 class StuckConverter(_OnLeg, frozen=True, kw_only=True):
-    """Conversions of the leg do not finish."""
+    """The leg's converter never finishes a conversion."""
 
 
 class WrongChip(_OnLeg, frozen=True, kw_only=True):
-    """An EEPROM answers at the converter's address."""
+    """An EEPROM answers at the address of the leg's converter."""
 
 
 class BrownOut(_Fault, frozen=True, kw_only=True):
-    """The supply of the leg dips: its chips answer on, with the settings of power-up."""
+    """The leg's supply dips for a moment: its chips restart with their power-up settings."""
 
     leg: Leg
 
 
 class SwitchIgnoresWrites(_OnLeg, frozen=True, kw_only=True):
-    """The row switch of the leg acknowledges its settings and ignores them."""
+    """The leg's row switch acknowledges writes but does not switch."""
 
 
 # ---------------------------------------------------------------- the wires of a bus
 
 
 class StuckSda(_OnLeg, frozen=True, kw_only=True):
-    """The leg holds SDA low: no transaction passes, the mux included, while its channel is connected.
+    """The leg holds SDA low: while its mux channel is connected, no transaction passes, not even to the mux.
 
     Attributes:
         within_byte: Whether its chip was interrupted within a byte: nine clocks with SDA released end it, which only an
@@ -125,20 +133,20 @@ class StuckSda(_OnLeg, frozen=True, kw_only=True):
 
 
 class StuckUpstreamBus(_Lasting, frozen=True, kw_only=True):
-    """SDA is held low between host and mux."""
+    """SDA is held low between host and mux: no transaction passes."""
 
     bus: Bus = 0
 
 
 class ArbitrationLost(_Lasting, frozen=True, kw_only=True):
-    """Another master on the upstream bus wins an arbitration with a probability of `rate_rel`."""
+    """Another master wins the arbitration on the upstream bus with probability `rate_rel` per attempt."""
 
     bus: Bus = 0
     rate_rel: Rate
 
 
 class MuxReset(_Fault, frozen=True, kw_only=True):
-    """A dip of its supply resets the mux: no channel is connected any more."""
+    """A supply dip resets the mux: all its channels are disconnected."""
 
     bus: Bus = 0
 
@@ -147,35 +155,35 @@ class MuxReset(_Fault, frozen=True, kw_only=True):
 
 
 class ElementOpen(_OnElement, frozen=True, kw_only=True):
-    """An element has lost its electrode."""
+    """An element has lost its electrode: only a trace's capacitance remains."""
 
 
 class ElementShorted(_OnElement, frozen=True, kw_only=True):
-    """The two electrodes of an element touch: its row is tied to its column."""
+    """The two electrodes of an element touch: its row line is shorted to its column line."""
 
 
 class ElementStuck(_OnElement, frozen=True, kw_only=True):
-    """An electrode has come off the rubber: the gap no longer follows the load."""
+    """An element's electrode has come off the rubber: its capacitance no longer follows the load."""
 
 
 class ElementDrifts(_OnElement, frozen=True, kw_only=True):
-    """The capacitance of an element drifts, as by moisture in the film; the drift remains at the end."""
+    """The capacitance of an element drifts at a constant rate, as by moisture; the drift remains after the end."""
 
     rate_ff_per_s: Annotated[float, Meta(ge=-1000.0, le=1000.0)]
 
 
 class GapClosed(_OnElement, frozen=True, kw_only=True):
-    """Water fills a gap: it reads as if it were closed."""
+    """Water fills an element's gap: the element reads as if the gap were closed."""
 
 
 class BrokenRow(_OnLeg, frozen=True, kw_only=True):
-    """The line of a row is interrupted between the switch and the foot."""
+    """A row line is interrupted between the switch and the foot."""
 
     row: Line
 
 
 class BrokenColumn(_OnLeg, frozen=True, kw_only=True):
-    """The line of a column is interrupted between the converter's pin and the foot."""
+    """A column line is interrupted between the converter's pin and the foot."""
 
     column: Line
 
@@ -184,27 +192,27 @@ class BrokenColumn(_OnLeg, frozen=True, kw_only=True):
 
 
 class CanNoAck(_Lasting, frozen=True, kw_only=True):
-    """No other node acknowledges: the plug is out, or the controller is switched off."""
+    """No other CAN node acknowledges: the plug is out, or the receiver is off."""
 
 
 class CanBusOff(_Lasting, frozen=True, kw_only=True):
-    """CAN high and low are shorted: no bit passes, and the controller repeatedly goes bus-off."""
+    """CANH and CANL are shorted: no bit passes, and the controller repeatedly goes bus-off."""
 
 
 class CanDown(_Lasting, frozen=True, kw_only=True):
-    """The interface is down, or unplugged and replaced by a new one."""
+    """The CAN interface is down, or was unplugged and replaced by a new one."""
 
     unplugged: bool = False
 
 
 class CanQueueFull(_Lasting, frozen=True, kw_only=True):
-    """Another program on the same computer sends more than the bus carries, with the lowest priority."""
+    """Another program on the same computer floods the transmit queue with frames of the lowest priority."""
 
     rate_hz: Annotated[float, Meta(gt=0.0, le=100_000.0)] = 10_000.0
 
 
 class CanTraffic(_Lasting, frozen=True, kw_only=True):
-    """Another node sends frames of 8 bytes."""
+    """Another CAN node sends 8-byte frames periodically."""
 
     can_id: Annotated[int, Meta(ge=0, le=0x7FF)] = 0x080
     rate_hz: Annotated[float, Meta(gt=0.0, le=10_000.0)]

@@ -1,4 +1,4 @@
-"""Schedule of the faults: the active faults at a time, cached until the next one starts or ends."""
+"""Lookup of the entries that are active at a time, cached until the next one starts or ends."""
 
 import math
 from bisect import bisect_right
@@ -12,7 +12,7 @@ Span = tuple[float, float]
 
 
 def in_any_span(spans: list[Span], t_ns: float) -> bool:
-    """Return whether a time [ns] lies in one of the spans, its end excluded."""
+    """Return whether a time [ns] lies in one of the spans (start included, end excluded)."""
     for from_ns, until_ns in spans:  # noqa: SIM110 - `any` costs three times as much, and every transaction asks
         if from_ns <= t_ns < until_ns:
             return True
@@ -20,7 +20,7 @@ def in_any_span(spans: list[Span], t_ns: float) -> bool:
 
 
 class Schedule(Generic[_T]):
-    """Values with the span of time in which each is active; the result is cached until the next start or end.
+    """Values, each active in a span of time; the lookup is cached until the next start or end.
 
     Args:
         entries: Span [ns] and value.
@@ -36,7 +36,7 @@ class Schedule(Generic[_T]):
         self._since_ns, self.until_ns = math.inf, -math.inf  # no answer yet
 
     def at(self, t_ns: float) -> tuple[_T, ...]:
-        """Return the values that act at a time [ns], in the order of the entries."""
+        """Return the values that are active at a time [ns], in the order of the entries."""
         if not self._since_ns <= t_ns < self.until_ns:
             passed = bisect_right(self._edges_ns, t_ns)
             self._since_ns, self.until_ns = [-math.inf, *self._edges_ns, math.inf][passed : passed + 2]

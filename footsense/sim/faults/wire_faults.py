@@ -1,4 +1,4 @@
-"""Faults of the wires of a simulated bus.
+"""Injected faults of the wires of a simulated I2C bus: stuck lines, lost arbitration, mux resets.
 
 A leg that holds SDA low reaches the upstream bus through its channel of the mux, which is a switch without a buffer:
 from then on no transaction passes, not even the one that would disconnect the leg. Only the RESET pin of the mux frees
@@ -30,7 +30,7 @@ _ARBITRATION_LOST_AFTER_NS = 25_000
 
 
 class WireFaults:
-    """Faults of the wires of one bus.
+    """Active wire faults of one I2C bus, and their effect on its transactions.
 
     Args:
         faults: The faults.
@@ -59,7 +59,7 @@ class WireFaults:
         self._resets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
     def apply_faults(self, clock: VirtualClock, mux: SimulatedMux, host_cost_ns: int, address: int) -> bool:
-        """Apply the acting faults to the next transaction: wait for its failed attempts; return whether it passes.
+        """Apply the active faults to the next transaction: wait for failed attempts, return whether it succeeds.
 
         One that does not pass is acknowledged, has no effect, and reads zeros.
 
@@ -95,7 +95,7 @@ class WireFaults:
         raise BusTimeoutError("arbitration lost four times")
 
     def _holds_line(self, fault: OnWires, selection: int) -> bool:
-        """Return whether an acting fault holds a line of the bus."""
+        """Return whether an active fault holds SDA of the bus low, given the selected mux channels."""
         if fault in self._released:
             return False
         if isinstance(fault, StuckSda):

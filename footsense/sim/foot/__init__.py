@@ -1,1 +1,1 @@
-"""Effects of rubber, temperature and fabrication on a simulated foot."""
+"""Simulated deviations of a foot from its elastic design: rubber, temperature, cavity air, stiction, fabrication."""

@@ -1,4 +1,4 @@
-"""Air in the cavities of one simulated foot: warmed, under the weather's pressure, and leaking over time."""
+"""Air in the closed cavities of one simulated foot: pressure by load, temperature, weather and leakage."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from footsense.frames import Vector
 
 
 class CavityAir:
-    """State of the air of one foot whose cavities are not vented, advanced in the order of time.
+    """Gas state of the closed cavities of one foot; call in order of time.
 
     Args:
         foot: The foot.
@@ -32,7 +32,7 @@ class CavityAir:
     def capacitance_pf(
         self, t_ns: int, normal: Vector, force_n: Vector, softness: float = 1.0, kelvin: float = 0.0
     ) -> Vector:
-        """Return the capacitance of each element under a load [pF], shape (elements,), stray included.
+        """Return the capacitance of each element under a load [pF], shape (elements,), with stray; advances the air.
 
         Args:
             t_ns: Time, not before that of the last call [ns].

@@ -1,4 +1,4 @@
-"""Fabricated feet: deviations of each specimen from the design, drawn from tolerances.
+"""Random deviations of fabricated feet from the design, drawn from fabrication tolerances.
 
 Each foot is reproducible by itself, from its number, a seed and the tolerances.
 """
@@ -20,7 +20,7 @@ MIN_LOAD_ELEVATION_DEG = 40.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FootTolerances:
-    """Deviations of fabricated feet from the design: rms values, zero for exact.
+    """Fabrication tolerances of a foot: rms deviation of each property from the design; 0 for exact.
 
     Attributes:
         gap_um: Rms deviation of the gap of each element [um].
@@ -45,7 +45,7 @@ REMOUNT_DEG = 0.3
 
 
 def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foot: int) -> Deviations:
-    """Draw one foot's random deviations from its design, with the fabrication tolerances as rms values.
+    """Return one foot's random deviations from its design, drawn with the tolerances as rms values.
 
     Each kind of deviation has its own random stream: a foot has the same gaps with any tolerance of its mount, and
     twice the deviations with twice the tolerance (repeated draws apart).
@@ -70,7 +70,7 @@ def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foo
 
 
 def with_new_mounting(own: Deviations, remount_deg: float, seed: int, foot: int, mounting: int) -> Deviations:
-    """Return a foot after another mounting, rotated by a further small angle.
+    """Return a foot's deviations after it was taken off and mounted again: rotated by a further small angle.
 
     Args:
         own: Deviations of the foot.
@@ -84,7 +84,7 @@ def with_new_mounting(own: Deviations, remount_deg: float, seed: int, foot: int,
 
 
 def _draw_at_least(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector:
-    """Return normal deviates of an rms, shape (n,), each drawn again until it is at least `least`."""
+    """Return `n` normal deviates of the given rms; those below `least` are drawn again."""
     values = rng.normal(size=n)
     while (low := rms * values < least).any():
         values[low] = rng.normal(size=int(low.sum()))
@@ -92,7 +92,7 @@ def _draw_at_least(rng: np.random.Generator, rms: float, n: int, least: float) -
 
 
 def _draw_mount(rng: np.random.Generator, rms_deg: float, most_deg: float) -> Vector:
-    """Return a rotation about any axis, shape (3, 3), tilting the leg by at most `most_deg` or drawn again."""
+    """Return a random mounting rotation, shape (3, 3), drawn again until it tilts the leg by at most `most_deg`."""
     while True:
         mount = _draw_rotation(rng, rms_deg)
         if mount[2, 2] >= np.cos(np.radians(most_deg)):
@@ -100,5 +100,5 @@ def _draw_mount(rng: np.random.Generator, rms_deg: float, most_deg: float) -> Ve
 
 
 def _draw_rotation(rng: np.random.Generator, rms_deg: float) -> Vector:
-    """Return a rotation about any axis, shape (3, 3); its angle's square is the sum of three squares."""
+    """Return a random rotation matrix, shape (3, 3), of rms angle `rms_deg`."""
     return rotation(np.radians(rms_deg) / np.sqrt(3.0) * rng.normal(size=3))

@@ -1,4 +1,4 @@
-"""Stiction of one simulated foot's gaps: what has closed stays closed until it is pulled open.
+"""Stiction of one simulated foot's gaps: a closed gap stays closed until the rubber pulls it open.
 
 The paper lines its cavities with parylene against this, and names a film without gaps as the cure (section VI). How
 much a pair of surfaces bears is measured on no foot: soft polymers bear between one and some hundred kilopascals. The
@@ -12,7 +12,7 @@ from footsense.frames import Vector
 
 
 class StickingGaps:
-    """State of the gaps of one vented foot, advanced load by load.
+    """Closed or open state of the gaps of one vented foot, advanced load by load.
 
     Args:
         foot: The foot.
@@ -25,7 +25,7 @@ class StickingGaps:
         self._stuck = np.zeros(foot.response.n_cells, bool)
 
     def capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the capacitance of each element under the next load [pF], shape (elements,).
+        """Return the capacitance of each element under the next load [pF], shape (elements,); updates which stick.
 
         Args:
             normal: Inward normal of the contact, shape (3,).

@@ -1,4 +1,4 @@
-"""Viscoelastic rubber: creep under constant load, and hysteresis between loading and unloading.
+"""Viscoelastic rubber of a simulated foot: creep under constant load, and hysteresis of loading and unloading.
 
 Both act on the load of the elastic solid, as elements in series with the elastic foot:
 
@@ -31,7 +31,7 @@ _MIN_LOAD_N = 1e-6
 
 
 class ViscoelasticElement:
-    """State of the rubber of one foot, advanced in the order of time.
+    """Creep and hysteresis state of the rubber of one foot; call in order of time.
 
     Args:
         creep: Creep over that assumed above [1].
@@ -47,7 +47,7 @@ class ViscoelasticElement:
         self._t_ns: int | None = None
 
     def effective_load(self, t_ns: int, normal: Vector, force_n: Vector) -> tuple[Vector, Vector]:
-        """Return normal and force [N] that deform an elastic foot as much, shape (3,) each.
+        """Return normal and force [N] that would deform an elastic foot as much, shape (3,) each; advances the state.
 
         Args:
             t_ns: Time, not before that of the last call [ns].

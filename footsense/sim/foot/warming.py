@@ -1,4 +1,4 @@
-"""Effect of temperature on a foot: drift of the baseline, different for each element, and stiffer rubber."""
+"""Effects of temperature on a simulated foot: baseline drift per element, and stiffer rubber."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ STIFFENING_PER_K = 4.4e-3
 
 
 def softness_at(kelvin: float) -> float:
-    """Return the factor on the closures of a warmer foot under the same load [1].
+    """Return the factor on the gap closures under the same load, for a foot warmed by `kelvin` [1].
 
     Args:
         kelvin: Change of temperature [K].
@@ -22,7 +22,7 @@ def softness_at(kelvin: float) -> float:
 
 
 class WarmingFoot:
-    """A foot with a change of temperature.
+    """Temperature change of one foot over time, with its baseline drift and stiffening.
 
     Args:
         warming: The change.
@@ -36,14 +36,14 @@ class WarmingFoot:
         self._pf_per_k: list[float] = (DRIFT_PF_PER_K * (1.0 + spread_rel)).tolist()
 
     def kelvin(self, t_ns: int) -> float:
-        """Return the change of temperature by a time [K]."""
+        """Return the temperature change since the start at a time [K]."""
         return self._warming.kelvin_at(t_ns)
 
     def drift_pf(self, t_ns: int) -> list[float]:
-        """Return the drift of the capacitance of each of the elements at a time [pF]."""
+        """Return the baseline drift of each element at a time [pF]."""
         kelvin = self._warming.kelvin_at(t_ns)
         return [pf_per_k * kelvin for pf_per_k in self._pf_per_k]
 
     def softness(self, t_ns: int) -> float:
-        """Return the factor on the closures under the same load at a time, 1 at the start [1]."""
+        """Return the factor on the gap closures under the same load at a time [1]; 1 at the start."""
         return softness_at(self._warming.kelvin_at(t_ns))

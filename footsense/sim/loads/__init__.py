@@ -1,1 +1,1 @@
-"""Loads of the feet over time."""
+"""Simulated true loads (force and contact normal) of the feet over time."""

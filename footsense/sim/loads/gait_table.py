@@ -1,4 +1,4 @@
-"""Capacitances of a foot over one gait cycle, computed once, for walks that would take hours with the response table.
+"""Precomputed capacitances of a foot over one gait cycle, to simulate long walks quickly.
 
 The load of a walk depends on the phase alone. The capacitances depend on the phase and on the softness of the rubber,
 which changes with temperature and age; between the points of both they are interpolated linearly.
@@ -18,7 +18,7 @@ _SOFTNESS_STEP = 0.005
 
 
 class GaitTable:
-    """The capacitances of one foot over the stance of a leg.
+    """Table of one foot's capacitances over the stance phase of one leg.
 
     Args:
         foot: The foot.
@@ -49,7 +49,7 @@ class GaitTable:
         ]
 
     def capacitance_pf(self, phase: float | None, softness: float = 1.0) -> list[float]:
-        """Return the capacitances of the nine elements [pF].
+        """Return the capacitance of each element at a stance phase [pF], interpolated; phase None is the swing.
 
         Args:
             phase: Phase of the leg within its stance [1]; None in the air.
@@ -66,11 +66,12 @@ class GaitTable:
         return _interpolate(lower_pf, self._interpolate_table(self._tables[below + 1], phase), part)
 
     def _interpolate_table(self, table: list[list[float]], phase: float) -> list[float]:
+        """Return a table's capacitances at a phase [pF], interpolated linearly."""
         place = phase * self._per_phase
         step = min(int(place), self._n_steps - 1)
         return _interpolate(table[step], table[step + 1], place - step)
 
 
 def _interpolate(from_pf: list[float], to_pf: list[float], part: float) -> list[float]:
-    """Return values interpolated linearly between two sets."""
+    """Return the values between two lists of values, at the fraction `part` from the first to the second."""
     return [a_pf + part * (b_pf - a_pf) for a_pf, b_pf in zip(from_pf, to_pf, strict=True)]

@@ -1,4 +1,4 @@
-"""True loads of the feet over time.
+"""True contact (normal and force) of each simulated foot with the ground as a function of time.
 
 A load gives, for a leg and a time, the surface normal at the contact and the ground reaction on the foot, both in
 the foot frame (x forward, y left, z along the leg towards the body). On flat ground a leg that leans by the pitch p
@@ -14,7 +14,7 @@ from footsense.frames import Vector
 
 
 class GroundContact(NamedTuple):
-    """Contact of one foot with the ground, foot frame.
+    """True contact of one foot with the ground: contact normal and force [N], foot frame.
 
     Attributes:
         normal: Inward unit normal of the ball at the contact, shape (3,).
@@ -26,10 +26,10 @@ class GroundContact(NamedTuple):
 
 
 class ContactSource(Protocol):
-    """Contact of each leg as a function of time."""
+    """Interface: the true ground contact of each leg as a function of time."""
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
-        """Return the contact of a leg at a time [ns]."""
+        """Return the true ground contact of a leg at a time [ns]."""
         ...
 
 
@@ -38,7 +38,7 @@ IN_THE_AIR = GroundContact(_UP, np.zeros(3))
 
 
 class Ramp:
-    """One force on every foot, through the centre of its ball, that rises linearly from zero and stays.
+    """The same force on every foot, through the centre of its ball: rises linearly from zero, then stays constant.
 
     Args:
         force_n: Force in the end [N], foot frame, not zero.
@@ -53,7 +53,7 @@ class Ramp:
         self._rise_ns = rise_ns
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
-        """Return the contact at a time [ns], the same for every leg."""
+        """Return the true ground contact at a time [ns], the same for every leg."""
         del leg
         since_ns = t_ns - self._from_ns
         if since_ns < 0:

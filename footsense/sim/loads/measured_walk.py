@@ -1,4 +1,4 @@
-"""A walk with the measured ground reactions of a person."""
+"""Walk whose ground reaction forces are the measured ones of a walking person, scaled."""
 
 from importlib.resources import files
 from typing import NamedTuple
@@ -13,7 +13,7 @@ _RIGHT_LEGS = ("rf", "rm", "rr", "r4")
 
 
 class MeasuredStride(NamedTuple):
-    """One stride of a walking person: time [s] from heel strike, force [N] of shape (n, 3), stride and stance [s]."""
+    """One measured stride of a person: time from heel strike [s], force [N] of shape (n, 3), stride and stance [s]."""
 
     t_s: Vector
     force_n: Vector
@@ -22,7 +22,7 @@ class MeasuredStride(NamedTuple):
 
 
 def measured_strides() -> dict[str, MeasuredStride]:
-    """Return the measured stride of the "right" and of the "left" foot; x forward, y left, z up.
+    """Return the measured strides of the "right" and "left" foot of a person; x forward, y left, z up.
 
     Source:
         Ground reaction forces of subject11_noload_free_trial03 of the OpenSim project's models
@@ -50,7 +50,7 @@ def measured_strides() -> dict[str, MeasuredStride]:
 
 
 def measured_walk(peak_force_n: float, pitch_deg: float, from_ns: int) -> Walk:
-    """Return a walk with measured ground reactions, scaled to a largest vertical force.
+    """Return a tripod gait with measured ground reaction forces, scaled to `peak_force_n` vertically.
 
     Args:
         peak_force_n: Largest vertical force [N].

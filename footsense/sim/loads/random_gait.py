@@ -1,4 +1,4 @@
-"""Random stances of one foot, drawn from a seed: training and test loads of the windowed network.
+"""Random stances of one foot, for training and test loads of the windowed network.
 
 A stance is a normal force over time, a contact point that wanders over the ball, and friction at that point:
 
@@ -31,7 +31,7 @@ FRICTION_REL = 0.65
 
 
 class Loads(NamedTuple):
-    """Loads of one foot at n times.
+    """True loads of one foot at n times: contact normals and forces [N].
 
     Attributes:
         normal: Inward unit normal of the ball at the contact, foot frame, shape (n, 3).
@@ -43,7 +43,7 @@ class Loads(NamedTuple):
 
 
 class _SuddenChange(NamedTuple):
-    """A sudden change: start and duration [s], change of the load over it [1], and of the friction ratio [1]."""
+    """A sudden change: start and duration [s], relative change of the load [1], change of the friction ratio [1]."""
 
     start_s: float
     duration_s: float
@@ -53,14 +53,14 @@ class _SuddenChange(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Oscillation:
-    """A sum of sines, shape (..., k) of each parameter: amplitude, angular frequency [rad/s], phase [rad]."""
+    """A sum of sines: amplitude, angular frequency [rad/s] and phase [rad], shape (..., k) each."""
 
     amplitude: Vector
     rate: Vector
     phase: Vector
 
     def at(self, t_s: Vector) -> Vector:
-        """Return the sum at n times [s], shape (n, ...)."""
+        """Return the sum of the sines at n times [s], shape (n, ...)."""
         turns = np.multiply.outer(t_s, self.rate) + self.phase
         total: Vector = (self.amplitude * np.sin(turns)).sum(axis=-1)
         return total
@@ -69,6 +69,7 @@ class _Oscillation:
 def _oscillation(
     rng: np.random.Generator, size: float, hertz: tuple[float, float], shape: tuple[int, ...]
 ) -> _Oscillation:
+    """Return a random sum of sines of a size, in a frequency band [Hz]."""
     rate = 2.0 * np.pi * _log_uniform(rng, hertz, shape)
     return _Oscillation(
         amplitude=size * rng.normal(size=shape), rate=rate, phase=rng.uniform(0.0, 2.0 * np.pi, shape)
@@ -78,18 +79,19 @@ def _oscillation(
 def _log_uniform(
     rng: np.random.Generator, bounds: tuple[float, float], size: tuple[int, ...] | None = None
 ) -> Vector:
+    """Return random values between two bounds, uniform in their logarithm."""
     drawn: Vector = np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), size))
     return drawn
 
 
 def _smooth_step(x: Vector) -> Vector:
-    """Return a smooth step from 0 at 0 to 1 at 1."""
+    """Return a cosine-shaped step that rises from 0 at x = 0 to 1 at x = 1."""
     eased: Vector = 0.5 - 0.5 * np.cos(np.pi * np.clip(x, 0.0, 1.0))
     return eased
 
 
 class RandomStance:
-    """One stance, drawn from a generator.
+    """Random load of one foot over one stance, drawn at construction.
 
     Args:
         rng: Source of the draws.
@@ -124,6 +126,7 @@ class RandomStance:
         self._shear_steps = self._sudden_changes(rng, 0.0 if still else 0.3)
 
     def _sudden_changes(self, rng: np.random.Generator, probability: float) -> list[_SuddenChange]:
+        """Return random sudden changes of the load; a list that may be empty."""
         if rng.random() >= probability:
             return []
         return [
@@ -165,7 +168,7 @@ class RandomStance:
         return np.where((t_s >= 0.0) & (t_s < self.duration_s), pressing, 0.0)
 
     def _lean_at(self, t_s: Vector) -> Vector:
-        """Return the lean of the contact's normal, forward and to the left [rad], shape (n, 2)."""
+        """Return the lean of the contact normal at n times, forward and to the left [rad], shape (n, 2)."""
         rolled = 1.0 - 2.0 * self._roll * t_s / self.duration_s
         lean = self._lean * rolled[:, None] + self._off + self._wander.at(t_s)
         size = np.linalg.norm(lean, axis=1, keepdims=True)
@@ -173,7 +176,7 @@ class RandomStance:
         return limited
 
     def _shear_at(self, t_s: Vector) -> Vector:
-        """Return the tangential over the normal force, forward and to the left [1], shape (n, 2)."""
+        """Return the ratio of tangential to normal force, forward and to the left [1], shape (n, 2)."""
         shear = self._friction + self._shear.at(t_s)
         for step in self._shear_steps:
             shear = shear + np.multiply.outer(
@@ -183,13 +186,13 @@ class RandomStance:
 
 
 def _normals(lean: Vector) -> Vector:
-    """Return unit normals that lean by angles [rad], shapes (n, 2) and (n, 3)."""
+    """Return the unit normals, shape (n, 3), that lean forward and to the left by angles [rad], shape (n, 2)."""
     angle = np.linalg.norm(lean, axis=1, keepdims=True)
     return np.hstack([lean * np.sinc(angle / np.pi), np.cos(angle)])
 
 
 class RandomGait:
-    """Random stances of one foot, one after the other.
+    """Random stances of one foot in sequence, with swings between them.
 
     Args:
         rng: Source of the draws.
@@ -207,7 +210,7 @@ class RandomGait:
         self._starts_s = np.array([start for start, _ in self._stances])
 
     def loads(self, t_s: Vector) -> Loads:
-        """Return the loads at n times [s]; in the air the normal is up and the force zero."""
+        """Return the loads at n times [s]; in swing the normal points up and the force is zero."""
         normal = np.tile([0.0, 0.0, 1.0], (len(t_s), 1))
         force_n = np.zeros((len(t_s), 3))
         for start_s, stance in self._stances:
@@ -217,7 +220,7 @@ class RandomGait:
         return Loads(normal, force_n)
 
     def contact_at(self, t_s: float) -> GroundContact:
-        """Return the contact at one time [s]."""
+        """Return the true ground contact at one time [s]."""
         number = int(np.searchsorted(self._starts_s, t_s, "right")) - 1
         if number < 0:
             return IN_THE_AIR

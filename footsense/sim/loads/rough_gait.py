@@ -1,4 +1,4 @@
-"""Random stances on rough ground: friction from ice to rubber, slopes and stones, soft soil; the slid way is known.
+"""Random stances on rough ground: friction from ice to rubber, slopes, stones, soft soil; the true slip is known.
 
 Normal force, roll and demanded friction are those of `random_gait`; here the ground answers. Stances on stones lean by
 up to 30 deg, and a part of the weight pulls downhill. On soft ground the leg's spring is softer and creeps more. In
@@ -25,7 +25,7 @@ _DRAGGED_SHARE, _DRAG_MM, _DRAG_MM_PER_S, _DRAG_EASE_S = 0.3, (5.0, 30.0), (20.0
 
 
 class Slides(NamedTuple):
-    """Truth of a foot on the ground at n times.
+    """True stance number, slid distance and friction coefficient of one foot at n times.
 
     Attributes:
         stance: Number of the stance, -1 in the air, shape (n,).
@@ -39,7 +39,7 @@ class Slides(NamedTuple):
 
 
 class RoughStance:
-    """One stance on rough ground.
+    """Random load and slip of one foot over one stance on rough ground.
 
     Args:
         rng: Source of the draws.
@@ -76,7 +76,7 @@ class RoughStance:
         self._force_n = _contact_forces_n(self._normal, self._pressing_n, tangential_n)
 
     def _drag_mm(self, rng: np.random.Generator) -> Vector:
-        """Return the way of the leg against the body, shape (n, 2)."""
+        """Return the distance by which the leg drags the foot along the ground since touchdown [mm], shape (n, 2)."""
         if rng.random() >= _DRAGGED_SHARE:
             return np.zeros((len(self._t_s), 2))
         since_s = np.maximum(self._t_s - rng.uniform(0.05, 0.7) * self.duration_s, 0.0)
@@ -97,19 +97,19 @@ class RoughStance:
         )
 
     def way_mm(self, t_s: Vector) -> Vector:
-        """Return the way slid at n times since touchdown [mm]."""
+        """Return the distance slid on the ground at n times since touchdown [mm]."""
         return np.asarray(np.interp(t_s, self._t_s, self._way_mm), np.float64)
 
 
 def _limited_normals(across: Vector) -> Vector:
-    """Return unit normals of given components forward and to the left, their lean limited, shapes (n, 2), (n, 3)."""
+    """Return unit normals, shape (n, 3), of forward and left components, shape (n, 2), their lean limited."""
     size = np.linalg.norm(across, axis=1, keepdims=True)
     across = across * np.minimum(1.0, np.sin(np.radians(_LARGEST_DEG)) / np.maximum(size, 1e-9))
     return np.hstack([across, np.sqrt(1.0 - (across**2).sum(axis=1, keepdims=True))])
 
 
 def _contact_forces_n(normal: Vector, pressing_n: Vector, tangential_n: Vector) -> Vector:
-    """Return forces of a normal force and a tangential one, of the length given, in the direction of its shadow."""
+    """Return the forces [N] of given normal and tangential magnitudes, each tangential one along the surface."""
     along = -(normal[:, :2] * tangential_n).sum(axis=1, keepdims=True) / normal[:, 2:]
     tangential = np.hstack([tangential_n, along])
     wanted = np.linalg.norm(tangential_n, axis=1, keepdims=True)
@@ -118,12 +118,12 @@ def _contact_forces_n(normal: Vector, pressing_n: Vector, tangential_n: Vector) 
 
 
 def _interpolate_rows(t_s: Vector, known_s: Vector, values: Vector) -> Vector:
-    """Return the rows of a table at n times, linearly between its times."""
+    """Return the rows of a table, linearly interpolated at n times."""
     return np.stack([np.interp(t_s, known_s, column) for column in values.T], axis=1)
 
 
 class RoughGait:
-    """Random stances of one foot on rough ground, one after the other, with shake in every swing.
+    """Random stances of one foot on rough ground in sequence, with inertial shake in every swing.
 
     Args:
         rng: Source of the draws.
@@ -150,7 +150,7 @@ class RoughGait:
         )
 
     def loads(self, t_s: Vector) -> Loads:
-        """Return the loads at n times [s]; in the air the normal is up and the force the shake of the swing."""
+        """Return the loads at n times [s]; in swing the normal points up and the force is the inertial shake."""
         place = np.searchsorted(self._bounds_s, t_s, "right") - 1
         first = self._bounds_s[place]
         last = np.append(self._bounds_s, self._bounds_s[-1] + 1.0)[place + 1]
@@ -164,7 +164,7 @@ class RoughGait:
         return Loads(normal, force_n)
 
     def slides(self, t_s: Vector) -> Slides:
-        """Return stance, way slid and friction at n times [s]."""
+        """Return true stance number, slid distance and friction coefficient at n times [s]."""
         number = np.full(len(t_s), -1.0)
         way_mm, friction = np.zeros(len(t_s)), np.full(len(t_s), np.nan)
         for k, (start_s, stance) in enumerate(self.stances):

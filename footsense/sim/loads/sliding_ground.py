@@ -1,4 +1,4 @@
-"""Ground on which a foot sticks, creeps and slides.
+"""Ground friction model in which a foot sticks, creeps and slides.
 
 The leg holds the foot against the ground through a spring: leg, drives and rubber. Without any sliding the ground would
 react with the demanded tangential force D(t): the share of the weight that a slope or a stone asks for, and the spring
@@ -25,7 +25,7 @@ _CREEP_EXPONENT = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingGround:
-    """Friction of the ground, and the spring between it and the body.
+    """Friction coefficients of the ground, creep speed, and stiffness of the spring between foot and body.
 
     Attributes:
         kinetic_friction: Coefficient of kinetic friction.
@@ -40,7 +40,7 @@ class SlidingGround:
     creep_mm_per_s: float
 
     def ground_forces(self, pressing_n: Vector, demand_n: Vector) -> tuple[Vector, Vector]:
-        """Return the tangential forces of the ground and the slid distance in one stance.
+        """Return the tangential ground forces [N] and the distance slid [mm] over one stance.
 
         Args:
             pressing_n: Normal force at every `STEP_S` from touchdown [N], shape (n,).

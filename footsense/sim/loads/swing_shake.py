@@ -1,4 +1,4 @@
-"""Inertia of the foot's outer half while the leg swings: a small load on the sensor without any contact.
+"""Inertial load of the foot's outer half while the leg swings: a small force on the sensor without contact.
 
 The half below the sheet of elements hangs on it. A leg that swings forward accelerates and brakes it, and every step of
 another leg makes it tremble:
@@ -19,7 +19,7 @@ _TREMOR_M_S2, _TREMOR_HZ, _DECAY_S, _BETWEEN_S = 2.0, (15.0, 60.0), 0.03, 0.2
 
 
 class SwingShake:
-    """Shake of one leg's foot in all swings of a gait.
+    """Inertial force on the sensor of one foot in all swings of a gait: swing acceleration and tremor.
 
     Args:
         rng: Source of the draws.
@@ -36,7 +36,7 @@ class SwingShake:
         self._tremor_m_s2 = _TREMOR_M_S2 * rng.normal(size=(n, 3))
 
     def force_n(self, t_s: Vector, swing_rel: Vector) -> Vector:
-        """Return the load on the sensor [N], shape (n, 3).
+        """Return the inertial force on the sensor at n times [N], shape (n, 3); zero in stance.
 
         Args:
             t_s: Times [s], shape (n,).

@@ -17,7 +17,7 @@ Reaction = Callable[[float], Vector]
 
 
 class Walk:
-    """A tripod gait on flat ground.
+    """True loads of a tripod gait on flat ground, with optional standstills.
 
     A stand begins for each leg in the middle of its next stance and lasts whole gait cycles, so that all six are on
     the ground and then walk on as if they had never stood.
@@ -59,7 +59,7 @@ class Walk:
         )
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
-        """Return the contact of a leg at a time [ns]."""
+        """Return the true ground contact of a leg at a time [ns]."""
         phase = self.stance_phase(leg, t_ns)
         if phase is None:
             return IN_THE_AIR
@@ -69,7 +69,7 @@ class Walk:
         return self._last_contact[2]
 
     def stance_phase(self, leg: str, t_ns: int) -> float | None:
-        """Return the phase of a leg at a time [ns], 0 at touchdown, below `duty_rel`; None in the air."""
+        """Return the gait phase of a leg at a time [ns]: 0 at touchdown, up to `duty_rel`; None in swing."""
         from_ns = self._from_ns + (self.period_ns // 2 if leg in self._second else 0)
         since_ns = t_ns - from_ns
         if since_ns < 0:
@@ -85,7 +85,7 @@ class Walk:
         return phase if phase < self.duty_rel else None
 
     def contact_at(self, leg: str, phase: float) -> GroundContact:
-        """Return a leg's contact at a stance phase [1]."""
+        """Return the true ground contact of a leg at a stance phase [1]."""
         x, y, z = self.reaction[leg](phase).tolist()
         if z <= 0.0:
             return IN_THE_AIR
@@ -97,7 +97,7 @@ class Walk:
 
 
 def smooth_stance(duty_rel: float, peak_force_n: float, friction_rel: float) -> Reaction:
-    """Return a stance with rounded flanks: braking first, propulsion later, and a small force to the left.
+    """Return a stance's reaction force as a function of phase: braking, then propulsion, rounded at both ends.
 
     Args:
         duty_rel: Share of the cycle in stance [1].

@@ -1,1 +1,1 @@
-"""A simulated test stand: presses of a stick and the force sensor under the foot."""
+"""Simulated test stand: a stick that presses the foot, and the force sensor under the foot."""

@@ -1,4 +1,4 @@
-"""Sequence of presses by a stick: rise, dwell, release, pause.
+"""Load of a test stand: a sequence of presses by a stick (rise, dwell, release, pause).
 
 The paper's stick is fixed between rails (Fig. 16): its direction is set, so the force goes nearly through the centre of
 the ball. The angle between the contact's normal and the force differs from press to press.
@@ -17,7 +17,7 @@ from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 
 
 def paper_presses(protocol: Literal["training", "verification"]) -> Vector:
-    """Return the forces of the paper's protocol [N], shape (n, 3).
+    """Return the forces of the paper's calibration presses [N], shape (n, 3).
 
     Args:
         protocol: `training`: 181 directions at 50 and 150 gf, 362; `verification`: 180 other directions at 100 gf.
@@ -35,7 +35,7 @@ def paper_presses(protocol: Literal["training", "verification"]) -> Vector:
 
 
 class PressSequence:
-    """Sequence of presses, equal on every leg.
+    """True load of a sequence of presses, the same on every leg.
 
     Args:
         force_n: Force of each press [N], shape (n, 3), leg's frame, none of them zero.
@@ -72,7 +72,7 @@ class PressSequence:
         return self._from_ns + len(self._force_n) * self._press_period_ns
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
-        """Return the contact at a time [ns], the same for every leg."""
+        """Return the true contact at a time [ns], the same for every leg."""
         del leg
         number, since_ns = divmod(t_ns - self._from_ns, self._press_period_ns)
         pressed_ns = 2 * self._rise_ns + self._dwell_ns

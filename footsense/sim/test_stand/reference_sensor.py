@@ -1,4 +1,4 @@
-"""A simulated three-axis force sensor under a foot: BL Autotech MINI 4/20.
+"""Simulated three-axis force sensor under a foot (BL Autotech MINI 4/20), on a serial port.
 
 It measures the foot's push, the opposite of the ground reaction, along the foot's axes. Its readings have the
 nonlinearity of the data sheet, noise, and its resolution; it sends them as lines of text with time stamps of its own
@@ -41,20 +41,20 @@ _BOW = 2.0 / (3.0 * math.sqrt(3.0))
 
 
 def drawn_bow_gf(random: np.random.Generator, linearity_rel: float) -> Vector:
-    """Draw the bow of a specimen along x, y, z [gf], shape (3,): its nonlinearity is bow (u - u^3) of the share u."""
+    """Return a random nonlinearity amplitude per axis [gf], shape (3,), of one sensor specimen."""
     bow_gf: Vector = linearity_rel / _BOW * RATED_GF * random.uniform(-1, 1, 3)
     return bow_gf
 
 
 def nonlinearity_gf(bow_gf: Vector, load_gf: Vector) -> Vector:
-    """Return by how much a specimen with a bow reads too much at loads [gf], shape (..., 3)."""
+    """Return the reading error by nonlinearity at given loads [gf], shape (..., 3)."""
     share = np.clip(load_gf / RATED_GF, -1, 1)
     nonlinearity_error_gf: Vector = bow_gf * (share - share**3)
     return nonlinearity_error_gf
 
 
 class SimulatedSensor:
-    """One simulated specimen of a force sensor, with its errors, at the end of a serial line.
+    """One simulated specimen of the force sensor with its errors, as a serial port.
 
     Args:
         true_force_at_time_n: Ground reaction on the foot at a time [N], shape (3,).
@@ -85,7 +85,7 @@ class SimulatedSensor:
         self._n_sent = 0
 
     def write(self, data: bytes) -> None:
-        """Begin to stream on any command; the first sample is taken a period later."""
+        """Start streaming upon any command; the first sample is taken one period later."""
         if data:
             self._started_ns, self._n_sent = self._clock.now_ns(), 0
 
@@ -94,10 +94,10 @@ class SimulatedSensor:
         self._clock.sleep_until_ns(t_ns)
 
     def close(self) -> None:
-        """Do nothing: there is nothing to release."""
+        """Do nothing: a simulated port holds no resources."""
 
     def read(self) -> bytes:
-        """Return the lines that have been sent since the last call."""
+        """Return the text lines sent since the last call, as bytes."""
         if self._started_ns is None:
             return b""
         now_ns = self._clock.now_ns()
@@ -111,6 +111,7 @@ class SimulatedSensor:
             lines.append(b"%d,%d,%d,%d\r\n" % (sensor_us, *self._quantized_reading_gf(taken_ns)))
 
     def _quantized_reading_gf(self, t_ns: int) -> list[int]:
+        """Return the sensor's output per axis at a time, in steps of its resolution [gf]."""
         load_gf = -self._true_force_at_time_n(t_ns) / GRAM_FORCE_N
         noise_gf = _NOISE_STEPS * RESOLUTION_GF * self._random.normal(size=3)
         reading_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf) + self._offset_gf + noise_gf

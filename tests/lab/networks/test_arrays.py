@@ -1,12 +1,15 @@
 """Feet of other arrays than the paper's: built, trained, and walked on by the whole service."""
 
+import struct
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from footsense.cli import main
 from footsense.config import load_config
 from footsense.daemon.service import open_service
 from footsense.estimation.faults.imputation import Imputation
@@ -22,6 +25,8 @@ from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
+from footsense.view.recorded import RecordingSource
+from footsense.view.signals import signals
 from tests.lab.networks.windows import windows_of_array
 from tests.support.arrays import response
 from tests.support.networks import card_of
@@ -34,16 +39,24 @@ SMALL = Path(__file__).parents[3] / "docs" / "examples" / "small-2x2.yaml"
 
 
 def walk(tmp_path: Path, folder: Path, rows: int) -> dict[str, Any]:
-    """Return the figures of two seconds of a walk on two feet of this type, by the whole service."""
+    """Return the figures of two seconds of a walk on two feet of this type; replay it bit for bit, and view it."""
     config = tmp_path / "robot.yaml"
     config.write_text(
         f"buses: [{{device: sim, legs: {{lf: 0, rr: 1}}}}]\ncan: {{interface: virtual}}\n"
         f"foot_type: {folder}\nrows: {rows}\n"
     )
-    with open_service(load_config(config), load_scene("tripod"), real_time=False) as robot:
+    recording = tmp_path / "walk.mcap"
+    with open_service(load_config(config), load_scene("tripod"), real_time=False, record=recording) as robot:
         statistics = RunStatistics(robot.legs, robot.true_force_at_time_n)
         robot.observers.append(statistics)
         robot.run(until_ns=2_000_000_000)
+    result = CliRunner().invoke(main, ["replay", str(recording), "--check"])
+    assert result.output.endswith("cycles equal bit for bit\n"), result.output
+    viewed = RecordingSource(recording)
+    viewed.read()
+    (kind, *shape) = struct.unpack_from("<IIII", viewed.encoded_second(1))
+    viewed.close()
+    assert (kind, shape[1:], viewed.damage) == (2, [2, len(signals(rows**2))], "")
     return statistics.summary()
 
 

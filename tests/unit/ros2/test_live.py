@@ -72,6 +72,13 @@ def test_what_is_not_known_is_no_number(snapshot: LegSnapshot, level: int) -> No
     assert array.status[0].level == level
 
 
+def test_the_health_names_each_of_sixteen_elements() -> None:
+    """By their flat index."""
+    array = Topics(["lf"]).diagnostics([LegSample("lf", fault_mask=0x8201)], WALL_NS).message
+    assert isinstance(array, DiagnosticArray)
+    assert {item.key: item.value for item in array.status[0].values}["elements_out"] == "0 9 15"
+
+
 def test_each_force_is_published_once_and_each_change_at_once() -> None:
     """The wrench comes with a new frame, the contact with an event or every 100 ms, the health with a change."""
     live = LiveMessages(Topics(["lf"]))
