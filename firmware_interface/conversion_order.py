@@ -1,4 +1,4 @@
-"""The order in which the elements of a foot are converted.
+"""Order in which the elements of a foot are converted in a scan.
 
 The order matters more than noise. While the force changes during a scan, an order that runs along the rows reads a
 ramp as a tilt. In the order of the Lo-Shu magic square
@@ -29,7 +29,7 @@ _SQUARES: Mapping[int, tuple[int, ...]] = MappingProxyType(
 
 
 def conversion_order(order: str, rows: int) -> tuple[int, ...]:
-    """Return the elements of a foot in the order of their conversion, by flat index.
+    """Return the element indices of a foot in the order of their conversion.
 
     Args:
         order: `lo_shu` for that of a magic square, `raster` for row after row.

@@ -1,4 +1,4 @@
-"""Lower bounds of the scan period, set by chips, bus and host and independent of the program.
+"""Lower bounds of the scan period, set by chips, I2C bus and host and independent of the program.
 
 `README.md` in this folder derives it in words. The scanner plans with these figures, and `footsense benchmark`
 compares the measured scan with them.
@@ -11,7 +11,7 @@ from firmware_interface.wire_timing import transaction_bits, wire_time_ns
 
 
 class Traffic(NamedTuple):
-    """The least transactions of a board's scan.
+    """Minimal I2C transactions of one scan of a board.
 
     Attributes:
         switches_columns: Whether the columns are switched as well: every step then changes the row or the column at
@@ -46,7 +46,7 @@ AD7746 = Traffic(
 
 
 class ScanLowerBounds(NamedTuple):
-    """The shortest scans that two limits allow; the longer one holds.
+    """Lower bounds of the scan period by conversion time and by read-out time; the larger one applies.
 
     Attributes:
         conversion_ns: All conversions by a slow chip, and what cannot overlap with them [ns].
@@ -58,12 +58,12 @@ class ScanLowerBounds(NamedTuple):
 
     @property
     def scan_ns(self) -> int:
-        """Return the shortest scan [ns]."""
+        """Lower bound of the scan period [ns]: the larger of the two."""
         return max(self)
 
     @property
     def limiting_factor(self) -> str:
-        """Return which limit holds: `conversion` or `read-out`."""
+        """The bound that applies: `conversion` or `read-out`."""
         return "conversion" if self.conversion_ns >= self.readout_ns else "read-out"
 
 
@@ -78,7 +78,7 @@ def scan_lower_bounds(
     traffic: Traffic = FDC1004,
     rows: int = 3,
 ) -> ScanLowerBounds:
-    """Return lower bounds on the time of a scan of all elements of all legs on one bus.
+    """Return the lower bounds of the period of a scan of all elements of all legs on one I2C bus.
 
     Args:
         n_legs: Legs on the bus.

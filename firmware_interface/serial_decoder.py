@@ -1,4 +1,4 @@
-"""Decode the bytes of a serial line to records (`serial_frames.py`); at most one frame is held, losses are counted."""
+"""Decoder of the serial byte stream into records (`serial_frames.py`); losses are counted."""
 
 from collections import Counter
 
@@ -17,7 +17,7 @@ _STARTING = int(RecordFlag.STARTING)
 
 
 class SerialDecoder:
-    """Decoder of one line.
+    """Stateful decoder of the byte stream of one serial port.
 
     Attributes:
         losses: Losses since the start, by kind:
@@ -38,11 +38,11 @@ class SerialDecoder:
         self._last: dict[int, tuple[int, int]] = {}  # number and flags of each leg's last record
 
     def reset(self) -> None:
-        """Drop the partial record that is held: the line was interrupted."""
+        """Discard the incomplete record, after the serial port was interrupted."""
         self._rest, self._starting, self._overflowing = b"", True, False
 
     def feed(self, data: bytes) -> list[Record]:
-        """Return the records that these bytes complete, in their order."""
+        """Return the records that these bytes complete, in order of arrival."""
         *frames, self._rest = (self._rest + data).split(b"\0")
         if self._overflowing or len(self._rest) > MOST_BYTES:
             self._let_overflow(frames)
@@ -53,7 +53,7 @@ class SerialDecoder:
         return [record for frame in frames if frame and (record := self._decode(frame)) is not None]
 
     def _let_overflow(self, frames: list[bytes]) -> None:
-        """Drop and count bytes without a zero in time, up to the next zero."""
+        """Discard and count bytes when a frame is too long, up to the next zero byte."""
         if self._overflowing and frames:
             self.losses["overflow"] += len(frames.pop(0))
             self._overflowing = False
@@ -62,7 +62,7 @@ class SerialDecoder:
             self._rest, self._overflowing, self._starting = b"", True, False
 
     def _decode(self, frame: bytes) -> Record | None:
-        """Return the record in a frame; None, and count, if it cannot be used."""
+        """Return the record of a frame; if it cannot be used, count it and return None."""
         if len(frame) > MOST_BYTES:
             self.losses["overflow"] += len(frame)
             return None
@@ -81,7 +81,7 @@ class SerialDecoder:
         return record if self._is_new_record(record.leg, record.seq, record.flags) else None
 
     def _is_new_record(self, leg: int, seq: int, flags: int) -> bool:
-        """Count the records missing before this one, and return whether it differs from the last."""
+        """Count the records missing before this one; return False if it repeats the last one."""
         last = self._last.get(leg)
         self._last[leg] = seq, flags
         if last is None:

@@ -1,4 +1,4 @@
-"""The serial line of board `mcu`, whose microcontroller scans the feet: its records.
+"""Serial protocol of board `mcu`: records of one leg's scan each, in COBS frames with a CRC.
 
 A record is one scan of one leg, 50 bytes, little endian::
 
@@ -63,7 +63,7 @@ _LEGS = frozenset(NODE_IDS.values())
 
 
 class RecordFlag(IntFlag):
-    """Notes on a record; bits that this version does not name are zero."""
+    """Flags of a record; bits unknown to this version are zero."""
 
     LO_SHU = 1  #: the elements were converted in the order 5 0 7 6 4 2 1 8 3, not 0 to 8
     STARTING = 2  #: one of the first 256 of its leg since the controller's start, at which seq restarts
@@ -73,7 +73,7 @@ _FLAGS = sum(RecordFlag)
 
 
 class NoValue(IntEnum):
-    """Why an element has no capacitance."""
+    """Reason why an element has no capacitance."""
 
     NO_ANSWER = 1  #: its converter does not answer
     NOT_READY = 2  #: its conversion had not finished when it was read
@@ -84,7 +84,7 @@ class NoValue(IntEnum):
 
 
 class Record(NamedTuple):
-    """One scan of one leg.
+    """Readings of one leg in one scan, as sent over the serial port.
 
     Attributes:
         leg: Node id, 1 to 6.
@@ -109,7 +109,7 @@ class Record(NamedTuple):
 
 
 def encode_record(record: Record) -> bytes:
-    """Return the bytes of a record on the line.
+    """Return a record as the bytes sent over the serial port.
 
     Raises:
         ValueError: A field does not fit, or there are not nine values.
@@ -127,12 +127,12 @@ def encode_record(record: Record) -> bytes:
 
 
 def pack_values(values_af: Sequence[int]) -> bytes:
-    """Return nine values [aF] in the encoding of a record."""
+    """Return nine capacitances [aF] as the bytes of a record."""
     return _VALUES.pack(*values_af)
 
 
 def stuff(data: bytes) -> bytes:
-    """Encode at most 253 bytes by COBS: each run before a zero is preceded by its length.
+    """Return at most 253 bytes in COBS encoding: without zeros, each run preceded by its length.
 
     Example:
         >>> stuff(bytes([0x11, 0, 0, 0x22])).hex()
@@ -142,7 +142,7 @@ def stuff(data: bytes) -> bytes:
 
 
 def unstuff(stuffed: bytes) -> bytes | None:
-    """Decode at most 254 bytes of COBS; None if they are no valid COBS.
+    """Return the decoded bytes of at most 254 COBS bytes; None if they are not valid COBS.
 
     Example:
         >>> unstuff(bytes.fromhex("0211010222")) == bytes.fromhex("11000022"), unstuff(b"broken")
@@ -157,13 +157,13 @@ def unstuff(stuffed: bytes) -> bytes | None:
 
 
 def is_whole(data: bytes) -> bool:
-    """Return whether bytes have a header and a right checksum, as records of all versions do."""
+    """Return whether bytes have a header and a correct CRC, as records of all versions do."""
     end = len(data) - _CRC.size
     return end >= _HEADER.size and crc_hqx(data[:end], _CRC_START) == _CRC.unpack_from(data, end)[0]
 
 
 def decode_record(data: bytes) -> Record | None:
-    """Decode whole bytes; None for another version, or an unknown leg or flag.
+    """Return the record of CRC-checked bytes; None for another version, or an unknown leg or flag.
 
     Raises:
         ValueError: A record of this version has another length.

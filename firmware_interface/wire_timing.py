@@ -1,4 +1,4 @@
-"""The time of an I2C transaction and the bits of a CAN frame on the wire.
+"""Duration of an I2C transaction and length of a CAN frame on the wire.
 
 On I2C a byte is nine clocks (eight bits and the acknowledge); START, repeated START and STOP are counted as one clock
 each; between two transactions the bus rests for tBUF. `README.md` in this folder derives the scan period from it.
@@ -9,7 +9,7 @@ BUS_FREE_NS = 1300
 
 
 def transaction_bits(n_write: int, n_read: int = 0) -> int:
-    """Return the clocks of one transaction: `n_write` bytes written, then `n_read` bytes read.
+    """Return the clock cycles of one I2C transaction: `n_write` bytes written, then `n_read` bytes read.
 
     Example:
         >>> transaction_bits(1)      # a control byte: TCA9548A, ADG715
@@ -27,7 +27,7 @@ def transaction_bits(n_write: int, n_read: int = 0) -> int:
 
 
 def nack_bits() -> int:
-    """Return the clocks of a transaction whose address no chip acknowledges: START, one byte, STOP.
+    """Return the clock cycles of an I2C transaction whose address is not acknowledged: START, one byte, STOP.
 
     Example:
         >>> nack_bits()
@@ -37,7 +37,7 @@ def nack_bits() -> int:
 
 
 def wire_time_ns(bits: int, rate_hz: int) -> int:
-    """Return the time of `bits` clocks and of the bus free time after them [ns].
+    """Return the duration of `bits` I2C clock cycles and of the bus free time after them [ns].
 
     Example:
         >>> wire_time_ns(transaction_bits(1), 400_000)
@@ -77,7 +77,7 @@ FD_FRAME_BITS = 22 + 512 + 133 + 32 + 13
 
 
 def can_bits_per_s(n_legs: int, forces_hz: float, *, fd: bool = False) -> float:
-    """Return the load of a bus by all frames of a robot [bit/s].
+    """Return the CAN bus load by all frames of a robot [bit/s].
 
     Args:
         n_legs: Legs of the robot.

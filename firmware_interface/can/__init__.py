@@ -1,4 +1,4 @@
-"""CAN frames as bytes and numbers, equal to `footsense.dbc`.
+"""Encoders and decoders of the CAN frames, equivalent to `footsense.dbc`.
 
 force baseline gait events commands   the frames, by content; `all_legs`: forces of all legs in one frame of CAN FD
 codes crc8 decoding                   what they share: states and causes, protection, checks of ids and codes

@@ -1,4 +1,4 @@
-"""The CAN FD frame `Forces`: forces and contacts of six legs in 64 bytes, in place of `Force` and `Quality`.
+"""CAN FD frame `Forces`: forces and contacts of six legs in 64 bytes, in place of `Force` and `Quality`.
 
 ::
 
@@ -62,7 +62,7 @@ _FLAGS_OF_ALL_LEGS = Flag.SIMULATED | Flag.DEGRADED_TIMING
 
 
 class Forces(NamedTuple):
-    """Content of a `Forces` frame.
+    """Decoded `Forces` frame: force and quality of each leg.
 
     Attributes:
         all_in_air: Whether every leg of the robot is known to be without contact.
@@ -130,7 +130,7 @@ def encode_forces(
 
 
 def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
-    """Decode a CAN FD `Forces` or `Forces4` frame of feet with so many elements.
+    """Decode a CAN FD `Forces` or `Forces4` frame of feet with `n_elements` elements.
 
     Raises:
         FrameError: The id, length, crc, counter or a state is wrong.
@@ -171,8 +171,10 @@ def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
 
 
 def _crc(can_id: int, payload: bytes) -> int:
+    """Return the CRC-8 of a frame's CAN id and payload."""
     return crc_hqx(payload + can_id.to_bytes(2, "little"), 0xFFFF)
 
 
 def _force_code(force_n: float) -> int:
+    """Return the code of a force component [N], clipped to the range."""
     return round(max(-_MAX_FORCE, min(_MAX_FORCE, force_n * _FORCE_PER_N)))

@@ -1,4 +1,4 @@
-"""The CAN frame with a leg's baseline status and drift, once a second; protected as `crc8` describes.
+"""CAN frame `Baseline`: a leg's baseline status and drift, once a second; protected as `crc8` describes.
 
 A baseline that tracks temperature takes a force away from the consumer unseen, so the bus carries its offset since
 the last tare, the time of its last move, and why it holds.
@@ -20,7 +20,7 @@ BASELINE_ID = 0x380
 
 
 class Baseline(NamedTuple):
-    """Content of a `Baseline` frame.
+    """Decoded `Baseline` frame: baseline status, mean and worst drift, age.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -52,7 +52,7 @@ _NO_AGE = 0xFFFF
 def encode_baseline(
     node: int, counter: int, status: int, mean_pf: float, worst_pf: float, age_ns: int | None
 ) -> bytes:
-    """Return the 8 data bytes of `Baseline`.
+    """Return the 8 data bytes of a `Baseline` frame.
 
     ::
 
@@ -89,10 +89,12 @@ def decode_baseline(can_id: int, data: bytes) -> Baseline:
 
 
 def _offset_code(offset_pf: float) -> int:
+    """Return the code of a drift [pF], clipped; NaN has a code of its own."""
     if math.isnan(offset_pf):
         return _NO_OFFSET
     return round(max(-_MAX_OFFSET, min(_MAX_OFFSET, offset_pf * _OFFSETS_PER_PF)))
 
 
 def _offset_pf(code: int) -> float:
+    """Return the drift of a code [pF]; NaN without a value."""
     return math.nan if code == _NO_OFFSET else code / _OFFSETS_PER_PF

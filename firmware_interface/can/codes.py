@@ -1,4 +1,4 @@
-"""Codes in the CAN frames of footsense: nodes, states, flags, commands, results.
+"""Enumerations used in the CAN frames: nodes, states, flags, causes, commands, results.
 
 The same names in CamelCase are the value tables of `footsense.dbc`. No code ever changes its meaning.
 """
@@ -11,7 +11,7 @@ NODE_IDS = {"lf": 1, "lm": 2, "lr": 3, "rf": 4, "rm": 5, "rr": 6, "l4": 7, "r4":
 
 
 class State(IntEnum):
-    """State of a leg: whether its force may be used, and if not, why. Code 0 is no usable state on purpose."""
+    """State of a leg: whether its force may be used, and if not, why. No usable state has code 0, on purpose."""
 
     ABSENT = 0  #: the leg's chips do not answer
     VALID = 1  #: the force may be used
@@ -35,7 +35,7 @@ FAULT_FREE = frozenset({State.VALID, State.STARTING, State.TARING, State.STOPPED
 
 
 class Flag(IntFlag):
-    """Flags of a force that qualify the value but do not forbid using the force."""
+    """Flags of a usable force: notes that do not forbid its use."""
 
     SIMULATED = 1  #: from the simulator, not from a foot
     DEGRADED_TIMING = 2  #: the loop did not get the scheduling that it asked for
@@ -77,7 +77,7 @@ class BaselineStatus(IntEnum):
 
 
 class Slip(IntEnum):
-    """Whether a foot in contact slides."""
+    """Slip state of a foot in contact."""
 
     UNKNOWN = 0  #: no contact, or too little is known to tell
     NONE = 1  #: the foot sticks
@@ -85,7 +85,7 @@ class Slip(IntEnum):
 
 
 class GaitEventKind(IntEnum):
-    """Kind of a gait event. A slip ends with `SLIP_END`, or when the force is no longer known."""
+    """Type of a gait event. A slip ends with `SLIP_END`, or when the force becomes unknown."""
 
     TOUCHDOWN = 1
     LIFT_OFF = 2
@@ -94,7 +94,7 @@ class GaitEventKind(IntEnum):
 
 
 class CommandKind(IntEnum):
-    """Commands that a consumer can send to one leg."""
+    """Commands that a controller can send to one leg."""
 
     TARE = 1  #: take the present capacitances as those of the unloaded foot
     START = 2  #: publish forces again after STOP
@@ -113,7 +113,7 @@ class Result(IntEnum):
 
 
 class NmtState(IntEnum):
-    """State of a CAN node, as sent in the node's heartbeat.
+    """CANopen state of a node (one per leg), as sent in its heartbeat.
 
     Source:
         CiA 301, heartbeat protocol.

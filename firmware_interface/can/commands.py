@@ -1,4 +1,4 @@
-"""The CAN frames of commands to a leg, and of the answers to them.
+"""CAN frames of the commands to a leg, and of the answers to them.
 
 Both are protected as `crc8` describes. The ids are CANopen's, so that a CANopen tool shows a request and an answer;
 their contents are footsense's own.
@@ -27,7 +27,7 @@ UNSOLICITED = COUNTER_PERIOD
 
 
 class UnknownCommandError(FrameError):
-    """A frame with a valid crc and no known command.
+    """A command frame has a valid CRC but an unknown command.
 
     Attributes:
         kind: Its kind byte.
@@ -41,7 +41,7 @@ class UnknownCommandError(FrameError):
 
 
 class Command(NamedTuple):
-    """Content of a command to one leg.
+    """Decoded `Command` frame: command to one leg.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -55,7 +55,7 @@ class Command(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Content of an answer: the result of a command.
+    """Decoded `Answer` frame: result of a command.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -77,7 +77,7 @@ _ANSWER = struct.Struct("<BBB")
 
 
 def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
-    """Return the 8 data bytes of `Command`.
+    """Return the 8 data bytes of a `Command` frame.
 
     ::
 
@@ -109,7 +109,7 @@ def decode_command(can_id: int, data: bytes) -> Command:
 
 
 def encode_answer(node: int, counter: int, result: int, kind: int, command_counter: int) -> bytes:
-    """Return the 4 data bytes of `Answer`.
+    """Return the 4 data bytes of an `Answer` frame.
 
     ::
 

@@ -25,11 +25,11 @@ _POLYNOMIAL = 0x1D
 
 
 class FrameError(ValueError):
-    """A frame that must not be used: wrong length, crc, counter or code."""
+    """A CAN frame must not be used: wrong length, CRC, counter or code."""
 
 
 def _table() -> bytes:
-    """Return the crc of every single byte, shape (256,)."""
+    """Return the lookup table of the CRC: the CRC of each byte value, 256 bytes."""
     table = bytearray()
     for byte in range(256):
         crc = byte
@@ -64,7 +64,7 @@ COLUMN_CRC = [bytes(crc8(bytes([byte]) + bytes(6 - place)) for byte in range(256
 
 
 def protect(can_id: int, payload: bytes) -> bytes:
-    """Return a frame's data: the crc, then `payload`, whose first low nibble is the counter.
+    """Return a frame's data: the CRC, then `payload`, whose first low nibble is the counter.
 
     Example:
         >>> protect(0x0123, bytes(7)).hex()
@@ -74,7 +74,7 @@ def protect(can_id: int, payload: bytes) -> bytes:
 
 
 def check(can_id: int, data: bytes, length: int) -> int:
-    """Return the counter of a frame after checking its length, crc and counter.
+    """Check a frame's length, CRC and counter; return the counter.
 
     Raises:
         FrameError: One of the three is wrong.
@@ -91,5 +91,5 @@ def check(can_id: int, data: bytes, length: int) -> int:
 
 
 def next_counter(counter: int) -> int:
-    """Return the counter of the next frame."""
+    """Return the counter value of the next frame."""
     return (counter + 1) % COUNTER_PERIOD

@@ -1,4 +1,4 @@
-"""The description of the CAN frames (DBC) for a robot of one to eight legs.
+"""Generate the DBC file (description of the CAN frames) for a robot of one to eight legs.
 
 `footsense.dbc`, for a hexapod, is written by hand. Its left front leg is the model of all others: whatever is said of
 node 1 is said again of each leg of the robot, with its id and its name. Nothing else differs but the unit of the forces
@@ -32,7 +32,7 @@ _VALUES = re.compile(r'^(VAL_ \d+ Sigma(?:XY|X|Y|Z)(\w*)) \d+ "Saturated" \d+')
 
 
 def make_dbc(legs: Sequence[str], force_step_mn: int = 1, n_elements: int = NARROW_ELEMENTS) -> str:
-    """Return the DBC of a robot.
+    """Return the DBC file's text for a robot.
 
     Args:
         legs: Names of its legs, of `NODE_IDS`.
@@ -67,7 +67,7 @@ def make_dbc(legs: Sequence[str], force_step_mn: int = 1, n_elements: int = NARR
 
 
 def _with_ids(lines: Sequence[str]) -> list[tuple[int | None, str]]:
-    """Return each line with the CAN id of its frame; None where it belongs to no frame."""
+    """Return each text line with the CAN id of the frame it describes; None if it describes none."""
     can_id, before, found = None, "", []
     for line in lines:
         match = _ID.match(line)
@@ -81,13 +81,14 @@ def _with_ids(lines: Sequence[str]) -> list[tuple[int | None, str]]:
 
 
 def _of_robot(lines: list[str], legs: Sequence[str]) -> list[str]:
+    """Return the DBC's general text lines, adapted to the robot's legs."""
     nodes = ", ".join(f"{NODE_IDS[leg]} {leg}" for leg in legs)
     described = re.sub(r"1 lf, .*?\.", f"{nodes}.", "\n".join(lines))
     return described.replace("six-legged", f"{_COUNTS[len(legs) - 1]}-legged").split("\n")
 
 
 def _of_leg(lines: list[str], can_id: int, node: int, leg: str) -> list[str]:
-    """Return the lines of a frame of the left front leg as those of another leg."""
+    """Return the text lines of a left front leg's frame, adapted to another leg."""
     return [
         line.replace(f" {can_id} ", f" {can_id - 1 + node} ", 1)
         .replace("Lf:", f"{leg.capitalize()}:", 1)
@@ -97,7 +98,7 @@ def _of_leg(lines: list[str], can_id: int, node: int, leg: str) -> list[str]:
 
 
 def _fourth_legs(lines: list[str]) -> list[str]:
-    """Return the lines of `Forces` as those of `Forces4`: the first two of its legs are the fourth ones there."""
+    """Return the text lines of the frame `Forces`, adapted to `Forces4` (the legs l4 and r4)."""
     fourth = []
     for line in lines:
         if re.search(r"\w(Lr|Rf|Rm|Rr) ", line):
@@ -111,7 +112,7 @@ def _fourth_legs(lines: list[str]) -> list[str]:
 
 
 def _wide_signal(match: re.Match[str]) -> str:
-    """Return the head of a mask or standard deviation with the wide mask in its frame."""
+    """Return the signal definition of a fault mask or sigma for feet with more than nine elements."""
     narrow, wide = FORCES_LAYOUTS if match["leg"] else QUALITY_LAYOUTS
     start, head = int(match["start"]), f" SG_ {match['name']}{match['leg']} : "
     if match["axis"] is None:
@@ -123,13 +124,13 @@ def _wide_signal(match: re.Match[str]) -> str:
 
 
 def _wide_values(match: re.Match[str]) -> str:
-    """Return the codes of a standard deviation with the wide mask in its frame."""
+    """Return the value table of a sigma for feet with more than nine elements."""
     none = (FORCES_LAYOUTS if match[2] else QUALITY_LAYOUTS)[1].no_sigma
     return f'{match[1]} {none - 1} "Saturated" {none}'
 
 
 def _scaled(line: str, step: int) -> str:
-    """Return a line in which the signals in newtons have another unit."""
+    """Return a text line with the scale of its force signals multiplied by `step`."""
 
     def scale(match: re.Match[str]) -> str:
         factor, least, most = (format(step * float(number), ".6g") for number in match.groups()[1:])

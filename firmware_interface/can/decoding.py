@@ -1,4 +1,4 @@
-"""Common checks of the decoders of CAN frames: id, protection, and codes."""
+"""Checks that all CAN decoders share: id, CRC and counter, codes."""
 
 import struct
 from enum import IntEnum
@@ -11,7 +11,7 @@ _Code = TypeVar("_Code", bound=IntEnum)
 
 
 def node_of(can_id: int, base: int) -> int:
-    """Return the node id in a CAN id.
+    """Return the node id contained in a CAN id; raise an error if it has another base id.
 
     Raises:
         FrameError: The id belongs to another kind of frame, or to a node that is no leg.
@@ -25,7 +25,7 @@ def node_of(can_id: int, base: int) -> int:
 def unpack_protected(
     can_id: int, data: bytes, base: int, layout: struct.Struct
 ) -> tuple[int, int, tuple[Any, ...]]:
-    """Return node, counter and fields of a protected frame.
+    """Check a protected frame; return its node id, counter and fields.
 
     Args:
         can_id: Its CAN id.
@@ -41,7 +41,7 @@ def unpack_protected(
 
 
 def enum_member(codes: type[_Code], code: int) -> _Code:
-    """Return the member of an enumeration that has a code.
+    """Return the enumeration member of a code; raise an error for an unknown code.
 
     Raises:
         FrameError: There is none.

@@ -1,4 +1,4 @@
-"""Mask of unusable elements and standard deviations, by the elements of a foot: 9 bits hold up to nine, else 16.
+"""Bit layout of fault mask and standard deviations: 9 mask bits for feet of up to nine elements, else 16.
 
 The wider mask takes its bits from the standard deviations, which are then sent in coarser steps. Sender and receiver
 have the number of elements from their configuration; feet of up to nine elements share one layout.
@@ -15,7 +15,7 @@ _ROUND_UP = 1 - 1e-6
 
 
 class MaskLayout(NamedTuple):
-    """Widths of the mask and of each standard deviation in a frame.
+    """Bit widths and resolution of the fault mask and of the standard deviations in a frame.
 
     Attributes:
         mask_bits: Bits of the mask.
@@ -29,22 +29,22 @@ class MaskLayout(NamedTuple):
 
     @property
     def no_sigma(self) -> int:
-        """Code of a standard deviation without a value."""
+        """Code that stands for an unknown standard deviation."""
         return (1 << self.sigma_bits) - 1
 
     @property
     def mask(self) -> int:
-        """A mask with every element set."""
+        """Fault mask with the bits of all elements set."""
         return (1 << self.mask_bits) - 1
 
     def sigma_code(self, sigma_n: float) -> int:
-        """Return the code of a standard deviation [N], rounded up; NaN and negative ones are "no value"."""
+        """Return the code of a standard deviation [N], rounded up; NaN and negative values give "no value"."""
         if not sigma_n >= 0.0:
             return self.no_sigma
         return int(min(sigma_n * 1000 / self.step_mn + _ROUND_UP, self.no_sigma - 1))
 
     def sigma_n(self, code: int) -> float:
-        """Return the standard deviation of a code [N]; NaN: no value."""
+        """Return the standard deviation of a code [N]; NaN for "no value"."""
         return math.nan if code == self.no_sigma else code * self.step_mn / 1000
 
 
@@ -54,7 +54,7 @@ FORCES_LAYOUTS = MaskLayout(9, 8, 4), MaskLayout(16, 5, 32)
 
 
 def mask_layout(layouts: tuple[MaskLayout, MaskLayout], n_elements: int) -> MaskLayout:
-    """Return the one of two layouts that holds the elements of a foot.
+    """Return the first of two layouts whose mask has room for `n_elements` elements.
 
     Args:
         layouts: `QUALITY_LAYOUTS` or `FORCES_LAYOUTS`.

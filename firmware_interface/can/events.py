@@ -1,4 +1,4 @@
-"""The CAN frames of a leg's state beside its forces: fault report and heartbeat.
+"""CAN frames `Fault` (fault report) and `Heartbeat` of a leg.
 
 The fault report is protected as `crc8` describes. The ids are CANopen's, so that a CANopen tool shows an emergency and
 a heartbeat; the content of the first is footsense's own.
@@ -20,7 +20,7 @@ HEARTBEAT_ID = 0x700
 
 
 class Fault(NamedTuple):
-    """Content of a fault report: the state of a leg, its element mask or its cause has changed.
+    """Decoded `Fault` frame (fault report): a leg's state, element mask or cause has changed.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -40,7 +40,7 @@ class Fault(NamedTuple):
 
 
 class Heartbeat(NamedTuple):
-    """Content of a heartbeat frame: node, node state and timing flag.
+    """Decoded `Heartbeat` frame: node, node state, timing flag.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -58,7 +58,7 @@ _DEGRADED_TIMING = 0x80
 
 
 def encode_fault(node: int, counter: int, state: int, previous: int, fault_mask: int, cause: int) -> bytes:
-    """Return the 6 data bytes of `Fault`.
+    """Return the 6 data bytes of a `Fault` frame.
 
     ::
 
@@ -87,7 +87,7 @@ def decode_fault(can_id: int, data: bytes) -> Fault:
 
 
 def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes:
-    """Return the data byte of `Heartbeat`, which is CANopen's and has no crc.
+    """Return the data byte of a `Heartbeat` frame (CANopen format, no CRC).
 
     Degraded timing sets the bit that CiA 301 keeps at 0. A CANopen tool then shows no valid state, as intended, or
     the plain state if it masks the bit out, as node guarding does. In normal operation the byte is CANopen's.
@@ -102,7 +102,7 @@ def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes
 
 
 def decode_heartbeat(can_id: int, data: bytes) -> Heartbeat:
-    """Decode a heartbeat frame.
+    """Decode a `Heartbeat` frame.
 
     Raises:
         FrameError: The id, length or state is wrong.

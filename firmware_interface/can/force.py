@@ -1,4 +1,4 @@
-"""The CAN frames `Force` and `Quality`, sent for each leg together; in `footsense.dbc` for other tools.
+"""CAN frames `Force` and `Quality`, sent together for each leg; described for other tools in `footsense.dbc`.
 
 Everything is little-endian. Byte 0 and the
 low nibble of byte 1 protect a frame as `crc8` describes. "No value" has a code of its own, apart from the code of a
@@ -26,7 +26,7 @@ QUALITY_ID = 0x280
 
 
 class Force(NamedTuple):
-    """Content of a `Force` frame, 8 bytes.
+    """Decoded `Force` frame (8 bytes): state and force of a leg.
 
     ::
 
@@ -55,7 +55,7 @@ class Force(NamedTuple):
 
 
 class Quality(NamedTuple):
-    """Content of a `Quality` frame, about the force with the same counter, 8 bytes.
+    """Decoded `Quality` frame (8 bytes): flags, age, fault mask and sigma of the force with the same counter.
 
     ::
 
@@ -157,7 +157,7 @@ class ForceQualityEncoder:
         flags: Sequence[int],
         fault_mask: Sequence[int],
     ) -> bytes:
-        """Return each leg's `Force` and then its `Quality`, as `struct can_frame`s of 16 bytes.
+        """Return each leg's `Force` and then its `Quality` frame, as `struct can_frame`s of 16 bytes.
 
         Args:
             counter: Sequence counter of all frames, 0..14.
@@ -215,7 +215,7 @@ class ForceQualityEncoder:
 
 
 def _sendable_force(state: int, force_n: tuple[float, float, float]) -> tuple[int, float, float, float]:
-    """Return state and force to send: none in a state without force, clipped to the range, a fault if not finite."""
+    """Return state and force as sent: no force in unusable states, clipped to the range, a fault if not finite."""
     if state in USABLE and not all(map(math.isfinite, force_n)):
         state = State.ELEMENT_FAULT
     if state not in USABLE:
@@ -236,7 +236,7 @@ def decode_force(can_id: int, data: bytes) -> Force:
 
 
 def decode_quality(can_id: int, data: bytes, n_elements: int = 9) -> Quality:
-    """Decode a `Quality` frame of feet with so many elements.
+    """Decode a `Quality` frame of feet with `n_elements` elements.
 
     Raises:
         FrameError: The id, length, crc or counter is wrong.

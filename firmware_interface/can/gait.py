@@ -1,4 +1,4 @@
-"""The CAN frames of a leg's gait: event, contact and ground; protected as `crc8` describes.
+"""CAN frames `GaitEvent`, `Gait` and `Ground` of a leg; protected as `crc8` describes.
 
 An event is sent at once, with the time that has passed since it happened; `Gait` and `Ground` come ten times a second.
 The nodes are footsense's own, so that the ids are free: CANopen's second and third receive PDO and fourth transmit PDO.
@@ -23,7 +23,7 @@ GROUND_ID = 0x480
 
 
 class GaitEvent(NamedTuple):
-    """Content of a gait event.
+    """Decoded `GaitEvent` frame: touchdown, lift-off or slip of a leg.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -43,7 +43,7 @@ class GaitEvent(NamedTuple):
 
 
 class Gait(NamedTuple):
-    """Content of a `Gait` frame: a leg's contact.
+    """Decoded `Gait` frame: contact, slip and load share of a leg.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -67,7 +67,7 @@ class Gait(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """Content of a `Ground` frame: the ground below a foot.
+    """Decoded `Ground` frame: ground normal and friction below a foot.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -117,7 +117,7 @@ _GROUND_FIELDS = (
 def encode_gait_event(
     node: int, counter: int, kind: int, age_ns: int | None, sigma_s: float, *, all_in_air: bool
 ) -> bytes:
-    """Return the 6 data bytes of a gait event.
+    """Return the 6 data bytes of a `GaitEvent` frame.
 
     ::
 
@@ -166,7 +166,7 @@ def encode_gait(
     contact_raw: bool,
     all_in_air: bool,
 ) -> bytes:
-    """Return the 5 data bytes of `Gait`.
+    """Return the 5 data bytes of a `Gait` frame.
 
     ::
 
@@ -208,7 +208,7 @@ def encode_ground(
     friction_use_sigma: float,
     friction: float,
 ) -> bytes:
-    """Return the 8 data bytes of a `Ground` frame; arguments are the fields of `Ground`.
+    """Return the 8 data bytes of a `Ground` frame; arguments as the fields of `Ground`.
 
     ::
 
@@ -240,7 +240,7 @@ def encode_ground(
 
 
 def decode_ground(can_id: int, data: bytes) -> Ground:
-    """Decode a `Ground` frame: normal, friction use and coefficient of friction of the ground under a foot.
+    """Decode a `Ground` frame: normal, friction use, and friction coefficient of the ground below a foot.
 
     Raises:
         FrameError: The id, length, crc or counter is wrong.
@@ -262,7 +262,7 @@ def decode_ground(can_id: int, data: bytes) -> Ground:
 
 
 def _codes(fields: Sequence[tuple[int, int, float]], values: Sequence[float]) -> list[int]:
-    """Return the codes of values that are not negative.
+    """Return the unsigned codes of non-negative values, limited to their ranges.
 
     Args:
         fields: Codes per unit, the code of no value (NaN, and below 0), whose predecessor is that of too much, and what
@@ -276,4 +276,5 @@ def _codes(fields: Sequence[tuple[int, int, float]], values: Sequence[float]) ->
 
 
 def _value(code: int, per_unit: int, none: int) -> float:
+    """Return the value of a code; NaN if it is the code for "no value"."""
     return _NAN if code == none else code / per_unit

@@ -1,4 +1,4 @@
-"""CAN frames of Linux: `struct can_frame`, 16 bytes, its error frames, and `struct canfd_frame`, 72 bytes.
+"""Binary formats of Linux CAN sockets: `struct can_frame` (16 bytes), error frames, `struct canfd_frame` (72 bytes).
 
 ::
 
@@ -37,7 +37,7 @@ _FLAGS_AT = 5
 
 
 class ErrorClass(IntFlag):
-    """Classes of an error frame: bits of its id."""
+    """Error classes of an error frame: bits of its CAN id."""
 
     CONTROLLER = 0x004  #: the controller's state has changed, see `data[1]`
     NO_ACKNOWLEDGE = 0x020  #: no node acknowledged
@@ -51,7 +51,7 @@ CONTROLLER_ACTIVE = 0x40
 
 
 def pack_frame(can_id: int, data: bytes) -> bytes:
-    """Return a frame with at most 8 bytes of data; `can_id` includes the flag bits.
+    """Return a `struct can_frame` with at most 8 data bytes; `can_id` includes the flag bits.
 
     Example:
         >>> pack_frame(0x701, bytes([5])).hex(" ", 4)
@@ -61,12 +61,12 @@ def pack_frame(can_id: int, data: bytes) -> bytes:
 
 
 def error_frame(kind: ErrorClass, controller: int = 0) -> bytes:
-    """Return an error frame as a driver reports it, with `controller` as `data[1]`."""
+    """Return an error frame as a CAN driver reports it, with `controller` as `data[1]`."""
     return pack_frame(ERROR | kind, bytes([0, controller, 0, 0, 0, 0, 0, 0]))
 
 
 def pack_fd_frame(can_id: int, data: bytes) -> bytes:
-    """Return a CAN FD frame with at most 64 bytes of data.
+    """Return a `struct canfd_frame` with at most 64 data bytes.
 
     Example:
         >>> pack_fd_frame(0x180, bytes(64))[:8].hex(" ", 4)
@@ -76,7 +76,7 @@ def pack_fd_frame(can_id: int, data: bytes) -> bytes:
 
 
 def frame_ends(frames: bytes) -> list[int]:
-    """Return the end of each frame of consecutive ones [bytes]."""
+    """Return the end offset of each of several consecutive frames [bytes]."""
     ends, at = [], 0
     while at < len(frames):
         at += FD_FRAME_BYTES if frames[at + _FLAGS_AT] & FD_FRAME else FRAME_BYTES
@@ -85,7 +85,7 @@ def frame_ends(frames: bytes) -> list[int]:
 
 
 def split_frames(frames: bytes) -> Iterator[tuple[int, bytes]]:
-    """Return CAN id, with its flag bits, and data of each frame of consecutive ones; only CAN FD has over 8 bytes."""
+    """Return CAN id (with flag bits) and data of each of several consecutive frames."""
     found = []
     at = 0
     while at < len(frames):
@@ -97,10 +97,10 @@ def split_frames(frames: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def is_data(can_id: int) -> bool:
-    """Return whether this is an ordinary frame with an 11-bit id."""
+    """Return whether a CAN id (with flag bits) is that of a data frame with an 11-bit id."""
     return can_id <= 0x7FF
 
 
 def is_error(can_id: int) -> bool:
-    """Return whether this is an error frame."""
+    """Return whether a CAN id (with flag bits) is that of an error frame."""
     return bool(can_id & ERROR)

@@ -1,1 +1,1 @@
-"""Registers of the chips, as their data sheets number them."""
+"""Register maps of the chips, after their data sheets."""

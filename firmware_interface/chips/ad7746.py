@@ -1,4 +1,4 @@
-"""Registers of the AD7746 capacitance-to-digital converter.
+"""Register map of the AD7746 capacitance-to-digital converter.
 
 Source: Analog Devices AD7745/AD7746 data sheet rev. 0; the tables named below are that document's. The converter
 excites one electrode of a capacitor through EXCA and measures what arrives at CIN1: capacitance from either to ground
@@ -61,7 +61,7 @@ MODE_IDLE, MODE_SINGLE = 0, 2
 
 
 class Rate(NamedTuple):
-    """One of the eight conversion times.
+    """One of the eight conversion rates, with its conversion time and noise.
 
     Attributes:
         code: Value of the CAPFS field.
@@ -77,7 +77,7 @@ class Rate(NamedTuple):
 
     @property
     def noise_ff(self) -> float:
-        """Planning value of the noise [fF rms]: of the chip, and of the wires to a foot.
+        """Expected rms noise [fF], of the chip and of the wires to a foot.
 
         Example:
             >>> [round(RATES[rate_sps].noise_ff, 2) for rate_sps in (91, 50, 9)]
@@ -149,7 +149,7 @@ def capdac(code: int) -> int:
 
 
 def capacitance_pf(code: int) -> float:
-    """Return the capacitance of a 24-bit code [pF], CAPDAC not included, exact in float64.
+    """Return the capacitance of a 24-bit code [pF], without the CAPDAC's part, exact in float64.
 
     Example:
         >>> capacitance_pf(0x800000), capacitance_pf(0x000000), capacitance_pf(0xC00000)
@@ -159,7 +159,7 @@ def capacitance_pf(code: int) -> float:
 
 
 def temperature_c(code: int) -> float:
-    """Return the chip's temperature [deg C], within 2 deg C, from the 24-bit code of the internal sensor.
+    """Return the chip temperature of a 24-bit code [deg C], accurate to 2 deg C.
 
     Example:
         >>> temperature_c(0x80C800)

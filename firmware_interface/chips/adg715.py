@@ -1,4 +1,4 @@
-"""The ADG715 octal analog switch, which selects the lines of a foot.
+"""Data byte of the ADG715 octal analog switch, which selects the row or column lines of a foot.
 
 Source: Analog Devices ADG714/ADG715 data sheet rev. B. One data byte, bit n closes switch n + 1; all switches are
 open after power-up. The address is 1001 0 A1 A0; A1 A0 = 01 and 10 keep it clear of an AD7746 at 0x48.
@@ -23,7 +23,7 @@ LINES = 3
 
 
 def select_lines(lines: int, n_lines: int = LINES) -> int:
-    """Return the switch byte that selects the lines in a bit mask and connects the others as waiting.
+    """Return the data byte that selects the lines of a bit mask and connects all others as waiting.
 
     Args:
         lines: The mask.
@@ -43,10 +43,10 @@ def select_lines(lines: int, n_lines: int = LINES) -> int:
 
 
 def selected_lines(switches: int, n_lines: int = LINES) -> int:
-    """Return the mask of the lines that a switch byte selects."""
+    """Return the bit mask of the lines that a data byte selects."""
     return switches & (1 << n_lines) - 1
 
 
 def waiting_lines(switches: int, n_lines: int = LINES) -> int:
-    """Return the mask of the lines that a switch byte connects as waiting."""
+    """Return the bit mask of the lines that a data byte connects as waiting."""
     return switches >> n_lines & (1 << n_lines) - 1

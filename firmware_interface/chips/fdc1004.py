@@ -1,4 +1,4 @@
-"""Registers of the FDC1004 capacitance-to-digital converter.
+"""Register map of the FDC1004 capacitance-to-digital converter.
 
 Source: Texas Instruments FDC1004 data sheet SNOSCY5; the sections named below are that document's.
 The converter measures the capacitance of one CIN pin to ground, wires included. All registers are 16 bits wide, sent
@@ -50,13 +50,13 @@ RESET_VALUES = {
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A run of bits in a 16-bit register."""
+    """Bit field of a 16-bit register."""
 
     shift: int
     width: int
 
     def encode(self, value: int) -> int:
-        """Return `value` at its place.
+        """Return `value` shifted to the field's position.
 
         Raises:
             ValueError: The value does not fit into the field.
@@ -70,7 +70,7 @@ class Field:
         return value << self.shift
 
     def decode(self, word: int) -> int:
-        """Return the field's value in `word`.
+        """Return the field's value in the register value `word`.
 
         Example:
             >>> CONF_RATE.decode(0x0C80)
@@ -96,7 +96,7 @@ CONF_DONE = Field(shift=0, width=4)  #: DONE_1 is the highest of the four bits
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """One of the three conversion rates.
+    """One of the three conversion rates, with its conversion time and noise.
 
     Attributes:
         code: Value of the RATE field.
@@ -152,7 +152,7 @@ def slot_bit(slot: int) -> int:
 
 
 def trigger(rate_sps: int, slot: int) -> int:
-    """Return the FDC_CONF word that starts one conversion of measurement `slot` (0..3).
+    """Return the FDC_CONF register value that starts one conversion of measurement `slot` (0..3).
 
     Without REPEAT only one measurement may be enabled at a time (section 8.5.3.1).
 
@@ -169,7 +169,7 @@ def result_register(slot: int) -> Register:
 
 
 def capacitance_pf(code: int) -> float:
-    """Return the capacitance of a result [pF], exact in float64.
+    """Return the capacitance of a 24-bit result code [pF], exact in float64.
 
     Example:
         >>> capacitance_pf(0x2B0000)

@@ -1,4 +1,4 @@
-"""The TCA9548A eight-channel I2C switch.
+"""Control byte of the TCA9548A eight-channel I2C mux.
 
 Source: Texas Instruments TCA9548A data sheet SCPS207. One control byte, bit n connects channel n, several at once
 are allowed; readable; 0 after power-up. A new selection takes effect at the STOP of the write, never at a repeated

@@ -1,4 +1,4 @@
-"""The C floor of the cycle: `c_floor.c`, compiled and loaded, with the foot and the network of this robot."""
+"""Lower bound for the cycle time: the same cycle written in C (`c_floor.c`), compiled and loaded by ctypes."""
 
 import ctypes
 import importlib.util
@@ -25,22 +25,22 @@ _LEGS = 6
 
 
 def compiler() -> str | None:
-    """Return the path of the first C compiler found, None without one."""
+    """Return the path of the first C compiler found; None without one."""
     return next((found for name in ("cc", "gcc", "clang") if (found := shutil.which(name))), None)
 
 
 def has_c_floor() -> bool:
-    """Return whether a C compiler and `onnx` (to read the weights) are there, both needed for the C floor."""
+    """Return whether a C compiler and the package `onnx` are installed, both needed for the C program."""
     return compiler() is not None and importlib.util.find_spec("onnx") is not None
 
 
 def converter_codes(scan: CapFrame) -> NDArray[np.int32]:
-    """Return the converter codes of a scan, shape (legs, 9)."""
+    """Return the converter codes of a capacitance frame, shape (legs, 9)."""
     return np.ascontiguousarray(np.rint(scan.capacitance_pf * 2.0**19), np.int32)
 
 
 def _layer_matrices(model: bytes) -> dict[str, NDArray[np.float32]]:
-    """Return the network's layers by name as full matrices, inputs along rows, shared weights repeated."""
+    """Return the network's layers by name as full weight matrices, inputs along rows, shared weights repeated."""
     import onnx
 
     graph = onnx.load_model_from_string(model).graph
@@ -70,7 +70,7 @@ def _layer_matrices(model: bytes) -> dict[str, NDArray[np.float32]]:
 
 
 class CFloor:
-    """One cycle computed in C, as a lower bound for the duration of the daemon's cycle.
+    """The daemon's cycle as a C program, as a lower bound for the cycle time.
 
     Args:
         folder: Folder for the library.
@@ -105,12 +105,12 @@ class CFloor:
         self._force_n = np.zeros((_LEGS, 3))
 
     def tare(self, baseline_pf: Vector) -> None:
-        """Set the baselines of all legs [pF], shape (legs, 9)."""
+        """Set the baseline capacitances of all legs [pF], shape (legs, 9)."""
         baseline_pf = np.ascontiguousarray(baseline_pf, np.float64)
         self._library.floor_tare(_data_pointer(baseline_pf))
 
     def run(self, scan: CapFrame, codes: NDArray[np.int32], now_ns: int, socket: int, pipe: int) -> Vector:
-        """Run one cycle of the C implementation.
+        """Run one cycle of the C program; return its forces [N], shape (legs, 3).
 
         Args:
             scan: The scan.
@@ -130,7 +130,7 @@ class CFloor:
     def run_paced(
         self, period_ns: int, scan_sequence: list[tuple[CapFrame, int]], n: int, fds: tuple[int, ...]
     ) -> Stamps:
-        """Run `n` cycles, one per period, on scans repeated in a loop.
+        """Run `n` cycles of the C program, one per period; return the wake-up latency of each [ns].
 
         Args:
             period_ns: Time from deadline to deadline [ns].
@@ -161,16 +161,17 @@ class CFloor:
 
 
 def scan_sequence_duration_ns(scan_sequence: list[tuple[CapFrame, int]]) -> int:
-    """Return the duration of one round of scans in a loop [ns]."""
+    """Return the duration of one pass through a sequence of frames [ns]."""
     return scan_sequence[-1][1] - scan_sequence[0][1] + (scan_sequence[1][1] - scan_sequence[0][1])
 
 
 def _data_pointer(array: NDArray[Any]) -> ctypes.c_void_p:
+    """Return the address of an array's data for C."""
     return ctypes.c_void_p(array.ctypes.data)
 
 
 def _compile_library(folder: Path, n_units: int) -> ctypes.CDLL:
-    """Compile and load the library.
+    """Compile the C program, and load it as a shared library.
 
     Raises:
         FootsenseError: There is no compiler, or it fails.

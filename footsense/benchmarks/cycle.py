@@ -1,4 +1,4 @@
-"""Part of `footsense benchmark`: durations of a daemon cycle, the C floor and a naive program, in turns."""
+"""Part of `footsense benchmark`: duration of a cycle of the daemon, of a C program and of a naive program."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -33,7 +33,7 @@ _MAX_FORCE_DIFFERENCE_N = 1e-3
 
 
 def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, Any]:
-    """Return the durations of a cycle of the daemon, the C floor and the naive program [us], and their ratios.
+    """Return quantiles of the cycle durations of daemon, C program and naive program [us], and their ratios.
 
     Values are None without the C floor or the naive program.
 
@@ -50,6 +50,7 @@ def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, Any]:
 
 
 def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | None]:
+    """Return quantiles of the cycle durations of each program [us], and their ratios."""
     naive = NaiveCycle(DEFAULT) if has_cantools() else None
     with TemporaryDirectory() as folder, open_service_cycle() as ours:
         floor = tared_floor(Path(folder), scans) if has_c_floor() else None
@@ -73,7 +74,7 @@ def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | No
 def _time_programs(
     scans: list[CapFrame], run: int, ours: ServiceCycle, floor: CFloor | None, naive: NaiveCycle | None
 ) -> dict[str, list[int]]:
-    """Time the cycles of three programs in alternating runs, so that background load affects all equally [ns]."""
+    """Return the cycle durations of three programs [ns], run in turns so that background load affects all equally."""
     times_ns: dict[str, list[int]] = {name: [] for name in _PROGRAM_NAMES}
     loopback = ours.loopback
 
@@ -115,7 +116,7 @@ def _check_equal_forces(
     floor_n: Vector,
     valid: Mask,
 ) -> None:
-    """Check that the C floor gives our forces.
+    """Raise an error if the forces of the C program differ from those of the daemon.
 
     Args:
         scan: The scan.

@@ -1,4 +1,4 @@
-"""The yardstick of `footsense benchmark`: a straightforward program for the work of a daemon cycle.
+"""Naive program for the work of one daemon cycle, for comparison in `footsense benchmark`.
 
 It scans leg by leg and element by element and waits for each conversion; it infers leg by leg, encodes with cantools,
 builds every CAN message anew, looks every metric up by its labels, and records JSON. Nothing of the daemon uses this.
@@ -27,7 +27,7 @@ from footsense.ports import Clock, I2cBus, Transaction
 
 
 def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
-    """Scan every element of every leg of the first bus in sequence."""
+    """Convert and read every element of every leg of the first bus, one after the other."""
     plan = scan_plan("raster", config.rate_sps, config.board, config.rows)
     for channel in config.buses[0].channels.values():
         for step in plan.steps:
@@ -41,12 +41,12 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
 
 
 def has_cantools() -> bool:
-    """Return whether cantools is installed, which the naive cycle needs and the robot does not."""
+    """Return whether cantools is installed; only the naive program needs it."""
     return importlib.util.find_spec("cantools") is not None
 
 
 class NaiveCycle:
-    """A cycle leg by leg: a pipeline and an inference for each, cantools for each message.
+    """One daemon cycle written naively: leg by leg, with one inference each and cantools for each message.
 
     Args:
         config: The robot.
@@ -79,7 +79,7 @@ class NaiveCycle:
         self._age = Histogram("age_seconds", "Age.", ["leg"], registry=registry)
 
     def run(self, scan: CapFrame, now_ns: int, channel: socket.socket, pipe: int) -> None:
-        """Process, encode and send, count and record one scan."""
+        """Run one naive cycle on a frame: estimate, encode, send, count and record."""
         self._counter = (self._counter + 1) % 15
         record: dict[str, Any] = {"sequence": scan.sequence, "t_ns": now_ns}
         for row, leg in enumerate(self._legs):
@@ -101,6 +101,7 @@ class NaiveCycle:
         os.write(pipe, json.dumps(record).encode() + b"\n")
 
     def _count(self, leg: str, forces: ContactFrame) -> None:
+        """Update the metrics of one leg."""
         state = State(int(forces.state[0])).name.lower()
         self._scans.labels(leg=leg, state=state).inc()
         self._state.labels(leg=leg).set(int(forces.state[0]))
@@ -109,6 +110,7 @@ class NaiveCycle:
             self._force.labels(leg=leg, axis=axis).set(float(force_n))
 
     def _send(self, channel: socket.socket, name: str, signals: dict[str, float]) -> None:
+        """Encode a CAN message with cantools and send it."""
         message = self._database.get_message_by_name(name)
         values = {"CHECKSUM": 0, "COUNTER": self._counter, **signals}
         data = crc8.protect(message.frame_id, message.encode(values)[1:])
@@ -118,12 +120,14 @@ class NaiveCycle:
 
 
 def _force_signals(forces: ContactFrame) -> dict[str, float]:
+    """Return the signals of a `Force` message."""
     force_n = np.nan_to_num(forces.force_n[0], nan=-32.768)
     axes = dict(zip(("ForceX", "ForceY", "ForceZ"), force_n.round(3).tolist(), strict=True))
     return {"State": int(forces.state[0]), **axes}
 
 
 def _quality_signals(forces: ContactFrame) -> dict[str, float]:
+    """Return the signals of a `Quality` message."""
     sigma_n = np.nan_to_num(forces.sigma_n[0], nan=1.022)
     flags = Flag(int(forces.flags[0]))
     return {

@@ -1,4 +1,4 @@
-"""One cycle of the service on recorded readings: estimation, CAN, metrics and recorder.
+"""One cycle of the daemon on recorded readings, for benchmarks: estimation, CAN, metrics and recorder.
 
 A whole cycle: estimate, publish, count, record. It sends to a socket pair, which stands for CAN on any machine, and
 records into a pipe; both are drained between cycles.
@@ -44,7 +44,7 @@ BENCHMARK_CONFIG = replace(DEFAULT, publish_every=1)
 
 
 class Loopback:
-    """A socket pair and a pipe that take the frames and the record of a cycle."""
+    """Socket pair and pipe that receive the CAN frames and records of the measured cycles."""
 
     def __init__(self) -> None:
         self.socket, self._sink = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -53,11 +53,11 @@ class Loopback:
 
     @property
     def file_descriptors(self) -> tuple[int, int, int, int]:
-        """Both ends of the socket, and the pipe's to write and to read."""
+        """File descriptors: both ends of the socket pair, then the pipe's write and read ends."""
         return self.socket.fileno(), self._sink.fileno(), self.pipe, self._drain
 
     def drain(self) -> None:
-        """Discard the frames and the record of a cycle."""
+        """Read and discard the CAN frames and records of a cycle."""
         with suppress(BlockingIOError):
             while True:
                 self._sink.recv(64, socket.MSG_DONTWAIT)
@@ -65,7 +65,7 @@ class Loopback:
             os.read(self._drain, 1 << 16)
 
     def close(self) -> None:
-        """Close the sockets and the pipes of the benchmark."""
+        """Close the socket pair and the pipe."""
         self.socket.close()
         self._sink.close()
         os.close(self._drain)
@@ -73,18 +73,18 @@ class Loopback:
 
 
 class _PipeRecorder(Observer):
-    """An observer that copies every cycle into a pipe, as the recorder does."""
+    """Observer that writes every cycle into a pipe, as the recorder does."""
 
     def __init__(self, pipe: int, legs: tuple[str, ...]) -> None:
         self._pipe = CyclePipe(pipe, {"legs": ",".join(legs)}, blocking=False)
 
     def observe(self, cycle: Cycle) -> None:
-        """Copy the forces of one cycle."""
+        """Write one cycle into the pipe."""
         self._pipe.send(cycle)
 
 
 class ServiceCycle(NamedTuple):
-    """One cycle of the service's pipeline and outputs.
+    """One cycle of the daemon's pipeline and outputs, ready to run.
 
     Attributes:
         run: Processes a scan at a time [ns].
@@ -103,7 +103,7 @@ class ServiceCycle(NamedTuple):
 
 @contextmanager
 def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
-    """Open one cycle of the service: pipeline, CAN sink and observers, with a loopback as CAN.
+    """Set up one cycle of the daemon (pipeline, CAN sink, observers) with sockets in place of CAN.
 
     Args:
         shared: Whether it copies its cycles into shared memory, as with a section `view`.
@@ -148,18 +148,18 @@ def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
 
 
 def recorded_frames(n: int) -> list[CapFrame]:
-    """Return the frames of `n` conversions of six walking legs."""
+    """Return the capacitance frames of `n` conversions of six walking legs."""
     with open_scan_source(DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scan_source:
         return [scan_source.source.read() for _ in range(n)]
 
 
 def send_time_ns(scan: CapFrame) -> int:
-    """Return the time of sending the forces of a frame [ns]: 2 ms after its newest reading."""
+    """Return the sending time assumed for a frame's forces [ns]: 2 ms after its newest reading."""
     return int(scan.t_ns.max()) + 2_000_000
 
 
 def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
-    """Return the C floor, tared with the first scans as the service is.
+    """Return the C program, tared with the first frames as the daemon is.
 
     Raises:
         FootsenseError: It cannot be compiled.

@@ -1,4 +1,4 @@
-"""Part of `footsense benchmark` in virtual time: scan period, and age of forces at sending.
+"""Part of `footsense benchmark` in virtual time: scan period, and age of the forces when sent.
 
 Bus bits, conversions and host costs are exact there: the same figures on every machine.
 """
@@ -52,12 +52,12 @@ _CONFIGURATIONS = {
 
 
 def conversion_limit_ms() -> float:
-    """Return the lower limit of the scan period [ms]: nine conversions by the default board."""
+    """Return the lower bound of the scan period by conversion time [ms]: nine conversions of the default board."""
     return DEFAULT.shortest_scan_ms
 
 
 def scan_figures() -> dict[str, dict[str, float | None]]:
-    """Return period and ratios of a scan by configuration, named after buses and host's cost of a transaction."""
+    """Return scan periods and their ratios to the bounds, by bus configuration and host cost."""
     return {
         f"{name}_{host_cost_us}us": _measure_scan_periods(config, host_cost_us)
         for (name, config), host_cost_us in itertools.product(_CONFIGURATIONS.items(), _HOST_COSTS_US)
@@ -65,7 +65,7 @@ def scan_figures() -> dict[str, dict[str, float | None]]:
 
 
 def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float | None]:
-    """Return scan periods of six legs at 400 kHz, ours and the naive loop's, with their ratios to the limits."""
+    """Return the scan periods of six legs at 400 kHz, of the daemon and of a naive loop, and their ratios."""
     scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
     with open_scan_source(config, scene) as scan_source:
         scan_source.read_whole_scans(1)
@@ -85,13 +85,14 @@ def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float 
 
 
 def _naive_scan_period_ns(config: Config, scene: Scene) -> int:
+    """Return the scan period of the naive loop [ns]."""
     bus = simulated_robot(config, scene).buses[0]
     sequential_scan(bus, bus.clock, config)
     return bus.clock.now_ns()
 
 
 def _min_scan_period_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
-    """Return the lower bound of the scan period on this bus, independent of the program [ns]."""
+    """Return the lower bound of the scan period on a bus for any program [ns]."""
     return scan_lower_bounds(
         n_legs=len(bus.legs),
         conversion_ns=config.rate.conversion_ns,

@@ -42,7 +42,7 @@ Calls = dict[tuple[str, str], float]
 
 
 def calls_per_conversion(n: int = _COUNTED_CONVERSIONS) -> tuple[Calls, Calls]:
-    """Count the calls of a virtual walk.
+    """Return the mean number of calls per conversion of each function, in a simulated walk.
 
     Args:
         n: Conversions to count.
@@ -73,13 +73,14 @@ def calls_per_conversion(n: int = _COUNTED_CONVERSIONS) -> tuple[Calls, Calls]:
 
 
 def _is_simulated(frame: FrameType | None) -> bool:
-    """Return whether a stack frame, or any of its callers, is code of the simulator."""
+    """Return whether a stack frame or any of its callers is simulator code."""
     while frame is not None and not frame.f_code.co_filename.startswith(_SIMULATOR):
         frame = frame.f_back
     return frame is not None
 
 
 def _mean_calls_by_function(calls: Counter[CodeType], n_conversions: int) -> Calls:
+    """Return the mean calls per conversion by (module, function)."""
     calls_by_function: Counter[tuple[str, str]] = Counter()
     for code, n in calls.items():
         path = Path(code.co_filename)
@@ -92,18 +93,18 @@ def _mean_calls_by_function(calls: Counter[CodeType], n_conversions: int) -> Cal
 
 
 def functions_called_every_conversion(calls: Calls) -> list[tuple[str, str]]:
-    """Return module and qualified name of every function that runs steadily."""
+    """Return (module, qualified name) of every function called in at least every second conversion."""
     return [function for function, n in calls.items() if n > _MIN_STEADY_CALLS]
 
 
 def _stop_after_iterations(n: int) -> Callable[[], bool]:
-    """Return a stop condition that is met after a number of turns of the loop."""
+    """Return a stop condition that becomes true after `n` iterations of the main loop."""
     turns = iter(range(n))
     return lambda: next(turns, None) is None
 
 
 def main() -> None:
-    """Print the function calls per conversion in total; with `--list` first those of each module and function."""
+    """Print the total of function calls per conversion; with `--list`, also those of each function."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--list", action="store_true", help="list modules and functions with their calls")
     listed = parser.parse_args().list

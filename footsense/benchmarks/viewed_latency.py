@@ -1,4 +1,4 @@
-"""Part of `footsense benchmark`: wake-up latency of the loop while its page is looked at, beside the loop alone.
+"""Part of `footsense benchmark`: wake-up latency of the main loop with and without viewers of its web page.
 
 The loop is a process of its own with the scheduling of the service, and copies every cycle into shared memory. Another
 process serves the page to one viewer that draws everything, and to five clients that connect and read nothing more. It
@@ -41,7 +41,7 @@ _N_CHANNELS = 20
 
 
 def viewed_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, Any]:
-    """Return the wake-up latency alone and viewed [us], median and tails, and the ratio of the 99th percentiles.
+    """Return the loop's wake-up latency without and with viewers [us], and the ratio of the 99th percentiles.
 
     Args:
         scans: Scans to process, those of the tare first.
@@ -66,6 +66,7 @@ def viewed_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
 
 
 def _serve_shared(connection: Connection, scans: list[CapFrame]) -> None:
+    """Run the daemon's cycle in a child process, with its cycles shared with viewers."""
     logging.disable()  # a walk that begins anew is reported as a jump
     with open_service_cycle(shared=True) as cycle:
         refusals = request_realtime(REALTIME_PRIORITY, None)
@@ -76,7 +77,7 @@ def _serve_shared(connection: Connection, scans: list[CapFrame]) -> None:
 
 @contextlib.contextmanager
 def _run_viewer(cycles: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Run `footsense view`, and yield its process and its host and port."""  # noqa: DOC402 - one line
+    """Run `footsense view` during a `with` block; yield its process and its host and port."""  # noqa: DOC402 - one line
     command = ["-P", "-m", "footsense", "view", "--cycles", str(cycles), "--port", "0"]
     with subprocess.Popen([sys.executable, *command], stdout=subprocess.PIPE, text=True) as process:  # noqa: S603
         assert process.stdout is not None
@@ -89,7 +90,7 @@ def _run_viewer(cycles: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
 
 @contextlib.contextmanager
 def _connect_clients(host: str) -> Iterator[None]:
-    """Connect a viewer that draws, and clients that do not read."""
+    """Connect to the page during a `with` block: one viewer that reads, and clients that never read."""
     over = threading.Event()
     drawing = threading.Thread(target=_acknowledge_cycles, args=(host, over))
     with contextlib.ExitStack() as stack:
@@ -114,7 +115,7 @@ def _connect_clients(host: str) -> Iterator[None]:
 
 
 def _acknowledge_cycles(host: str, over: threading.Event) -> None:
-    """Acknowledge every message of cycles, as a browser does that draws them."""
+    """Acknowledge every message of cycles, as a browser does after drawing it."""
     with connect(f"ws://{host}/", subprotocols=[_PAGE], close_timeout=0.1, ping_interval=None) as page:
         while not over.is_set():
             with contextlib.suppress(TimeoutError):

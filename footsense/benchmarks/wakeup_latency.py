@@ -1,4 +1,4 @@
-"""Part of `footsense benchmark`: wake-up latency of the loop at 500 Hz, beside a loop in C in the same run.
+"""Part of `footsense benchmark`: wake-up latency of the main loop at 500 Hz, beside a loop in C in the same run.
 
 Each loop is a process of its own with the scheduling of the service. It runs a whole cycle after every deadline, ours
 with its metrics shown by their exporter and scraped over HTTP. The two run in turns, block by block, first on a quiet
@@ -47,7 +47,7 @@ _Serve = Callable[[Connection, list[CapFrame]], None]
 
 
 def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, Any]:
-    """Return the wake-up latency of both loops [us], median and tails, and the ratios of the tails.
+    """Return the wake-up latencies of the daemon's loop and of the C loop [us], and their ratios.
 
     Args:
         scans: Scans to process, those of the tare first.
@@ -84,13 +84,14 @@ def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
 
 
 def _latency_figures(wakeup_latencies_ns: dict[str, list[int]]) -> dict[str, Any]:
+    """Return the latency quantiles of both loops [us], and the ratios of the tails."""
     tails = latency_tails(wakeup_latencies_ns)
     ours, c = tails["ours"]["p999"], tails.get("c", {}).get("p999")
     return {"ours": ours, "c": c, "ratio": ours / c if c else None, "tails": tails}
 
 
 def latency_tails(wakeup_latencies_ns: Mapping[str, list[int]]) -> dict[str, dict[str, float]]:
-    """Return median and tails [us] of some latencies [ns]."""
+    """Return median and tail quantiles [us] of each list of latencies [ns]."""
     return {
         name: {tail: float(np.quantile(late, q)) * 1e-3 for tail, q in _QUANTILES.items()}
         for name, late in wakeup_latencies_ns.items()
@@ -99,7 +100,7 @@ def latency_tails(wakeup_latencies_ns: Mapping[str, list[int]]) -> dict[str, dic
 
 @contextlib.contextmanager
 def run_loop_process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connection]:
-    """Run a loop in a child process, and close the connection to end the loop.
+    """Run a loop in a child process during a `with` block; closing the connection ends the loop.
 
     Yields:
         The connection.
@@ -117,7 +118,7 @@ def run_loop_process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connecti
 
 
 def receive_answer(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
-    """Return the next answer of a loop.
+    """Return the next answer of a loop process.
 
     Raises:
         FootsenseError: It ended by itself.
@@ -129,14 +130,14 @@ def receive_answer(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sen
 
 
 def _scrape_repeatedly(port: int, over: threading.Event) -> None:
-    """Read the metrics again and again, as Prometheus does, but more often."""
+    """Read the metrics over HTTP repeatedly, as Prometheus does but more often, until `over` is set."""
     while not over.wait(_SCRAPE_PERIOD_S):
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
             answer.read()
 
 
 def _repeat_scans(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame, int]]:
-    """Play scans round and round, in ever later times.
+    """Yield frames in endless repetition, with times that keep increasing.
 
     Yields:
         A scan, and when it is processed, in its time [ns].
@@ -151,7 +152,7 @@ def _repeat_scans(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame
 
 @contextlib.contextmanager
 def _run_exporter(counters: Path) -> Iterator[int]:
-    """Run `footsense exporter` as a child process, and yield the port it serves."""  # noqa: DOC402 - one line
+    """Run `footsense exporter` as a child process during a `with` block; yield its port."""  # noqa: DOC402 - one line
     with subprocess.Popen(  # noqa: S603 - our own module
         [sys.executable, "-P", "-m", "footsense", "exporter", "--counters", str(counters), "--port", "0"],
         stdin=subprocess.DEVNULL,
@@ -166,13 +167,14 @@ def _run_exporter(counters: Path) -> Iterator[int]:
 
 
 def _requested_cycle_counts(connection: Connection) -> Iterator[int]:
-    """Yield each requested number of cycles until the peer closes the connection."""
+    """Yield each number of cycles that the parent process requests, until it closes the connection."""
     with contextlib.suppress(EOFError):
         while True:
             yield connection.recv()
 
 
 def _run_service_loop(connection: Connection, scans: list[CapFrame]) -> None:
+    """Run the daemon's cycle at its period in a child process, and send the wake-up latencies."""
     logging.disable()  # a walk that begins anew is reported as a jump
     with open_service_cycle() as cycle, _run_exporter(cycle.counters) as port:
         refusals = request_realtime(REALTIME_PRIORITY, None)
@@ -182,14 +184,14 @@ def _run_service_loop(connection: Connection, scans: list[CapFrame]) -> None:
 
 
 def run_warm_up_cycles(cycle: ServiceCycle, scans: list[CapFrame]) -> None:
-    """Run the cycles in which the feet are tared."""
+    """Run the first cycles, in which the feet are tared."""
     for scan in scans[:N_WARM_UP_CYCLES]:
         cycle.run(scan, send_time_ns(scan))
         cycle.loopback.drain()
 
 
 def answer_paced_cycles(connection: Connection, cycle: ServiceCycle, scans: list[CapFrame]) -> None:
-    """Answer each number of cycles with the wake-up latency of each [ns], until the peer closes the connection."""
+    """Run each requested number of cycles at the loop's period, and send their wake-up latencies [ns]."""
     clock = MonotonicClock()
     rounds = _repeat_scans([(scan, send_time_ns(scan)) for scan in scans[N_WARM_UP_CYCLES:]])
     for n in _requested_cycle_counts(connection):
@@ -207,6 +209,7 @@ def answer_paced_cycles(connection: Connection, cycle: ServiceCycle, scans: list
 
 
 def _run_c_loop(connection: Connection, scans: list[CapFrame]) -> None:
+    """Run the C loop in a child process, and send its wake-up latencies."""
     with TemporaryDirectory() as folder:
         floor, loopback = tared_floor(Path(folder), scans), Loopback()
         connection.send((0, request_realtime(REALTIME_PRIORITY, None)))

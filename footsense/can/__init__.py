@@ -1,1 +1,1 @@
-"""Forces to CAN, commands from CAN, and the log of both."""
+"""CAN: sends forces and reports, receives commands, and logs the sent frames."""

@@ -1,4 +1,4 @@
-"""Error frames of a CAN controller and full queues as counts and as few lines in the journal.
+"""Health of the CAN bus: counts of error frames and full queues, and a few log messages about them.
 
 A broken bus is bus-off ten times a second, and a slow one fills its queue with every force; one line tells the begin
 and one the end.
@@ -16,7 +16,7 @@ _RECOVERED_AFTER_NS = 2_000_000_000
 
 
 class BusHealth:
-    """Tracks the health of a CAN bus by the error frames received from it.
+    """Counts CAN error frames and full transmit queues, and logs the start and end of each disturbance.
 
     Args:
         channel: Name of the channel, for the journal.
@@ -37,7 +37,7 @@ class BusHealth:
         self.last_full_ns: int | None = None
 
     def log_queue_full(self, t_ns: int) -> None:
-        """Log once that the transmit queue is full at a time [ns]; call it before the dropped frames are counted."""
+        """Log once that the transmit queue is full; call it before the dropped frames are counted."""
         if self.last_full_ns is None:
             self._first_dropped = self._stats.dropped
             _log.warning(
@@ -48,7 +48,7 @@ class BusHealth:
         self.last_full_ns = t_ns
 
     def count_error_frame(self, can_id: int, data: bytes, t_ns: int) -> None:
-        """Count one error frame that arrived at a time [ns]."""
+        """Count one error frame received at a time [ns], and log a new disturbance."""
         stats = self._stats
         stats.bus_errors += 1
         bus_off = bool(can_id & ErrorClass.BUS_OFF)
@@ -73,7 +73,7 @@ class BusHealth:
             )
 
     def check_recovery(self, t_ns: int) -> None:
-        """Log the end of each disturbance after two seconds without it; `t_ns` is the present time [ns]."""
+        """Log the end of each disturbance that has not recurred for two seconds; `t_ns` is the present time [ns]."""
         if self.last_error_ns is not None and t_ns - self.last_error_ns >= _RECOVERED_AFTER_NS:
             self.last_error_ns = None
             n_bus_off = self._stats.bus_off - self._first_bus_off

@@ -1,4 +1,4 @@
-"""One CAN channel, and the log of the frames sent on it.
+"""One CAN interface: sends and receives frames, reopens the interface after a failure, logs sent frames.
 
 A frame that the channel does not accept at once is dropped and counted, never sent later: by then there is a newer one.
 An interface that goes down is tried again with its socket, and one that disappears is opened again, at growing
@@ -35,7 +35,7 @@ _MAX_BACK_OFF_NS = 250_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelSettings:
-    """Settings of a CAN channel.
+    """Settings of a CAN interface and of its log file.
 
     Attributes:
         interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
@@ -60,7 +60,7 @@ class ChannelSettings:
 
 
 class _OpenAttempt(threading.Thread):
-    """One attempt to open an interface after its last socket was closed.
+    """Thread that closes the old socket of an interface and tries once to open a new one.
 
     Args:
         old: The last socket; None if it is closed.
@@ -83,7 +83,7 @@ class _OpenAttempt(threading.Thread):
             self.run()
 
     def run(self) -> None:
-        """Close the last socket, and open the interface again."""
+        """Close the old socket, and try to open a new one."""
         if self._old is not None:
             self._old.close()
         try:
@@ -93,7 +93,7 @@ class _OpenAttempt(threading.Thread):
 
 
 class CanChannel:
-    """Open CAN channel that sends and receives frames; its log file is created last.
+    """Open CAN interface that sends and receives frames, and reopens itself after a failure.
 
     Args:
         settings: Its settings.
@@ -146,7 +146,7 @@ class CanChannel:
             raise
 
     def send(self, frames: bytes, t_ns: int) -> int:
-        """Hand over frames up to the first without room, and drop the rest.
+        """Send frames without waiting, and drop those that do not fit; return the number accepted.
 
         Args:
             frames: Whole frames behind each other, as in `firmware_interface.can.socketcan`.
@@ -179,7 +179,7 @@ class CanChannel:
         return taken
 
     def receive(self) -> list[tuple[int, bytes]]:
-        """Return CAN id and data of each received frame with an accepted id, oldest first; drop the others."""
+        """Return CAN id and data of each received frame with an accepted id, oldest first; discard the others."""
         if self._wire is None:
             return []
         try:
@@ -200,7 +200,7 @@ class CanChannel:
         return arrived
 
     def close(self) -> None:
-        """Release the channel and finish the log.
+        """Close the CAN socket, and finish the log file.
 
         Raises:
             RecordingError: The log is incomplete.
@@ -211,7 +211,7 @@ class CanChannel:
             log.close()
 
     def _send_first_frames(self, frames: bytes) -> bytes:
-        """Send the first frames and return the accepted ones.
+        """Send as many of the frames as the socket accepts; return those that were accepted.
 
         Raises:
             CanError: The channel is down. A full queue is no error: without a listener it fills at once.
@@ -227,7 +227,7 @@ class CanChannel:
         return frames[: ends[taken - 1]] if taken else b""
 
     def _double_back_off(self, error: OSError) -> None:
-        """Double the time before the next attempt; only an interface that is merely down keeps its socket."""
+        """Double the time until the next attempt to reopen; close the socket unless the interface is only down."""
         if error.errno != errno.ENETDOWN and self._wire is not None:
             self._gone, self._wire = self._wire, None
         if not self._back_off_ns:
@@ -237,7 +237,7 @@ class CanChannel:
         self._due_ns = self._t_ns + self._back_off_ns
 
     def _reopened(self) -> CanWire | None:
-        """Begin an attempt to open the interface again, or return the result of the last one; it may still be down."""
+        """Start an attempt to reopen the interface, or return a finished one's socket; None while there is none."""
         if self._opening is None:
             self._opening = _OpenAttempt(self._gone, self._connect, beside=self._is_real)
             self._gone = None
@@ -250,11 +250,13 @@ class CanChannel:
         return self._wire
 
     def _log_return(self) -> None:
+        """Log that the interface works again, and reset the back-off."""
         self._back_off_ns = 0
         self.stats.reopened += 1
         _log.warning("%s is back after %.1f s", self._name, (self._t_ns - self._lost_ns) / 1e9)
 
     def _release(self) -> None:
+        """Close the socket, if one is open."""
         if self._wire is not None:
             self._wire.close()
             self._wire = None

@@ -1,4 +1,4 @@
-"""Commands from CAN: which are executed, and the answers to them."""
+"""Commands received on CAN: checks of which are executed, and the answers to them."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ _SECOND_NS = 1_000_000_000
 
 @dataclass(slots=True)
 class _LegCommands:
-    """The last command to a leg, and the commands that still wait for an answer."""
+    """State of one leg's commands: the last one, the rate limit, and those without an answer yet."""
 
     row: int
     node: int
@@ -41,21 +41,21 @@ class _LegCommands:
     pending_counters: defaultdict[CommandKind, list[int]] = field(default_factory=lambda: defaultdict(list))
 
     def accepts_command(self, t_ns: int) -> bool:
-        """Count a command that arrives at a time [ns], and return whether it is not one too many."""
+        """Count a received command, and return whether it is within the limit of commands per second."""
         current_second = t_ns // _SECOND_NS
         self.n_commands = self.n_commands + 1 if current_second == self.current_second else 1
         self.current_second = current_second
         return self.n_commands <= _MAX_COMMANDS_PER_SECOND
 
     def answer_frame(self, result: int, kind: int, command_counter: int) -> bytes:
-        """Return the CAN frame of the next answer."""
+        """Return an answer as `struct can_frame`, and advance the answer counter."""
         data = encode_answer(self.node, self.answer_counter, result, kind, command_counter)
         self.answer_counter = next_counter(self.answer_counter)
         return pack_frame(ANSWER_ID + self.node, data)
 
 
 class CanCommands:
-    """Receives the commands to the legs of one CAN channel and answers them.
+    """Decodes the commands to the legs of one CAN interface, and sends the answers.
 
     Args:
         channel: The channel.
@@ -74,7 +74,7 @@ class CanCommands:
         self.unsolicited: dict[int, tuple[Result, CommandKind]] = {}
 
     def decode(self, frames: Sequence[tuple[int, bytes]]) -> list[Command]:
-        """Return the valid commands among frames; the others are counted as rejected.
+        """Return the valid commands among received frames; the others are counted as rejected.
 
         An unknown command is answered at once. A wrong crc, a repeated counter, or more commands than ten a second are
         not: the sender, or whether it sent at all, is uncertain.
@@ -106,7 +106,7 @@ class CanCommands:
         return commands
 
     def answer(self, outcome: CommandResult) -> None:
-        """Send a command's result on its leg's answer id, with the counter of the command.
+        """Send a command's result under its leg's answer id, with the command's counter.
 
         A tare command during a tare restarts it: both end together, and each is answered. A result without a command
         of a consumer waits in `unsolicited`: after a start, all legs are tared at once.
@@ -122,11 +122,12 @@ class CanCommands:
         del pending_counters[:n_ended]
 
     def unsolicited_frames(self, room: int) -> list[bytes]:
-        """Return at most `room` unsolicited results as frames."""
+        """Return the frames of at most `room` results that no command asked for, and remove these results."""
         return [
             self._legs[row].answer_frame(*self.unsolicited.pop(row), UNSOLICITED)
             for row in list(self.unsolicited)[:room]
         ]
 
     def _answer(self, leg: _LegCommands, result: int, kind: int, command_counter: int) -> None:
+        """Send one answer of a leg."""
         self._channel.send(leg.answer_frame(result, kind, command_counter), self._clock.now_ns())

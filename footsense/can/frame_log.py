@@ -1,4 +1,4 @@
-"""The log of sent CAN frames: checks of its file, and the loop's end of the pipe to its writer.
+"""Log of sent CAN frames: checks of the log file, and the pipe to the child process that writes it.
 
 A busy disk or an absent network drive makes a writer wait, so a process of its own writes the file (`log_writer`), and
 the loop copies a cycle's frames into a pipe with one system call. In virtual time the loop waits for room there; in
@@ -33,7 +33,7 @@ FINISH_TIMEOUT_S = 10.0
 
 
 def check_log_suffix(path: Path) -> None:
-    """Check that the suffix names a format.
+    """Raise an error unless the file's suffix names a supported log format.
 
     Raises:
         ConfigError: It does not.
@@ -43,7 +43,7 @@ def check_log_suffix(path: Path) -> None:
 
 
 def check_log_target(path: Path) -> None:
-    """Check, before anything is opened, that a log may be written to `path`.
+    """Raise an error unless a log can be written to `path`; call it before opening anything.
 
     Raises:
         ConfigError: The suffix names no format.
@@ -54,7 +54,7 @@ def check_log_target(path: Path) -> None:
 
 
 class CanFrameLog:
-    """Log of CAN frames, written to its file by a child process.
+    """Log of sent CAN frames, passed through a pipe to a child process that writes the file.
 
     Args:
         path: The file, its format by suffix.
@@ -74,7 +74,7 @@ class CanFrameLog:
         self._ended = False
 
     def add(self, t_ns: int, frames: bytes) -> None:
-        """Copy frames into the pipe, with their time [ns]; never fails, even without a writer."""
+        """Append frames with their time [ns] to the log; never fails, even if its writer has ended."""
         if not self._ended:
             try:
                 # Below PIPE_BUF for any robot: written completely or not at all. Source: pipe(7).
@@ -89,7 +89,7 @@ class CanFrameLog:
         self._stats.unlogged += len(frame_ends(frames))
 
     def close(self, timeout_s: float = FINISH_TIMEOUT_S) -> None:
-        """End the frame log and wait until its writer has written all frames.
+        """Close the pipe, and wait until the child process has written all frames.
 
         Args:
             timeout_s: How long to wait for the writer [s].
@@ -114,7 +114,7 @@ class CanFrameLog:
 
 
 def _start_writer(path: Path, channel: str) -> "tuple[subprocess.Popen[bytes], int]":
-    """Start the process that writes `path`.
+    """Start the child process that writes the log; return it and the write end of its pipe.
 
     Returns:
         The process, and the end of the pipe that feeds it.

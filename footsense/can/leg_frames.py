@@ -1,4 +1,4 @@
-"""The legs' frames beside Force and Quality, with their counters: fault report, heartbeat, baseline, and gait."""
+"""Content and counters of each leg's reports on CAN: fault report, heartbeat, baseline, gait."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -38,13 +38,13 @@ def heartbeat_frame(node: int, nmt_state: NmtState, *, degraded_timing: bool = F
 
 @cache
 def heartbeat_of_state(node: int, state: int, degraded_timing: bool) -> bytes:  # noqa: FBT001 - called positionally
-    """Return the heartbeat of a node whose leg is in a state."""
+    """Return the heartbeat of a node, as `struct can_frame`, for its leg's state."""
     nmt_state = _NMT_OF_STATE.get(State(state), NmtState.OPERATIONAL)
     return heartbeat_frame(node, nmt_state, degraded_timing=degraded_timing)
 
 
 class CanLeg:
-    """The fault reports and baselines of one leg.
+    """Fault reports and baseline frames of one leg, with their counters.
 
     Args:
         row: Its row in the frames.
@@ -64,17 +64,17 @@ class CanLeg:
         self.reported = (int(State.STOPPED), 0, int(Cause.NONE))
 
     def fault_frame(self, state: int, mask: int, cause: int) -> bytes:
-        """Return the CAN frame of a fault report; call `set_reported` once the frame was sent."""
+        """Return a fault report as `struct can_frame`; call `set_reported` once it is sent."""
         data = encode_fault(self.node, self._fault_counter, state, self.reported[0], mask, cause)
         return pack_frame(FAULT_ID + self.node, data)
 
     def set_reported(self, report: tuple[int, int, int]) -> None:
-        """Store the state, mask and cause of the fault report that was sent."""
+        """Store the state, mask and cause of the fault report that was just sent."""
         self._fault_counter = next_counter(self._fault_counter)
         self.reported = report
 
     def baseline_frame(self, frame: ContactFrame) -> bytes:
-        """Return the CAN frame of the leg's baseline: status, mean and worst drift [pF], and age [ns]."""
+        """Return the leg's baseline as `struct can_frame`: status, mean and worst drift [pF], age [ns]."""
         status, mean_pf, worst_pf, moved_ns = [column[self._row].item() for column in frame.baseline]
         age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
         data = encode_baseline(self.node, self._baseline_counter, status, mean_pf, worst_pf, age_ns)
@@ -89,7 +89,7 @@ _MAX_WAITING_EVENTS = 24
 
 
 class GaitFrames:
-    """Queue of the gait frames and gait events of all legs that are to be sent on CAN.
+    """Queue of gait events and of periodic gait frames of all legs that are to be sent on CAN.
 
     Args:
         nodes: CAN node id of each leg.
@@ -108,7 +108,7 @@ class GaitFrames:
         self.waiting: deque[int] = deque()
 
     def queue_gait(self, gait: GaitFrame) -> None:
-        """Queue the events of a gait frame, and its slow frames if they are due."""
+        """Queue the events of a gait estimate, and its periodic frames if they are due."""
         self.events += [(event, gait.all_in_air) for event in gait.events]
         if gait.t_ns >= self._due_ns:
             self._due_ns = (gait.t_ns // _GAIT_FRAME_PERIOD_NS + 1) * _GAIT_FRAME_PERIOD_NS
@@ -116,7 +116,7 @@ class GaitFrames:
             self.waiting = deque(range(len(self._nodes)))
 
     def event_frames(self, now_ns: int, room: int) -> list[bytes]:
-        """Return the CAN frames of the oldest unsent events, `room` at most; report the accepted ones to `set_sent`.
+        """Return the oldest unsent events, at most `room`, as CAN frames; call `set_sent` for those accepted.
 
         Args:
             now_ns: Time of sending [ns].
@@ -134,19 +134,20 @@ class GaitFrames:
         return frames
 
     def set_sent(self, n: int) -> None:
-        """Remove the `n` oldest events, which were sent."""
+        """Remove the `n` oldest events from the queue, after they were sent."""
         for _ in range(n):
             event, _ = self.events.popleft()
             self._event_counters[event.leg] = next_counter(self._event_counters[event.leg])
 
     def slow_frames(self, room: int) -> list[bytes]:
-        """Return `Gait` and `Ground` of the legs that wait, `room` frames at most."""
+        """Return queued periodic `Gait` and `Ground` frames, at most `room`, and remove them from the queue."""
         frames: list[bytes] = []
         for _ in range(min(len(self.waiting), room // 2)):
             frames += self._of_leg(self.waiting.popleft())
         return frames
 
     def _of_leg(self, row: int) -> tuple[bytes, bytes]:
+        """Return the `Gait` and the `Ground` frame of a leg."""
         gait, node, counter = self._gait, self._nodes[row], self._counters[row]
         assert gait is not None
         self._counters[row] = next_counter(counter)

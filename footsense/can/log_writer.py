@@ -1,4 +1,4 @@
-"""The process that writes the CAN log: `python -m footsense.can.log_writer SUFFIX CHANNEL`.
+"""Child process that writes the CAN log: `python -m footsense.can.log_writer SUFFIX CHANNEL`.
 
 Its standard input is the loop's pipe, its standard output the open file, and its standard error one line if the log is
 incomplete. It ends with the pipe: when the service stops or is killed.
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def _records(pipe: int) -> Iterator[list[tuple[int, bytes]]]:
-    """Yield the time [ns] and the frames of the records received so far, up to the end of the pipe."""
+    """Yield the log records (time [ns], frames) received in each batch, until the pipe ends."""
     rest = b""
     for data in read_batches(pipe):
         rest += data
@@ -34,7 +34,7 @@ def _records(pipe: int) -> Iterator[list[tuple[int, bytes]]]:
 
 
 def _open(file: int, suffix: str, channel: str) -> "tuple[IO[Any], FileIOMessageWriter[Any]]":
-    """Open a descriptor as a log file; return the file and the python-can writer for the format of `suffix`."""
+    """Return a log file for an open descriptor, and python-can's writer for the format of `suffix`."""
     import can
 
     if suffix == ".blf":
@@ -47,7 +47,7 @@ def _open(file: int, suffix: str, channel: str) -> "tuple[IO[Any], FileIOMessage
 
 
 def main(suffix: str, channel: str, pipe: int = 0, file: int = 1) -> str:
-    """Write a log until the pipe ends.
+    """Write the log until the pipe ends; return why it is incomplete, or an empty text.
 
     Args:
         suffix: Suffix of the file's name, which names the format.

@@ -1,4 +1,4 @@
-"""Opens CAN interfaces through python-can; sends and receives on those without a Linux CAN socket.
+"""Open CAN interfaces by python-can; send and receive on those that are not Linux CAN sockets.
 
 The only file that knows python-can's buses. On `socketcan`, python-can opens the socket and sets its filters, and the
 frames bypass it (`socketcan.py`). python-can neither checks its settings nor ignores files in the home directory, so it
@@ -53,7 +53,7 @@ def open_wire(
     fd: bool = False,
     sends: bool = True,
 ) -> CanWire:
-    """Open a CAN interface by python-can.
+    """Open a CAN interface by python-can, as a raw socket where possible.
 
     Args:
         interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
@@ -88,7 +88,7 @@ def open_wire(
 
 
 def _require_fd(channel: str, bitrate: int) -> None:
-    """Check that an interface can send frames of CAN FD; one that does not exist is found when it is opened.
+    """Raise an error if an existing interface cannot send CAN FD frames.
 
     Raises:
         CanError: It is a classic one.
@@ -106,7 +106,7 @@ def _require_fd(channel: str, bitrate: int) -> None:
 
 
 def _keep_local(descriptor: int, group: str) -> None:
-    """Restrict a multicast socket to the loopback interface: python-can receives from any network."""
+    """Restrict a multicast socket to the loopback interface, as python-can would receive from any network."""
     with socket.socket(fileno=os.dup(descriptor)) as local:
         local.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo")
         membership = socket.inet_aton(group) + socket.inet_aton("127.0.0.1")
@@ -114,7 +114,7 @@ def _keep_local(descriptor: int, group: str) -> None:
 
 
 class _BusWire:
-    """Another interface of python-can, frame by frame."""
+    """A python-can interface without a raw socket, used frame by frame."""
 
     def __init__(self, bus: "can.BusABC") -> None:
         import can
@@ -123,7 +123,7 @@ class _BusWire:
         self._failures = (can.CanError, OSError)
 
     def send(self, frames: bytes, t_ns: int) -> int:
-        """Hand over frames up to the first that is refused.
+        """Send frames up to the first that is refused; return the number accepted.
 
         Args:
             frames: Whole frames behind each other.
@@ -147,7 +147,7 @@ class _BusWire:
         return taken
 
     def receive(self) -> list[bytes]:
-        """Return all received frames, as an unread queue of the virtual channel grows without limit.
+        """Return all received frames; the virtual interface's queue would otherwise grow without limit.
 
         Raises:
             OSError: The interface is down or gone.
@@ -170,12 +170,12 @@ class _BusWire:
         return arrived
 
     def close(self) -> None:
-        """Release the interface."""
+        """Shut the python-can interface down."""
         self._bus.shutdown()
 
 
 def data_messages(frames: bytes, t_ns: int) -> "list[can.Message]":
-    """Return ordinary frames of ours, whole frames behind each other sent at a time [ns], as messages of python-can."""
+    """Return packed frames as python-can messages with the send time `t_ns` [ns]."""
     import can
 
     return [
@@ -193,7 +193,7 @@ def data_messages(frames: bytes, t_ns: int) -> "list[can.Message]":
 
 
 def _flagged_id(message: "can.Message") -> int:
-    """Return a message's CAN id with Linux's flag bits."""
+    """Return a message's CAN id with the flag bits of Linux."""
     return (
         message.arbitration_id
         | (EXTENDED if message.is_extended_id else 0)
@@ -203,7 +203,7 @@ def _flagged_id(message: "can.Message") -> int:
 
 
 def _options(interface: str, accept: Collection[int], *, fd: bool) -> dict[str, Any]:
-    """Return the options of this kind of interface."""
+    """Return the python-can options for an interface type."""
     if interface == "virtual":
         return {"preserve_timestamps": True}
     if interface == "socketcan":
@@ -217,13 +217,13 @@ def _options(interface: str, accept: Collection[int], *, fd: bool) -> dict[str, 
 
 
 def errno_of(error: BaseException) -> int | None:
-    """Return the errno of an exception, from `error_code` for python-can exceptions."""
+    """Return the errno of an exception, for python-can's exceptions from `error_code`; None without one."""
     number = getattr(error, "error_code", None) or getattr(error, "errno", None)
     return number if isinstance(number, int) else None
 
 
 def error_text(interface: str, channel: str, bitrate: int, error: BaseException) -> str:
-    """Return a channel's error and the remedy as one line."""
+    """Return an error of a CAN interface and its remedy as one line of text."""
     name = f"CAN channel {channel} ({interface})"
     match errno_of(error):
         case errno.ENETDOWN:

@@ -1,4 +1,4 @@
-"""Forces to CAN: which frame is sent when.
+"""CAN output of the daemon: which frames are sent in which cycle.
 
 Every n-th cycle sends `Force` and `Quality` of every leg, and so does a cycle in which a leg's state, cause, element
 mask or flags change; heartbeats go out at 5 Hz, `Baseline` at 1 Hz, `Gait` and `Ground` at 10 Hz, a gait event at once,
@@ -49,7 +49,7 @@ _BASELINE_PERIOD_NS = 1_000_000_000
 
 
 class CanSink:
-    """A CAN channel as the sink of forces and the source of commands.
+    """CAN output: publishes forces and reports, and receives commands.
 
     Args:
         settings: Settings of the channel.
@@ -126,7 +126,7 @@ class CanSink:
         self._closed = False
 
     def publish(self, frame: ContactFrame) -> None:
-        """Send the gait events, forces, fault reports, heartbeats, baselines and gaits that are due."""
+        """Send the gait events, forces, fault reports, heartbeats, baselines and gait frames that are due."""
         t_ns = frame.t_sent_ns
         present = [frame.state.tolist(), frame.fault_mask.tolist(), frame.cause.tolist()]
         self._flags = frame.flags.tolist()
@@ -162,7 +162,7 @@ class CanSink:
             self._reported = present
 
     def _are_forces_due(self, present: list[list[int]]) -> bool:
-        """Return whether the forces of this cycle are to be sent.
+        """Return whether this cycle's forces are to be sent: at the interval, or early after a change of state.
 
         Args:
             present: States, masks, causes and flags of the legs.
@@ -175,7 +175,7 @@ class CanSink:
         return True
 
     def _force_frames(self, frame: ContactFrame, states: list[int], masks: list[int]) -> list[bytes]:
-        """Return the Force and Quality of all legs, another leg first each time; with CAN FD all legs together."""
+        """Return all legs' Force and Quality frames, from another leg on each time; for CAN FD one per six legs."""
         force_n, sigma_n = frame.force_n, frame.sigma_n
         if self._force_step_mn != 1:
             force_n, sigma_n = force_n / self._force_step_mn, sigma_n / self._force_step_mn
@@ -203,7 +203,7 @@ class CanSink:
         return [forces[self._first :], forces[: self._first]]
 
     def commands(self) -> list[Command]:
-        """Return the valid commands among the received frames; the others are counted."""
+        """Return the valid commands among the received frames; invalid ones are counted."""
         frames = self._channel.receive()
         if not self._obeys:
             self.stats.rejected += len(frames)
@@ -211,11 +211,11 @@ class CanSink:
         return self._commands.decode(frames) if frames else []
 
     def answer(self, outcome: CommandResult) -> None:
-        """Send a command's result on its leg's answer id, with the counter of the command."""
+        """Send a command's result under its leg's answer id, with the command's counter."""
         self._commands.answer(outcome)
 
     def close(self) -> None:
-        """Send each leg's last heartbeat, `stopped`, and release the channel; a second call does nothing.
+        """Send each leg's last heartbeat, `stopped`, and close the interface; a second call does nothing.
 
         Raises:
             RecordingError: The log is incomplete; the channel is released all the same.
@@ -231,7 +231,7 @@ class CanSink:
         self._channel.close()
 
     def _unreported_faults(self, present: list[list[int]]) -> list[tuple[CanLeg, tuple[int, int, int]]]:
-        """Return the legs with an outstanding fault report, with state, mask and cause."""
+        """Return the legs whose state, mask or cause has changed since their last report, with the new values."""
         of_legs = zip(self._legs, zip(*present, strict=True), strict=True)
         return [
             (leg, (state, mask, cause))
@@ -240,7 +240,7 @@ class CanSink:
         ]
 
     def _add_periodic(self, frames: list[bytes], frame: ContactFrame, states: list[int], room: int) -> int:
-        """Add the heartbeats and baselines that are due, as many as there is room for; return the room left.
+        """Append the heartbeats and baselines that are due, as far as there is room; return the room left.
 
         Missed ones are not made up for.
         """

@@ -1,4 +1,4 @@
-"""All CAN frames of a cycle to the kernel with one system call.
+"""Raw SocketCAN socket that sends all frames of a cycle in one system call (sendmmsg).
 
 python-can calls select, send and log for each frame, and `socket.send` costs a third more than one `sendmmsg` for all
 (docs/adr/0015), whose arguments are prepared once.
@@ -26,10 +26,14 @@ MAX_DRAINED = 1000
 
 
 class _IoVec(ctypes.Structure):
+    """`struct iovec` of Linux."""
+
     _fields_ = (("base", ctypes.c_void_p), ("length", ctypes.c_size_t))
 
 
 class _MsgHdr(ctypes.Structure):
+    """`struct msghdr` of Linux."""
+
     _fields_ = (
         ("name", ctypes.c_void_p),
         ("name_length", ctypes.c_uint32),
@@ -42,6 +46,8 @@ class _MsgHdr(ctypes.Structure):
 
 
 class _MMsgHdr(ctypes.Structure):
+    """`struct mmsghdr` of Linux."""
+
     _fields_ = (("header", _MsgHdr), ("length", ctypes.c_uint))
 
 
@@ -52,7 +58,7 @@ _sendmmsg.restype = ctypes.c_int
 
 
 class SocketWire:
-    """An open CAN socket, or another that keeps message boundaries.
+    """Open CAN socket, or another socket that preserves message boundaries.
 
     Args:
         channel: The socket.
@@ -81,7 +87,7 @@ class SocketWire:
         self._is_mixed = False  # the vectors are those of frames of both lengths
 
     def send(self, frames: bytes, t_ns: int = 0) -> int:
-        """Hand over frames up to the first without room, and drop the rest.
+        """Send frames without waiting, and drop those that do not fit; return the number accepted.
 
         Args:
             frames: Whole frames behind each other.
@@ -104,7 +110,7 @@ class SocketWire:
         raise OSError(code, os.strerror(code))
 
     def _fill_buffers(self, frames: bytes) -> int:
-        """Copy frames into the buffers of sendmmsg, and return their number."""
+        """Copy frames into the buffers of sendmmsg; return their number."""
         ends = frame_ends(frames)[:MAX_FRAMES_PER_CALL]
         is_mixed = ends[-1:] != [len(ends) * FRAME_BYTES]
         if is_mixed or self._is_mixed:
@@ -138,5 +144,5 @@ class SocketWire:
         return arrived
 
     def close(self) -> None:
-        """Release the socket."""
+        """Close the socket."""
         self._close()

@@ -1,4 +1,4 @@
-"""The consumer's end of CAN: frames in, forces that may be used out.
+"""Consumer's side of CAN: decodes frames, and decides whether each leg's force may be used.
 
 ::
 

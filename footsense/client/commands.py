@@ -1,4 +1,4 @@
-"""Commands to the service, each with its own sequence counter, and their results."""
+"""Send commands to the service over CAN with a sequence counter, and match the answers."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from firmware_interface.can.crc8 import FrameError, next_counter
 
 
 class CommandResult(NamedTuple):
-    """Result of a command that the service has answered.
+    """Answer of the service to a command: result and response time.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -24,7 +24,7 @@ class CommandResult(NamedTuple):
 
 
 class PendingCommands:
-    """Commands to each leg that have no answer yet.
+    """Commands to each leg that have not been answered yet.
 
     An answer counts if it repeats node, kind and counter of a pending command. A command without an answer is dropped
     with `pop_overdue` and may be sent again, as a new command with a new counter. Times are the caller's.
@@ -44,7 +44,7 @@ class PendingCommands:
         self._sent_ns: dict[tuple[int, CommandKind, int], int] = {}
 
     def encode(self, node: int, kind: CommandKind, now_ns: int) -> tuple[int, bytes]:
-        """Return CAN id and data of a command, pending from now on.
+        """Return CAN id and data of a new command, and store it as pending.
 
         Args:
             node: CAN node id of the leg, 1..8.
@@ -57,7 +57,7 @@ class PendingCommands:
         return COMMAND_ID + node, encode_command(node, counter, kind)
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> CommandResult | None:
-        """Process a CAN frame of any id; return the result of the pending command that it answers, else None.
+        """Process any CAN frame; if it answers a pending command, return the result, else None.
 
         Args:
             can_id: Its 11-bit id.
@@ -77,7 +77,7 @@ class PendingCommands:
         return CommandResult(answer.node, kind, answer.result, now_ns - sent_ns)
 
     def pop_overdue(self, now_ns: int, limit_ns: int) -> list[tuple[int, CommandKind]]:
-        """Drop the commands without an answer for more than `limit_ns` [ns], and return node and kind of each."""
+        """Remove the commands pending for more than `limit_ns` [ns]; return node and command of each."""
         overdue = [key for key, sent_ns in self._sent_ns.items() if now_ns - sent_ns > limit_ns]
         for key in overdue:
             del self._sent_ns[key]

@@ -1,4 +1,4 @@
-"""Gait events of the legs: each once, with its time; in C: `firmware_interface/c/footsense_gait.h`."""
+"""Gait events received on CAN, without repetitions; in C: `firmware_interface/c/footsense_gait.h`."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ _REPETITION_WITHIN_NS = 1_000_000_000
 
 
 class LegEvent(NamedTuple):
-    """Something that happened to one leg.
+    """Gait event of one leg as received: type and time.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -32,7 +32,7 @@ class LegEvent(NamedTuple):
 
 
 class GaitEvents:
-    """The gait events of a robot's legs; times are the caller's.
+    """Decoder of the legs' gait events, which removes repeated frames; the caller supplies the times.
 
     Attributes:
         n_wrong: Events that failed their check.
@@ -43,7 +43,7 @@ class GaitEvents:
         self.n_wrong = 0
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> LegEvent | None:
-        """Process a CAN frame of any id, and return a new gait event; None for repeated, damaged and other frames.
+        """Process any CAN frame; return a new gait event, None for repeated, damaged and other frames.
 
         Args:
             can_id: Its 11-bit id.

@@ -1,4 +1,4 @@
-"""Whether each leg's force may be used now: the state machine of `firmware_interface/c/footsense_link.h` in Python.
+"""State machine that decides whether each leg's force may be used; in C: `firmware_interface/c/footsense_link.h`.
 
 Feed it every frame that arrives, and read a leg whenever a force is needed. `footsense_link.h` explains the five
 statuses, when a force may be used, and why it needs its `Quality`; both implementations run on the same vectors.
@@ -26,7 +26,7 @@ _NO_FORCE = (_NAN, _NAN, _NAN)
 
 
 class LinkStatus(IntEnum):
-    """Whether the latest force of a leg may be used, judged by the age and sequence of its CAN frames."""
+    """Status of a leg's forces by the age and sequence of its CAN frames."""
 
     STALE = 0  #: no force for `timeout_ns`, or fewer than `min_good` since then; or the force is too old
     OK = 1  #: the last force is valid, in sequence, and young enough
@@ -37,7 +37,7 @@ class LinkStatus(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class LinkLimits:
-    """Limits for using a force; the defaults suit forces every 11 to 25 ms.
+    """Limits for using a force (age, timeout, losses); the defaults suit forces every 11 to 25 ms.
 
     Attributes:
         max_age_ns: A force older than this is stale [ns].
@@ -55,7 +55,7 @@ class LinkLimits:
 
 
 class LegForce(NamedTuple):
-    """A leg's force at one time, and whether a controller may use it.
+    """A leg's latest force, and whether a controller may use it.
 
     Attributes:
         status: LinkStatus of its frames.
@@ -79,7 +79,7 @@ class LegForce(NamedTuple):
 
 
 class Link:
-    """The forces of a robot's legs as a CAN consumer may use them; times are the caller's.
+    """Receiver of all legs' forces on CAN, which decides whether each may be used; the caller supplies the times.
 
     Args:
         limits: Limits for using a force; None for the defaults.
@@ -108,7 +108,7 @@ class Link:
         self._legs = {node: _Leg(self._limits) for node in NODE_IDS.values()}
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
-        """Process a CAN frame of any id.
+        """Process any CAN frame; return whether its id is that of a force frame, even if the frame is invalid.
 
         Args:
             can_id: Its 11-bit id.
@@ -146,7 +146,7 @@ class Link:
             self._legs[force.node].process_frame(quality, now_ns)
 
     def leg(self, node: int, now_ns: int) -> LegForce:
-        """Return a leg's force and whether it may be used.
+        """Return a leg's latest force, and whether it may be used at `now_ns`.
 
         Args:
             node: Its CAN node id, 1..8.
@@ -163,7 +163,7 @@ class Link:
 
 
 class _Leg:
-    """State machine of one leg."""
+    """State machine of one leg's forces."""
 
     def __init__(self, limits: LinkLimits) -> None:
         self._limits = limits
@@ -178,7 +178,7 @@ class _Leg:
         self._status = LinkStatus.STALE
 
     def process_frame(self, half: Force | Quality, now_ns: int) -> None:
-        """Process a Force or Quality frame whose crc is right."""
+        """Process a `Force` or `Quality` frame with a valid CRC."""
         if not self._is_silent(now_ns) and self._force and half.counter == self._force.counter:
             self._count_repeated()
             return
@@ -199,13 +199,13 @@ class _Leg:
             self._accept_force(force, quality, now_ns)
 
     def process_corrupt_frame(self, now_ns: int) -> None:
-        """Take a frame that failed its check."""
+        """Process a frame that failed its CRC or format check."""
         self._reset(LinkStatus.WRONG)
         self._wrong_ns = now_ns
         self._next.clear()
 
     def force_at(self, now_ns: int) -> LegForce:
-        """Return the force and whether it may be used."""
+        """Return the latest force, and whether it may be used at `now_ns`."""
         status = self._status_at(now_ns)
         state, force, quality = self._state, self._force, self._quality
         allowed = state == State.VALID or (state == State.DEGRADED and self._limits.accept_degraded)
@@ -223,7 +223,7 @@ class _Leg:
         return LegForce(status, True, state, flags, mask, force.force_n, quality.sigma_n, age_ns)
 
     def _accept_force(self, force: Force, quality: Quality, now_ns: int) -> None:
-        """Accept a complete pair of force and quality frames."""
+        """Store a force once both of its frames (`Force`, `Quality`) have arrived."""
         counts, delta = True, 1
         if self._is_silent(now_ns) or self._force is None:
             self._reset(LinkStatus.STALE)  # after a silence the sender may have restarted: ignore the counter
@@ -240,20 +240,25 @@ class _Leg:
             self._status = LinkStatus.OK if delta == 1 else LinkStatus.LOST
 
     def _count_repeated(self) -> None:
+        """Set the status REPEATED, unless too few good frames have arrived."""
         if self._has_enough_good_frames():
             self._status = LinkStatus.REPEATED
 
     def _reset(self, new_status: LinkStatus) -> None:
+        """Set a new status, and restart the count of good frames."""
         self._status = new_status
         self._n_good = 0
 
     def _has_enough_good_frames(self) -> bool:
+        """Return whether enough good frames have arrived since the last error."""
         return self._n_good >= max(1, self._limits.min_good)
 
     def _is_silent(self, now_ns: int) -> bool:
+        """Return whether no frame has arrived for longer than the timeout."""
         return self._force is None or _has_elapsed(now_ns, self._arrived_ns, self._limits.timeout_ns)
 
     def _status_at(self, now_ns: int) -> LinkStatus:
+        """Return the status of the forces at a time [ns]."""
         if self._is_silent(now_ns):
             over = _has_elapsed(now_ns, self._wrong_ns, self._limits.timeout_ns)
             return LinkStatus.WRONG if self._status is LinkStatus.WRONG and not over else LinkStatus.STALE
@@ -263,14 +268,16 @@ class _Leg:
         return self._status
 
     def _is_too_old(self, now_ns: int) -> bool:
+        """Return whether the latest force is older than the age limit."""
         age_ns = self._quality.age_ns if self._quality else None
         return age_ns is None or _has_elapsed(now_ns, self._arrived_ns, self._limits.max_age_ns - age_ns)
 
 
 def _has_elapsed(now_ns: int, since_ns: int, limit_ns: int) -> bool:
-    """Return whether more than `limit_ns` has passed; a clock that ran backwards counts as over."""
+    """Return whether more than `limit_ns` has passed since `since_ns`; True if the clock ran backwards."""
     return not 0 <= now_ns - since_ns <= limit_ns
 
 
 def _has_invalid_component(force: Force) -> bool:
+    """Return whether a component of the force is not a number."""
     return any(component != component for component in force.force_n)  # noqa: PLR0124 - NaN

@@ -1,4 +1,4 @@
-"""The legs' slower frames: cause of the state, baseline, heartbeat, contact and ground."""
+"""Slow reports of the legs on CAN: cause of the state, baseline, heartbeat, contact, ground."""
 
 import math
 from collections.abc import Callable
@@ -42,7 +42,7 @@ REPORT_IDS = tuple(base + node for base in _DECODERS for node in NODE_IDS.values
 
 
 class LegReport(NamedTuple):
-    """Last reports of a leg; None, or NaN, where the present value is unknown.
+    """Latest reports of one leg; None or NaN where the present value is unknown.
 
     Attributes:
         cause: Cause of its state. Sent on change alone, so unknown to a client that started later.
@@ -70,7 +70,7 @@ class LegReport(NamedTuple):
 
 
 class Reports:
-    """The reports of a robot's legs; times are the caller's.
+    """Receiver of the legs' slow reports; the caller supplies the times.
 
     Attributes:
         n_wrong: Reports that failed their check.
@@ -81,7 +81,7 @@ class Reports:
         self.n_wrong = 0
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
-        """Process a CAN frame of any id; return whether the id is a leg's report, even if the frame is invalid.
+        """Process any CAN frame; return whether its id is that of a leg's report, even if the frame is invalid.
 
         Args:
             can_id: Its 11-bit id.
@@ -100,7 +100,7 @@ class Reports:
         return True
 
     def leg(self, node: int, now_ns: int) -> LegReport:
-        """Return the last reports of a leg.
+        """Return the latest reports of a leg, without outdated ones.
 
         Args:
             node: Its CAN node id, 1..8.
@@ -128,7 +128,7 @@ class Reports:
         )
 
     def _recent(self, node: int, kind: type[Report], now_ns: int) -> tuple[Report | None, int]:
-        """Return the last frame of a kind and the time since its arrival [ns]; None if there is none, or too old."""
+        """Return the latest report of a type and its age [ns]; None if there is none, or it is too old."""
         report, arrived_ns = self._last.get((node, kind), (None, now_ns))
         since_ns = now_ns - arrived_ns
         return (

@@ -1,1 +1,1 @@
-"""Recordings in other forms: tables of text (CSV) or columns (Parquet), and a picture."""
+"""Export of recordings as tables (CSV, Parquet) and as a plot."""

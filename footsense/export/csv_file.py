@@ -1,4 +1,4 @@
-"""A recording as CSV; a value that is not known is an empty cell."""
+"""Export a recording as a CSV file; unknown values are empty cells."""
 
 import csv
 import math
@@ -30,4 +30,5 @@ def write_csv(replay: Replay, path: Path) -> int:
 
 
 def _is_missing_value(value: object) -> bool:
+    """Return whether a value is None or NaN."""
     return value is None or (isinstance(value, float) and math.isnan(value))

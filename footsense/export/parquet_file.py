@@ -1,4 +1,4 @@
-"""A recording as Parquet, for pandas, Polars, DuckDB and Matlab; needs the extra `parquet`."""
+"""Export a recording as a Parquet file (pandas, Polars, DuckDB, Matlab); needs the extra `parquet`."""
 
 from itertools import islice
 from pathlib import Path
@@ -24,7 +24,7 @@ _INTEGER_COLUMNS = {"sequence", "fault_mask", "flags"}
 
 
 def write_parquet(replay: Replay, path: Path) -> int:
-    """Write a recording as Parquet; return the number of cycles.
+    """Write a recording as a Parquet file; return the number of cycles.
 
     Args:
         replay: The recording.

@@ -1,4 +1,4 @@
-"""A recording at a glance: forces, states and events of every leg; needs the extra `plot`."""
+"""Plot a recording: forces, states and events of every leg over time; needs the extra `plot`."""
 
 from pathlib import Path
 from typing import Any
@@ -54,7 +54,7 @@ _MAX_PLOTTED_COLUMNS = 2_000
 
 
 def write_plot(replay: Replay, path: Path) -> int:
-    """Draw a recording; return the number of cycles.
+    """Plot a recording to a picture file; return the number of cycles.
 
     Args:
         replay: The recording.
@@ -101,6 +101,7 @@ def write_plot(replay: Replay, path: Path) -> int:
 
 
 def _plot_title(replay: Replay, signals: PlotSignals) -> str:
+    """Return the plot's title: file, start, source, foot type, duration, number of cycles."""
     header = replay.header
     span_s = signals.t_s[-1] if len(signals.t_s) else 0.0
     source = "simulated" if header.get("scene") else "robot"
@@ -111,12 +112,13 @@ def _plot_title(replay: Replay, signals: PlotSignals) -> str:
 
 
 def _force_axis_max_n(signals: PlotSignals) -> float:
-    """Return the upper end of the force axis [N]."""
+    """Return the upper limit of the force axis [N]."""
     values = signals.normal_n[np.isfinite(signals.normal_n)]
     return max(0.1, 1.15 * float(values.max(initial=0.0)))
 
 
 def _draw_leg(axis: Any, signals: PlotSignals, row: int, leg: str, force_axis_max_n: float) -> None:  # noqa: ANN401 - not typed
+    """Draw the forces, contacts, states and events of one leg."""
     bottom_n = -_STATE_STRIP_HEIGHT_REL * force_axis_max_n
     axis.set_title(f"{leg}  {_SIDE_NAMES[leg[0]]} {_POSITION_NAMES[leg[1]]}", loc="left", fontsize=9)
     axis.set_ylim(2 * bottom_n, force_axis_max_n)
@@ -145,19 +147,19 @@ def _draw_leg(axis: Any, signals: PlotSignals, row: int, leg: str, force_axis_ma
 
 
 def _shows_sigma(signals: PlotSignals) -> bool:
-    """Return whether the recording is short enough for its uncertainty to be seen."""
+    """Return whether the recording is short enough for the uncertainty band to be visible."""
     return len(signals.t_s) <= 2 * _MAX_PLOTTED_COLUMNS
 
 
 def _true_spans(t_s: Vector, holds: Mask) -> list[tuple[float, float]]:
-    """Return the stretches in which a condition holds; each lasts up to the next sample."""
+    """Return the time spans [s] in which a condition is true; each ends at the next sample."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
     ends = np.append(t_s, t_s[-1:])
     return [(float(t_s[start]), float(ends[end])) for start, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _decimate(t_s: Vector, values: Vector) -> tuple[Vector, Vector]:
-    """Return a line, or of a long one its least and largest value within each column of the picture."""
+    """Return a curve's points; for a long curve, only the minimum and maximum per pixel column."""
     if len(values) <= 2 * _MAX_PLOTTED_COLUMNS:
         return t_s, values
     size = len(values) // _MAX_PLOTTED_COLUMNS
@@ -170,7 +172,7 @@ def _decimate(t_s: Vector, values: Vector) -> tuple[Vector, Vector]:
 
 
 def _legend_entries(signals: PlotSignals) -> list[Any]:
-    """Return the entries for what the picture shows."""
+    """Return the legend entries of what the plot contains."""
     lines = [
         Line2D([], [], color=_NORMAL, label="along the leg" + ", ±2 sigma" * _shows_sigma(signals)),
         Line2D([], [], color=_TANGENTIAL, label="across the leg"),

@@ -1,4 +1,4 @@
-"""What a picture shows of a recording, collected in little memory: 120 bytes for a cycle of six legs."""
+"""Signals of a recording for its plot, collected in 120 bytes per cycle of six legs."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ _NS_PER_S = 1e9
 
 
 class PlotSignals(NamedTuple):
-    """Signals of a recording that the picture shows; times in seconds after the first cycle.
+    """Signals of a recording for its plot; times in seconds since the first cycle.
 
     Attributes:
         t_s: Time of sending of each cycle, shape (cycles,).
@@ -38,7 +38,7 @@ class PlotSignals(NamedTuple):
 
 
 class _SignalCollector:
-    """The signals of the cycles so far."""
+    """Collects the plotted signals cycle by cycle."""
 
     def __init__(self, legs: tuple[str, ...]) -> None:
         self._n_legs = len(legs)
@@ -49,6 +49,7 @@ class _SignalCollector:
         self._event_t_s: list[float] = []
 
     def add(self, cycle: Cycle) -> None:
+        """Append the signals of one cycle."""
         forces, gait = cycle.forces, cycle.forces.gait
         if self._first_ns is None:
             self._first_ns = forces.t_sent_ns
@@ -66,6 +67,7 @@ class _SignalCollector:
             self._event_t_s += [(event.t_ns - self._first_ns) / _NS_PER_S for event in gait.events]
 
     def signals(self) -> PlotSignals:
+        """Return the collected signals as arrays."""
         n_legs = self._n_legs
         forces = np.frombuffer(self._forces, np.float32).reshape(-1, n_legs, 3).astype(np.float64)
         return PlotSignals(

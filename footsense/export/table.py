@@ -1,4 +1,4 @@
-"""A recording as one table: a row for each leg and cycle, a column for each value, its unit in the column's name."""
+"""Convert a recording to one table: a row per leg and cycle, a column per value, units in the column names."""
 
 from collections.abc import Iterator, Mapping
 from operator import attrgetter
@@ -32,6 +32,7 @@ def column_names(n_elements: int) -> tuple[str, ...]:
 
 
 def _column_names(fields: Mapping[str, CycleField]) -> list[str]:
+    """Return the column names of fields, one per component."""
     names: list[str] = []
     for field in fields.values():
         n_values = int(np.prod(field.shape))
@@ -48,7 +49,7 @@ _CONTACT_COLUMN_INDICES = tuple(
 
 
 def read_rows(replay: Replay) -> Iterator[list[Column]]:
-    """Return the table rows of a recording, one for each leg and cycle.
+    """Yield the table's columns for each cycle, with one row per leg.
 
     Args:
         replay: The recording.
@@ -64,6 +65,7 @@ def read_rows(replay: Replay) -> Iterator[list[Column]]:
 
 
 def _cycle_rows(cycle: Cycle, legs: tuple[str, ...]) -> list[Column]:
+    """Return the table's columns for one cycle, with one row per leg."""
     forces, gait = cycle.forces, cycle.forces.gait
     of_forces, of_scan = _leg_columns(cycle, _FORCE_FIELDS), _leg_columns(cycle, _SCAN_FIELDS)
     of_gait = [_EMPTY_GAIT_COLUMN] * len(legs) if gait is None else _leg_columns(forces, GAIT_FIELDS)
@@ -85,7 +87,7 @@ def _cycle_rows(cycle: Cycle, legs: tuple[str, ...]) -> list[Column]:
 
 
 def _leg_columns(frame: Any, fields: Mapping[str, CycleField]) -> list[Column]:  # noqa: ANN401 - frames of three kinds
-    """Return the columns of a frame's fields, one list of values for each leg."""
+    """Return the columns of a frame's fields, each a list with one value per leg."""
     columns: list[Column] = []
     for path, field in fields.items():
         array = attrgetter(path)(frame)
@@ -99,4 +101,5 @@ def _leg_columns(frame: Any, fields: Mapping[str, CycleField]) -> list[Column]: 
 
 
 def _code_name(names: Any, code: int) -> str | None:  # noqa: ANN401 - an enumeration
+    """Return the name of an enumeration code; None if it was not recorded."""
     return None if code == NOT_RECORDED else str(names(code).name)

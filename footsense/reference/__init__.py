@@ -1,1 +1,1 @@
-"""Force sensors of a test stand, behind the port `ReferenceSensor`."""
+"""Drivers of reference force sensors of a test stand, behind the interface `ReferenceSensor`."""

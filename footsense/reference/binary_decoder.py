@@ -1,4 +1,4 @@
-"""Binary records of a force sensor: sync bytes, values, checksum."""
+"""Decoder of a force sensor's binary records: sync bytes, values, checksum."""
 
 import binascii
 import struct
@@ -21,7 +21,7 @@ CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {
 
 
 class BinaryDecoder(RecordDecoder):
-    """Decoder of binary records of fixed length.
+    """Decoder of a force sensor's binary records of fixed length.
 
         sync bytes | values | checksum
 
@@ -46,12 +46,13 @@ class BinaryDecoder(RecordDecoder):
         self._skipped = b""
 
     def reset(self) -> None:
-        """Drop an incomplete record: the port has been opened anew."""
+        """Discard an incomplete record, after the port was reopened."""
         super().reset()
         self._buffer.clear()
         self._skipped = b""
 
     def _parse_bytes(self, data: bytes) -> list[list[float]]:
+        """Return the values of the records that these bytes complete."""
         buffer = self._buffer
         buffer += data
         records: list[list[float]] = []
@@ -80,6 +81,7 @@ class BinaryDecoder(RecordDecoder):
         return records
 
     def _parse_record(self, record: bytes) -> list[float] | None:
+        """Return the values of one record; None if its checksum is wrong."""
         body = record[len(self._sync) : self._length - self._n_check]
         checksum = int.from_bytes(record[self._length - self._n_check : self._length], "little")
         if self._n_ahead and record[self._length :] != self._sync:
@@ -89,4 +91,5 @@ class BinaryDecoder(RecordDecoder):
         return self._plausible_or_none([float(value) for value in self._values.unpack(body)])
 
     def _skip_to_sync(self, data: bytes | bytearray) -> None:
+        """Discard buffered bytes up to the next sync bytes."""
         self._skipped += data[: MAX_RECORD_BYTES - len(self._skipped)]

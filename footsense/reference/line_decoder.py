@@ -1,4 +1,4 @@
-"""Decode the records of a reference force sensor that sends lines of text."""
+"""Decoder of a force sensor that sends its records as lines of text."""
 
 from collections.abc import Sequence
 
@@ -20,11 +20,12 @@ class LineDecoder(RecordDecoder):
         self._rest = b""
 
     def reset(self) -> None:
-        """Drop an incomplete line: the port has been opened anew."""
+        """Discard an incomplete text line, after the port was reopened."""
         super().reset()
         self._rest = b""
 
     def _parse_bytes(self, data: bytes) -> list[list[float]]:
+        """Return the values of the text lines that these bytes complete."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > MAX_RECORD_BYTES:
             self._count_bad_record(self._rest)
@@ -40,6 +41,7 @@ class LineDecoder(RecordDecoder):
         return records
 
     def _parse_record(self, line: bytes) -> list[float] | None:
+        """Return the values of one text line; None if it is invalid."""
         fields = line.decode("ascii", "replace").strip().split(self._separator)
         if len(fields) != self._n_columns:
             return None

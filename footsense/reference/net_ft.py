@@ -1,4 +1,4 @@
-"""A force sensor that streams over UDP as an ATI Net F/T does: Raw Data Transfer (RDT).
+"""Driver of a force sensor that streams over UDP as an ATI Net F/T does: Raw Data Transfer (RDT).
 
     request   header u16 0x1234 | command u16 | samples u32, 0 for no end              8 bytes
     record    rdt sequence u32 | ft sequence u32 | status u32 | fx fy fz tx ty tz i32   36 bytes, one or more a packet
@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 
 
 def rdt_request(command: int) -> bytes:
-    """Return the request to stream without end (2) or to stop (0).
+    """Return the RDT request packet of a command: start streaming (2) or stop (0).
 
     Example:
         >>> rdt_request(2).hex()
@@ -47,7 +47,7 @@ def rdt_request(command: int) -> bytes:
 
 
 class NetFtReference:
-    """Reads the records of one Net F/T sensor; requests new records after a silence.
+    """Driver of one Net F/T sensor; repeats its request for data after a silence.
 
     Args:
         host: The sensor's address.
@@ -79,7 +79,7 @@ class NetFtReference:
         self._status = 0
 
     def read(self, now_ns: int) -> Reference:
-        """Return the samples that have arrived since the last call.
+        """Return the force samples received since the last call.
 
         Raises:
             SensorError: The received data are not RDT records.
@@ -100,11 +100,12 @@ class NetFtReference:
         return self._stream.convert(records, sum(map(len, packets)), now_ns, self._bad)
 
     def close(self) -> None:
-        """Stop the stream, and release the socket."""
+        """Tell the sensor to stop streaming, and close the socket."""
         self._send(_STOP)
         self._socket.close()
 
     def _request_stream(self) -> None:
+        """Send the request to start streaming."""
         if self.statistics.n_opened:
             self._stream.restart()
             self._last_rdt = None
@@ -112,12 +113,18 @@ class NetFtReference:
         self._send(_START)
 
     def _send(self, command: int) -> None:
+        """Send an RDT request; a failure is only logged."""
         try:
             self._socket.send(rdt_request(command))
         except OSError as error:  # it is requested again, and the stream logs the silence
             _log.info("%s: %s", self._name, error.strerror)
 
     def _receive_packets(self) -> list[bytes]:
+        """Return the UDP packets received so far.
+
+        Raises:
+            SensorError: The socket fails.
+        """
         packets = []
         for _ in range(_MAX_PACKETS_PER_READ):
             try:
@@ -130,7 +137,7 @@ class NetFtReference:
         return packets
 
     def _sort_records(self, records: np.ndarray[tuple[int], np.dtype[np.void]]) -> SensorRecords:
-        """Return the records in order; count and drop repeated and late ones."""
+        """Return the records in sequence order; count and discard repeated and late ones."""
         sequence, keep = [], []
         for number in records["rdt"].tolist():
             step = 1 if self._last_rdt is None else (number - self._last_rdt) % (1 << 32)
@@ -150,7 +157,7 @@ class NetFtReference:
         )
 
     def _faulty_readings(self, status: NDArray[np.uint32]) -> Mask:
-        """Return which readings the sensor flags as faulty, and log when that begins."""
+        """Return the mask of the readings that the sensor flags as faulty, and log their start."""
         is_faulty: Mask = status != 0
         now = int(status[is_faulty][0]) if is_faulty.any() else 0
         if len(status):

@@ -1,4 +1,4 @@
-"""Columns of a force sensor's records: their meaning, plausible range and width."""
+"""Columns of a force sensor's records: names, plausible ranges, bit widths."""
 
 import re
 import struct
@@ -17,14 +17,14 @@ _MAX_NS, _MAX_SEQUENCE, _MAX_FORCE = 4e18, 3e10, 1e12
 
 
 def max_plausible_magnitude(column: str) -> float:
-    """Return the largest magnitude that a sensor can send in a column, in that column's unit."""
+    """Return the largest plausible magnitude of a column, in the column's unit."""
     if column in NS_PER_TIME_UNIT:
         return _MAX_NS / NS_PER_TIME_UNIT[column]
     return _MAX_SEQUENCE if column == "sequence" else _MAX_FORCE
 
 
 def integer_widths_bits(layout: str) -> list[int | None]:
-    """Return the width of each value of a layout of Python's `struct` [bits], None for a floating-point number.
+    """Return the bit width of each value of a `struct` layout; None for floating point.
 
     Raises:
         struct.error: The layout is invalid, too long, has gaps, or holds something else than numbers.

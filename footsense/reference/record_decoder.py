@@ -1,4 +1,4 @@
-"""The common part of the decoders of a force sensor's byte stream.
+"""Base class of the decoders of a force sensor's byte stream.
 
 Each resynchronises: what is not a record is skipped and counted, and the next record is read.
 """
@@ -14,7 +14,7 @@ from footsense.reference.record_columns import NS_PER_TIME_UNIT, max_plausible_m
 
 
 class SensorRecords(NamedTuple):
-    """Decoded records of a force sensor, oldest first.
+    """Decoded records of a force sensor: times, sequence numbers, raw values; oldest first.
 
     Attributes:
         t_ns: Time of each by the sensor's clock [ns], shape (n,), int64; None if it sends none.
@@ -30,7 +30,7 @@ class SensorRecords(NamedTuple):
 
 
 class RecordDecoder(ABC):
-    """Part of both decoders: the columns of a record, unwrapped counters, and bad records.
+    """Base class of the decoders: assigns columns, unwraps counters, counts bad records.
 
     Args:
         names: Column of each value, of `COLUMNS` or "-".
@@ -72,7 +72,7 @@ class RecordDecoder(ABC):
         return SensorRecords(t_ns, sequence, values[:, self._forces], saturated)
 
     def reset(self) -> None:
-        """Drop an incomplete record after the line was reopened."""
+        """Discard an incomplete record, after the port was reopened."""
         self._synchronised = False
 
     @abstractmethod
@@ -80,15 +80,16 @@ class RecordDecoder(ABC):
         """Return the values of the records that these bytes complete."""
 
     def _plausible_or_none(self, record: list[float]) -> list[float] | None:
-        """Return the record, or None if its values are impossible for a sensor; NaN fails every comparison."""
+        """Return the record; None if a value is NaN or impossible for a sensor."""
         return record if all(abs(record[index]) <= limit for index, limit in self._limits.items()) else None
 
     def _count_bad_record(self, data: bytes) -> None:
+        """Count a bad record, and store its first bytes as an example for error messages."""
         self.n_bad += 1
         self.last_bad = data[:60]
 
     def _unwrap(self, counts: Vector, index: int) -> Vector:
-        """Return unwrapped counts; a decrease by less than half the range is a decrease, not a wrap."""
+        """Return counter values unwrapped; a small decrease stays a decrease."""
         wrap = self._wraps[index]
         if wrap is None or not len(counts):
             return counts

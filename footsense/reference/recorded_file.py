@@ -1,4 +1,4 @@
-"""A recorded force sensor, played beside the scans from the first scan on."""
+"""Replay of a recorded force sensor (CSV file) as a reference sensor, starting with the first scan."""
 
 import csv
 from functools import partial
@@ -17,7 +17,7 @@ _MAX_LINE_CHARACTERS = 10_000
 
 
 class FileReference:
-    """Plays recorded samples at their recorded rate, starting with the first call.
+    """Reference sensor that plays recorded samples at their original rate, starting with the first call.
 
     Args:
         reference: All samples in their order.
@@ -32,7 +32,7 @@ class FileReference:
         self.statistics = SensorStatistics(n_opened=1)
 
     def read(self, now_ns: int) -> Reference:
-        """Return the samples up to now that were not returned yet."""
+        """Return the recorded samples due since the last call."""
         t_ns = self._reference.t_ns
         if self._offset_ns is None:
             self._offset_ns = now_ns - int(t_ns[0])
@@ -44,7 +44,7 @@ class FileReference:
         return Reference(t_ns[span] + self._offset_ns, force_n[span], saturated[span])
 
     def close(self) -> None:
-        """Do nothing: there is nothing to release."""
+        """Do nothing: the file has been read completely."""
 
 
 def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference:
@@ -83,6 +83,11 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
 
 
 def _parse_sample(path: Path, line: int, row: dict[str, str], time: str) -> Vector:
+    """Return time and forces of one CSV row, shape (4,).
+
+    Raises:
+        SensorError: They are not four plausible numbers.
+    """
     columns = (time, "fx", "fy", "fz")
     try:
         values = np.array([row[column] for column in columns], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Conversion of a streaming force sensor's records to timed forces, and supervision of the stream."""
+"""Convert a streaming force sensor's records to timed forces, and supervise the stream."""
 
 import logging
 
@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 
 
 class SampleStream:
-    """Converts a sensor's records, and logs silence, its end, and jumps of the clock.
+    """Converts a sensor's records to timed forces; logs silence, its end, and clock jumps.
 
     Args:
         name: Name of the sensor, for messages.
@@ -43,11 +43,11 @@ class SampleStream:
         self._n_missing_before = 0
 
     def restart(self) -> None:
-        """Restart the clock map: the line was opened again."""
+        """Restart the clock synchronisation, after the port was reopened."""
         self._times.restart()
 
     def convert(self, records: SensorRecords, n_bytes: int, now_ns: int, example: bytes) -> Reference:
-        """Convert records to forces with time stamps, without the records buffered before the first call.
+        """Return records as timed forces; records buffered before the first call are discarded.
 
         Args:
             records: The records.
@@ -68,6 +68,7 @@ class SampleStream:
         return Reference(t_ns[fresh], force_n[fresh], saturated[fresh])
 
     def _update_statistics(self, n: int, n_bytes: int, now_ns: int, example: bytes) -> None:
+        """Update the counts, and log the start and end of silence."""
         if self._heard_ns is None:
             self._heard_ns = now_ns
         counts, times = self.statistics, self._times
@@ -94,7 +95,7 @@ class SampleStream:
             _log.warning("%s: its clock has jumped; the clock map restarts", self._name)
 
     def _check_first_record(self, waited_ns: int, example: bytes) -> None:
-        """Check a sensor that has not sent a record yet.
+        """Raise an error if the sensor has sent no valid record for too long.
 
         Raises:
             SensorError: It sends something else, or nothing for too long.

@@ -22,7 +22,7 @@ _MIN_LATENESS_PERIODS = 1.05
 
 
 class SampleTimes:
-    """Assigns sampling times in the daemon's clock to the samples of one force sensor.
+    """Assigns sampling times in the daemon's clock to a force sensor's samples, and counts missing ones.
 
     Args:
         rate_hz: Samples per second of the sensor's clock [Hz].
@@ -50,11 +50,11 @@ class SampleTimes:
 
     @property
     def residual_ns(self) -> int:
-        """Uncertainty of the times [ns], without the constant part of the delay."""
+        """Uncertainty of the sampling times [ns], without the constant part of the delay."""
         return self._map.residual_ns
 
     def restart(self) -> None:
-        """Restart the map: the line was opened again, and the sensor may have been switched off."""
+        """Restart the clock synchronisation: the port was reopened, the sensor may have been restarted."""
         self._n_jumps_before = self.n_jumps
         self._map = ClockMap()
         self._restarted = True
@@ -104,7 +104,7 @@ class SampleTimes:
         from_arrival_ns: list[int],
         is_restart: list[bool],
     ) -> None:
-        """Count the gaps by the sensor's clock; across a jump or restart, by ours."""
+        """Count missing samples by gaps of the sensor's clock; across a jump, by the daemon's clock."""
         before = self._last
         for t_theirs_ns, t_ours_ns, t_waited_ns, restarted in zip(
             sensor_times_ns, daemon_times_ns, from_arrival_ns, is_restart, strict=True
@@ -115,6 +115,7 @@ class SampleTimes:
             before = t_theirs_ns, t_ours_ns
 
     def _correct_missing_count(self, late_ns: int) -> None:
+        """Count samples that are missing although the sensor's clock shows no gap: persistent lateness."""
         self._late_ns.append(late_ns)
         least_ns = min(self._late_ns)
         if len(self._late_ns) == _N_LATE_READS and least_ns > _MIN_LATENESS_PERIODS * self._period_ns:

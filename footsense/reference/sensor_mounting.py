@@ -1,4 +1,4 @@
-"""Mounting of a force sensor under a foot: its axes, units and range, converted to the force on the foot."""
+"""Conversion of a force sensor's readings to the force on the foot, by its axes, mounting, units and range."""
 
 from collections.abc import Mapping, Sequence
 
@@ -21,7 +21,7 @@ _SATURATION_THRESHOLD_REL = 0.999
 
 
 class SensorMounting:
-    """Converts readings to the ground reaction on the foot, in the foot's frame.
+    """Converts raw sensor readings to the ground reaction force on the foot, in the foot's frame.
 
     Args:
         axes: Signed sensor axis along each of the foot's: {"x": "-y", "y": "x", "z": "-z"}. A sensor under the foot
@@ -48,14 +48,14 @@ class SensorMounting:
         self._limit = _SATURATION_THRESHOLD_REL * np.array(rated)
 
     def to_foot_force_n(self, sensor_values: Vector) -> tuple[Vector, Mask]:
-        """Return forces [N], shape (n, 3), and whether an axis is saturated, shape (n,), of readings, shape (n, 3)."""
+        """Return forces [N], shape (n, 3), and saturation masks, shape (n,), of raw readings, shape (n, 3)."""
         readings = sensor_values * self._unit_per_count
         saturated: Mask = np.any(np.abs(readings) >= self._limit, axis=1)
         return readings @ self._to_foot.T, saturated
 
 
 def rotation_matrix(angles_deg: Sequence[float]) -> Vector:
-    """Return the rotation about the fixed axes x, then y, then z by three angles [deg], shape (3, 3)."""
+    """Return the rotation matrix, shape (3, 3), of rotations about the fixed axes x, y, z [deg], in this order."""
     (cx, cy, cz), (sx, sy, sz) = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
     about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])

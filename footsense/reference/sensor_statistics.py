@@ -1,11 +1,11 @@
-"""Counts of a force sensor."""
+"""Counters of a force sensor's data stream."""
 
 from dataclasses import dataclass
 
 
 @dataclass(slots=True)
 class SensorStatistics:
-    """Counts of a force sensor so far.
+    """Counters of a force sensor's data stream: samples, missing, bad, saturated, clock jumps.
 
     Attributes:
         n_samples: Samples received.

@@ -1,4 +1,4 @@
-"""A force sensor on a serial port, or on a simulated one."""
+"""Driver of a force sensor on a (real or simulated) serial port."""
 
 from footsense.frames import Reference
 from footsense.ports import SerialPort
@@ -7,7 +7,7 @@ from footsense.reference.sample_stream import SampleStream
 
 
 class SerialReference:
-    """Reads a sensor that streams, by itself or on a start command.
+    """Driver of a force sensor on a serial port that streams by itself or after a start command.
 
     Args:
         port: Source of its bytes.
@@ -31,7 +31,7 @@ class SerialReference:
         port.write(start)
 
     def read(self, now_ns: int) -> Reference:
-        """Return the samples that have arrived since the last call.
+        """Return the force samples received since the last call.
 
         Raises:
             SensorError: The bytes are no records of this sensor.
@@ -47,5 +47,5 @@ class SerialReference:
         return self._stream.convert(records, len(data), now_ns, self._decoder.last_bad or data[:60])
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the serial port."""
         self._port.close()

@@ -1,4 +1,4 @@
-"""YAML text to frozen msgspec structs, or one line that says where the text is wrong.
+"""Load YAML text into frozen msgspec structs; errors are one line of text with path and line number.
 
 A typo in a robot's configuration must not become a default: an unknown, missing or doubled key, a wrong type and
 a value out of range are errors that name the file, the line and the path of keys. Declare the structs with
@@ -29,7 +29,7 @@ def load(
     check: Callable[[T], Problem | None] | None = None,
     former: Mapping[str, str] | None = None,
 ) -> T:
-    """Return the object that a YAML text describes.
+    """Return the object that a YAML text describes, or raise an error with the place of the first fault.
 
     Args:
         source: A file to read if it is a `Path`, else the text itself.

@@ -1,4 +1,4 @@
-"""A validation error of msgspec with its path as keys, and the value and choices that msgspec leaves out."""
+"""Details of a msgspec validation error: path as keys, the wrong value, and the allowed values."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +18,7 @@ _EXPONENT_NUMBER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 
 
 class Problem(NamedTuple):
-    """One fault of a YAML text: path of the key, and message.
+    """One error in a YAML text: path of the key, and message.
 
     Attributes:
         path: Keys and indices from the top to the value, such as "buses[0].legs.lf"; empty for the text as a whole.
@@ -34,7 +34,7 @@ class Problem(NamedTuple):
 
 
 def locate_error(data: Any, type_: type[object], error: str, former: Mapping[str, str]) -> Problem:  # noqa: ANN401
-    """Return a validation error of msgspec as a problem of the text.
+    """Return a msgspec validation error as a problem with the path, the value and the allowed values.
 
     Args:
         data: Plain data that `msgspec.convert` refused.
@@ -71,7 +71,7 @@ def locate_error(data: Any, type_: type[object], error: str, former: Mapping[str
 
 
 def _error_hint(fault: str, value: object, info: inspect.Type, former: Mapping[str, str]) -> str:
-    """Return the value, unless the message shows it, and the allowed values."""
+    """Return the wrong value, unless the message shows it, and the allowed values, as text."""
     if choices := _allowed_values(info):
         return _word_remedy(value, choices, former)
     got = ""
@@ -85,7 +85,7 @@ def _error_hint(fault: str, value: object, info: inspect.Type, former: Mapping[s
 
 
 def _expected_values(info: inspect.Type) -> str:
-    """Return the choices of a type, or the descriptions of its fields."""
+    """Return the allowed values of a type, or descriptions of its fields, as text."""
     if choices := _allowed_values(info):
         return f"; expected {', '.join(map(str, choices))}"
     reasons = dict.fromkeys(reason for _, reason in _union_members(info) if reason)
@@ -93,7 +93,7 @@ def _expected_values(info: inspect.Type) -> str:
 
 
 def _word_remedy(word: object, allowed: Sequence[object], former: Mapping[str, str]) -> str:
-    """Return the end of an error message about a word that is not allowed: its new name, or the allowed words."""
+    """Return the end of the message about a word that is not allowed: its new name, or the allowed words."""
     if str(word) in former:
         return f"; {former[str(word)]}"
     near = get_close_matches(str(word), [choice for choice in allowed if isinstance(choice, str)], n=1)
@@ -102,7 +102,7 @@ def _word_remedy(word: object, allowed: Sequence[object], former: Mapping[str, s
 
 
 def _union_members(info: inspect.Type) -> list[tuple[inspect.Type, str]]:
-    """Return the members of a union, or the type itself, each with its description."""
+    """Return the members of a union type (or the type itself), each with its description."""
     if isinstance(info, inspect.Metadata):
         reason = (info.extra_json_schema or {}).get("description", "")
         return [(type_, own or reason) for type_, own in _union_members(info.type)]
@@ -112,12 +112,13 @@ def _union_members(info: inspect.Type) -> list[tuple[inspect.Type, str]]:
 
 
 def _allowed_values(info: inspect.Type) -> list[object]:
+    """Return the values that a literal type allows; empty for other types."""
     types = (type_ for type_, _ in _union_members(info) if isinstance(type_, inspect.LiteralType))
     return [value for type_ in types for value in type_.values]
 
 
 def _mapping_field_types(info: inspect.Type, value: dict[str, object]) -> dict[str, inspect.Type]:
-    """Return the types of a mapping's fields; where several structs are possible, those of the struct with its tag."""
+    """Return the field types of a mapping's struct, chosen by its tag if there are several."""
     structs = [type_ for type_, _ in _union_members(info) if isinstance(type_, inspect.StructType)]
     fields: dict[str, inspect.Type] = {}
     for struct in structs:
@@ -129,7 +130,7 @@ def _mapping_field_types(info: inspect.Type, value: dict[str, object]) -> dict[s
 
 
 def _item_type(info: inspect.Type, value: Any, key: str | int) -> inspect.Type:  # noqa: ANN401
-    """Return the type of an item of a value."""
+    """Return the type of the item of a value at a key or index."""
     for type_, _ in _union_members(info):
         match type_:
             case inspect.StructType() if isinstance(value, dict):
@@ -144,7 +145,7 @@ def _item_type(info: inspect.Type, value: Any, key: str | int) -> inspect.Type: 
 
 
 def _failing_key(mapping: dict[str, object], convert: Callable[[], object], error: str) -> str:
-    """Return the key whose value alone gives the error; msgspec does not name the keys of a mapping."""
+    """Return the key whose value alone gives the error, as msgspec does not name the keys of a mapping."""
     items = dict(mapping)
     try:
         for key, item in items.items():

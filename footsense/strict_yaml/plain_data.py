@@ -1,4 +1,4 @@
-"""The only file that imports yaml: text to plain data, with the line of every value."""
+"""Parse YAML text to plain Python data with the line number of every value; no other file imports yaml."""
 
 import math
 import re
@@ -29,7 +29,7 @@ _Loader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class YamlError(Exception):
-    """The text is not YAML, or uses a feature that is not supported.
+    """The text is not valid YAML, or uses an unsupported feature.
 
     Attributes:
         line: Line of the fault, from 1; None where there is none.
@@ -41,7 +41,7 @@ class YamlError(Exception):
 
 
 class PlainData(NamedTuple):
-    """Plain data of one YAML text, with the line of each key.
+    """Python data of one YAML text, with the line number of each key.
 
     Attributes:
         data: Dicts with text keys, lists and scalars.
@@ -59,7 +59,7 @@ class PlainData(NamedTuple):
 
 
 def item_path(path: str, key: str | int) -> str:
-    """Return the path of an item of the value at `path`.
+    """Return the path of the item `key` of the value at `path`.
 
     Example:
         >>> item_path(item_path("legs", 2), "lf")
@@ -69,7 +69,7 @@ def item_path(path: str, key: str | int) -> str:
 
 
 def read_yaml(source: Path | str | bytes) -> PlainData:
-    """Parse a YAML text of a single document.
+    """Parse the YAML text of a single document to plain data.
 
     Args:
         source: A file to read if it is a `Path`, else the text itself.
@@ -99,6 +99,11 @@ def read_yaml(source: Path | str | bytes) -> PlainData:
 
 
 def _read_text(source: Path | str | bytes) -> str:
+    """Return the text of a path, string or bytes.
+
+    Raises:
+        YamlError: It cannot be read, is too large, or is not UTF-8.
+    """
     try:
         if isinstance(source, Path):
             with source.open("rb") as file:
@@ -119,7 +124,7 @@ def _read_text(source: Path | str | bytes) -> str:
 
 
 def _check_depth(text: str) -> None:
-    """Check the nesting by the parser's events, without building nodes.
+    """Raise an error if the YAML text is nested too deeply, before any nodes are built.
 
     Raises:
         YamlError: It is deeper than `MAX_DEPTH`.
@@ -134,7 +139,7 @@ def _check_depth(text: str) -> None:
 def _plain_value(
     node: yaml.Node, path: str, depth: int, line: int, loader: yaml.SafeLoader, lines: dict[str, int]
 ) -> object:
-    """Return the value of a node with aliases expanded, and add the lines of all its values to `lines`.
+    """Return the Python value of a YAML node, aliases expanded, and store the line numbers in `lines`.
 
     Raises:
         YamlError: A value uses an unsupported feature, or there are too many.
@@ -163,7 +168,7 @@ def _plain_value(
 def _plain_mapping(
     node: yaml.MappingNode, path: str, depth: int, loader: yaml.SafeLoader, lines: dict[str, int]
 ) -> dict[str, object]:
-    """Return a dict; a doubled key is an error, where PyYAML keeps the last one.
+    """Return a YAML mapping as a dict; a duplicate key is an error.
 
     Raises:
         YamlError: A key stands twice, is not a word, or is the merge key; or as `_plain_value`.
@@ -183,4 +188,5 @@ def _plain_mapping(
 
 
 def _line_number(mark: Any) -> int:  # noqa: ANN401 - the two parsers of PyYAML have each their own class
+    """Return the line number, from 1, of a YAML mark."""
     return int(mark.line) + 1

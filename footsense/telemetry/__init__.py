@@ -1,1 +1,1 @@
-"""Counters in shared memory and their exporter, the journal, systemd, and run statistics."""
+"""Metrics in shared memory and their exporter, log messages, systemd notification, run statistics."""

@@ -1,4 +1,4 @@
-"""HTTP export of the counters as Prometheus metrics; the only module that imports prometheus_client.
+"""Prometheus exporter of the service's counters over HTTP; no other module imports prometheus_client.
 
 It runs in `footsense exporter`, a process with a systemd unit of its own. Each scrape opens the counters' file anew,
 so a restarted service is picked up, and one that has ended or not started yet shows as `footsense_up 0`.
@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 
 
 class CountersCollector(Collector):
-    """Reads a service's counters at each scrape.
+    """Prometheus collector that reads a service's counters at each scrape.
 
     Args:
         path: File of the counters, as `metrics.counters` in the configuration.
@@ -32,7 +32,7 @@ class CountersCollector(Collector):
         self._logged = ""
 
     def collect(self) -> Iterable[Metric]:
-        """Read the shared counters and yield them as Prometheus metrics.
+        """Yield the shared counters as Prometheus metrics.
 
         Yields:
             `footsense_up`, and while the service runs, all its metrics.
@@ -54,7 +54,7 @@ class CountersCollector(Collector):
 
 
 def _metric(family: MetricFamily, cells: Sequence[float]) -> Metric:
-    """Return one Prometheus metric, filled with the family's cells of the shared counters."""
+    """Return a metric family's values as one Prometheus metric."""
     names = list(family.labels)
     combinations = product(*family.labels.values())
     if family.kind == "histogram":
@@ -74,7 +74,7 @@ def _metric(family: MetricFamily, cells: Sequence[float]) -> Metric:
 
 
 def serve(path: Path, address: str, port: int) -> int:
-    """Serve the counters over HTTP from a daemon thread, until the process ends.
+    """Serve the counters over HTTP from a daemon thread until the process ends; return the port.
 
     Args:
         path: File of the counters; need not exist yet.

@@ -1,4 +1,4 @@
-"""Journal lines of the legs: changes of state, with their cause, and results of commands.
+"""Log messages about the legs: changes of state, with their cause, and results of commands.
 
 A flickering state would fill the journal, so each leg gets a limited number of lines per minute and the rest is
 counted; CAN and the metrics show every change.
@@ -18,7 +18,7 @@ _MINUTE_NS = 60_000_000_000
 
 
 class Journal:
-    """Cycle observer that logs each leg's changes of state and cause, and the results of commands.
+    """Observer that logs each leg's changes of state and cause, and the results of commands.
 
     Args:
         legs: Names of the legs in the order of the frames' rows.
@@ -35,7 +35,7 @@ class Journal:
         self._minute = 0
 
     def observe(self, cycle: Cycle) -> None:
-        """Log changes of state and cause, and results of commands."""
+        """Log the changes of state and cause and the command results of a cycle."""
         forces = cycle.forces
         if forces.t_sent_ns // _MINUTE_NS != self._minute:
             self._start_minute(forces.t_sent_ns // _MINUTE_NS)
@@ -50,11 +50,11 @@ class Journal:
             self._log_line(outcome.command.leg, level, f"{command} {result}: {outcome.reason}")
 
     def close(self) -> None:
-        """Log how many lines of the last minute were suppressed."""
+        """Log the number of messages suppressed in the last minute."""
         self._start_minute(0)
 
     def _log_changes(self, states: bytes, causes: bytes) -> None:
-        """Log every leg whose state or cause has changed."""
+        """Log every leg whose state or cause has changed since the last cycle."""
         rows = zip(self._legs, *self._last, states, causes, strict=True)
         for leg, (_, state_before, cause_before, state, cause) in enumerate(rows):
             if (state_before, cause_before) != (state, cause) and state not in self._unlogged:
@@ -68,6 +68,7 @@ class Journal:
                 self._log_line(leg, level, change)
 
     def _log_line(self, leg: int, level: int, text: str) -> None:
+        """Log one message about a leg, unless its limit per minute is reached."""
         if self._lines[leg] >= _LINES_PER_MINUTE:
             self._suppressed[leg] += 1
             return
@@ -75,6 +76,7 @@ class Journal:
         _log.log(level, "leg %s: %s", self._legs[leg], text)
 
     def _start_minute(self, minute: int) -> None:
+        """Log how many messages were suppressed, and start counting a new minute."""
         self._minute = minute
         for leg, count in enumerate(self._suppressed):
             if count:

@@ -1,4 +1,4 @@
-"""Log lines out of the loop's process without ever waiting for their reader.
+"""Non-blocking logging: the main loop never waits for a reader of its log.
 
 Standard error is a pipe or a socket to the reader of the log. When the reader hangs, the pipe fills, and a blocking
 write would hang the loop. Here a line that finds no room is dropped and counted, and the next line that finds room is
@@ -21,7 +21,7 @@ _MAX_LINE_BYTES = 4096
 
 
 class NonBlockingLogHandler(logging.Handler):
-    """Log handler that writes each record as one line, and never waits for a full output.
+    """Log handler that writes each record as one text line, and drops it if the output is full.
 
     Args:
         fd: Descriptor to write to; its mode stays as it is, and it stays open.
@@ -38,7 +38,7 @@ class NonBlockingLogHandler(logging.Handler):
         self.lost = 0
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write one line; never waits, never fails."""
+        """Write a record as one text line, without waiting or failing."""
         try:
             line = self.format(record)
         except Exception:  # noqa: BLE001 - a record that does not fit its own format must not end the loop
@@ -56,12 +56,12 @@ class NonBlockingLogHandler(logging.Handler):
             self.lost += 1
 
     def close(self) -> None:
-        """Release the descriptor opened for writing."""
+        """Close the descriptor opened for writing."""
         self._release()
         super().close()
 
     def _write_without_waiting(self, data: bytes) -> bool:
-        """Write the rest of the line before and then `data`; return whether `data` was accepted."""
+        """Write the rest of the last line, then `data`; return whether `data` was accepted."""
         try:
             self._rest = self._rest[self._write(self._rest) :] if self._rest else b""
             if self._rest:
@@ -73,17 +73,18 @@ class NonBlockingLogHandler(logging.Handler):
 
 
 def n_lost_lines() -> int:
-    """Return how many lines of the process's log were dropped."""
+    """Return the number of log lines of this process that were dropped."""
     return sum(sink.lost for sink in logging.getLogger().handlers if isinstance(sink, NonBlockingLogHandler))
 
 
 def _encoded_line(text: str) -> bytes:
+    """Return a text as one UTF-8 line of limited length."""
     data = " ".join(text.splitlines()).encode(errors="backslashreplace")
     return data[: _MAX_LINE_BYTES // 2 - 1] + b"\n"
 
 
 def _nonblocking_writer(fd: int) -> tuple[Callable[[bytes], int], Callable[[], None]]:
-    """Return two functions for a file descriptor: a write that does not wait, and the release."""
+    """Return two functions for a file descriptor: a non-blocking write, and its close."""
     kind = os.fstat(fd).st_mode
     if stat.S_ISSOCK(kind):  # as systemd gives it to a service
         journal = socket.socket(fileno=os.dup(fd))

@@ -1,4 +1,4 @@
-"""Every metric of the service: name, labels, and meaning."""
+"""Declaration of every metric of the service: name, labels, help."""
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
@@ -94,7 +94,7 @@ CAN_COUNTERS = {
 
 
 def service_metrics(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | None) -> list[MetricFamily]:
-    """Return the Prometheus metrics of a robot with these legs.
+    """Return the metric families of a robot with these legs.
 
     Args:
         legs: Name of the leg in each row of the frames.
@@ -159,6 +159,7 @@ def service_metrics(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | No
 
 
 def _wakeup_metrics(bounds_s: Sequence[float]) -> list[MetricFamily]:
+    """Return the metric families of the threads' wake-up latency."""
     latency = "Time from the deadline of a sleeping thread to its wake-up."
     missed = "Conversions given up because a wake-up came too late; never made up for."
     return [
@@ -173,10 +174,11 @@ def _wakeup_metrics(bounds_s: Sequence[float]) -> list[MetricFamily]:
 def _metric_family(
     name: str, meaning: str, labels: Mapping[str, list[str]] | None = None, bounds: Sequence[float] = ()
 ) -> MetricFamily:
-    """Return a metric: a histogram if it has bounds, a counter if its name ends in `_total`, else a gauge."""
+    """Return a metric family: histogram if it has bounds, counter if its name ends in `_total`, else gauge."""
     kind: Literal["counter", "gauge", "histogram"] = "counter" if name.endswith("_total") else "gauge"
     return MetricFamily(name, "histogram" if bounds else kind, meaning, dict(labels or {}), list(bounds))
 
 
 def _code_names(codes: "type[IntEnum] | list[State]") -> list[str]:
+    """Return the names of enumeration members as label values."""
     return [code.name.lower() for code in codes]

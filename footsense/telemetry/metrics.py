@@ -1,4 +1,4 @@
-"""Observer that updates the service's metrics after every cycle.
+"""Observer that updates the service's shared-memory counters after every cycle.
 
 Counting happens in the loop and costs some microseconds a cycle; `footsense exporter` serves the counters. Histograms
 and counts of cycles change with every cycle; the counts of others and the gauges that move all the time are copied ten
@@ -45,7 +45,7 @@ _CONTACT, _DEGRADED_TIMING = int(Flag.CONTACT), int(Flag.DEGRADED_TIMING)
 
 
 class MetricsObserver(Observer):
-    """Counts every cycle into shared memory.
+    """Observer that adds every cycle to the service's counters in shared memory.
 
     Args:
         legs: Name of the leg in each row of the frames.
@@ -96,7 +96,7 @@ class MetricsObserver(Observer):
         self._state_cells: dict[str, list[int]] = {}
 
     def observe(self, cycle: Cycle) -> None:
-        """Add one cycle to the shared counters of the metrics."""
+        """Add one cycle to the shared counters."""
         cells, forces = self._counters.cells, cycle.forces
         sent_ns = forces.t_sent_ns
         if self._t_sent_ns is not None:
@@ -126,11 +126,11 @@ class MetricsObserver(Observer):
                 cells[self._first["footsense_tares_total"] + column] += 1
 
     def close(self) -> None:
-        """Close the shared counters and remove their file."""
+        """Close the shared counters, and remove their file."""
         self._counters.close()
 
     def _update_states(self, forces: ContactFrame) -> None:
-        """Update states, causes and flags, and choose the counters of the cycles to come."""
+        """Update the states, causes and flags, and the choice of counters for the following cycles."""
         states, flags = forces.state.tolist(), forces.flags.tolist()
         self._set_states("footsense_leg_state", states)
         self._set_states("footsense_leg_phase", [_PHASE_OF_STATE[state] for state in states])
@@ -148,7 +148,7 @@ class MetricsObserver(Observer):
         self._states = states
 
     def _update_gait(self, gait: GaitFrame) -> None:
-        """Update the gauges of the gait, and count its events."""
+        """Update the gait gauges, and count the gait events."""
         for field, (name, _) in GAIT_GAUGES.items():
             self._set_cells(name, getattr(gait, field).tolist())
         self._set_cells("footsense_ground_normal", gait.normal.ravel().tolist())
@@ -160,7 +160,7 @@ class MetricsObserver(Observer):
             self._counters.cells[first + event.leg * len(GaitEventKind) + event.kind - 1] += 1
 
     def _copy_external_counts(self, forces: ContactFrame) -> None:
-        """Copy the counts of others, and the baselines."""
+        """Copy counts kept by other parts (CAN, clocks, log) and the baselines to the metrics."""
         baseline, cells = forces.baseline, self._counters.cells
         for cell, field in self._can_cells:
             cells[cell] = getattr(self._can, field)
@@ -183,7 +183,7 @@ class MetricsObserver(Observer):
             self._set_cells("footsense_missed_deadlines_total", [self._late_discards()])
 
     def _set_states(self, name: str, states: Sequence[int]) -> None:
-        """Set each leg's series of a state set: 1 for its present code, 0 for the one before."""
+        """Set each leg's series of a state set: 1 for its present code, 0 for the previous one."""
         first, n_codes = self._first[name], _N_CODES[name]
         present = [first + row * n_codes + state for row, state in enumerate(states)]
         before = self._state_cells.get(name, present)
@@ -194,6 +194,6 @@ class MetricsObserver(Observer):
         self._state_cells[name] = present
 
     def _set_cells(self, name: str, values: Sequence[float]) -> None:
-        """Write the values of a metric family to the shared counters."""
+        """Set the values of a metric family."""
         first = self._first[name]
         self._counters.cells[first : first + len(values)] = array("d", values)

@@ -1,4 +1,4 @@
-"""Statistics of a run: rate of the cycles, age, states, and the force error where the true force is known.
+"""Statistics of a run: cycle rate, age of the forces, states, and force error where the true force is known.
 
 The error is taken against the true force at the time of sending, so that a measurement's age counts. All statistics
 are kept in fixed tables: a day of walking takes no more memory than a minute.
@@ -23,7 +23,7 @@ _CYCLES_PER_COUNT = 256
 
 
 class RunStatistics(Observer):
-    """An observer that keeps the statistics of a run.
+    """Observer that accumulates the statistics of a run.
 
     Args:
         legs: Name of the leg in each row of the frames.
@@ -52,7 +52,7 @@ class RunStatistics(Observer):
         self._pairs_n: list[tuple[Vector, Vector]] = []
 
     def observe(self, cycle: Cycle) -> None:
-        """Add one cycle to the statistics of the run."""
+        """Add one cycle to the statistics."""
         forces = cycle.forces
         if self._cycles == 0:
             self._first_ns = forces.t_sent_ns
@@ -69,7 +69,7 @@ class RunStatistics(Observer):
             self._count_kept_cycles()
 
     def _count_kept_cycles(self) -> None:
-        """Add the kept cycles to the tables: all at once costs a tenth of one by one."""
+        """Add the buffered cycles to the histograms; in a batch this is ten times faster."""
         if self._ages_ns:
             self._age_ms.add(np.asarray(np.concatenate(self._ages_ns) * 1e-6, np.float64))
         if self._pairs_n:
@@ -85,7 +85,7 @@ class RunStatistics(Observer):
         self._pairs_n.clear()
 
     def summary(self) -> dict[str, object]:
-        """Return the statistics as plain values; None for a figure without samples."""
+        """Return the statistics as plain values; None for a value without samples."""
         self._count_kept_cycles()
         span_s = (self._last_ns - self._first_ns) * 1e-9
         summary: dict[str, object] = {
@@ -128,23 +128,23 @@ class Histogram:
         self._sum = 0.0
 
     def add(self, values: Vector) -> None:
-        """Count the given non-negative values, shape (n,), in their bins."""
+        """Count non-negative values, shape (n,), in their bins."""
         bins = np.minimum((values / self._width).astype(np.int64), len(self._counts) - 1)
         np.add.at(self._counts, bins, 1)
         self._sum += float(values.sum())
 
     @property
     def total(self) -> int:
-        """Number of values counted in all bins."""
+        """Number of values in all bins."""
         return int(self._counts.sum())
 
     @property
     def mean(self) -> float | None:
-        """Mean of the values, None without any."""
+        """Mean of the values; None without any."""
         return self._sum / self.total if self.total else None
 
     def quantile(self, share: float) -> float | None:
-        """Return the quantile at `share` to one bin's width; None without values.
+        """Return the quantile at the fraction `share`, to one bin width; None without values.
 
         Example:
             >>> ages = Histogram(0.1, 10.0)

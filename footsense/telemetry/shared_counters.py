@@ -1,4 +1,4 @@
-"""Counters that one process writes and another reads, in a memory-mapped file that describes itself.
+"""Counters in a self-describing memory-mapped file that one process writes and others read.
 
 The loop must not answer HTTP: rendering the metrics in its process costs milliseconds. It adds to plain doubles in
 shared memory at some ten nanoseconds each, and `footsense exporter` reads them at each scrape. There is one writer
@@ -36,7 +36,7 @@ _MAX_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class MetricFamily:
-    """Declaration of one metric family, without its numbers: name, help, kind, and the values that labels can have.
+    """Declaration of a metric family: name, type, help, label values, histogram bounds; without its values.
 
     Attributes:
         name: Name in Prometheus, with its unit; a counter's ends in `_total`.
@@ -54,17 +54,17 @@ class MetricFamily:
 
     @property
     def cells_per_label_set(self) -> int:
-        """Cells of one combination of label values."""
+        """Number of values for one combination of label values."""
         return len(self.bounds) + 2 if self.kind == "histogram" else 1
 
     @property
     def n_cells(self) -> int:
-        """Cells of the whole family."""
+        """Number of values of the whole family."""
         return self.cells_per_label_set * math.prod(len(values) for values in self.labels.values())
 
 
 class SharedCounters:
-    """Writer's side of the shared counters: creates their file, and removes the file at the end.
+    """Writer's end of the shared counters: creates the file, and removes it when closed.
 
     Args:
         families: Metrics in the order of their cells.
@@ -98,7 +98,7 @@ class SharedCounters:
 
 
 def read_counters(path: Path) -> tuple[list[MetricFamily], list[float]]:
-    """Return the families of a running service and their present cells.
+    """Return the metric families of a running service and all their present values.
 
     Raises:
         FootsenseError: No running service writes the file, or `SharedCounters` did not create it.

@@ -1,4 +1,4 @@
-"""Messages to systemd: ready with the first forces, alive while cycles come, stopping, and a line of status.
+"""Notification of systemd: ready after the first forces, watchdog, stopping, and a status text.
 
 A message is one datagram to the socket that systemd names in the environment; without that variable, as in a terminal,
 nothing is sent. A message that cannot be delivered is dropped: the loop does not wait for its supervisor.
@@ -19,7 +19,7 @@ _STATUS_PERIOD_NS = 10_000_000_000
 
 
 def watchdog_interval_ns(environment: Mapping[str, str] = os.environ) -> int | None:
-    """Return the interval of watchdog messages: half of the time after which systemd restarts the service.
+    """Return the interval of watchdog messages [ns], half of systemd's timeout; None without a watchdog.
 
     Returns:
         The interval [ns], or None if systemd expects no watchdog messages of this process.
@@ -33,7 +33,7 @@ def watchdog_interval_ns(environment: Mapping[str, str] = os.environ) -> int | N
 
 
 class SystemdObserver(Observer):
-    """Cycle observer that keeps systemd informed; does nothing without systemd.
+    """Observer that notifies systemd of readiness, watchdog and status; does nothing without systemd.
 
     Args:
         legs: Name of the leg in each row of the frames.
@@ -57,7 +57,7 @@ class SystemdObserver(Observer):
             self._socket.setblocking(False)
 
     def observe(self, cycle: Cycle) -> None:
-        """Report the first cycle as readiness, and send watchdog and status when due."""
+        """Notify readiness at the first cycle, and watchdog and status when due."""
         now_ns = cycle.forces.t_sent_ns
         if self._alive_ns is None:
             self.send(READY="1", STATUS=self._status_line(cycle))
@@ -70,7 +70,7 @@ class SystemdObserver(Observer):
             self._status_ns = now_ns
 
     def send(self, **assignments: str) -> None:
-        """Send assignments such as `READY="1"` as one message; line breaks in values become blanks."""
+        """Send assignments such as `READY="1"` as one message; newlines in values become blanks."""
         if self._socket is not None:
             lines = (f"{name}={' '.join(value.split())}" for name, value in assignments.items())
             # Fails while systemd is re-executed or its queue is full; the next message will do.
@@ -78,13 +78,14 @@ class SystemdObserver(Observer):
                 self._socket.sendto("\n".join(lines).encode(), self._address)
 
     def close(self) -> None:
-        """Report that the service ends on request; later messages are dropped."""
+        """Notify that the service is stopping; later messages are dropped."""
         self.send(STOPPING="1")
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
     def _status_line(self, cycle: Cycle) -> str:
+        """Return the status text: the state of each leg."""
         states = zip(self._legs, cycle.forces.state.tolist(), strict=True)
         status = ", ".join(f"{leg} {State(state).name.lower()}" for leg, state in states)
         degraded = any(flags & Flag.DEGRADED_TIMING for flags in cycle.forces.flags.tolist())

@@ -1,1 +1,1 @@
-"""The daemon under faults in virtual time: fault table, random faults, soak, invariants, virtual experiment."""
+"""Tests of the daemon under faults in virtual time: fault table, random faults, soak test, virtual experiment."""

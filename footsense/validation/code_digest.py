@@ -1,4 +1,4 @@
-"""A digest of code: results that are kept are continued only by the code that made them."""
+"""Hash of source code, by which cached results are discarded when the code changes."""
 
 import hashlib
 from pathlib import Path
@@ -6,7 +6,7 @@ from types import ModuleType
 
 
 def code_digest(*rooms: ModuleType) -> str:
-    """Return a digest of all source files of some packages, 12 hexadecimal characters."""
+    """Return a hash of all source files of some packages, 12 hexadecimal digits."""
     folders = [Path(str(room.__file__)).parent for room in rooms]
     files = sorted(file for folder in folders for file in folder.rglob("*.py"))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]

@@ -1,4 +1,4 @@
-"""Invariants of every cycle of a walk with faults; each violation is kept with time and leg.
+"""Checks of every cycle of a simulated walk with faults; each violation is stored with time and leg.
 
 A leg with a fault may be silent, and for the time of its recovery: the others go on. A fault of a bus may delay its
 legs, and a fault of CAN may cost frames there; `tolerances.py` says by how much.
@@ -44,7 +44,7 @@ _COUNTER_VALUES = 15
 
 
 class Violation(NamedTuple):
-    """A violation of an invariant: which one, when, and on which leg.
+    """One violation of an invariant: invariant, time, leg, and details.
 
     Attributes:
         invariant: The invariant.
@@ -60,7 +60,7 @@ class Violation(NamedTuple):
 
 
 class Invariants(Observer):
-    """Checker of a simulated walk: observes each cycle, and listens on the CAN bus.
+    """Observer that checks each cycle and each delivered CAN frame of a simulated walk.
 
     Args:
         rules: Limits of the walk.
@@ -110,7 +110,7 @@ class Invariants(Observer):
         self.n_states: Counter[int] = Counter()
 
     def observe(self, cycle: Cycle) -> None:
-        """Check the states, values, ages and errors of the forces of a cycle."""
+        """Check the states, values, ages and errors of a cycle's forces."""
         frame, rules = cycle.forces, self._rules
         t_s = frame.t_sent_ns / _NS_PER_S
         self.n_cycles += 1
@@ -140,7 +140,7 @@ class Invariants(Observer):
         self._check_errors(frame, np.flatnonzero(usable).tolist())
 
     def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
-        """Check a frame that reached the other nodes on CAN.
+        """Check a CAN frame that other nodes received.
 
         Args:
             t_ns: Time of its end on the wire [ns].
@@ -168,6 +168,7 @@ class Invariants(Observer):
             self._add_violation("every frame reaches CAN", t_s, _LEG_OF_NODE[node], f"{missed} missing")
 
     def _check_period(self, sequence: int, t_sent_ns: int, t_s: float) -> None:
+        """Check the sequence number of a frame, and the time since the one before."""
         last, self._last = self._last, (sequence, t_sent_ns)
         if last is None:
             return
@@ -179,13 +180,13 @@ class Invariants(Observer):
             self._add_violation("frames keep coming on time", t_s, "", f"{1e3 * gap_s:.1f} ms")
 
     def _tolerated_delay_s(self, from_s: float, until_s: float) -> float:
-        """Return the tolerated delay of a frame by faults of a bus [s]."""
+        """Return the delay of a frame tolerated because of bus faults between two times [s]."""
         return sum(
             delay_s for start_s, end_s, delay_s in self._delays_s if start_s <= until_s and from_s <= end_s
         )
 
     def _check_errors(self, frame: ContactFrame, usable: Sequence[int]) -> None:
-        """Count errors beyond 5 sigma of the legs that have a force."""
+        """Count force errors beyond 5 sigma on the legs with a usable force."""
         true_n = self._true_force_at_time_n(frame.t_sent_ns)
         self.n_checked += len(usable)
         for leg in usable:
@@ -193,6 +194,7 @@ class Invariants(Observer):
             self.n_beyond += error_n > _LARGE_ERROR_SIGMAS * frame.sigma_n[leg]
 
     def _check_age_on_wire(self, can_id: int, data: bytes, wait_ns: int, t_s: float) -> None:
+        """Check the age of a force at its arrival on CAN."""
         quality = decode_quality(can_id, data)
         if quality.age_ns is None or math.isnan(quality.sigma_n[0]):
             return  # no force goes with it
@@ -203,9 +205,11 @@ class Invariants(Observer):
             )
 
     def _had_can_fault(self, from_s: float, until_s: float) -> bool:
+        """Return whether a CAN fault or its recovery overlaps a span [s]."""
         return any(at_s <= until_s and from_s <= end_s for at_s, end_s in self._can_broken_s)
 
     def _add_violation(self, invariant: str, t_s: float, leg: str, detail: str) -> None:
+        """Count a violation, and store it if it is one of the first."""
         self.n_violations[invariant] += 1
         if len(self.violations) < _MAX_KEPT_VIOLATIONS:
             self.violations.append(Violation(invariant, round(t_s, 4), leg, detail))

@@ -1,4 +1,4 @@
-"""One foot whose physics its calibration may not know: pressed, calibrated, and read under centred and leaning loads.
+"""Calibrate and test one simulated foot whose physics differ from the model that the calibration assumes.
 
 The truth is a response table of its own and disturbances of foot, test stand and floor. The chain is the shipped one:
 readings of a press's dwell, fit, network, residual test. The bytes of the chips are left out: twenty feet of the study
@@ -48,7 +48,7 @@ _RESIDUAL_TEST_DELAY_NS = 100_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """How foot, test stand and floor differ from what the calibration supposes, beside the foot's response.
+    """Differences of foot, test stand and ground from what the calibration assumes.
 
     Attributes:
         sheet_rotation_deg: Turn of the sheet about the axis of the balls [deg].
@@ -82,7 +82,7 @@ UNDISTURBED = Disturbance()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TestLoads:
-    """Loads on a calibrated foot: contact normals, shape (n, 3), and forces [N], shape (n, 3), frame of the leg."""
+    """Test loads of a calibrated foot: contact normals and forces [N], shape (n, 3) each, leg's frame."""
 
     normal: Vector
     force_n: Vector
@@ -93,7 +93,7 @@ class TestLoads:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialPlan:
-    """Tolerances, seed, presses and test loads of the mismatch trials.
+    """Fabrication tolerances, seed, calibration presses and test loads of the mismatch trials.
 
     Attributes:
         tolerances: Fabrication tolerances.
@@ -111,7 +111,7 @@ class TrialPlan:
 
 
 class _FootOnTestStand:
-    """A foot with its rubber, in the order of time.
+    """Simulated foot with viscoelastic rubber on a test stand, pressed load after load.
 
     Args:
         response: Its response.
@@ -137,7 +137,7 @@ class _FootOnTestStand:
         )
 
     def press(self, loads: TestLoads, noise_pf: float, *, on_floor: bool) -> LoadSet:
-        """Return the readings under loads, each pressed for a while and released.
+        """Return the readings under loads, each pressed for a dwell and released.
 
         Args:
             loads: The loads.
@@ -164,7 +164,7 @@ class _FootOnTestStand:
         )
 
     def _capacitance_pf(self, normal: Vector, force_n: Vector, step_ns: list[int]) -> Vector:
-        """Return the capacitances at the ends of steps of time [pF], shape (n, 9); air that leaks has a memory."""
+        """Return the capacitances at the end of each time step [pF], shape (n, 9), air leakage included."""
         cavity = self._foot.cavity
         gas = cavity.gas
         if gas is None or cavity.kind != "leaking":
@@ -178,7 +178,7 @@ class _FootOnTestStand:
         return np.array(found)
 
     def _contact_normals(self, normal: Vector) -> Vector:
-        """Return the normals at which the ball is touched, shape (n, 3): at the edge of a worn pole, not inside it.
+        """Return the contact normals, shape (n, 3); on a worn ball those inside the flat move to its edge.
 
         A flat of radius a under a force f has its pressure in the middle only for tilts below f / (4/3 E* a^2), half
         a degree at 1 N: the centre of pressure of all others lies at its edge.
@@ -197,7 +197,7 @@ class _FootOnTestStand:
         return normalized(lowered) @ self._mount
 
     def _reference_reading_n(self, force_n: Vector, noise: Vector) -> Vector:
-        """Return the readings of the reference sensor under forces [N], shape (n, 3)."""
+        """Return the reference sensor's readings under forces [N], shape (n, 3), with its errors."""
         load_gf = -force_n / GRAM_FORCE_N
         read_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf)
         read_gf += self._disturbance.reference_noise_steps * RESOLUTION_GF * noise
@@ -207,7 +207,7 @@ class _FootOnTestStand:
 def run_mismatch_trial(
     models: DesignModels, truth: FootResponse, disturbance: Disturbance, plan: TrialPlan, number: int
 ) -> dict[str, float]:
-    """Calibrate one foot of another physics, and return its figures.
+    """Calibrate one foot whose physics differ from the model; return its force errors by name.
 
     Args:
         models: Models that the calibration knows.
@@ -271,13 +271,13 @@ def run_mismatch_trial(
 
 
 def _is_in_converter_range(loads: LoadSet) -> Mask:
-    """Return which loads are within the converter's range, shape (n,): of others there is no reading and no force."""
+    """Return the mask of the loads whose capacitances are within the converter's range, shape (n,)."""
     in_range: Mask = loads.capacitance_pf.max(axis=1) < _FULL_SCALE_PF
     return in_range
 
 
 def _is_refused(fit: CalibrationResult) -> bool:
-    """Return whether `footsense calibrate` would refuse the foot."""
+    """Return whether `footsense calibrate` would refuse this calibration."""
     try:
         require_plausible(fit)
     except CalibrationError:
@@ -286,7 +286,7 @@ def _is_refused(fit: CalibrationResult) -> bool:
 
 
 def _estimate_figures(models: DesignModels, estimates: Estimates, true_n: Vector) -> dict[str, float]:
-    """Return the figures of the estimates of some loads."""
+    """Return error figures of the estimated against the true forces [N], by name."""
     usable = estimates.has_force
     if not usable.any():
         return {"deg": np.nan, "gf": np.nan, "within_2": np.nan, "unread": 1.0, "unexplained": np.nan}

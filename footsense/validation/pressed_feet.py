@@ -1,4 +1,4 @@
-"""Loads of feet pressed on a simulated test stand, kept in files: to press takes minutes, to calibrate seconds."""
+"""Calibration loads of simulated feet, cached in files because simulating the presses takes minutes."""
 
 import hashlib
 import tempfile
@@ -24,7 +24,7 @@ _DIGESTED_PACKAGES = (
 
 
 class PressedFoot(NamedTuple):
-    """Loads of both sessions of one foot.
+    """Calibration loads of the training and the test session of one simulated foot.
 
     Attributes:
         training: Accepted loads of the first session.
@@ -44,7 +44,7 @@ class PressedFoot(NamedTuple):
     def load_or_press(
         cls, batch: test_stand_trial.FootBatch, number: int, every: int, kept: Path | None
     ) -> Self:
-        """Return the loads of a foot of a batch, from its file or pressed and kept there.
+        """Return the loads of one foot of a batch, from its cache file or newly simulated and cached.
 
         Args:
             batch: Batch of the foot.
@@ -70,7 +70,7 @@ class PressedFoot(NamedTuple):
             return cls.from_arrays(arrays)
 
     def arrays(self) -> dict[str, Any]:
-        """Return the loads as arrays by name."""
+        """Return the loads as arrays by name, for a file."""
         sets = {"training": self.training, "test": self.test}
         fields = {f"{one}.{name}": getattr(sets[one], name) for one in sets for name in LoadSet.__slots__}
         own = {name: np.array(getattr(self, name)) for name in ("n_rejected", "read_s")}
@@ -78,7 +78,7 @@ class PressedFoot(NamedTuple):
 
     @classmethod
     def from_arrays(cls, arrays: "np.lib.npyio.NpzFile") -> Self:
-        """Return the loads of a foot from arrays read from a file."""
+        """Return the loads of a foot from the arrays of a file."""
         training, test = (
             LoadSet(**{name: arrays[f"{one}.{name}"] for name in LoadSet.__slots__})
             for one in ("training", "test")
@@ -88,6 +88,7 @@ class PressedFoot(NamedTuple):
 
     @classmethod
     def _press(cls, batch: test_stand_trial.FootBatch, number: int, every: int) -> Self:
+        """Simulate both sessions of a foot, and return their loads."""
         with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
             trial = test_stand_trial.run_test_stand_trial(batch, number, Path(folder), every=every)
         training, test = LoadSet.from_loads(trial.training.loads), LoadSet.from_loads(trial.test.loads)

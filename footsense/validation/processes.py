@@ -1,4 +1,4 @@
-"""Distribution of a long simulation over child processes."""
+"""Run the parts of a long simulation in parallel child processes."""
 
 import logging
 from collections.abc import Callable, Iterable, Iterator
@@ -16,7 +16,7 @@ def run_in_processes(
     n_processes: int,
     max_parts_per_process: int | None = None,
 ) -> Iterator[PartResult]:
-    """Run `work` on every part in child processes, in any order, without warnings: simulated faults are on purpose.
+    """Yield `work(part)` for every part, computed in child processes, in any order; warnings are suppressed.
 
     Args:
         work: Works on one part; picklable.

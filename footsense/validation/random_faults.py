@@ -1,4 +1,4 @@
-"""Random faults of every kind that a scene can have, for long walks."""
+"""Random faults of every type that a scene can have, for long simulated walks."""
 
 from typing import Any, get_args
 
@@ -29,7 +29,7 @@ _MIN_DURATION_S, _MAX_DURATION_S, _MEAN_INTERVAL_S = 0.05, 6.0, 30.0
 def random_faults(
     rng: np.random.Generator, legs: tuple[str, ...], from_s: float, until_s: float
 ) -> tuple[scene_faults.Fault, ...]:
-    """Return faults of 0.05 s to 6 s at independent times.
+    """Return random faults of 0.05 s to 6 s each, at independent random times.
 
     Args:
         rng: Source of randomness.
@@ -50,7 +50,7 @@ def random_faults(
 def random_transient_fault(
     rng: np.random.Generator, leg: str, at_s: float, lasts_s: float
 ) -> list[scene_faults.Fault]:
-    """Return a random fault of any kind that leaves no lasting effect; two faults for a drifting element.
+    """Return a random fault of any type that leaves no lasting effect; for a drifting element, two faults.
 
     Args:
         rng: Source of randomness.
@@ -77,7 +77,7 @@ def random_transient_fault(
 
 
 def transient_fault(kind: type[scene_faults.Fault], **values: Any) -> list[scene_faults.Fault]:  # noqa: ANN401 - a field of any fault
-    """Return a fault that leaves no lasting effect; two for an element that drifts, the second one back to the start.
+    """Return the default faults of a type, made to leave no lasting effect; a drift is reverted by a second fault.
 
     Args:
         kind: Class of the fault.

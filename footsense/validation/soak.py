@@ -1,4 +1,4 @@
-"""Soak test: a day of walking with a fault every half minute, in stretches of one process each.
+"""Soak test: a simulated day of walking with a fault every half minute, in stretches with one process each.
 
 Everything runs in virtual time and follows from the seed, so that a stretch with a violation can be repeated alone.
 Every stretch begins with a walk without faults, which measures the share of errors beyond 5 sigma.
@@ -37,7 +37,7 @@ _RARE_ERRORS_RULE, _MEMORY_RULE = "no error beyond 5 sigma more often than calib
 
 
 class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Result of one stretch of the soak test: counts, violations, error shares and memory growth.
+    """Result of one stretch of the soak test: counts, violations, error rates and memory growth.
 
     Attributes:
         stretch: The stretch.
@@ -75,7 +75,7 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def walk_stretch(stretch: Stretch) -> StretchResult:
-    """Simulate one stretch of the walk with the planned faults, and return the counts and errors.
+    """Simulate one stretch of the soak test, with and without its faults; return counts, violations and errors.
 
     Raises:
         ModelError: The released network or the response table is missing.
@@ -130,7 +130,7 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
 
 
 def _too_frequent_errors(fault_free: Invariants, with_faults: Invariants, ends_s: float) -> list[Violation]:
-    """Return a violation for each axis with more errors beyond 5 sigma than without faults, chance allowed for."""
+    """Return a violation for each force axis with significantly more errors beyond 5 sigma than without faults."""
     # Both shares are counts; the shorter walk may have met no rare error.
     both_rel = (fault_free.n_beyond + with_faults.n_beyond) / (fault_free.n_checked + with_faults.n_checked)
     chance_rel = _CHANCE_LIMIT_SIGMAS * np.sqrt(
@@ -151,7 +151,7 @@ def _too_frequent_errors(fault_free: Invariants, with_faults: Invariants, ends_s
 def _simulate_stretch(
     config: Config, scene: Scene, rules: WalkLimits, until_s: float
 ) -> tuple[Invariants, tuple[float, float]]:
-    """Walk up to a time [s]; return the checks, and the memory after the first minutes and at the end [MiB]."""
+    """Simulate a walk up to a time [s]; return the checks, and the memory early and at the end [MiB]."""
     with open_service(config, scene, real_time=False) as running:
         assert running.true_force_at_time_n is not None, "a scene is simulated"
         assert running.can is not None, "the scene has traffic on CAN"

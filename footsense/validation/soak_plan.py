@@ -1,4 +1,4 @@
-"""Stretches of a day of walking, each with another robot, gait or temperature; the robot and the scene of each."""
+"""Plan of the soak test: its stretches, each with other rates, gait or temperature, and their robot and scene."""
 
 import msgspec
 import numpy as np
@@ -15,7 +15,7 @@ _N_STANDS, _STAND_S = 2, (1200.0, 3000.0)
 
 
 class Stretch(msgspec.Struct, frozen=True, kw_only=True):
-    """A part of a soak test's walk with one conversion rate and one seed.
+    """Part of the soak test, run by one process: seed, hours, conversion rate, standstills, temperature.
 
     Attributes:
         number: Index in the day.
@@ -37,12 +37,12 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def gait_period_s(self) -> float:
-        """Gait period [s]: as many conversions at every rate."""
+        """Gait period [s], proportional to the conversion period."""
         return 1.2 * 400 / self.rate_sps
 
 
 def soak_stretches(hours: float, seed: int) -> list[Stretch]:
-    """Divide the walk of a soak test into stretches, each with its own rate, publishing, seed and stands.
+    """Divide the hours of a soak test into stretches, each with its own rates, seed and standstills.
 
     A day has four hours at 400 S/s, one of them with a force on CAN for each conversion, two of them with warming and
     cooling, and the rest at 100 S/s, which takes a third of the computing time, with two stands. Up to four hours are
@@ -75,7 +75,7 @@ IDLE_TRAFFIC = CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=0.1)
 
 
 def robot_and_scene(stretch: Stretch, *, calm_rel: float | None = None) -> tuple[Config, Scene]:
-    """Return the robot configuration of a stretch, and the simulated scene without faults.
+    """Return the robot configuration and the fault-free scene of a stretch.
 
     Args:
         stretch: The stretch.

@@ -1,4 +1,4 @@
-"""A made foot on a simulated test stand: pressed, read by the daemon through the chips' bytes, recorded, and read back.
+"""Simulated test-stand sessions of one fabricated foot, run through the real daemon and recorder, and read back.
 
 Two sessions: one for calibration, with the paper's 362 presses, and one for evaluation, with its 180, in which the foot
 is mounted anew and the reference has a new offset. The simulator's true forces are kept beside those of the reference.
@@ -44,7 +44,7 @@ _EFFECTS = Effects(converter_noise=True, converter_clock_rel=0.02, gap_contact=T
 
 
 class FootBatch(NamedTuple):
-    """A batch of feet, made as badly as the paper's.
+    """A batch of simulated feet with the paper's fabrication tolerances: seed and foot type.
 
     Attributes:
         seed: Seed of the batch.
@@ -56,7 +56,7 @@ class FootBatch(NamedTuple):
 
 
 class FootOnTestStand(NamedTuple):
-    """Training and test session of one foot on the simulated test stand.
+    """Training and test session of one foot on the simulated test stand, with the true forces.
 
     Attributes:
         training: Session for the calibration, 362 presses.
@@ -72,7 +72,7 @@ class FootOnTestStand(NamedTuple):
 
 
 def run_test_stand_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> FootOnTestStand:
-    """Press a foot in both sessions and read the recordings.
+    """Simulate and record both sessions of a foot, and read the recordings back.
 
     Args:
         batch: Batch of the foot.
@@ -93,7 +93,7 @@ def run_test_stand_trial(batch: FootBatch, number: int, folder: Path, *, every: 
 
 
 def foot_name(number: int) -> str:
-    """Return the identity of a foot of a batch."""
+    """Return the name of a foot of a batch."""
     return f"foot-{number:04d}"
 
 
@@ -105,7 +105,7 @@ def _record_session(
     folder: Path,
     every: int,
 ) -> tuple[RecordedSession, ContactSource, int]:
-    """Record a simulated test-stand session.
+    """Record one simulated test-stand session; return it read back, its true load, and the reading time [ns].
 
     Returns:
         The session read from file, the simulated presses, and how long reading took [ns].
@@ -168,4 +168,5 @@ def _trial_config(batch: FootBatch, number: int) -> Config:
 
 
 def _foot_seed(batch: FootBatch, number: int) -> int:
+    """Return the seed of a foot of a batch."""
     return 10_000 * batch.seed + 2 * number

@@ -1,4 +1,4 @@
-"""Tolerances of a walk with faults: spans in which a leg may lack a force, and delays that a held bus may cause."""
+"""Tolerances of the checks of a walk with faults: spans in which a leg may lack a force, and allowed delays."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,7 +19,7 @@ _MAX_ARBITRATION_DELAY_SCANS = 3.4
 
 
 class WalkLimits(NamedTuple):
-    """Limits for the forces of a walk: legs, period of the cycles [s], age limit [s], gait timing and CAN bit rate.
+    """Limits of the checks of a walk: legs, cycle period [s], age limit [s], gait timing, CAN bit rate.
 
     Attributes:
         legs: Names of the legs.
@@ -43,7 +43,7 @@ class WalkLimits(NamedTuple):
 
 
 def tolerated_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
-    """Return the spans in which a leg may lack a force [s]: a fault on it, and the time of recovery.
+    """Return the time spans [s] in which a leg may lack a force: its faults and the recoveries from them.
 
     A leg without an answer is tried again after pauses that double: the last is no longer than the fault.
     """
@@ -61,7 +61,7 @@ def tolerated_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> l
 
 
 def _time_after_walking_s(rules: WalkLimits, t_s: float, walking_s: float) -> float:
-    """Return the time after `t_s` by which a robot has walked for `walking_s`, standstills excluded [s]."""
+    """Return the time [s] by which the robot has walked for `walking_s` after `t_s`, standstills excluded."""
     end_s = t_s + walking_s
     for checks_start_s, until_s in rules.stands_s:
         # A stand begins and ends with the legs in the middle of their stance.
@@ -72,7 +72,7 @@ def _time_after_walking_s(rules: WalkLimits, t_s: float, walking_s: float) -> fl
 
 
 def tolerated_delays_s(script: Sequence[Fault], period_s: float) -> list[tuple[float, float, float]]:
-    """Return begin, end and tolerated delay of each fault of a bus [s], in the order of their ends.
+    """Return start, end and tolerated delay of each I2C bus fault [s], ordered by end.
 
     Args:
         script: Faults of the walk.

@@ -1,4 +1,4 @@
-"""The paper's experiment: many simulated feet pressed, calibrated and evaluated in parallel.
+"""The paper's experiment in simulation: many feet pressed, calibrated and evaluated.
 
 Every estimator is evaluated on the same loads, of a session that none was trained on, against the reference of the test
 stand, as in the paper, and against the simulator's true force. Loads for which some estimator has no force are left out
@@ -32,7 +32,7 @@ PerFootNetwork = Callable[[Vector, Vector, Vector], Vector]
 
 
 class FootErrors(msgspec.Struct, frozen=True):
-    """Mean errors of one estimator on one foot.
+    """Mean direction and magnitude errors of one estimator on one foot.
 
     Attributes:
         direction_deg: Against the reference [deg].
@@ -48,7 +48,7 @@ class FootErrors(msgspec.Struct, frozen=True):
 
 
 class FootResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Calibration and force errors of one simulated foot, by estimator.
+    """Calibration result and force errors of one simulated foot, by estimator.
 
     Attributes:
         foot: Its identity.
@@ -77,7 +77,7 @@ def evaluate_foot(
     every: int,
     kept: Path | None = None,
 ) -> FootResult:
-    """Press, calibrate and evaluate one foot.
+    """Simulate the sessions of one foot, calibrate it, and return its force errors by estimator.
 
     Args:
         batch: Batch of the foot.
@@ -124,7 +124,7 @@ def evaluate_foot(
 def _per_foot_estimates_n(
     training: LoadSet, test: LoadSet, per_foot_network: PerFootNetwork | None
 ) -> dict[str, Vector]:
-    """Return the test forces of estimators trained on this foot alone [N], shape (n, 3) each."""
+    """Return the test forces [N], shape (n, 3), of each estimator trained on this foot alone, by name."""
     change_pf, test_pf = (loads.capacitance_pf - loads.baseline_pf for loads in (training, test))
     found = {"linear_per_foot": test_pf @ np.linalg.lstsq(change_pf, training.force_n, rcond=None)[0]}
     if per_foot_network is not None:
@@ -133,6 +133,7 @@ def _per_foot_estimates_n(
 
 
 def _foot_errors(reference_n: Vector, true_force_n: Vector, force_n: Vector) -> FootErrors:
+    """Return the mean errors of estimated forces against the reference and the true forces."""
     by_reference, by_truth = (
         evaluate_force_errors(reference_n, force_n),
         evaluate_force_errors(true_force_n, force_n),

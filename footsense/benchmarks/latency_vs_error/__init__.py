@@ -1,1 +1,1 @@
-"""Study `tradeoff`: age of a force against force error, over the daemon's whole processing chain."""
+"""Study `tradeoff`: age of the published forces against force error, over the daemon's whole processing chain."""

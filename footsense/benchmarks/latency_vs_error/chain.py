@@ -1,4 +1,4 @@
-"""Readings of simulated feet at the pace of the daemon.
+"""Simulated readings of feet with the daemon's conversion timing, noise and quantisation.
 
 Bus and chips enter by three numbers, which `firmware_interface/` has in closed form: the time between two conversions,
 the time from the middle of a conversion to the sending of its force, and the noise and step of the converter. All feet
@@ -31,7 +31,7 @@ _SINGLE_REGISTER_RATE_SPS = 400
 
 
 class ConversionTiming(NamedTuple):
-    """Time between conversions, and from a conversion to the sending of its force [ns].
+    """Period of the conversions, and delay from a conversion to the sending of its force [ns].
 
     Attributes:
         step_ns: From one conversion to the next [ns].
@@ -43,7 +43,7 @@ class ConversionTiming(NamedTuple):
 
 
 def conversion_timing(rate_sps: int) -> ConversionTiming:
-    """Return the pace of six legs on one bus.
+    """Return the conversion timing of six legs on one I2C bus.
 
     The step is a ninth of the shortest scan. A force is sent after half a conversion, the tolerance of the slowest
     chip, and the transactions of a step: start of the next conversion, poll of the ready bits, read-out of all legs.
@@ -68,7 +68,7 @@ def conversion_timing(rate_sps: int) -> ConversionTiming:
 
 
 def latest_conversion_indices(order: Sequence[int], n: int) -> NDArray[np.intp]:
-    """Return the number of the latest conversion of every element, after each of `n` conversions.
+    """Return the index of each element's latest conversion after each of `n` conversions, shape (n, elements).
 
     Args:
         order: Elements in the order of the scan.
@@ -82,7 +82,7 @@ def latest_conversion_indices(order: Sequence[int], n: int) -> NDArray[np.intp]:
 
 
 def quantized_capacitance_pf(capacitance_pf: Vector, rate_sps: int, rng: np.random.Generator) -> Vector:
-    """Return capacitances with the noise and the step of the registers that are read [pF], of any shape."""
+    """Return capacitances with the converter's noise and quantisation added [pF], same shape."""
     noisy_pf = capacitance_pf + fdc1004.RATES[rate_sps].noise_ff * 1e-3 * rng.standard_normal(
         capacitance_pf.shape
     )
@@ -92,7 +92,7 @@ def quantized_capacitance_pf(capacitance_pf: Vector, rate_sps: int, rng: np.rand
 
 
 def distance_noise_rel(design: CapacitorDesign, rate_sps: int) -> float:
-    """Return the standard deviation of the distance of an unloaded element over its gap [1]."""
+    """Return the standard deviation of an unloaded element's plate distance over its gap [1]."""
     # dC / C = -d(distance) / distance.
     rest_um = design.plate_distance_um(np.array([design.unloaded_pf]))[0]
     return float(fdc1004.RATES[rate_sps].noise_ff * 1e-3 / design.unloaded_pf * rest_um / design.gap_um)
@@ -100,7 +100,7 @@ def distance_noise_rel(design: CapacitorDesign, rate_sps: int) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Readings:
-    """Readings of some feet, conversion by conversion.
+    """Simulated readings of some feet, one row per conversion.
 
     Attributes:
         order: Elements in the order of the scan.
@@ -117,7 +117,7 @@ class Readings:
     unloaded_rel: Vector
 
     def latest_by_element(self) -> tuple[Vector, Stamps]:
-        """Return the newest reading of every element after each conversion from the first scan on.
+        """Return each element's latest reading and its time, after each conversion from the first full scan on.
 
         Returns:
             Distances [1] and time stamps [ns], shape (conversions, feet, 9) each.
@@ -128,7 +128,7 @@ class Readings:
 
 
 def true_loads(feet: Sequence[FootLoad], t_ns: Stamps) -> tuple[Vector, Vector]:
-    """Return normals and forces [N] on some feet at some times [ns], shape (times, feet, 3) each."""
+    """Return true normals and forces [N] of some feet at some times [ns], shape (times, feet, 3) each."""
     contacts = [[foot(t) for foot in feet] for t in t_ns.tolist()]
     normal, force_n = (np.array([[contact[k] for contact in row] for row in contacts]) for k in (0, 1))
     return normal, force_n
@@ -137,7 +137,7 @@ def true_loads(feet: Sequence[FootLoad], t_ns: Stamps) -> tuple[Vector, Vector]:
 def simulate_conversions(
     foot: Foot, feet: Sequence[FootLoad], order: tuple[int, ...], rate_sps: int, until_ns: int, seed: int
 ) -> Readings:
-    """Return the readings of some feet of one make from time 0 on.
+    """Return simulated readings of several feet of one type, from time 0 on.
 
     Args:
         foot: The make.

@@ -1,4 +1,4 @@
-"""Rate of conversions and of publishing against latency, noise and error on a walk."""
+"""Force noise, latency and error at several conversion rates and publishing intervals (operating points)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ _SEED = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatingPoint:
-    """Latency, noise and errors of one configuration of the robot.
+    """Latency, noise and errors of one combination of conversion rate and publishing interval.
 
     Attributes:
         rate_sps: Conversions per second.
@@ -53,7 +53,7 @@ class OperatingPoint:
 
 
 def measure_operating_points(rate_sps: int, truth: TrueLoads, context: StudyContext) -> list[OperatingPoint]:
-    """Return the operating points at one rate: a walk and standing feet, published every few conversions.
+    """Return the operating points at one conversion rate, one per publishing interval.
 
     Args:
         rate_sps: Conversions per second.
@@ -89,7 +89,7 @@ def measure_operating_points(rate_sps: int, truth: TrueLoads, context: StudyCont
 
 
 def operating_points_figure(points: Sequence[OperatingPoint]) -> Figure:
-    """Draw the error on the walk over the age of the held force: a line for each rate, over `publish_every`."""
+    """Return a figure of the force error on the walk over the age of the force: one curve per rate."""
     figure, (axes,) = subplot_row(1, 6.4, 4.4)
     for rate in sorted({p.rate_sps for p in points}, reverse=True):
         of_rate = [p for p in points if p.rate_sps == rate]

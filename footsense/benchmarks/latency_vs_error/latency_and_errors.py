@@ -1,4 +1,4 @@
-"""Errors and latency of published forces against the true load."""
+"""Latency and errors of published forces against the true load."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ _AHEAD_MS, _BEHIND_MS = 30, 600
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LatencyAndErrors:
-    """Latency and errors of one publishing method under one load; *held*: at any time, of the last force sent.
+    """Latency and force errors of one method under one load; *held*: of the last force sent, at any time.
 
     Attributes:
         age_held_ms: Age of the newest reading in the held force, median and 99th percentile [ms].
@@ -65,13 +65,13 @@ class TrueLoads:
 
     @classmethod
     def sample(cls, feet: Sequence[FootLoad], start_ns: int, end_ns: int) -> "TrueLoads":
-        """Sample the true loads of some feet, to be compared between two times [ns]."""
+        """Return the true forces of some feet between two times [ns], sampled regularly."""
         read_ns = np.arange(0, end_ns + _AHEAD_MS * 1_000_000, TRUTH_SAMPLE_PERIOD_NS)
         return cls(feet, start_ns, end_ns, true_loads(feet, read_ns)[1])
 
 
 def _held_forces(published: PublishedForces, truth: TrueLoads) -> tuple[Vector, Vector, Vector]:
-    """Return the forces that a consumer holds between the two times of a truth.
+    """Return, at each truth sample, the last force that a consumer has received (sample and hold).
 
     Returns:
         Times [ms], shape (times,); held forces [N], shape (times, feet, 3); ages of their newest readings [ms].
@@ -82,7 +82,7 @@ def _held_forces(published: PublishedForces, truth: TrueLoads) -> tuple[Vector, 
 
 
 def latency_and_errors(published: PublishedForces, truth: TrueLoads) -> LatencyAndErrors:
-    """Return latency and errors of published forces between the two times of a truth."""
+    """Return latency and errors of published forces over the time span of the true loads."""
     counts = (published.sent_ns >= truth.start_ns) & (published.sent_ns < truth.end_ns)
     true_n = true_loads(truth.feet, published.sent_ns[counts])[1]
     force_n = published.force_n[counts]
@@ -103,25 +103,25 @@ def latency_and_errors(published: PublishedForces, truth: TrueLoads) -> LatencyA
 
 
 def rms_mn(error_n: Vector) -> float:
-    """Return the root mean square of the length of errors [N], shape (..., 3), in mN."""
+    """Return the rms length of error vectors [N], shape (..., 3), in mN."""
     return 1e3 * float(np.sqrt((error_n**2).sum(axis=-1).mean()))
 
 
 def _angles_deg(true_n: Vector, force_n: Vector) -> Vector:
-    """Return the angles between true and other forces [N] of loaded feet [deg], shape (n,)."""
+    """Return the angle between true and estimated force of each loaded foot [deg], shape (n,)."""
     loaded = np.linalg.norm(true_n, axis=-1) >= LOADED_N
     return angles_between_deg(true_n[loaded], force_n[loaded])
 
 
 def _share_within_sigmas(true_n: Vector, force_n: Vector, sigma_n: Vector) -> tuple[float, ...]:
-    """Return the share of components of feet in contact that are within each of `SIGMA_MULTIPLES` [1]."""
+    """Return the fraction of force errors of feet in contact within each of `SIGMA_MULTIPLES` [1]."""
     in_contact = np.linalg.norm(true_n, axis=-1) >= CONTACT_N
     error_sigmas = np.abs(force_n - true_n)[in_contact] / sigma_n[in_contact]
     return tuple(float((error_sigmas < k).mean()) for k in SIGMA_MULTIPLES)
 
 
 def _lag_ms(held_n: Vector, sampled_n: Vector, first: int) -> float:
-    """Return the shift of the truth that fits held forces best [ms], by a parabola through the best three shifts."""
+    """Return the time shift of the true force that best fits the received force [ms], refined by a parabola."""
     shifts = np.arange(-_AHEAD_MS, min(_BEHIND_MS, first) + 1)
     misfit = np.array(
         [((held_n - sampled_n[first - k : first - k + len(held_n)]) ** 2).mean() for k in shifts.tolist()]
@@ -133,7 +133,7 @@ def _lag_ms(held_n: Vector, sampled_n: Vector, first: int) -> float:
 
 
 def settling_ms(published: PublishedForces, truth: TrueLoads, starts_ns: Sequence[int]) -> Vector:
-    """Return the time from load start until the held force stays within 10 % of the load [ms], shape (feet,).
+    """Return the time from load start until the received force stays within 10 % of the load [ms], shape (feet,).
 
     Args:
         published: Forces.

@@ -1,4 +1,4 @@
-"""Loads of the study `tradeoff`: walks, steps and ramps."""
+"""True loads of the study `tradeoff`: walks, steps and ramps."""
 
 from collections.abc import Callable
 from functools import partial
@@ -30,7 +30,7 @@ _ROTATION_90_DEG = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 
 
 class LoadCase(NamedTuple):
-    """A load and the feet that carry it.
+    """True loads of some feet, with title and start times of the loads.
 
     Attributes:
         title: Heading of its table.
@@ -46,7 +46,7 @@ class LoadCase(NamedTuple):
 def _walk_loads(
     walk: Callable[[int], Walk], period_ns: int, strides: int, *, sideways: bool = False
 ) -> TrueLoads:
-    """Return the true loads of six feet in a steady walk, each foot at another phase of the stride."""
+    """Return the true loads of six feet in a steady walk, each at another phase of the stride."""
     feet: list[FootLoad] = []
     for number, leg in enumerate(LEGS):
         contact = partial(walk(-4 * period_ns - number * period_ns // len(LEGS)).contact, leg)
@@ -55,12 +55,12 @@ def _walk_loads(
 
 
 def _contact_turned_left(contact: FootLoad, t_ns: int) -> GroundContact:
-    """Return a foot's ground contact turned to the left, as in a walk sideways."""
+    """Return a foot's ground contact rotated 90 degrees to the left, as in a sideways walk."""
     return GroundContact(*(_ROTATION_90_DEG @ vector for vector in contact(t_ns)))
 
 
 def _press_case(title: str, rise_ns: int, n_phases: int) -> LoadCase:
-    """Return feet pressed in several directions, at several phases of the scan."""
+    """Return the true loads of feet pressed in several directions, at several phases of the scan."""
     scan_ns = ELEMENTS * conversion_timing(400).step_ns
     cases = [
         (force_n, _PRESS_NS + phase * scan_ns // n_phases)
@@ -73,12 +73,12 @@ def _press_case(title: str, rise_ns: int, n_phases: int) -> LoadCase:
 
 
 def measured_walk_truth(strides: int, *, sideways: bool = False) -> TrueLoads:
-    """Return the true loads of six feet on the measured walk over a number of strides."""
+    """Return the true loads of six feet on the measured walk, over a number of strides."""
     return _walk_loads(partial(measured_walk, PEAK_N, PITCH_DEG), _MEASURED_NS, strides, sideways=sideways)
 
 
 def load_cases(strides: int, phases: int) -> dict[str, LoadCase]:
-    """Return the loads of the main tables, by name.
+    """Return the load cases of the study's main tables, by name.
 
     Args:
         strides: Strides that are counted.

@@ -1,4 +1,4 @@
-"""Study `tradeoff`: latency against error of the whole chain, from conversion to the force that a consumer holds."""
+"""Study `tradeoff`: latency against error, from the conversion to the force that a consumer has received."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -36,7 +36,7 @@ LINES, PARABOLAS = "extrapolated by lines", "extrapolated by parabolas"
 
 
 class StudySize(NamedTuple):
-    """Size of the study `tradeoff`: numbers of strides and phases, and rates.
+    """Size of the study `tradeoff`: numbers of strides and scan phases, conversion rates.
 
     Attributes:
         strides: Strides of a walk that are counted.
@@ -51,7 +51,7 @@ class StudySize(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MethodResult:
-    """Result of one publishing method under one load.
+    """Latency and errors of one publishing method under one load.
 
     Attributes:
         method: Name of the method.
@@ -68,7 +68,7 @@ class MethodResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadResult:
-    """Results of all publishing methods under one load.
+    """Latency and errors of all publishing methods under one load.
 
     Attributes:
         title: Heading of its table.
@@ -83,7 +83,7 @@ class LoadResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TradeoffResults:
-    """Results of the study `tradeoff`: age and error of the forces by load and by operating point.
+    """Results of the study `tradeoff`: age and error of the forces, by load case and by operating point.
 
     Attributes:
         step_ms: From one conversion to the next at 400 S/s [ms].
@@ -116,7 +116,7 @@ _METHODS: dict[str, tuple[int | None, int, tuple[str, ...]]] = {
 
 
 def _load_result(load: LoadCase, context: StudyContext) -> LoadResult:
-    """Return the results of every publishing method under one load."""
+    """Return latency and errors of every publishing method under one load case."""
     foot, truth = Foot(context.response), load.truth
     readings = {
         name: simulate_conversions(foot, truth.feet, order, 400, truth.end_ns, _SEED)
@@ -138,7 +138,7 @@ def _load_result(load: LoadCase, context: StudyContext) -> LoadResult:
 
 
 def compute(context: StudyContext) -> tuple[TradeoffResults, Plots]:
-    """Publish the forces of all loads by every method, and of the walk at every operating point."""
+    """Run the study `tradeoff`: all methods on all load cases, and the walk at every operating point."""
     size = QUICK_SIZE if context.quick else FULL_SIZE
     loads = {}
     for name, load in load_cases(size.strides, size.phases).items():

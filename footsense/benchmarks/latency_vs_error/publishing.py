@@ -1,4 +1,4 @@
-"""Forces of readings: the daemon's, by the network over the last readings, and simpler ones for comparison."""
+"""Published forces from readings: by the daemon's method (network over the last readings), and by simpler methods."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ _CONVERSIONS_TO_FILL_WINDOW = (READINGS - 1) * ELEMENTS
 
 
 class PublishedForces(NamedTuple):
-    """Published forces [N] as of sending, with standard deviations [N].
+    """Forces [N] with standard deviations [N] as sent, and their times.
 
     Attributes:
         sent_ns: Time of sending [ns], shape (forces,).
@@ -31,14 +31,14 @@ class PublishedForces(NamedTuple):
     sigma_n: Vector
 
     def every_nth(self, n: int) -> "PublishedForces":
-        """Return the forces of every n-th conversion."""
+        """Return every n-th of the published forces."""
         return PublishedForces(
             self.sent_ns[::n], self.newest_reading_ns[::n], self.force_n[::n], self.sigma_n[::n]
         )
 
 
 def conversion_windows(readings: Readings) -> Window:
-    """Return the daemon's windows of all feet after each conversion from the third scan on.
+    """Return the network inputs of all feet after each conversion, from the third full scan on.
 
     One row for each conversion and foot, the foot fast; no element is missing.
     """
@@ -60,7 +60,7 @@ def conversion_windows(readings: Readings) -> Window:
 
 
 def extrapolate_closures(window: Window, degree: int) -> Vector:
-    """Return each element's closure at age zero [1], shape (rows, 9), by a polynomial through its last readings.
+    """Return each element's gap closure extrapolated to the present [1], shape (rows, 9).
 
     Args:
         window: The last readings.
@@ -80,7 +80,7 @@ def extrapolate_closures(window: Window, degree: int) -> Vector:
 def estimate_forces(
     readings: Readings, network: Estimator, trained: TrainedInputs, degree: int | None = None
 ) -> PublishedForces:
-    """Return the forces after each conversion from the third scan on.
+    """Return the forces estimated after each conversion, from the third full scan on.
 
     Args:
         readings: The readings.

@@ -1,1 +1,1 @@
-"""Study `touchdown`: latency from the touchdown of a foot to the first frame that reports contact."""
+"""Study `touchdown`: latency from a foot's touchdown to the first frame that reports contact."""

@@ -1,4 +1,4 @@
-"""Study `touchdown`: latency from touchdown to the first frame that reports contact, and false reports."""
+"""Study `touchdown`: latency from touchdown to the first frame that reports contact, and false contacts."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ _P50P99 = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latencies:
-    """Latencies and error in one manner of touchdown.
+    """Touchdown latencies (median, 99th percentile) and force error, for one type of touchdown.
 
     Attributes:
         contact_ms: Latency of the flag CONTACT, from a load of `CONTACT_FORCE_N` on [ms].
@@ -42,7 +42,7 @@ class Latencies:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FalseReports:
-    """False reports; numbers in swing, and in the first 0.1 s after lift-off.
+    """Numbers of false contacts in swing and in the first 0.1 s after lift-off, with the time observed.
 
     Attributes:
         minutes: Time in swing of all feet [min].
@@ -61,7 +61,7 @@ class FalseReports:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchdownResults:
-    """Results of the study `touchdown`: latencies by manner, and false reports.
+    """Results of the study `touchdown`: latencies by type of touchdown, and false contacts.
 
     Attributes:
         n_touchdowns: Touchdowns of each manner.
@@ -81,7 +81,7 @@ _Each = tuple[Vector, Vector]
 
 
 def _first_report_latency_ms(reported: Mask, sent_s: Vector, starts_s: Vector, crossed_s: Vector) -> Vector:
-    """Return the latency of the first report of one foot, shape (frames,), after each touchdown [ms]."""
+    """Return the latency from each touchdown of one foot to its first report [ms], shape (touchdowns,)."""
     first = [np.flatnonzero(reported & (sent_s > start_s))[0] for start_s in starts_s.tolist()]
     latencies_ms: Vector = 1e3 * (sent_s[first] - crossed_s)
     return latencies_ms
@@ -90,7 +90,7 @@ def _first_report_latency_ms(reported: Mask, sent_s: Vector, starts_s: Vector, c
 def _latencies(
     result: PublishedRun, steps: RandomTouchdowns, until_s: float, kind: int
 ) -> tuple[_Each, float]:
-    """Return all latencies of one manner, and the error of the force [mN]."""
+    """Return all touchdown latencies of one type [ms], and the rms force error after touchdown [mN]."""
     contact_ms, force_ms, squares_n2 = [], [], []
     for foot in np.flatnonzero(steps.kind == kind).tolist():
         complete = steps.crossed_s[foot] < until_s - 2 * _FORCE_ERROR_WINDOW_S
@@ -106,11 +106,13 @@ def _latencies(
 
 
 def _p50_p99(values_ms: Vector) -> _P50P99:
+    """Return the median and the 99th percentile [ms]."""
     p50, p99 = np.percentile(values_ms, (50, 99)).tolist()
     return p50, p99
 
 
 def _false_reports(result: PublishedRun) -> FalseReports:
+    """Return the numbers of false contacts in swing, and the time in swing."""
     hours = float(np.gradient(result.sent_s) @ result.is_swing.sum(axis=1)) / 3600
     swings = result.is_swing[1:]
 
@@ -128,7 +130,7 @@ def _false_reports(result: PublishedRun) -> FalseReports:
 
 
 def _figure(latencies: dict[str, _Each]) -> Figure:
-    """Draw the share of reported touchdowns over the time since."""
+    """Return a figure of the fraction of reported touchdowns over the time since touchdown."""
     figure, axes = subplot_row(2, 9.0, 3.4, sharey=True)
     for axis, speed in zip(axes, ("hard", "soft"), strict=True):
         for report, (style, label) in enumerate((("-", "Contact"), (":", "force"))):
@@ -145,7 +147,7 @@ def _figure(latencies: dict[str, _Each]) -> Figure:
 
 
 def compute(context: StudyContext) -> tuple[TouchdownResults, Plots]:
-    """Simulate touchdowns, estimate after every conversion, and measure the latencies."""
+    """Run the study `touchdown`: simulate touchdowns, estimate after each conversion, measure the latencies."""
     n_feet, until_s = _QUICK if context.quick else _FULL
     steps = RandomTouchdowns(n_feet, until_s, np.random.default_rng(_SEED))
     result = simulate_touchdowns(context, steps, until_s, _SEED)

@@ -1,4 +1,4 @@
-"""Feet that touch down: their readings, conversion by conversion, and the frames of the daemon's pipeline for them.
+"""Simulate feet that touch down: their readings per conversion, and the daemon's frames estimated from them.
 
 The pace is that of the study `tradeoff`.
 """
@@ -33,7 +33,7 @@ _SENSITIVITY_PROBE_N = 1e-3
 
 
 def readings_pf(foot: Foot, steps: RandomTouchdowns, t_ns: Stamps, rng: np.random.Generator) -> Vector:
-    """Return the reading of each conversion [pF], shape (conversions, feet), with drift, tremor, noise and step."""
+    """Return the reading of each conversion [pF], shape (conversions, feet), with drift, tremor and noise."""
     design = foot.response.design
     t_s = t_ns / 1e9
     n_feet, element = len(steps.kind), np.resize(SCAN_ORDER, len(t_ns))
@@ -60,7 +60,7 @@ def readings_pf(foot: Foot, steps: RandomTouchdowns, t_ns: Stamps, rng: np.rando
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PublishedRun:
-    """Published frames, shape (frames, feet) each but for the times.
+    """Estimated and true forces and contacts of a run, shape (frames, feet), and the sending times.
 
     Attributes:
         sent_s: Time of sending [s], shape (frames,).
@@ -80,7 +80,7 @@ class PublishedRun:
 def simulate_touchdowns(
     context: StudyContext, steps: RandomTouchdowns, until_s: float, seed: int
 ) -> PublishedRun:
-    """Return the frames of feet that touch down, one after every conversion.
+    """Return the daemon's frames for feet that touch down repeatedly, one frame per conversion.
 
     Args:
         context: Response table and network.
@@ -108,7 +108,7 @@ def simulate_touchdowns(
 
 
 def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
-    """Return the daemon's pipeline of as many legs as there are feet."""
+    """Return the daemon's pipeline with one leg per simulated foot."""
     network, trained = context.network, context.trained_inputs
     scan_ns = ELEMENTS * conversion_timing(RATE_SPS).step_ns
     return Pipeline(

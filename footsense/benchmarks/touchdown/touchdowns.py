@@ -1,4 +1,4 @@
-"""Manners of touching down, hard and soft, upright and leaning; loads of feet that touch down so repeatedly."""
+"""Random touchdowns of some feet, hard or soft, upright or leaning: true loads over time."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from footsense.frames import Mask, Vector
 
 
 class Touchdown(NamedTuple):
-    """A manner of touching down.
+    """Type of touchdown: full load [N], rise time [s], and lean [deg].
 
     Attributes:
         force_n: Full load [N].
@@ -43,7 +43,7 @@ TREMOR_N, _TREMOR_HZ, _TREMOR_S = CONTACT_FORCE_N / 4, 25.0, 0.05
 
 
 class RandomTouchdowns:
-    """Touchdowns of some feet at random times; each foot always touches down in the same manner.
+    """Touchdowns of some feet at random times; each foot always has the same type of touchdown.
 
     Args:
         n_feet: Feet of each manner.
@@ -74,13 +74,13 @@ class RandomTouchdowns:
         self.crossed_s = self.starts_s + (rises * self._rise_s)[:, None]
 
     def touchdown_number(self, t_s: Vector) -> NDArray[np.intp]:
-        """Return the number of the last step of each foot at some times, shape (times, feet); -1 before the first."""
+        """Return the index of each foot's latest touchdown at some times, shape (times, feet); -1 before the first."""
         return np.stack(
             [np.searchsorted(starts_s, t_s, side="right") - 1 for starts_s in self.starts_s], axis=1
         )
 
     def force_n(self, t_s: Vector) -> Vector:
-        """Return the normal force on each foot at the given times [N], shape (times, feet)."""
+        """Return the true normal force on each foot at some times [N], shape (times, feet)."""
         since_s = self._time_since_touchdown_s(t_s)
         risen = np.clip(since_s / self._rise_s, 0.0, 1.0)
         risen = np.where(self._rise_s <= _MAX_LINEAR_RISE_S, risen, 0.5 - 0.5 * np.cos(np.pi * risen))
@@ -88,19 +88,19 @@ class RandomTouchdowns:
         return force_n
 
     def is_swing(self, t_s: Vector) -> Mask:
-        """Return which feet have carried nothing for 0.1 s at least, shape (times, feet)."""
+        """Return the mask of feet unloaded for at least 0.1 s at some times, shape (times, feet)."""
         is_swing: Mask = self._time_since_touchdown_s(t_s) > _STANCE_S + _SETTLED_S
         return is_swing
 
     def tremor_n(self, t_s: Vector) -> Vector:
-        """Return the decaying vibration on each foot after a neighbour's touchdown [N], shape (times, feet)."""
+        """Return the decaying vibration force on each foot after a neighbour's touchdown [N], shape (times, feet)."""
         since_s = np.roll(self._time_since_touchdown_s(t_s), len(TOUCHDOWNS) // 2 + 1, axis=1)
         wave = np.sin(2 * np.pi * _TREMOR_HZ * np.minimum(since_s, 1.0))
         tremor_n: Vector = TREMOR_N * np.exp(-since_s / _TREMOR_S) * wave
         return tremor_n
 
     def _time_since_touchdown_s(self, t_s: Vector) -> Vector:
-        """Return the time since the last touch of each foot [s], shape (times, feet); infinite before the first."""
+        """Return the time since each foot's latest touchdown [s], shape (times, feet); infinite before the first."""
         touchdown_number = self.touchdown_number(t_s)
         start_s = np.where(
             touchdown_number < 0,

@@ -1,5 +1,6 @@
 """Figure of the probed feet; the only file of the command that needs matplotlib."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -38,10 +39,11 @@ def draw_probed_feet(result: ProbeResult, title: str, file: Path) -> None:
         marks = element_marks(report)
         sound = np.array([not wrong for _, wrong in marks])
         middle_pf = np.median(mean_pf[sound]) if sound.any() else np.nan
-        off_rel = np.where(sound, mean_pf / middle_pf - 1.0, np.nan).reshape(3, 3)
-        ax.imshow(off_rel, cmap="coolwarm", vmin=-0.05, vmax=0.05)
+        rows = math.isqrt(len(marks))
+        off_rel = np.where(sound, mean_pf / middle_pf - 1.0, np.nan)
+        ax.imshow(off_rel.reshape(rows, rows), cmap="coolwarm", vmin=-0.05, vmax=0.05)
         for element, (mark, wrong) in enumerate(marks):
-            row, column = divmod(element, 3)
+            row, column = divmod(element, rows)
             ax.text(column, row, mark, ha="center", va="center", color="tab:red" if wrong else "black")
     try:
         figure.savefig(file, dpi=150)

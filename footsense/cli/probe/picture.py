@@ -1,6 +1,7 @@
-"""Picture of a probe: buses, legs, every foot's nine elements, diagnoses, and readings to configure."""
+"""Picture of a probe: buses, legs, every foot's elements, diagnoses, and readings to configure."""
 
 import math
+import textwrap
 from collections.abc import Callable, Iterator, Mapping
 
 from rich.columns import Columns
@@ -22,7 +23,9 @@ _CHIP_NAMES = {
     adg715.ADDRESS: "ADG715",
     adg715.COLUMN_ADDRESS: "ADG715",
 }
-_LEG_PICTURE_WIDTH = 24
+_MARK_WIDTH = 7
+#: Between two feet, beside each other.
+_FOOT_SPACING = 3
 
 #: Mark in the place of a capacitance, by the fault of the element.
 _CAUSE_MARKS = {
@@ -45,17 +48,20 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
     for report in result.buses:
         parts += [*_bus_lines(report), Text()]
     parts += [_legs_overview(result.legs), Text()]
-    feet = [_foot_marks(report) for report in result.legs if report.scans is not None]
-    if feet:
+    scanned = [report for report in result.legs if report.scans is not None]
+    if scanned:
         parts += [
             Text("every foot from above, forwards up: pF of each element", "dim"),
-            Columns(feet, width=_LEG_PICTURE_WIDTH),
+            Columns(
+                [_foot_marks(report) for report in scanned],
+                width=_MARK_WIDTH * max(map(_n_rows, scanned)) + _FOOT_SPACING,
+            ),
         ]
     if result.scan_ns is not None:
         parts.append(
             Text(
                 f"Shortest scan {result.scan_ns * 1e-6:.1f} ms, {result.scan_ns / result.conversions_ns:.2f} x its "
-                f"nine conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
+                f"conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
             )
         )
     if known := [leg.timing.keeps_done_bit for leg in result.legs if leg.timing]:
@@ -100,12 +106,14 @@ def unloaded_yaml(result: ProbeResult) -> str:
     """Return the readings of all sound feet as the configuration's `unloaded_pf`; empty without any."""
     readings = [(report.leg, report.unloaded_pf) for report in result.legs]
     lines = [f"  {leg}: [{', '.join(f'{pf:.3f}' for pf in values)}]" for leg, values in readings if values]
-    return "\n".join(["unloaded_pf:", *lines]) if lines else ""
+    folded = [textwrap.fill(line, 79, subsequent_indent=" " * 7) for line in lines]
+    return "\n".join(["unloaded_pf:", *folded]) if folded else ""
 
 
 def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
-    """Return for each of the nine elements of a scanned foot its text, and whether it is faulty."""
+    """Return for each element of a scanned foot its text, and whether it is faulty."""
     assert report.scans is not None
+    rows = _n_rows(report)
     marks = [
         (f"{pf:.3f}" if math.isfinite(pf) else enum_words(Reading(code).name), bool(code))
         for pf, code in zip(report.scans.mean_pf.tolist(), report.scans.worst_reading.tolist(), strict=True)
@@ -114,7 +122,7 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
         for element in fault.elements:
             marks[element] = (_CAUSE_MARKS.get(fault.cause, marks[element][0]), True)
             if fault.cause is Cause.ELEMENT_SHORTED:
-                for other in {element % 3, element % 3 + 3, element % 3 + 6} - set(fault.elements):
+                for other in set(range(element % rows, rows**2, rows)) - set(fault.elements):
                     marks[other] = ("lost", True)
     return marks
 
@@ -197,6 +205,16 @@ def _foot_result_cell(leg: ProbedLeg) -> Text:
 
 
 def _foot_marks(report: ProbedLeg) -> Text:
-    cells = [Text(f"{mark:>7.7}", "bold red" if faulty else "") for mark, faulty in element_marks(report)]
-    rows = [Text.assemble(*cells[first : first + 3]) for first in (0, 3, 6)]
-    return Text("\n").join([Text(report.leg, "bold"), *rows, Text()])
+    rows = _n_rows(report)
+    cells = [
+        Text(f"{mark:>{_MARK_WIDTH}.{_MARK_WIDTH}}", "bold red" if faulty else "")
+        for mark, faulty in element_marks(report)
+    ]
+    lines = [Text.assemble(*cells[first : first + rows]) for first in range(0, rows**2, rows)]
+    return Text("\n").join([Text(report.leg, "bold"), *lines, Text()])
+
+
+def _n_rows(report: ProbedLeg) -> int:
+    """Return the rows of elements of a scanned foot."""
+    assert report.scans is not None
+    return math.isqrt(len(report.scans.mean_pf))

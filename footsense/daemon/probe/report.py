@@ -63,7 +63,7 @@ class ProbedLeg(NamedTuple):
 
     @property
     def unloaded_pf(self) -> list[float] | None:
-        """Mean readings for `unloaded_pf` of the configuration [pF], nine; None unless they are of a sound foot."""
+        """Mean readings for `unloaded_pf` of the configuration [pF]; None unless they are of a sound foot."""
         if self.scans is None or not all(fault.is_fit for fault in self.faults):
             return None
         mean_pf = self.scans.mean_pf
@@ -77,7 +77,7 @@ class ProbeResult(NamedTuple):
         buses: Every bus.
         legs: Every leg, in the order of the configuration.
         diagnoses: Faults, those of the buses first.
-        conversions_ns: Time of nine conversions without any transaction [ns]; 0 without a bus.
+        conversions_ns: Time of the conversions of a scan without any transaction [ns]; 0 without a bus.
     """
 
     buses: tuple[ProbedBus, ...]

@@ -1,1 +1,1 @@
-"""One walk with each fault: appearance on CAN, recovery, and effect on the other legs."""
+"""Simulated walks with one fault each: its report on CAN, the recovery, and the effect on the other legs."""

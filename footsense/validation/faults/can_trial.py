@@ -1,4 +1,4 @@
-"""One fault of the CAN bus in a walk, in virtual time: frames that a consumer received, and recovery."""
+"""Simulated walk with one fault of the CAN bus: frames that a consumer received, and time to recovery."""
 
 import itertools
 import math
@@ -19,7 +19,7 @@ from footsense.validation.faults.fault_trial import WALK_SCENE
 
 
 class CanFigures(NamedTuple):
-    """Figures of one CAN fault: what a consumer at the other end of the bus received, and how late.
+    """Effect of one CAN fault on a consumer: fraction of frames received, silences, delays, recovery time.
 
     Attributes:
         received_rel: Share of all Force frames that it received [1].
@@ -42,7 +42,7 @@ class CanFigures(NamedTuple):
 
 
 class _Consumer(Observer):
-    """Keeps the times at which forces were measured and received."""
+    """Observer that records when forces were measured and when the consumer received them."""
 
     def __init__(self, legs: tuple[str, ...]) -> None:
         self.measured_ns: dict[int, dict[int, int]] = {}  # by time of sending, by node
@@ -51,10 +51,12 @@ class _Consumer(Observer):
         self.oldest_ns = 0
 
     def observe(self, cycle: Cycle) -> None:
+        """Record the measurement times of a cycle."""
         forces = cycle.forces
         self.measured_ns[forces.t_sent_ns] = dict(zip(self.received_ns, forces.t_ns.tolist(), strict=True))
 
     def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
+        """Record the arrival of a frame."""
         node = next(split_frames(frame))[0] - FORCE_ID
         if node in self.received_ns:
             self.received_ns[node].append(t_ns)
@@ -64,7 +66,7 @@ class _Consumer(Observer):
 
 
 def can_trial(fault: CanFault, *, duration_s: float) -> CanFigures:
-    """Simulate a walk with a CAN fault, and return the effect on the forces of the walk.
+    """Simulate a walk with a CAN fault; return its effect on what a consumer receives.
 
     Args:
         fault: The fault.

@@ -1,4 +1,4 @@
-"""All faults of a scene as trials, and their table: one walk each, with appearance on CAN and effect on other legs."""
+"""Table of all faults of a scene: one simulated walk each, with its report on CAN and its effect on other legs."""
 
 from collections.abc import Callable
 from itertools import islice
@@ -27,7 +27,7 @@ from footsense.validation.faults.fault_trial import (
 
 
 class FaultTrial(NamedTuple):
-    """One fault to simulate: a row of the fault table.
+    """One row of the fault table: description, faults, configuration.
 
     Attributes:
         description: The fault in words.
@@ -56,6 +56,7 @@ _FAULT_SPAN: dict[str, Any] = {"at_s": BREAKS_AT_S, "until_s": PASSES_AT_S}
 
 
 def _faults_on_trial_leg(kind: Callable[..., Fault], **values: float) -> tuple[Fault, ...]:
+    """Return a tuple with one fault of a type on the tested leg."""
     return (kind(leg=FAULTY_LEG, **_FAULT_SPAN, **values),)
 
 
@@ -126,7 +127,7 @@ def fault_rows(
     foot_type: str = DEFAULT.foot_type,
     load: Tripod = LOAD,
 ) -> dict[str, FaultFigures]:
-    """Walk without a fault, then with each fault of legs, buses and feet; return the figures by words.
+    """Simulate a walk without faults and one per fault of legs, buses and feet; return the effects by description.
 
     Args:
         report: Called with the words of each row as it is complete.
@@ -149,7 +150,7 @@ def fault_rows(
 
 
 def _fault_free_figures(whole: PublishedWalk) -> FaultFigures:
-    """Return the figures of a walk without a fault, with the leg's largest error over its sigma."""
+    """Return the figures of the walk without faults; its error is the leg's largest error over its sigma."""
     row = whole.legs.index(FAULTY_LEG)
     late = whole.t_sent_ns > BREAKS_AT_S * 1e9
     over_sigma = np.abs(whole.force_n - whole.true_force_n)[late, row] / whole.sigma_n[late, row]
@@ -157,7 +158,7 @@ def _fault_free_figures(whole: PublishedWalk) -> FaultFigures:
 
 
 def can_rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, CanFigures]:
-    """Walk with each fault of CAN; return the figures by words. Arguments as of `fault_rows`."""
+    """Simulate one walk per CAN fault; return the effects by description; see `fault_rows`."""
     found = {}
     for description, fault in islice(
         CAN_FAULT_TRIALS.items(), None, None, _QUICK_EVERY_NTH_TRIAL if quick else 1

@@ -1,4 +1,4 @@
-"""Effect of one fault on a walk: detection time, recovery time, errors of the leg and of the others.
+"""Effect of one fault on a simulated walk: detection and recovery time, force errors of the faulty and other legs.
 
 Everything runs in virtual time: the same walk gives the same frames every time. The host costs nothing, so that the
 number of transactions moves no conversion: an unaffected leg gives the same readings to the bit.
@@ -36,7 +36,7 @@ _KEPT_FIELDS = ("t_sent_ns", "t_ns", "state", "cause", "fault_mask", "force_n", 
 
 
 class PublishedWalk(NamedTuple):
-    """Frames of one walk, shape (frames, legs, ...) each.
+    """Published frames and true forces of one simulated walk, shape (frames, legs, ...) each.
 
     Attributes:
         legs: Names of the legs.
@@ -62,19 +62,20 @@ class PublishedWalk(NamedTuple):
 
 
 class _FrameCollector(Observer):
-    """Observer that keeps every published frame of a walk."""
+    """Observer that stores every published force frame of a walk."""
 
     def __init__(self) -> None:
         self.frames: list[ContactFrame] = []
 
     def observe(self, cycle: Cycle) -> None:
+        """Store the published frame of a cycle."""
         self.frames.append(cycle.forces)
 
 
 def simulate_walk(
     *faults: Fault, config: Config = DEFAULT, effects: Effects = WALK_SCENE.effects, load: Tripod = LOAD
 ) -> PublishedWalk:
-    """Return the frames of a walk with faults.
+    """Simulate a walk with faults; return its published frames.
 
     Args:
         faults: As in a scene.
@@ -134,7 +135,7 @@ class FaultFigures(NamedTuple):
 def fault_figures(
     faulty: PublishedWalk, fault_free: PublishedWalk, start_s: float, end_s: float | None
 ) -> FaultFigures:
-    """Return the effect of a fault of the leg `FAULTY_LEG`.
+    """Return the effect of a fault of the leg `FAULTY_LEG`, against the walk without faults.
 
     Args:
         faulty: The walk with the fault.
@@ -172,11 +173,12 @@ def fault_figures(
 
 
 def _most_frequent_code(values: NDArray[np.unsignedinteger], otherwise: int) -> int:
+    """Return the most frequent code, or `otherwise` without values."""
     return int(Counter(values.tolist()).most_common(1)[0][0]) if len(values) else int(otherwise)
 
 
 def _longest_gap_s(walked: PublishedWalk, row: int, from_s: float) -> float:
-    """Return the longest time between two usable forces of a leg from the last one before a time on [s]."""
+    """Return the longest time between two usable forces of a leg, after a start time [s]."""
     usable = IS_USABLE[walked.state[:, row]]
     t_s = walked.t_sent_ns[usable] * 1e-9
     before = t_s[t_s <= from_s][-1:]
