@@ -213,10 +213,6 @@ def _array_contradictions(config: Config) -> Iterator[Problem]:
     n_elements = config.n_elements
     if config.serial is not None and n_elements != ELEMENTS:
         yield Problem("rows", f"the microcontroller sends {ELEMENTS} elements of a foot; take rows away")
-    if config.calibrations is not None and n_elements != ELEMENTS:
-        yield Problem(
-            "calibrations", f"calibrations are of feet of {ELEMENTS} elements; take calibrations away"
-        )
     for section, values_of_legs in (("stray_pf", config.stray_pf), ("unloaded_pf", config.unloaded_pf)):
         for leg, values in values_of_legs.items():
             if len(values) != n_elements:

@@ -1,6 +1,7 @@
 """The network and the calibrations of the feet that are mounted on a robot."""
 
 import logging
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,6 +63,12 @@ def load_calibrations(config: Config) -> dict[str, FootCalibration]:
         calibrations_by_leg[leg] = calibration = read_calibration(
             Path(config.calibrations) / foot, foot_type, foot
         )
+        n_elements = len(calibration.parameters.unloaded_pf)
+        if n_elements != config.n_elements:
+            raise ModelError(
+                f"{calibration.folder}: of a foot of {n_elements} elements, the configuration has {config.n_elements}; "
+                f"set rows: {math.isqrt(n_elements)}"
+            )
         manifest, first = calibration.manifest, next(iter(calibrations_by_leg.values()))
         if calibration.network_sha256 != first.network_sha256:
             raise ModelError(

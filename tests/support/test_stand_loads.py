@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.daemon.foot_types import released_path
+from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.sim.foot.fabrication import FootTolerances, fabricate
 
@@ -33,6 +34,7 @@ def load_set(
     rng: np.random.Generator | None = None,
     lean_deg: float = 0.7,
     rubber_rel: float = 0.01,
+    response: FootResponse | None = None,
 ) -> LoadSet:
     """Return loads of a foot; exact without a random generator, else with a leaning stick and noise.
 
@@ -42,8 +44,9 @@ def load_set(
         rng: Source of the test stand's errors; None for exact loads.
         lean_deg: Root mean square angle between normal and force [deg].
         rubber_rel: Root mean square share of each force that the rubber's memory adds [1].
+        response: Response of its type; None for the released one.
     """
-    foot = Foot(design().response, own)
+    foot = Foot(response or design().response, own)
     normal = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
     noise = np.zeros((3, *force_n.shape)) if rng is None else rng.normal(size=(3, *force_n.shape))
     leaning = normal + np.cross(np.radians(lean_deg) * np.sqrt(0.5) * noise[0], normal)

@@ -1,12 +1,12 @@
 """Maximum a posteriori fit of a foot's parameters to calibration loads (Levenberg-Marquardt).
 
-The nine readings of one load share errors: of the reference, of the stick's lean, of the rubber's creep. Each is a
+The readings of one load share errors: of the reference, of the stick's lean, of the rubber's creep. Each is a
 known direction in the space of readings, so the covariance of one load's readings is
 
     S = diag(sigma^2) + L L^T lean^2 + F (diag(sigma_f^2) + rubber^2 f f^T) F^T
 
 with L and F the model's slopes by the contact's normal and by the force. Loads that do not fit, such as an unnoticed
-slip, count less: Huber loss of the Mahalanobis distance of all nine readings together, minimised by Levenberg-Marquardt
+slip, count less: Huber loss of the Mahalanobis distance of all readings together, minimised by Levenberg-Marquardt
 with reweighting.
 
 Source:
@@ -14,28 +14,25 @@ Source:
     for why this is not scipy.
 """
 
+from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from footsense.calibration.fit.parameter_vector import (
-    GAIN,
-    GAP,
-    N_PARAMETERS,
-    REFERENCE,
-    STIFFNESS,
-    STRAY,
+    FOOT_PARAMETER_COUNTS,
+    n_parameters,
 )
 from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.foot.directions import normalized
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import Vector
 
 #: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
 #: [um], rubber of uncertain cure [1], a foot mounted by hand [rad], a sheet laid by hand, half a millimetre of 10 [1],
 #: and a reference with the paper's linearity, 1.5 % of a range that is hardly used [1].
-_PARAMETER_COUNTS = [ELEMENTS, ELEMENTS, ELEMENTS, 1, 3, 2, 3]
-PRIOR_SIGMA = np.repeat([0.5, 0.02, 3.0, 0.4, np.radians(5.0), 0.05, 0.02], _PARAMETER_COUNTS)
+_PRIOR_SIGMA_OF_KIND = (0.5, 0.02, 3.0, 0.4, np.radians(5.0), 0.05, 0.02)
 
 #: Errors of a test stand: lean of the stick [deg], share of a force that creep makes uncertain [1], share of a change
 #: of capacitance that no model explains [1], noise of a mean reading [pF].
@@ -44,10 +41,11 @@ _STICK_LEAN_DEG, _CREEP_UNCERTAINTY_REL, _MODEL_ERROR_REL, _READING_NOISE_PF = 1
 _MIN_SIGMA_N = 0.003
 
 #: Steps of the finite differences, by parameter, by normal [rad] and by force [1].
-_DIFFERENCE_STEPS = np.repeat([0.01, 1e-3, 0.02, 0.005, 2e-3, 2e-3, 1e-3], _PARAMETER_COUNTS)
+_DIFFERENCE_STEP_OF_KIND = (0.01, 1e-3, 0.02, 0.005, 2e-3, 2e-3, 1e-3)
 _NORMAL_STEP, _FORCE_STEP_REL = 2e-3, 1e-3
-#: Mahalanobis distance of nine readings above which a load counts less: 99th percentile of chi with 9 degrees.
-_HUBER_DISTANCE = 4.65
+#: Mahalanobis distance of the readings above which a load counts less, by their number: 99th percentile of chi with as
+#: many degrees of freedom.
+_HUBER_DISTANCE = {4: 3.64, 9: 4.65, 16: 5.66}
 _MAX_ITERATIONS, _MAX_DAMPING = 25, 1e8
 #: Gain of the cost below which a fit ends, and one that is only the start of another.
 _TOLERANCE_REL, _ROUGH_TOLERANCE_REL = 1e-5, 1e-3
@@ -57,12 +55,25 @@ _REWHITENING_ITERATION = 3
 _MIN_LIGHT_LOADS, _MAX_LIGHT_LOADS = 15, 40
 
 
+def _of_each_parameter(of_kind: Sequence[float], n_elements: int) -> Vector:
+    """Return values of the kinds of parameters as one of each parameter, shape (parameters,)."""
+    return np.repeat(of_kind, [n_elements, n_elements, n_elements, *FOOT_PARAMETER_COUNTS])
+
+
+@cache
+def prior_sigma(n_elements: int) -> Vector:
+    """Return the prior standard deviation of each parameter, shape (parameters,); read-only."""
+    sigma = _of_each_parameter(_PRIOR_SIGMA_OF_KIND, n_elements)
+    sigma.flags.writeable = False
+    return sigma
+
+
 class ParameterFit(NamedTuple):
     """Result of a parameter fit: parameters, posterior covariance, and Mahalanobis distance of each load.
 
     Attributes:
-        parameters: Parameters as in `twin`, shape (N_PARAMETERS,).
-        covariance: Their posterior covariance, shape (N_PARAMETERS, N_PARAMETERS).
+        parameters: Parameters as in `twin`, shape (parameters,).
+        covariance: Their posterior covariance, shape (parameters, parameters).
         distance: Mahalanobis distance of each load [1], shape (n,); about 3 if the error model holds.
     """
 
@@ -73,7 +84,9 @@ class ParameterFit(NamedTuple):
     @property
     def contraction(self) -> Vector:
         """1 minus posterior over prior standard deviation, per parameter: 0 unidentified, 1 known exactly."""
-        contraction: Vector = 1.0 - np.sqrt(np.diag(self.covariance)) / PRIOR_SIGMA
+        contraction: Vector = 1.0 - np.sqrt(np.diag(self.covariance)) / prior_sigma(
+            (len(self.parameters) - 9) // 3
+        )
         return contraction
 
 
@@ -86,7 +99,7 @@ def fit_parameters(twin: FootTwin, loads: LoadSet) -> ParameterFit:
         twin: Model of the foot, at its unloaded readings.
         loads: At least one.
     """
-    start = np.zeros(N_PARAMETERS)
+    start = np.zeros(n_parameters(twin.n_elements))
     magnitude_n = np.linalg.norm(loads.force_n, axis=1)
     light = loads.subset(magnitude_n <= np.median(magnitude_n))
     if len(light) >= _MIN_LIGHT_LOADS:
@@ -135,7 +148,7 @@ class _FitState:
     Args:
         twin: Model of the foot.
         loads: The loads.
-        whitening: Matrices that whiten one load's misfit [1/pF], shape (n, 9, 9).
+        whitening: Matrices that whiten one load's misfit [1/pF], shape (n, elements, elements).
         parameters: The parameters.
 
     Attributes:
@@ -148,13 +161,16 @@ class _FitState:
         self._twin, self._loads, self._whitening_matrices = twin, loads, whitening
         self._contact = ContactLoads.centred(loads.force_n)
         self.parameters = parameters
+        self._steps = _of_each_parameter(_DIFFERENCE_STEP_OF_KIND, twin.n_elements)
         self._cells_um = twin.cell_closures_um(parameters, self._contact)
         self._model_pf = twin.reading_pf(parameters, self._cells_um)
         white = np.einsum("nij,nj->ni", whitening, self._model_pf - loads.drift_corrected_pf)
         self.distance = np.linalg.norm(white, axis=1)
-        within = np.minimum(self.distance, _HUBER_DISTANCE)
-        self._weight = np.sqrt(_HUBER_DISTANCE / np.maximum(self.distance, _HUBER_DISTANCE))
-        prior = parameters / PRIOR_SIGMA
+        huber = _HUBER_DISTANCE[twin.n_elements]
+        within = np.minimum(self.distance, huber)
+        self._weight = np.sqrt(huber / np.maximum(self.distance, huber))
+        self._prior_sigma = prior_sigma(twin.n_elements)
+        prior = parameters / self._prior_sigma
         self.residual = np.concatenate([(self._weight[:, None] * white).ravel(), prior])
         self.cost = float((within * (2.0 * self.distance - within)).sum() + (prior**2).sum())
 
@@ -164,52 +180,54 @@ class _FitState:
         return _FitState(self._twin, self._loads, whitening, parameters)
 
     def residual_jacobian(self, *, shared_gap: bool) -> Vector:
-        """Return the Jacobian of the residual, shape (9 n + N_PARAMETERS, N_PARAMETERS).
+        """Return the Jacobian of the residual, shape (elements n + parameters, parameters).
 
         Args:
             shared_gap: Whether the slope of each gap is that of all gaps together on its own element, which does not
                 vanish as soon as one closes nearby; else its own on all elements, which vanishes unless it closes.
         """
-        slopes_pf = np.zeros((*self._model_pf.shape, N_PARAMETERS))
-        diagonal = np.arange(ELEMENTS)
-        for kind in (STRAY, GAIN):
+        stray, gain, gap = self._twin.element_slices
+        size = len(self.parameters)
+        slopes_pf = np.zeros((*self._model_pf.shape, size))
+        diagonal = np.arange(self._twin.n_elements)
+        for kind in (stray, gain):
             slope_pf = self._reading_derivative_pf(kind, self._cells_um)
             slopes_pf[:, diagonal, kind.start + diagonal] = slope_pf
-        moved = [slice(number, number + 1) for number in range(STIFFNESS.start, REFERENCE.stop)]
-        moved += [GAP] if shared_gap else [slice(number, number + 1) for number in range(GAP.start, GAP.stop)]
+        moved = [slice(number, number + 1) for number in range(gap.stop, size)]
+        moved += [gap] if shared_gap else [slice(number, number + 1) for number in range(gap.start, gap.stop)]
         closed = self._twin.closed_cells(self.parameters, self._cells_um)
         nearby_um = self._twin.nearby_cell_closures_um(
             [(self._shifted_parameters(one), self._contact) for one in moved], closed
         )
         for which, cells_um in zip(moved, nearby_um, strict=True):
             slope_pf = self._reading_derivative_pf(which, cells_um)
-            if which == GAP:
-                slopes_pf[:, diagonal, GAP.start + diagonal] = slope_pf
+            if which == gap:
+                slopes_pf[:, diagonal, gap.start + diagonal] = slope_pf
             else:
                 slopes_pf[..., which.start] = slope_pf
         white = self._weight[:, None, None] * (self._whitening_matrices @ slopes_pf)
-        return np.concatenate([white.reshape(-1, N_PARAMETERS), np.diag(1.0 / PRIOR_SIGMA)])
+        return np.concatenate([white.reshape(-1, size), np.diag(1.0 / self._prior_sigma)])
 
     def _shifted_parameters(self, which: slice) -> Vector:
         """Return the parameters with those of a slice shifted by their difference step."""
         moved = self.parameters.copy()
-        moved[which] += _DIFFERENCE_STEPS[which]
+        moved[which] += self._steps[which]
         return moved
 
     def _reading_derivative_pf(self, which: slice, cells_um: Vector) -> Vector:
-        """Return the finite-difference derivative of the readings by a group of parameters [pF per unit], shape (n, 9).
+        """Return the finite-difference derivative of the readings by a group of parameters [pF per unit].
 
         Args:
             which: The parameters, all of one kind.
-            cells_um: Closures of the cells with them moved by a step [um], shape (n, 324).
+            cells_um: Closures of the cells with them moved by a step [um], shape (n, cells).
         """
         moved_pf = self._twin.reading_pf(self._shifted_parameters(which), cells_um)
-        slope_pf: Vector = (moved_pf - self._model_pf) / _DIFFERENCE_STEPS[which]
+        slope_pf: Vector = (moved_pf - self._model_pf) / self._steps[which]
         return slope_pf
 
 
 def _whitening_matrices(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
-    """Return one whitening matrix per load, shape (n, 9, 9): the inverse Cholesky factor of the covariance S."""
+    """Return the inverse Cholesky factor of the covariance S of each load, shape (n, elements, elements)."""
     contact = ContactLoads.centred(loads.force_n)
     cells_um = twin.cell_closures_um(parameters, contact)
     model_pf = twin.reading_pf(parameters, cells_um)
@@ -229,6 +247,6 @@ def _whitening_matrices(twin: FootTwin, parameters: Vector, loads: LoadSet) -> V
     creep = np.einsum("nij,nj->ni", slope_pf, contact.force_n)[:, :, None] * _CREEP_UNCERTAINTY_REL
     reading = _READING_NOISE_PF**2 + (_MODEL_ERROR_REL * (model_pf - loads.unloaded_pf)) ** 2
     covariance = sum(part @ part.transpose(0, 2, 1) for part in (lean, force, creep))
-    covariance = covariance + reading[:, :, None] * np.eye(ELEMENTS)
+    covariance = covariance + reading[:, :, None] * np.eye(twin.n_elements)
     whitening: Vector = np.linalg.inv(np.linalg.cholesky(covariance))
     return whitening

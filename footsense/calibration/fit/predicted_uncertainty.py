@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_fit import PRIOR_SIGMA, ParameterFit
-from footsense.calibration.fit.parameter_vector import REFERENCE, SLICE_OF_KIND, parameter_names
+from footsense.calibration.fit.parameter_fit import ParameterFit, prior_sigma
+from footsense.calibration.fit.parameter_vector import REFERENCE, parameter_names, slice_of_kind
 from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.errors import CalibrationError
 from footsense.foot.direction_sets import direction_grid
@@ -42,7 +42,7 @@ class PredictedUncertainty(NamedTuple):
 def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertainty:
     """Return the expected force errors, by linear propagation of draws from the posterior.
 
-    A foot whose parameters differ from the fitted ones changes the nine readings of a load; the least-squares change of
+    A foot whose parameters differ from the fitted ones changes the readings of a load; the least-squares change of
     force that explains them is the error. Loads that close a gap are left out.
 
     Args:
@@ -66,7 +66,7 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
         for axis in np.eye(3)
     ]
     force_per_pf = np.linalg.pinv(np.stack(by_force, axis=2))
-    rng = np.random.default_rng(_SEED)
+    rng, prior = np.random.default_rng(_SEED), prior_sigma(twin.n_elements)
 
     def median_errors_from(which: slice, n_draws: int) -> tuple[float, float]:
         """Return median angle [deg] and relative magnitude error [1] if only these parameters are uncertain."""
@@ -75,7 +75,7 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
         for _ in range(n_draws):
             drawn = fitted.copy()
             deviation = root @ rng.normal(size=len(root))
-            drawn[which] += np.clip(deviation, -2.0 * PRIOR_SIGMA[which], 2.0 * PRIOR_SIGMA[which])
+            drawn[which] += np.clip(deviation, -2.0 * prior[which], 2.0 * prior[which])
             drawn[REFERENCE] = 0.0
             change_pf = twin.capacitance_pf(np.clip(drawn, *twin.parameter_bounds()), loads) - at_pf
             estimate_n = force_n + np.einsum("nij,nj->ni", force_per_pf, change_pf)
@@ -84,8 +84,9 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
         return float(np.median(angles_deg)), float(np.median(magnitudes_rel))
 
     direction_deg, magnitude_rel = median_errors_from(slice(None), _DRAWS)
-    by_kind = {kind: median_errors_from(which, _DRAWS_OF_KIND)[0] for kind, which in SLICE_OF_KIND.items()}
-    contractions = zip(parameter_names(), fit.contraction, strict=True)
+    kinds = slice_of_kind(twin.n_elements)
+    by_kind = {kind: median_errors_from(which, _DRAWS_OF_KIND)[0] for kind, which in kinds.items()}
+    contractions = zip(parameter_names(twin.n_elements), fit.contraction, strict=True)
     not_identified = tuple(name for name, value in contractions if value < IDENTIFIED_CONTRACTION)
     dominant_parameter = max(by_kind, key=by_kind.__getitem__)
     return PredictedUncertainty(direction_deg, magnitude_rel, dominant_parameter, not_identified)

@@ -19,14 +19,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_vector import N_PARAMETERS
+from footsense.calibration.fit.parameter_vector import n_parameters
 from footsense.calibration.fit.twin import ContactLoads, FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.foot.directions import normalized
 from footsense.foot.gap_contact import element_means
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import Vector
 
 #: Weight of the newest press in the mean of the last ones [1]: creep of ten seconds, presses of one.
 _NEWEST_PRESS_WEIGHT = 0.1
@@ -63,7 +63,7 @@ def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
     before_um = np.concatenate([np.zeros_like(after_um[:1]), after_um[:-1]])
     memory_um = np.concatenate([before_um, after_um], axis=2)
     distance_um = response.design.plate_distance_um(loads.baseline_pf)
-    n = len(loads)
+    n, n_elements = distance_um.shape
     steady = np.linalg.qr(np.column_stack([np.ones(n), np.linspace(-1.0, 1.0, n)]))[0]
 
     def detrended(values: Vector) -> Vector:
@@ -72,10 +72,10 @@ def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
         detrended_values: Vector = flat - steady @ (steady.T @ flat)
         return detrended_values
 
-    slopes = detrended(memory_um).reshape(n, ELEMENTS, -1)
-    moved_um, scale = -detrended(distance_um), np.ones((ELEMENTS, 1))
+    slopes = detrended(memory_um).reshape(n, n_elements, -1)
+    moved_um, scale = -detrended(distance_um), np.ones((n_elements, 1))
     for _ in range(_FIT_ROUNDS):
-        scaled = (scale * slopes).reshape(n * ELEMENTS, -1)
+        scaled = (scale * slopes).reshape(n * n_elements, -1)
         curvature = scaled.T @ scaled + _RIDGE * np.eye(scaled.shape[1])
         staying = np.linalg.solve(curvature, scaled.T @ moved_um.ravel())
         unscaled_um = slopes @ staying
@@ -86,13 +86,13 @@ def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
 
 
 def _residual_closures_um(twin: FootTwin, force_n: Vector) -> Vector:
-    """Return the gap closures remaining after each press, per creep coefficient a, b and c [um], shape (n, 9, 3)."""
+    """Return the gap closures left after each press, per creep coefficient a, b and c [um], shape (n, elements, 3)."""
     mean_n, means_n = np.zeros(3), []
     for one_n in force_n:
         mean_n = mean_n + _NEWEST_PRESS_WEIGHT * (one_n - mean_n)
         means_n.append(mean_n)
     normal = normalized(force_n)
-    designed = np.zeros(N_PARAMETERS)
+    designed = np.zeros(n_parameters(twin.n_elements))
     unit_um = [
         element_means(
             twin.cell_closures_um(

@@ -1,4 +1,4 @@
-"""Parametric forward model of one foot: load and parameters to the readings of its nine elements.
+"""Parametric forward model of one foot: load and parameters to the readings of its elements.
 
 Element i with cells c, unloaded reading C0 and the closures that the design's response predicts reads
 
@@ -16,14 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.calibration.fit.parameter_vector import (
-    GAIN,
-    GAP,
     MOUNT,
-    N_PARAMETERS,
     OFFSET,
     REFERENCE,
     STIFFNESS,
-    STRAY,
+    element_slices,
+    n_parameters,
 )
 from footsense.foot import gap_contact
 from footsense.foot.cavity.pressures import CavityPressures
@@ -63,36 +61,46 @@ class ContactLoads(NamedTuple):
 
 
 class FootTwin:
-    """Forward model of one foot; its methods take the parameter vector, shape (N_PARAMETERS,).
+    """Forward model of one foot; its methods take the parameter vector, shape (parameters,).
 
     Args:
         response: Response table of its foot type.
-        unloaded_pf: Unloaded reading of each element, stray included [pF], shape (9,).
+        unloaded_pf: Unloaded reading of each element, stray included [pF], shape (elements,).
+
+    Attributes:
+        n_elements: Elements of the foot.
+        element_slices: Slices of the parameters of its elements.
     """
 
     def __init__(self, response: FootResponse, unloaded_pf: Vector) -> None:
         self._response = response
         self._unloaded_pf = unloaded_pf
+        self.n_elements = len(unloaded_pf)
+        self.element_slices = element_slices(self.n_elements)
         self._min_sine = np.sin(np.radians(response.min_elevation_deg))
 
     def parameter_bounds(self) -> tuple[Vector, Vector]:
-        """Return the lower and the upper bound of each parameter, shape (N_PARAMETERS,) each."""
-        lower, upper = np.full(N_PARAMETERS, -np.inf), np.full(N_PARAMETERS, np.inf)
-        upper[STRAY] = 0.5 * self._unloaded_pf
-        lower[GAIN], upper[GAIN] = -0.5, 1.0
-        lower[GAP] = -0.9 * self._response.design.gap_um
+        """Return the lower and the upper bound of each parameter, shape (parameters,) each."""
+        lower, upper = (
+            np.full(n_parameters(self.n_elements), -np.inf),
+            np.full(n_parameters(self.n_elements), np.inf),
+        )
+        stray, gain, gap = self.element_slices
+        upper[stray] = 0.5 * self._unloaded_pf
+        lower[gain], upper[gain] = -0.5, 1.0
+        lower[gap] = -0.9 * self._response.design.gap_um
         lower[STIFFNESS], upper[STIFFNESS] = -0.9, 20.0
         lower[OFFSET], upper[OFFSET] = -0.3, 0.3
         lower[REFERENCE], upper[REFERENCE] = -0.1, 0.1
         return lower, upper
 
     def gap_um(self, parameters: Vector) -> Vector:
-        """Return the unloaded gap of each element [um], shape (9,)."""
-        gap_um: Vector = self._response.design.gap_um + parameters[GAP]
+        """Return the unloaded gap of each element [um], shape (elements,)."""
+        gap_um: Vector = self._response.design.gap_um + parameters[self.element_slices.gap]
         return gap_um
 
     def cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the closure of each cell of the gaps [um], shape (n, 324), limited to the cell's gap."""
+        """Return the closure of each cell of the gaps [um], shape (n, cells), limited to the cell's gap."""
         response, free_um = self._response, self._free_cell_closures_um(parameters, loads)
         gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS)
         if response.cavity.kind != "vented":
@@ -108,7 +116,7 @@ class FootTwin:
         return gap_contact.contact_closures_um(free_um, gap_um, compliance)
 
     def closed_cells(self, parameters: Vector, cell_closures_um: Vector) -> Mask:
-        """Return the mask of the cells whose gap is fully closed, shape (n, 324), at given closures [um]."""
+        """Return the mask of the cells whose gap is fully closed, shape (n, cells), at given closures [um]."""
         closed_cells: Mask = (
             cell_closures_um >= np.repeat(self.gap_um(parameters), gap_contact.CELLS) - _CLOSED_TOLERANCE_UM
         )
@@ -117,11 +125,11 @@ class FootTwin:
     def nearby_cell_closures_um(
         self, nearby: Sequence[tuple[Vector, ContactLoads]], closed_cells: Mask
     ) -> Vector:
-        """Return cell closures [um], shape (k, n, 324), at nearby parameters, with the set of closed cells fixed.
+        """Return cell closures [um], shape (k, n, cells), at nearby parameters, with the set of closed cells fixed.
 
         Args:
             nearby: Parameters and n loads, k times, all near those of the closed cells.
-            closed_cells: Cells that are closed, shape (n, 324); all others are open. Air is not held to them.
+            closed_cells: Cells that are closed, shape (n, cells); all others are open. Air is not held to them.
         """
         if self._response.cavity.kind != "vented":
             return np.stack([self.cell_closures_um(*one) for one in nearby])
@@ -139,11 +147,11 @@ class FootTwin:
         )
 
     def _free_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the cell closures as if gaps were infinitely deep [um], shape (n, 324)."""
+        """Return the cell closures as if gaps were infinitely deep [um], shape (n, cells)."""
         return _compliance_factor(parameters) * self._designed_cell_closures_um(parameters, loads)
 
     def _designed_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the cell closures of a foot with the design's stiffness [um], shape (n, 324)."""
+        """Return the closures of each cell for a solid as stiff as designed [um], shape (n, cells)."""
         mount = rotation(parameters[MOUNT])
         moved = loads.normal @ mount.T
         moved[:, :2] += parameters[OFFSET]
@@ -160,25 +168,26 @@ class FootTwin:
         """
         if self._response.cavity.kind == "vented":
             return stiffness_rel
-        parameters = np.zeros(N_PARAMETERS)
+        designed = np.zeros(n_parameters(self.n_elements))
+        parameters = designed.copy()
         parameters[STIFFNESS] = stiffness_rel
         up = ContactLoads.centred(np.array([[0.0, 0.0, _SMALL_FORCE_N]]))
-        closures_um = (
-            self.cell_closures_um(vector, up).mean() for vector in (np.zeros(N_PARAMETERS), parameters)
-        )
+        closures_um = (self.cell_closures_um(vector, up).mean() for vector in (designed, parameters))
         designed_um, own_um = closures_um
         return float(designed_um / own_um) - 1.0
 
     def reading_pf(self, parameters: Vector, cell_closures_um: Vector) -> Vector:
-        """Return the reading of each element [pF], shape (n, 9), from cell closures [um], shape (n, 324)."""
-        design, stray_pf = self._response.design, parameters[STRAY]
+        """Return the reading of each element [pF], shape (n, elements), from cell closures [um], shape (n, cells)."""
+        design, stray_pf = self._response.design, parameters[self.element_slices.stray]
         unloaded_um = design.plate_distance_um(self._unloaded_pf - stray_pf)
-        closure_um = cell_closures_um * np.repeat(1.0 + parameters[GAIN], gap_contact.CELLS)
+        closure_um = cell_closures_um * np.repeat(
+            1.0 + parameters[self.element_slices.gain], gap_contact.CELLS
+        )
         distance_um = np.maximum(np.repeat(unloaded_um, gap_contact.CELLS) - closure_um, _MIN_DISTANCE_UM)
         return gap_contact.capacitance_pf(design, distance_um) + stray_pf
 
     def capacitance_pf(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the predicted reading of each element under loads [pF], shape (n, 9)."""
+        """Return the predicted reading of each element under loads [pF], shape (n, elements)."""
         return self.reading_pf(parameters, self.cell_closures_um(parameters, loads))
 
     def _clamped_to_min_elevation(self, normal: Vector) -> Vector:

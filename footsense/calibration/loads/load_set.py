@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from footsense.calibration.loads.calibration_load import CalibrationLoad
 from footsense.foot.directions import normalized
-from footsense.frames import Mask, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,7 +31,8 @@ class LoadSet:
     @classmethod
     def from_loads(cls, loads: Sequence[CalibrationLoad]) -> Self:
         """Return a list of calibration loads in array form."""
-        widths = {"force_n": 3, "sigma_n": 3, "capacitance_pf": 9, "baseline_pf": 9}
+        n_elements = len(loads[0].capacitance_pf) if loads else ELEMENTS
+        widths = {"force_n": 3, "sigma_n": 3, "capacitance_pf": n_elements, "baseline_pf": n_elements}
         return cls(
             **{
                 name: np.array([getattr(load, name) for load in loads]).reshape(-1, width)

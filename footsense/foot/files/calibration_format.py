@@ -21,6 +21,7 @@ from msgspec import Meta
 from footsense.foot.correction_terms import N_CORRECTION_TERMS
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.temperature import COLDEST_C, WARMEST_C
+from footsense.frames import ELEMENT_COUNTS
 
 FORMAT = 2
 
@@ -30,7 +31,7 @@ FILES = (PARAMETERS, NETWORK, CARD)
 
 FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$", description="such as foot-0007")]
 Sha256 = Annotated[str, Meta(pattern=r"^[0-9a-f]{64}$")]
-Nine = Annotated[list[float], Meta(min_length=9, max_length=9)]
+PerElement = Annotated[list[float], Meta(min_length=min(ELEMENT_COUNTS), max_length=max(ELEMENT_COUNTS))]
 Three = Annotated[list[float], Meta(min_length=3, max_length=3)]
 CorrectionRow = Annotated[list[float], Meta(min_length=N_CORRECTION_TERMS, max_length=N_CORRECTION_TERMS)]
 
@@ -115,10 +116,10 @@ class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
     format: int
     network_sha256: Sha256
-    stray_pf: Nine
-    unloaded_pf: Nine
-    gap_um: Nine
-    gain_rel: Nine
+    stray_pf: PerElement
+    unloaded_pf: PerElement
+    gap_um: PerElement
+    gain_rel: PerElement
     stiffness_rel: float
     mount: Annotated[list[Three], Meta(min_length=3, max_length=3)]
     correction: Annotated[list[CorrectionRow], Meta(min_length=3, max_length=3)]

@@ -161,10 +161,6 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
             "unloaded_pf.lf: 3 values; a foot of 2 x 2 elements",
         ),
         (ONE_BUS + "rows: 5", ":5: rows: Invalid enum value 5; expected"),
-        (
-            ONE_BUS + "rows: 4\nfeet: {lf: foot-0001}\ncalibrations: feet/",
-            "calibrations: calibrations are of feet of 9 elements; take calibrations away",
-        ),
         (MCU + "rows: 4", "rows: the microcontroller sends 9 elements of a foot; take rows away"),
         (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
         (

@@ -122,7 +122,11 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
             lambda folder: set_parameter(folder, mount=[[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]),
             "mount: is no rotation",
         ),
-        (lambda folder: set_parameter(folder, gap_um=[1.0] * 8), "parameters.json: does not fit: "),
+        (
+            lambda folder: set_parameter(folder, gap_um=[1.0] * 8),
+            "parameters.json: gap_um: (9,) finite numbers are",
+        ),
+        (lambda folder: set_parameter(folder, gap_um=[1.0] * 17), "parameters.json: does not fit: "),
         (lambda folder: set_parameter(folder, temperature_c=126.0), "parameters.json: does not fit: "),
         (lambda folder: set_parameter(folder, stiffness_per_k=0.02), "parameters.json: does not fit: "),
         (

@@ -18,6 +18,7 @@ from firmware_interface.wire_timing import can_bits_per_s
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
+from footsense.cli.lab.pages.array_networks import FULL, QUICK, NetworkErrors, TrainingSize, network_errors
 from footsense.config import DEFAULT
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, GAP_CLOSED_REL
 from footsense.foot.direction_sets import direction_grid, paper_directions
@@ -74,6 +75,7 @@ class ArrayFigures:
         own_range_deg: As `leaning_deg`, at half of the foot's own least range.
         same_time_own_range_deg: The same, if the scan takes as long as that of nine elements.
         leaning_gf: Least rms magnitude error of one scan, five unknowns [gf]; None as above.
+        network: Errors of a network that was trained for it.
         can_bits_per_s: Load of the CAN bus [bit/s].
         widest_mm: Side of an electrode between bars as wide as those of the foot [mm].
         widest_half_closed_pf: Capacitance of such an element with its gap half closed [pF].
@@ -93,6 +95,7 @@ class ArrayFigures:
     own_range_deg: float | None
     same_time_own_range_deg: float | None
     leaning_gf: float | None
+    network: NetworkErrors
     can_bits_per_s: float
     widest_mm: float
     widest_half_closed_pf: float
@@ -175,13 +178,16 @@ def _rms_bounds(foot: Foot, load_n: float, noise_pf: float) -> tuple[float, floa
     return centred_deg, deg, gf
 
 
-def array_figures(like: FootDesign, design: FootDesign, response: FootResponse) -> ArrayFigures:
+def array_figures(
+    like: FootDesign, design: FootDesign, response: FootResponse, training: TrainingSize
+) -> ArrayFigures:
     """Return the figures of a foot with one array.
 
     Args:
         like: The foot that the study is about.
         design: The foot with this array.
         response: Its response.
+        training: Sizes of the training of its network.
     """
     foot, max_n, capacitor = Foot(response), design.loads.max_n, design.capacitor
     half_pf = float(capacitor.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
@@ -212,6 +218,7 @@ def array_figures(like: FootDesign, design: FootDesign, response: FootResponse) 
         own_range_deg=own_deg,
         same_time_own_range_deg=same_own_deg,
         leaning_gf=leaning_gf,
+        network=network_errors(response, design.loads, training),
         can_bits_per_s=can_bits_per_s(len(DEFAULT.legs), DEFAULT.forces_hz),
         widest_mm=widest,
         widest_half_closed_pf=half_pf * widest**2 / design.electrode_mm**2,
@@ -220,14 +227,16 @@ def array_figures(like: FootDesign, design: FootDesign, response: FootResponse) 
 
 def compute_arrays(context: StudyContext) -> dict[int, ArrayFigures]:
     """Solve the foot with every array on the coarse mesh, and return the figures by rows."""
-    arrays = {}
+    arrays, training = {}, QUICK if context.quick else FULL
     for rows in QUICK_ROWS if context.quick else ROWS:
         design = array_design(context.foot_design, rows)
-        arrays[rows] = array_figures(context.foot_design, design, make_response(design, COARSE_MESH))
+        arrays[rows] = array_figures(
+            context.foot_design, design, make_response(design, COARSE_MESH), training
+        )
         context.report_progress(f"sensors: {rows} x {rows} elements on the whole chain")
     if context.quick:
         arrays[context.foot_design.rows] = array_figures(
-            context.foot_design, context.foot_design, context.response
+            context.foot_design, context.foot_design, context.response, training
         )
     return arrays
 

@@ -1,0 +1,135 @@
+"""Networks of feet with different arrays: trained alike, and evaluated on loads and gaits of other seeds."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from footsense.estimation.faults.imputation import Imputation
+from footsense.foot.directions import angles_between_deg
+from footsense.foot.response_table import FootResponse
+from footsense.frames import Mask, Vector
+from footsense.lab.geometry import LoadRange
+from footsense.lab.studies.accuracy.gaits import MIN_DIRECTION_FORCE_N, load_function, test_walks
+from footsense.lab.training.gait_readings import (
+    GaitReadings,
+    ReadingConditions,
+    concatenate_gaits,
+    random_gaits,
+    read_gait,
+)
+from footsense.lab.training.gait_windows import windows_of
+from footsense.lab.training.load_cases import random_loads
+from footsense.lab.training.snapshot.train import closure_moments
+from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
+from footsense.lab.training.windowed_network import Weights, predict
+from footsense.ports import Window
+
+#: Conversions of a gait, and seeds of the training and of the evaluation.
+_CONVERSIONS, _TRAINING_SEED, _TEST_SEED = 1100, 1, 990_001
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingSize:
+    """Sizes of a training and of its evaluation.
+
+    Attributes:
+        protocol: Training settings.
+        n_loads: Static loads of the training.
+        n_gaits: Random gaits of the training.
+        n_test_gaits: Random gaits of the evaluation.
+    """
+
+    protocol: WindowProtocol
+    n_loads: int
+    n_gaits: int
+    n_test_gaits: int
+
+
+#: A tenth of the release's training, for every array alike; and seconds for the quick form.
+FULL = TrainingSize(protocol=WindowProtocol(steps=20_000), n_loads=30_000, n_gaits=800, n_test_gaits=60)
+QUICK = TrainingSize(
+    protocol=WindowProtocol(channels=4, steps=500, batch=256, rate=1e-2),
+    n_loads=500,
+    n_gaits=8,
+    n_test_gaits=2,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkErrors:
+    """Direction errors of a network from 0.1 N on [deg].
+
+    Attributes:
+        weights: Number of its weights.
+        gaits_deg: Mean on random gaits.
+        gaits_p95_deg: 95th percentile on random gaits.
+        walk_deg: Mean on the measured walk.
+        walk_p95_deg: 95th percentile on the measured walk.
+        element_missing_deg: Mean on the measured walk with one element missing, another in every reading.
+    """
+
+    weights: int
+    gaits_deg: float
+    gaits_p95_deg: float
+    walk_deg: float
+    walk_p95_deg: float
+    element_missing_deg: float
+
+
+def network_errors(response: FootResponse, loads: LoadRange, size: TrainingSize) -> NetworkErrors:
+    """Train a network of a foot, and return its errors on random gaits of another seed and on the measured walk.
+
+    Args:
+        response: Response of the foot.
+        loads: Loads of the training; those beyond the converter's range are left out.
+        size: Sizes of training and evaluation.
+    """
+    rest = random_loads(response, loads, size.n_loads, _TRAINING_SEED)
+    imputation = Imputation(closure_moments(rest.with_symmetric_copies().closure_um / response.design.gap_um))
+    gaits = random_gaits(response, _TRAINING_SEED, size.n_gaits, _CONVERSIONS, loads.max_n, jobs=2)
+    protocol = replace(size.protocol, min_force_n=loads.min_force_n)
+    weights = train_windowed(gaits, rest, response.design, protocol, imputation)
+    test_gaits = random_gaits(response, _TEST_SEED, size.n_test_gaits, _CONVERSIONS, loads.max_n)
+    walk = _measured_walk_readings(response)
+    gaits_deg = _direction_errors_deg(weights, imputation, test_gaits)
+    walk_deg = _direction_errors_deg(weights, imputation, walk)
+    missing_deg = _direction_errors_deg(weights, imputation, walk, element_missing=True)
+    return NetworkErrors(
+        weights=weights.size,
+        gaits_deg=float(gaits_deg.mean()),
+        gaits_p95_deg=float(np.percentile(gaits_deg, 95)),
+        walk_deg=float(walk_deg.mean()),
+        walk_p95_deg=float(np.percentile(walk_deg, 95)),
+        element_missing_deg=float(missing_deg.mean()),
+    )
+
+
+def _measured_walk_readings(response: FootResponse) -> GaitReadings:
+    """Return the readings of a right and a left foot in the measured walk."""
+    source, _ = test_walks()
+    readings = [
+        read_gait(
+            response,
+            load_function(source, leg),
+            ReadingConditions(),
+            np.random.default_rng((_TEST_SEED, number)),
+            2 * _CONVERSIONS,
+        )
+        for number, leg in enumerate(("rf", "lf"))
+    ]
+    return concatenate_gaits(readings)
+
+
+def _direction_errors_deg(
+    weights: Weights, imputation: Imputation, gaits: GaitReadings, *, element_missing: bool = False
+) -> Vector:
+    """Return the direction errors of a network on the loaded windows of some gaits [deg]."""
+    windows = windows_of(gaits)
+    loaded = np.linalg.norm(windows.force_n, axis=1) > MIN_DIRECTION_FORCE_N
+    closure_rel = windows.closure_rel[loaded]
+    missing: Mask = np.zeros((len(closure_rel), gaits.rows**2), bool)
+    if element_missing:
+        missing[np.arange(len(missing)), np.arange(len(missing)) % gaits.rows**2] = True
+        closure_rel = imputation.impute(closure_rel, missing)
+    load = predict(weights, Window(closure_rel, windows.age_s[loaded], missing))
+    return angles_between_deg(load.force_n, windows.force_n[loaded])
