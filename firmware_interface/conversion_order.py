@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 #: Elements in the order of a magic square, by flat index, of each number of rows.
-_SQUARES: Mapping[int, tuple[int, ...]] = MappingProxyType(
+_MAGIC_SQUARE_ORDERS: Mapping[int, tuple[int, ...]] = MappingProxyType(
     {
         2: (0, 3, 2, 1),
         3: (5, 0, 7, 6, 4, 2, 1, 8, 3),
@@ -39,4 +39,4 @@ def conversion_order(order: str, rows: int) -> tuple[int, ...]:
         >>> conversion_order("lo_shu", 2), conversion_order("raster", 2)
         ((0, 3, 2, 1), (0, 1, 2, 3))
     """
-    return _SQUARES[rows] if order == "lo_shu" else tuple(range(rows**2))
+    return _MAGIC_SQUARE_ORDERS[rows] if order == "lo_shu" else tuple(range(rows**2))

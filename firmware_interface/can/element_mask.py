@@ -11,7 +11,7 @@ from typing import NamedTuple
 NARROW_ELEMENTS, MAX_ELEMENTS = 9, 16
 
 # Rounds up, except for the rounding error of a whole number of bits.
-_ROUND_UP = 1 - 1e-6
+_CEILING_OFFSET = 1 - 1e-6
 
 
 class MaskLayout(NamedTuple):
@@ -41,7 +41,7 @@ class MaskLayout(NamedTuple):
         """Return the code of a standard deviation [N], rounded up; NaN and negative values give "no value"."""
         if not sigma_n >= 0.0:
             return self.no_sigma
-        return int(min(sigma_n * 1000 / self.step_mn + _ROUND_UP, self.no_sigma - 1))
+        return int(min(sigma_n * 1000 / self.step_mn + _CEILING_OFFSET, self.no_sigma - 1))
 
     def sigma_n(self, code: int) -> float:
         """Return the standard deviation of a code [N]; NaN for "no value"."""

@@ -102,14 +102,14 @@ _NORMAL_SIGMA_PER_RAD = 400
 _FRICTION_PER_UNIT = 250
 _NAN = math.nan
 # Rounds up, except for the rounding error of a whole number of bits.
-_ROUND_UP = 1 - 1e-6
+_CEILING_OFFSET = 1 - 1e-6
 # Arguments of `_codes`.
-_EVENT_FIELDS = ((_EVENT_SIGMA_PER_S, 0xFF, _ROUND_UP),)
+_EVENT_FIELDS = ((_EVENT_SIGMA_PER_S, 0xFF, _CEILING_OFFSET),)
 _GAIT_FIELDS = ((_SHARE_PER_UNIT, 0xFF, 0.5), (_SHARE_PER_UNIT, 0xFF, 0.5))
 _GROUND_FIELDS = (
-    (_NORMAL_SIGMA_PER_RAD, 0x7F, _ROUND_UP),
+    (_NORMAL_SIGMA_PER_RAD, 0x7F, _CEILING_OFFSET),
     (_FRICTION_PER_UNIT, 0x1FF, 0.5),
-    (_FRICTION_PER_UNIT, 0x3F, _ROUND_UP),
+    (_FRICTION_PER_UNIT, 0x3F, _CEILING_OFFSET),
     (_FRICTION_PER_UNIT, 0x1FF, 0.5),
 )
 
@@ -134,7 +134,7 @@ def encode_gait_event(
     age = _NO_AGE if age_ns is None else round(age_ns / _AGE_STEP_NS)
     if not 0 <= age < _NO_AGE:
         age = _NO_AGE
-    (sigma,) = _codes(_EVENT_FIELDS, [sigma_s])
+    (sigma,) = _encoded_values(_EVENT_FIELDS, [sigma_s])
     return protect(GAIT_EVENT_ID + node, _EVENT.pack(kind << 4 | counter, age, sigma, all_in_air))
 
 
@@ -150,7 +150,7 @@ def decode_gait_event(can_id: int, data: bytes) -> GaitEvent:
         counter,
         enum_member(GaitEventKind, head >> 4),
         None if age == _NO_AGE else age * _AGE_STEP_NS,
-        _value(sigma, _EVENT_SIGMA_PER_S, 0xFF),
+        _decoded_value(sigma, _EVENT_SIGMA_PER_S, 0xFF),
         bool(air & 1),
     )
 
@@ -182,7 +182,7 @@ def encode_gait(
         '1a 30 01 c8 32'
     """
     head = counter | contact << 4 | contact_raw << 5 | all_in_air << 6
-    shares = _codes(_GAIT_FIELDS, [probability, load_share])
+    shares = _encoded_values(_GAIT_FIELDS, [probability, load_share])
     return protect(GAIT_ID + node, _GAIT.pack(head, slip, *shares))
 
 
@@ -194,7 +194,7 @@ def decode_gait(can_id: int, data: bytes) -> Gait:
     """
     node, counter, (head, slip, *shares) = unpack_protected(can_id, data, GAIT_ID, _GAIT)
     contact, contact_raw, all_in_air = (bool(head >> bit & 1) for bit in (4, 5, 6))
-    probability, load_share = (_value(code, _SHARE_PER_UNIT, 0xFF) for code in shares)
+    probability, load_share = (_decoded_value(code, _SHARE_PER_UNIT, 0xFF) for code in shares)
     state = enum_member(Slip, slip & 3)
     return Gait(node, counter, contact, contact_raw, all_in_air, state, probability, load_share)
 
@@ -231,7 +231,7 @@ def encode_ground(
     normal_x, normal_y, _ = [
         round(part * _NORMAL_PER_UNIT) if -1.0 <= part <= 1.0 else _NO_NORMAL for part in normal
     ]
-    normal_sigma, use, use_sigma, coefficient = _codes(
+    normal_sigma, use, use_sigma, coefficient = _encoded_values(
         _GROUND_FIELDS, [normal_sigma_rad, friction_use, friction_use_sigma, friction]
     )
     bits = counter | (normal_x & 0x3FF) << 4 | (normal_y & 0x3FF) << 14
@@ -254,14 +254,14 @@ def decode_ground(can_id: int, data: bytes) -> Ground:
         node,
         counter,
         (normal_x, normal_y, _NAN if math.isnan(normal_x) else normal_z),
-        _value(bits >> 24 & 0x7F, _NORMAL_SIGMA_PER_RAD, 0x7F),
-        _value(bits >> 31 & 0x1FF, _FRICTION_PER_UNIT, 0x1FF),
-        _value(bits >> 40 & 0x3F, _FRICTION_PER_UNIT, 0x3F),
-        _value(bits >> 46 & 0x1FF, _FRICTION_PER_UNIT, 0x1FF),
+        _decoded_value(bits >> 24 & 0x7F, _NORMAL_SIGMA_PER_RAD, 0x7F),
+        _decoded_value(bits >> 31 & 0x1FF, _FRICTION_PER_UNIT, 0x1FF),
+        _decoded_value(bits >> 40 & 0x3F, _FRICTION_PER_UNIT, 0x3F),
+        _decoded_value(bits >> 46 & 0x1FF, _FRICTION_PER_UNIT, 0x1FF),
     )
 
 
-def _codes(fields: Sequence[tuple[int, int, float]], values: Sequence[float]) -> list[int]:
+def _encoded_values(fields: Sequence[tuple[int, int, float]], values: Sequence[float]) -> list[int]:
     """Return the unsigned codes of non-negative values, limited to their ranges.
 
     Args:
@@ -275,6 +275,6 @@ def _codes(fields: Sequence[tuple[int, int, float]], values: Sequence[float]) ->
     ]
 
 
-def _value(code: int, per_unit: int, none: int) -> float:
+def _decoded_value(code: int, per_unit: int, none: int) -> float:
     """Return the value of a code; NaN if it is the code for "no value"."""
     return _NAN if code == none else code / per_unit

@@ -14,7 +14,7 @@ from footsense.acquisition.chip_timing import ChipTiming
 from footsense.frames import Codes, Reading
 
 if TYPE_CHECKING:
-    from footsense.acquisition.boards.board import Step
+    from footsense.acquisition.boards.board import ConversionStep
 
 _log = logging.getLogger(__name__)
 
@@ -53,7 +53,7 @@ class LegConnection:
         offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
         timing: Timing of its converter.
         is_timed: Whether that was measured, and its conversions have finished since.
-        doubted: Step whose lines it did not read back alone, for the next try; None for none.
+        doubted: ConversionStep whose lines it did not read back alone, for the next try; None for none.
         temperature_c: Last temperature of the converter [degC]; NaN without one.
     """
 
@@ -69,7 +69,7 @@ class LegConnection:
         self.offset_pf = 0.0
         self.timing = ChipTiming()
         self.is_timed = False
-        self.doubted: Step | None = None
+        self.doubted: ConversionStep | None = None
         self.temperature_c = float("nan")
         self._misses = 0
         self._pause_ns = _FIRST_PAUSE_NS

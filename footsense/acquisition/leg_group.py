@@ -15,7 +15,7 @@ conversion runs. A leg that fails is left out for the rest of the scan, so that 
 
 from typing import NamedTuple
 
-from footsense.acquisition.boards.board import CONVERTED, Check, Step, Thermometer
+from footsense.acquisition.boards.board import CONVERTED, ConversionStep, ReadBackCheck, Thermometer
 from footsense.acquisition.chip_timing import chip_timing
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
@@ -58,7 +58,7 @@ class Conversion(NamedTuple):
         selected: Whether lines were selected for it, or left from the step before.
     """
 
-    step: Step
+    step: ConversionStep
     t_start_ns: int
     legs: Legs
     selected: bool
@@ -101,7 +101,7 @@ class LegGroup:
                 selection |= leg.selection
         return tuple(active), selection
 
-    def restart(self, step: Step) -> None:
+    def restart(self, step: ConversionStep) -> None:
         """Start a conversion after discarding any old results in the converters."""
         legs, selection = self.active()
         if legs:
@@ -109,7 +109,13 @@ class LegGroup:
         self.running = self._start_conversion(legs, selection, step, step.select)
 
     def convert(
-        self, step: Step, following: Step, *, checked: bool, in_turn: bool, alone: LegConnection | None = None
+        self,
+        step: ConversionStep,
+        following: ConversionStep,
+        *,
+        checked: bool,
+        in_turn: bool,
+        alone: LegConnection | None = None,
     ) -> None:
         """Wait for the running conversion, start the next one, and read the finished one meanwhile.
 
@@ -214,7 +220,7 @@ class LegGroup:
             return None
 
     def _start_conversion(
-        self, legs: Legs, selection: int, step: Step, select: tuple[Transaction, ...]
+        self, legs: Legs, selection: int, step: ConversionStep, select: tuple[Transaction, ...]
     ) -> Conversion:
         """Select lines and trigger a conversion on all given legs at once."""
         for _ in range(_N_TRIES if legs else 0):
@@ -229,7 +235,7 @@ class LegGroup:
                 return Conversion(step, self._clock.now_ns(), legs, bool(select))
         return Conversion(step, self._clock.now_ns(), (), bool(select))
 
-    def _read_out(self, step: Step, legs: Legs, t_start_ns: int, *, all_done: bool) -> None:
+    def _read_out(self, step: ConversionStep, legs: Legs, t_start_ns: int, *, all_done: bool) -> None:
         """Read the finished conversion's result from each given leg, while the next conversion runs."""
         t_ns, capacitance_pf, readings = self._latest
         plan = self._plan
@@ -245,7 +251,7 @@ class LegGroup:
             else:
                 leg.outcome = reading
 
-    def _leave_unfinished(self, step: Step, legs: Legs, selection: int) -> None:
+    def _leave_unfinished(self, step: ConversionStep, legs: Legs, selection: int) -> None:
         """Mark each leg as failed whose conversion has not finished, before the next trigger clears its DONE bit."""
         assert step.done is not None
         if legs and not self._all_done(step, selection):
@@ -253,7 +259,7 @@ class LegGroup:
                 answers = self._exchange(leg.selection, (step.done.read,))
                 leg.outcome = Reading.NO_ANSWER if answers is None else step.done.decode(answers[0])
 
-    def _all_done(self, step: Step, selection: int) -> bool:
+    def _all_done(self, step: ConversionStep, selection: int) -> bool:
         """Return whether all connected legs have finished, by one common poll, or by their results themselves."""
         if step.done is None:
             return True
@@ -264,7 +270,7 @@ class LegGroup:
             return False
         return step.done.decode(answers[0]) is _OK
 
-    def _read_leg(self, leg: LegConnection, step: Step, *, all_done: bool) -> tuple[Reading, float]:
+    def _read_leg(self, leg: LegConnection, step: ConversionStep, *, all_done: bool) -> tuple[Reading, float]:
         """Return reading and capacitance [pF] of a leg's finished conversion."""
         reading = Reading.NO_ANSWER
         for _ in range(_N_TRIES):
@@ -302,7 +308,7 @@ class LegGroup:
                 for leg in legs:
                     leg.outcome = self._read_check(leg.selection, check)
 
-    def _check_lines_of_leg(self, leg: LegConnection, step: Step) -> None:
+    def _check_lines_of_leg(self, leg: LegConnection, step: ConversionStep) -> None:
         """Read back one leg's line switches; mark it as failed if a switch is closed that should be open."""
         if not leg.in_scan or leg.outcome is not _OK:
             return
@@ -313,14 +319,14 @@ class LegGroup:
                 leg.leave_scan(Reading.MISCONFIGURED, self._clock.now_ns())
                 return
 
-    def _read_check(self, selection: int, check: Check) -> Reading:
+    def _read_check(self, selection: int, check: ReadBackCheck) -> Reading:
         """Return OK if a read-back has the expected value, else the reason."""
         answers = self._exchange(selection, (check.read,))
         if answers is None:
             return Reading.NO_ANSWER
         return _OK if answers[0] == check.expected else Reading.MISCONFIGURED
 
-    def _set_up_failed_legs(self, first: Step) -> None:
+    def _set_up_failed_legs(self, first: ConversionStep) -> None:
         """Set up again the legs that failed in this scan, for the first conversion of the next scan.
 
         The others are still converting: the leg gets its lines alone, and the result that its converter may hold is

@@ -35,7 +35,7 @@ def probe(
     else:
         _set_up_leg(bus, leg, plan, clock)
         if leg.outcome is Reading.BUS_STUCK:
-            transport.free()
+            transport.free_bus()
 
 
 def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
@@ -72,7 +72,7 @@ def probe_due(transport: Transport, legs: Sequence[LegConnection], plan: ScanPla
     alone = not any(leg.in_scan for leg in legs)
     due = [leg for leg in legs if not leg.in_scan and leg.retry_at_ns <= now_ns]
     if alone and due:
-        transport.free()  # any leg may hold the lines
+        transport.free_bus()  # any leg may hold the lines
     for leg in sorted(due, key=lambda leg: leg.retry_at_ns)[: len(due) if alone else 1]:
         outcome = leg.outcome
         probe(transport, leg, legs, plan, clock)

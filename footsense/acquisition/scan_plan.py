@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from firmware_interface.conversion_order import conversion_order
 from footsense.acquisition.boards import ad7746, fdc1004
-from footsense.acquisition.boards.board import Board, Check, Step
+from footsense.acquisition.boards.board import Board, ConversionStep, ReadBackCheck
 from footsense.ports import Transaction
 
 #: The orders of the paper's foot.
@@ -32,7 +32,7 @@ class ScanPlan(NamedTuple):
     """
 
     board: Board
-    steps: tuple[Step, ...]
+    steps: tuple[ConversionStep, ...]
     conversion_ns: int
     wait_ns: int
 
@@ -62,7 +62,7 @@ def scan_plan(order: str, rate_sps: int, board: str = "fdc1004", rows: int = 3) 
         step._replace(
             changes=tuple(write for write in step.select if write not in before.select),
             select_checks=tuple(
-                Check(Transaction(write.address, b"", n_read=1), write.write) for write in step.select
+                ReadBackCheck(Transaction(write.address, b"", n_read=1), write.write) for write in step.select
             ),
         )
         for step, before in zip(steps, steps[-1:] + steps[:-1], strict=True)

@@ -82,7 +82,7 @@ class UpstreamBus:
         """
         mux = f"the mux (TCA9548A) at {self.mux_address:#04x}"
         try:
-            if not self.free():
+            if not self.free_bus():
                 self.connect(0)
             return measure_bus_costs(self.bus, clock, self.mux_address)
         except NackError as error:
@@ -108,7 +108,7 @@ class UpstreamBus:
         """Discard the stored mux selection, so that the next one is written even if unchanged."""
         self._selection = None
 
-    def free(self) -> bool:
+    def free_bus(self) -> bool:
         """Disconnect all legs from a possibly stuck bus; return whether the mux answers again.
 
         A leg that holds SDA low blocks the write that would disconnect it, so that only the RESET pin helps. Without
@@ -134,7 +134,7 @@ class UpstreamBus:
             read: A read of a leg that changes nothing.
             clock: The time that the bus lives in.
         """
-        free = self.free()
+        free = self.free_bus()
         for leg in legs:
             if not free:
                 why = "the bus is held low and does not get free"
@@ -143,7 +143,7 @@ class UpstreamBus:
             try:
                 self.connect(leg.selection).transfer(read)
             except BusTimeoutError:
-                free = self.free()
+                free = self.free_bus()
                 leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), pauses=STUCK_LEG_PAUSES)
             except BusError as error:  # of this leg alone, and met by the scan too
                 _log.debug("leg %s: %s", leg.name, error)
@@ -185,7 +185,7 @@ class KernelMux:
     def invalidate(self) -> None:
         """Do nothing: the kernel stores the mux selection."""
 
-    def free(self) -> bool:
+    def free_bus(self) -> bool:
         """Do nothing: the kernel disconnects and recovers the bus."""
         return True
 

@@ -142,7 +142,7 @@ class CanChannel:
             if log_file is not None:
                 self._log = CanFrameLog(log_file, settings.channel, stats, waits=settings.log_waits)
         except BaseException:
-            self._release()
+            self._close_socket()
             raise
 
     def send(self, frames: bytes, t_ns: int) -> int:
@@ -205,7 +205,7 @@ class CanChannel:
         Raises:
             RecordingError: The log is incomplete.
         """
-        self._release()
+        self._close_socket()
         if self._log is not None:
             log, self._log = self._log, None
             log.close()
@@ -255,7 +255,7 @@ class CanChannel:
         self.stats.reopened += 1
         _log.warning("%s is back after %.1f s", self._name, (self._t_ns - self._lost_ns) / 1e9)
 
-    def _release(self) -> None:
+    def _close_socket(self) -> None:
         """Close the socket, if one is open."""
         if self._wire is not None:
             self._wire.close()

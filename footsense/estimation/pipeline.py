@@ -162,7 +162,7 @@ class Pipeline:
         if scan.capacitance_pf.shape != self._shape:
             raise ValueError(f"a frame of {scan.capacitance_pf.shape} readings, here {self._shape}")
         if scan.t_ns.max() > now_ns:
-            scan = _without_future(scan, now_ns)
+            scan = _without_future_readings(scan, now_ns)
         baselines = self._baselines
         elements = self._elements.classify(scan, self._consistency.excluded, baselines.unloaded.baseline_pf)
         pf = elements.capacitance_pf
@@ -177,7 +177,7 @@ class Pipeline:
             self._window.discard(consistency.missing & ~missing)
         lost = self._no_leg
         if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
-            consistency, lost = _with_history(consistency, readings)
+            consistency, lost = _with_interrupted_readings_missing(consistency, readings)
         legs = self._legs.classify(
             scan.reading,
             elements,
@@ -237,7 +237,7 @@ class Pipeline:
                 np.maximum(closure_rel, self._trained.closure_rel_min), self._trained.closure_rel_max
             )
             closure_rel = self._imputation.impute(closure_rel, consistency.missing)
-            age_s = _usual_ages(age_s, legs.usable, consistency.missing)
+            age_s = _with_usual_ages(age_s, legs.usable, consistency.missing)
         load = self._estimator.estimate(Window(closure_rel, age_s, consistency.missing))
         force_n, sigma_n = load.force_n, load.sigma_n
         sigma_n = np.hypot(sigma_n, self._baselines.sigma_n)
@@ -268,7 +268,7 @@ class Pipeline:
         return np.where(unexplained, np.uint8(Cause.CALIBRATION_STALE), legs.cause)
 
 
-def _without_future(scan: CapFrame, now_ns: int) -> CapFrame:
+def _without_future_readings(scan: CapFrame, now_ns: int) -> CapFrame:
     """Return a frame without the readings whose time stamps are later than `now_ns`."""
     future = scan.t_ns > now_ns
     return scan._replace(
@@ -277,7 +277,9 @@ def _without_future(scan: CapFrame, now_ns: int) -> CapFrame:
     )
 
 
-def _with_history(consistency: ConsistencyResult, readings: Readings) -> tuple[ConsistencyResult, Mask]:
+def _with_interrupted_readings_missing(
+    consistency: ConsistencyResult, readings: Readings
+) -> tuple[ConsistencyResult, Mask]:
     """Return the result with elements without consecutive readings added as missing, and the mask of unusable legs.
 
     A leg is lost, shape (legs,), until enough of its elements have been read in a row for the network to do without the
@@ -290,7 +292,7 @@ def _with_history(consistency: ConsistencyResult, readings: Readings) -> tuple[C
     return consistency._replace(missing=missing, is_all_ok=False), lost
 
 
-def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
+def _with_usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
     """Return ages with those of missing elements replaced by the leg's mean, those of unusable legs by usual ones.
 
     Args:

@@ -13,7 +13,7 @@ READINGS = 3
 MAX_READING_INTERVAL_REL = 1.75
 
 #: Smallest spike that is taken for a wrong reading [1], and change over it of the readings beside it [1].
-_SPIKE_REL, _NEIGHBOUR_CHANGE_REL = 0.1, 0.25
+_SPIKE_THRESHOLD_REL, _NEIGHBOUR_TOLERANCE_REL = 0.1, 0.25
 
 
 class Readings(NamedTuple):
@@ -77,7 +77,7 @@ class ReadingWindow:
         moved_rel = moved_rel.max(axis=1)
         moved_rel.partition(self._n_elements - 2, axis=1)
         # One element that moved far alone: a load moves several.
-        if (moved_rel[:, -1] > _SPIKE_REL + 3.0 * moved_rel[:, -2]).any():
+        if (moved_rel[:, -1] > _SPIKE_THRESHOLD_REL + 3.0 * moved_rel[:, -2]).any():
             _without_spikes(kept_rel)
         of_whole_ns = kept_ns[:, 0]
         newest_ns = of_whole_ns.max(axis=1)
@@ -109,5 +109,7 @@ def _without_spikes(distance_rel: Vector) -> None:
     newest, middle, oldest = distance_rel.transpose(1, 0, 2)
     mean_rel = (newest + oldest) / 2.0
     spike_rel = np.abs(middle - mean_rel)
-    wrong = (spike_rel > _SPIKE_REL) & (np.abs(newest - oldest) < _NEIGHBOUR_CHANGE_REL * spike_rel)
+    wrong = (spike_rel > _SPIKE_THRESHOLD_REL) & (
+        np.abs(newest - oldest) < _NEIGHBOUR_TOLERANCE_REL * spike_rel
+    )
     np.copyto(middle, mean_rel, where=wrong)

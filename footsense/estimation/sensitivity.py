@@ -14,7 +14,7 @@ _CLOSURE_LEVELS_REL = (0.02, 0.2)
 _STEP_REL = 1e-3
 
 #: Share of a drift that differs between the elements; the rest is common to all. An assumption: no foot was heated.
-_UNEVEN_REL = 0.2
+_UNEVEN_DRIFT_SHARE = 0.2
 
 
 class Sensitivity(NamedTuple):
@@ -68,7 +68,9 @@ def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivi
     for level in _CLOSURE_LEVELS_REL:
         for pattern in (stance_rel, np.ones(len(moments))):
             slopes_n = jacobian_n(estimator, n_rows, level * pattern)[:, 0]
-            errors_n.append(np.hypot(slopes_n.sum(axis=0), _UNEVEN_REL * np.linalg.norm(slopes_n, axis=0)))
+            errors_n.append(
+                np.hypot(slopes_n.sum(axis=0), _UNEVEN_DRIFT_SHARE * np.linalg.norm(slopes_n, axis=0))
+            )
     stance_rel = _CLOSURE_LEVELS_REL[-1] * stance_rel
     rows = np.tile(stance_rel, (n_rows, 1))
     force_n = estimator.estimate(steady_windows(rows)).force_n

@@ -19,7 +19,7 @@ EPS0_PF_UM_PER_MM2 = 8.8541878128
 
 
 #: Closure over the gap above which an element counts as closed [1].
-GAP_CLOSED_REL = 0.95
+GAP_CLOSED_THRESHOLD_REL = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

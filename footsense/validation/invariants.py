@@ -27,7 +27,7 @@ _NS_PER_S = 1_000_000_000
 _LEG_OF_NODE = {node: leg for leg, node in NODE_IDS.items()}
 _USABLE = frozenset(int(state) for state in USABLE)
 #: Limit of an error in sigmas.
-_LARGE_ERROR_SIGMAS = 5.0
+_ERROR_THRESHOLD_SIGMAS = 5.0
 #: Violations that are kept; the others are counted.
 _MAX_KEPT_VIOLATIONS = 20
 
@@ -191,7 +191,7 @@ class Invariants(Observer):
         self.n_checked += len(usable)
         for leg in usable:
             error_n = np.abs(frame.force_n[leg] - true_n[leg])
-            self.n_beyond += error_n > _LARGE_ERROR_SIGMAS * frame.sigma_n[leg]
+            self.n_beyond += error_n > _ERROR_THRESHOLD_SIGMAS * frame.sigma_n[leg]
 
     def _check_age_on_wire(self, can_id: int, data: bytes, wait_ns: int, t_s: float) -> None:
         """Check the age of a force at its arrival on CAN."""

@@ -169,10 +169,10 @@ class _FootOnTestStand:
         gas = cavity.gas
         if gas is None or cavity.kind != "leaking":
             return self._foot.capacitance_pf(normal, force_n)
-        leaked = [1e-9 * step / cavity.leak_time_s for step in step_ns]
+        leak_steps_rel = [1e-9 * step / cavity.leak_time_s for step in step_ns]
         found = []
         for number in range(len(normal)):
-            step = gas._replace(leaked=leaked[number % len(leaked)])
+            step = gas._replace(leak_step_rel=leak_steps_rel[number % len(leak_steps_rel)])
             one_pf, gas = self._foot.after_step(normal[[number]], force_n[[number]], step)
             found.append(one_pf[0])
         return np.array(found)

@@ -42,7 +42,7 @@ class PressedFoot(NamedTuple):
 
     @classmethod
     def load_or_press(
-        cls, batch: test_stand_trial.FootBatch, number: int, every: int, kept: Path | None
+        cls, batch: test_stand_trial.FootBatch, number: int, every: int, cache_folder: Path | None
     ) -> Self:
         """Return the loads of one foot of a batch, from its cache file or newly simulated and cached.
 
@@ -50,18 +50,18 @@ class PressedFoot(NamedTuple):
             batch: Batch of the foot.
             number: Number of the foot in it.
             every: Use one of so many presses.
-            kept: Folder of the files; None keeps none.
+            cache_folder: Folder of the files; None keeps none.
 
         Raises:
             FootsenseError: The daemon cannot be started.
         """
-        if kept is None:
+        if cache_folder is None:
             return cls._press(batch, number, every)
         key = f"{batch} {every} {code_digest(*_DIGESTED_PACKAGES)}"
         digest = hashlib.sha256(key.encode()).hexdigest()[:12]
-        path = kept / f"{test_stand_trial.foot_name(number)}-{digest}.npz"
+        path = cache_folder / f"{test_stand_trial.foot_name(number)}-{digest}.npz"
         if not path.exists():
-            kept.mkdir(parents=True, exist_ok=True)
+            cache_folder.mkdir(parents=True, exist_ok=True)
             part = path.with_suffix(".partial")
             with part.open("wb") as file:
                 np.savez(file, **cls._press(batch, number, every).arrays())

@@ -75,7 +75,7 @@ def evaluate_foot(
     *,
     per_foot_network: PerFootNetwork | None,
     every: int,
-    kept: Path | None = None,
+    cache_folder: Path | None = None,
 ) -> FootResult:
     """Simulate the sessions of one foot, calibrate it, and return its force errors by estimator.
 
@@ -84,10 +84,10 @@ def evaluate_foot(
         number: Number of the foot in it.
         per_foot_network: Trains a network on one foot without a physical model; None to leave it out.
         every: Use one of so many presses.
-        kept: Folder of the loads of pressed feet; None keeps none.
+        cache_folder: Folder of the loads of pressed feet; None keeps none.
     """
     models = DesignModels.load(foot_type_folder(batch.foot_type))
-    pressed = PressedFoot.load_or_press(batch, number, every, kept)
+    pressed = PressedFoot.load_or_press(batch, number, every, cache_folder)
     training, test = (remove_rubber_memory(models.response, one) for one in (pressed.training, pressed.test))
     refused: dict[str, str] = {}
     calibrated = {}

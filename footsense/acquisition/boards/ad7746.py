@@ -17,8 +17,8 @@ from firmware_interface.chips.ad7746 import Register
 from footsense.acquisition.boards.board import (
     MAX_WAIT_FACTOR,
     Board,
-    Check,
-    Step,
+    ConversionStep,
+    ReadBackCheck,
     Thermometer,
     require_identity,
 )
@@ -30,7 +30,7 @@ from footsense.ports import Clock, I2cBus, Transaction
 #: begins at 4.0 pF, the least of an unloaded element; with the smallest it ends at 9.3 pF.
 CAPDAC = 40
 #: Steps that any chip has in range with no line selected: at most 4 pF.
-_KNOWN_CAPDAC = 20
+_IN_RANGE_CAPDAC = 20
 #: Largest deviation of a chip's step from the nominal one [1]: 17 pF of full scale are guaranteed instead of 21 pF; as
 #: much more is assumed to be possible.
 _STEP_ERROR_REL = 0.22
@@ -80,7 +80,7 @@ def _wait_ns(conversion_ns: int) -> int:
     return round(conversion_ns * (1 + chip.CLOCK_TOLERANCE_REL))
 
 
-def step(element: int, rate_sps: int, rows: int = 3) -> Step:
+def step(element: int, rate_sps: int, rows: int = 3) -> ConversionStep:
     """Return the transactions of one element's conversion: line selection, trigger, read-out.
 
     Args:
@@ -89,7 +89,7 @@ def step(element: int, rate_sps: int, rows: int = 3) -> Step:
         rows: Rows of the foot, and as many columns.
     """
     row, column = divmod(element, rows)
-    return Step(
+    return ConversionStep(
         element=element,
         select=(
             Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row, rows),))),
@@ -141,7 +141,7 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
     for write in _SELECT_NO_LINES:
         bus.transfer(write)
     levels_pf = []
-    for capdac in (0, _KNOWN_CAPDAC):
+    for capdac in (0, _IN_RANGE_CAPDAC):
         bus.transfer(_write_settings(capdac))
         bus.transfer(_trigger_transaction(_FASTEST_SPS))
         start_ns, conversion_ns = clock.now_ns(), chip.RATES[_FASTEST_SPS].conversion_ns
@@ -158,7 +158,7 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
             return Reading.CORRUPT, _NAN
         levels_pf.append(level_pf)
     bus.transfer(_write_settings(CAPDAC))
-    step_pf = (levels_pf[0] - levels_pf[1]) / _KNOWN_CAPDAC
+    step_pf = (levels_pf[0] - levels_pf[1]) / _IN_RANGE_CAPDAC
     if abs(step_pf / chip.CAPDAC_STEP_PF - 1) > _STEP_ERROR_REL:
         return Reading.CORRUPT, _NAN
     return Reading.OK, CAPDAC * step_pf
@@ -218,7 +218,7 @@ def board(rows: int = 3) -> Board:
         decode_result=decode_result,
         restart=(_write_settings(CAPDAC), READ_RESULT),
         # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
-        setting_check=Check(
+        setting_check=ReadBackCheck(
             read_registers(Register.CAPDAC_A, 4), bytes((chip.capdac(CAPDAC), 0)) + chip.RESET_VALUES[-2:]
         ),
         range_end_pf=CAPDAC * chip.CAPDAC_STEP_PF * (1 - _STEP_ERROR_REL) + chip.FULL_SCALE_PF,

@@ -13,7 +13,7 @@ from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
 
-class Check(NamedTuple):
+class ReadBackCheck(NamedTuple):
     """Read-back check of a setting; answers of several legs at once combine as a wired AND.
 
     Attributes:
@@ -25,7 +25,7 @@ class Check(NamedTuple):
     expected: bytes
 
 
-class Done(NamedTuple):
+class DonePoll(NamedTuple):
     """Polling transaction for the end of a conversion, on several legs at once.
 
     Attributes:
@@ -37,7 +37,7 @@ class Done(NamedTuple):
     decode: Callable[[bytes], Reading]
 
 
-class Step(NamedTuple):
+class ConversionStep(NamedTuple):
     """Transactions of one element's conversion: line selection, trigger, polling, read-out, checks.
 
     Attributes:
@@ -55,11 +55,11 @@ class Step(NamedTuple):
     element: int
     select: tuple[Transaction, ...]
     trigger: Transaction
-    done: Done | None
+    done: DonePoll | None
     read: tuple[Transaction, ...]
     changes: tuple[Transaction, ...] = ()
-    select_checks: tuple[Check, ...] = ()
-    setting_checks: tuple[Check, ...] = ()
+    select_checks: tuple[ReadBackCheck, ...] = ()
+    setting_checks: tuple[ReadBackCheck, ...] = ()
 
 
 #: Longest conversion that is waited for, over the wait for a chip within its tolerance [1]; published drivers wait 20 %
@@ -120,8 +120,8 @@ class Board(NamedTuple):
             WrongChipError if another one does, and BusError.
         configure: Sets up the chip of the leg that is connected alone. Returns OK and the capacitance that its CAPDAC
             subtracts from each result [pF], or the reason why the chip cannot be used. Raises BusError.
-        decode_result: Reading and capacitance [pF] of the answers to `Step.read`, CAPDAC not included; NaN unless the
-            reading is OK.
+        decode_result: Reading and capacitance [pF] of the answers to `ConversionStep.read`, CAPDAC not included; NaN
+            unless the reading is OK.
         restart: Brings a converter in an unknown state to where it can convert: its settings, and no result left to be
             read.
         setting_check: The settings of the converter, which a dip of its supply resets; asked once a scan.
@@ -131,12 +131,12 @@ class Board(NamedTuple):
     """
 
     conversion_ns: Mapping[int, int]
-    step: Callable[[int, int], Step]
+    step: Callable[[int, int], ConversionStep]
     identify: Callable[[I2cBus, Clock], None]
     configure: Callable[[I2cBus, Clock], tuple[Reading, float]]
     decode_result: Callable[[list[bytes]], tuple[Reading, float]]
     restart: tuple[Transaction, ...]
-    setting_check: Check
+    setting_check: ReadBackCheck
     range_end_pf: float
     thermometer: Thermometer | None
     traffic: Traffic

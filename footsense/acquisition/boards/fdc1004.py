@@ -9,7 +9,13 @@ from functools import partial
 from firmware_interface import schedule
 from firmware_interface.chips import adg715
 from firmware_interface.chips import fdc1004 as chip
-from footsense.acquisition.boards.board import Board, Check, Done, Step, require_identity
+from footsense.acquisition.boards.board import (
+    Board,
+    ConversionStep,
+    DonePoll,
+    ReadBackCheck,
+    require_identity,
+)
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -39,7 +45,7 @@ READ_CONF = read_register(chip.Register.FDC_CONF)
 _RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
 
 
-def step(element: int, rate_sps: int, rows: int = 3) -> Step:
+def step(element: int, rate_sps: int, rows: int = 3) -> ConversionStep:
     """Return the transactions of one element's conversion; measurement slot n converts CIN n, the pin of column n.
 
     Args:
@@ -48,11 +54,13 @@ def step(element: int, rate_sps: int, rows: int = 3) -> Step:
         rows: Rows of the foot, and as many columns: at most the four channels of the chip.
     """
     row, column = divmod(element, rows)
-    return Step(
+    return ConversionStep(
         element=element,
         select=(Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row, rows),))),),
         trigger=write_register(chip.Register.FDC_CONF, chip.trigger(rate_sps, column)),
-        done=Done(READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))),
+        done=DonePoll(
+            READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))
+        ),
         read=result_reads(column, rate_sps),
     )
 
@@ -155,7 +163,7 @@ def board(rows: int = 3) -> Board:
         # Reads that clear every DONE bit.
         restart=tuple(read_register(chip.result_register(slot)) for slot in range(rows)),
         # The second column's configuration: after a reset it reads as the first column's.
-        setting_check=Check(
+        setting_check=ReadBackCheck(
             read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
         ),
         range_end_pf=chip.capacitance_pf(chip.CODE_MAX),

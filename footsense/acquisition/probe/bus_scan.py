@@ -73,7 +73,7 @@ def scan_bus(
     """
     upstream, has_mux = None, False
     try:
-        bus.free()
+        bus.free_bus()
         upstream = probe_addresses(bus.bus, claimed)  # a stuck line times out
         has_mux = _holds_selection(bus, 0)
     except BusError as error:
@@ -92,11 +92,11 @@ def scan_bus(
             channels[channel] = _scan_channel(bus.bus, clock, plan, known, is_leg=channel in legs.values())
         except BusTimeoutError as error:
             channels[channel] = ChannelScan((), Reading.BUS_STUCK, str(error))
-            if not bus.free():
+            if not bus.free_bus():
                 break
         except BusError as error:
             channels[channel] = ChannelScan((), Reading.DELAYED, str(error))
-    bus.free()
+    bus.free_bus()
     return BusScan(upstream, mux_answers=True, channels=channels, bus_timing=limits)
 
 

@@ -11,7 +11,7 @@ from footsense.foot.directions import angles_between_deg
 from footsense.frames import Stamps, Vector
 
 #: True force from which a direction is defined, and from which a foot is in contact [N].
-LOADED_N, CONTACT_N = 0.1, 0.02
+LOADED_THRESHOLD_N, CONTACT_THRESHOLD_N = 0.1, 0.02
 #: Multiples of sigma of which the coverage is counted.
 SIGMA_MULTIPLES = (1, 2, 3, 5)
 #: Period at which a consumer reads the last force [ns].
@@ -109,13 +109,13 @@ def rms_mn(error_n: Vector) -> float:
 
 def _angles_deg(true_n: Vector, force_n: Vector) -> Vector:
     """Return the angle between true and estimated force of each loaded foot [deg], shape (n,)."""
-    loaded = np.linalg.norm(true_n, axis=-1) >= LOADED_N
+    loaded = np.linalg.norm(true_n, axis=-1) >= LOADED_THRESHOLD_N
     return angles_between_deg(true_n[loaded], force_n[loaded])
 
 
 def _share_within_sigmas(true_n: Vector, force_n: Vector, sigma_n: Vector) -> tuple[float, ...]:
     """Return the fraction of force errors of feet in contact within each of `SIGMA_MULTIPLES` [1]."""
-    in_contact = np.linalg.norm(true_n, axis=-1) >= CONTACT_N
+    in_contact = np.linalg.norm(true_n, axis=-1) >= CONTACT_THRESHOLD_N
     error_sigmas = np.abs(force_n - true_n)[in_contact] / sigma_n[in_contact]
     return tuple(float((error_sigmas < k).mean()) for k in SIGMA_MULTIPLES)
 

@@ -7,7 +7,12 @@ from matplotlib.figure import Figure
 
 from footsense.benchmarks.latency_vs_error.chain import conversion_timing
 from footsense.benchmarks.touchdown.run import PublishedRun, simulate_touchdowns
-from footsense.benchmarks.touchdown.touchdowns import CONTACT_FORCE_N, TOUCHDOWNS, TREMOR_N, RandomTouchdowns
+from footsense.benchmarks.touchdown.touchdowns import (
+    CONTACT_THRESHOLD_N,
+    TOUCHDOWNS,
+    TREMOR_N,
+    RandomTouchdowns,
+)
 from footsense.frames import Mask, Vector
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
@@ -30,8 +35,8 @@ class Latencies:
     """Touchdown latencies (median, 99th percentile) and force error, for one type of touchdown.
 
     Attributes:
-        contact_ms: Latency of the flag CONTACT, from a load of `CONTACT_FORCE_N` on [ms].
-        force_ms: Latency of the first force above `CONTACT_FORCE_N` [ms].
+        contact_ms: Latency of the flag CONTACT, from a load of `CONTACT_THRESHOLD_N` on [ms].
+        force_ms: Latency of the first force above `CONTACT_THRESHOLD_N` [ms].
         error_mn: Error of the force along the leg in the time after a touchdown, rms [mN].
     """
 
@@ -47,7 +52,7 @@ class FalseReports:
     Attributes:
         minutes: Time in swing of all feet [min].
         contact: False flags CONTACT.
-        force: Forces above `CONTACT_FORCE_N` without load.
+        force: Forces above `CONTACT_THRESHOLD_N` without load.
         bound_per_h: Upper bound of a rate of which no case occurred, at 95 % [1/h].
         largest_mn: Largest force along the leg in swing [mN].
     """
@@ -77,7 +82,7 @@ class TouchdownResults:
 
 
 #: Latencies after each touchdown, of the flag and of the force [ms].
-_Each = tuple[Vector, Vector]
+_LatenciesMs = tuple[Vector, Vector]
 
 
 def _first_report_latency_ms(reported: Mask, sent_s: Vector, starts_s: Vector, crossed_s: Vector) -> Vector:
@@ -89,14 +94,14 @@ def _first_report_latency_ms(reported: Mask, sent_s: Vector, starts_s: Vector, c
 
 def _latencies(
     result: PublishedRun, steps: RandomTouchdowns, until_s: float, kind: int
-) -> tuple[_Each, float]:
+) -> tuple[_LatenciesMs, float]:
     """Return all touchdown latencies of one type [ms], and the rms force error after touchdown [mN]."""
     contact_ms, force_ms, squares_n2 = [], [], []
     for foot in np.flatnonzero(steps.kind == kind).tolist():
         complete = steps.crossed_s[foot] < until_s - 2 * _FORCE_ERROR_WINDOW_S
         times = result.sent_s, steps.starts_s[foot, complete], steps.crossed_s[foot, complete]
         contact_ms.append(_first_report_latency_ms(result.contact[:, foot], *times))
-        force_ms.append(_first_report_latency_ms(result.force_n[:, foot] > CONTACT_FORCE_N, *times))
+        force_ms.append(_first_report_latency_ms(result.force_n[:, foot] > CONTACT_THRESHOLD_N, *times))
         error_n = result.force_n[:, foot] - result.true_force_n[:, foot]
         for crossed_s in times[2].tolist():
             after = (result.sent_s > crossed_s) & (result.sent_s < crossed_s + _FORCE_ERROR_WINDOW_S)
@@ -123,13 +128,13 @@ def _false_reports(result: PublishedRun) -> FalseReports:
     return FalseReports(
         minutes=60 * hours,
         contact=count_false_reports(result.contact),
-        force=count_false_reports(result.force_n > CONTACT_FORCE_N),
+        force=count_false_reports(result.force_n > CONTACT_THRESHOLD_N),
         bound_per_h=_POISSON_UPPER_95_FOR_ZERO_EVENTS / hours,
         largest_mn=1e3 * float(np.nanmax(result.force_n[result.is_swing])),
     )
 
 
-def _figure(latencies: dict[str, _Each]) -> Figure:
+def _figure(latencies: dict[str, _LatenciesMs]) -> Figure:
     """Return a figure of the fraction of reported touchdowns over the time since touchdown."""
     figure, axes = subplot_row(2, 9.0, 3.4, sharey=True)
     for axis, speed in zip(axes, ("hard", "soft"), strict=True):
@@ -139,7 +144,9 @@ def _figure(latencies: dict[str, _Each]) -> Figure:
             share = 100 * np.arange(1, len(all_ms) + 1) / len(all_ms)
             axis.step(all_ms, share, style, where="post", color="tab:blue", label=label)
         axis.set(
-            title=f"{speed} touchdowns", xlabel=f"time since {1e3 * CONTACT_FORCE_N:g} mN [ms]", xlim=(0, 45)
+            title=f"{speed} touchdowns",
+            xlabel=f"time since {1e3 * CONTACT_THRESHOLD_N:g} mN [ms]",
+            xlim=(0, 45),
         )
     axes[0].set_ylabel("reported touchdowns [%]")
     axes[0].legend(fontsize=8, loc="lower right")
@@ -152,7 +159,7 @@ def compute(context: StudyContext) -> tuple[TouchdownResults, Plots]:
     steps = RandomTouchdowns(n_feet, until_s, np.random.default_rng(_SEED))
     result = simulate_touchdowns(context, steps, until_s, _SEED)
     latencies: dict[str, Latencies] = {}
-    every: dict[str, _Each] = {}
+    every: dict[str, _LatenciesMs] = {}
     for kind, name in enumerate(TOUCHDOWNS):
         every[name], error_mn = _latencies(result, steps, until_s, kind)
         contact_ms, force_ms = map(_p50_p99, every[name])
@@ -173,7 +180,7 @@ STUDY = Study(
     compute=compute,
     names={
         "TOUCHDOWNS": TOUCHDOWNS,
-        "contact_mn": 1e3 * CONTACT_FORCE_N,
+        "contact_mn": 1e3 * CONTACT_THRESHOLD_N,
         "tremor_mn": 1e3 * TREMOR_N,
         "after_ms": 1e3 * _FORCE_ERROR_WINDOW_S,
         "step_ms": conversion_timing(400).step_ns * 1e-6,

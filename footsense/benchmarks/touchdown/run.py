@@ -13,7 +13,7 @@ from footsense.benchmarks.latency_vs_error.chain import (
     latest_conversion_indices,
     quantized_capacitance_pf,
 )
-from footsense.benchmarks.touchdown.touchdowns import CONTACT_FORCE_N, RandomTouchdowns
+from footsense.benchmarks.touchdown.touchdowns import CONTACT_THRESHOLD_N, RandomTouchdowns
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
@@ -118,7 +118,7 @@ def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
         np.full((n_feet, ELEMENTS), trained.design.unloaded_pf),
         sensitivity=sensitivity(network, 1, trained.moments),
         tare=TareLimits(window_frames=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-        contact=ContactLimits(threshold_n=CONTACT_FORCE_N),
+        contact=ContactLimits(threshold_n=CONTACT_THRESHOLD_N),
         scan_ns=scan_ns,
         max_age_ns=4 * scan_ns,
         settled_ns=4 * scan_ns,

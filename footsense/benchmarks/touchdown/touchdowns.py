@@ -31,7 +31,7 @@ TOUCHDOWNS = {
 
 
 #: Load from which a foot counts as in contact [N].
-CONTACT_FORCE_N = 0.03
+CONTACT_THRESHOLD_N = 0.03
 #: First touchdown, and times in the air and on the ground after that [s].
 _FIRST_S, _SWING_S, _STANCE_S = 1.6, (0.55, 0.75), 0.35
 #: Fall time of the load [s], and time after lift-off until a foot counts as in swing [s].
@@ -39,7 +39,7 @@ _LIFT_S, _SETTLED_S = 0.05, 0.1
 #: Rise time up to which a load rises evenly [s], else rounded like a step of the walk.
 _MAX_LINEAR_RISE_S = 0.01
 #: Tremor of a foot in the air after a step of its neighbour [N, Hz, s]: an assumption, a quarter of a contact.
-TREMOR_N, _TREMOR_HZ, _TREMOR_S = CONTACT_FORCE_N / 4, 25.0, 0.05
+TREMOR_N, _TREMOR_HZ, _TREMOR_S = CONTACT_THRESHOLD_N / 4, 25.0, 0.05
 
 
 class RandomTouchdowns:
@@ -53,7 +53,7 @@ class RandomTouchdowns:
     Attributes:
         kind: Number of the manner of each foot, shape (feet,).
         starts_s: First touch of each step [s], shape (feet, steps).
-        crossed_s: Time at which each step reaches `CONTACT_FORCE_N` along the leg [s], same shape.
+        crossed_s: Time at which each step reaches `CONTACT_THRESHOLD_N` along the leg [s], same shape.
         normals: Inward normal of each contact, shape (feet, steps, 3).
         upright: Share of the force of each foot that is along its leg [1], shape (feet,).
     """
@@ -69,7 +69,7 @@ class RandomTouchdowns:
         self.upright = np.cos(lean_rad)
         sin, up = np.sin(lean_rad)[:, None], np.broadcast_to(self.upright[:, None], azimuth_rad.shape)
         self.normals = np.stack((sin * np.cos(azimuth_rad), sin * np.sin(azimuth_rad), up), axis=2)
-        share = CONTACT_FORCE_N / (self._force_n * self.upright)
+        share = CONTACT_THRESHOLD_N / (self._force_n * self.upright)
         rises = np.where(self._rise_s <= _MAX_LINEAR_RISE_S, share, np.arccos(1 - 2 * share) / np.pi)
         self.crossed_s = self.starts_s + (rises * self._rise_s)[:, None]
 

@@ -20,7 +20,7 @@ _MIN_DWELL_NS = round(MIN_DWELL_S * 1e9)
 #: Half width of the mean of the reference about a scan [ns].
 _HALF_WINDOW_NS = 60_000_000
 #: Largest range in a dwell, of the force and of the largest change of capacitance [1]; rubber creeps by 2 % a second.
-_FORCE_REL, _CAPACITANCE_REL = 0.04, 0.05
+_FORCE_TOLERANCE_REL, _CAPACITANCE_TOLERANCE_REL = 0.04, 0.05
 #: Range of some dozen noisy values [standard deviations].
 _NOISE_RANGE_SIGMAS = 5.0
 
@@ -32,13 +32,13 @@ class UnloadedSpan(NamedTuple):
         t_ns: Mean time of the scans [ns].
         capacitance_pf: Mean reading of each element [pF], shape (9,).
         noise_pf: Standard deviation of the readings [pF], shape (9,).
-        force_n: Unsaturated reference samples [N], shape (n, 3).
+        reference_n: Unsaturated reference samples [N], shape (n, 3).
     """
 
     t_ns: float
     capacitance_pf: Vector
     noise_pf: Vector
-    force_n: Vector
+    reference_n: Vector
 
 
 def mean_unloaded(press: Press, span_ns: tuple[int, int]) -> UnloadedSpan:
@@ -54,15 +54,15 @@ def mean_unloaded(press: Press, span_ns: tuple[int, int]) -> UnloadedSpan:
 def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
     """Return start and end of the longest constant span of a press [ns]; equal if there is none."""
     t_ns = press.t_ns[pressed := is_in_span(press.t_ns, press.pressed_span_ns)]
-    force_n = _reference_means_n(press.reference, t_ns) - column_means(before.force_n)
+    force_n = _reference_means_n(press.reference, t_ns) - column_means(before.reference_n)
     change_pf = press.capacitance_pf[pressed] - before.capacitance_pf
     # A mean of n samples has less noise than each of them.
     n_beside = max(2 * _HALF_WINDOW_NS / sample_period_ns(press.reference), 1.0)
-    noise_n = _NOISE_RANGE_SIGMAS * column_deviations(before.force_n) / np.sqrt(n_beside)
+    noise_n = _NOISE_RANGE_SIGMAS * column_deviations(before.reference_n) / np.sqrt(n_beside)
     noise_pf = _NOISE_RANGE_SIGMAS * before.noise_pf
-    limit_n = _FORCE_REL * np.linalg.norm(force_n, axis=1, keepdims=True) + noise_n
+    limit_n = _FORCE_TOLERANCE_REL * np.linalg.norm(force_n, axis=1, keepdims=True) + noise_n
     largest_pf = np.fmax.reduce(np.abs(change_pf), axis=1, keepdims=True)
-    limit_pf = _CAPACITANCE_REL * largest_pf + noise_pf
+    limit_pf = _CAPACITANCE_TOLERANCE_REL * largest_pf + noise_pf
     first, last = longest_steady(t_ns, force_n, change_pf, limit_n, limit_pf)
     # The first and the last scan may be the ends of motions.
     start_ns, end_ns = int(t_ns[first]), int(t_ns[last])

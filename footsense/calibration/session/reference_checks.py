@@ -19,10 +19,15 @@ from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, rotation_matri
 #: Fewest loads of a finding.
 _MIN_LOADS = 5
 #: Ratio of magnitudes that no foot reaches, and the ratio to which another unit has to explain it.
-_MAGNITUDE_RATIO, _EXPLAINED_RATIO = 2.0, 1.5
+_SUSPICIOUS_RATIO_THRESHOLD, _EXPLAINED_RATIO_THRESHOLD = 2.0, 1.5
 #: Mean angles [deg]: that hardly a foot reaches; by which other axes have to be better, and better than the next; that
 #: no foot reaches, even if no axes fit: of 60 made as badly as the paper's, the worst errs by 35.
-_SUSPICIOUS_DEG, _MIN_IMPROVEMENT_DEG, _MIN_LEAD_DEG, _IMPOSSIBLE_DEG = 35.0, 20.0, 8.0, 50.0
+_SUSPICIOUS_ANGLE_THRESHOLD_DEG, _MIN_IMPROVEMENT_DEG, _MIN_LEAD_DEG, _IMPOSSIBLE_ANGLE_THRESHOLD_DEG = (
+    35.0,
+    20.0,
+    8.0,
+    50.0,
+)
 
 
 def reference_findings(test_stand: StandConfig, reference_n: Vector, estimate_n: Vector) -> list[str]:
@@ -46,7 +51,7 @@ def reference_findings(test_stand: StandConfig, reference_n: Vector, estimate_n:
 def _unit_findings(reference_n: Vector, estimate_n: Vector, units: str) -> Iterator[str]:
     """Yield a finding if another unit explains the ratio of reference to estimated magnitudes."""
     ratio = float(np.median(np.linalg.norm(reference_n, axis=1) / np.linalg.norm(estimate_n, axis=1)))
-    if abs(math.log(ratio)) < math.log(_MAGNITUDE_RATIO):
+    if abs(math.log(ratio)) < math.log(_SUSPICIOUS_RATIO_THRESHOLD):
         return
     off = {
         unit: abs(math.log(ratio * value / NEWTONS_PER_UNIT[units]))
@@ -54,7 +59,7 @@ def _unit_findings(reference_n: Vector, estimate_n: Vector, units: str) -> Itera
     }
     best = min(off, key=off.__getitem__)
     finding = f"the reference reads {ratio:.3g} times the force that the foot itself estimates"
-    if best != units and off[best] < math.log(_EXPLAINED_RATIO):
+    if best != units and off[best] < math.log(_EXPLAINED_RATIO_THRESHOLD):
         yield f"{finding}: its readings seem to be in {best}, and the test stand's file says units: {units}"
     else:
         yield (
@@ -66,7 +71,7 @@ def _unit_findings(reference_n: Vector, estimate_n: Vector, units: str) -> Itera
 def _axis_findings(reference_n: Vector, estimate_n: Vector, test_stand: StandConfig) -> Iterator[str]:
     """Yield a finding if other axes explain the angles between reference and estimated forces."""
     given_deg = float(angles_between_deg(reference_n, estimate_n).mean())
-    if given_deg < _SUSPICIOUS_DEG:
+    if given_deg < _SUSPICIOUS_ANGLE_THRESHOLD_DEG:
         return
     axes, to_sensor = astuple(test_stand.axes), rotation_matrix(test_stand.mount_deg).T
     inner_n = reference_n @ to_sensor.T
@@ -82,7 +87,7 @@ def _axis_findings(reference_n: Vector, estimate_n: Vector, test_stand: StandCon
         names = [_signed_axis(axes[source], sign) for source, sign in zip(order, signs, strict=True)]
         fits = ", ".join(f"{axis}: {name}" for axis, name in zip("xyz", names, strict=True))
         yield f"{finding}: axes: {{{fits}}} would fit to {best_deg:.0f} deg"
-    elif given_deg > _IMPOSSIBLE_DEG:
+    elif given_deg > _IMPOSSIBLE_ANGLE_THRESHOLD_DEG:
         yield (
             f"{finding}; check the signs of axes in the test stand's file, and press from more sides to see which "
             "would fit"

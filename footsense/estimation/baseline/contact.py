@@ -21,7 +21,7 @@ from footsense.estimation.baseline.swing_noise import SwingNoise
 from footsense.frames import CommandKind, Vector
 
 #: A fall ends contact below this share of the mean load over the last second or so [1].
-_FALLEN_LOAD_REL = 0.3
+_LIFT_OFF_THRESHOLD_REL = 0.3
 _RECENT_MEAN_S = 1.0
 
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
@@ -123,8 +123,8 @@ class ContactDetector:
         self._recent_n = 0.0
         self._touched_ns = t_ns
         self._peak_n = self._predicted_peak_n = 0.0
-        self.noise.interrupt(t_ns)
-        self.predicted_noise.interrupt(t_ns)
+        self.noise.discard_pending(t_ns)
+        self.predicted_noise.discard_pending(t_ns)
         # The highest load of the last _LOW_NS to twice that, in two windows.
         self._highest_before_n = self._highest_n = math.inf
         self._window_start_ns = t_ns
@@ -165,7 +165,7 @@ class ContactDetector:
             lift_n = 0.5 * noise.threshold_n
             # Measured above the baseline if the floor is below it: a foot must be able to leave contact.
             fallen = (
-                load_n < _FALLEN_LOAD_REL * self._recent_n
+                load_n < _LIFT_OFF_THRESHOLD_REL * self._recent_n
                 and load_n - max(floor_n, 0.0) < lift_n + self.drift_n
             )
             if not (fallen or above_n < lift_n):
@@ -176,8 +176,8 @@ class ContactDetector:
             self.in_contact = True
             self._touched_ns = self._loaded_ns = t_ns
             self._peak_n, self._predicted_peak_n = above_n, predicted_above_n
-            noise.interrupt(t_ns)
-            predicted_noise.interrupt(t_ns)
+            noise.discard_pending(t_ns)
+            predicted_noise.discard_pending(t_ns)
         else:
             noise.block_n.append(above_n)
             if t_ns >= noise.end_ns:
@@ -207,10 +207,10 @@ class ContactDetector:
             peaks = (self.noise, self._peak_n), (self.predicted_noise, self._predicted_peak_n)
             if all(peak_n < _SHAKE_MAX_THRESHOLDS * noise.threshold_n for noise, peak_n in peaks):
                 for noise, peak_n in peaks:
-                    noise.learn(peak_n)
+                    noise.add_peak(peak_n)
         self._lifted_ns = self._window_start_ns = t_ns
-        self.noise.interrupt(t_ns)
-        self.predicted_noise.interrupt(t_ns)
+        self.noise.discard_pending(t_ns)
+        self.predicted_noise.discard_pending(t_ns)
         # A foot can be pressed, not pulled: a floor below the baseline's error would turn the next reading into a
         # touchdown.
         self.floor_n = max(load_n, -baseline_error_n)

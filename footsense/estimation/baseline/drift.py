@@ -91,14 +91,14 @@ class LegBaseline:
         self.moved_ns = self.updated_ns = t_ns
         self.offset_pf = (0.0, 0.0)
         self.variance_pf2 = _TARE_PF2
-        self.hold()
+        self.pause_tracking()
 
-    def hold(self, reason: BaselineStatus = BaselineStatus.HELD) -> None:
+    def pause_tracking(self, reason: BaselineStatus = BaselineStatus.HELD) -> None:
         """Pause drift tracking and leave the baseline unchanged; `reason` becomes the status."""
         self._before = None
         self.status = reason
 
-    def follow(self, capacitance_pf: Vector, t_ns: Stamps) -> bool:
+    def track_drift(self, capacitance_pf: Vector, t_ns: Stamps) -> bool:
         """Update the baseline from readings of a foot in swing, if drift and creep could explain them.
 
         Nothing happens until every element has been read anew since the last call that counted.

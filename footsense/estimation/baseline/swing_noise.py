@@ -42,9 +42,9 @@ class SwingNoise:
         self._least_n = least_n
         self._n = 0
         self._mean_n = self._variance_n2 = self._highest_n = 0.0
-        self.interrupt(0)
+        self.discard_pending(0)
 
-    def interrupt(self, t_ns: int) -> None:
+    def discard_pending(self, t_ns: int) -> None:
         """Discard peaks not learnt yet, because of a contact or a new swing from `t_ns` [ns] on."""
         self._waiting: deque[float] = deque(maxlen=_MAX_SHAKE_BLOCKS)
         self.block_n: list[float] = []
@@ -59,9 +59,9 @@ class SwingNoise:
         if known_n:
             waiting.append(max(*known_n, 0.0))
         while is_back and len(waiting) > _HELD_BACK_BLOCKS:
-            self.learn(waiting.popleft())
+            self.add_peak(waiting.popleft())
 
-    def learn(self, peak_n: float) -> None:
+    def add_peak(self, peak_n: float) -> None:
         """Update the threshold with the peak load [N] of one block of swing."""
         self._n += 1
         share = 1.0 / min(self._n, _AVERAGED_BLOCKS)

@@ -212,7 +212,7 @@ class BaselineTracker:
                 swinging.append(leg)
                 continue
             if leg in swung or baseline.status is not held:
-                baseline.hold(held)
+                baseline.pause_tracking(held)
         self._swinging = swinging
         self._track_drift(capacitance_pf, t_ns, missing)
         if flags != self._flags:
@@ -227,7 +227,7 @@ class BaselineTracker:
                 baseline = self._baselines[leg]
                 # An element that is missing only for want of a baseline gets one.
                 ignored = missing[leg] & np.isfinite(baseline.baseline_pf)
-                moved |= baseline.follow(np.where(ignored, np.nan, capacitance_pf[leg]), t_ns[leg])
+                moved |= baseline.track_drift(np.where(ignored, np.nan, capacitance_pf[leg]), t_ns[leg])
         if moved:
             self._copy_changed_baselines()
         elif list(map(_status_of, self._baselines)) != self._statuses:

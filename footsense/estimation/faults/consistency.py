@@ -27,7 +27,7 @@ from footsense.frames import Mask, Vector
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
 #: Share of the largest residual that goes into sigma [1]: its root mean square in fast gaits and steps is a third.
-INCONSISTENCY_REL = 0.5
+INCONSISTENCY_THRESHOLD_REL = 0.5
 #: Predicted closure from which the motion of an element can be tested [1].
 MIN_TESTED_MOTION_REL = 0.08
 #: Time for which an excluded element has to be consistent, loaded and unloaded each, until it is readmitted [ns].
@@ -37,9 +37,9 @@ READMITTED_ALONE_AFTER_NS = 10_000_000_000
 #: Rate at which it loses that time while it is inconsistent [1].
 READMISSION_LOSS_RATE = 4
 #: Time for which residuals have to have the same cause before it is acted on, over the time of a step [1].
-CAUSE_HOLD_REL = 0.25
+CAUSE_CONFIRMATION_TIME_REL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
-STUCK_REL = 0.3
+STUCK_THRESHOLD_REL = 0.3
 
 
 class ConsistencyResult(NamedTuple):
@@ -93,7 +93,7 @@ class ConsistencyTest:
         self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
         self._unexplained = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
-        self._hold_ns = round(CAUSE_HOLD_REL * settled_ns)
+        self._hold_ns = round(CAUSE_CONFIRMATION_TIME_REL * settled_ns)
         self._inconsistent = np.zeros(n_legs, bool)
         self._suspected = np.zeros(shape, bool)
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
@@ -190,7 +190,10 @@ class ConsistencyTest:
             self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
         inconsistency_rel = float(
-            INCONSISTENCY_REL * excess * _residual_limit_rel(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
+            INCONSISTENCY_THRESHOLD_REL
+            * excess
+            * _residual_limit_rel(rms, motion_rel)
+            / max(rms, RESIDUAL_LIMIT)
         )
         if now_ns - self._suspected_since_ns[leg] < self._hold_ns:
             return inconsistency_rel
@@ -246,7 +249,7 @@ class ConsistencyTest:
     def _is_stuck(self) -> Mask:
         """Return the mask of the elements that do not move although their prediction does."""
         measured, predicted = self._extremes[:, 1] - self._extremes[:, 0]
-        stuck: Mask = (predicted > MIN_TESTED_MOTION_REL) & (measured < STUCK_REL * predicted)
+        stuck: Mask = (predicted > MIN_TESTED_MOTION_REL) & (measured < STUCK_THRESHOLD_REL * predicted)
         return stuck
 
     def _residual_over_limit(self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0) -> float:

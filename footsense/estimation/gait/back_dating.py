@@ -9,13 +9,13 @@ from typing import NamedTuple
 #: Conversions that are kept: the hold of a contact, and the fall before it.
 N_BUFFERED_CONVERSIONS = 40
 #: Share of the load at the touchdown [1] whose passing dates it, and the loads among which it is looked for.
-_PASSED_REL, _N_SEARCHED_LOADS = 0.18, 12
+_PASSED_LOAD_REL, _N_SEARCHED_LOADS = 0.18, 12
 #: Time from the touchdown to that passing: what the readings lag [s], and over the time since then [1]; and the spread
 #: of both. Fitted to stances on rough ground, of other seeds than judge.
 _LAG_S, _LAG_SIGMA_S = 4.5e-3, 2.3e-3
 _FLAT_REL, _FLAT_SIGMA_REL = 0.5, 0.25
 #: Shares of the largest load through which the line of a fall goes, from high to low [1].
-_HIGH_REL, _LOW_REL = 0.4, 0.1
+_FIT_UPPER_LOAD_REL, _FIT_LOWER_LOAD_REL = 0.4, 0.1
 #: From the end of a load to the zero of that line, of loads that are means of a whole scan, and its spread [ns], [s].
 _FALL_LAG_NS, _FALL_SIGMA_S = 16_500_000, 5.5e-3
 
@@ -52,7 +52,7 @@ def touchdown(loads: Sequence[LegLoads], row: int) -> BackDated:
         row: Row of the leg.
     """
     t_ns, load_n = loads[-1].t_ns, loads[-1].load_n[row]
-    passed_n = _PASSED_REL * load_n
+    passed_n = _PASSED_LOAD_REL * load_n
     later_ns, later_n = t_ns, load_n
     for past in islice(reversed(loads), 1, 1 + _N_SEARCHED_LOADS):
         past_n = past.load_n[row]
@@ -84,9 +84,9 @@ def lift_off(loads: Sequence[LegLoads], row: int) -> BackDated:
     most_n = max(known_loads, key=itemgetter(1))[1]
     low_ns = high_ns = known_loads[-1][0]
     for t_ns, mean_n in reversed(known_loads):
-        if mean_n > _LOW_REL * most_n:
+        if mean_n > _FIT_LOWER_LOAD_REL * most_n:
             low_ns = t_ns
-            if mean_n > _HIGH_REL * most_n:
+            if mean_n > _FIT_UPPER_LOAD_REL * most_n:
                 high_ns = t_ns
-    fall_ns = round((low_ns - high_ns) * _LOW_REL / (_HIGH_REL - _LOW_REL))
+    fall_ns = round((low_ns - high_ns) * _FIT_LOWER_LOAD_REL / (_FIT_UPPER_LOAD_REL - _FIT_LOWER_LOAD_REL))
     return BackDated(low_ns + fall_ns - _FALL_LAG_NS, _FALL_SIGMA_S)

@@ -70,13 +70,13 @@ class Gas(NamedTuple):
             [MPa], shape (elements,), (1,) if all are alike, or one row for each load, (n, 9).
         ambient_mpa: Ambient pressure [MPa].
         exponent: Exponent n of the gas law.
-        leaked: A step s of time over the time constant of the leak [1]; 0 where nothing leaks.
+        leak_step_rel: A step s of time over the time constant of the leak [1]; 0 where nothing leaks.
     """
 
     amount_mpa: Vector
     ambient_mpa: float = AMBIENT_MPA
     exponent: float = ISOTHERMAL
-    leaked: float = 0.0
+    leak_step_rel: float = 0.0
 
     def scaled(self, softness: float) -> "Gas":
         """Return the gas state for a rubber softer by a factor, to be used with the unchanged compliance.
@@ -87,4 +87,4 @@ class Gas(NamedTuple):
 
     def after_step(self, excess_mpa: Vector) -> "Gas":
         """Return the gas state after a time step whose leakage is driven by an excess pressure [MPa]."""
-        return self._replace(amount_mpa=self.amount_mpa - self.leaked * excess_mpa, leaked=0.0)
+        return self._replace(amount_mpa=self.amount_mpa - self.leak_step_rel * excess_mpa, leak_step_rel=0.0)

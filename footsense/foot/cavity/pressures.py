@@ -85,7 +85,7 @@ class CavityPressures:
         gas = Gas(np.full(len(self._gap_um), 1e-3 * cavity.gas_kpa))
         if cavity.kind == "leaking":
             for _ in range(_N_SUSTAINED_STEPS):
-                gas = gas._replace(leaked=SUSTAINED_LOAD_S / _N_SUSTAINED_STEPS / cavity.leak_time_s)
+                gas = gas._replace(leak_step_rel=SUSTAINED_LOAD_S / _N_SUSTAINED_STEPS / cavity.leak_time_s)
                 gas = gas.after_step(self.closures_um(free_um, gas, contact=contact)[1])
         return self.closures_um(free_um, gas, contact=contact)[0]
 
@@ -93,9 +93,9 @@ class CavityPressures:
         """Return each cavity's relative volume [1] at an excess pressure [MPa], and its negative derivative [1/MPa]."""
         pressure_mpa = excess_mpa + gas.ambient_mpa
         remaining_volume: Vector = (gas.amount_mpa / pressure_mpa) ** (1.0 / gas.exponent)
-        volume: Vector = remaining_volume - gas.leaked * excess_mpa / pressure_mpa
+        volume: Vector = remaining_volume - gas.leak_step_rel * excess_mpa / pressure_mpa
         return volume, (
-            remaining_volume / gas.exponent + gas.leaked * gas.ambient_mpa / pressure_mpa
+            remaining_volume / gas.exponent + gas.leak_step_rel * gas.ambient_mpa / pressure_mpa
         ) / pressure_mpa
 
     def _pressures_without_contact_mpa(self, free_um: Vector, gas: Gas) -> Vector:

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta
 
 from footsense.errors import ModelError
-from footsense.foot.capacitor import GAP_CLOSED_REL, CapacitorDesign
+from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL, CapacitorDesign
 from footsense.frames import ELEMENT_COUNTS, Vector
 
 #: Key of the card in the file's metadata.
@@ -81,7 +81,7 @@ class TrainedInputs:
         Args:
             gap_um: Air gap of each element [um], shape (..., elements).
         """
-        closed_rel: Vector = GAP_CLOSED_REL * (gap_um / self.design.gap_um)
+        closed_rel: Vector = GAP_CLOSED_THRESHOLD_REL * (gap_um / self.design.gap_um)
         return closed_rel
 
     def usable_max_rel(self, gap_um: Vector) -> Vector:

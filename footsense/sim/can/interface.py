@@ -122,7 +122,7 @@ class SimulatedCan:
             self.queue.check_carrier(t_ns)
         for sender in self._senders:
             if sender.due_ns <= t_ns:
-                sender.send()
+                sender.queue_due_frame()
                 if not sender.is_node and self.up:
                     self.queue.put(QueuedFrame(t_ns, pack_frame(sender.can_id, bytes(8)), from_socket=False))
         self.controller.start_transmission(t_ns)

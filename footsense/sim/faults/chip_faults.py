@@ -31,8 +31,8 @@ class SimulatedEeprom:
         return bytes(self._memory[(self._pointer + k) % 256] for k in range(n))
 
 
-_LINE_FAULT_TYPES = (scene_faults.NackAtRandom, scene_faults.CorruptReads)
-_CONVERTER_FAULT_TYPES = (*_LINE_FAULT_TYPES, scene_faults.WrongChip)
+_I2C_FAULT_TYPES = (scene_faults.NackAtRandom, scene_faults.CorruptReads)
+_CONVERTER_FAULT_TYPES = (*_I2C_FAULT_TYPES, scene_faults.WrongChip)
 
 
 class _FailingChip:
@@ -109,7 +109,7 @@ def failing_chips(
                 pass
     failing: list[SimulatedChip] = []
     for chip, kinds in zip(
-        chips, (_CONVERTER_FAULT_TYPES, *(_LINE_FAULT_TYPES for _ in switches)), strict=True
+        chips, (_CONVERTER_FAULT_TYPES, *(_I2C_FAULT_TYPES for _ in switches)), strict=True
     ):
         own = [fault for fault in faults if isinstance(fault, kinds)]
         failing.append(_FailingChip(chip, own, rng) if own else chip)

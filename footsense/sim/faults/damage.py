@@ -14,7 +14,7 @@ from footsense.sim.faults.schedule import Schedule
 #: Capacitance of an element without electrode, or of a column without line: a piece of trace [pF].
 OPEN_ELEMENT_PF = 0.1
 
-_LINE_FAULT_TYPES = (scene_faults.BrokenColumn, scene_faults.BrokenRow, scene_faults.ElementShorted)
+_ROW_OR_COLUMN_FAULT_TYPES = (scene_faults.BrokenColumn, scene_faults.BrokenRow, scene_faults.ElementShorted)
 
 
 class WiredFoot:
@@ -34,7 +34,7 @@ class WiredFoot:
     ) -> None:
         self._undamaged_pf = undamaged_pf
         self._on_lines = Schedule(
-            (fault.span_ns, fault) for fault in faults if isinstance(fault, _LINE_FAULT_TYPES)
+            (fault.span_ns, fault) for fault in faults if isinstance(fault, _ROW_OR_COLUMN_FAULT_TYPES)
         )
         self._on_elements = Schedule(
             # What has drifted stays.
@@ -43,7 +43,7 @@ class WiredFoot:
                 fault,
             )
             for fault in faults
-            if not isinstance(fault, _LINE_FAULT_TYPES)
+            if not isinstance(fault, _ROW_OR_COLUMN_FAULT_TYPES)
         )
         self.rows = foot.response.rows
         design = foot.response.design

@@ -80,7 +80,7 @@ class WireFaults:
         if not acting:
             return True
         lost = [fault.rate_rel for fault in acting if isinstance(fault, ArbitrationLost)]
-        holding = [fault for fault in acting if self._holds_line(fault, mux.control)]
+        holding = [fault for fault in acting if self._holds_sda_low(fault, mux.control)]
         if holding and not self._compares:
             if address == _ALL_ONES:
                 self._released += [f for f in holding if isinstance(f, StuckSda) and f.within_byte]
@@ -94,7 +94,7 @@ class WireFaults:
             clock.advance_ns(host_cost_ns + _ARBITRATION_LOST_AFTER_NS)
         raise BusTimeoutError("arbitration lost four times")
 
-    def _holds_line(self, fault: OnWires, selection: int) -> bool:
+    def _holds_sda_low(self, fault: OnWires, selection: int) -> bool:
         """Return whether an active fault holds SDA of the bus low, given the selected mux channels."""
         if fault in self._released:
             return False

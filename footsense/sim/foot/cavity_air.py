@@ -44,9 +44,9 @@ class CavityAir:
         elapsed_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
         self._t_ns = t_ns
         warmth = 1.0 + kelvin / ROOM_K
-        leaked = elapsed_s / self._foot.cavity.leak_time_s
+        leak_step_rel = elapsed_s / self._foot.cavity.leak_time_s
         # A softer solid closes as far as the given one under a smaller load and smaller pressures.
-        gas = Gas(warmth * self._amount_mpa, self._ambient_mpa, leaked=leaked).scaled(softness)
+        gas = Gas(warmth * self._amount_mpa, self._ambient_mpa, leak_step_rel=leak_step_rel).scaled(softness)
         element_pf, after = self._foot.after_step(normal[None], softness * force_n[None], gas)
         self._amount_mpa = after.amount_mpa[0] / (warmth * softness)
         capacitance_pf: Vector = element_pf[0]

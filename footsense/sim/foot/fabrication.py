@@ -69,18 +69,20 @@ def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foo
     )
 
 
-def with_new_mounting(own: Deviations, remount_deg: float, seed: int, foot: int, mounting: int) -> Deviations:
+def with_new_mounting(
+    deviations: Deviations, remount_deg: float, seed: int, foot: int, mounting: int
+) -> Deviations:
     """Return a foot's deviations after it was taken off and mounted again: rotated by a further small angle.
 
     Args:
-        own: Deviations of the foot.
+        deviations: Deviations of the foot.
         remount_deg: Rms rotation of a mounting [deg].
         seed: Seed of all feet.
         foot: Number of the foot.
         mounting: Number of the mounting.
     """
     random = np.random.default_rng((seed, foot, mounting, 7))
-    return replace(own, mount=_draw_rotation(random, remount_deg) @ own.mount)
+    return replace(deviations, mount=_draw_rotation(random, remount_deg) @ deviations.mount)
 
 
 def _draw_at_least(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector:

@@ -113,11 +113,11 @@ def test_a_leak_goes_from_sealed_to_vented() -> None:
     step_s = 0.005
     tau_s = 2.0 * (1.0 + AMBIENT_MPA * OWN_UM_PER_MPA / GAP_UM)
     for number in range(1, 601):
-        _, gas = leaking.after_step(up, force_n, gas._replace(leaked=step_s / 2.0))
+        _, gas = leaking.after_step(up, force_n, gas._replace(leak_step_rel=step_s / 2.0))
         if number in (100, 600):
             left = (vented_um - leaking.cells_um(up, force_n, gas).mean()) / (vented_um - sealed_um)
             assert left == pytest.approx(np.exp(-number * step_s / tau_s), rel=0.02)
-    _, gas = leaking.after_step(up, force_n, gas._replace(leaked=1e9))
+    _, gas = leaking.after_step(up, force_n, gas._replace(leak_step_rel=1e9))
     assert leaking.cells_um(up, force_n, gas).mean() == pytest.approx(vented_um, rel=1e-6)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from footsense.errors import ModelError
-from footsense.foot.capacitor import GAP_CLOSED_REL
+from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
 from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS, read_card
 from tests.support.networks import CARD, MOMENTS, card, signals
 
@@ -31,7 +31,7 @@ def test_a_card_that_fits_says_what_the_pipeline_needs() -> None:
     np.testing.assert_array_equal(trained.moments, MOMENTS)
     gap_um = np.array([10.0, 20.0, 40.0])
     np.testing.assert_allclose(
-        trained.gap_closed_threshold_rel(gap_um), GAP_CLOSED_REL * np.array([0.5, 1.0, 2.0])
+        trained.gap_closed_threshold_rel(gap_um), GAP_CLOSED_THRESHOLD_REL * np.array([0.5, 1.0, 2.0])
     )
     assert trained.usable_max_rel(np.full(9, 40.0)).tolist() == [0.8] * 9
 

@@ -127,7 +127,7 @@ def compute(
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
     kept = kept or (None if context.quick else KEPT_FEET_FOLDER)
-    evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every, kept=kept)
+    evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every, cache_folder=kept)
     for one in run_in_processes(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
         context.report_progress(_progress_line(one))

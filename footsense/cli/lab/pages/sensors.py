@@ -20,7 +20,7 @@ from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.cli.lab.pages.array_networks import FULL, QUICK, NetworkErrors, TrainingSize, network_errors
 from footsense.config import DEFAULT
-from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, GAP_CLOSED_REL
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, GAP_CLOSED_THRESHOLD_REL
 from footsense.foot.direction_sets import direction_grid, paper_directions
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
@@ -158,7 +158,9 @@ def range_n(foot: Foot, max_n: float) -> list[float]:
     for force_n in np.arange(MOST_REL, 0.0, -STEP_REL) * max_n:
         pf = foot.capacitance_pf(direction, force_n * direction)
         closure_um = design.closure_um(pf, foot.unloaded_pf).max(axis=1)
-        reached[(closure_um > GAP_CLOSED_REL * design.gap_um) | (pf.max(axis=1) > FULL_SCALE_PF)] = force_n
+        reached[
+            (closure_um > GAP_CLOSED_THRESHOLD_REL * design.gap_um) | (pf.max(axis=1) > FULL_SCALE_PF)
+        ] = force_n
     least: list[float] = reached.reshape(len(AZIMUTHS_DEG), -1).min(axis=0).round(3).tolist()
     return least
 

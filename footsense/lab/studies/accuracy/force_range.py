@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.faults.consistency import ConsistencyTest
 from footsense.estimation.steady_windows import steady_windows
-from footsense.foot.capacitor import GAP_CLOSED_REL
+from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
 from footsense.foot.direction_sets import direction_grid, random_directions
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.files.network_card import TrainedInputs
@@ -30,7 +30,7 @@ from footsense.sim.foot.fabrication import PAPER_TOLERANCES, fabricate
 AZIMUTHS_DEG, ELEVATIONS_DEG = (0.0, 15.0, 30.0, 45.0), tuple(float(e) for e in range(35, 91, 5))
 _FORCE_STEP_N = 0.02
 #: Borders of the bands of the largest closure over the element's own gap [1].
-CLOSURE_BAND_EDGES_REL = (0.0, 0.5, 0.7, 0.8, 0.9, GAP_CLOSED_REL, np.inf)
+CLOSURE_BAND_EDGES_REL = (0.0, 0.5, 0.7, 0.8, 0.9, GAP_CLOSED_THRESHOLD_REL, np.inf)
 #: Feet made like the paper's, loads of each, their lowest elevation [deg] and the seed.
 _FEET, _QUICK_FEET, _LOADS, _MIN_ELEVATION_DEG, _SEED = 20, 1, 600, 32.0, 8
 #: Lower border of the ambiguous region [1], and an error that is too large to be used [deg].
@@ -97,7 +97,7 @@ def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
         closure_um = design.closure_um(pf, foot.unloaded_pf).max(axis=1)
         for name, beyond in (
             ("contact", free_um.max(axis=1) > design.gap_um),
-            ("closed", closure_um > GAP_CLOSED_REL * design.gap_um),
+            ("closed", closure_um > GAP_CLOSED_THRESHOLD_REL * design.gap_um),
             ("saturated", pf.max(axis=1) > FULL_SCALE_PF),
         ):
             reached[name][beyond] = force_n

@@ -227,7 +227,7 @@ def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator)
     gas, sampled = Gas(np.full((len(force_n), ELEMENTS), AMBIENT_MPA)), []
     for step_s in np.diff(times_s, prepend=0.0).tolist():
         element_pf, gas = foot.after_step(
-            normal, force_n, gas._replace(leaked=step_s / foot.cavity.leak_time_s)
+            normal, force_n, gas._replace(leak_step_rel=step_s / foot.cavity.leak_time_s)
         )
         sampled.append(element_pf)
     over_time = np.stack(sampled)

@@ -34,7 +34,7 @@ class Swinging:
     def read(self, offset_ff: float | np.ndarray, n: int = 1, passed_ns: int = S // 40) -> None:
         for _ in range(n):
             self.t_ns += passed_ns
-            self.baseline.follow(UNLOADED_PF + np.asarray(offset_ff) * 1e-3, np.full(9, self.t_ns))
+            self.baseline.track_drift(UNLOADED_PF + np.asarray(offset_ff) * 1e-3, np.full(9, self.t_ns))
 
 
 @given(
@@ -51,7 +51,7 @@ def test_no_reading_moves_it_faster_or_farther_than_it_may(
     start_ns = foot.t_ns
     for offset_ff, n, passed_ns, grounded in history:
         if grounded:
-            foot.baseline.hold()
+            foot.baseline.pause_tracking()
             foot.t_ns += passed_ns
         else:
             foot.read(offset_ff, n, passed_ns)
@@ -93,7 +93,7 @@ def test_a_lift_off_begins_with_two_new_readings() -> None:
     """The last reading before a stance confirms nothing after it."""
     foot = Swinging()
     foot.read(0.5, 3)
-    foot.baseline.hold()
+    foot.baseline.pause_tracking()
     held_pf = foot.baseline.baseline_pf
     foot.read(0.6)
     np.testing.assert_array_equal(foot.baseline.baseline_pf, held_pf)
@@ -109,7 +109,7 @@ def test_a_frame_counts_only_if_every_element_was_read_anew() -> None:
     for frame in range(27):
         stamps = stamps.copy()
         stamps[frame % 9] = foot.t_ns + (frame + 1) * 2_500_000
-        moved.append(foot.baseline.follow(UNLOADED_PF + 1e-3, stamps))
+        moved.append(foot.baseline.track_drift(UNLOADED_PF + 1e-3, stamps))
     assert sum(moved) == 2
 
 

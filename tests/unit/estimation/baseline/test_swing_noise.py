@@ -21,7 +21,7 @@ class Signal:
     def __init__(self) -> None:
         self.noise = SwingNoise(START_N, LEAST_N)
         self.t_s = 1.0
-        self.noise.interrupt(round(self.t_s * 1e9))
+        self.noise.discard_pending(round(self.t_s * 1e9))
 
     def feed(self, values_n: Iterable[float]) -> float:
         """Observe values [N], and return the threshold [N]."""
@@ -86,5 +86,5 @@ def test_the_rise_of_a_touchdown_is_not_learnt() -> None:
     signal = Signal()
     signal.feed(np.zeros(400))
     signal.feed([0.0, 0.02, 0.1, 0.3, 0.6, 1.0])
-    signal.noise.interrupt(round(signal.t_s * 1e9))
+    signal.noise.discard_pending(round(signal.t_s * 1e9))
     assert signal.feed(np.zeros(100)) == LEAST_N
