@@ -1,1 +1,1 @@
-"""From converter codes to `CapFrame`: boards, transports, scanner; hardware and simulation share the drivers."""
+"""Read the feet: from converter chips or a microcontroller to `CapFrame`; simulation uses the same drivers."""

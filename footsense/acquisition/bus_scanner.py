@@ -1,4 +1,4 @@
-"""Scan all legs of one I2C bus: the state machine above groups of legs and the way to their chips.
+"""Scanner of all legs of one I2C bus: conversions in sequence, restarts, and retries of missing legs.
 
 Behind a mux that footsense drives, all legs are one group; behind a mux that the kernel drives, each leg is a group,
 and the traffic of the others fills the time in which it converts. A group without a leg that converts waits as long as
@@ -31,7 +31,7 @@ _TEMPERATURE_PERIOD_NS = _TIMING_PERIOD_NS = 10_000_000_000
 
 
 class BusScanner:
-    """Scanner of all legs on one I2C bus.
+    """Scanner of all legs on one I2C bus: reads one element of every leg per call.
 
     Args:
         transport: The way to their chips.
@@ -74,11 +74,11 @@ class BusScanner:
 
     @property
     def wait_ns(self) -> int:
-        """Time of one conversion [ns]."""
+        """Duration of one conversion [ns]."""
         return self._plan.wait_ns
 
     def start(self) -> None:
-        """Measure the bus, find every leg's chips and set them up; legs that are missing are tried again later.
+        """Measure the bus timing, and set up every leg's chips; missing legs are tried again later.
 
         Raises:
             HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
@@ -106,7 +106,7 @@ class BusScanner:
         self._timing_due_ns = self.clock.now_ns() + _TIMING_PERIOD_NS * 3 // 2
 
     def read(self) -> BusReadings:
-        """Read the next element of every leg, and return a copy of the latest readings of all elements.
+        """Read the next element of every leg; return a copy of the latest readings of all elements.
 
         The conversion after it is then running.
         """
@@ -131,12 +131,12 @@ class BusScanner:
         t_ns, capacitance_pf, reading = self.latest
         return BusReadings(t_ns.copy(), capacitance_pf.copy(), reading.copy())
 
-    def stop(self) -> None:
-        """Disconnect all legs from the bus."""
+    def disconnect_legs(self) -> None:
+        """Disconnect all legs from the bus: select no mux channel."""
         self._transport.disconnect_legs()
 
     def _start_missing(self) -> None:
-        """Restart groups without a conversion; all groups if one is so old that the loop must have been delayed."""
+        """Start conversions in groups without one; in all groups if the loop was delayed for too long."""
         now_ns, late = self.clock.now_ns(), False
         for group in self._groups:
             late |= group.running is not None and now_ns > group.running.t_start_ns + self._late_ns
@@ -161,7 +161,7 @@ class BusScanner:
             self._end_scan()
 
     def _end_scan(self) -> None:
-        """Count the scan of every leg, and look for legs that were left out.
+        """Count the readings missed in the scan, and search for legs that were left out of it.
 
         Choose the leg that is asked for its lines by itself in the next scan: one a scan, in one of the diagonal
         elements, which have all rows and columns; one in four scans where that takes time.
@@ -184,7 +184,7 @@ class BusScanner:
                 group.running = None
 
     def _read_temperatures(self) -> None:
-        """Read the temperature of all converters if that is due; conversions that run are discarded.
+        """Read the temperature of all converters if that is due; discards running conversions.
 
         The converters lose their settings by it, and get them again when conversions restart.
         """
@@ -202,7 +202,7 @@ class BusScanner:
             group.read_temperatures(thermometer, legs)
 
     def _time_converter(self) -> None:
-        """Time a converter if that is due, in turn; conversions that run are discarded.
+        """Measure the conversion time of one converter, in turn, if that is due; discards running conversions.
 
         One that is not timed, or that does not finish since it was, is preferred, but not twice in a row.
         """
@@ -220,4 +220,5 @@ class BusScanner:
         self._group_of(self._timed).time_converter(self._timed)
 
     def _group_of(self, leg: LegConnection) -> LegGroup:
+        """Return the group of legs to which a leg belongs."""
         return next(group for group in self._groups if leg in group.legs)

@@ -1,4 +1,4 @@
-"""The cost of a bus's transactions, measured at start, and the limits of the scan that follow from it.
+"""Duration of I2C transactions on a bus, measured at start, and the scan limits that follow from it.
 
 A Linux adapter does not report its clock, and often does not keep the configured one: on a Raspberry Pi it follows the
 processor's. So two reads of one chip, a short and a long one, are timed: their difference gives the clock, the rest is
@@ -20,7 +20,7 @@ _N_TRIES = 9
 
 
 class BusCosts(NamedTuple):
-    """The cost of a transaction on one bus.
+    """Duration of a transaction on one bus: bus clock rate, and fixed cost on the host.
 
     Attributes:
         rate_hz: Clock of the bus [Hz].
@@ -31,16 +31,16 @@ class BusCosts(NamedTuple):
     host_cost_ns: float
 
     def transaction_ns(self, n_write: int, n_read: int = 0) -> float:
-        """Return the time of a transaction that writes and reads so many bytes [ns]."""
+        """Return the duration of a transaction that writes and reads so many bytes [ns]."""
         return transaction_bits(n_write, n_read) * 1e9 / self.rate_hz + BUS_FREE_NS + self.host_cost_ns
 
     def total_ns(self, transactions: Iterable[Transaction]) -> float:
-        """Return the time of several transactions [ns]."""
+        """Return the total duration of several transactions [ns]."""
         return sum(self.transaction_ns(len(each.write), each.n_read) for each in transactions)
 
 
 def measure_bus_costs(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
-    """Return a bus's clock and host cost, measured by short and long reads of a chip that repeats one byte.
+    """Return a bus's clock rate and host cost, measured by short and long reads of one chip.
 
     Args:
         bus: The adapter.
@@ -75,7 +75,7 @@ def measure_bus_costs(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
 
 
 class BusTiming(NamedTuple):
-    """Transaction cost and scan limits of one I2C bus.
+    """Transaction costs and scan period limits of one I2C bus.
 
     Attributes:
         costs: Cost of its transactions.
@@ -91,11 +91,11 @@ class BusTiming(NamedTuple):
 
     @property
     def delayed_conversion_age_ns(self) -> int:
-        """Age of a conversion from which the loop must have been delayed [ns]: two steps."""
+        """Age of a conversion that shows that the loop was delayed [ns]: two conversion steps."""
         return 2 * self.limits.scan_ns // self.n_elements
 
     def __str__(self) -> str:
-        """Return one line for the journal."""
+        """Return the timing as one line of text for the log."""
         rate_hz, host_cost_ns = self.costs
         return (
             f"{rate_hz * 1e-3:.0f} kHz and {host_cost_ns * 1e-3:.0f} us of host per transaction; the best scan takes "
@@ -105,7 +105,7 @@ class BusTiming(NamedTuple):
 
 
 def bus_timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool) -> BusTiming:
-    """Return the transaction costs, the scan limits and the conversion time of a bus.
+    """Return the transaction costs, scan limits and conversion time of a bus.
 
     Args:
         costs: Cost of its transactions.
@@ -127,7 +127,7 @@ def bus_timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool
 
 
 def time_for_checks(costs: BusCosts, plan: ScanPlan, n_legs: int) -> tuple[bool, bool]:
-    """Return which checks fit into a conversion after the read-out of all legs.
+    """Return which read-back checks fit into a conversion beside the read-out of all legs.
 
     Returns:
         Whether there is time to ask for lines and settings, and then to read the mux back after every leg.

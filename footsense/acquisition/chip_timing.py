@@ -1,4 +1,4 @@
-"""The time that a leg's converter really takes, measured when the leg is found and again once in a while.
+"""Actual conversion time of a leg's converter, measured when the leg is found and again from time to time.
 
 The clock of a converter is inaccurate: the plan waits 2 % longer than the nominal time. A chip that needs more gets it,
 and so do the legs that convert at the same time; else the lines of the next element would be switched before it has
@@ -21,7 +21,7 @@ _TIMING_DRIFT_REL = 0.01
 
 
 class ChipTiming(NamedTuple):
-    """Measured conversion time of one leg's converter.
+    """Measured conversion time of one leg's converter, over the nominal one.
 
     Attributes:
         slowness: Time after which it has finished, over the wait of the plan, at least 1 [1].
@@ -33,7 +33,7 @@ class ChipTiming(NamedTuple):
 
 
 def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
-    """Measure the converter of the leg that is connected alone; one conversion, or up to nine of a slow one.
+    """Measure the conversion time of the only connected leg's converter; None if it does not finish.
 
     All rates of a chip come from one clock, so that the fastest is measured. Its last conversion is left running.
 

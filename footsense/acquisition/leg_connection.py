@@ -1,4 +1,4 @@
-"""The connection to one leg's chips: in the scan, or left out and tried again later.
+"""Connection state of one leg: part of the scan, or left out of it and tried again later.
 
 A leg that fails for three scans in a row is left out, so that it costs the others no time, and tried again with growing
 pauses, at most one leg per scan. The same resets a converter that answers but never finishes, which frees a hung
@@ -37,7 +37,7 @@ _MISS_TEXTS = {
 
 
 class LegConnection:
-    """One leg behind one channel of a bus's mux.
+    """Connection state of one leg behind one mux channel.
 
     Args:
         name: Name of the leg, for messages.
@@ -75,7 +75,7 @@ class LegConnection:
         self._pause_ns = _FIRST_PAUSE_NS
 
     def join_scan(self, offset_pf: float) -> None:
-        """Add the leg to the scan: its chips were found and set up.
+        """Add the leg to the scan, after its chips were found and set up.
 
         Args:
             offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
@@ -100,7 +100,7 @@ class LegConnection:
         self.is_timed = True
 
     def count_misses(self, readings: Codes, now_ns: int) -> None:
-        """Count scans with a missing reading in a row; after three, leave the leg out for a while.
+        """Count consecutive scans with a missing reading; after three, leave the leg out of the scan for a while.
 
         Args:
             readings: How each element answered, shape (elements,), uint8 of `Reading`.
@@ -119,7 +119,7 @@ class LegConnection:
             self.leave_scan(missing[0], now_ns)
 
     def leave_scan(self, outcome: Reading, now_ns: int, why: str = "", pauses: float = 1.0) -> None:
-        """Leave the leg out of the scans, and put off the next try, twice as long each time.
+        """Leave the leg out of the scan, and delay the next try, twice as long each time.
 
         Args:
             outcome: Why.

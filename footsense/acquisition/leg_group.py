@@ -1,4 +1,4 @@
-"""A group of legs that convert the same element at the same time, because one write reaches them all.
+"""Group of legs on one bus whose converters are triggered together by one broadcast write.
 
 One step of a group of six legs, with what overlaps a conversion and what cannot:
 
@@ -33,23 +33,23 @@ Legs = tuple[LegConnection, ...]
 
 
 class BusStuckError(Exception):
-    """A transaction timed out on a line held low; the stuck leg is left out, and the other legs restart their scan."""
+    """SDA or SCL is held low; the leg that holds it is left out, the other legs restart their scan."""
 
 
 class BusReadings(NamedTuple):
-    """The latest readings of one bus; arrays as in `CapFrame`, rows in the order of the bus's legs."""
+    """Latest readings of the legs of one bus; arrays as in `CapFrame`, rows in the order of the bus's legs."""
 
     t_ns: Stamps
     capacitance_pf: Vector
     reading: Codes
 
     def discard(self, where: tuple[int | slice, int | slice], reading: Reading) -> None:
-        """Replace readings of some legs and elements by the reason why there are none."""
+        """Replace readings of some legs and elements by NaN and the reason for it."""
         self.t_ns[where], self.capacitance_pf[where], self.reading[where] = 0, _NAN, reading
 
 
 class Conversion(NamedTuple):
-    """A conversion that was triggered on a group.
+    """A running conversion of a group of legs.
 
     Attributes:
         step: Its step of the plan.
@@ -65,7 +65,7 @@ class Conversion(NamedTuple):
 
 
 class LegGroup:
-    """Legs that convert in parallel, because one I2C write reaches them all.
+    """Legs of one bus whose converters run in parallel, as one I2C write reaches all of them.
 
     Args:
         legs: The legs, with consecutive rows.
@@ -93,7 +93,7 @@ class LegGroup:
         self._latest = latest
 
     def active(self) -> tuple[Legs, int]:
-        """Return the legs without a failure in the present scan, and the mux selection that connects them all."""
+        """Return the legs without a failure in this scan, and the mux selection that connects all of them."""
         active, selection = [], 0
         for leg in self.legs:
             if leg.in_scan and leg.outcome is _OK:
@@ -102,7 +102,7 @@ class LegGroup:
         return tuple(active), selection
 
     def restart(self, step: Step) -> None:
-        """Start a conversion on converters that may hold any result, which is read away first."""
+        """Start a conversion after discarding any old results in the converters."""
         legs, selection = self.active()
         if legs:
             self._exchange(selection, self._plan.board.restart)
@@ -111,7 +111,7 @@ class LegGroup:
     def convert(
         self, step: Step, following: Step, *, checked: bool, in_turn: bool, alone: LegConnection | None = None
     ) -> None:
-        """Wait for the conversion that runs, start the next one, and read the finished one meanwhile.
+        """Wait for the running conversion, start the next one, and read the finished one meanwhile.
 
         Args:
             step: The step that is finished.
@@ -161,7 +161,7 @@ class LegGroup:
         self.running = running
 
     def _wait_until_finished(self, conversion: Conversion) -> bool:
-        """Wait until all legs have finished; return whether one of them forgets that with the next trigger."""
+        """Wait until all legs have finished; return whether a chip's DONE bit is cleared by the next trigger."""
         slowness, forgets = 1.0, False
         for leg in conversion.legs:
             slowness = max(slowness, leg.timing.slowness)
@@ -170,7 +170,7 @@ class LegGroup:
         return forgets and conversion.step.done is not None
 
     def start_temperatures(self, thermometer: Thermometer) -> Legs:
-        """Start a temperature conversion on all active legs, and return these legs; none if the bus failed."""
+        """Start a temperature conversion on all active legs; return these legs (none if the bus failed)."""
         legs, selection = self.active()
         if not legs:
             return ()
@@ -181,7 +181,7 @@ class LegGroup:
         return legs
 
     def read_temperatures(self, thermometer: Thermometer, legs: Legs) -> None:
-        """Store the converted temperature of each given leg in the leg [degC]; skip all legs after one that fails."""
+        """Read the temperature of each given leg [degC] and store it in the leg; stop at the first failure."""
         for leg in legs:
             answers = self._exchange(leg.selection, (thermometer.read, thermometer.read))
             if answers is None:
@@ -190,7 +190,7 @@ class LegGroup:
             leg.temperature_c = thermometer.decode(*answers)
 
     def time_converter(self, leg: LegConnection) -> None:
-        """Time the converter of a leg; one that does not finish keeps its timing."""
+        """Measure the conversion time of a leg's converter; it stays unchanged if the conversion does not end."""
         self.running = None
         try:
             timing = chip_timing(self._transport.connect(leg.selection), self._clock, self._plan)
@@ -201,7 +201,7 @@ class LegGroup:
             leg.set_timing(timing or leg.timing)
 
     def _exchange(self, selection: int, transactions: tuple[Transaction, ...]) -> list[bytes] | None:
-        """Connect some legs, do transactions, and return their answers; None if one failed.
+        """Connect mux channels, do transactions, and return their answers; None if one failed.
 
         Raises:
             BusStuckError: A line was held low.
@@ -216,7 +216,7 @@ class LegGroup:
     def _start_conversion(
         self, legs: Legs, selection: int, step: Step, select: tuple[Transaction, ...]
     ) -> Conversion:
-        """Start one conversion on the active legs at once."""
+        """Select lines and trigger a conversion on all given legs at once."""
         for _ in range(_N_TRIES if legs else 0):
             try:
                 bus = self._transport.connect(selection)
@@ -230,7 +230,7 @@ class LegGroup:
         return Conversion(step, self._clock.now_ns(), (), bool(select))
 
     def _read_out(self, step: Step, legs: Legs, t_start_ns: int, *, all_done: bool) -> None:
-        """Read the result of the finished conversion from each given leg, while the next conversion runs."""
+        """Read the finished conversion's result from each given leg, while the next conversion runs."""
         t_ns, capacitance_pf, readings = self._latest
         plan = self._plan
         for leg in legs:
@@ -246,7 +246,7 @@ class LegGroup:
                 leg.outcome = reading
 
     def _leave_unfinished(self, step: Step, legs: Legs, selection: int) -> None:
-        """Leave out each leg that has not finished, before the next conversion makes it forget."""
+        """Mark each leg as failed whose conversion has not finished, before the next trigger clears its DONE bit."""
         assert step.done is not None
         if legs and not self._all_done(step, selection):
             for leg in legs:
@@ -254,7 +254,7 @@ class LegGroup:
                 leg.outcome = Reading.NO_ANSWER if answers is None else step.done.decode(answers[0])
 
     def _all_done(self, step: Step, selection: int) -> bool:
-        """Return whether all connected legs have finished, by one common question or by their results themselves."""
+        """Return whether all connected legs have finished, by one common poll, or by their results themselves."""
         if step.done is None:
             return True
         asks = (step.done.read,) if self.mux_read_back is None else (step.done.read, self.mux_read_back)
@@ -265,6 +265,7 @@ class LegGroup:
         return step.done.decode(answers[0]) is _OK
 
     def _read_leg(self, leg: LegConnection, step: Step, *, all_done: bool) -> tuple[Reading, float]:
+        """Return reading and capacitance [pF] of a leg's finished conversion."""
         reading = Reading.NO_ANSWER
         for _ in range(_N_TRIES):
             try:
@@ -288,7 +289,7 @@ class LegGroup:
         return reading, _NAN
 
     def _check_settings(self, running: Conversion, *, always: bool) -> None:
-        """Read back line and chip settings during a conversion; leave out each leg whose check fails.
+        """Read back line and chip settings during a conversion; mark each leg as failed whose check fails.
 
         Args:
             running: The conversion.
@@ -302,7 +303,7 @@ class LegGroup:
                     leg.outcome = self._read_check(leg.selection, check)
 
     def _check_lines_of_leg(self, leg: LegConnection, step: Step) -> None:
-        """Read back one leg's lines, and leave it out if a line is closed too much: the wired AND hides that."""
+        """Read back one leg's line switches; mark it as failed if a switch is closed that should be open."""
         if not leg.in_scan or leg.outcome is not _OK:
             return
         for check in step.select_checks:
@@ -313,13 +314,14 @@ class LegGroup:
                 return
 
     def _read_check(self, selection: int, check: Check) -> Reading:
+        """Return OK if a read-back has the expected value, else the reason."""
         answers = self._exchange(selection, (check.read,))
         if answers is None:
             return Reading.NO_ANSWER
         return _OK if answers[0] == check.expected else Reading.MISCONFIGURED
 
     def _set_up_failed_legs(self, first: Step) -> None:
-        """Set up the legs that failed in this scan for the first conversion of the next one.
+        """Set up again the legs that failed in this scan, for the first conversion of the next scan.
 
         The others are still converting: the leg gets its lines alone, and the result that its converter may hold is
         read away, or it would count as the next one. Lines that need not change for the first step are checked here.
@@ -334,7 +336,7 @@ class LegGroup:
                     leg.outcome = outcome
 
     def _raise_if_stuck(self, error: BusError) -> None:
-        """Raise on a timeout, which means that SDA or SCL is held low, and leave out the leg that holds it.
+        """After a bus timeout, leave out the leg that holds SDA or SCL low, and raise an error.
 
         Raises:
             BusStuckError: The error is a timeout. The other legs have lost time, and the mux its selection.

@@ -1,4 +1,4 @@
-"""Look for the legs of a bus: at start, and again for those that were left out of the scan."""
+"""Search for the legs of a bus: at start, and later for those left out of the scan."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from footsense.ports import Clock, I2cBus
 def probe(
     transport: Transport, leg: LegConnection, others: Sequence[LegConnection], plan: ScanPlan, clock: Clock
 ) -> None:
-    """Search one leg's chips and add the leg to the scan, or delay the next try.
+    """Search one leg's chips; add the leg to the scan, or delay the next try.
 
     Args:
         transport: The way to its chips.
@@ -39,7 +39,7 @@ def probe(
 
 
 def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
-    """Set up the chips of the leg that is connected alone, and take the leg into the scan, or put off the next try."""
+    """Set up the chips of the only connected leg; add the leg to the scan, or delay the next try."""
     now_ns = clock.now_ns()
     try:
         release_sda(bus)
@@ -64,7 +64,7 @@ def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -
 
 
 def probe_due(transport: Transport, legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock) -> None:
-    """Try the leg that has waited longest, if one is due: one a scan, so that the others keep their pace.
+    """Search the leg that has waited longest, if one is due; at most one per scan, to keep the scan's pace.
 
     If no leg is in the scan, all that are due are tried, until one finds the bus stuck.
     """

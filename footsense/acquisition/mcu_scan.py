@@ -1,4 +1,4 @@
-"""The records of one scan of a microcontroller, and their values as those of a frame."""
+"""Conversion of one scan's records from a microcontroller to the values of a capacitance frame."""
 
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ _POSITIONS = np.array([np.argsort(CONVERSION_ORDERS[order]) for order in ("raste
 
 
 class McuScan(NamedTuple):
-    """The records of one scan that have arrived.
+    """Records of one scan of the microcontroller that have arrived so far.
 
     Attributes:
         t_us: Its time in the controller's clock [us], not unwrapped.
@@ -35,12 +35,12 @@ class McuScan(NamedTuple):
 
 
 def difference_us(t_us: int, other_us: int) -> int:
-    """Return t - other of a 32-bit counter, -2^31 to 2^31 - 1 [us]."""
+    """Return t_us - other_us of a wrapping 32-bit counter [us], -2^31 to 2^31 - 1."""
     return (t_us - other_us + (1 << 31)) % (1 << 32) - (1 << 31)
 
 
 def readings(scan: McuScan, now_ns: int) -> tuple[Stamps, Vector, Codes]:
-    """Return stamps [ns], capacitances [pF] and readings of the legs of a scan, shape (records, 9) each.
+    """Return times [ns], capacitances [pF] and readings of a scan's records, shape (records, 9) each.
 
     A record whose last conversion would be in the future is corrupt: its times are wrong.
     """

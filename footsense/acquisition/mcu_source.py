@@ -1,4 +1,4 @@
-"""The frame source of board `mcu`: scans from the records that a microcontroller streams.
+"""Frame source of board `mcu`: capacitance frames from the records that a microcontroller streams.
 
 The controller sets the pace. A frame is complete, and returned at once, when every leg that sends has sent its record.
 A leg whose record is missing in a frame reads DELAYED; after a silence longer than any line holds records back, it
@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 
 
 class McuSource:
-    """The frame source of a robot whose feet a microcontroller scans.
+    """Frame source of a robot whose feet a microcontroller scans and streams over a serial port.
 
     Args:
         port: The line.
@@ -80,7 +80,7 @@ class McuSource:
         self._log_at_ns = 0
 
     def read(self) -> CapFrame:
-        """Wait for the next scan and return it; after a silence, a frame without readings."""
+        """Wait for the next scan, and return it as a frame; after a silence, a frame without readings."""
         if not self._listens:
             self._drop_buffered_bytes()
         while not self._frames:
@@ -100,7 +100,7 @@ class McuSource:
         return self._frames.popleft()
 
     def _drop_buffered_bytes(self) -> None:
-        """Drop the bytes that have waited in buffers for an unknown time since the port was opened."""
+        """Discard the bytes buffered before the port was opened, whose age is unknown."""
         until_ns = self._clock.now_ns() + _BACKLOG_NS
         while self._clock.now_ns() < until_ns:
             self._port.wait_until_ns(until_ns)
@@ -110,16 +110,16 @@ class McuSource:
         self._listens = True
 
     def close(self) -> None:
-        """Release the line."""
+        """Close the serial port."""
         self._port.close()
 
     @property
     def losses(self) -> dict[str, int]:
-        """Losses since the start, by kind: decoding errors, unused records, jumps of the controller's clock."""
+        """Number of losses since the start, by kind: decoding errors, unused records, clock jumps."""
         return {**self._decoder.losses, "unused": self.n_unused, "clock jumps": self._map.restarts}
 
     def _sort_records(self, data: bytes, now_ns: int) -> None:
-        """Sort the records in some bytes into scans."""
+        """Decode bytes, and assign their records to scans."""
         for sent in self._decoder.feed(data):
             record = sent
             row = self._rows.get(record.leg)
@@ -146,7 +146,7 @@ class McuSource:
                 self._emit_frame(now_ns)
 
     def _is_near(self, t_us: int, other_us: int) -> bool:
-        """Return whether two times belong to one scan."""
+        """Return whether two times of the microcontroller [us] belong to the same scan."""
         return abs(difference_us(t_us, other_us)) < self._half_scan_us
 
     def _record_time_ns(self, record: Record, now_ns: int) -> int:
@@ -159,7 +159,7 @@ class McuSource:
         return self._map.map(self._unwrapped_us * _NS_PER_US + lasts_ns, now_ns - self._wire_ns) - lasts_ns
 
     def _emit_frame(self, now_ns: int) -> None:
-        """Emit a frame of the records that have arrived, if any."""
+        """Make a frame of the records of a scan that have arrived, if any, and queue it."""
         n_legs = len(self._rows)
         sending = frozenset(
             row for row, heard_ns in self._heard_ns.items() if now_ns - heard_ns < self._silent_ns
@@ -179,7 +179,7 @@ class McuSource:
         self._sequence += 1
 
     def _log_losses(self, now_ns: int) -> None:
-        """Write the losses since the last line to the journal."""
+        """Log the losses since the last message."""
         losses = Counter(self.losses)
         if new := losses - self._logged:
             counts = ", ".join(f"{kind} {n}" for kind, n in new.items())

@@ -1,4 +1,4 @@
-"""The conversions of all I2C buses of the robot in one frame.
+"""Frame source of a robot with I2C buses: scans all buses, and joins their readings to one frame.
 
 Several buses convert at the same time, each in a thread of its own: the adapter's system call releases the interpreter.
 A frame is complete when the slowest bus is. A bus that is later than the first one by a whole conversion, such as one
@@ -18,7 +18,7 @@ from footsense.frames import CapFrame, Vector
 
 
 class _SequentialExecutor(Executor):
-    """Executor that runs each task at once, without threads: for one bus, and for simulated buses."""
+    """Executor that runs each task at once in the calling thread: for one bus, and for simulated buses."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ANN401 - as its base
         done: Future[Any] = Future()
@@ -27,7 +27,7 @@ class _SequentialExecutor(Executor):
 
 
 class RobotScanner:
-    """The frame source of a robot with chips on one or more I2C buses.
+    """Frame source of a robot whose chips are on one or more I2C buses.
 
     Args:
         buses: One scanner a bus; the rows of a frame are the legs of the first bus, then of the second, and so on.
@@ -47,7 +47,7 @@ class RobotScanner:
 
     @property
     def legs(self) -> list[LegConnection]:
-        """All legs, in the order of the rows."""
+        """Connection states of all legs, in the order of the frame's rows."""
         return [leg for bus in self._buses for leg in bus.legs]
 
     @property
@@ -63,7 +63,7 @@ class RobotScanner:
         return np.array([leg.temperature_c for leg in self.legs])
 
     def start(self) -> None:
-        """Find and set up the chips of every bus.
+        """Find and set up the chips of all buses.
 
         Raises:
             HardwareError: A bus has no mux.
@@ -76,7 +76,7 @@ class RobotScanner:
                 bus.clock.sleep_until_ns(ready_ns)
 
     def read(self) -> CapFrame:
-        """Read the next element of every leg, and return it beside the latest readings of the others.
+        """Read the next element of every leg; return it with the latest readings of all other elements.
 
         The first frame is a whole scan.
         """
@@ -91,11 +91,11 @@ class RobotScanner:
         return frame
 
     def _read_buses(self) -> None:
-        """Read all buses that are not late, and take over what is complete."""
+        """Start reading all buses that are not busy, and copy the readings that are complete."""
         fresh = []
         for n, bus in enumerate(self._buses):
             if self._pending[n] is None:
-                self._pending[n] = self._pool.submit(_timed_read, bus)
+                self._pending[n] = self._pool.submit(_read_with_completion_time, bus)
                 fresh.append(n)
         running = [pending for n in fresh if (pending := self._pending[n]) is not None]
         _, others = wait(running, return_when=FIRST_COMPLETED)
@@ -114,12 +114,12 @@ class RobotScanner:
                 self._pending[n] = None
 
     def close(self) -> None:
-        """Stop the scans and release all buses."""
+        """End the threads of the buses, and disconnect all legs."""
         self._pool.shutdown()
         for bus in self._buses:
-            bus.stop()
+            bus.disconnect_legs()
 
 
-def _timed_read(bus: BusScanner) -> tuple[BusReadings, int]:
-    """Return the next readings of a bus, and the time at which they are complete [ns]."""
+def _read_with_completion_time(bus: BusScanner) -> tuple[BusReadings, int]:
+    """Return the next readings of a bus, and the time at which they were complete [ns]."""
     return bus.read(), bus.clock.now_ns()

@@ -1,4 +1,4 @@
-"""A scan as data: the order of the conversions, and the I2C transactions that they need."""
+"""Plan of a scan: order of the conversions, and the I2C transactions that they need."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -22,7 +22,7 @@ BOARDS: Mapping[str, Callable[[int], Board]] = MappingProxyType(
 
 
 class ScanPlan(NamedTuple):
-    """The conversions of one scan of a bus, which is repeated.
+    """Plan of one scan of a bus, which is repeated: board, conversion steps, timing.
 
     Attributes:
         board: The electronics of its feet.
@@ -38,12 +38,12 @@ class ScanPlan(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """Rows of elements of each foot, and as many columns."""
+        """Number of rows of elements of each foot, equal to that of the columns."""
         return math.isqrt(len(self.steps))
 
 
 def scan_plan(order: str, rate_sps: int, board: str = "fdc1004", rows: int = 3) -> ScanPlan:
-    """Return the conversions and transactions of one scan with a board.
+    """Return the plan of a scan with a board: conversion order and transactions.
 
     Args:
         order: A key of ORDERS.

@@ -1,4 +1,4 @@
-"""Two ways from the adapter to a leg's chips: a mux that footsense drives, and a mux that the kernel drives.
+"""Access to the legs' chips behind a mux: switched by footsense itself, or by the kernel.
 
 Both have the same methods. A *selection* is a bit mask of channels, bit n for channel n, as in the control byte of a
 TCA9548A.
@@ -23,7 +23,7 @@ NINE_CLOCKS = Transaction(0x7F, b"", 1)
 
 
 def release_sda(bus: I2cBus) -> None:
-    """Let a chip that was interrupted within a byte finish it; it holds SDA low until then.
+    """Clock out the byte in which a chip was interrupted; until then it holds SDA low.
 
     An adapter that compares SDA with what it sends times out instead; its driver clears the bus, or nothing does. One
     that does not, as that of a Raspberry Pi 0 to 4, reads a line that stays low as an acknowledge of any address.
@@ -41,7 +41,7 @@ def release_sda(bus: I2cBus) -> None:
 
 
 class UpstreamBus:
-    """An adapter with a TCA9548A on its bus; the last selection is not written twice.
+    """I2C adapter with a TCA9548A mux that footsense switches; an unchanged selection is not written again.
 
     Args:
         bus: The adapter.
@@ -75,7 +75,7 @@ class UpstreamBus:
         self._writes = tuple(Transaction(mux_address, bytes((selection,))) for selection in range(256))
 
     def measure_bus_costs(self, clock: Clock) -> BusCosts:
-        """Measure the cost of a transaction with reads of the mux.
+        """Measure the duration of transactions by reads of the mux.
 
         Raises:
             HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
@@ -93,7 +93,7 @@ class UpstreamBus:
             raise HardwareError(f"{mux} cannot be reached: {error}") from error
 
     def connect(self, selection: int) -> I2cBus:
-        """Connect these channels and no others, and return the bus on which their chips answer.
+        """Connect exactly these mux channels; return the bus on which their chips answer.
 
         Raises:
             BusError: The mux did not take it; which channels are connected is then unknown.
@@ -105,11 +105,11 @@ class UpstreamBus:
         return self.bus
 
     def invalidate(self) -> None:
-        """Forget the last mux selection, so that the next selection is written even if unchanged."""
+        """Discard the stored mux selection, so that the next one is written even if unchanged."""
         self._selection = None
 
     def free(self) -> bool:
-        """Disconnect every leg from a bus whose lines may be stuck, and return whether the mux answers again.
+        """Disconnect all legs from a possibly stuck bus; return whether the mux answers again.
 
         A leg that holds SDA low blocks the write that would disconnect it, so that only the RESET pin helps. Without
         one, nine clocks and that write are tried all the same: the line may be released.
@@ -124,7 +124,7 @@ class UpstreamBus:
         return self._selection is not None
 
     def leave_out_stuck(self, legs: Sequence[LegConnection], read: Transaction, clock: Clock) -> None:
-        """Leave the legs out that hold a line low, after a timeout; all if the bus itself does not get free.
+        """After a timeout, leave out the legs that hold SDA or SCL low; all legs if the bus stays stuck.
 
         No answer shows which of the connected legs holds the line: the whole bus is blocked. So all are disconnected
         and asked one by one; the leg whose question times out is left out. Each costs one more adapter timeout.
@@ -149,7 +149,7 @@ class UpstreamBus:
                 _log.debug("leg %s: %s", leg.name, error)
 
     def disconnect_legs(self) -> None:
-        """Disconnect every leg from the bus."""
+        """Disconnect all mux channels."""
         try:
             self.connect(0)
         except BusError as error:
@@ -157,7 +157,7 @@ class UpstreamBus:
 
 
 class KernelMux:
-    """A mux that the kernel switches (i2c-mux-pca954x): each leg has its own adapter.
+    """Mux that the kernel switches (i2c-mux-pca954x): each leg has its own I2C adapter.
 
     Args:
         adapters: Adapter of each leg, by channel.
@@ -172,31 +172,31 @@ class KernelMux:
         self._adapter_of = {1 << channel: adapter for channel, adapter in enumerate(adapters)}
 
     def measure_bus_costs(self, clock: Clock) -> BusCosts | None:
-        """Measure the cost of a transaction with reads of the first line switch that answers; None if none does."""
+        """Measure the duration of transactions by reads of the first line switch that answers; None if none does."""
         for adapter in self.adapters:
             with contextlib.suppress(BusError):
                 return measure_bus_costs(adapter, clock, adg715.ADDRESS)
         return None
 
     def connect(self, selection: int) -> I2cBus:
-        """Return the I2C adapter of one leg; the kernel selects the leg's mux channel with each transaction."""
+        """Return the I2C adapter of the selected leg; the kernel switches the mux at each transaction."""
         return self._adapter_of[selection]
 
     def invalidate(self) -> None:
-        """Do nothing: the kernel owns the selection."""
+        """Do nothing: the kernel stores the mux selection."""
 
     def free(self) -> bool:
         """Do nothing: the kernel disconnects and recovers the bus."""
         return True
 
     def leave_out_stuck(self, legs: Sequence[LegConnection], read: Transaction, clock: Clock) -> None:
-        """Leave the leg out on whose adapter a transaction timed out: no other leg was connected."""
+        """Leave out the leg whose adapter had the timeout, as no other leg was connected."""
         del read
         for leg in legs:
             leg.leave_scan(Reading.BUS_STUCK, clock.now_ns())
 
     def disconnect_legs(self) -> None:
-        """Do nothing: the kernel owns the mux."""
+        """Do nothing: the kernel switches the mux."""
 
 
 Transport = UpstreamBus | KernelMux

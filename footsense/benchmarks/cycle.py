@@ -113,7 +113,7 @@ def _time_programs(
 def _check_equal_forces(
     scan: CapFrame,
     ours_n: Vector,
-    floor_n: Vector,
+    c_program_n: Vector,
     valid: Mask,
 ) -> None:
     """Raise an error if the forces of the C program differ from those of the daemon.
@@ -121,13 +121,13 @@ def _check_equal_forces(
     Args:
         scan: The scan.
         ours_n: Our forces of the valid legs [N], shape (valid legs, 3).
-        floor_n: Forces of the C floor [N], shape (legs, 3).
+        c_program_n: Forces of the C floor [N], shape (legs, 3).
         valid: Validity of each leg, shape (legs,).
 
     Raises:
         FootsenseError: It gives other forces.
     """
-    difference_n = np.abs(ours_n - floor_n[valid]).max(initial=0.0)
+    difference_n = np.abs(ours_n - c_program_n[valid]).max(initial=0.0)
     if not difference_n < _MAX_FORCE_DIFFERENCE_N:
         raise FootsenseError(
             f"cycle {scan.sequence}: the floor in C differs by {difference_n:.2g} N from ours"

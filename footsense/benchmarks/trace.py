@@ -62,7 +62,7 @@ def calls_per_conversion(n: int = _COUNTED_CONVERSIONS) -> tuple[Calls, Calls]:
         TemporaryDirectory() as folder,
         open_service(DEFAULT, scene, real_time=False, record=Path(folder) / "walk.mcap") as service,
     ):
-        service.observers.append(RunStatistics(service.legs, service.true_force_at_time_n))
+        service.observers.append(RunStatistics(service.legs, service.true_force_n_at))
         service.run(_stop_after_iterations(_WARM_UP_CONVERSIONS))
         sys.setprofile(count)
         try:

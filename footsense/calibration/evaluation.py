@@ -18,7 +18,7 @@ from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.parameters import FootParameters
@@ -148,7 +148,9 @@ def estimate_loads(
         closure_rel <= trained_inputs.usable_max_rel(gap_um)
     )
     trained = inside.all(axis=1, keepdims=True)
-    load = CalibratedFeet(network, [foot], len(loads)).estimate(at_rest(np.where(trained, closure_rel, 0.0)))
+    load = CalibratedFeet(network, [foot], len(loads)).estimate(
+        steady_windows(np.where(trained, closure_rel, 0.0))
+    )
     force_n, sigma_n = (np.where(trained, part, np.nan) for part in load[:2])
     return Estimates(closure_rel, force_n, sigma_n)
 

@@ -40,7 +40,7 @@ class _LegCommands:
     #: Counters of the commands without an answer of each kind, oldest first.
     pending_counters: defaultdict[CommandKind, list[int]] = field(default_factory=lambda: defaultdict(list))
 
-    def accepts_command(self, t_ns: int) -> bool:
+    def count_and_accept(self, t_ns: int) -> bool:
         """Count a received command, and return whether it is within the limit of commands per second."""
         current_second = t_ns // _SECOND_NS
         self.n_commands = self.n_commands + 1 if current_second == self.current_second else 1
@@ -89,14 +89,14 @@ class CanCommands:
             try:
                 _, counter, kind = decode_command(can_id, data)
             except UnknownCommandError as error:
-                if leg.accepts_command(now_ns):
+                if leg.count_and_accept(now_ns):
                     self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
                 continue
             except FrameError:
                 continue
             if (kind, counter) == leg.last_command and now_ns - leg.last_command_ns < _REPETITION_WITHIN_NS:
                 continue
-            if not leg.accepts_command(now_ns):
+            if not leg.count_and_accept(now_ns):
                 continue
             leg.last_command, leg.last_command_ns = (kind, counter), now_ns
             if counter not in leg.pending_counters[kind]:  # so the list cannot outgrow the counter's range

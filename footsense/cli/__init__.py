@@ -1,4 +1,4 @@
-"""The command line; the only package that prints and that turns errors into exit codes.
+"""Command line of footsense; the only package that prints, and that turns errors into exit codes.
 
 Commands are imported when they are called: `footsense --help` needs no network runtime.
 """
@@ -44,15 +44,15 @@ _COMMANDS = {
 
 
 class LazyGroup(click.Group):
-    """A group that imports a command's module only when it is needed."""
+    """Click command group that imports a command's module only when the command is used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names in the order of use."""
+        """Return the command names, in the order in which they are usually needed."""
         del ctx
         return list(_COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return a command."""
+        """Import and return a command; None for an unknown name."""
         del ctx
         if cmd_name not in _COMMANDS:
             return None
@@ -61,13 +61,13 @@ class LazyGroup(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the help lines of the commands."""
+        """Write the list of commands for `--help`."""
         del ctx
         with formatter.section("Commands"):
             formatter.write_dl([(name, line) for name, (_, line) in _COMMANDS.items()])
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - click's signature
-        """Run a command; an error of footsense is one line and its exit code, never a traceback.
+        """Run a command; print an expected error as one line, and exit with its exit code.
 
         Raises:
             UsageError: The command line is wrong; click prints it.
@@ -84,7 +84,7 @@ class LazyGroup(click.Group):
             sys.exit(_EXIT_CODE_INTERRUPTED)
 
     def main(self, *args: Any, **extra: Any) -> Any:  # noqa: ANN401 - click's signature
-        """Run the command line; an error of the output, even of the flush at its end, is one line too."""
+        """Run the command line; print errors of the output stream (such as a closed pipe) as one line, too."""
         try:
             try:
                 return super().main(*args, **extra)
@@ -100,12 +100,13 @@ class LazyGroup(click.Group):
 
 
 def _redirect_output_to_null() -> None:
-    """Redirect buffered output to /dev/null, so that Python's flush at exit does not fail again."""
+    """Redirect standard output to /dev/null, so that Python's flush at exit does not fail again."""
     with contextlib.suppress(OSError, ValueError, AttributeError), Path(os.devnull).open("wb") as devnull:
         os.dup2(devnull.fileno(), sys.stdout.fileno())
 
 
 def _log_handler() -> logging.Handler:
+    """Return the handler that writes log messages to standard error."""
     try:
         return NonBlockingLogHandler(sys.stderr.fileno())
     except (AttributeError, OSError):  # closed, or replaced by something without a descriptor

@@ -1,4 +1,4 @@
-"""`footsense benchmark`: scan period, age of a force, cost of a cycle, wake-up latency, start and memory.
+"""Command `footsense benchmark`: scan period, age of the forces, cycle time, wake-up latency, start time, memory.
 
 Ratios only: each figure stands beside its physical limit, or beside the same work done in C or naively in the same run.
 """
@@ -54,7 +54,7 @@ def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
 
 
 def _measure_all(n_cycles: int, *, quick: bool) -> dict[str, Any]:
-    """Measure scan, age, cycle, wake-up latency, start and memory, and return the figures."""
+    """Run all benchmarks; return their figures by name."""
     scan = scan_figures()
     figures: dict[str, Any] = {
         "conversion_limit_ms": conversion_limit_ms(),
@@ -76,7 +76,7 @@ def _measure_all(n_cycles: int, *, quick: bool) -> dict[str, Any]:
 
 
 def _start_time_and_memory() -> dict[str, float]:
-    """Return start time [s] and memory [MiB] that `footsense run` reports.
+    """Return start time [s] and memory [MiB] of a `footsense run` process.
 
     Raises:
         FootsenseError: The run failed.
@@ -90,6 +90,7 @@ def _start_time_and_memory() -> dict[str, float]:
 
 
 def _table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """Return a table for the terminal."""
     table = Table("", box=None, title=escape(title), title_justify="left", min_width=60)
     for name in columns:
         table.add_column(escape(name), justify="right")
@@ -99,10 +100,12 @@ def _table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) ->
 
 
 def _number_text(value: float | None, digits: int) -> str:
+    """Return a number as text with some decimals; "-" for None."""
     return "-" if value is None else f"{value:.{digits}f}"
 
 
 def _print_figures(figures: dict[str, Any]) -> None:
+    """Print the benchmark figures as tables."""
     cycle, wakeup = figures["cycle_us"], figures["wakeup_latency_us"]
     c_floor, naive = figures["cycle_over_c_floor"], figures["naive_over_cycle"]
     console = Console(highlight=False)

@@ -1,4 +1,4 @@
-"""`footsense calibrate`: from recordings of a foot on the test stand to its calibration."""
+"""Command `footsense calibrate`: fit a foot's calibration to its test-stand recordings."""
 
 from pathlib import Path
 from typing import Any
@@ -93,6 +93,7 @@ def calibrate(
 def _calibration_figures(
     calibration: FootCalibration, result: CalibrationResult, took_s: float
 ) -> dict[str, Any]:
+    """Return the figures of a calibration as plain values for JSON."""
     predicted, parameters = result.predicted_uncertainty, calibration.parameters
     return {
         "calibration": str(calibration.folder),
@@ -110,6 +111,7 @@ def _calibration_figures(
 
 
 def _calibration_text(calibration: FootCalibration, result: CalibrationResult, took_s: float) -> str:
+    """Return the figures of a calibration as text for the terminal."""
     parameters, predicted, held_out = calibration.parameters, result.predicted_uncertainty, result.held_out
     strays = f"stray {parameters.stray_pf.min():+.3f} to {parameters.stray_pf.max():+.3f} pF"
     gaps = f"gaps {parameters.gap_um.min():.1f} to {parameters.gap_um.max():.1f} um"

@@ -1,4 +1,4 @@
-"""`footsense check-config FILE`: explanation of a configuration before a robot walks with it."""
+"""Command `footsense check-config FILE`: check and explain a configuration file."""
 
 from datetime import datetime
 from pathlib import Path
@@ -39,6 +39,7 @@ def check_config(file: Path, dbc: Path | None) -> None:
 
 
 def _summary_lines(models: Models) -> list[str]:
+    """Return the explanation of a configuration, as lines of text."""
     config, network, calibrations = models.config, models.network, models.calibrations
     realtime, metrics = config.realtime, config.metrics
     model = "that of the calibrations" if calibrations else config.model
@@ -66,7 +67,7 @@ def _summary_lines(models: Models) -> list[str]:
 
 
 def _can_text(models: Models) -> str:
-    """Return the channel, and what a consumer must know of these feet: another unit of force, wider masks."""
+    """Return the CAN interface as text, with the force unit if it is not the usual millinewton."""
     config, step_mn = models.config, force_step_mn(models.network.card.max_n)
     coarse = "" if step_mn == 1 else f", {step_mn} mN per bit of a force and {2 * step_mn} mN of its sigma"
     wide = f", masks of {config.n_elements} elements" if config.n_elements > NARROW_ELEMENTS else ""
@@ -74,6 +75,7 @@ def _can_text(models: Models) -> str:
 
 
 def _scan_text(config: Config) -> str:
+    """Return scan rate and order as text."""
     serial = config.serial
     if serial is None:
         return f"{config.rate_sps} conversions/s in {config.order} order"
@@ -81,6 +83,7 @@ def _scan_text(config: Config) -> str:
 
 
 def _calibration_line(leg: str, calibration: FootCalibration) -> str:
+    """Return a leg's calibration as a line of text."""
     manifest = calibration.manifest
     age = datetime.fromisoformat(wall_time_iso()) - datetime.fromisoformat(manifest.made)
     line = f"{leg}: {manifest.foot}, calibrated {manifest.made[:10]}, {age.days} days ago, {manifest.n_loads} loads"
@@ -94,18 +97,21 @@ def _calibration_line(leg: str, calibration: FootCalibration) -> str:
 
 
 def _weight_text(config: Config) -> str:
+    """Return the configured body weight as text."""
     if config.body_weight_n is None:
         return "what they carried first (body_weight_n is not given)"
     return f"{config.body_weight_n:g} N together"
 
 
 def _forces_text(config: Config) -> str:
+    """Return the rate of the published forces as text."""
     n = config.frames_per_force
     each = "record of the microcontroller" if config.serial is not None else "conversion"
     return f"one of {n} {each}s on CAN, a change at once" if n > 1 else f"one on CAN for every {each}"
 
 
 def _bus_line(bus: Bus, config: Config) -> str:
+    """Return an I2C bus and its legs as a line of text."""
     where = "behind" if bus.adapters else "on channel"
     legs = ", ".join(
         f"{leg} {where} {place}" + (f" ({config.feet[leg]})" if leg in config.feet else "")

@@ -1,4 +1,4 @@
-"""`footsense exporter`: serve the service's metrics for Prometheus from a separate process."""
+"""Command `footsense exporter`: serve the service's metrics to Prometheus, from a separate process."""
 
 import signal
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Commands, options and values of earlier versions: an error names the present one."""
+"""Commands, options and values that were renamed: an error message names the present word."""
 
 import re
 
@@ -23,7 +23,7 @@ _REFUSED_WORD_PATTERN = re.compile(r"(?:No such (?:command|option):? )?'?(?P<wor
 
 
 def with_present_word(error: click.UsageError) -> click.UsageError:
-    """Return a usage error; one about a word of an earlier version with the present word."""
+    """Return a usage error, with the present word added if it is about a renamed one."""
     refused = _REFUSED_WORD_PATTERN.match(error.message)
     if not refused or refused["word"] not in _PRESENT_WORDS:
         return error

@@ -1,4 +1,4 @@
-"""Tables with one row per leg, at most 80 columns wide: the same columns and colours in every command."""
+"""Terminal tables with one row per leg, at most 80 columns wide, with common columns and colours."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -32,7 +32,7 @@ LegColumns = Mapping[str, tuple[str, Callable[[Leg], RenderableType]]]
 
 
 def leg_table(legs: Mapping[str, Leg], columns: LegColumns[Leg]) -> Table:
-    """Return a table with one row per leg, the name of the leg first.
+    """Return a table with one row per leg; the first column is the leg's name.
 
     Args:
         legs: What is known of each leg, by its name.
@@ -53,12 +53,12 @@ def leg_table(legs: Mapping[str, Leg], columns: LegColumns[Leg]) -> Table:
 
 
 def state_text(state: State) -> Text:
-    """Return the state of a leg in the colour of its phase."""
+    """Return a leg's state as text, in the colour of its operating phase."""
     return Text(enum_words(state.name), _PHASE_STYLES[phase_of(state)])
 
 
 def force_columns(force_n: Callable[[Leg], Sequence[float]]) -> LegColumns[Leg]:
-    """Return the columns of a force's components [N], empty for NaN.
+    """Return the table columns of the force components; NaN gives an empty cell.
 
     A component that rounds to zero has no sign, which would flicker.
 
@@ -77,10 +77,10 @@ def force_columns(force_n: Callable[[Leg], Sequence[float]]) -> LegColumns[Leg]:
 
 
 def number_cell(value: float | None, form: str, scale: float = 1.0) -> str | Text:
-    """Return a number times `scale` in the format `form`; None and NaN as an empty cell."""
+    """Return a table cell with a number times `scale`; None and NaN give an empty cell."""
     return EMPTY_CELL if value is None or math.isnan(value) else format(value * scale, form)
 
 
 def enum_words(name: str) -> str:
-    """Return the name of an enum's member as words."""
+    """Return an enumeration member's name as lower-case words."""
     return name.lower().replace("_", " ")

@@ -1,4 +1,4 @@
-"""Live picture of the loop on a terminal."""
+"""Live display of the main loop on a terminal."""
 
 import logging
 from abc import ABC, abstractmethod
@@ -11,7 +11,7 @@ from footsense.frames import Cycle
 
 
 class LiveView(ABC):
-    """An observer that redraws a picture at most every `period_ns` of the frames' own time.
+    """Observer that redraws a display on the terminal at most every `period_ns` of the frames' time.
 
     Args:
         console: Terminal to draw on; journal lines go above the picture instead of through it.
@@ -29,10 +29,10 @@ class LiveView(ABC):
 
     @abstractmethod
     def render(self, cycle: Cycle, elapsed_s: float) -> RenderableType:
-        """Return the picture after a cycle; `elapsed_s` counts from the first one."""
+        """Return the display after a cycle; `elapsed_s` counts from the first cycle."""
 
     def observe(self, cycle: Cycle) -> None:
-        """Redraw the picture if the redraw period has passed."""
+        """Redraw the display if the redraw period has passed."""
         t_ns = cycle.forces.t_sent_ns
         if self._start_ns is None:
             self._start_ns = t_ns
@@ -41,6 +41,6 @@ class LiveView(ABC):
             self._live.update(self.render(cycle, (t_ns - self._start_ns) * 1e-9), refresh=True)
 
     def close(self) -> None:
-        """Leave the last picture on the screen."""
+        """Stop redrawing, and leave the last display on the terminal."""
         self._live.stop()
         logging.getLogger().handlers = self._journal

@@ -1,4 +1,4 @@
-"""Options and JSON output that several commands share, and the end of a run by time or by signal."""
+"""Options that several commands share, JSON output, and the end of a run by time or signal."""
 
 import math
 import signal
@@ -31,21 +31,21 @@ pace_option = click.option(
 
 
 def echo_json(values: object, indent: int = 2) -> None:
-    """Print values as JSON, NaN as null and numpy's numbers and arrays as plain ones; on one line if `indent` is 0."""
+    """Print values as JSON: NaN as null, numpy values as plain ones; on one line if `indent` is 0."""
     click.echo(
         msgspec.json.format(msgspec.json.encode(values, enc_hook=methodcaller("tolist")), indent=indent)
     )
 
 
 def config_option(default: str) -> Decorator:
-    """Return the option `--config`; the help names `default` as the value without it."""
+    """Return the option `--config`; `default` describes in its help what is used without it."""
     return click.option(
         "--config", "config_file", type=FILE, help=f"YAML file of a robot. Default: {default}."
     )
 
 
 def duration_option(text: str) -> Decorator:
-    """Return the option `--duration` [s] with this help; infinity without it."""
+    """Return the option `--duration` [s] with the given help; without it the value is infinity."""
     return click.option(
         "--duration",
         "duration_s",
@@ -57,7 +57,7 @@ def duration_option(text: str) -> Decorator:
 
 
 def _duration_s(ctx: click.Context, param: click.Parameter, value: float | None) -> float:
-    """Return a finite duration, infinity for None.
+    """Return the duration [s]; infinity for None.
 
     Raises:
         BadParameter: It is infinite or not a number.
@@ -69,7 +69,7 @@ def _duration_s(ctx: click.Context, param: click.Parameter, value: float | None)
 
 
 def is_paced(*, simulated: bool, realtime: bool | None, live: bool) -> bool:
-    """Return whether a simulation is paced by the wall clock.
+    """Return whether a simulation runs at the speed of real time.
 
     Args:
         simulated: Whether there is a simulation to pace.
@@ -85,7 +85,7 @@ def is_paced(*, simulated: bool, realtime: bool | None, live: bool) -> bool:
 
 
 class StopRequest:
-    """Becomes true when SIGTERM or SIGINT arrives."""
+    """Callable that returns True once SIGTERM or SIGINT has arrived."""
 
     def __init__(self) -> None:
         self.requested = False
@@ -93,5 +93,6 @@ class StopRequest:
             signal.signal(number, self._set_stop)
 
     def _set_stop(self, number: int, frame: FrameType | None) -> None:
+        """Store that a signal has arrived."""
         del number, frame
         self.requested = True

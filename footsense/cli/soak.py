@@ -1,4 +1,4 @@
-"""`footsense soak`: a virtual day of walking with a fault every half minute."""
+"""Command `footsense soak`: simulate a day of walking with a fault every half minute, and check it."""
 
 import json
 import logging
@@ -75,7 +75,7 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
 
 
 def _check_options(only: int | None, n_stretches: int, as_json: Path | None) -> None:
-    """Refuse options that would fail after hours of walking.
+    """Raise an error for options that would fail only after hours of simulation.
 
     Raises:
         click.BadParameter: There is no such stretch, or no folder for the figures.
@@ -87,6 +87,7 @@ def _check_options(only: int | None, n_stretches: int, as_json: Path | None) -> 
 
 
 def _stretch_line(result: StretchResult) -> str:
+    """Return the result of one stretch as a line of text."""
     stretch = result.stretch
     every = ["every force on CAN"] if stretch.publish_every == 1 else []
     warmer = [f"{stretch.kelvin:+g} K"] if stretch.kelvin else []

@@ -1,4 +1,4 @@
-"""Options that the commands of a test stand share."""
+"""Options that the test-stand commands share."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ foot_type_option = click.option(
 
 
 def design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Path]:
-    """Return the models of a foot type, and their folder.
+    """Load the models (network, response table) of a foot type; return them and their folder.
 
     Args:
         foot_type: Its name, as recorded.

@@ -1,4 +1,4 @@
-"""`footsense view`: the page of a running service or of a recording."""
+"""Command `footsense view`: serve the web page of a running service or of a recording."""
 
 import asyncio
 import os
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Return a valid IP address, or refuse the option.
+    """Return a valid IP address; refuse the option otherwise.
 
     Raises:
         BadParameter: It is none.
@@ -112,6 +112,7 @@ def _serve_until_stopped(
     tares: "TareCommands | None",
     origins: tuple[str, ...],
 ) -> None:
+    """Serve the page until SIGTERM or SIGINT."""
     from footsense.view.live import LiveSource
     from footsense.view.recorded import RecordingSource
     from footsense.view.server import ViewServer
@@ -136,7 +137,7 @@ def _serve_until_stopped(
 
 
 def _open_tares(config: Config | None, file: Path | None) -> "TareCommands":
-    """Open the CAN channel for tare commands.
+    """Open a CAN interface for the page's tare commands.
 
     Raises:
         ConfigError: There is nobody to command.
@@ -151,6 +152,6 @@ def _open_tares(config: Config | None, file: Path | None) -> "TareCommands":
 
 
 def _read_with_progress(recorded: "RecordingSource") -> None:
-    """Read a recording, with a bar of progress on a terminal."""
+    """Read a recording into memory, with a progress bar on a terminal."""
     with progress_bar("reading", recorded.total_s) as seconds_read:
         recorded.read(seconds_read)

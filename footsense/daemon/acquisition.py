@@ -21,7 +21,7 @@ from footsense.config.sections import Bus, Serial
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import CapFrame, Vector
 from footsense.ports import Clock, SerialPort, WakeupLatency
-from footsense.sim.bus.serial_line import SimulatedLine
+from footsense.sim.bus.serial_port import SimulatedSerialPort
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.robot_on_mcu import simulated_mcu
 from footsense.sim.scene import Scene
@@ -41,7 +41,7 @@ class ScanSource:
         clock: Clock of its time stamps.
         frames_per_scan: Frames in which every element is read once: single conversions, or a whole scan.
         response_sha256: Hash of the response table of the simulated feet, None on a real robot.
-        true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         wakeups: Wake-up latency of the thread of each bus; none in virtual time.
         temperature_c: Returns the temperature of each leg's converter [degC], shape (legs,), NaN for none; None where
             no converter has a sensor.
@@ -51,7 +51,7 @@ class ScanSource:
     clock: Clock
     frames_per_scan: int = 1
     response_sha256: str | None = None
-    true_force_at_time_n: Callable[[int], Vector] | None = None
+    true_force_n_at: Callable[[int], Vector] | None = None
     wakeups: tuple[WakeupLatency, ...] = ()
     temperature_c: Callable[[], Vector] | None = None
 
@@ -177,7 +177,7 @@ def open_scan_source(config: Config, scene: Scene | None) -> Iterator[ScanSource
                 opened,
                 clock=robot.clock,
                 response_sha256=robot.response_sha256,
-                true_force_at_time_n=robot.true_force_at_time_n,
+                true_force_n_at=robot.true_force_n_at,
                 wakeups=(),
             )
         yield opened
@@ -191,7 +191,7 @@ def _open_microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: S
         port: SerialPort = SerialLink(serial.device, serial.baud, clock)
     else:
         mcu = simulated_mcu(robot, scene, serial.rate_hz)
-        port = SimulatedLine(mcu, clock, rate_hz=serial.rate_hz, baud=serial.baud)
+        port = SimulatedSerialPort(mcu, clock, rate_hz=serial.rate_hz, baud=serial.baud)
     wire_ns = round(RECORD_BITS * 1e9 / serial.baud)
     source = McuSource(port, clock, serial.legs, rate_hz=serial.rate_hz, wire_ns=wire_ns)
     return ScanSource(source, clock, wakeups=(own.wakeups,))

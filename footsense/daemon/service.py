@@ -33,7 +33,7 @@ from footsense.recording.shared_cycles import SharedCycles
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
-from footsense.telemetry.log_lines import n_lost_lines
+from footsense.telemetry.log_lines import n_lost_log_lines
 from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdObserver
 
@@ -49,7 +49,7 @@ class Service(Loop):
 
     Attributes:
         legs: Names of the legs in the order of the rows of every frame.
-        true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         source: Source of frames, paced by the wall clock if a simulation has to be.
         network: The network in use.
         recorder: Recorder, if the run is recorded.
@@ -60,7 +60,7 @@ class Service(Loop):
     observers: list[Observer]
     reference: "StandSensor | None"
     legs: tuple[str, ...]
-    true_force_at_time_n: Callable[[int], Vector] | None
+    true_force_n_at: Callable[[int], Vector] | None
     source: FrameSource
     network: Network
     recorder: Recorder | None
@@ -168,7 +168,7 @@ def open_service(
             stack.enter_context(close_at_end(observer.close))
         yield Service(
             legs=legs,
-            true_force_at_time_n=scan.true_force_at_time_n,
+            true_force_n_at=scan.true_force_n_at,
             source=source,
             network=models.network,
             pipeline=pipeline,
@@ -200,7 +200,7 @@ def _open_metrics(
             wakeups=wakeups,
             late_discards=lambda: scan.source.late_discards,
             n_lost_cycles=lambda: recorder.n_lost if recorder else 0,
-            n_lost_lines=n_lost_lines,
+            n_lost_log_lines=n_lost_log_lines,
         )
     except FootsenseError as error:
         _log.warning("%s; the forces go on without metrics", error)

@@ -13,7 +13,7 @@ from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Reference
 from footsense.recording.replay import Replay
 from footsense.reference.binary_decoder import BinaryDecoder
-from footsense.reference.line_decoder import LineDecoder
+from footsense.reference.line_decoder import TextLineDecoder
 from footsense.reference.net_ft import NetFtReference
 from footsense.reference.record_decoder import RecordDecoder
 from footsense.reference.recorded_file import FileReference, read_csv
@@ -82,19 +82,19 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
         case FileSensor() as sensor:
             return FileReference(_read_recorded_reference(Path(sensor.path), test_stand))
         case Simulated() as sensor:
-            true_force_at_time_n = scan_source.true_force_at_time_n
-            if true_force_at_time_n is None:
+            true_force_n_at = scan_source.true_force_n_at
+            if true_force_n_at is None:
                 raise ConfigError(
                     "sensor.kind: simulated needs a simulated foot; this configuration names real buses"
                 )
             port = simulated.SimulatedSensor(
-                lambda t_ns: true_force_at_time_n(t_ns)[row],
+                lambda t_ns: true_force_n_at(t_ns)[row],
                 scan_source.clock,
                 sensor.seed,
                 sensor.linearity_rel,
             )
             stream = _sample_stream("simulated sensor", test_stand, simulated.RATE_HZ, 1.0)
-            return SerialReference(port, LineDecoder(simulated.COLUMNS, ","), stream, b"start")
+            return SerialReference(port, TextLineDecoder(simulated.COLUMNS, ","), stream, b"start")
 
 
 def _sample_stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_count: float) -> SampleStream:
@@ -109,7 +109,7 @@ def _sensor_mounting(test_stand: StandConfig, unit_per_count: float) -> SensorMo
 
 def _record_decoder(framing: Lines | Binary) -> RecordDecoder:
     if isinstance(framing, Lines):
-        return LineDecoder(framing.columns, framing.separator)
+        return TextLineDecoder(framing.columns, framing.separator)
     return BinaryDecoder(framing.columns, framing.layout, bytes.fromhex(framing.sync), framing.checksum)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import onnxruntime as ort
 
 from footsense.errors import ModelError
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.files.network_card import METADATA_KEY, OUTPUTS, Signal, input_signals, read_card
 from footsense.frames import ELEMENT_COUNTS, ELEMENTS
@@ -104,7 +104,7 @@ class Network:
             *(low + share * (high - low) for share in _TEST_CLOSURE_LEVELS_REL),
         ):
             try:
-                load = self.estimate(at_rest(np.tile(closure_rel, (n_rows, 1))))
+                load = self.estimate(steady_windows(np.tile(closure_rel, (n_rows, 1))))
             except Exception as error:  # as above
                 raise ModelError(f"{path}: cannot be run for {n_rows} legs ({_error_line(error)})") from error
             if not all(np.isfinite(part).all() for part in load):

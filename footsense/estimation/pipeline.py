@@ -26,8 +26,8 @@ from footsense.estimation.faults.status import (
 )
 from footsense.estimation.gait.tracker import GaitTracker
 from footsense.estimation.reading_window import Readings, ReadingWindow
-from footsense.estimation.rest import rest_age_s
 from footsense.estimation.sensitivity import Sensitivity
+from footsense.estimation.steady_windows import steady_ages_s
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import (
     CapFrame,
@@ -301,4 +301,4 @@ def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
     read = ~missing[:, None]
     n_read = np.maximum(read.sum(axis=2, keepdims=True), 1)
     mean_s = np.where(read, age_s, 0.0).sum(axis=2, keepdims=True) / n_read
-    return np.where(usable[:, None, None], np.where(read, age_s, mean_s), rest_age_s(missing.shape[1]))
+    return np.where(usable[:, None, None], np.where(read, age_s, mean_s), steady_ages_s(missing.shape[1]))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.estimation.baseline.contact import trimmed_means
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.frames import Vector
 from footsense.ports import Estimator
 
@@ -41,7 +41,7 @@ def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector
     n = len(closure_rel)
     steps = _STEP_REL * np.concatenate((np.eye(n), -np.eye(n)))
     forces_n = np.array(
-        [estimator.estimate(at_rest(np.tile(row, (n_rows, 1)))).force_n for row in closure_rel + steps]
+        [estimator.estimate(steady_windows(np.tile(row, (n_rows, 1)))).force_n for row in closure_rel + steps]
     )
     slopes_n: Vector = (forces_n[:n] - forces_n[n:]) / (2 * _STEP_REL)
     return slopes_n
@@ -71,7 +71,7 @@ def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivi
             errors_n.append(np.hypot(slopes_n.sum(axis=0), _UNEVEN_REL * np.linalg.norm(slopes_n, axis=0)))
     stance_rel = _CLOSURE_LEVELS_REL[-1] * stance_rel
     rows = np.tile(stance_rel, (n_rows, 1))
-    force_n = estimator.estimate(at_rest(rows)).force_n
+    force_n = estimator.estimate(steady_windows(rows)).force_n
     return Sensitivity(
         load_n=float(force_n[0, 2] / trimmed_means(stance_rel[None])[0]),
         baseline_n=np.max(errors_n, axis=0),

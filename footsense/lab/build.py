@@ -15,7 +15,7 @@ import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import missing_sets
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import FORMAT, OUTPUTS, input_signals
 from footsense.foot.force_errors import ForceErrors
@@ -127,7 +127,7 @@ _CONVERSIONS_PER_GAIT = 1100
 
 def _readout(weights: Weights, gap_um: float, unit: float) -> Readout:
     """Return the network as a read-out of closures [um] of feet at rest."""
-    return lambda closure_um: unit * predict(weights, at_rest(closure_um / gap_um)).force_n
+    return lambda closure_um: unit * predict(weights, steady_windows(closure_um / gap_um)).force_n
 
 
 def _paper_only_readouts(
@@ -219,7 +219,7 @@ def _rounded_moments(closure_rel: Any) -> Any:
 def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
     """Return the largest difference between ONNX Runtime and JAX [N], over loads with every kind of mask."""
     masks = missing_sets(closure_rel.shape[1]).sets
-    window = at_rest(closure_rel, masks[np.arange(len(closure_rel)) % len(masks)])
+    window = steady_windows(closure_rel, masks[np.arange(len(closure_rel)) % len(masks)])
     pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
     return max(float(np.abs(one - unit * other).max()) for one, other in pairs)
 

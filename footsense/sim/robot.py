@@ -145,6 +145,6 @@ class SimulatedRobot:
             )
         self.clock = JoinedClock([bus.clock for bus in self.buses], grace_ns)
 
-    def true_force_at_time_n(self, t_ns: int) -> Vector:
+    def true_force_n_at(self, t_ns: int) -> Vector:
         """Return the true force on every foot at a time [N], shape (legs, 3), foot frame."""
         return np.array([self._load.contact(leg, t_ns).force_n for leg in self._legs])

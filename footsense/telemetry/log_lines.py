@@ -72,7 +72,7 @@ class NonBlockingLogHandler(logging.Handler):
         return True
 
 
-def n_lost_lines() -> int:
+def n_lost_log_lines() -> int:
     """Return the number of log lines of this process that were dropped."""
     return sum(sink.lost for sink in logging.getLogger().handlers if isinstance(sink, NonBlockingLogHandler))
 

@@ -54,7 +54,7 @@ class MetricsObserver(Observer):
         wakeups: Wake-up latency of each thread's clock; none in virtual time, and then no metrics of it.
         late_discards: Returns how often readings were discarded since start, as the loop or a record came too late.
         n_lost_cycles: Returns how many cycles are missing in the recording, since start.
-        n_lost_lines: Returns how many lines the log has dropped, since start.
+        n_lost_log_lines: Returns how many lines the log has dropped, since start.
 
     Raises:
         FootsenseError: The file cannot be written, or belongs to another running service.
@@ -72,7 +72,7 @@ class MetricsObserver(Observer):
         wakeups: Sequence[WakeupLatency] = (),
         late_discards: Callable[[], int] = int,
         n_lost_cycles: Callable[[], int] = int,
-        n_lost_lines: Callable[[], int] = int,
+        n_lost_log_lines: Callable[[], int] = int,
     ) -> None:
         self._counters = SharedCounters(service_metrics(legs, wakeups[0].bounds_s if wakeups else None), path)
         self._first = self._counters.first_cell
@@ -80,7 +80,7 @@ class MetricsObserver(Observer):
         self._wakeups = wakeups
         self._late_discards = late_discards
         self._n_lost_cycles = n_lost_cycles
-        self._n_lost_lines = n_lost_lines
+        self._n_lost_log_lines = n_lost_log_lines
         self._t_sent_ns: int | None = None
         self._copy_due_ns: int | None = None
         self._last: tuple[bytes, bytes, bytes] | None = None
@@ -165,7 +165,7 @@ class MetricsObserver(Observer):
         for cell, field in self._can_cells:
             cells[cell] = getattr(self._can, field)
         self._set_cells("footsense_recorder_lost_cycles_total", [self._n_lost_cycles()])
-        self._set_cells("footsense_log_lost_lines_total", [self._n_lost_lines()])
+        self._set_cells("footsense_log_lost_lines_total", [self._n_lost_log_lines()])
         self._set_states("footsense_baseline_status", baseline.status.tolist())
         self._set_cells("footsense_baseline_mean_offset_farads", (baseline.mean_pf * _FARADS_PER_PF).tolist())
         self._set_cells(

@@ -27,19 +27,19 @@ class RunStatistics(Observer):
 
     Args:
         legs: Name of the leg in each row of the frames.
-        true_force_at_time_n: Returns the true force on each foot at a time [ns -> N, shape (legs, 3)]; None if unknown.
+        true_force_n_at: Returns the true force on each foot at a time [ns -> N, shape (legs, 3)]; None if unknown.
         max_n: Largest force of the feet [N].
     """
 
     def __init__(
         self,
         legs: tuple[str, ...],
-        true_force_at_time_n: Callable[[int], Vector] | None,
+        true_force_n_at: Callable[[int], Vector] | None,
         max_n: float = 2.0,
     ) -> None:
         self._legs = legs
         self._loaded_n = LOADED_THRESHOLD_REL * max_n
-        self._true_force_at_time_n = true_force_at_time_n
+        self._true_force_n_at = true_force_n_at
         self._cycles = 0
         self._first_ns = self._last_ns = 0
         self._states = np.zeros((len(legs), len(State)), np.int64)
@@ -63,8 +63,8 @@ class RunStatistics(Observer):
         if not valid.any():
             return
         self._ages_ns.append((forces.t_sent_ns - forces.t_ns)[valid])
-        if self._true_force_at_time_n is not None:
-            self._pairs_n.append((forces.force_n[valid], self._true_force_at_time_n(forces.t_sent_ns)[valid]))
+        if self._true_force_n_at is not None:
+            self._pairs_n.append((forces.force_n[valid], self._true_force_n_at(forces.t_sent_ns)[valid]))
         if len(self._ages_ns) >= _CYCLES_PER_COUNT:
             self._count_kept_cycles()
 
@@ -98,7 +98,7 @@ class RunStatistics(Observer):
             },
             "faults": int(self._states.sum() - self._states[:, sorted(FAULT_FREE)].sum()),
         }
-        if self._true_force_at_time_n is not None:
+        if self._true_force_n_at is not None:
             rmse_n = np.sqrt(self._squared_n2 / self._valid).tolist() if self._valid else [None] * 3
             summary["force_rmse_n"] = dict(zip("xyz", rmse_n, strict=True))
             summary["direction_error_deg"] = {

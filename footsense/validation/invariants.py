@@ -65,7 +65,7 @@ class Invariants(Observer):
     Args:
         rules: Limits of the walk.
         script: Faults of the walk.
-        true_force_at_time_n: Returns the true force on every foot at a time [ns -> N, shape (legs, 3)].
+        true_force_n_at: Returns the true force on every foot at a time [ns -> N, shape (legs, 3)].
 
     Attributes:
         recovered_s: Time from which every leg has to be usable for good [s].
@@ -81,10 +81,10 @@ class Invariants(Observer):
     """
 
     def __init__(
-        self, rules: WalkLimits, script: Sequence[Fault], true_force_at_time_n: Callable[[int], Vector]
+        self, rules: WalkLimits, script: Sequence[Fault], true_force_n_at: Callable[[int], Vector]
     ) -> None:
         self._rules = rules
-        self._true_force_at_time_n = true_force_at_time_n
+        self._true_force_n_at = true_force_n_at
         spans_of = [tolerated_spans_s(rules, script, leg) for leg in rules.legs]
         self._tolerated = [Schedule((span_s, span_s) for span_s in spans_s) for spans_s in spans_of]
         self.recovered_s = max((until_s for spans_s in spans_of for _, until_s in spans_s), default=0.0)
@@ -187,7 +187,7 @@ class Invariants(Observer):
 
     def _check_errors(self, frame: ContactFrame, usable: Sequence[int]) -> None:
         """Count force errors beyond 5 sigma on the legs with a usable force."""
-        true_n = self._true_force_at_time_n(frame.t_sent_ns)
+        true_n = self._true_force_n_at(frame.t_sent_ns)
         self.n_checked += len(usable)
         for leg in usable:
             error_n = np.abs(frame.force_n[leg] - true_n[leg])

@@ -153,9 +153,9 @@ def _simulate_stretch(
 ) -> tuple[Invariants, tuple[float, float]]:
     """Simulate a walk up to a time [s]; return the checks, and the memory early and at the end [MiB]."""
     with open_service(config, scene, real_time=False) as running:
-        assert running.true_force_at_time_n is not None, "a scene is simulated"
+        assert running.true_force_n_at is not None, "a scene is simulated"
         assert running.can is not None, "the scene has traffic on CAN"
-        checks = Invariants(rules, scene.faults, running.true_force_at_time_n)
+        checks = Invariants(rules, scene.faults, running.true_force_n_at)
         running.observers.append(checks)
         running.can.controller.on_delivered = checks.on_delivered
         running.run(until_ns=min(_FIRST_MEMORY_CHECK_AFTER_S, until_s) * _NS_PER_S)

@@ -21,7 +21,7 @@ from footsense.foot.files.calibration_format import MANIFEST, PARAMETERS, Manife
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Reading, Reference
 from footsense.reference.binary_decoder import BinaryDecoder
-from footsense.reference.line_decoder import LineDecoder
+from footsense.reference.line_decoder import TextLineDecoder
 from footsense.reference.net_ft import NetFtReference
 from footsense.reference.record_decoder import RecordDecoder
 from footsense.reference.recorded_file import read_csv
@@ -76,7 +76,7 @@ def test_any_lines(data: st.DataObject, columns: tuple[str, ...]) -> None:
     lines = data.draw(
         st.lists(line.map(lambda text: text.encode() + b"\n") | st.binary(max_size=30), max_size=20)
     )
-    played(LineDecoder(columns, ","), lines)
+    played(TextLineDecoder(columns, ","), lines)
 
 
 @given(st.data(), st.sampled_from(LAYOUTS), st.sampled_from(["none", "sum8", "crc16"]))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.ports import Clock
-from footsense.sim.bus.serial_line import SimulatedLine
+from footsense.sim.bus.serial_port import SimulatedSerialPort
 from footsense.sim.chips.mcu import SimulatedRobotMcu
 from footsense.sim.faults.schedule import Span, in_any_span
 
@@ -28,7 +28,7 @@ class LineFaults(NamedTuple):
     unplugged_ns: Sequence[Span] = ()
 
 
-class FailingLine(SimulatedLine):
+class FailingLine(SimulatedSerialPort):
     """A simulated line with faults.
 
     Args:

@@ -30,15 +30,15 @@ Felt = Callable[[int], NDArray[np.float64]]
 class ExactReference:
     """A reference sensor that says what the foot feels, 200 times a second."""
 
-    def __init__(self, true_force_at_time_n: Felt) -> None:
-        self._true_force_at_time_n = true_force_at_time_n
+    def __init__(self, true_force_n_at: Felt) -> None:
+        self._true_force_n_at = true_force_n_at
         self._next_ns = 0
 
     def read(self, now_ns: int) -> Reference:
         """Return the samples since the last call."""
         t_ns = np.arange(self._next_ns, now_ns + 1, _SAMPLE_NS)
         self._next_ns = int(t_ns[-1]) + _SAMPLE_NS if len(t_ns) else self._next_ns
-        force_n = np.array([self._true_force_at_time_n(int(t))[0] for t in t_ns]).reshape(-1, 3)
+        force_n = np.array([self._true_force_n_at(int(t))[0] for t in t_ns]).reshape(-1, 3)
         return Reference(t_ns, force_n, np.zeros(len(t_ns), bool))
 
     def close(self) -> None:
@@ -65,9 +65,9 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
     scene = Scene(description="a test stand", load=load, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).end_ns + 200_000_000
     with open_service(config, scene, record=path, real_time=False) as service:
-        true_force_at_time_n, clock = service.true_force_at_time_n, service.clock
-        assert true_force_at_time_n is not None
-        sensor = ExactReference(true_force_at_time_n) if reference else None
+        true_force_n_at, clock = service.true_force_n_at, service.clock
+        assert true_force_n_at is not None
+        sensor = ExactReference(true_force_n_at) if reference else None
         loop = Loop(service.pipeline, service.sink, service.observers, clock, sensor)
         loop.run_until(service.source, lambda: clock.now_ns() >= end_ns)
     return path

@@ -59,11 +59,11 @@ def test_it_walks() -> None:
         watch = Watch(running)
         running.observers.append(watch)
         running.run(until_ns=9e9)
-        true_force_at_time_n = running.true_force_at_time_n
-        assert true_force_at_time_n is not None
+        true_force_n_at = running.true_force_n_at
+        assert true_force_n_at is not None
         for cycle in watch.cycles:
             usable = np.isin(cycle.forces.state, sorted(USABLE))
-            errors_n.append((cycle.forces.force_n - true_force_at_time_n(cycle.forces.t_sent_ns))[usable])
+            errors_n.append((cycle.forces.force_n - true_force_n_at(cycle.forces.t_sent_ns))[usable])
     states = np.array([cycle.forces.state for cycle in watch.cycles[TARED:]])
     assert (states == State.VALID).all()
     assert np.sqrt(np.mean(np.concatenate(errors_n) ** 2)) < 0.03

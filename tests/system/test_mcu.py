@@ -83,7 +83,7 @@ def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:
         if now_ns < 0.6 * S:
             continue
         good = np.isin(forces.state, sorted(USABLE))
-        true_force_n = feet.robot.true_force_at_time_n(now_ns)
+        true_force_n = feet.robot.true_force_n_at(now_ns)
         errors_n.append(np.where(good[:, None], forces.force_n - true_force_n, 0.0))
         ages_ns.append(forces.age_ns[good])
         usable.append((now_ns, good))

@@ -1,1 +1,1 @@
-"""Electronics boards of a foot: transactions of each element, and decoding of the answers."""
+"""Electronics boards of a leg: I2C transactions of each element's conversion, and decoding of the answers."""

@@ -1,4 +1,4 @@
-"""The AD7746 board: its transactions, and the decoding of their answers.
+"""Board `ad7746`: its I2C transactions, and the decoding of their answers.
 
 Every conversion is a single one into one data register. It is read in one burst, status first, which the chip does not
 change meanwhile; a status without new data marks a result that was read before.
@@ -57,7 +57,7 @@ _SELECT_NO_LINES = tuple(Transaction(address, b"\x00") for address in (adg715.AD
 
 
 def _write_settings(capdac: int) -> Transaction:
-    """Return the transaction that writes all settings; the chip is idle afterwards."""
+    """Return the transaction that writes all settings registers and leaves the chip idle."""
     return write_registers(
         Register.CAP_SETUP,
         chip.CAP_ENABLE,
@@ -70,16 +70,18 @@ def _write_settings(capdac: int) -> Transaction:
 
 
 def _trigger_transaction(rate_sps: int) -> Transaction:
+    """Return the transaction that starts one conversion."""
     mode = chip.configuration(chip.MODE_SINGLE, chip.RATES[rate_sps].code)
     return write_registers(Register.CONFIGURATION, mode)
 
 
 def _wait_ns(conversion_ns: int) -> int:
+    """Return the longest duration of a conversion within the chip's clock tolerance [ns]."""
     return round(conversion_ns * (1 + chip.CLOCK_TOLERANCE_REL))
 
 
 def step(element: int, rate_sps: int, rows: int = 3) -> Step:
-    """Return the transactions that convert an element.
+    """Return the transactions of one element's conversion: line selection, trigger, read-out.
 
     Args:
         element: Flat index.
@@ -100,7 +102,7 @@ def step(element: int, rate_sps: int, rows: int = 3) -> Step:
 
 
 def identify(bus: I2cBus, clock: Clock) -> None:
-    """Reset the connected chip and check that it is an AD7746, which has no id but its reset values (table 7).
+    """Reset the connected chip, and raise an error unless it has an AD7746's reset values (it has no id register).
 
     Args:
         bus: Its bus.
@@ -124,7 +126,7 @@ def identify(bus: I2cBus, clock: Clock) -> None:
 
 
 def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
-    """Set the chip up and measure the capacitance that its CAPDAC subtracts; no line is selected afterwards.
+    """Set the chip up with no line selected; return the outcome and the capacitance that its CAPDAC subtracts [pF].
 
     Args:
         bus: Its bus; no other leg is connected.
@@ -166,7 +168,7 @@ _FASTEST_SPS = max(chip.RATES)
 
 
 def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
-    """Decode the answer to READ_RESULT.
+    """Return reading and capacitance [pF] decoded from the answer to READ_RESULT.
 
     Returns:
         The reading, and the capacitance [pF], CAPDAC not included; NaN unless the reading is OK.
@@ -189,7 +191,7 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
 
 
 def decode_temperature(answer: bytes, again: bytes) -> float:
-    """Decode the temperature in a burst of STATUS to VT_DATA.
+    """Return the chip temperature [degC] decoded from a burst read of STATUS to VT_DATA.
 
     It is used for ten seconds and scales all forces, so two reads have to agree: a flipped bit is noticed.
 
@@ -207,7 +209,7 @@ def decode_temperature(answer: bytes, again: bytes) -> float:
 
 
 def board(rows: int = 3) -> Board:
-    """Return the board of a foot with this number of rows and columns."""
+    """Return the board `ad7746` for a foot with `rows` rows and columns."""
     return Board(
         conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
         step=partial(step, rows=rows),

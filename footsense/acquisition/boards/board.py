@@ -1,4 +1,4 @@
-"""The electronics of a foot as a scanner uses them: transactions for an element, and the decoding of their answers.
+"""Data types of an electronics board as the scanner uses it: transactions of an element, and their decoding.
 
 Each of the two boards is a value of `Board`, which the module of its converter makes for the rows and columns of a
 foot: `fdc1004.board` and `ad7746.board`.
@@ -14,7 +14,7 @@ from footsense.ports import Clock, I2cBus, Transaction
 
 
 class Check(NamedTuple):
-    """Read-back of a setting; from several legs at once, the answers combine as a wired AND.
+    """Read-back check of a setting; answers of several legs at once combine as a wired AND.
 
     Attributes:
         read: Read transaction without side effects.
@@ -26,7 +26,7 @@ class Check(NamedTuple):
 
 
 class Done(NamedTuple):
-    """Poll for the end of a conversion, for several legs in one transaction.
+    """Polling transaction for the end of a conversion, on several legs at once.
 
     Attributes:
         read: Read transaction without side effects.
@@ -38,7 +38,7 @@ class Done(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Transactions of one element's conversion: line selection, trigger, poll, read-out, checks.
+    """Transactions of one element's conversion: line selection, trigger, polling, read-out, checks.
 
     Attributes:
         element: Flat index of the element.
@@ -71,7 +71,7 @@ CONVERTED = frozenset({Reading.OK, Reading.OVER_RANGE, Reading.UNDER_RANGE})
 
 
 def require_identity(answer: bytes, name: str, identity: bytes, address: int, others: str) -> None:
-    """Check the identity register that a chip returned.
+    """Raise an error unless an identity register has the expected value.
 
     Args:
         answer: The answer.
@@ -95,7 +95,7 @@ def require_identity(answer: bytes, name: str, identity: bytes, address: int, ot
 
 
 class Thermometer(NamedTuple):
-    """Temperature sensor inside a converter; reading the temperature ends the conversions of elements.
+    """Transactions of a converter's internal temperature sensor; reading it aborts running conversions.
 
     Attributes:
         start: Writes that start the conversion of the temperature.
@@ -111,7 +111,7 @@ class Thermometer(NamedTuple):
 
 
 class Board(NamedTuple):
-    """Converter electronics of a leg: scan steps, chip setup and decoding of the readings.
+    """Electronics board of a leg: conversion steps, chip setup, and decoding of the results.
 
     Attributes:
         conversion_ns: Nominal time of one conversion by conversions per second [ns].
@@ -142,5 +142,5 @@ class Board(NamedTuple):
     traffic: Traffic
 
     def wait_ns(self, rate_sps: int) -> int:
-        """Return the time after which the slowest chip within its tolerance has finished a conversion [ns]."""
+        """Return the conversion time of the slowest chip within its clock tolerance [ns]."""
         return round(self.conversion_ns[rate_sps] * (1 + self.traffic.clock_tolerance_rel))

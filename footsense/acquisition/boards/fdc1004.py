@@ -1,4 +1,4 @@
-"""The FDC1004 board: its transactions, and the decoding of their answers.
+"""Board `fdc1004`: its I2C transactions, and the decoding of their answers.
 
 Ids are checked before anything else, because a missing chip often "answers": pull-ups read as ones, a stuck line as
 zeros. Register layout: `firmware_interface/chips/fdc1004.py`, with the sections of data sheet SNOSCY5.
@@ -40,7 +40,7 @@ _RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
 
 
 def step(element: int, rate_sps: int, rows: int = 3) -> Step:
-    """Return the conversion of an element: measurement slot n converts CIN n, to which column n is wired.
+    """Return the transactions of one element's conversion; measurement slot n converts CIN n, the pin of column n.
 
     Args:
         element: Flat index.
@@ -58,7 +58,7 @@ def step(element: int, rate_sps: int, rows: int = 3) -> Step:
 
 
 def identify(bus: I2cBus, clock: Clock) -> None:
-    """Check that the connected chip is an FDC1004, by its ids (section 8.6).
+    """Raise an error unless the connected chip is an FDC1004, by its id registers (section 8.6).
 
     Args:
         bus: Its bus.
@@ -81,7 +81,7 @@ def identify(bus: I2cBus, clock: Clock) -> None:
 
 
 def configure(bus: I2cBus, clock: Clock, columns: int = 3) -> tuple[Reading, float]:
-    """Reset the chip, and let measurement n measure CIN n to ground, CAPDAC off.
+    """Reset the chip, and configure measurement n as CIN n to ground without CAPDAC; return the outcome.
 
     Args:
         bus: Its bus.
@@ -102,7 +102,7 @@ def configure(bus: I2cBus, clock: Clock, columns: int = 3) -> tuple[Reading, flo
 
 
 def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:
-    """Return the meaning of an answer to READ_CONF.
+    """Return the reading (OK or NOT_READY, ...) decoded from an answer to READ_CONF.
 
     Bits that no FDC1004 sends, reserved ones and REPEAT, which is never asked for, make it CORRUPT.
     """
@@ -113,7 +113,7 @@ def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:
 
 
 def result_reads(slot: int, rate_sps: int) -> tuple[Transaction, ...]:
-    """Return the reads of a finished measurement.
+    """Return the transactions that read the result of a finished measurement.
 
     At 400 S/s the lower register is not read: the noise of one conversion (0.47 fF) hides its bits (the step of the
     upper one is 0.49 fF, 0.14 fF rms), and to read it would cost six legs a third of the bus.
@@ -125,7 +125,7 @@ def result_reads(slot: int, rate_sps: int) -> tuple[Transaction, ...]:
 
 
 def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
-    """Decode the answers to `result_reads`.
+    """Return reading and capacitance [pF] decoded from the answers to `result_reads`.
 
     Returns:
         The reading, and the capacitance [pF], NaN unless the reading is OK.
@@ -145,7 +145,7 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
 
 
 def board(rows: int = 3) -> Board:
-    """Return the board of a foot with this number of rows and columns."""
+    """Return the board `fdc1004` for a foot with `rows` rows and columns."""
     return Board(
         conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
         step=partial(step, rows=rows),

@@ -1,1 +1,1 @@
-"""Devices of a Linux computer: I2C adapters, GPIO lines, serial ports; one file for each vendor library."""
+"""Linux devices: I2C adapters, GPIO lines, serial ports; one module per vendor library."""

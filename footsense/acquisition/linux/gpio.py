@@ -1,4 +1,4 @@
-"""One line of a Linux GPIO chip as a mux's RESET pin; the only module that imports gpiod.
+"""GPIO line of Linux that drives a mux's RESET pin; the only module that imports gpiod.
 
 The line is requested as an open-drain, active-low output: inactive it is released, so that the mux's own pull-up keeps
 the pin high, whatever the mux's supply is.
@@ -19,7 +19,7 @@ SETTINGS = gpiod.LineSettings(
 
 
 class LinuxResetLine:
-    """The RESET pin of a mux on a GPIO line; a line that has gone is requested again at each pulse.
+    """RESET pin of a mux on a GPIO line; a GPIO line that has disappeared is requested again at each pulse.
 
     Args:
         request: The line, requested and inactive.
@@ -51,7 +51,7 @@ class LinuxResetLine:
             ) from error
 
     def pulse(self) -> None:
-        """Pull the pin low and release it; log once that the GPIO line is gone.
+        """Pull the RESET pin low for a moment; log once if the GPIO line has disappeared.
 
         A system call takes a thousand times the 6 ns that a TCA9548A needs (data sheet SCPS207, t_W(L)).
         """
@@ -79,4 +79,5 @@ class LinuxResetLine:
 
 
 def _request_line(device: str, line: int) -> gpiod.LineRequest:
+    """Request a GPIO line as an output."""
     return gpiod.request_lines(device, config={line: SETTINGS}, consumer="footsense")

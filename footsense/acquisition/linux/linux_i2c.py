@@ -1,4 +1,4 @@
-"""Linux I2C adapter behind the I2cBus port; the only module that imports smbus2.
+"""I2C adapter of Linux (i2c-dev); the only module that imports smbus2.
 
 Only these transactions are used, because only they work on every adapter: a write, a read, and a write followed by a
 read of the same address. Their kernel messages are built once per transaction and used again.
@@ -49,7 +49,7 @@ _ADAPTERS = Path("/sys/bus/i2c/devices")
 
 
 class LinuxI2cBus:
-    """I2C adapter of Linux (i2c-dev), one ioctl per transaction, locked against other processes that lock it too.
+    """I2C adapter of Linux (i2c-dev): one ioctl per transaction, locked against other processes that also lock it.
 
     An adapter that was unplugged acknowledges nothing; each transaction tries to open it again. Its old file is closed
     at once: as long as it is open, the kernel keeps the number, and the driver in its disconnect.
@@ -74,7 +74,7 @@ class LinuxI2cBus:
         return cls(_open(device), device)
 
     def transfer(self, transaction: Transaction) -> bytes:
-        """Do one transaction and return the bytes read.
+        """Do one I2C transaction, and return the bytes read.
 
         Raises:
             NackError: No chip acknowledged, or the adapter is gone.
@@ -97,6 +97,11 @@ class LinuxI2cBus:
         return bytes(messages[-1]) if transaction.n_read else b""
 
     def _reopen(self) -> smbus2.SMBus:
+        """Open the adapter again, after it has disappeared.
+
+        Raises:
+            NackError: It is still gone.
+        """
         try:
             self._adapter = _open(self._device)
         except HardwareError as error:
@@ -112,7 +117,7 @@ class LinuxI2cBus:
 
 
 def _open(device: str) -> smbus2.SMBus:
-    """Open an adapter, lock it, and shorten its timeout.
+    """Open an I2C adapter, lock it, and shorten its timeout.
 
     Raises:
         HardwareError: It is missing, this user may not use it, or another process holds the lock.
@@ -135,13 +140,13 @@ def _open(device: str) -> smbus2.SMBus:
 
 
 def adapters(folder: Path = Path("/dev")) -> list[str]:
-    """Return the device files of all adapters of this computer, in the order of their numbers."""
+    """Return the device files of all I2C adapters of this computer, in numerical order."""
     numbers = (path.name.removeprefix("i2c-") for path in folder.glob("i2c-*"))
     return [str(folder / f"i2c-{number}") for number in sorted(map(int, filter(str.isdecimal, numbers)))]
 
 
 def with_parents(device: str, folder: Path = _ADAPTERS) -> list[str]:
-    """Return the device files of an adapter and of those whose multiplexers it is behind, the outermost first.
+    """Return the device files of an adapter and of the adapters that its mux is behind, the outermost first.
 
     A transfer through a multiplexer of the kernel waits as long as the adapter does that moves the lines.
     """
@@ -161,7 +166,7 @@ def kernel_drivers(device: str, folder: Path = _ADAPTERS) -> dict[int, str]:
 
 
 def shorten_timeout(device: str) -> None:
-    """Shorten an adapter's timeout to 20 ms; one that refuses still works, and is named in the journal."""
+    """Set an adapter's timeout to 20 ms; if it refuses, log that and go on."""
     try:
         with Path(device).open("rb", buffering=0) as file:
             fcntl.ioctl(file, _I2C_TIMEOUT, _TIMEOUT_10MS)
@@ -175,6 +180,7 @@ def shorten_timeout(device: str) -> None:
 
 
 def _messages(transaction: Transaction) -> list[smbus2.i2c_msg]:
+    """Return a transaction as smbus2 messages."""
     # A write without a byte asks for the acknowledge of the address alone.
     writes = transaction.write or not transaction.n_read
     messages = [smbus2.i2c_msg.write(transaction.address, transaction.write)] if writes else []

@@ -1,4 +1,4 @@
-"""Serial port behind the SerialPort port; the only module that imports pyserial.
+"""Serial port of Linux, reopened after it was unplugged; the only module that imports pyserial.
 
 pyserial sets up the line at any baud rate; bytes are read from its descriptor, with one system call instead of the two
 or three of its `read`.
@@ -25,7 +25,7 @@ _log = logging.getLogger(__name__)
 
 
 class SerialLink:
-    """One serial port, 8N1, opened for this process alone.
+    """One serial port, 8N1, opened exclusively for this process.
 
     A port that was unplugged is opened again by its name, with growing pauses. A name under /dev/serial/by-id stays the
     same device; /dev/ttyACM0 may be another one by then.
@@ -55,7 +55,7 @@ class SerialLink:
         self._open()
 
     def read(self) -> bytes:
-        """Return the bytes that have arrived, without waiting; reopen a lost port once the retry delay has passed."""
+        """Return the received bytes without waiting; reopen a lost port once the retry delay has passed."""
         if self._port is None and not self._reopened():
             return b""
         try:
@@ -71,7 +71,7 @@ class SerialLink:
         return data
 
     def wait_until_ns(self, t_ns: int) -> None:
-        """Return when bytes have arrived or the line is lost, at `t_ns` at the latest."""
+        """Wait until bytes have arrived or the port is lost, at most until `t_ns` [ns]."""
         if self._port is None:
             self._clock.sleep_until_ns(min(t_ns, self._retry_at_ns))
             return
@@ -80,7 +80,7 @@ class SerialLink:
             select.select((self._descriptor,), (), (), remaining_ns * 1e-9)
 
     def write(self, data: bytes) -> None:
-        """Send a few bytes; bytes that a full or lost line does not take are dropped."""
+        """Send a few bytes; those that a full or lost port does not accept are dropped."""
         if self._port is None:
             return
         try:
@@ -91,13 +91,18 @@ class SerialLink:
             self._close_lost_port(error.strerror or "not writable")
 
     def close(self) -> None:
-        """Release the line."""
+        """Close the port."""
         if self._port is not None:
             self._poll.unregister(self._descriptor)
             self._port.close()
             self._port = None
 
     def _open(self) -> None:
+        """Open the port.
+
+        Raises:
+            HardwareError: It cannot be opened.
+        """
         try:
             port = serial.Serial(self._device, self._baud, timeout=0, exclusive=True)
         except (OSError, ValueError, termios.error) as error:
@@ -128,6 +133,7 @@ class SerialLink:
         return True
 
     def _close_lost_port(self, why: str) -> None:
+        """Close a port that has failed, and log why."""
         self.close()
         self._retry_at_ns = self._clock.now_ns() + self._pause_ns
         _log.warning("%s: gone (%s); it is opened again when it comes back", self._device, why)

@@ -1,1 +1,1 @@
-"""Probe of the buses before the first scan: answering addresses, chip identities, readings of the feet."""
+"""Checks before the first scan: answering I2C addresses, chip identities, readings of the unloaded feet."""

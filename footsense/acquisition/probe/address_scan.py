@@ -1,4 +1,4 @@
-"""Probe a bus for addresses that answer, with transactions that are harmless to the chips.
+"""Address scan of an I2C bus, with transactions that are harmless to the chips.
 
 An empty write is the gentlest: START, address, acknowledge, STOP. But to the EEPROM AT24RF08 (0x54 to 0x57) it is the
 beginning of a write, and memory modules have write-protect registers at 0x30 to 0x37: there one byte is read instead,
@@ -19,7 +19,7 @@ _ADDRESSES_PROBED_BY_READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
 
 
 class AddressProbe(NamedTuple):
-    """Result of an address scan: the I2C addresses that answered, and those that could not be probed.
+    """Result of an address scan: I2C addresses that answered, and those that were not probed.
 
     Attributes:
         answering: Addresses that acknowledged.
@@ -31,7 +31,7 @@ class AddressProbe(NamedTuple):
 
 
 def probe_addresses(bus: I2cBus, skipped: Collection[int] = ()) -> AddressProbe:
-    """Probe every I2C address once, and return which addresses acknowledged.
+    """Probe every I2C address once; return which acknowledged.
 
     Args:
         bus: The bus, with the channels that are connected.

@@ -1,4 +1,4 @@
-"""Scan of a bus before the first scan of the feet: answering addresses, identity of the chips, timing.
+"""Scan of an I2C bus for chips: answering addresses, chip identities, bus timing.
 
 Unknown addresses receive only transactions that are harmless to the chips (`address_scan.py`). The mux is switched, and
 the identity of each leg's converter is read. An AD7746 has none but its values after a reset, so that it is reset;
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 
 class ChannelScan(NamedTuple):
-    """The chips behind one channel of a mux.
+    """Chips found behind one mux channel.
 
     Attributes:
         answering: Addresses that answer there and not on the upstream bus.
@@ -37,7 +37,7 @@ class ChannelScan(NamedTuple):
 
 
 class BusScan(NamedTuple):
-    """The chips found on one I2C bus, and its timing.
+    """Chips found on one I2C bus, and the bus's timing.
 
     Attributes:
         upstream: Addresses that answer with no channel connected; None if a line is stuck.
@@ -54,7 +54,7 @@ class BusScan(NamedTuple):
 
 
 def leg_chip_addresses(plan: ScanPlan) -> tuple[int, ...]:
-    """Return the addresses of a leg's chips: first the converter, then the line switches."""
+    """Return the I2C addresses of a leg's chips: the converter's first, then the line switches'."""
     step = plan.steps[0]
     return (step.trigger.address, *(select.address for select in step.select))
 
@@ -62,7 +62,7 @@ def leg_chip_addresses(plan: ScanPlan) -> tuple[int, ...]:
 def scan_bus(
     bus: UpstreamBus, clock: Clock, plan: ScanPlan, legs: Mapping[str, int], claimed: Collection[int] = ()
 ) -> BusScan:
-    """Scan a bus whose mux footsense drives.
+    """Scan a bus whose mux footsense itself switches.
 
     Args:
         bus: The bus.
@@ -103,7 +103,7 @@ def scan_bus(
 def scan_adapters(
     adapters: Sequence[I2cBus], clock: Clock, plan: ScanPlan, claimed: Collection[int] = ()
 ) -> BusScan:
-    """Scan a bus whose mux the kernel drives, through the adapter of each leg; arguments as of `scan_bus`.
+    """Scan a bus whose mux the kernel switches, through each leg's adapter; arguments as of `scan_bus`.
 
     An address that answers behind every channel is on the upstream bus. A channel with a stuck line shows nothing of
     it; if all are stuck, the upstream bus is unknown (None). Without any adapter, nothing answers.
@@ -129,7 +129,7 @@ def scan_adapters(
 
 
 def _holds_selection(bus: UpstreamBus, selection: int) -> bool:
-    """Connect some channels, and return whether the mux reads them back, as no other chip would.
+    """Select mux channels, and return whether the mux reads them back, as no other chip would.
 
     Raises:
         BusTimeoutError: A line is stuck.
@@ -146,7 +146,7 @@ def _holds_selection(bus: UpstreamBus, selection: int) -> bool:
 def _scan_channel(
     bus: I2cBus, clock: Clock, plan: ScanPlan, skipped: Collection[int], *, is_leg: bool
 ) -> ChannelScan:
-    """Return the chips behind the channel that is connected.
+    """Return the chips behind the mux channel that is connected.
 
     Raises:
         BusTimeoutError: A line is stuck.

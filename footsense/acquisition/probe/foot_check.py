@@ -1,4 +1,4 @@
-"""Find the faults of a foot that hangs in the air from a few scans: lines, elements, noise.
+"""Diagnose the faults of an unloaded foot from a few scans: broken lines, open or shorted elements, noise.
 
 For a person who has just connected it, not for the loop: each fault names the parts to look at. Limits of single
 readings are those of the estimation (`estimation/faults`).
@@ -14,7 +14,7 @@ from footsense.frames import Cause, Codes, Mask, Reading, Vector
 
 
 class FootFault(NamedTuple):
-    """A fault of a foot: its cause, the elements, and what to check.
+    """One fault of a foot: cause, elements, observation, and what to check.
 
     Attributes:
         cause: The cause as CAN names it; NONE where CAN has no name for it.
@@ -70,7 +70,7 @@ CHIP_READINGS = (*_CHIP_FAULTS, Reading.NO_ANSWER)
 
 
 class FootScans(NamedTuple):
-    """Capacitances and readings of some scans of one foot.
+    """Capacitances and read results of several scans of one foot.
 
     Attributes:
         capacitance_pf: As converted, stray included [pF], shape (scans, elements), NaN without a reading.
@@ -82,25 +82,25 @@ class FootScans(NamedTuple):
 
     @property
     def mean_pf(self) -> Vector:
-        """Mean capacitance of each element over the scans [pF], shape (elements,), NaN if a scan lacks the element."""
+        """Mean capacitance of each element over the scans [pF], shape (elements,); NaN if a reading is missing."""
         mean_pf: Vector = self.capacitance_pf.mean(axis=0)
         return mean_pf
 
     @property
     def noise_ff(self) -> Vector:
-        """Standard deviation of each element over the scans [fF], shape (elements,), NaN if one is missing."""
+        """Standard deviation of each element over the scans [fF], shape (elements,); NaN if a reading is missing."""
         noise_pf: Vector = self.capacitance_pf.std(axis=0, ddof=1)
         return noise_pf * 1e3
 
     @property
     def worst_reading(self) -> Codes:
-        """Highest `Reading` of each element, shape (elements,); 0 if all were OK."""
+        """Highest `Reading` code of each element over the scans, shape (elements,); 0 if all were OK."""
         highest: Codes = self.reading.max(axis=0)
         return highest
 
     @property
     def is_intermittent(self) -> bool:
-        """Whether the chips failed in some of the scans and worked in others."""
+        """Whether the chips failed in some scans and worked in others."""
         failed = np.isin(self.reading, CHIP_READINGS).any(axis=1)
         return bool(failed.any() and not failed.all())
 
@@ -113,7 +113,7 @@ def foot_faults(
     noise_limit_ff: float,
     unloaded_limit_rel: float,
 ) -> tuple[FootFault, ...]:
-    """Return the faults of a foot; none for a sound one.
+    """Return the faults of an unloaded foot; empty for a fault-free one.
 
     Args:
         scans: At least two scans of it in the air.
@@ -167,7 +167,7 @@ def foot_faults(
 
 
 def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
-    """Return the faults of elements over the converter's range: a whole column of them has its line at ground."""
+    """Return the faults of over-range elements: a whole column means that its line is shorted to ground."""
     faults = []
     rows = math.isqrt(len(over))
     for column in range(rows):
@@ -194,7 +194,7 @@ def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
 
 
 def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
-    """Return the faults of elements without their electrode: whole lines first, then single elements."""
+    """Return the faults of open elements: whole row or column lines first, then single elements."""
     if opened.all():
         observation, advice = "none of its elements is connected", "whether the foot is plugged in"
         return [FootFault(Cause.ELEMENT_OPEN, _indices(opened), observation, advice)]
@@ -222,4 +222,5 @@ def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
 
 
 def _indices(mask: Mask) -> tuple[int, ...]:
+    """Return the indices of a mask's true elements."""
     return tuple(np.flatnonzero(mask).tolist())

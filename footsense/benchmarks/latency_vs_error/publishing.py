@@ -6,7 +6,7 @@ import numpy as np
 
 from footsense.benchmarks.latency_vs_error.chain import Readings
 from footsense.estimation.reading_window import READINGS, ReadingWindow
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, Stamps, Vector
 from footsense.ports import Estimator, Window
@@ -91,7 +91,7 @@ def estimate_forces(
     """
     window = conversion_windows(readings)
     if degree is not None:
-        window = at_rest(extrapolate_closures(window, degree))
+        window = steady_windows(extrapolate_closures(window, degree))
     closure_rel = np.clip(window.closure_rel, trained.closure_rel_min, trained.closure_rel_max)
     load = network.estimate(window._replace(closure_rel=closure_rel))
     force_n, sigma_n = (

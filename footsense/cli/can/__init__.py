@@ -1,1 +1,1 @@
-"""Commands that listen on CAN, beside `footsense monitor`."""
+"""Commands that receive forces from CAN, besides `footsense monitor`."""

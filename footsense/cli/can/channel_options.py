@@ -1,4 +1,4 @@
-"""Options of the commands that listen on CAN."""
+"""Options (interface, channel, force unit) of the commands that receive from CAN."""
 
 from collections.abc import Callable
 from ipaddress import AddressValueError, IPv4Address
@@ -22,7 +22,7 @@ interface_option = click.option(
 
 
 def _channel_or_default(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
-    """Return the channel, or the interface's default.
+    """Return the given channel, or the interface type's default channel.
 
     Raises:
         BadParameter: It is no multicast address, and has to be one.
@@ -65,6 +65,7 @@ rows_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
 
 
 def _is_multicast(name: str) -> bool:
+    """Return whether a name is a multicast IP address."""
     try:
         return IPv4Address(name).is_multicast
     except AddressValueError:

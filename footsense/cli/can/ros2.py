@@ -1,4 +1,4 @@
-"""`footsense ros2`: the forces on CAN as ROS 2 messages, live."""
+"""Command `footsense ros2`: publish the forces received from CAN as ROS 2 messages, live."""
 
 from contextlib import closing
 from pathlib import Path

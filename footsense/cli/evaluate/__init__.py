@@ -1,1 +1,1 @@
-"""Command `footsense evaluate`: errors of a recorded session."""
+"""Command `footsense evaluate`: force errors of a recorded test-stand session."""

@@ -1,4 +1,4 @@
-"""`footsense evaluate`: errors of a foot's forces by the network of its design alone and with its calibration."""
+"""Command `footsense evaluate`: force errors against the reference sensor, without and with the foot's calibration."""
 
 import importlib.util
 from collections.abc import Sequence
@@ -76,7 +76,7 @@ def evaluate(
 
 
 def _calibration_of(folder: Path | None, foot: str, foot_type: str) -> FootCalibration | None:
-    """Return the calibration of the foot, None if none is named and there is none in the default folder."""
+    """Return the foot's calibration; None if no folder is given and the default folder has none."""
     if folder is None:
         folder = Path("feet") / foot
         if not folder.exists():
@@ -91,7 +91,7 @@ def _calibration_of(folder: Path | None, foot: str, foot_type: str) -> FootCalib
 def _fitted_on_warnings(
     sessions: Sequence[RecordedSession], calibration: FootCalibration | None
 ) -> list[str]:
-    """Return a warning if the calibration was fitted on some of the recordings."""
+    """Return a warning if the calibration was fitted on some of the evaluated recordings."""
     used = set() if calibration is None else set(calibration.manifest.recordings.values())
     fitted = [str(session.path) for session in sessions if session.sha256 in used]
     if not fitted:
@@ -102,7 +102,7 @@ def _fitted_on_warnings(
 
 
 def _require_writable_page(out: Path) -> None:
-    """Check, before the work, that the page can be drawn and written.
+    """Raise an error if the result page cannot be drawn or written.
 
     Raises:
         ConfigError: A library is missing, or the folder cannot be written.

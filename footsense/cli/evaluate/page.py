@@ -1,4 +1,4 @@
-"""The page of `footsense evaluate --out`: the table, and the paper's Figs. 17 to 19 of one foot. Needs matplotlib."""
+"""Result page of `footsense evaluate --out`: error table and the paper's Figs. 17 to 19; needs matplotlib."""
 
 import json
 import math
@@ -32,7 +32,7 @@ _MAP_CIRCLE_ELEVATIONS_DEG = (30.0, 50.0, 70.0)
 
 
 def error_map_figure(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
-    """Draw the direction errors on a map of the ball: one dot at the contact point of each load.
+    """Return a map of the direction errors over the ball: one dot per load at its contact point.
 
     Args:
         reference_n: Forces of the reference [N], shape (n, 3).
@@ -77,7 +77,7 @@ def error_map_figure(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> 
 
 
 def error_histograms_figure(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
-    """Draw histograms of the errors; arguments as of `error_map_figure`."""
+    """Return histograms of the force errors; arguments as of `error_map_figure`."""
     figure = Figure(figsize=(8.6, 3.6), layout="constrained")
     kinds = (
         (angles_between_deg, "direction error [deg]", PAPER_DEG),
@@ -98,7 +98,7 @@ def error_histograms_figure(reference_n: Vector, estimates_n: Mapping[str, Vecto
 
 
 def closure_patterns_figure(closures_um: Mapping[str, Mapping[str, Vector]]) -> Figure:
-    """Return the closures of the elements under each load as bars, by element, front row first.
+    """Return a bar chart of the nine elements' gap closures under each load, front row first.
 
     Args:
         closures_um: Closures by load and source [um], shape (elements,) each; all loads have the same sources.
@@ -136,7 +136,7 @@ def write_page(
     foot: FootParameters | None,
     response: FootResponse,
 ) -> Path:
-    """Write the page, its figures and its numbers, and return the page's path.
+    """Write the result page, its figures and its JSON; return the page's path.
 
     Args:
         folder: Existing folder.
@@ -168,7 +168,7 @@ def write_page(
 def _closure_patterns_um(
     evaluation: Evaluation, foot: FootParameters | None, response: FootResponse
 ) -> dict[str, dict[str, Vector]]:
-    """Return measured and simulated closures under some of the loads."""
+    """Return measured and simulated gap closures under some of the loads [um], by load and source."""
     reference_n = evaluation.reference_n
     direction = normalized(reference_n)
     specimen, normal = Foot(response), direction
@@ -193,6 +193,7 @@ def _closure_patterns_um(
 
 
 def _load_title(force_n: Vector) -> str:
+    """Return a load's direction and magnitude as text."""
     azimuth_deg, elevation_deg = azimuth_elevation_deg(force_n)
     return (
         f"{np.linalg.norm(force_n) / GRAM_FORCE_N:.0f} gf from ({azimuth_deg:.0f}, {elevation_deg:.0f}) deg"

@@ -1,4 +1,4 @@
-"""The numbers of `footsense evaluate`, as plain values and as a table."""
+"""Results of `footsense evaluate` as plain values and as a text table."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,7 +16,7 @@ def evaluation_figures(
     calibration: FootCalibration | None,
     evaluation: Evaluation,
 ) -> dict[str, Any]:
-    """Return all numbers of an evaluation as plain values; a band without loads is left out."""
+    """Return all results of an evaluation as plain values; bands without loads are left out."""
     ways = evaluation.estimates
     bands = {band.name: _band_errors(evaluation, band) for band in MAGNITUDE_BANDS}
     kept = ("made", "footsense", "n_loads", "sha256")
@@ -33,12 +33,13 @@ def evaluation_figures(
 
 
 def _band_errors(evaluation: Evaluation, band: MagnitudeBand) -> dict[str, dict[str, float]]:
-    """Return the errors of the loads of a band by source; empty without loads."""
+    """Return the force errors of the loads of a band, by estimator; empty without loads."""
     found = {way: evaluation.errors_of(estimates, band) for way, estimates in evaluation.estimates.items()}
     return {way: _error_figures(errors) for way, errors in found.items() if errors is not None}
 
 
 def _error_figures(errors: ForceErrors) -> dict[str, float]:
+    """Return force errors as plain values."""
     return {
         "loads": errors.n,
         "direction_deg": errors.direction_deg,
@@ -51,7 +52,7 @@ def _error_figures(errors: ForceErrors) -> dict[str, float]:
 
 
 def error_table_rows(figures: dict[str, Any]) -> list[list[str]]:
-    """Return the table of errors, its header first."""
+    """Return the rows of the table of force errors, its header first."""
     rows = [["magnitude", "forces by the", "loads", "deg", "p95", "gf", "p95", "N", "p95"]]
     for band, of_way in figures["bands"].items():
         for number, (way, errors) in enumerate(of_way.items()):
@@ -62,7 +63,7 @@ def error_table_rows(figures: dict[str, Any]) -> list[list[str]]:
 
 
 def headline_text(figures: dict[str, Any]) -> str:
-    """Return foot, calibration and number of loads in one line."""
+    """Return foot, calibration and number of loads as one line of text."""
     calibration = figures["calibration"]
     by = "no calibration"
     if calibration:

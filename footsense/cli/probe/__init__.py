@@ -1,1 +1,1 @@
-"""Command `footsense probe`: chips on the buses, and diagnosis of faults."""
+"""Command `footsense probe`: find the chips on the buses, and diagnose faults."""

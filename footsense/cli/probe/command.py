@@ -1,4 +1,4 @@
-"""`footsense probe`: check of buses and feet before a robot walks."""
+"""Command `footsense probe`: check I2C buses, chips and unloaded feet before the robot walks."""
 
 import logging
 import sys

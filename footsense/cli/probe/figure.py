@@ -1,4 +1,4 @@
-"""Figure of the probed feet; the only file of the command that needs matplotlib."""
+"""Figure of the probed feet's elements; needs matplotlib."""
 
 import math
 from pathlib import Path
@@ -13,7 +13,7 @@ _FEET_PER_ROW = 3
 
 
 def draw_probed_feet(result: ProbeResult, title: str, file: Path) -> None:
-    """Draw every foot's elements, forwards up, coloured by their deviation from the foot's median.
+    """Write a figure of every foot's elements, coloured by their deviation from the foot's median.
 
     Raises:
         FootsenseError: matplotlib is not installed, or the file cannot be written in the format of its suffix.

@@ -1,4 +1,4 @@
-"""A probe's result as plain values for JSON; None and NaN stand for unknown values."""
+"""Result of `footsense probe` as plain values for JSON; unknown values are None or NaN."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +9,7 @@ from footsense.frames import Reading
 
 
 def probe_json(result: ProbeResult) -> dict[str, Any]:
-    """Return buses, legs, the shortest scan and the diagnoses."""
+    """Return buses, legs, shortest scan and diagnoses as plain values."""
     scan_ns = result.scan_ns
     return {
         "buses": [_bus_json(report) for report in result.buses],
@@ -22,7 +22,7 @@ def probe_json(result: ProbeResult) -> dict[str, Any]:
 
 
 def adapters_json(reports: list[ProbedAdapter]) -> dict[str, Any]:
-    """Return the addresses that answer on each adapter."""
+    """Return the addresses that answer on each I2C adapter as plain values."""
     return {
         "adapters": [
             {
@@ -37,6 +37,7 @@ def adapters_json(reports: list[ProbedAdapter]) -> dict[str, Any]:
 
 
 def _bus_json(report: ProbedBus) -> dict[str, Any]:
+    """Return the result of one bus as plain values."""
     bus, scan, drivers = report
     values: dict[str, Any] = {
         "device": bus.device,
@@ -62,6 +63,7 @@ def _bus_json(report: ProbedBus) -> dict[str, Any]:
 
 
 def _leg_json(report: ProbedLeg) -> dict[str, Any]:
+    """Return the result of one leg as plain values."""
     chips, scans = report.chips, report.scans
     return {
         "bus": report.device,
@@ -83,7 +85,7 @@ def _leg_json(report: ProbedLeg) -> dict[str, Any]:
 
 
 def _address_scan_json(scan: AddressProbe | None, name: str) -> dict[str, list[str] | None]:
-    """Return the addresses that answer, under `name`, and those that could not be scanned."""
+    """Return the answering addresses, under `name`, and those not scanned, as text; None if unknown."""
     return {
         name: None if scan is None else _addresses_json(scan.answering),
         "not_scanned": None if scan is None else _addresses_json(scan.not_probed),
@@ -91,8 +93,10 @@ def _address_scan_json(scan: AddressProbe | None, name: str) -> dict[str, list[s
 
 
 def _addresses_json(addresses: tuple[int, ...]) -> list[str]:
+    """Return I2C addresses as hexadecimal text."""
     return [f"{address:#04x}" for address in addresses]
 
 
 def _drivers_json(drivers: Mapping[int, str]) -> dict[str, str]:
+    """Return kernel drivers by hexadecimal address."""
     return {f"{address:#04x}": name for address, name in sorted(drivers.items())}

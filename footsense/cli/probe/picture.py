@@ -1,4 +1,4 @@
-"""Picture of a probe: buses, legs, every foot's elements, diagnoses, and readings to configure."""
+"""Terminal output of `footsense probe`: buses, legs, elements of every foot, diagnoses, `unloaded_pf` to configure."""
 
 import math
 import textwrap
@@ -43,7 +43,7 @@ _CAUSE_MARKS = {
 
 
 def probe_picture(result: ProbeResult, title: str) -> Group:
-    """Return buses, legs, feet, the shortest scan, diagnoses and readings; they fit 80 columns."""
+    """Return the whole output of a probe for a terminal of 80 columns."""
     parts: list[RenderableType] = [Text.assemble(("footsense probe  ", "bold"), title), Text()]
     for report in result.buses:
         parts += [*_bus_lines(report), Text()]
@@ -85,7 +85,7 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
 
 
 def adapters_picture(reports: list[ProbedAdapter]) -> Group:
-    """Return the addresses that answer on each adapter of a computer without a configuration."""
+    """Return, for a terminal, the addresses that answer on each adapter of an unconfigured computer."""
     parts: list[RenderableType] = []
     for report in reports:
         parts.append(Text(report.device, "bold"))
@@ -103,7 +103,7 @@ def adapters_picture(reports: list[ProbedAdapter]) -> Group:
 
 
 def unloaded_yaml(result: ProbeResult) -> str:
-    """Return the readings of all sound feet as the configuration's `unloaded_pf`; empty without any."""
+    """Return the readings of all fault-free feet as YAML for `unloaded_pf`; empty without any."""
     readings = [(report.leg, report.unloaded_pf) for report in result.legs]
     lines = [f"  {leg}: [{', '.join(f'{pf:.3f}' for pf in values)}]" for leg, values in readings if values]
     folded = [textwrap.fill(line, 79, subsequent_indent=" " * 7) for line in lines]
@@ -128,7 +128,7 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
 
 
 def _bus_lines(report: ProbedBus) -> Iterator[Text]:
-    """Yield the lines of one bus: chips found, addresses, timing."""
+    """Yield the text lines about one bus: chips found, addresses, timing."""
     bus, scan, drivers = report
     device = (bus.device, "bold")
     if scan.bus_timing is None:
@@ -153,7 +153,7 @@ def _bus_lines(report: ProbedBus) -> Iterator[Text]:
 def _address_lines(
     addresses: AddressProbe, drivers: Mapping[int, str], names: Mapping[int, str]
 ) -> Iterator[str]:
-    """Yield one line each: answering addresses, addresses of kernel drivers, number of addresses not probed."""
+    """Yield text lines: answering addresses, addresses with kernel drivers, number of addresses not probed."""
     answering = [f"{address:#04x} {names.get(address, '')}".rstrip() for address in addresses.answering]
     yield ", ".join(answering) or "nobody answers"
     if drivers:
@@ -164,6 +164,7 @@ def _address_lines(
 
 
 def _legs_overview(legs: tuple[ProbedLeg, ...]) -> Table:
+    """Return a table with one row per leg: chips, capacitance, noise, result."""
     several = len({report.device for report in legs}) > 1
     columns: LegColumns[ProbedLeg] = {
         **({"bus": ("<1", lambda leg: leg.device)} if several else {}),
@@ -183,6 +184,7 @@ def _legs_overview(legs: tuple[ProbedLeg, ...]) -> Table:
 
 
 def _answering_chips_cell(leg: ProbedLeg) -> Text:
+    """Return a table cell with the chips of a leg that answer."""
     if leg.chips is None:
         return EMPTY_CELL
     names = _CHIP_NAMES if leg.chips.outcome is Reading.OK else {}
@@ -191,7 +193,7 @@ def _answering_chips_cell(leg: ProbedLeg) -> Text:
 
 
 def _sound_element_range_text(leg: ProbedLeg, values: Callable[[FootScans], Vector], form: str) -> str:
-    """Return the smallest and largest value of the sound elements as text, "-" without any."""
+    """Return the smallest and largest value of a foot's fault-free elements as text; "-" without any."""
     if leg.scans is None:
         return "-"
     sound = values(leg.scans)[[not faulty for _, faulty in element_marks(leg)]]
@@ -199,12 +201,14 @@ def _sound_element_range_text(leg: ProbedLeg, values: Callable[[FootScans], Vect
 
 
 def _foot_result_cell(leg: ProbedLeg) -> Text:
+    """Return a table cell with the result of a foot's check."""
     if leg.scans is None:
         return Text("not scanned", "bold red")
     return Text("see below", "bold red") if leg.faults else Text("sound", "green")
 
 
 def _foot_marks(report: ProbedLeg) -> Text:
+    """Return a foot's elements in rows and columns as text, faulty ones marked."""
     rows = _n_rows(report)
     cells = [
         Text(f"{mark:>{_MARK_WIDTH}.{_MARK_WIDTH}}", "bold red" if faulty else "")

@@ -1,1 +1,1 @@
-"""Command `footsense record`: guided session on a test stand."""
+"""Command `footsense record`: guided recording of calibration loads on a test stand."""

@@ -1,4 +1,4 @@
-"""`footsense record`: a guided session on the test stand."""
+"""Command `footsense record`: guided recording of calibration loads on a test stand."""
 
 import math
 from collections import deque
@@ -129,14 +129,14 @@ def record(
 
 
 def _one_leg_simulation(leg: str) -> Config:
-    """Return the built-in simulation with one leg."""
+    """Return the configuration of the built-in simulation, reduced to one leg."""
     built_in = msgspec.to_builtins(DEFAULT)
     bus = built_in["buses"][0]
     return msgspec.convert(built_in | {"buses": [bus | {"legs": {leg: bus["legs"][leg]}}]}, Config)
 
 
 def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
-    """Return the configuration with the uncalibrated foot on its leg.
+    """Return the configuration with the foot to calibrate on its leg, without a calibration.
 
     Raises:
         ConfigError: There is no such leg, it has another foot, or the foot is on another leg.
@@ -161,13 +161,13 @@ def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
 
 
 def _session_end_s(scene: Scene | None) -> float:
-    """Return the end of a simulated test stand's last press, and a pause [s]; infinity if there is none."""
+    """Return the time at which a simulated test stand's presses are over [s]; infinity on a real one."""
     load = None if scene is None else scene.load.build(round(scene.lead_in_s * _NS_PER_S))
     return load.end_ns / _NS_PER_S + _PAUSE_AFTER_SESSION_S if isinstance(load, PressSequence) else math.inf
 
 
 def _print_session(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
-    """Print coverage, rejected presses, the next load, and the statistics of the reference."""
+    """Print coverage, rejected presses, next load, and statistics of the reference sensor."""
     click.echo(f"{out}: {guide.coverage.progress_text()}")
     if guide.rejected:
         reasons = ", ".join(f"{n} {why}" for why, n in guide.rejected.most_common())
@@ -188,6 +188,7 @@ def _print_session(out: Path, guide: SessionGuide, sensor: StandSensor | None) -
 
 
 def _write_coverage_figure(out: Path, guide: SessionGuide, title: str) -> None:
+    """Write a figure of the covered directions, if matplotlib is installed."""
     try:
         from footsense.cli.record.coverage_figure import draw_coverage
     except ImportError:

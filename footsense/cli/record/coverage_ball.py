@@ -1,4 +1,4 @@
-"""The covered directions as text, seen from above, one disc for each magnitude.
+"""Covered force directions as text: one disc per magnitude band, seen from above.
 
 The pole, a force straight up the leg, is in the middle; forward is up and left is left, as seen from behind the robot.
 A character is twice as high as wide, so a disc has twice as many columns as rows.
@@ -29,7 +29,7 @@ _RIM_ANGLE_DEG = 90.0 - MIN_ELEVATION_DEG
 
 
 class Glyphs(NamedTuple):
-    """Characters for uncovered and covered directions, loads, and the next load."""
+    """Characters for uncovered and covered directions, for loads, and for the next load."""
 
     uncovered: str
     covered: str
@@ -45,7 +45,7 @@ _GLYPH_STYLES = Glyphs("dim", "green", "bold green", "bold yellow")
 
 
 def coverage_discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs: Glyphs) -> list[Text]:
-    """Return the lines of three discs side by side.
+    """Return the text lines of three discs of covered directions, side by side.
 
     Args:
         coverage: Coverage of the loads.
@@ -87,7 +87,7 @@ def coverage_discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs
 
 
 def _disc_cell(azimuth_deg: float, elevation_deg: float) -> tuple[int, int]:
-    """Return row and column of a direction; below the lowest elevation it is drawn on the rim."""
+    """Return row and column of a direction in a disc; directions that are too low go to the rim."""
     radius = min((90.0 - elevation_deg) / _RIM_ANGLE_DEG, 1.0) * _CENTRE_ROW
     azimuth = math.radians(azimuth_deg)
     return round(_CENTRE_ROW - radius * math.cos(azimuth)), round(
@@ -96,7 +96,7 @@ def _disc_cell(azimuth_deg: float, elevation_deg: float) -> tuple[int, int]:
 
 
 def _cell_direction(row: int, column: int) -> Vector | None:
-    """Return the direction of a cell, a unit vector of shape (3,); None outside of the disc."""
+    """Return the direction of a disc's cell as a unit vector, shape (3,); None outside the disc."""
     forward, left = (_CENTRE_ROW - row) / _CENTRE_ROW, (_CENTRE_ROW - column / 2) / _CENTRE_ROW
     radius = math.hypot(forward, left)
     if radius > 1.05:

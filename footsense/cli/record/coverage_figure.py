@@ -1,4 +1,4 @@
-"""The coverage of a session as a picture; the only file of `record` that needs matplotlib."""
+"""Figure of a session's covered force directions; needs matplotlib."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ _ELEVATION_RINGS_DEG = (40.0, 50.0, 60.0, 70.0, 80.0)
 
 
 def draw_coverage(path: Path, coverage: Coverage, loads_n: Vector, title: str) -> None:
-    """Draw the loads of each magnitude and their reach, seen from above, forward up.
+    """Write a figure of the loads of each magnitude band and the directions they cover, seen from above.
 
     Args:
         path: PNG to write.

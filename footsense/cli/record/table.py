@@ -1,4 +1,4 @@
-"""The live picture of a session on the test stand: coverage, next load, and present forces."""
+"""Live display of a recording session: coverage, next load, present forces."""
 
 from collections import deque
 
@@ -19,7 +19,7 @@ N_MESSAGES = 4
 
 
 class RecordTable(LiveView):
-    """An observer that redraws the picture some ten times a second.
+    """Observer that redraws the session's live display ten times a second.
 
     Args:
         console: Terminal to draw on.
@@ -42,7 +42,7 @@ class RecordTable(LiveView):
         self._discs: list[Text] = []
 
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
-        """Return coverage, forces, next load, progress and messages in 80 columns."""
+        """Return coverage, forces, next load, progress and messages for a terminal of 80 columns."""
         guide = self._guide
         target = guide.coverage.next_load
         if guide.coverage.n_loads != self._n_drawn:  # drawing looks up a thousand cells
@@ -72,7 +72,7 @@ class RecordTable(LiveView):
 
 
 def _force_text(force_n: Vector) -> str:
-    """Return a force as text.
+    """Return a force as text: components, magnitude, azimuth and elevation; a dash for NaN.
 
     Example:
         >>> _force_text(np.array([0.0, 0.5, 0.5]))

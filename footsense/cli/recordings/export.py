@@ -1,4 +1,4 @@
-"""`footsense export FILE`: a recording for ROS 2, as a table, or as a picture."""
+"""Command `footsense export FILE`: convert a recording to ROS 2, to a table, or to a plot."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -70,7 +70,7 @@ def export(
 
 
 def _convert(file: Path, target: Path, write: _Write) -> None:
-    """Write a recording in one output format.
+    """Write a recording in one output format, with a progress bar.
 
     Raises:
         RecordingError: It cannot be written, or the recording is cut short.

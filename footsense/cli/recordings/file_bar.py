@@ -1,4 +1,4 @@
-"""Progress of commands that read recordings."""
+"""Progress bar of commands that read recordings."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -8,5 +8,5 @@ from footsense.progress import progress_bar
 
 
 def file_progress_bar(title: str, *files: Path) -> AbstractContextManager[Callable[[float], None]]:
-    """Return a bar whose work is the bytes of some recordings; a missing one is the reader's error."""
+    """Return a progress bar over the bytes of some recordings; missing files count nothing."""
     return progress_bar(title, sum(file.stat().st_size for file in files if file.is_file()))

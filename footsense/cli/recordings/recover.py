@@ -1,4 +1,4 @@
-"""`footsense recover FILE`: rewrite a recording that was cut short."""
+"""Command `footsense recover FILE`: rewrite a truncated recording."""
 
 from pathlib import Path
 

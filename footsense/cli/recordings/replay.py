@@ -1,4 +1,4 @@
-"""`footsense replay`: run a recording through the same loop again, and compare the forces."""
+"""Command `footsense replay`: run a recording through the estimation again, and compare the forces."""
 
 from contextlib import ExitStack
 from pathlib import Path
@@ -55,7 +55,7 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
 def _run_replay(
     recording: Replay, folder: Path | None, can_log: Path | None, *, check: bool, realtime: bool
 ) -> None:
-    """Run a recording through the pipeline.
+    """Run a recording through the pipeline, and print the result of the comparison.
 
     Raises:
         FootsenseError: A force differs.
@@ -106,7 +106,7 @@ def _run_replay(
 
 
 def _require_complete_recording(file: Path, source: ReplaySource, n_equal: int | None) -> None:
-    """Check at the end that the recording has no gaps and a proper end.
+    """Raise an error if the recording has gaps or is truncated; call it at its end.
 
     Raises:
         RecordingError: It has gaps, or ends early.

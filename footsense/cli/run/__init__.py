@@ -1,1 +1,1 @@
-"""Command `footsense run`: the daemon."""
+"""Command `footsense run`: the service (daemon)."""

@@ -1,4 +1,4 @@
-"""`footsense run`: the service, on a robot or in simulation."""
+"""Command `footsense run`: the service (daemon), on a robot or in simulation."""
 
 import math
 import webbrowser
@@ -30,12 +30,12 @@ _NS_PER_S = 1_000_000_000
 
 
 class FirstFrameAge(Observer):
-    """An observer that notes the age of the process when the first frame was out."""
+    """Observer that stores how long the process took from its start to the first published frame [s]."""
 
     process_age_s: float | None = None
 
     def observe(self, cycle: Cycle) -> None:
-        """Store the age of the process at the first cycle."""
+        """Store the process's age at the first cycle."""
         del cycle
         if self.process_age_s is None:
             self.process_age_s = process_age_ns() * 1e-9
@@ -102,7 +102,7 @@ def run(
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
-        statistics = RunStatistics(service.legs, service.true_force_at_time_n, service.network.card.max_n)
+        statistics = RunStatistics(service.legs, service.true_force_n_at, service.network.card.max_n)
         service.observers.append(statistics)
         first = FirstFrameAge()
         service.observers.append(first)
@@ -115,7 +115,7 @@ def run(
         if live:
             from footsense.cli.run.live_table import LiveTable
 
-            table = LiveTable(_console(), service.legs, title, service.true_force_at_time_n, url)
+            table = LiveTable(_console(), service.legs, title, service.true_force_n_at, url)
             stack.callback(table.close)
             service.observers.append(table)
         if scene and not paced and math.isfinite(duration_s):
@@ -141,7 +141,7 @@ def run(
 
 
 def _console() -> "Console":
-    """Return the terminal, or the file in its place; imports a library that a run without tables does without."""
+    """Return the console for tables; imports `rich` only when called."""
     from rich.console import Console
 
     return Console()

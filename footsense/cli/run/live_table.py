@@ -1,4 +1,4 @@
-"""The live table: every leg's force as sent on CAN, beside the true force of a simulated foot."""
+"""Live table of a run: every leg's force as sent on CAN, with the true force of a simulated foot."""
 
 from collections.abc import Callable
 
@@ -18,13 +18,13 @@ _STATE_WIDTH = max(len(state.name) for state in State)
 
 
 class LiveTable(LiveView):
-    """An observer that redraws a table some fifteen times a second.
+    """Observer that redraws the table of the legs fifteen times a second.
 
     Args:
         console: Terminal to draw on.
         legs: Names of the legs in the order of the frames' rows.
         title: Source of the frames.
-        true_force_at_time_n: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         url: Address of the page; empty without one.
     """
 
@@ -33,17 +33,17 @@ class LiveTable(LiveView):
         console: Console,
         legs: tuple[str, ...],
         title: str,
-        true_force_at_time_n: Callable[[int], Vector] | None,
+        true_force_n_at: Callable[[int], Vector] | None,
         url: str = "",
     ) -> None:
         super().__init__(console, _REDRAW_PERIOD_NS)
         self._legs = legs
         self._title = title
-        self._true_force_at_time_n = true_force_at_time_n
+        self._true_force_n_at = true_force_n_at
         self._url = url
 
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
-        """Return title and table; they fit 80 columns."""
+        """Return the title and the table of the legs, for a terminal of 80 columns."""
         forces = cycle.forces
         usable = IS_USABLE[forces.state]
         force_n = np.where(usable[:, None], forces.force_n, np.nan)
@@ -52,8 +52,8 @@ class LiveTable(LiveView):
             **force_columns(lambda row: force_n[row].tolist()),
             "load": (f"<{_BAR_WIDTH_CELLS}", lambda row: _force_bar(force_n[row, 2]) if usable[row] else ""),
         }
-        if self._true_force_at_time_n is not None:
-            true_n = self._true_force_at_time_n(forces.t_sent_ns)
+        if self._true_force_n_at is not None:
+            true_n = self._true_force_n_at(forces.t_sent_ns)
             columns["true [N]"] = (">8", lambda row: Text(f"{true_n[row, 2]:.3f}", "dim"))
         columns["age [ms]"] = (
             ">8",
@@ -66,6 +66,7 @@ class LiveTable(LiveView):
 
 
 def _force_bar(force_n: float) -> ProgressBar:
+    """Return a bar for a force."""
     return ProgressBar(
         _BAR_FULL_SCALE_N,
         max(force_n, 0.0),

@@ -1,4 +1,4 @@
-"""The page of a run: `footsense view` as a child process beside the loop."""
+"""Web page of a run: `footsense view` as a child process beside the main loop."""
 
 import contextlib
 import os
@@ -14,7 +14,7 @@ from footsense.shared_file import is_locked
 
 
 def view_section_of_run(view: View) -> View:
-    """Return the section with a file of this run: its own, or another one where a running service has taken it."""
+    """Return the section `view` of this run; with another file if a running service uses the configured one."""
     path = Path(view.cycles)
     with contextlib.suppress(OSError), path.open("rb") as taken:
         if is_locked(taken):
@@ -24,7 +24,7 @@ def view_section_of_run(view: View) -> View:
 
 @contextlib.contextmanager
 def serve_page(view: View) -> Iterator["ViewProcess"]:
-    """Serve the page of a run on the configured port, or on a free one where that is in use.
+    """Serve the web page of a run during a `with` block, on the configured port or on a free one.
 
     The child process starts before the loop asks for real-time scheduling, and ends with the run.
 
@@ -39,7 +39,7 @@ def serve_page(view: View) -> Iterator["ViewProcess"]:
 
 
 class ViewProcess:
-    """A running `footsense view`.
+    """Child process that runs `footsense view`.
 
     Args:
         view: Its section of the configuration.
@@ -51,6 +51,7 @@ class ViewProcess:
         self._url: str | None = None
 
     def _start_process(self, port: int) -> subprocess.Popen[str]:
+        """Start `footsense view` on a port."""
         view = self._view
         arguments = ["--cycles", view.cycles, "--address", view.address, "--port", str(port), "--with-parent"]
         return subprocess.Popen(  # noqa: S603 - our own module
@@ -63,7 +64,7 @@ class ViewProcess:
 
     @property
     def url(self) -> str:
-        """Address of the page; waits until it is served. Empty if it cannot be."""
+        """URL of the page; waits until it is served. Empty if it cannot be served."""
         if self._url is None:
             self._url = self._read_url()
             if not self._url:
@@ -73,11 +74,12 @@ class ViewProcess:
         return self._url
 
     def _read_url(self) -> str:
+        """Return the URL that the child process prints; empty if it ends first."""
         assert self._process.stdout is not None
         return self._process.stdout.readline().strip()
 
     def close(self) -> None:
-        """End the process that serves the page."""
+        """End the child process."""
         self._process.terminate()
         self._process.wait()
         if self._process.stdout is not None:

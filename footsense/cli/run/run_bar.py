@@ -1,4 +1,4 @@
-"""Progress of a simulation that runs as fast as it can."""
+"""Progress bar of a simulation that runs as fast as possible."""
 
 from contextlib import ExitStack
 
@@ -10,7 +10,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class SimulationProgressBar(Observer):
-    """An observer that shows the simulated time.
+    """Observer that shows the simulated time as a progress bar.
 
     Args:
         start_ns: Time at the start [ns].

@@ -1,4 +1,4 @@
-"""Figures of a run as a table of text."""
+"""Figures of a run as a text table."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from footsense.frames import FAULT_FREE, State
 
 
 def print_summary(console: Console, figures: dict[str, Any]) -> None:
-    """Print the main figures of `footsense run --summary json`."""
+    """Print the main figures of a run as a table; all of them are in `footsense run --summary json`."""
     table = Table(box=None, show_header=False, padding=(0, 2), pad_edge=False)
     table.add_column(style="bold")
     table.add_column()

@@ -42,7 +42,7 @@ _CONTACT_HOLD_NS = 24_000_000
 _OVERSHOOT_NS = 100_000_000
 
 #: Contact is kept for this time without a reading, and unknown afterwards.
-_KEPT_WITHOUT_READING_NS = 250_000_000
+_CONTACT_TIMEOUT_NS = 250_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +147,7 @@ class ContactDetector:
         self.load_n = load_n
         if not math.isfinite(load_n):
             self.in_swing = self.explained_by_drift = False
-            if now_ns - self._t_ns > _KEPT_WITHOUT_READING_NS:
+            if now_ns - self._t_ns > _CONTACT_TIMEOUT_NS:
                 self.reset(now_ns)
             return
         elapsed_s = max(t_ns - self._t_ns, 0) * 1e-9

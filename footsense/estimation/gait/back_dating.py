@@ -7,9 +7,9 @@ from operator import itemgetter
 from typing import NamedTuple
 
 #: Conversions that are kept: the hold of a contact, and the fall before it.
-N_KEPT_CONVERSIONS = 40
+N_BUFFERED_CONVERSIONS = 40
 #: Share of the load at the touchdown [1] whose passing dates it, and the loads among which it is looked for.
-_PASSED_REL, _LOOKED = 0.18, 12
+_PASSED_REL, _N_SEARCHED_LOADS = 0.18, 12
 #: Time from the touchdown to that passing: what the readings lag [s], and over the time since then [1]; and the spread
 #: of both. Fitted to stances on rough ground, of other seeds than judge.
 _LAG_S, _LAG_SIGMA_S = 4.5e-3, 2.3e-3
@@ -27,8 +27,8 @@ class BackDated(NamedTuple):
     sigma_s: float
 
 
-class Loads(NamedTuple):
-    """Loads of all legs at one conversion, each above the leg's floor, NaN where one is not known.
+class LegLoads(NamedTuple):
+    """Estimated loads of all legs after one conversion, each relative to the leg's load in swing; NaN if unknown.
 
     Attributes:
         t_ns: Time of the estimate [ns].
@@ -41,7 +41,7 @@ class Loads(NamedTuple):
     mean_n: list[float]
 
 
-def touchdown(loads: Sequence[Loads], row: int) -> BackDated:
+def touchdown(loads: Sequence[LegLoads], row: int) -> BackDated:
     """Return when the load of a leg began that is above the threshold for the first time.
 
     Loads rise from nothing with a small slope: the time at which the load passed a fifth of what it is now tells how
@@ -54,7 +54,7 @@ def touchdown(loads: Sequence[Loads], row: int) -> BackDated:
     t_ns, load_n = loads[-1].t_ns, loads[-1].load_n[row]
     passed_n = _PASSED_REL * load_n
     later_ns, later_n = t_ns, load_n
-    for past in islice(reversed(loads), 1, 1 + _LOOKED):
+    for past in islice(reversed(loads), 1, 1 + _N_SEARCHED_LOADS):
         past_n = past.load_n[row]
         if math.isnan(past_n):
             break
@@ -67,7 +67,7 @@ def touchdown(loads: Sequence[Loads], row: int) -> BackDated:
     return BackDated(t_ns - round(back_s * 1e9), math.hypot(_LAG_SIGMA_S, _FLAT_SIGMA_REL * since_s))
 
 
-def lift_off(loads: Sequence[Loads], row: int) -> BackDated:
+def lift_off(loads: Sequence[LegLoads], row: int) -> BackDated:
     """Return when the load of a leg ended, which is gone now: the means of a scan fall as a line, and late.
 
     The estimates for single times ring after a fall, until every element has been read again.

@@ -29,12 +29,12 @@ CONVERSIONS_PER_CHECK = 2
 _PLATEAU_CHECKS, _LONGEST_CHECK_NS = 4, 8_000_000
 #: Time before a plateau in which the ratio may have risen to it [ns]: a slide that begins suddenly is not clear at
 #: first.
-_RISE_NS = 120_000_000
+_PLATEAU_LOOKBACK_NS = 120_000_000
 #: Tolerance of a ratio in standard deviations, the smallest one [1], and the largest for detecting a slip and
 #: for finding a kink [1].
 _TOLERANCE_SIGMAS, _MIN_TOLERANCE, _MAX_SLIP_TOLERANCE, _MAX_KINK_TOLERANCE = 1.5, 0.02, 0.12, 0.045
 #: Rise of a kink in tolerances.
-_RISE_TOLERANCES = 3.0
+_MIN_KINK_RISE_TOLERANCES = 3.0
 #: Kinks that are kept, and kinks at one ratio that make a cone.
 _MAX_KINKS, _MIN_CLUSTER = 30, 4
 #: Static over kinetic friction at most [1].
@@ -188,7 +188,7 @@ class SlipDetector:
             return None
         ratios = self._ratios
         ratios.append((now_ns, use))
-        while ratios[0][0] < now_ns - _RISE_NS:
+        while ratios[0][0] < now_ns - _PLATEAU_LOOKBACK_NS:
             ratios.popleft()
         exceeds = use > self._friction.exceeding_ratio
         if tolerance <= _MAX_KINK_TOLERANCE and (exceeds or not self._kinked):
@@ -226,6 +226,9 @@ class SlipDetector:
         level = sum(plateau) / _PLATEAU_CHECKS
         if exceeds:
             self._friction.drop_exceeded(level, tolerance)
-        if not self._kinked and level - min(ratio for _, ratio in ratios) > _RISE_TOLERANCES * tolerance:
+        if (
+            not self._kinked
+            and level - min(ratio for _, ratio in ratios) > _MIN_KINK_RISE_TOLERANCES * tolerance
+        ):
             self._kinked = True
             self._friction.add_kink(level, tolerance)

@@ -11,7 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.estimation.baseline.contact import ContactDetector
-from footsense.estimation.gait.back_dating import N_KEPT_CONVERSIONS, BackDated, Loads, lift_off, touchdown
+from footsense.estimation.gait.back_dating import (
+    N_BUFFERED_CONVERSIONS,
+    BackDated,
+    LegLoads,
+    lift_off,
+    touchdown,
+)
 from footsense.estimation.gait.friction import (
     CONVERSIONS_PER_CHECK,
     NO_GROUND,
@@ -45,7 +51,7 @@ class GaitTracker:
         friction = Friction()
         self._friction = friction
         self._slips = [SlipDetector(friction) for _ in range(n_legs)]
-        self._loads: deque[Loads] = deque(maxlen=N_KEPT_CONVERSIONS)
+        self._loads: deque[LegLoads] = deque(maxlen=N_BUFFERED_CONVERSIONS)
         self._turn = 0
         self._period_ns, self._due_ns = period_ns, 0
         # Whether the force is known, and whether the foot is in contact, of each leg.
@@ -66,7 +72,7 @@ class GaitTracker:
             above_n.append(force_n - floor_n)
             mean_n.append(contact.load_n - floor_n)
             states.append((math.isfinite(force_n + contact.load_n), contact.in_contact))
-        self._loads.append(Loads(now_ns, above_n, mean_n))
+        self._loads.append(LegLoads(now_ns, above_n, mean_n))
         events: list[GaitEvent] = []
         if states != self._states:
             for row, (before, now) in enumerate(zip(self._states, states, strict=True)):

@@ -75,7 +75,7 @@ class TrainedInputs:
     closure_rel_max: Vector
     moments: Vector
 
-    def gap_closed_rel(self, gap_um: Vector) -> Vector:
+    def gap_closed_threshold_rel(self, gap_um: Vector) -> Vector:
         """Return the closure over the design's gap above which a gap counts as closed [1], shape as given.
 
         Args:
@@ -85,8 +85,8 @@ class TrainedInputs:
         return closed_rel
 
     def usable_max_rel(self, gap_um: Vector) -> Vector:
-        """Return the largest usable closure [1]: gap not closed, and trained; arguments as of `gap_closed_rel`."""
-        return np.minimum(self.closure_rel_max, self.gap_closed_rel(gap_um))
+        """Return the largest closure over the gap that the network can use [1]: gap not closed, and trained."""
+        return np.minimum(self.closure_rel_max, self.gap_closed_threshold_rel(gap_um))
 
 
 class _Format(msgspec.Struct, frozen=True):

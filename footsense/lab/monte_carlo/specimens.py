@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
@@ -165,5 +165,7 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Readout
     for name, estimate in estimates.items():
         row = evaluate_force_errors(test.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
-    off_rel = np.abs(network_n - on_design.verification_n) / network.estimate(at_rest(closure_rel)).sigma_n
+    off_rel = (
+        np.abs(network_n - on_design.verification_n) / network.estimate(steady_windows(closure_rel)).sigma_n
+    )
     return figures | {f"within_{k}": float((off_rel <= k).mean()) for k in (1, 2)}

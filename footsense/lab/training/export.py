@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, input_signals
 from footsense.frames import Vector
 from footsense.lab.training.symmetric_layers import (
@@ -187,7 +187,7 @@ class OnnxNetwork:
 
     def force_n(self, closure_rel: Vector) -> Vector:
         """Return forces [N], shape (n, 3), of feet at rest with closures over the gap, shape (n, elements)."""
-        return self.estimate(at_rest(closure_rel)).force_n
+        return self.estimate(steady_windows(closure_rel)).force_n
 
 
 def library_versions() -> dict[str, str]:

@@ -21,7 +21,7 @@ class WiredFoot:
     """A foot with its row and column lines as the converter measures it, with damage to either.
 
     Args:
-        whole_pf: Returns the capacitance of each element without damage at a time [ns], stray not included [pF].
+        undamaged_pf: Returns the capacitance of each element without damage at a time [ns], stray not included [pF].
         faults: Faults on this foot.
         foot: The foot.
 
@@ -30,9 +30,9 @@ class WiredFoot:
     """
 
     def __init__(
-        self, whole_pf: Callable[[int], list[float]], faults: Sequence[scene_faults.OnFoot], foot: Foot
+        self, undamaged_pf: Callable[[int], list[float]], faults: Sequence[scene_faults.OnFoot], foot: Foot
     ) -> None:
-        self._whole_pf = whole_pf
+        self._undamaged_pf = undamaged_pf
         self._on_lines = Schedule(
             (fault.span_ns, fault) for fault in faults if isinstance(fault, _LINE_FAULT_TYPES)
         )
@@ -52,11 +52,11 @@ class WiredFoot:
 
     def elements_pf(self, t_ns: int) -> list[float]:
         """Return the capacitance of each element at a time [ns], with damage, without stray [pF]."""
-        whole_pf = self._whole_pf(t_ns)
+        undamaged_pf = self._undamaged_pf(t_ns)
         acting = self._on_elements.at(t_ns)
         if not acting:
-            return whole_pf
-        damaged_pf = whole_pf.copy()
+            return undamaged_pf
+        damaged_pf = undamaged_pf.copy()
         for fault in acting:
             pf = damaged_pf[fault.element]
             match fault:

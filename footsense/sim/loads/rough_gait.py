@@ -29,12 +29,12 @@ class Slides(NamedTuple):
 
     Attributes:
         stance: Number of the stance, -1 in the air, shape (n,).
-        way_mm: Way slid since touchdown [mm], shape (n,).
+        slid_mm: Distance slid since touchdown [mm], shape (n,).
         friction: Coefficient of kinetic friction below the foot, NaN in the air, shape (n,).
     """
 
     stance: Vector
-    way_mm: Vector
+    slid_mm: Vector
     friction: Vector
 
 
@@ -72,7 +72,7 @@ class RoughStance:
         downhill = rng.random() * stone * self._normal[:, :2] / self._normal[:, 2:]
         demand_n = pressed * (np.where(pressed > 1e-6, wanted, 0.0) - downhill)
         demand_n += ground.stiffness_n_per_mm * self._drag_mm(rng)
-        tangential_n, self._way_mm = ground.ground_forces(self._pressing_n, demand_n)
+        tangential_n, self._slid_mm = ground.ground_forces(self._pressing_n, demand_n)
         self._force_n = _contact_forces_n(self._normal, self._pressing_n, tangential_n)
 
     def _drag_mm(self, rng: np.random.Generator) -> Vector:
@@ -84,9 +84,9 @@ class RoughStance:
         eased_s = np.where(
             since_s < _DRAG_EASE_S, 0.5 * since_s**2 / _DRAG_EASE_S, since_s - 0.5 * _DRAG_EASE_S
         )
-        way_mm = np.minimum(speed * eased_s, rng.uniform(*_DRAG_MM))
+        drag_mm = np.minimum(speed * eased_s, rng.uniform(*_DRAG_MM))
         around = rng.uniform(0.0, 2.0 * np.pi)
-        return np.asarray(np.outer(way_mm, [np.cos(around), np.sin(around)]), np.float64)
+        return np.asarray(np.outer(drag_mm, [np.cos(around), np.sin(around)]), np.float64)
 
     def loads(self, t_s: Vector) -> Loads:
         """Return the loads at n times since touchdown [s]."""
@@ -96,9 +96,9 @@ class RoughStance:
             _interpolate_rows(t_s, self._t_s, self._force_n),
         )
 
-    def way_mm(self, t_s: Vector) -> Vector:
+    def slid_mm(self, t_s: Vector) -> Vector:
         """Return the distance slid on the ground at n times since touchdown [mm]."""
-        return np.asarray(np.interp(t_s, self._t_s, self._way_mm), np.float64)
+        return np.asarray(np.interp(t_s, self._t_s, self._slid_mm), np.float64)
 
 
 def _limited_normals(across: Vector) -> Vector:
@@ -166,9 +166,9 @@ class RoughGait:
     def slides(self, t_s: Vector) -> Slides:
         """Return true stance number, slid distance and friction coefficient at n times [s]."""
         number = np.full(len(t_s), -1.0)
-        way_mm, friction = np.zeros(len(t_s)), np.full(len(t_s), np.nan)
+        slid_mm, friction = np.zeros(len(t_s)), np.full(len(t_s), np.nan)
         for k, (start_s, stance) in enumerate(self.stances):
             on = (t_s >= start_s) & (t_s < start_s + stance.duration_s)
             number[on], friction[on] = k, stance.friction
-            way_mm[on] = stance.way_mm(t_s[on] - start_s)
-        return Slides(number, way_mm, friction)
+            slid_mm[on] = stance.slid_mm(t_s[on] - start_s)
+        return Slides(number, slid_mm, friction)

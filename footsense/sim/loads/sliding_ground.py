@@ -50,7 +50,7 @@ class SlidingGround:
             Tangential force [N], shape (n, 2), and length of the way slid since touchdown [mm], shape (n,).
         """
         stiffness, creep = self.stiffness_n_per_mm, self.creep_mm_per_s * STEP_S
-        slid_x = slid_y = way_mm = 0.0
+        slid_x = slid_y = slid_mm = 0.0
         slides = False
         forces, ways = [], []
         for s_n, (demand_x, demand_y) in zip(pressing_n.tolist(), demand_n.tolist(), strict=True):
@@ -69,7 +69,7 @@ class SlidingGround:
             if size:
                 slid_x += step_mm * x / size
                 slid_y += step_mm * y / size
-            way_mm += step_mm
+            slid_mm += step_mm
             forces.append((kept * x, kept * y))
-            ways.append(way_mm)
+            ways.append(slid_mm)
         return np.array(forces).reshape(-1, 2), np.array(ways)

@@ -57,7 +57,7 @@ class SimulatedSensor:
     """One simulated specimen of the force sensor with its errors, as a serial port.
 
     Args:
-        true_force_at_time_n: Ground reaction on the foot at a time [N], shape (3,).
+        true_force_n_at: Ground reaction on the foot at a time [N], shape (3,).
         clock: Virtual clock.
         seed: Seed of the specimen and its noise.
         linearity_rel: Largest nonlinearity over the rated value [1].
@@ -68,13 +68,13 @@ class SimulatedSensor:
 
     def __init__(
         self,
-        true_force_at_time_n: Callable[[int], Vector],
+        true_force_n_at: Callable[[int], Vector],
         clock: Clock,
         seed: int,
         linearity_rel: float = LINEARITY_REL,
     ) -> None:
         self.opened = 1
-        self._true_force_at_time_n = true_force_at_time_n
+        self._true_force_n_at = true_force_n_at
         self._clock = clock
         self._random = np.random.default_rng((seed, 6))
         self._bow_gf = drawn_bow_gf(self._random, linearity_rel)
@@ -112,7 +112,7 @@ class SimulatedSensor:
 
     def _quantized_reading_gf(self, t_ns: int) -> list[int]:
         """Return the sensor's output per axis at a time, in steps of its resolution [gf]."""
-        load_gf = -self._true_force_at_time_n(t_ns) / GRAM_FORCE_N
+        load_gf = -self._true_force_n_at(t_ns) / GRAM_FORCE_N
         noise_gf = _NOISE_STEPS * RESOLUTION_GF * self._random.normal(size=3)
         reading_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf) + self._offset_gf + noise_gf
         counted_gf = RESOLUTION_GF * np.rint(reading_gf / RESOLUTION_GF)

@@ -92,10 +92,10 @@ def simulate_walk(
     with open_service(config, scene, real_time=False) as running:
         running.observers.append(observer)
         running.run(until_ns=DURATION_S * 1e9)
-        true_force_at_time_n = running.true_force_at_time_n
-        assert true_force_at_time_n is not None, "a scene is simulated"
+        true_force_n_at = running.true_force_n_at
+        assert true_force_n_at is not None, "a scene is simulated"
         frames = observer.frames
-        true_n = [true_force_at_time_n(frame.t_sent_ns) for frame in frames]
+        true_n = [true_force_n_at(frame.t_sent_ns) for frame in frames]
     arrays = {name: np.array([getattr(frame, name) for frame in frames]) for name in _KEPT_FIELDS}
     return PublishedWalk(legs=running.legs, true_force_n=np.array(true_n), **arrays)
 

@@ -47,7 +47,7 @@ def walk(tmp_path: Path, folder: Path, rows: int) -> dict[str, Any]:
     )
     recording = tmp_path / "walk.mcap"
     with open_service(load_config(config), load_scene("tripod"), real_time=False, record=recording) as robot:
-        statistics = RunStatistics(robot.legs, robot.true_force_at_time_n)
+        statistics = RunStatistics(robot.legs, robot.true_force_n_at)
         robot.observers.append(statistics)
         robot.run(until_ns=2_000_000_000)
     result = CliRunner().invoke(main, ["replay", str(recording), "--check"])

@@ -20,7 +20,7 @@ from footsense.errors import FootsenseError, ModelError
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.network import Network
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.network_card import METADATA_KEY, read_card
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
@@ -173,7 +173,7 @@ def test_the_card_says_what_the_daemon_needs(built: BuildResult, folder: Path) -
     assert (model.ir_version, model.opset_import[0].version) == (8, 17)
     network = OnnxNetwork(folder / "network.onnx")
     for n in (1, 6):
-        shapes = [part.shape for part in network.estimate(at_rest(np.zeros((n, 9))))]
+        shapes = [part.shape for part in network.estimate(steady_windows(np.zeros((n, 9))))]
         assert shapes == [(n, 3), (n, 3), (n, 4), (n, 4)]
     assert_symmetric(network.estimate, atol=1e-3)
 
@@ -197,7 +197,7 @@ def test_sigma_is_honest_with_and_without_all_elements(built: BuildResult, folde
     means = []
     for mask in (np.zeros(9, bool), np.arange(9) == 4, np.arange(9) < 3):
         missing = np.broadcast_to(mask, measured.shape)
-        force_n, sigma_n, *_ = network.estimate(at_rest(imputation.impute(measured, missing), missing))
+        force_n, sigma_n, *_ = network.estimate(steady_windows(imputation.impute(measured, missing), missing))
         shares = sigma_coverage_shares(cases.force_n, force_n, sigma_n)
         assert min(shares["within_2_sigma"]) > 0.75  # the release has to do better, see test_released.py
         assert max(shares["within_1_sigma"]) < 0.95
@@ -264,7 +264,7 @@ def test_a_robot_walks_on_feet_of_another_type(built: BuildResult, folder: Path,
         f"buses: [{{device: sim, legs: {{lf: 0, rr: 1}}}}]\ncan: {{interface: virtual}}\nfoot_type: {folder}\n"
     )
     with open_service(load_config(config), load_scene("tripod"), real_time=False) as robot:
-        statistics = RunStatistics(robot.legs, robot.true_force_at_time_n)
+        statistics = RunStatistics(robot.legs, robot.true_force_n_at)
         robot.observers.append(statistics)
         robot.run(until_ns=2_000_000_000)
     assert robot.network.card.foot_type == "large-3x3"

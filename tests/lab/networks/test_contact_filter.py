@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.estimation.rest import REST_AGE_S
+from footsense.estimation.steady_windows import STEADY_AGES_S
 from footsense.lab.evaluation.contact_filter import ContactFilter
 from footsense.lab.evaluation.contact_model import ContactModel, contact_coordinates_of, force_and_slopes
 from footsense.lab.evaluation.evaluate_models import open_models
@@ -52,7 +52,7 @@ def test_a_fit_finds_the_load_of_a_foot_at_rest(model: ContactModel) -> None:
     """From an answer that is off by its sigma, to a fifth of it; the readings tell that the foot is at rest."""
     closure_rel, _ = model.closure_and_slopes(COORDINATES)
     readings = np.repeat(closure_rel[:, None], 3, axis=1)
-    window = Window(readings, np.tile(REST_AGE_S, (3, 1, 1)), np.zeros((3, 9), bool))
+    window = Window(readings, np.tile(STEADY_AGES_S, (3, 1, 1)), np.zeros((3, 9), bool))
     force_n, sigma_n = fit_contact(model, window, network_off(), rounds=2)
     true_n, _ = force_and_slopes(COORDINATES)
     assert np.abs(force_n - true_n).max() < 0.2 * OFF_N

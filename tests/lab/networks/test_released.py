@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, sigma_coverage_shares
 from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
@@ -45,7 +45,7 @@ def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
     measured = measured_closure_rel(response.design, cases.closure_um, np.random.default_rng(11))
     missing = np.broadcast_to(mask, measured.shape)
     imputation = Imputation(np.array(network.card["moments"]))
-    force_n, sigma_n, *_ = network.estimate(at_rest(imputation.impute(measured, missing), missing))
+    force_n, sigma_n, *_ = network.estimate(steady_windows(imputation.impute(measured, missing), missing))
     shares = sigma_coverage_shares(cases.force_n, force_n, sigma_n)
     assert min(shares["within_2_sigma"]) > 0.87
     assert max(shares["within_1_sigma"]) < 0.9

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto
 
 from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.estimation.rest import REST_AGE_S
+from footsense.estimation.steady_windows import STEADY_AGES_S
 from footsense.foot.files.network_card import INPUTS, OUTPUTS
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.export import OnnxNetwork, onnx_model
@@ -133,7 +133,7 @@ def test_the_paper_the_file_and_jax_compute_the_same(tmp_path: Path, seed: int) 
     steps = rng.uniform(-5.0, 5.0, (16, 3, 9))
     window = Window(
         np.concatenate([in_motion.closure_rel, at_rest, 1e-4 * at_rest, steps]),
-        np.concatenate([in_motion.age_s, np.tile(REST_AGE_S, (48, 1, 1))]),
+        np.concatenate([in_motion.age_s, np.tile(STEADY_AGES_S, (48, 1, 1))]),
         np.concatenate([in_motion.missing, MISSING_SETS, MISSING_SETS, MISSING_SETS]),
     )
     exact = in_double(weights, window)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.missing_sets import MISSING_SETS, missing_sets
-from footsense.estimation.rest import rest_age_s
+from footsense.estimation.steady_windows import steady_ages_s
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.gait_windows import age_table
 from footsense.ports import Load, Window
@@ -40,7 +40,7 @@ def windows_of_array(rows: int, n: int = 40) -> Window:
     rng, sets = np.random.default_rng(2), missing_sets(rows**2).sets
     return Window(
         rng.uniform(-0.05, 0.8, (n, 1, rows**2)) + rng.normal(0.0, 0.1, (n, 3, rows**2)),
-        rest_age_s(rows**2) * rng.uniform(0.5, 2.0, (n, 1, 1)),
+        steady_ages_s(rows**2) * rng.uniform(0.5, 2.0, (n, 1, 1)),
         sets[np.arange(n) % len(sets)],
     )
 

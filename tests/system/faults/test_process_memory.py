@@ -25,7 +25,7 @@ def test_nothing_grows_with_the_cycles(tmp_path: Path) -> None:
     config = load_config(robot(tmp_path, more=f"metrics: {{counters: {tmp_path / 'counters'}}}\n"))
     record = tmp_path / "walk.mcap"
     with open_service(config, load_scene("hanging"), real_time=False, record=record) as service:
-        service.observers.append(RunStatistics(service.legs, service.true_force_at_time_n))
+        service.observers.append(RunStatistics(service.legs, service.true_force_n_at))
 
         def run(n_cycles: int) -> None:
             left = iter(range(n_cycles))

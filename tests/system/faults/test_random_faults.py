@@ -118,9 +118,9 @@ def walk(publish_every: int, script: list[Fault]) -> Invariants:
     )
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
     with open_service(config, scene, real_time=False) as service:
-        assert service.true_force_at_time_n is not None
+        assert service.true_force_n_at is not None
         assert service.can is not None
-        seen = Invariants(rules, script, service.true_force_at_time_n)
+        seen = Invariants(rules, script, service.true_force_n_at)
         service.can.controller.on_delivered = seen.on_delivered
         ends_s = max(seen.recovered_s, ends_s + 2.1, TARED_S)
         tail = Tail(ends_s)

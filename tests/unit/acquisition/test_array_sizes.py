@@ -44,7 +44,7 @@ def test_every_element_of_an_array_is_read_at_its_place(rows: int, board: str) -
     robot = SimulatedRobot(load_scene("hanging"), response(rows), [wiring])
     made_pf = np.linspace(4.2, 8.5, rows**2)
     for leg in robot.legs.values():
-        leg.wired._whole_pf = lambda _: made_pf.tolist()
+        leg.wired._undamaged_pf = lambda _: made_pf.tolist()
     [bus] = robot.buses
     rate_sps = 400 if board == "fdc1004" else 91
     scanner = BusScanner(UpstreamBus(bus, 0x71), bus.clock, LEGS, scan_plan("lo_shu", rate_sps, board, rows))
@@ -109,11 +109,11 @@ def test_an_array_gives_forces_from_chip_to_pipeline(rows: int) -> None:
     assert (after(12).state == State.VALID).all()
     loaded_pf = Foot(table).capacitance_pf(up[:1], force_n[None])[0].tolist()
     for leg in robot.legs.values():
-        leg.wired._whole_pf = lambda _: loaded_pf
+        leg.wired._undamaged_pf = lambda _: loaded_pf
     forces = after(12)
     assert (forces.state == State.VALID).all()
     np.testing.assert_allclose(forces.force_n, np.tile(force_n, (6, 1)), atol=5e-3)
-    robot.legs["rm"].wired._whole_pf = lambda _: [*loaded_pf[:-1], 0.1]
+    robot.legs["rm"].wired._undamaged_pf = lambda _: [*loaded_pf[:-1], 0.1]
     forces = after(12)
     assert forces.fault_mask.tolist() == [0, 0, 0, 0, 1 << n - 1, 0]
     assert forces.state[4] == State.DEGRADED

@@ -122,7 +122,7 @@ class HeldBus:
         self.n_read += 1
         return self.latest
 
-    def stop(self) -> None: ...
+    def disconnect_legs(self) -> None: ...
 
 
 def test_in_threads_a_bus_that_waits_is_not_waited_for() -> None:

@@ -20,7 +20,7 @@ from footsense.calibration.fit.twin import ContactLoads, FootTwin, reference_gai
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.cavity.air import Cavity
 from footsense.foot.correction_terms import correction_terms
 from footsense.foot.directions import angles_between_deg, normalized, rotation
@@ -46,7 +46,7 @@ def _read(loads: LoadSet, foot: FootParameters | None) -> Vector:
     closure_um = card.design.closure_um(loads.capacitance_pf - stray_pf, loads.baseline_pf - stray_pf)
     feet = CalibratedFeet(design().network(len(loads)), [foot], len(loads))
     gain_rel = np.ones(9) if foot is None else foot.gain_rel
-    return feet.estimate(at_rest(closure_um / card.design.gap_um / gain_rel)).force_n
+    return feet.estimate(steady_windows(closure_um / card.design.gap_um / gain_rel)).force_n
 
 
 @pytest.mark.parametrize("number", range(3))

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.gait.friction import ground_of
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import CalibratedAt, unknown_temperature_rel
@@ -51,8 +51,8 @@ def _foot(**own: object) -> FootParameters:
 def test_a_foot_as_designed_is_read_as_the_network_says() -> None:
     """Neither no parameters nor neutral ones change a bit."""
     closures = np.random.default_rng(1).random((2, 9))
-    plain = _Linear().estimate(at_rest(closures))
-    read = CalibratedFeet(_Linear(), [None, _foot()], 2).estimate(at_rest(closures))
+    plain = _Linear().estimate(steady_windows(closures))
+    read = CalibratedFeet(_Linear(), [None, _foot()], 2).estimate(steady_windows(closures))
     np.testing.assert_array_equal(read.force_n, plain.force_n)
     np.testing.assert_allclose(read.sigma_n, plain.sigma_n)
     np.testing.assert_array_equal(read.contact_coordinates, plain.contact_coordinates)
@@ -70,7 +70,7 @@ def test_each_row_gets_its_own_foot() -> None:
     ]
     closures = np.zeros((4, 9))
     closures[:, [5, 7, 4]] = [0.2, 0.4, 0.6]
-    force_n, sigma_n, *_ = CalibratedFeet(_Linear(), feet, 4).estimate(at_rest(closures))
+    force_n, sigma_n, *_ = CalibratedFeet(_Linear(), feet, 4).estimate(steady_windows(closures))
     np.testing.assert_allclose(force_n[0], 1.5 * quarter.T @ [0.2, 0.4, 0.6])
     np.testing.assert_allclose(force_n[1], [0.2, 0.4, 0.66])
     np.testing.assert_array_equal(force_n[2:], force_n[:2])
@@ -85,7 +85,7 @@ def test_the_contact_is_turned_by_the_mount_as_the_force_is(turn_rad: tuple[floa
     closures = np.zeros((2, 9))
     closures[:, [5, 7, 4]] = [0.1, 0.2, 1.0]
     closures[:, :4] = [0.1, -0.05, 0.2, 0.1]
-    resting = at_rest(closures)
+    resting = steady_windows(closures)
     plain, turned = (
         [ground_of(feet.estimate(resting), row) for row in range(2)]
         for feet in (_Sharp(), CalibratedFeet(_Sharp(), [_foot(mount=mount), None], 2))
@@ -102,7 +102,7 @@ def test_a_temperature_scales_what_it_is_known_for() -> None:
     correction = np.zeros((3, N_CORRECTION_TERMS))
     correction[2, 2] = 0.1
     feet = [_foot(correction=correction, error_rel=0.01), _foot(error_rel=0.01), None]
-    resting = at_rest(np.full((6, 9), 0.3))
+    resting = steady_windows(np.full((6, 9), 0.3))
     read = CalibratedFeet(_Linear(), feet, 6)
     on_bench_n, bench_sigma_n, *_ = read.estimate(resting)
     read.set_temperature(np.array([33.0, np.nan, np.nan]), [CalibratedAt(23.0), CalibratedAt(23.0), None])

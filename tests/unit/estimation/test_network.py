@@ -12,7 +12,7 @@ import pytest
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
-from footsense.estimation.rest import REST_AGE_S, at_rest
+from footsense.estimation.steady_windows import STEADY_AGES_S, steady_windows
 from footsense.ports import Window
 from tests.support.networks import ALL_IN, ALL_OUT, DOUBLE, FLOAT, N_IN, N_OUT, card, card_of, network_file
 
@@ -42,20 +42,20 @@ def test_readings_ages_and_mask_go_in_and_every_output_comes_out(tmp_path: Path)
 def test_an_estimate_is_not_overwritten_by_the_next(tmp_path: Path) -> None:
     """The buffers stay with the runtime; a frame may be kept."""
     network = Network(network_file(tmp_path, card(), weights=np.ones((N_IN, N_OUT))), 1)
-    first = network.estimate(at_rest(np.full((1, 9), 0.5)))
+    first = network.estimate(steady_windows(np.full((1, 9), 0.5)))
     kept_n = first.force_n.copy()
-    network.estimate(at_rest(np.zeros((1, 9))))
+    network.estimate(steady_windows(np.zeros((1, 9))))
     np.testing.assert_array_equal(first.force_n, kept_n)
 
 
 def test_other_inputs_than_its_own_are_not_taken(tmp_path: Path) -> None:
     """A window of other feet or another number of readings is an error at once."""
     network = Network(network_file(tmp_path, card()), 2)
-    window = at_rest(np.zeros((2, 9)))
+    window = steady_windows(np.zeros((2, 9)))
     with pytest.raises(ValueError, match="reshape"):
         network.estimate(window._replace(closure_rel=window.closure_rel[:, :2]))
     with pytest.raises(ValueError, match=r"reshape|broadcast"):
-        network.estimate(at_rest(np.zeros((3, 9))))
+        network.estimate(steady_windows(np.zeros((3, 9))))
 
 
 @pytest.mark.parametrize("wrong", ["width", "type", "name", "missing", "extra"])
@@ -117,7 +117,7 @@ def test_the_released_network_reads_an_unloaded_foot_as_nothing() -> None:
     network = Network(released_path("network.onnx"), 4)
     missing = np.zeros((4, 9), bool)
     missing[1, 4] = missing[2, :3] = True
-    age_s = REST_AGE_S * np.array([1.0, 0.3, 3.0, 1.0])[:, None, None]
+    age_s = STEADY_AGES_S * np.array([1.0, 0.3, 3.0, 1.0])[:, None, None]
     load = network.estimate(Window(np.zeros((4, 3, 9)), age_s, missing))
     assert not load.force_n.any()
     assert (load.sigma_n > 0.0).all()

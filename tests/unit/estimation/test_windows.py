@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.rest import REST_AGE_S
+from footsense.estimation.steady_windows import STEADY_AGES_S
 from footsense.frames import USABLE, CapFrame, Cause, Reading, State
 from tests.support.feet import DESIGN, MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet
 
@@ -208,7 +208,7 @@ def test_a_leg_without_a_force_is_at_rest_for_the_network() -> None:
     feet.feed(unread(feet.scan(2.0), 0))
     seen = feet.estimator.window
     assert not seen.closure_rel[0].any()
-    np.testing.assert_array_equal(seen.age_s[0], REST_AGE_S)
+    np.testing.assert_array_equal(seen.age_s[0], STEADY_AGES_S)
     np.testing.assert_allclose(seen.closure_rel[1, 0], 0.1)
 
 

@@ -30,7 +30,9 @@ def test_a_card_that_fits_says_what_the_pipeline_needs() -> None:
     np.testing.assert_array_equal(trained.closure_rel_min, np.full(9, -0.05))
     np.testing.assert_array_equal(trained.moments, MOMENTS)
     gap_um = np.array([10.0, 20.0, 40.0])
-    np.testing.assert_allclose(trained.gap_closed_rel(gap_um), GAP_CLOSED_REL * np.array([0.5, 1.0, 2.0]))
+    np.testing.assert_allclose(
+        trained.gap_closed_threshold_rel(gap_um), GAP_CLOSED_REL * np.array([0.5, 1.0, 2.0])
+    )
     assert trained.usable_max_rel(np.full(9, 40.0)).tolist() == [0.8] * 9
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from footsense.errors import SensorError
 from footsense.reference.binary_decoder import CHECKSUMS, BinaryDecoder
-from footsense.reference.line_decoder import LineDecoder
+from footsense.reference.line_decoder import TextLineDecoder
 from footsense.reference.net_ft import NetFtReference, rdt_request
 from footsense.reference.record_decoder import RecordDecoder, SensorRecords
 from footsense.reference.recorded_file import FileReference, read_csv
@@ -94,7 +94,7 @@ def test_counters_that_wrap_go_on() -> None:
 
 def test_lines_are_read_and_others_counted() -> None:
     """The first line may have begun before; a short line, a word and a NaN are none."""
-    decoder = LineDecoder(("sequence", "-", "fx", "fy", "fz"), "")
+    decoder = TextLineDecoder(("sequence", "-", "fx", "fy", "fz"), "")
     text = b"7 8\r\n 1 x -2.5 1e-3 4\r\n2 ? 1 2\nfx fy fz a b\n3 0 nan 0 0\n4 0 0 0 1\n5 0"
     rows = decoder.feed(text)
     assert rows.sensor_values.tolist() == [[-2.5, 1e-3, 4.0], [0.0, 0.0, 1.0]]
@@ -108,7 +108,7 @@ def test_lines_are_read_and_others_counted() -> None:
 def test_no_bytes_crash_a_decoder(parts: list[bytes]) -> None:
     """Neither of them, nor do they yield what is not finite."""
     for decoder in (
-        LineDecoder(("time_ms", "fx", "fy", "fz"), ","),
+        TextLineDecoder(("time_ms", "fx", "fy", "fz"), ","),
         BinaryDecoder(("fx", "fy", "fz"), "<fff", b"\xaa", "none"),
     ):
         for part in parts:
@@ -150,7 +150,7 @@ def simulated_stand(
     clock.sleep_until_ns(10**12)
     port = UnpluggableSensor(lambda _: np.array([0.0, 0.0, 1.0]), clock, 3, 0.0)
     reference = SerialReference(
-        port, LineDecoder(columns, ","), stream_of(SampleTimes(RATE_HZ, TRANSMISSION_NS)), b"S"
+        port, TextLineDecoder(columns, ","), stream_of(SampleTimes(RATE_HZ, TRANSMISSION_NS)), b"S"
     )
     return clock, port, reference
 
@@ -240,7 +240,7 @@ def test_a_sensor_that_makes_no_sense_ends_the_run(sent: bytes, says: str) -> No
 
     clock, _, _ = simulated_stand()
     port = Port(lambda _: np.zeros(3), clock, 1)
-    reference = SerialReference(port, LineDecoder(COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S")
+    reference = SerialReference(port, TextLineDecoder(COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S")
     with pytest.raises(SensorError, match=says):
         watched(clock, reference, 20.0)
 

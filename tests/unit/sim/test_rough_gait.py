@@ -13,26 +13,26 @@ GROUND = SlidingGround(kinetic_friction=0.4, static_rel=1.2, stiffness_n_per_mm=
 def test_a_foot_sticks_below_the_cone() -> None:
     """The force is the demanded one, and nothing slides."""
     demand_n = np.outer(np.linspace(0.0, 0.47, 100), [0.6, 0.8])
-    force_n, way_mm = GROUND.ground_forces(np.ones(100), demand_n)
+    force_n, slid_mm = GROUND.ground_forces(np.ones(100), demand_n)
     assert np.allclose(force_n, demand_n)
-    assert way_mm[-1] == 0.0
+    assert slid_mm[-1] == 0.0
 
 
 def test_a_dragged_foot_slides_at_the_cone() -> None:
     """10 mm of drag: the spring takes what the cone allows, the foot slides the rest, slower friction when it moves."""
     drag_mm = np.linspace(0.0, 10.0, 1000)
-    force_n, way_mm = GROUND.ground_forces(np.ones(1000), 0.5 * np.outer(drag_mm, [1.0, 0.0]))
+    force_n, slid_mm = GROUND.ground_forces(np.ones(1000), 0.5 * np.outer(drag_mm, [1.0, 0.0]))
     assert np.max(force_n) == pytest.approx(0.48, abs=0.01)
     assert np.max(force_n[200:]) <= 0.48
-    assert way_mm[-1] == pytest.approx(10.0 - force_n[-1, 0] / 0.5)
+    assert slid_mm[-1] == pytest.approx(10.0 - force_n[-1, 0] / 0.5)
 
 
 def test_creep_relaxes_the_spring() -> None:
     """A held drag at 0.9 of the cone creeps at 0.9 to the fourth of the rate at the cone."""
     creeping = SlidingGround(kinetic_friction=0.4, static_rel=1.0, stiffness_n_per_mm=0.5, creep_mm_per_s=1.0)
-    _, way_mm = creeping.ground_forces(np.ones(10), np.tile([0.36, 0.0], (10, 1)))
-    assert way_mm[0] == pytest.approx(0.9**4 * STEP_S)
-    assert way_mm[-1] < 10.0 * way_mm[0]
+    _, slid_mm = creeping.ground_forces(np.ones(10), np.tile([0.36, 0.0], (10, 1)))
+    assert slid_mm[0] == pytest.approx(0.9**4 * STEP_S)
+    assert slid_mm[-1] < 10.0 * slid_mm[0]
 
 
 def test_forces_stay_in_the_cone_of_their_ground() -> None:
@@ -51,7 +51,7 @@ def test_forces_stay_in_the_cone_of_their_ground() -> None:
         assert (tangential_n <= 1.16 * slides.friction * pressing_n + 0.02)[stands].all()
         assert np.degrees(np.arccos(loads.normal[stands, 2].min())) <= 45.1
         for number in np.unique(slides.stance[slides.stance >= 0]):
-            assert (np.diff(slides.way_mm[slides.stance == number]) >= 0.0).all()
+            assert (np.diff(slides.slid_mm[slides.stance == number]) >= 0.0).all()
 
 
 def test_a_swing_shakes_and_a_stance_does_not() -> None:

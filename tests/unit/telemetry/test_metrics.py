@@ -150,7 +150,7 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path, scraped: CollectorRe
         unlogged=8,
     )
     metrics = MetricsObserver(
-        LEGS, can, tmp_path / "counters", n_lost_cycles=lambda: 7, n_lost_lines=lambda: 5
+        LEGS, can, tmp_path / "counters", n_lost_cycles=lambda: 7, n_lost_log_lines=lambda: 5
     )
     refused = CommandResult(Command(CommandKind.TARE, 1), Result.NOT_QUIET, "")
     stopped = CommandResult(Command(CommandKind.STOP, 1), Result.DONE, "")

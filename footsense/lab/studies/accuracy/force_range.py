@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.faults.consistency import ConsistencyTest
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.capacitor import GAP_CLOSED_REL
 from footsense.foot.direction_sets import direction_grid, random_directions
 from footsense.foot.directions import angles_between_deg
@@ -123,7 +123,7 @@ def _estimate_foot(
     closure_rel = closure_um / design.gap_um
     read = (closure_rel <= trained.usable_max_rel(gap_um)).all(axis=1) & (pf.max(axis=1) < FULL_SCALE_PF)
     inputs = np.where(read[:, None], closure_rel, 0.0)
-    load = CalibratedFeet(context.network, [known], len(pf)).estimate(at_rest(inputs))
+    load = CalibratedFeet(context.network, [known], len(pf)).estimate(steady_windows(inputs))
     test = ConsistencyTest(len(pf), trained.moments, 1)
     none, still = np.zeros(inputs.shape, bool), np.zeros(len(pf))
     result: Any = None

@@ -154,7 +154,7 @@ def _match_slip_reports(one: RoughWalk, leg: int) -> _SlipReports:
     reported = np.array(
         [row for row, e in one.reported if e.leg == leg and e.kind is GaitEventKind.SLIP], int
     )
-    moving = np.diff(slides.way_mm, append=0.0) > SLIDING_STEP_MM
+    moving = np.diff(slides.slid_mm, append=0.0) > SLIDING_STEP_MM
     slide_distances_mm, beyond, false, at_cone = [], 0, 0, 0
     for number, _, _, rows in _evaluated_stances(one, leg):
         own = reported[slides.stance[reported] == number]
@@ -163,17 +163,17 @@ def _match_slip_reports(one: RoughWalk, leg: int) -> _SlipReports:
             lately = room[max(row - FALSE_SLIP_CONVERSIONS, where[0]) : row + 1]
             if np.nanmax(lately, initial=-np.inf) < -FALSE_SLIP_MARGIN:
                 false += 1
-            elif slides.way_mm[where[-1]] < STUCK_MM:
+            elif slides.slid_mm[where[-1]] < STUCK_MM:
                 at_cone += 1
         firm = where[pressing_n[where] > MIN_FRICTION_FORCE_N]
-        if len(firm) and slides.way_mm[firm[-1]] - slides.way_mm[firm[0]] > SLID_MM:
+        if len(firm) and slides.slid_mm[firm[-1]] - slides.slid_mm[firm[0]] > SLID_MM:
             if one.has_estimate[firm[moving[firm]], leg].mean() < MIN_ESTIMATED_SHARE_REL:
                 beyond += 1
                 continue
-            begun_mm = slides.way_mm[firm[0]]
+            begun_mm = slides.slid_mm[firm[0]]
             in_time = own[own <= firm[-1]]
             slide_distances_mm.append(
-                max(float(slides.way_mm[in_time[0]] - begun_mm), 0.0) if len(in_time) else np.inf
+                max(float(slides.slid_mm[in_time[0]] - begun_mm), 0.0) if len(in_time) else np.inf
             )
     return _SlipReports(slide_distances_mm, beyond, false, at_cone)
 

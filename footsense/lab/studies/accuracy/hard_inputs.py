@@ -11,8 +11,8 @@ from onnx.reference import ReferenceEvaluator
 from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.rest import at_rest
 from footsense.estimation.sensitivity import sensitivity
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.network_card import INPUTS
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, ContactFrame, Reading, State, Vector
@@ -100,7 +100,7 @@ def network_cases(context: StudyContext) -> Iterator[Case]:
     cases = paper_verification(context.response)
     closure_rel = cases.closure_um / gap_um
     graph = _float64_graph(context)
-    rested_n = _float32_error_n(context, graph, at_rest(closure_rel))
+    rested_n = _float32_error_n(context, graph, steady_windows(closure_rel))
     walked, walked_n = _float32_error_on_gaits_n(context, graph)
     for what, apart_n, limit_n in (
         ("180 cases at rest", rested_n, _SINGLE_N),

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import rms, sigma_coverage_shares
@@ -88,7 +88,7 @@ def _coverage_on_feet(context: StudyContext, tolerances: Tolerances, n_feet: int
         cases = random_loads(response, context.foot_design.loads, n_loads, 1000 + number, deviations)
         rng = np.random.default_rng((number, _FEET_SEED))
         closure_rel = measured_closure_rel(response.design, cases.closure_um, rng)
-        parts.append((cases.force_n, *context.network.estimate(at_rest(closure_rel))[:2]))
+        parts.append((cases.force_n, *context.network.estimate(steady_windows(closure_rel))[:2]))
     truth, force_n, sigma_n = (np.concatenate(part) for part in zip(*parts, strict=True))
     return sigma_coverage_shares(truth, force_n, sigma_n)
 
@@ -106,10 +106,10 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     missing, missing_coverage = {}, {}
     for name, index in MISSING_PATTERNS.items():
         mask = np.tile(MISSING_SETS[index], (len(closure_rel), 1))
-        force_n, sigma_n = network.estimate(at_rest(imputation.impute(closure_rel, mask), mask))[:2]
+        force_n, sigma_n = network.estimate(steady_windows(imputation.impute(closure_rel, mask), mask))[:2]
         missing[name] = evaluate_force_errors(cases.force_n[counted], force_n[counted])
         missing_coverage[name] = sigma_coverage_shares(cases.force_n, force_n, sigma_n)
-    force_n, sigma_n = network.estimate(at_rest(closure_rel))[:2]
+    force_n, sigma_n = network.estimate(steady_windows(closure_rel))[:2]
     by_force = {}
     for low, high in pairwise(FORCE_BINS_N):
         inside = (size >= low) & (size < high)

@@ -9,7 +9,7 @@ import onnxruntime
 from matplotlib.figure import Figure
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.rest import at_rest
+from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Plots, Study, StudyContext
@@ -117,7 +117,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         ),
         "rest": (
             test_rest.force_n[counted],
-            at_rest(measured_closure_rel(design, test_rest.closure_um[counted], rng)),
+            steady_windows(measured_closure_rel(design, test_rest.closure_um[counted], rng)),
         ),
     }
     imputation = Imputation(closure_moments(rest.with_symmetric_copies().closure_um / design.gap_um))

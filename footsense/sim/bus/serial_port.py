@@ -10,7 +10,7 @@ from footsense.ports import Clock
 from footsense.sim.chips.mcu import SimulatedRobotMcu
 
 
-class SimulatedLine:
+class SimulatedSerialPort:
     """Serial port at the daemon's end, fed by a simulated microcontroller.
 
     Args:

@@ -1,4 +1,4 @@
-"""Windows of feet at rest: the same reading three times."""
+"""Network inputs of feet under a constant load: the same reading of each element three times."""
 
 import math
 from functools import cache
@@ -11,8 +11,8 @@ from footsense.ports import Window
 
 
 @cache
-def rest_age_s(n_elements: int) -> Vector:
-    """Return the ages of the readings of a foot that is read at 400 conversions a second [s], shape (3, elements).
+def steady_ages_s(n_elements: int) -> Vector:
+    """Return the usual ages of each element's three readings at 400 conversions a second [s], shape (3, elements).
 
     They are those at the end of a scan in the order of the magic square.
     """
@@ -22,17 +22,17 @@ def rest_age_s(n_elements: int) -> Vector:
 
 
 #: These ages for the paper's foot, shape (3, 9).
-REST_AGE_S = rest_age_s(ELEMENTS)
+STEADY_AGES_S = steady_ages_s(ELEMENTS)
 
 
-def at_rest(closure_rel: Vector, missing: Mask | None = None) -> Window:
-    """Return the windows of feet whose closures have been the same for a while.
+def steady_windows(closure_rel: Vector, missing: Mask | None = None) -> Window:
+    """Return the network inputs of feet whose gap closures have been constant for three scans.
 
     Args:
         closure_rel: Closures over the gap, missing ones imputed [1], shape (rows, elements).
         missing: The imputed ones, same shape; None for none.
     """
-    rows, age_s = len(closure_rel), rest_age_s(closure_rel.shape[1])
+    rows, age_s = len(closure_rel), steady_ages_s(closure_rel.shape[1])
     return Window(
         np.repeat(closure_rel[:, None], 3, axis=1),
         np.broadcast_to(age_s, (rows, *age_s.shape)),
