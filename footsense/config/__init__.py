@@ -29,7 +29,7 @@ DEFAULT = Config(
 
 
 def load_config(path: Path) -> Config:
-    """Return the configuration in a YAML file.
+    """Load the daemon's configuration from a YAML file.
 
     Args:
         path: The file.

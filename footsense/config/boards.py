@@ -1,4 +1,4 @@
-"""Facts of the boards that are read over I2C, as far as a configuration depends on them."""
+"""Conversion rates and I2C addresses of the boards, as needed to check a configuration."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -8,7 +8,7 @@ from firmware_interface.chips import ad7746, adg715, fdc1004
 
 
 class BoardFacts(NamedTuple):
-    """Conversion rates and addresses of one board.
+    """Conversion rates and I2C addresses of one board.
 
     Attributes:
         rates: Time and noise of a conversion, by conversions per second.

@@ -1,4 +1,4 @@
-"""Settings that are each valid and contradict each other: path in the file, and remedy."""
+"""Checks for settings that are valid each for itself but contradict each other."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -18,17 +18,17 @@ _SUPPLY_V, _LOW_V, _SINK_MA = 3.3, 0.4, 3.0
 
 
 def first_contradiction(config: Config) -> Problem | None:
-    """Return the first contradiction of a configuration, None if there is none."""
+    """Return the first contradiction between settings of a configuration; None if there is none."""
     return next(_contradictions(config), None)
 
 
 def warnings(config: Config) -> tuple[str, ...]:
-    """Return settings that are allowed and often a mistake, each as one line with its path."""
+    """Return warnings about settings that are allowed but often a mistake, one text line each."""
     return tuple(str(problem) for problem in _warnings(config))
 
 
 def pull_up_fault(bus: Bus) -> str | None:
-    """Return the error message about the pull-ups of a bus; None if they are right or not configured.
+    """Return an error message about the pull-up resistors of a bus; None if they are right or not configured.
 
     footsense connects all legs at once, so that their resistors are in parallel.
 
@@ -50,6 +50,7 @@ def pull_up_fault(bus: Bus) -> str | None:
 
 
 def _contradictions(config: Config) -> Iterator[Problem]:
+    """Yield all contradictions between settings."""
     yield from _board_contradictions(config)
     yield from _bus_contradictions(config)
     for i, bus in enumerate(config.buses):
@@ -63,7 +64,7 @@ def _contradictions(config: Config) -> Iterator[Problem]:
 
 
 def _board_contradictions(config: Config) -> Iterator[Problem]:
-    """Yield settings that are for another board."""
+    """Yield settings that belong to another board."""
     board, serial = config.board, config.serial
     if board != "mcu":
         if serial is not None:
@@ -94,6 +95,7 @@ def _board_contradictions(config: Config) -> Iterator[Problem]:
 
 
 def _bus_contradictions(config: Config) -> Iterator[Problem]:
+    """Yield contradictions of the I2C buses: repeated devices or legs, addresses, pull-ups."""
     buses = list(enumerate(config.buses))
     devices = ((f"buses[{i}].device", bus.device, f"buses[{i}]") for i, bus in buses)
     remedy = "give each its own, or join their legs under one bus"
@@ -111,6 +113,7 @@ def _bus_contradictions(config: Config) -> Iterator[Problem]:
 
 
 def _bus_leg_contradictions(bus: Bus, path: str) -> Iterator[Problem]:
+    """Yield contradictions of the legs of one bus: mux channels and adapters."""
     if bus.channels and bus.adapters:
         yield Problem(
             f"{path}.{next(iter(bus.adapters))}",
@@ -126,7 +129,7 @@ def _bus_leg_contradictions(bus: Bus, path: str) -> Iterator[Problem]:
 
 
 def _address_contradictions(bus: Bus, path: str, board: str) -> Iterator[Problem]:
-    """Yield devices at the address of another device of the bus, or of a chip of every leg."""
+    """Yield devices with the I2C address of another device of the bus or of a leg's chips."""
     if bus.mux.address == PCA9685_ALLCALL:
         for device in bus.other_devices:
             if "pca9685" in device.name.lower():
@@ -146,6 +149,7 @@ def _address_contradictions(bus: Bus, path: str, board: str) -> Iterator[Problem
 
 
 def _timing_contradictions(config: Config) -> Iterator[Problem]:
+    """Yield contradictions of rates and age limits."""
     # The oldest element is a whole scan old at sending, and a scan takes a tenth longer than its limit.
     shortest_ms = config.shortest_scan_ms
     if config.stale_after_ms < 1.25 * shortest_ms:
@@ -158,6 +162,7 @@ def _timing_contradictions(config: Config) -> Iterator[Problem]:
 
 
 def _can_contradictions(config: Config) -> Iterator[Problem]:
+    """Yield contradictions of the CAN settings, such as an overloaded bus."""
     can = config.can
     group = _parse_ip(can.channel)
     if can.interface == "udp_multicast" and not (isinstance(group, IPv4Address) and group.is_multicast):
@@ -181,6 +186,7 @@ def _can_contradictions(config: Config) -> Iterator[Problem]:
 
 
 def _foot_contradictions(config: Config) -> Iterator[Problem]:
+    """Yield contradictions of the settings of legs and feet."""
     feet = ((f"feet.{leg}", foot, leg) for leg, foot in config.feet.items())
     yield from _repeated_values(feet, "{} is already mounted on {}")
     sections: dict[str, Mapping[Leg, object]] = {
@@ -209,7 +215,7 @@ def _foot_contradictions(config: Config) -> Iterator[Problem]:
 
 
 def _array_contradictions(config: Config) -> Iterator[Problem]:
-    """Yield settings for another number of elements."""
+    """Yield per-element settings with a wrong number of elements."""
     n_elements = config.n_elements
     if config.serial is not None and n_elements != ELEMENTS:
         yield Problem("rows", f"the microcontroller sends {ELEMENTS} elements of a foot; take rows away")
@@ -223,7 +229,7 @@ def _array_contradictions(config: Config) -> Iterator[Problem]:
 
 
 def _repeated_values(entries: Iterable[tuple[str, int | str, str]], message: str) -> Iterator[Problem]:
-    """Yield a problem for every entry, path, value and owner, with the value of an earlier one.
+    """Yield a problem for every (path, value, owner) entry whose value occurred before.
 
     Args:
         entries: Path, value and owner of each.
@@ -237,6 +243,7 @@ def _repeated_values(entries: Iterable[tuple[str, int | str, str]], message: str
 
 
 def _parse_ip(address: str) -> IPv4Address | IPv6Address | None:
+    """Return an IP address; None for other text."""
     try:
         return ip_address(address)
     except ValueError:
@@ -244,6 +251,7 @@ def _parse_ip(address: str) -> IPv4Address | IPv6Address | None:
 
 
 def _warnings(config: Config) -> Iterator[Problem]:
+    """Yield a warning for each setting that is allowed but often a mistake."""
     for i, bus in enumerate(config.buses):
         if bus.mux.address == PCA9685_ALLCALL:
             yield Problem(

@@ -1,4 +1,4 @@
-"""Keys of earlier versions: refused in a YAML file with the present name, read in a recording."""
+"""Renamed configuration keys: refused in a YAML file with the present name, still read in a recording."""
 
 _PRESENT_NAME_OF_KEY = {
     "zero": "baseline",
@@ -24,7 +24,7 @@ _REMOVED_KEYS_WITHOUT_EFFECT = (
 
 
 def with_present_keys(data: object) -> object:
-    """Return a recorded configuration with its old keys renamed, and without removed keys that had no effect."""
+    """Return a recorded configuration with renamed keys updated, and removed keys without effect dropped."""
     if isinstance(data, dict):
         items = (
             (key, value) for key, value in data.items() if (key, value) not in _REMOVED_KEYS_WITHOUT_EFFECT

@@ -1,4 +1,4 @@
-"""Operating points: named settings of conversion rate and publishing.
+"""Named operating points: combinations of conversion rate and publishing interval.
 
 Measured by `footsense lab tradeoff` on the measured walk of six legs (docs/report, "Latency against error", with all
 other settings); a test compares the figures here with that page.
@@ -14,7 +14,7 @@ from footsense.errors import ConfigError
 
 
 class OperatingPoint(NamedTuple):
-    """Settings of a robot, and the latency, error and noise that they give.
+    """Conversion rate and publishing interval, with the latency, error and noise that they give.
 
     Attributes:
         rate_sps: Conversions per second, `scan.rate_sps` of the configuration.
@@ -43,7 +43,7 @@ OPERATING_POINTS = {
 
 
 def at_operating_point(config: Config, name: str) -> Config:
-    """Return a configuration with its rate and publishing replaced by an operating point.
+    """Return a configuration with the conversion rate and publishing interval of an operating point.
 
     Args:
         config: The robot.

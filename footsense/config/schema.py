@@ -1,4 +1,4 @@
-"""A configuration file and the values derived from it; `footsense.config.contradictions` checks it as a whole."""
+"""Schema of the configuration file as a whole, and values derived from it."""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal
@@ -15,7 +15,7 @@ PUBLISH_EVERY = 4
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Configuration of the daemon.
+    """Configuration of the daemon, as parsed from a YAML file.
 
     Attributes:
         board: Electronics of a foot.
@@ -76,57 +76,58 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def legs(self) -> tuple[str, ...]:
-        """Return the configured legs bus by bus: the rows of every frame."""
+        """Names of the configured legs, bus by bus: the rows of every frame."""
         if self.serial is not None:
             return self.serial.legs
         return tuple(leg for bus in self.buses for leg in bus.legs)
 
     @property
     def n_elements(self) -> int:
-        """Return the elements of every foot."""
+        """Number of elements of every foot."""
         return self.rows**2
 
     @property
     def shortest_scan_ms(self) -> float:
-        """Return the shortest duration of a scan [ms]: of all conversions, or the microcontroller's period."""
+        """Shortest duration of a scan [ms]: of all conversions, or the microcontroller's period."""
         if self.serial is not None:
             return 1e3 / self.serial.rate_hz
         return self.n_elements * self.rate.conversion_ns * 1e-6
 
     @property
     def frames_per_force(self) -> int:
-        """Return the frames of the scanner for each force on CAN: conversions, or a microcontroller's records."""
+        """Number of capacitance frames per force sent on CAN."""
         return self.publish_every if self.serial is None else 1
 
     @property
     def forces_hz(self) -> float:
-        """Return the forces of a leg on CAN in a second, at most, while no state changes."""
+        """Rate at which each leg's forces are sent on CAN while no state changes [Hz]."""
         frames_hz = self.rate_sps if self.serial is None else self.serial.rate_hz
         return frames_hz / self.frames_per_force
 
     @property
     def rate_sps(self) -> int:
-        """Return the conversions per second of one converter."""
+        """Conversions per second of one converter."""
         return self.scan.rate_sps or max(self._rates)
 
     @property
     def rate(self) -> fdc1004.Rate | ad7746.Rate:
-        """Return time and noise of a conversion."""
+        """Conversion time and noise at the configured rate."""
         return self._rates[self.rate_sps]
 
     @property
     def _rates(self) -> Mapping[int, fdc1004.Rate | ad7746.Rate]:
+        """Return the conversion rates of the configured board."""
         # The converters of a microcontroller are unknown here: assume those of the default board.
         return BOARDS.get(self.board, BOARDS["fdc1004"]).rates
 
     @property
     def order(self) -> Literal["lo_shu", "raster"]:
-        """Return the order of the elements: the configured one, or the default for the multiplexer."""
+        """Conversion order of the elements: the configured one, or the mux's default."""
         return self.scan.order or ("raster" if any(bus.adapters for bus in self.buses) else "lo_shu")
 
     @property
     def stale_after_ms(self) -> float:
-        """Return the age limit of a measurement [ms]: the configured one, or four scans."""
+        """Age limit of a measurement [ms]: the configured one, or four scans."""
         if self.max_age_ms is not None:
             return self.max_age_ms
         return 4 * self.shortest_scan_ms

@@ -1,4 +1,4 @@
-"""Sections of a configuration file: one field, one reason, one range."""
+"""Schemas of the sections of the configuration file, with the allowed range of each field."""
 
 from typing import Annotated, Literal
 
@@ -19,11 +19,11 @@ UnloadedPf = tuple[Annotated[float, Meta(ge=0.1, le=15.0)], ...]
 
 
 class Section(Struct, frozen=True, forbid_unknown_fields=True):
-    """A mapping in the file; an unknown key is an error."""
+    """Base class of the sections; an unknown key is an error."""
 
 
 class ResetLine(Section, frozen=True, kw_only=True):
-    """GPIO line that drives the RESET pin of a multiplexer.
+    """Section `reset`: GPIO line that drives the RESET pin of a mux.
 
     Attributes:
         device: GPIO chip: `/dev/gpiochipN`, or `sim` for a simulated one.
@@ -37,7 +37,7 @@ class ResetLine(Section, frozen=True, kw_only=True):
 
 
 class Mux(Section, frozen=True, kw_only=True):
-    """TCA9548A multiplexer between a bus and its legs.
+    """Section `mux`: TCA9548A multiplexer between an I2C bus and its legs.
 
     Attributes:
         address: 7-bit address on the upstream bus.
@@ -55,7 +55,7 @@ class Mux(Section, frozen=True, kw_only=True):
 
 
 class PullUps(Section, frozen=True, kw_only=True):
-    """Pull-up resistors of an I2C bus, upstream and on each leg, the same for SDA and SCL.
+    """Section `pull_ups`: pull-up resistors of an I2C bus [ohm], upstream and on each leg.
 
     Attributes:
         upstream: Between host and multiplexer [Ohm]; a Raspberry Pi has 1800 of its own.
@@ -67,7 +67,7 @@ class PullUps(Section, frozen=True, kw_only=True):
 
 
 class OtherDevice(Section, frozen=True, kw_only=True):
-    """Another device on an upstream bus, named so that an address clash is found in time.
+    """Another device on an upstream I2C bus, listed to detect address clashes.
 
     Attributes:
         name: Its name for messages.
@@ -102,17 +102,17 @@ class Bus(Section, frozen=True, kw_only=True):
 
     @property
     def channels(self) -> dict[str, int]:
-        """Return each leg's channel; none where the kernel drives the multiplexer."""
+        """Mux channel of each leg; empty where the kernel switches the mux."""
         return {leg: channel for leg, channel in self.legs.items() if isinstance(channel, int)}
 
     @property
     def adapters(self) -> dict[str, str]:
-        """Return each leg's adapter where the kernel drives the multiplexer; none where it does not."""
+        """I2C adapter of each leg where the kernel switches the mux; else empty."""
         return {leg: device for leg, device in self.legs.items() if isinstance(device, str)}
 
 
 class Serial(Section, frozen=True, kw_only=True):
-    """Serial line to the microcontroller of board `mcu`, which scans the feet by itself.
+    """Section `serial`: serial port of the microcontroller of board `mcu`, which scans the feet.
 
     Attributes:
         device: Port under /dev/serial/by-id, a name that survives unplugging; or `sim`.
@@ -131,7 +131,7 @@ class Serial(Section, frozen=True, kw_only=True):
 
 
 class Scan(Section, frozen=True, kw_only=True):
-    """Rate and order in which the elements are read.
+    """Section `scan`: conversion rate and order of the elements.
 
     Attributes:
         rate_sps: Conversions per second of one converter; a lower rate has less noise: 100, 200 or 400 with board
@@ -146,7 +146,7 @@ class Scan(Section, frozen=True, kw_only=True):
 
 
 class Tare(Section, frozen=True, kw_only=True):
-    """Conditions under which present readings become the baseline of a foot.
+    """Section `tare`: conditions under which the present readings become the baseline of a foot.
 
     Attributes:
         window_scans: Scans averaged.
@@ -161,7 +161,7 @@ class Tare(Section, frozen=True, kw_only=True):
 
 
 class Baseline(Section, frozen=True, kw_only=True):
-    """Tracking of the baseline, the readings of the unloaded foot, between tares.
+    """Section `baseline`: drift tracking of the baseline between tares.
 
     Attributes:
         track: Whether the baseline follows drift in confirmed swing; on by default, because temperature moves it by
@@ -172,7 +172,7 @@ class Baseline(Section, frozen=True, kw_only=True):
 
 
 class Contact(Section, frozen=True, kw_only=True):
-    """Thresholds of contact detection.
+    """Section `contact`: threshold of contact detection.
 
     Attributes:
         threshold_n: Load along the leg, above the reading in swing, from which a foot is in contact [N]; contact ends
@@ -184,7 +184,7 @@ class Contact(Section, frozen=True, kw_only=True):
 
 
 class Can(Section, frozen=True, kw_only=True):
-    """CAN channel on which forces are published.
+    """Section `can`: CAN interface on which forces are published.
 
     Attributes:
         interface: `socketcan` on the robot; `virtual` stays within the process, `udp_multicast` on this computer.
@@ -207,12 +207,12 @@ class Can(Section, frozen=True, kw_only=True):
 
     @property
     def executes_commands(self) -> bool:
-        """Return whether commands are executed."""
+        """Whether commands received on CAN are executed."""
         return self.interface != "udp_multicast" if self.commands is None else self.commands
 
 
 class Metrics(Section, frozen=True, kw_only=True):
-    """The counters of the service, and where `footsense exporter` serves them to Prometheus.
+    """Section `metrics`: file of the service's counters, and address of `footsense exporter`.
 
     Attributes:
         counters: File in memory through which the service hands its counters to the exporter.
@@ -226,7 +226,7 @@ class Metrics(Section, frozen=True, kw_only=True):
 
 
 class View(Section, frozen=True, kw_only=True):
-    """The service's last cycles in memory, and where `footsense view` serves their page.
+    """Section `view`: file of the service's latest cycles, and address of the web page of `footsense view`.
 
     Attributes:
         cycles: File in memory through which the service hands its cycles to viewers.
@@ -240,7 +240,7 @@ class View(Section, frozen=True, kw_only=True):
 
 
 class Realtime(Section, frozen=True, kw_only=True):
-    """Scheduling that the loop requests from the kernel.
+    """Section `realtime`: scheduling that the main loop requests from the kernel.
 
     Attributes:
         priority: SCHED_FIFO priority; below 50, that of the kernel's interrupt threads, for which the loop waits.

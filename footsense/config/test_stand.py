@@ -1,4 +1,4 @@
-"""Schema of a test stand's file: the force sensor under the foot and its mounting."""
+"""Schema of a test-stand file: reference force sensor under the foot, and its mounting."""
 
 import struct
 from pathlib import Path
@@ -19,7 +19,7 @@ Range = Annotated[float, Meta(gt=0.0, le=1e9)]
 
 
 class Lines(Section, frozen=True, kw_only=True, tag="lines", tag_field="kind"):
-    """Records of a force sensor as lines of text.
+    """Framing of a sensor that sends records as lines of text.
 
     Attributes:
         columns: Meaning of each number of a line; "-" for an unused one.
@@ -31,7 +31,7 @@ class Lines(Section, frozen=True, kw_only=True, tag="lines", tag_field="kind"):
 
 
 class Binary(Section, frozen=True, kw_only=True, tag="binary", tag_field="kind"):
-    """Binary records of one length: sync bytes, values, checksum.
+    """Framing of a sensor that sends binary records of fixed length: sync bytes, values, checksum.
 
     Attributes:
         columns: Meaning of each value of a record; "-" for an unused one.
@@ -47,7 +47,7 @@ class Binary(Section, frozen=True, kw_only=True, tag="binary", tag_field="kind")
 
 
 class Serial(Section, frozen=True, kw_only=True, tag="serial", tag_field="kind"):
-    """A sensor on a serial port.
+    """Force sensor on a serial port.
 
     Attributes:
         device: The port; a name under /dev/serial/by-id survives unplugging.
@@ -69,7 +69,7 @@ class Serial(Section, frozen=True, kw_only=True, tag="serial", tag_field="kind")
 
 
 class NetFt(Section, frozen=True, kw_only=True, tag="net_ft", tag_field="kind"):
-    """A sensor that streams over UDP as an ATI Net F/T does (RDT).
+    """Force sensor that streams over UDP as an ATI Net F/T does (RDT).
 
     Attributes:
         host: Its address.
@@ -85,7 +85,7 @@ class NetFt(Section, frozen=True, kw_only=True, tag="net_ft", tag_field="kind"):
 
 
 class FileSensor(Section, frozen=True, kw_only=True, tag="file", tag_field="kind"):
-    """A recorded sensor, played from the first scan on.
+    """Recorded force sensor, replayed from the first scan on.
 
     Attributes:
         path: A .csv with columns `time_s` (or ms, us), `fx`, `fy`, `fz`; or a recording of a test stand, whose forces
@@ -96,7 +96,7 @@ class FileSensor(Section, frozen=True, kw_only=True, tag="file", tag_field="kind
 
 
 class Simulated(Section, frozen=True, kw_only=True, tag="simulated", tag_field="kind"):
-    """A simulated MINI 4/20 under the simulated foot, in gf; all its axes are opposite to the foot's.
+    """Simulated BL Autotech MINI 4/20 under the simulated foot [gf], its axes opposite to the foot's.
 
     Attributes:
         seed: Seed of the specimen.
@@ -108,7 +108,7 @@ class Simulated(Section, frozen=True, kw_only=True, tag="simulated", tag_field="
 
 
 class Axes(Section, frozen=True, kw_only=True):
-    """Signed sensor axis along each of the foot's (x forward, y left, z up), for the ground reaction on the foot.
+    """Signed sensor axis along each axis of the foot (x forward, y left, z up), for the force on the foot.
 
     A sensor under the foot reads the opposite force: all three have a minus.
     """
@@ -119,7 +119,7 @@ class Axes(Section, frozen=True, kw_only=True):
 
 
 class StandConfig(Section, frozen=True, kw_only=True):
-    """Configuration of a test stand: the force sensor under the foot, and its mounting.
+    """Configuration of a test stand: reference force sensor and its mounting.
 
     Attributes:
         sensor: Its interface.
@@ -145,7 +145,7 @@ class StandConfig(Section, frozen=True, kw_only=True):
 
 
 def load_test_stand(path: Path) -> StandConfig:
-    """Return the test stand in a YAML file, the path of a recorded sensor resolved against the file's folder.
+    """Load a test stand from a YAML file; a recorded sensor's path is relative to the file's folder.
 
     Raises:
         ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
@@ -158,7 +158,7 @@ def load_test_stand(path: Path) -> StandConfig:
 
 
 def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
-    """Return the first contradiction between valid values."""
+    """Return the first contradiction between valid values; None if there is none."""
     axes = (test_stand.axes.x, test_stand.axes.y, test_stand.axes.z)
     if len({axis[-1] for axis in axes}) < len(axes):
         names = ", ".join(axes)
@@ -171,6 +171,7 @@ def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
 
 
 def _framing_contradiction(framing: Lines | Binary) -> strict_yaml.Problem | None:
+    """Return the first contradiction in a sensor's framing; None if there is none."""
     where = "sensor.framing"
     named = [column for column in framing.columns if column != "-"]
     for axis in ("fx", "fy", "fz"):

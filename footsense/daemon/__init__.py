@@ -1,4 +1,4 @@
-"""The composition root: the only place that names the backend behind each port.
+"""Composition of the daemon: chooses and opens the implementation behind each interface of `ports`.
 
 foot_types        foot type     -> files          network, response table
 models            configuration -> models         network, and calibrations of the feet on the legs

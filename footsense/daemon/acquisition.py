@@ -1,4 +1,4 @@
-"""Open what a configuration names as source of frames: real or simulated buses and their scanner, or a serial line."""
+"""Open the configured source of capacitance frames: real or simulated I2C buses, or a serial port."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -34,7 +34,7 @@ MIN_BUS_SPEED_REL = 0.9
 
 @dataclass(frozen=True, slots=True)
 class ScanSource:
-    """An open source of capacitance frames, with its clock and simulated truth.
+    """Open source of capacitance frames, with its clock and, in simulation, the true forces.
 
     Attributes:
         source: The scanner, started.
@@ -56,7 +56,7 @@ class ScanSource:
     temperature_c: Callable[[], Vector] | None = None
 
     def read_whole_scans(self, n: int) -> list[CapFrame]:
-        """Read `n` scans, and return the last frame of each."""
+        """Read `n` scans; return the last frame of each."""
         scans: list[CapFrame] = []
         while len(scans) < n:
             frame = self.source.read()
@@ -66,12 +66,12 @@ class ScanSource:
 
 
 def scan_plan_for(config: Config) -> ScanPlan:
-    """Return the order of transactions on each bus of a robot that is read over I2C."""
+    """Return the scan plan of a robot whose feet are read over I2C."""
     return scan_plan(config.order, config.rate_sps, config.board, config.rows)
 
 
 class OpenBus(NamedTuple):
-    """One open bus with its configuration and clock.
+    """Open I2C bus with its configuration and clock.
 
     Attributes:
         bus: Its configuration.
@@ -85,7 +85,7 @@ class OpenBus(NamedTuple):
 
 
 def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> list[OpenBus]:
-    """Open the adapters and reset lines of every bus.
+    """Open the I2C adapters and reset lines of every bus.
 
     Args:
         config: The robot.
@@ -108,7 +108,7 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
 
 
 def check_adapters(config: Config) -> None:
-    """Open and close every I2C adapter of a robot.
+    """Open and close every I2C adapter of a robot, to raise an error early.
 
     Raises:
         HardwareError: One is missing, or another process has locked it.
@@ -119,7 +119,7 @@ def check_adapters(config: Config) -> None:
 
 
 def _open_transport(bus: Bus, stack: ExitStack) -> Transport:
-    """Open a bus's I2C adapters and its reset line, and return the transport."""
+    """Open a bus's I2C adapters and its reset line; return the access to its legs."""
     adapters = []
     for device in bus.adapters.values() or [bus.device]:
         adapters.append(LinuxI2cBus.open(device))
@@ -137,7 +137,7 @@ def _open_transport(bus: Bus, stack: ExitStack) -> Transport:
 
 
 def _log_bus_timing(bus: Bus, timing: BusTiming | None) -> None:
-    """Log the limits of a bus, and whether it is slower than configured."""
+    """Log a bus's scan limits, and a warning if it is slower than configured."""
     if timing is None:
         return
     _log.info("%s: %s", bus.device, timing)
@@ -153,7 +153,7 @@ def _log_bus_timing(bus: Bus, timing: BusTiming | None) -> None:
 
 @contextmanager
 def open_scan_source(config: Config, scene: Scene | None) -> Iterator[ScanSource]:
-    """Open the buses or the serial line, start the scanner, and close both at the end.
+    """Open buses or serial port and start scanning, during a `with` block.
 
     Args:
         config: The robot.
@@ -184,7 +184,7 @@ def open_scan_source(config: Config, scene: Scene | None) -> Iterator[ScanSource
 
 
 def _open_microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: Scene | None) -> ScanSource:
-    """Open the serial line to the microcontroller, or to a simulated one."""
+    """Open the serial port of the microcontroller, or of a simulated one."""
     own = MonotonicClock()
     clock: Clock = own if robot is None else robot.clock
     if robot is None or scene is None:
@@ -198,7 +198,7 @@ def _open_microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: S
 
 
 def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> ScanSource:
-    """Open and start the scanner of every bus."""
+    """Open and start the scanners of all I2C buses."""
     buses = open_buses(config, robot, stack)
     plan = scan_plan_for(config)
     scanners = []

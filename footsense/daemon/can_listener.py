@@ -1,4 +1,4 @@
-"""A consumer of CAN: force and reports of every leg."""
+"""Receiver of every leg's forces and reports on CAN, for `footsense monitor` and `ros2`."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ _POLL_PERIOD_NS = 5_000_000
 
 
 class LegSnapshot(NamedTuple):
-    """One leg at one time, as its CAN frames show it.
+    """Latest force, report and event of one leg, as received on CAN.
 
     Attributes:
         leg: Its name.
@@ -51,13 +51,13 @@ class LegSnapshot(NamedTuple):
 
     @property
     def is_current(self) -> bool:
-        """Whether frames arrived recently; otherwise the state is the last one reported."""
+        """Whether frames arrived recently; otherwise the state is the last one received."""
         silent = self.force.status is LinkStatus.STALE and self.report.node_state is None
         return self.n_force_frames > 0 and not silent
 
 
 class Listener:
-    """Receives the frames of all legs and sends nothing.
+    """Receives all legs' frames from CAN without sending anything.
 
     Args:
         wire: The open channel.
@@ -90,7 +90,7 @@ class Listener:
         self._n_force_frames = dict.fromkeys(NODE_IDS.values(), 0)
 
     def listen(self, until_ns: int) -> None:
-        """Receive CAN frames until a time [ns].
+        """Receive and decode CAN frames until a time [ns].
 
         A frame counts as arrived at the previous poll: the age may be 5 ms too high, never too low.
 
@@ -117,7 +117,7 @@ class Listener:
             self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_PERIOD_NS))
 
     def snapshot(self) -> list[LegSnapshot]:
-        """Return every leg at the present time: those of a hexapod, and others that were heard."""
+        """Return the latest values of every leg at the present time: a hexapod's legs, and others received."""
         now_ns = self._clock.now_ns()
         snapshots = []
         for leg, node in NODE_IDS.items():
@@ -147,7 +147,7 @@ def open_listener(
     force_step_mn: int = 1,
     n_elements: int = ELEMENTS,
 ) -> Listener:
-    """Open a CAN channel for listening only; arguments as of `Listener`.
+    """Open a CAN interface for listening only; arguments as of `Listener`.
 
     Raises:
         CanError: The channel is missing or down.

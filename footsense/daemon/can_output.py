@@ -1,4 +1,4 @@
-"""From configuration to CAN: the sink of the forces, and the simulated interface of a scene with CAN faults."""
+"""Open the CAN output as configured, on a real interface or on a scene's simulated one."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -24,7 +24,7 @@ def can_sink(
     force_step_mn: int = 1,
     connect: Callable[[], CanWire] | None = None,
 ) -> Iterator[CanSink]:
-    """Open the CAN channel, and end with every leg's heartbeat `stopped`.
+    """Open the CAN output during a `with` block; at its end, send every leg's heartbeat `stopped`.
 
     Yields:
         The sink.
@@ -58,7 +58,7 @@ def can_sink(
 
 @contextmanager
 def close_at_end(close: Callable[[], None]) -> Iterator[None]:
-    """Close at the end; an incomplete log or recording must not hide the error that ended the run."""
+    """Call `close` at the end of a `with` block; its error must not hide one that ended the block."""
     try:
         yield
     except BaseException:
@@ -69,6 +69,6 @@ def close_at_end(close: Callable[[], None]) -> Iterator[None]:
 
 
 def simulated_can(config: Config, scene: Scene | None, clock: Clock) -> SimulatedCan | None:
-    """Return the simulated CAN interface of a scene with CAN faults; others use the virtual channel."""
+    """Return the simulated CAN interface if the scene has CAN faults, else None."""
     faults = [fault for fault in scene.faults if isinstance(fault, CanFault)] if scene is not None else []
     return SimulatedCan(clock, config.can.bitrate, faults) if faults else None

@@ -1,4 +1,4 @@
-"""From configuration and models to the pipeline."""
+"""Build the estimation pipeline from configuration and models."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -32,7 +32,7 @@ _SETTLED_SCANS = 4
 
 
 def pipeline_for(models: Models, flags: int) -> Pipeline:
-    """Return the pipeline of a robot whose frames carry these flags.
+    """Return the estimation pipeline of a robot; `flags` are set in all its force frames.
 
     Args:
         models: The robot with its models.
@@ -78,7 +78,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
 
 
 def unloaded_capacitance_pf(models: Models) -> tuple[Vector, Vector]:
-    """Return stray, and capacitance without stray, of the elements of the free feet [pF], shape (legs, elements)."""
+    """Return stray, and unloaded capacitance without stray, of each element [pF], shape (legs, elements) each."""
     # The design's capacitance excludes stray; a configured or calibrated reading of the foot includes it.
     stray_pf = _element_parameter(models, "stray_pf", models.config.stray_pf, 0.0)
     reading_pf = _element_parameter(models, "unloaded_pf", models.config.unloaded_pf, np.nan)
@@ -87,14 +87,14 @@ def unloaded_capacitance_pf(models: Models) -> tuple[Vector, Vector]:
 
 
 def distance_times_capacitance_pf(models: Models) -> Vector:
-    """Return the distance of each element's plates over the gap, times capacitance [pF], shape (legs, elements)."""
+    """Return relative plate distance times capacitance of each element (constant) [pF], shape (legs, elements)."""
     design = models.network.card.trained_inputs.design
     gain_rel = _element_parameter(models, "gain_rel", {}, 1.0)
     return design.plate_distance_um(np.ones(1)) / design.gap_um / gain_rel
 
 
 def _estimator_and_temperature_receiver(models: Models) -> tuple[Estimator, Callable[[Vector], None] | None]:
-    """Return the estimator of these feet and the receiver of their temperature, None without calibrations."""
+    """Return the feet's estimator, and the function that takes their temperature (None uncalibrated)."""
     if not models.calibrations:
         return models.network, None
     mounted = [models.calibrations.get(leg) for leg in models.config.legs]
@@ -111,27 +111,27 @@ def _estimator_and_temperature_receiver(models: Models) -> tuple[Estimator, Call
 def _element_parameter(
     models: Models, name: str, configured: Mapping[Any, Sequence[float]], default: float
 ) -> Vector:
-    """Return a parameter, shape (legs, elements): the calibration's, the configured, or the default."""
+    """Return a parameter of each element, shape (legs, elements): calibrated, else configured, else default."""
     values: dict[str, Sequence[float] | Vector] = dict(configured)
     values |= {leg: getattr(found.parameters, name) for leg, found in models.calibrations.items()}
     return np.array([values.get(leg, (default,) * models.config.n_elements) for leg in models.config.legs])
 
 
 def _closure_rel_per_pf(design: CapacitorDesign) -> float:
-    """Return the change of closure over gap per picofarad on an unloaded element [1/pF]."""
+    """Return the derivative of relative gap closure by capacitance of an unloaded element [1/pF]."""
     # dC / C = -d(distance) / distance.
     distance_um = float(design.plate_distance_um(np.array([design.unloaded_pf]))[0])
     return distance_um / design.unloaded_pf / design.gap_um
 
 
 def contact_threshold_n(models: Models) -> float:
-    """Return the load from which a foot is in contact [N]: the configured one, or a share of the feet's largest."""
+    """Return the contact threshold of the load [N]: configured, or a fraction of the largest load."""
     configured = models.config.contact.threshold_n
     return round(_CONTACT_THRESHOLD_REL * models.network.card.max_n, 6) if configured is None else configured
 
 
 def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLimits:
-    """Return the limits for one foot type: the stiffer the foot, the more force its drift and noise amount to.
+    """Return the contact thresholds of a foot type, above the force errors that drift and noise cause.
 
     Args:
         models: The robot and its feet.

@@ -1,4 +1,4 @@
-"""Foot type of a robot, and the files of its network and response table."""
+"""Folders of the foot types, and the files of their network and response table."""
 
 from pathlib import Path
 
@@ -11,19 +11,19 @@ DEFAULT_FOOT_TYPE = DEFAULT.foot_type
 
 
 def released_path(name: str, foot_type: str = DEFAULT_FOOT_TYPE) -> Path:
-    """Return the path of a released artefact: inside the installed package, or beside it in a checkout."""
+    """Return the path of a released file: in the installed package, or in a source checkout."""
     package = Path(footsense.__file__).parent
     installed = package / "models" / foot_type / name
     return installed if installed.exists() else package.parent / "models" / foot_type / name
 
 
 def foot_type_of(config: Config) -> str:
-    """Return the name of the configured foot type and of its folder."""
+    """Return the name of the configured foot type, which is also its folder's name."""
     return Path(config.foot_type).name
 
 
 def artefact_path(config: Config, name: str) -> Path:
-    """Return the path of an artefact of the configured foot type.
+    """Return the path of a file of the configured foot type.
 
     Raises:
         ModelError: There is no such foot type.
@@ -32,7 +32,7 @@ def artefact_path(config: Config, name: str) -> Path:
 
 
 def foot_type_folder(foot_type: str) -> Path:
-    """Return the folder of a foot type: released, or any folder if the name contains a slash.
+    """Return the folder of a foot type: a released one by name, or any folder if the name has a slash.
 
     Raises:
         ModelError: There is no such foot type.
@@ -48,7 +48,7 @@ def foot_type_folder(foot_type: str) -> Path:
 
 
 def check_foot_type(path: Path, found: str, rows: int, config: Config) -> None:
-    """Check that a network or response table is of the configured foot type and array.
+    """Raise an error unless a network or response table is of the configured foot type and array size.
 
     Args:
         path: The file.

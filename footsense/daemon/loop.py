@@ -1,4 +1,4 @@
-"""The loop: read a frame, execute commands, estimate, publish, notify the observers.
+"""Main loop: read a frame, execute commands, estimate forces, publish them, notify observers.
 
 It runs the same over hardware, over the simulator and over a recording; all that differs is behind its ports. The
 source sets the pace: a scanner waits for its conversions. Nothing else may run Python in this process while the loop
@@ -18,7 +18,7 @@ from footsense.ports import Clock, ForceSink, FrameSource, Observer, ReferenceSe
 
 @dataclass
 class Loop:
-    """Everything that a frame passes through; the caller closes its objects.
+    """Main loop with its pipeline, outputs and observers; the caller closes them.
 
     Attributes:
         pipeline: Estimates the contact forces.
@@ -38,7 +38,7 @@ class Loop:
     temperature_c: Callable[[], Vector] | None = None
 
     def run_until(self, source: FrameSource, stop: Callable[[], bool], until_ns: float = math.inf) -> None:
-        """Run cycles until the source ends, `stop` returns true, or the clock has reached a time.
+        """Run cycles until the source ends, `stop` returns true, or the clock reaches a time.
 
         Args:
             source: Source of frames.
@@ -67,7 +67,7 @@ class Loop:
         reference: Reference | None = None,
         temperature_c: Vector | None = None,
     ) -> Cycle:
-        """Run one cycle: execute the commands, estimate, publish, notify the observers."""
+        """Run one cycle on a frame: execute commands, estimate, publish, notify observers; return the cycle."""
         pipeline, sink = self.pipeline, self.sink
         if temperature_c is not None:
             pipeline.set_temperature(temperature_c)

@@ -1,4 +1,4 @@
-"""The network and the calibrations of the feet that are mounted on a robot."""
+"""Load the network and the calibrations of the feet mounted on a robot."""
 
 import logging
 import math
@@ -16,7 +16,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Models:
-    """Network and calibrations of the feet on a robot.
+    """Network and calibrations of the feet mounted on a robot.
 
     Attributes:
         config: The robot.
@@ -30,7 +30,7 @@ class Models:
 
 
 def load_models(config: Config) -> Models:
-    """Return the network and the calibrations of a robot.
+    """Load the network and the calibrations of a robot.
 
     Raises:
         ModelError: One is missing, damaged, or made for another foot type.
@@ -44,7 +44,7 @@ def load_models(config: Config) -> Models:
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:
-    """Return the calibration of every leg whose foot is named; empty without a configured folder.
+    """Load the calibration of every leg whose foot is named; empty without a configured folder.
 
     Raises:
         ModelError: A calibration is missing, damaged, or for another foot or foot type; or two were fitted on different

@@ -1,4 +1,4 @@
-"""Header of a recording: configuration, scene, flags, network, calibrations; written by a run, read by a replay."""
+"""Header of a recording (configuration, scene, flags, network, calibrations): written by a run, read by a replay."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -27,7 +27,7 @@ ELEMENTS_KEY = "elements"
 
 
 def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: int) -> dict[str, str]:
-    """Return the header of a recording that begins now, at `now_ns` of the clock of its times."""
+    """Return the header of a new recording; `now_ns` is the start on the clock of its time stamps."""
     config, network = models.config, models.network
     hashes = (f"{leg}={calibration.manifest.sha256}" for leg, calibration in models.calibrations.items())
     return {
@@ -48,7 +48,7 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
 
 
 class ClosureConversion(msgspec.Struct, frozen=True):
-    """Stray capacitance and plate distance of each element, which convert readings into gap closures.
+    """Parameters that convert readings into gap closures: stray, and plate distance times capacitance.
 
     Attributes:
         stray_pf: Capacitance in parallel with each element [pF], shape (legs, elements).
@@ -60,13 +60,13 @@ class ClosureConversion(msgspec.Struct, frozen=True):
 
 
 def closure_conversion(models: Models) -> ClosureConversion:
-    """Return the parameters that convert the readings of a robot's elements into gap closures."""
+    """Return the parameters that convert a robot's readings into gap closures."""
     stray_pf, _ = unloaded_capacitance_pf(models)
     return ClosureConversion(stray_pf.tolist(), distance_times_capacitance_pf(models).tolist())
 
 
 def recorded_flags(recording: "Replay") -> int:
-    """Return the flags that every frame of a recording carries; 0 if the header names no flags.
+    """Return the flags that every frame of a recording has; 0 if its header does not name any.
 
     Raises:
         RecordingError: The header's flags are not a number from 0 to 255.
@@ -78,7 +78,7 @@ def recorded_flags(recording: "Replay") -> int:
 
 
 def recorded_config(recording: "Replay") -> Config:
-    """Return the configuration of a recording, its CAN kept inside the process.
+    """Return the configuration of a recording, with CAN replaced by a virtual interface.
 
     Raises:
         RecordingError: The header has no configuration that this version reads, or one of other legs or elements.

@@ -1,4 +1,4 @@
-"""The daemon, put together: readings in, forces out, and the observers of both."""
+"""The complete daemon: opens inputs, pipeline, outputs and observers, and runs the main loop."""
 
 import logging
 import math
@@ -45,7 +45,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(kw_only=True)
 class Service(Loop):
-    """Open daemon: loop, outputs and child processes.
+    """Open daemon: main loop, outputs, child processes.
 
     Attributes:
         legs: Names of the legs in the order of the rows of every frame.
@@ -67,12 +67,12 @@ class Service(Loop):
     can: SimulatedCan | None
 
     def run(self, stop: Callable[[], bool] = bool, until_ns: float = math.inf) -> None:
-        """Run until `stop` returns true, or until a time of the clock [ns]."""
+        """Run the main loop until `stop` returns true, or until a time of the clock [ns]."""
         with gc_disabled():
             self.run_until(self.source, stop, until_ns)
 
     def run_figures(self) -> dict[str, object]:
-        """Return the counts of forces published, of frames sent, and of frames, commands and cycles lost."""
+        """Return the numbers of forces published, frames sent, and of frames, commands and cycles lost."""
         stats = self.sink.stats
         return {
             "can": {
@@ -95,7 +95,7 @@ def open_service(
     can_log: Path | None = None,
     test_stand: "StandSession | None" = None,
 ) -> Iterator[Service]:
-    """Open inputs, then outputs, and close them in reverse: no file is written if an input is missing or wrong.
+    """Open the daemon during a `with` block: inputs first, then outputs; close them in reverse order.
 
     Args:
         config: The robot.
@@ -189,7 +189,7 @@ def _open_metrics(
     wakeups: Sequence[WakeupLatency],
     recorder: Recorder | None,
 ) -> list[MetricsObserver]:
-    """Return the configured metrics; none if their file cannot be written, which must not stop the forces."""
+    """Open the configured metrics; return none if their file cannot be written, as forces must go on."""
     if config.metrics is None:
         return []
     try:
@@ -211,7 +211,7 @@ def _open_metrics(
 def _open_shared_cycles(
     config: Config, header: Mapping[str, str], pipeline: Pipeline, sink: CanSink
 ) -> list[SharedCycles]:
-    """Return the configured copy of the cycles for viewers; none if its file cannot be written."""
+    """Open the shared memory of cycles for viewers; return none if its file cannot be written."""
     if config.view is None:
         return []
     try:
@@ -226,7 +226,7 @@ def _open_shared_cycles(
 
 
 def _prepare_machine(config: Config) -> Flag:
-    """Check the adapters, request the configured scheduling, and return the flags of every frame.
+    """Check the I2C adapters, request the configured scheduling; return the flags for every frame.
 
     Raises:
         HardwareError: An adapter is missing, or another process has locked it.
@@ -237,7 +237,7 @@ def _prepare_machine(config: Config) -> Flag:
 
 
 def request_scheduling(asked: Realtime | None) -> Flag:
-    """Request the configured scheduling, and return the flags of every frame.
+    """Request the configured scheduling; return the flags for every frame.
 
     Raises:
         ConfigError: The scheduling is required and denied.

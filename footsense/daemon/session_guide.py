@@ -1,4 +1,4 @@
-"""The guide of a session with the foot's network, and the practice session of a simulated test stand."""
+"""Live guidance of a calibration session, and the simulated scene for practice sessions."""
 
 from collections.abc import Callable
 from functools import partial
@@ -23,7 +23,7 @@ from footsense.sim.test_stand.press_sequence import paper_presses
 def session_guide(
     test_stand: StandConfig, row: int, wanted: int, network: Network, report: Callable[[str], None]
 ) -> SessionGuide:
-    """Return the observer that guides a calibration session.
+    """Return the observer that guides a calibration session, with force estimates by the foot type's network.
 
     Args:
         test_stand: Its force sensor.
@@ -43,17 +43,18 @@ def session_guide(
 
 
 class _SingleFootNetwork:
-    """Adapter that calls a network of several rows for one foot: every row gets the same input."""
+    """Adapter that runs a network of several rows for a single foot: every row gets the same input."""
 
     def __init__(self, network: Network) -> None:
         self._network = network
 
     def estimate(self, window: Window) -> Load:
+        """Return the estimated load of the foot (the first row)."""
         return Load(*(part[:1] for part in self._network.estimate(window)))
 
 
 def practice_scene(foot: str, row: int, session: str) -> Scene:
-    """Return a test stand that presses a foot, made as badly as the paper's, 362 times in random order.
+    """Return a scene that presses a foot, with the paper's fabrication tolerances, 362 times in random order.
 
     Args:
         foot: Its identity: another foot is another specimen.

@@ -1,4 +1,4 @@
-"""From configuration and scene to a simulated robot; and virtual or recorded time at the speed of real time."""
+"""Build the simulated robot of a configuration and a scene; play virtual time at the speed of real time."""
 
 import math
 from collections.abc import Iterator
@@ -16,14 +16,14 @@ from footsense.sim.scene import Scene
 
 
 def is_simulated(config: Config) -> bool:
-    """Tell whether all configured buses, or the serial line, are simulated."""
+    """Return whether the configured buses or serial port are simulated."""
     if config.serial is not None:
         return config.serial.device == "sim"
     return all(bus.device.startswith("sim") for bus in config.buses)
 
 
 def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
-    """Return the robot of a scene, wired as configured.
+    """Return the simulated robot of a scene, wired as configured.
 
     Raises:
         ModelError: The response table of its feet is missing, unreadable, or of another foot type or array.
@@ -51,7 +51,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
 
 
 def _inapplicable_faults(config: Config, scene: Scene, rows: int) -> Iterator[str]:
-    """Yield the faults of a scene that this robot cannot have, in words."""
+    """Yield the faults of a scene that this robot cannot have, as text."""
     for n, fault in enumerate(scene.faults):
         leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", None)
         if config.serial is not None and isinstance(fault, OnChips | OnWires):
@@ -67,7 +67,7 @@ def _inapplicable_faults(config: Config, scene: Scene, rows: int) -> Iterator[st
 
 
 class PacedSource:
-    """A source in virtual or recorded time that is played at the speed of real time.
+    """Frame source that plays a virtual or recorded one at the speed of real time.
 
     Args:
         source: The source to slow down.
@@ -82,7 +82,7 @@ class PacedSource:
         self._offset_ns: int | None = None
 
     def read(self) -> CapFrame | None:
-        """Return the next frame of the source, delayed until it is due by the real clock."""
+        """Return the next frame, delayed until it is due by the real clock."""
         scan = self._source.read()
         if self._offset_ns is None:
             self._offset_ns = self._real.now_ns() - self._played.now_ns()

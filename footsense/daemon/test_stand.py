@@ -1,4 +1,4 @@
-"""Open the force sensor of a test stand: the place that chooses its backend."""
+"""Open the configured reference force sensor of a test stand."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +28,7 @@ StandSensor = SerialReference | NetFtReference | FileReference
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandSession:
-    """One session on a test stand.
+    """One recording session on a test stand: test stand, leg, foot, session name.
 
     Attributes:
         test_stand: Its force sensor.
@@ -43,7 +43,7 @@ class StandSession:
     session: str
 
     def header(self) -> dict[str, str]:
-        """Return the entries of the recording's header: foot, session, leg, reference."""
+        """Return the header entries for the recording: foot, session, leg, reference sensor."""
         return {
             "foot": self.foot,
             "session": self.session,
@@ -53,12 +53,12 @@ class StandSession:
 
 
 def is_live(test_stand: StandConfig) -> bool:
-    """Return whether the sensor runs in real time: neither simulated nor a file."""
+    """Return whether the sensor delivers data in real time (neither simulated nor a file)."""
     return isinstance(test_stand.sensor, Serial | NetFt)
 
 
 def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> StandSensor:
-    """Open the force sensor of a test stand.
+    """Open the reference force sensor of a test stand.
 
     Args:
         test_stand: Its file.
@@ -98,22 +98,30 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
 
 
 def _sample_stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_count: float) -> SampleStream:
+    """Return the stream converter of a sensor."""
     times = SampleTimes(rate_hz, round(test_stand.latency_ms * 1e6))
     return SampleStream(name, _sensor_mounting(test_stand, unit_per_count), times)
 
 
 def _sensor_mounting(test_stand: StandConfig, unit_per_count: float) -> SensorMounting:
+    """Return the conversion from sensor readings to the force on the foot."""
     axes = msgspec.structs.asdict(test_stand.axes)
     return SensorMounting(axes, test_stand.mount_deg, test_stand.units, unit_per_count, test_stand.rated)
 
 
 def _record_decoder(framing: Lines | Binary) -> RecordDecoder:
+    """Return the decoder for a sensor's records."""
     if isinstance(framing, Lines):
         return TextLineDecoder(framing.columns, framing.separator)
     return BinaryDecoder(framing.columns, framing.layout, bytes.fromhex(framing.sync), framing.checksum)
 
 
 def _read_recorded_reference(path: Path, test_stand: StandConfig) -> Reference:
+    """Return the samples of a recorded sensor, from a CSV file or a recording.
+
+    Raises:
+        RecordingError: The recording has no reference sensor.
+    """
     if path.suffix == ".csv":
         return read_csv(path, _sensor_mounting(test_stand, 1.0), round(test_stand.latency_ms * 1e6))
     reference = join_references(cycle.reference for cycle in Replay(path) if cycle.reference is not None)

@@ -1,1 +1,1 @@
-"""`CapFrame` to `ContactFrame`: capacitances to forces with sigma, state and contact, in plain numpy."""
+"""Estimate forces from capacitances: `CapFrame` to `ContactFrame` with sigma, state and contact, in plain numpy."""

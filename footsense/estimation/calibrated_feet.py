@@ -1,4 +1,4 @@
-"""Calibrated feet behind the network of their design: one call for all, each foot's corrections applied afterwards."""
+"""Estimator of calibrated feet: one network call for all feet, then each foot's correction."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from footsense.ports import Estimator, Load, Window
 
 
 class CalibratedFeet:
-    """An estimator for calibrated feet; strays, gaps and gains are the caller's.
+    """Estimator that applies each foot's force correction to the network of the foot type.
 
     Until `set_temperature` is called, the feet are estimated as at the temperature of their calibration.
 
@@ -48,7 +48,7 @@ class CalibratedFeet:
         self._apply_gains(np.ones(len(feet)), np.zeros(len(feet)))
 
     def set_temperature(self, temperature_c: Vector, calibrated_at: Sequence[CalibratedAt | None]) -> None:
-        """Estimate the feet at their present temperature.
+        """Set the feet's present temperature [degC], by which their forces are compensated.
 
         Args:
             temperature_c: Temperature of each leg's foot [degC], shape (legs,), NaN where it is not measured.
@@ -62,7 +62,7 @@ class CalibratedFeet:
         self._apply_gains(gain, unknown_rel)
 
     def _apply_gains(self, gain: Vector, unknown_rel: Vector) -> None:
-        """Apply each leg's gain and unknown share once, instead of in every call."""
+        """Multiply each leg's correction matrices by its temperature factor, and add its uncertainty."""
         gains = np.tile(gain, self._repeats)[:, None, None]
         self._matrix, self._correction = gains * self._calibrated_matrix, gains * self._calibrated_correction
         self._error_rel = np.hypot(self._calibrated_error_rel, np.tile(unknown_rel, self._repeats))[:, None]
@@ -85,7 +85,7 @@ class CalibratedFeet:
 
 
 def _contact_in_leg_frame(rotation: Vector, contact: Vector, sigma: Vector) -> tuple[Vector, Vector]:
-    """Return the contact of a load, and its sigma, from the foot's frame to the leg's.
+    """Return contact coordinates and their sigma, transformed from the foot's frame to the leg's.
 
     Args:
         rotation: Rotation of vectors from the foot's frame to the leg's, shape (rows, 3, 3).

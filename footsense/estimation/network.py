@@ -1,4 +1,4 @@
-"""The neural network in ONNX Runtime; the only file that imports the library.
+"""Neural network, run by ONNX Runtime; no other file imports that library.
 
 One call for all legs, one thread, no spinning: a spinning worker would take a core from the rest of the robot, and
 a second thread costs more than this network's microseconds.
@@ -28,7 +28,7 @@ _TEST_CLOSURE_LEVELS_REL = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
 class Network:
-    """A network that is ready to run for a fixed number of rows.
+    """Loaded neural network for a fixed number of feet (rows).
 
     Args:
         path: ONNX file with a card inside.
@@ -92,7 +92,7 @@ class Network:
         return Load(*map(methodcaller("astype", np.float64), self._out))
 
     def _run_test_inference(self, path: Path) -> None:
-        """Estimate once unloaded, which also plans the memory, and through the trained range.
+        """Run the network once unloaded (which allocates its memory) and over the trained range, as a check.
 
         Raises:
             ModelError: The network cannot be run for so many rows, or gives a value that is not finite.
@@ -115,7 +115,7 @@ class Network:
 
 
 def _read_file(path: Path) -> bytes:
-    """Return the bytes of a network's file.
+    """Return the content of a network file.
 
     Raises:
         ModelError: The file is missing, cannot be read, or is too large.
@@ -136,7 +136,7 @@ def _read_file(path: Path) -> bytes:
 
 
 def _rows(inputs: Sequence[tuple[str, str, Sequence[Any]]]) -> int:
-    """Return the rows of elements by the width of the mask; the paper's if there is none of a foot's width."""
+    """Return the foot's rows of elements, from the width of the network's mask input; 3 if the width is invalid."""
     widths = [shape[-1] for name, _, shape in inputs if name == "missing" and shape]
     return math.isqrt(widths[0] if widths and widths[0] in ELEMENT_COUNTS else ELEMENTS)
 
@@ -144,7 +144,7 @@ def _rows(inputs: Sequence[tuple[str, str, Sequence[Any]]]) -> int:
 def _check_shapes(
     path: Path, kind: str, values: Sequence[tuple[str, str, Sequence[Any]]], needed: Sequence[Signal]
 ) -> None:
-    """Check names, types and shapes of the inputs or outputs.
+    """Raise an error unless names, types and shapes of the inputs or outputs are the expected ones.
 
     Raises:
         ModelError: They are others than the daemon's.
@@ -157,5 +157,5 @@ def _check_shapes(
 
 
 def _error_line(error: Exception) -> str:
-    """Return the first line of the library's message, or the name of its type."""
+    """Return the first line of a library error's message, or the name of its type."""
     return str(error).strip().partition("\n")[0] or type(error).__name__

@@ -49,7 +49,7 @@ _VALID = np.uint8(State.VALID)
 
 
 class Pipeline:
-    """Turns scans into forces, and keeps each leg's baseline.
+    """Estimates forces from capacitance frames; stateful: baselines, fault tests, gait.
 
     Args:
         estimator: The network, for as many rows as there are legs.
@@ -130,11 +130,11 @@ class Pipeline:
 
     @property
     def baseline_pf(self) -> Vector:
-        """Unloaded reading of each element, without stray [pF], shape (legs, elements), NaN where unknown."""
+        """Baseline of each element, without stray [pF], shape (legs, elements); NaN where unknown."""
         return self._baselines.unloaded.baseline_pf
 
     def execute(self, command: Command) -> CommandResult | None:
-        """Execute a command unless the foot is in contact; a tare ends in a later scan, and gives None here."""
+        """Execute a command; return its result, or None for a tare, which ends in a later frame."""
         if command.kind is CommandKind.TARE:
             return self._baselines.begin_tare(command.leg)
         reason = self._baselines.refusal(command.kind, command.leg)
@@ -144,14 +144,14 @@ class Pipeline:
         return CommandResult(command, Result.DONE, f"{command.kind.name.lower()} executed")
 
     def set_temperature(self, temperature_c: Vector) -> None:
-        """Set the temperature of each leg's foot [degC], shape (legs,), NaN where not measured."""
+        """Set the temperature of each leg's foot [degC], shape (legs,); NaN where not measured."""
         if self._set_temperature is not None:
             self._set_temperature(temperature_c)
 
     # A code of zero divides by zero; the result is tested like any other reading.
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def process(self, scan: CapFrame, now_ns: int) -> tuple[ContactFrame, tuple[CommandResult, ...]]:
-        """Return the forces of a scan as of `now_ns`, and the results of the tares that end with it.
+        """Return the forces of a frame as of `now_ns`, and the results of the tares that finish with it.
 
         The stages: element status, tare, last readings, consistency test, leg status, load, contact and drift, gait,
         calibration monitor.
@@ -212,7 +212,7 @@ class Pipeline:
         ), results
 
     def _missing_elements(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
-        """Return the elements to do without, shape (legs, elements): faulty, excluded, or without a baseline."""
+        """Return the mask of elements that cannot be used, shape (legs, elements): faulty, excluded, untared."""
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
         elif elements.is_all_ok:
@@ -222,7 +222,7 @@ class Pipeline:
     def _estimate_loads(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
     ) -> tuple[Load, Codes]:
-        """Return the loads, with force and sigma NaN where not usable, and the state of each leg.
+        """Return the estimated loads (NaN where unusable), and the state of each leg.
 
         Args:
             closure_rel: Closures over the gap [1], newest first, shape (legs, 3, 9).
@@ -254,7 +254,7 @@ class Pipeline:
     def _calibration_causes(
         self, force_n: Vector, state: Codes, legs: LegStatus, measured_rel: Vector, now_ns: int
     ) -> Codes:
-        """Feed the calibration monitor, and return each leg's cause: a stale calibration where there is no other."""
+        """Run the calibration monitor; return each leg's cause, a stale calibration if there is no other."""
         monitor = self._monitor
         if now_ns >= monitor.due_ns:
             load_n = force_n[:, 2]
@@ -269,7 +269,7 @@ class Pipeline:
 
 
 def _without_future(scan: CapFrame, now_ns: int) -> CapFrame:
-    """Return a scan without the readings whose stamps are later than `now_ns`: their times are wrong."""
+    """Return a frame without the readings whose time stamps are later than `now_ns`."""
     future = scan.t_ns > now_ns
     return scan._replace(
         t_ns=np.where(future, 0, scan.t_ns),
@@ -278,7 +278,7 @@ def _without_future(scan: CapFrame, now_ns: int) -> CapFrame:
 
 
 def _with_history(consistency: ConsistencyResult, readings: Readings) -> tuple[ConsistencyResult, Mask]:
-    """Return the result with elements added whose readings do not follow on one another, and the lost legs.
+    """Return the result with elements without consecutive readings added as missing, and the mask of unusable legs.
 
     A leg is lost, shape (legs,), until enough of its elements have been read in a row for the network to do without the
     others.
@@ -291,7 +291,7 @@ def _with_history(consistency: ConsistencyResult, readings: Readings) -> tuple[C
 
 
 def _usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
-    """Replace ages of missing elements by the mean of the leg's others, and ages of unusable legs by those at rest.
+    """Return ages with those of missing elements replaced by the leg's mean, those of unusable legs by usual ones.
 
     Args:
         age_s: Ages of the readings [s], shape (legs, 3, 9).

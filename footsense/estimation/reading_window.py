@@ -1,4 +1,4 @@
-"""The last three readings of every element with their times: the input of the network."""
+"""Window of each element's last three readings, the input of the network."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ _SPIKE_REL, _NEIGHBOUR_CHANGE_REL = 0.1, 0.25
 
 
 class Readings(NamedTuple):
-    """The readings of all legs, newest first.
+    """Last three readings of every element of all legs, newest first.
 
     Attributes:
         distance_rel: Plate distances over the gap [1], shape (legs, 3, 9), NaN where there is none.
@@ -37,7 +37,7 @@ class Readings(NamedTuple):
 
 
 class ReadingWindow:
-    """Keeps the last three readings of every element.
+    """Buffer of the last three readings of every element.
 
     Args:
         shape: Legs of a frame, and elements of each.
@@ -51,7 +51,7 @@ class ReadingWindow:
         self._longest_ns = np.array(round(MAX_READING_INTERVAL_REL * scan_ns))
 
     def add(self, distance_rel: Vector, t_ns: Stamps) -> Readings:
-        """Add the readings of a frame that are new, and return all of them.
+        """Add the new readings of a frame; return the last three readings of every element.
 
         If only the newest two readings of an element follow on one another, the second stands for the third as well:
         over random gaits no error exceeds 7 sigma then, and a third on a line with the two gives up to 370 sigma.
@@ -101,7 +101,7 @@ class ReadingWindow:
 
 
 def _without_spikes(distance_rel: Vector) -> None:
-    """Replace, in place, a middle reading far from its two agreeing neighbours by their mean: it is a spike.
+    """Replace, in place, a middle reading that is far from its two agreeing neighbours by their mean.
 
     Args:
         distance_rel: The readings of each element, newest first [1], shape (legs, 3, 9).

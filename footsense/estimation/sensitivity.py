@@ -1,4 +1,4 @@
-"""Sensitivity of the force to small closures, by differences of the network."""
+"""Sensitivity of the estimated force to small gap closures, by finite differences of the network."""
 
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ _UNEVEN_REL = 0.2
 
 
 class Sensitivity(NamedTuple):
-    """Sensitivity of load and baseline force to closures, per closure over the gap.
+    """Change of estimated load and force per gap closure [N].
 
     Attributes:
         load_n: Load along the leg over the trimmed mean of the closures [N].
@@ -31,7 +31,7 @@ class Sensitivity(NamedTuple):
 
 
 def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector:
-    """Return the derivative of the force by each closure [N], shape (9, rows, 3), by central differences.
+    """Return the derivative of the force by each element's closure [N], shape (9, rows, 3), by central differences.
 
     Args:
         estimator: The network.
@@ -48,7 +48,7 @@ def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector
 
 
 def principal_pattern(moments: Vector) -> Vector:
-    """Return the most common pattern of closures, largest entry 1, shape (elements,), of their second moments."""
+    """Return the most common closure pattern (principal component), shape (elements,), largest entry 1."""
     axes, directions = np.linalg.eigh(moments)
     pattern: Vector = np.abs(directions[:, axes.argmax()])
     pattern /= pattern.max()
@@ -56,7 +56,7 @@ def principal_pattern(moments: Vector) -> Vector:
 
 
 def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivity:
-    """Return the worst sensitivity over light and heavy loads, of even closures and of the most common pattern.
+    """Return the largest sensitivity over light and heavy loads, for even closures and for the principal pattern.
 
     Args:
         estimator: The network.

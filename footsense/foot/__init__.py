@@ -1,1 +1,1 @@
-"""The physical foot, in numpy alone: response, gap contact, capacitors, calibrated parameters."""
+"""Physical model of a foot, in numpy alone: response to loads, gap contact, cavity air, capacitors, parameters."""

@@ -24,7 +24,7 @@ GAP_CLOSED_REL = 0.95
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CapacitorDesign:
-    """The designed dimensions of every element of one foot type.
+    """Designed dimensions and film permittivity of every element of a foot type.
 
     Attributes:
         gap_um: Air gap g at rest [um].
@@ -40,12 +40,12 @@ class CapacitorDesign:
 
     @property
     def film_equivalent_um(self) -> float:
-        """Thickness of air that has the film's elastance [um]."""
+        """Thickness of an air layer with the same elastance (1/C) as the film [um]."""
         return self.film_um / self.film_eps_r
 
     @property
     def unloaded_pf(self) -> float:
-        """Capacitance of the unloaded element, without stray [pF].
+        """Capacitance of an unloaded element as designed, without stray [pF].
 
         Example:
             >>> sheet = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
@@ -55,12 +55,12 @@ class CapacitorDesign:
         return float(self.capacitance_pf(np.zeros(1))[0])
 
     def capacitance_pf(self, closure_um: Vector) -> Vector:
-        """Return the capacitance without stray [pF] at a mean closure [um], any shape, each below gap_um."""
+        """Return the capacitance without stray [pF] at a mean gap closure [um] below gap_um, same shape."""
         plate_distance_um = self.gap_um - closure_um + self.film_equivalent_um
         return EPS0_PF_UM_PER_MM2 * self.electrode_area_mm2 / plate_distance_um
 
     def plate_distance_um(self, capacitance_pf: Vector) -> Vector:
-        """Return the distance of the electrodes in air [um], the film's share included: the elastance as a length.
+        """Return the equivalent plate distance in air [um] of a capacitance [pF], the film included.
 
         Args:
             capacitance_pf: Capacitance without stray [pF], any shape.
@@ -68,7 +68,7 @@ class CapacitorDesign:
         return EPS0_PF_UM_PER_MM2 * self.electrode_area_mm2 / capacitance_pf
 
     def closure_um(self, capacitance_pf: Vector, baseline_pf: Vector) -> Vector:
-        """Return the gap closure [um] since the baseline was taken, positive when pressed.
+        """Return the gap closure [um] between the baseline and a capacitance [pF], positive when pressed.
 
         The gap itself drops out, so a foot whose gaps are not the designed ones is measured right.
 

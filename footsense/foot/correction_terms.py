@@ -1,4 +1,4 @@
-"""Terms phi of the learnt correction of a calibrated foot's force, as used in `parameters.py`."""
+"""Basis functions of the learnt force correction of a calibrated foot (see `parameters.py`)."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ N_CORRECTION_TERMS = 15
 
 
 def correction_terms(force_n: Vector) -> Vector:
-    """Return phi, the terms of a correction [N], shape (n, N_CORRECTION_TERMS).
+    """Return the basis functions phi of the force correction [N], shape (n, N_CORRECTION_TERMS).
 
     They are the products of a direction's components up to degree three times the magnitude, which keeps them
     homogeneous of degree one in the force, as the linear solid is. Products that follow from the others because a

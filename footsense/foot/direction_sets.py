@@ -1,4 +1,4 @@
-"""Sets of directions above an elevation: grids, the paper's protocols, random and evenly spread ones."""
+"""Sets of unit vectors above an elevation: grids, the paper's protocols, random and even distributions."""
 
 import math
 from typing import Literal
@@ -11,13 +11,13 @@ from footsense.frames import Vector
 
 
 def direction_grid(azimuths_deg: ArrayLike, elevations_deg: ArrayLike) -> Vector:
-    """Return every azimuth at every elevation, the azimuth as the slow index, shape (azimuths * elevations, 3)."""
+    """Return all combinations of azimuths and elevations as unit vectors, shape (azimuths * elevations, 3)."""
     azimuth, elevation = np.meshgrid(azimuths_deg, elevations_deg, indexing="ij")
     return directions(azimuth.ravel(), elevation.ravel())
 
 
 def paper_directions(protocol: Literal["training", "verification"]) -> Vector:
-    """Return the force directions of the paper's protocol.
+    """Return the force directions of the paper's training or verification protocol, as unit vectors.
 
     Args:
         protocol: `training`: 36 azimuths at 40 to 80 deg of elevation, and the pole: 181. `verification`: both angles
@@ -32,7 +32,7 @@ def paper_directions(protocol: Literal["training", "verification"]) -> Vector:
 
 
 def random_directions(rng: np.random.Generator, n: int, lowest_elevation_deg: float) -> Vector:
-    """Draw n directions above an elevation [deg], uniform in area, shape (n, 3)."""
+    """Return n random unit vectors above an elevation [deg], uniform in area, shape (n, 3)."""
     z = rng.uniform(math.sin(math.radians(lowest_elevation_deg)), 1.0, n)
     azimuth = rng.uniform(0.0, 2.0 * math.pi, n)
     across = np.sqrt(1.0 - z**2)
@@ -40,7 +40,7 @@ def random_directions(rng: np.random.Generator, n: int, lowest_elevation_deg: fl
 
 
 def spiral_directions(n: int, lowest_elevation_deg: float) -> Vector:
-    """Return n directions above an elevation [deg], evenly spread from the pole down, shape (n, 3).
+    """Return n evenly distributed unit vectors above an elevation [deg], shape (n, 3), from the pole down.
 
     They lie on a spiral by the golden angle.
     """

@@ -1,4 +1,4 @@
-"""Directions of forces and contact normals: the paper's two angles, angles between vectors, tangent frames, rotations.
+"""Vector geometry: azimuth and elevation, angles between vectors, tangent frames, rotations.
 
 The frame is the foot's: x forward, y left, z along the leg. Azimuth t1 runs from x to y, elevation t2 from the xy plane
 to z: f = |f| (cos t2 cos t1, cos t2 sin t1, sin t2).
@@ -11,13 +11,13 @@ from footsense.frames import Vector
 
 
 def normalized(vectors: Vector) -> Vector:
-    """Return vectors scaled to length 1, shape (..., 3); none may be zero."""
+    """Return vectors scaled to unit length, shape (..., 3); none may be zero."""
     unit: Vector = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return unit
 
 
 def directions(azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> Vector:
-    """Return the unit vectors of azimuths and elevations [deg], shape (..., 3); the two angle arrays broadcast.
+    """Return the unit vectors of azimuths and elevations [deg] (which broadcast), shape (..., 3).
 
     Example:
         >>> directions(90.0, 0.0).round(12).tolist()
@@ -28,7 +28,7 @@ def directions(azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> Vector:
 
 
 def azimuth_elevation_deg(vectors: Vector) -> tuple[Vector, Vector]:
-    """Return azimuth, -180 to 180, and elevation [deg] of vectors of shape (..., 3) and any length, shape (...).
+    """Return azimuth, -180 to 180, and elevation [deg], shape (...), of vectors, shape (..., 3).
 
     Example:
         >>> [float(angle) for angle in azimuth_elevation_deg(np.array([0.0, 1.0, 1.0]))]
@@ -39,7 +39,7 @@ def azimuth_elevation_deg(vectors: Vector) -> tuple[Vector, Vector]:
 
 
 def angles_between_deg(vectors: Vector, others: Vector) -> Vector:
-    """Return the angle between vectors and others [deg], 0 to 180, shape (...), of shapes (..., 3) that broadcast.
+    """Return the angles between two arrays of vectors [deg], 0 to 180; shapes (..., 3) that broadcast.
 
     By the arc tangent: the arc cosine loses angles below 1e-6 deg.
 
@@ -53,7 +53,7 @@ def angles_between_deg(vectors: Vector, others: Vector) -> Vector:
 
 
 def tangent_frame(normals: Vector) -> tuple[Vector, Vector]:
-    """Return two unit vectors perpendicular to each normal and to each other, shape (..., 3) each.
+    """Return two orthogonal unit vectors perpendicular to each normal, shape (..., 3) each.
 
     Args:
         normals: Unit vectors, shape (..., 3). (first, second, normal) is a right-handed frame.

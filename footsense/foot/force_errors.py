@@ -1,4 +1,4 @@
-"""Errors of estimated forces, in the units of the paper.
+"""Direction and magnitude errors of estimated forces, in the paper's units [deg, gf].
 
 Direction error: angle between true and estimated force [deg]. Magnitude error: | |f| - |f_est| | [gf].
 """
@@ -16,7 +16,7 @@ GRAM_FORCE_N = 9.80665e-3
 
 @dataclass(frozen=True, slots=True)
 class ForceErrors:
-    """Mean, 95th percentile and largest error of estimated forces over a set of cases.
+    """Mean, 95th percentile and maximum of the direction and magnitude errors over a set of cases.
 
     Attributes:
         direction_deg: Mean angle between true and estimated force [deg].
@@ -38,7 +38,7 @@ class ForceErrors:
 
 
 def magnitude_errors_gf(truth_n: Vector, estimate_n: Vector) -> Vector:
-    """Return the absolute error of each estimate's magnitude [gf], shape (n,).
+    """Return the absolute magnitude error of each estimated force [gf], shape (n,).
 
     Args:
         truth_n: True forces [N], shape (n, 3).
@@ -50,7 +50,7 @@ def magnitude_errors_gf(truth_n: Vector, estimate_n: Vector) -> Vector:
 
 
 def evaluate_force_errors(truth_n: Vector, estimate_n: Vector) -> ForceErrors:
-    """Return the errors of estimated forces [N], both of shape (n, 3), n > 0, no true force zero."""
+    """Return error statistics of estimated against true forces [N], shape (n, 3) each, n > 0, no true one zero."""
     angle_deg = angles_between_deg(truth_n, estimate_n)
     error_gf = magnitude_errors_gf(truth_n, estimate_n)
     return ForceErrors(

@@ -1,4 +1,4 @@
-"""Unilateral contact of the gaps: where a load would push the electrodes through each other, they push back.
+"""Unilateral contact in the gaps: closures under a load when electrodes touch (linear complementarity problem).
 
 Every electrode is divided into square cells. Without contact a load closes the cells by d0 (linear in the load); a
 contact force l_j >= 0 on cell j opens cell i by B_ij l_j, with B the compliance of the solid, symmetric and positive
@@ -33,13 +33,13 @@ _ROUNDING_REL = 1e-10
 
 
 def element_means(cells: Vector) -> Vector:
-    """Average cell values, shape (..., 324), over each electrode; return the means, shape (..., 9)."""
+    """Return the mean over each element's cells, shape (..., 9), of cell values, shape (..., 324)."""
     means: Vector = cells.reshape(*cells.shape[:-1], cells.shape[-1] // CELLS, CELLS).mean(axis=-1)
     return means
 
 
 def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
-    """Return each element's capacitance without stray [pF], shape (..., 9): its cells in parallel.
+    """Return each element's capacitance without stray [pF], shape (..., 9), from the cells' plate distances [um].
 
     Args:
         design: Dimensions of the capacitors, for the area.
@@ -54,7 +54,7 @@ def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactSolution:
-    """Solution of the contact problem of one load.
+    """Solution of the gap contact problem of one load: cell closures and contact forces.
 
     Attributes:
         closure_um: Closure of each cell [um], shape (324,), at most its gap.
@@ -70,7 +70,7 @@ class ContactSolution:
 def kkt_residual(
     solution: ContactSolution, free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector
 ) -> dict[str, float]:
-    """Return the violation of each condition by a solution, zero for an exact one.
+    """Return how far a solution violates each optimality (KKT) condition, by name; zero for an exact one.
 
     Args:
         solution: The solution.
@@ -95,7 +95,7 @@ def kkt_residual(
 def solve_contact_lcp(
     free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector, stuck_n: Vector | None = None
 ) -> ContactSolution:
-    """Solve the contact problem of one load.
+    """Return the cell closures and contact forces of one load (linear complementarity problem).
 
     Cells that stick begin closed and stay so until they pull more than they bear; the pull of one that lets go passes
     on to its neighbours, as at the front of a peeling film.
@@ -152,7 +152,7 @@ def solve_contact_lcp(
 def closures_of_closed_um(
     free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector, closed: Mask
 ) -> Vector:
-    """Return the closure of each cell if exactly these cells are closed [um], shape (k, n, 324).
+    """Return the cell closures for a given set of closed cells [um], shape (k, n, 324).
 
     Near a solution, it is how that solution changes as long as no other cell closes or opens; it is linear, and costs
     one solve of each load however many changes are asked for.
@@ -174,7 +174,7 @@ def closures_of_closed_um(
 
 
 def contact_closures_um(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> Vector:
-    """Return the closure of each cell under several loads [um], shape (n, 324), at most its gap.
+    """Return the cell closures under several loads with gap contact [um], shape (n, 324).
 
     Args:
         free_um: Closures without contact [um], shape (n, 324).

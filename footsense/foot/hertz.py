@@ -1,4 +1,4 @@
-"""Radius of the Hertz contact of the ball with a rigid floor."""
+"""Hertz contact of the ball with a rigid ground."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from footsense.frames import Vector
 def contact_radius_mm(
     pressing_n: Vector | float, ball_radius_mm: float, contact_modulus_mpa: float
 ) -> Vector:
-    """Return the radius a of the contact patch [mm], of the shape of the force: a^3 = 3 F R / (4 E*).
+    """Return the radius a of the Hertz contact patch [mm], same shape as the force: a^3 = 3 F R / (4 E*).
 
     Args:
         pressing_n: Force along the contact normal [N], at least 0.

@@ -1,4 +1,4 @@
-"""Parameters in which one foot differs from its design, and the correction of a force by them.
+"""Calibration parameters by which one foot differs from its design, and the resulting force correction.
 
 Stray, unloaded reading, gap and gain belong to the electrodes and act before the network, the rest behind it. With p
 the force that the network of the design estimates from the foot's own closures,
@@ -21,7 +21,7 @@ _N_AXES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FootParameters:
-    """Measured parameters in which one foot differs from its design, as its calibration gives them.
+    """Calibration parameters of one foot: stray, baseline, gaps, gains, stiffness, mounting, force correction.
 
     Attributes:
         stray_pf: Capacitance of the wiring in parallel with each element [pF], shape (elements,).
@@ -76,10 +76,10 @@ class FootParameters:
 
     @property
     def force_matrix(self) -> Vector:
-        """Matrix M from the force that the design's network estimates to the force in the leg's frame, (3, 3)."""
+        """Matrix, shape (3, 3), from the force estimated by the design's network to the force in the leg's frame."""
         matrix: Vector = (1.0 + self.stiffness_rel) * self.mount.T
         return matrix
 
     def as_lists(self) -> dict[str, Any]:
-        """Return all parameters as lists and floats by name, for a file."""
+        """Return all parameters as lists and floats by name, for a JSON file."""
         return {name: np.asarray(getattr(self, name)).tolist() for name in self.__slots__}

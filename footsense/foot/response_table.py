@@ -1,4 +1,4 @@
-"""Response table of a foot type: the closures of its gaps under a contact force.
+"""Response table of a foot type: gap closures under a contact force, as fitted to the finite-element model.
 
 The solid is linear, so the closure of cell c under a force f whose contact lies at -R n is, as long as no gap closes,
 
@@ -49,7 +49,7 @@ _DESCRIPTION_KEYS = (
 
 
 def _unpack(content: bytes) -> dict[str, Any]:
-    """Return the description of a file with its arrays.
+    """Return the description and the arrays in the bytes of a response file.
 
     Raises:
         ValueError: It unpacks to too much, or is of another format.
@@ -66,12 +66,12 @@ def _unpack(content: bytes) -> dict[str, Any]:
 
 
 def n_products(degree: int) -> int:
-    """Return the number of products T_i T_j with i + j <= degree."""
+    """Return the number of basis functions T_i T_j with i + j <= degree."""
     return (degree + 1) * (degree + 2) // 2
 
 
 def series_basis(normal: Vector, degree: int, fit_elevation_deg: float) -> Vector:
-    """Return the products T_i(X) T_j(Y), i + j <= degree, of the stereographic coordinates of a unit vector.
+    """Return the basis functions T_i(X) T_j(Y), i + j <= degree, of a unit vector's stereographic coordinates.
 
     (X, Y) = (n_x, n_y) / (1 + n_z), scaled so that the circle of elevation `fit_elevation_deg` has radius 1.
 
@@ -95,7 +95,7 @@ def series_basis(normal: Vector, degree: int, fit_elevation_deg: float) -> Vecto
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FootResponse:
-    """Response of one type of foot to a contact force.
+    """Response of a foot type to a contact force: gap closures without contact, and cell compliance.
 
     Attributes:
         foot_type: Name of the type, the same as in the network's card.
@@ -134,7 +134,7 @@ class FootResponse:
     _last_contact: list[Any] = field(init=False, default_factory=lambda: [b"", None])
 
     def __post_init__(self) -> None:
-        """Check the shapes and unfold the quarter.
+        """Check the shapes, and expand the stored quarter to the whole foot by symmetry.
 
         Raises:
             ValueError: The arrays do not fit the degree, or are not finite.
@@ -162,22 +162,22 @@ class FootResponse:
 
     @property
     def n_cells(self) -> int:
-        """Cells of all elements together: 324 of the paper's foot."""
+        """Number of cells of all elements: 324 for the paper's foot."""
         return len(self.compliance_um_per_n)
 
     @property
     def n_elements(self) -> int:
-        """Elements of the array: 9 of the paper's foot."""
+        """Number of elements: 9 for the paper's foot."""
         return self.n_cells // CELLS
 
     @property
     def rows(self) -> int:
-        """Rows of elements, and as many columns: 3 of the paper's foot."""
+        """Number of rows (and of columns) of elements: 3 for the paper's foot."""
         return math.isqrt(self.n_elements)
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a response table from the file that `save` has written.
+        """Load a response table from a file.
 
         Args:
             path: File written by `save`.
@@ -203,7 +203,7 @@ class FootResponse:
             raise ModelError(f"{path} is no whole foot response ({error}); {rebuild}") from error
 
     def save(self, path: Path) -> None:
-        """Write the table reproducibly: equal content gives equal bytes, as the dates in the archive are fixed."""
+        """Write the response table to a file, reproducibly: equal content gives equal bytes."""
         about = {"format": FORMAT, "design": asdict(self.design)}
         about |= {name: getattr(self, name) for name in _DESCRIPTION_KEYS}
         # A vented foot's table has the bytes that it had before there were others.
@@ -215,12 +215,12 @@ class FootResponse:
             np.savez(stream, description=text, **{name: getattr(self, name) for name in _ARRAY_NAMES})
 
     def patch_radius_mm(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the Hertz radius a [mm] of the contact patch, shape (...), of loads as in `closure_um`."""
+        """Return the radius of the Hertz contact patch [mm], shape (...), of loads as in `closure_um`."""
         pressing = np.abs((normal * force_n).sum(axis=-1))
         return contact_radius_mm(pressing, self.ball_radius_mm, self.hertz_modulus_mpa)
 
     def free_closure_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the closure of each cell under a contact, as if no gap could close.
+        """Return the closure of each cell under a load as if the gaps were infinitely deep [um].
 
         Args:
             normal: Unit normal of the ball at the contact, pointing into the ball [1, foot frame], shape
@@ -256,7 +256,7 @@ class FootResponse:
         return closure
 
     def _free_closure_of_one_contact_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the free closure for one contact [um], shape (1, 324), with the series of the last contact cached."""
+        """Return the free cell closures of one load [um], shape (1, 324); caches the last normal's series."""
         where = normal.tobytes()
         if self._last_contact[0] != where:
             basis = series_basis(normal, self.degree, self.fit_elevation_deg)[0]
@@ -267,5 +267,5 @@ class FootResponse:
         return closure
 
     def closure_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the mean closure of each element [um], shape (..., 9), of loads as in `free_closure_um`."""
+        """Return the mean closure of each element under loads [um], shape (..., 9), without gap contact."""
         return element_means(self.free_closure_um(normal, force_n))

@@ -1,4 +1,4 @@
-"""A specimen of a foot: the response of its type, and its deviations from the design.
+"""One fabricated foot (specimen): the response of its type with its deviations from the design.
 
 The solid is the designed one but for its stiffness; gaps, films, strays, the mounting and, where named, the cavities
 are each foot's own.
@@ -18,7 +18,7 @@ from footsense.frames import Mask, Vector
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Deviations:
-    """Deviations of one foot from its design: gaps, films, stray capacitances, stiffness and mounting.
+    """Deviations of one foot from its design: gaps, films, stray capacitances, stiffness, mounting.
 
     Attributes:
         gap_um: Added to the gap of each element [um], shape (elements,), or (1,) for all alike.
@@ -40,7 +40,7 @@ class Deviations:
 
 
 class Foot:
-    """One specimen of a foot: the response of its type, with its own deviations.
+    """One fabricated foot: loads to capacitances, with its deviations from the design.
 
     Args:
         response: Response of its type.
@@ -100,7 +100,7 @@ class Foot:
         return self._limited_closures_um(self._free_closures_um(normal, force_n), gas)
 
     def after_step(self, normal: Vector, force_n: Vector, gas: Gas) -> tuple[Vector, Gas]:
-        """Return capacitances [pF], shape (n, elements), and air after a step of time; arguments as of `cells_um`.
+        """Return capacitances [pF], shape (n, elements), and gas state at the end of a time step under a load.
 
         Args:
             normal: Contact normals at the end of the step.
@@ -114,7 +114,7 @@ class Foot:
     def after_sticking(
         self, normal: Vector, force_n: Vector, stuck: Mask, stiction_kpa: float
     ) -> tuple[Vector, Mask]:
-        """Return capacitances [pF], shape (elements,), and closed cells, shape (cells,), of a foot with sticking gaps.
+        """Return capacitances [pF], shape (elements,), and closed cells, shape (cells,), with gap stiction.
 
         Args:
             normal: Contact normal, shape (3,).
@@ -131,12 +131,12 @@ class Foot:
         return self._capacitance_pf(solution.closure_um), solution.closure_um >= self._gap_of_cell_um
 
     def _free_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the closures of the cells of the empty foot without contact [um], shape (n, 324)."""
+        """Return the cell closures as if gaps were infinitely deep, without air [um], shape (n, 324)."""
         free_um = self.response.free_closure_um(normal @ self._mount.T, force_n @ self._mount.T)
         return self._softness * free_um
 
     def _limited_closures_um(self, free_um: Vector, gas: Gas | None) -> Vector:
-        """Return closures of the cells limited to the gaps [um], shape (n, 324), of free ones of that shape."""
+        """Return the cell closures with gap contact and cavity air [um], shape (n, 324), from free closures."""
         if self.cavity.kind != "vented":
             if gas is None:
                 return self._pressures.sustained_closures_um(free_um, self.cavity, contact=self._contact)
@@ -146,17 +146,17 @@ class Foot:
         return gap_contact.contact_closures_um(free_um, self._gap_of_cell_um, self._compliance_um_per_n)
 
     def capacitance_pf(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
-        """Return the capacitances, stray included [pF], shape (n, elements); arguments as of `cells_um`."""
+        """Return the capacitances under n loads [pF], shape (n, elements), with stray; arguments as of `cells_um`."""
         if gas is None and not force_n.any():  # a foot in swing costs nothing
             return np.tile(self.unloaded_pf, (len(force_n), 1))
         return self._capacitance_pf(self.cells_um(normal, force_n, gas))
 
     def capacitance_of_free_pf(self, free_um: Vector) -> Vector:
-        """Return the capacitances [pF], shape (n, elements), of closures without contact and air, shape (n, cells)."""
+        """Return the capacitances [pF], shape (n, elements), from free cell closures [um], shape (n, cells)."""
         return self._capacitance_pf(self._limited_closures_um(free_um, None))
 
     def _capacitance_pf(self, cells_um: Vector) -> Vector:
-        """Return the capacitance of closures [um] of the cells, shapes (..., 324) and (..., 9)."""
+        """Return the capacitances, stray included [pF], from cell closures limited to the gaps [um]."""
         distance_um = self._gap_of_cell_um - cells_um + self._film_of_cell_um
         capacitance_pf = gap_contact.capacitance_pf(self.response.design, distance_um) + self._stray_pf
         if self._film_um is not None:

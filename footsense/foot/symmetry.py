@@ -1,4 +1,4 @@
-"""Symmetries of the square foot, applied to cells, series and compliance.
+"""Mirror symmetries of the square foot, applied to cells, response series and compliance.
 
 The cells of all electrodes together are a square grid, 18 x 18 of the paper's nine elements, row 0 the most forward,
 column 0 the leftmost (the bars between the electrodes left out). A mirror of the foot maps the grid onto itself, so a
@@ -15,7 +15,7 @@ from footsense.frames import Vector
 
 
 def flat_of_grid(side: int) -> NDArray[np.intp]:
-    """Return the flat index of each cell of the grid, shape (side, side).
+    """Return the flat index (element by element) of each cell of the square grid, shape (side, side).
 
     Args:
         side: Cells along a side of the grid: six for each row of elements.
@@ -31,14 +31,14 @@ def flat_of_grid(side: int) -> NDArray[np.intp]:
 
 @cache
 def product_powers(degree: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return i and j of every product T_i(X) T_j(Y) with i + j <= degree, in the order of the series."""
+    """Return the degrees i and j of every basis function T_i(X) T_j(Y), in the order of the series."""
     i, j = np.indices((degree + 1, degree + 1))
     kept = i + j <= degree
     return i[kept].astype(np.intp), j[kept].astype(np.intp)
 
 
 def mirrored_series(series: Vector, degree: int, axis: int) -> Vector:
-    """Return the series of the mirror images of some cells.
+    """Return the series coefficients of the mirror images of some cells.
 
     For a mirror g: w_{g c}(g n) = g w_c(n). It changes the sign of one coordinate of n and of one component of w.
 
@@ -57,7 +57,7 @@ def mirrored_series(series: Vector, degree: int, axis: int) -> Vector:
 
 
 def whole_series(quarter: Vector, degree: int, side: int) -> Vector:
-    """Return the series of all cells in flat order, shape (products, 324, 3), from one quarter of the foot.
+    """Return the series coefficients of all cells, shape (products, 324, 3), from those of one quarter of the foot.
 
     Args:
         quarter: Coefficients of the cells of the quarter x > 0, y > 0, shape (products, 9, 9, 3), or of all cells of a
@@ -76,7 +76,7 @@ def whole_series(quarter: Vector, degree: int, side: int) -> Vector:
 
 
 def whole_compliance(quarter: Vector) -> Vector:
-    """Return the compliance of all cells in flat order, shape (324, 324), from the rows of a quarter.
+    """Return the compliance matrix of all cells, shape (324, 324), from the rows of one quarter of the foot.
 
     Args:
         quarter: Closure of every cell of the grid under a force on a cell of the quarter, shape (9, 9, 18, 18), or on

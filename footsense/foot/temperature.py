@@ -1,4 +1,4 @@
-"""Temperature compensation of a calibrated foot's forces, and the uncertainty where no temperature is measured.
+"""Temperature compensation of a calibrated foot's forces, and the uncertainty without a measured temperature.
 
 The shear modulus of PDMS grows by 1.1 kPa/K of 250 kPa. The same load then makes smaller closures, and the estimated
 force is too small by the same share, on every axis. The converter measures the temperature of its board, which has to
@@ -22,7 +22,7 @@ _UNMEASURED_HALF_RANGE_K = 10.0
 
 
 class CalibratedAt(NamedTuple):
-    """Temperature of a foot on the test stand.
+    """Temperature of a foot during its calibration, and stiffening per kelvin.
 
     Attributes:
         temperature_c: The temperature [degC]; None if not measured.
@@ -34,7 +34,7 @@ class CalibratedAt(NamedTuple):
 
 
 def force_factor_and_uncertainty(temperature_c: float, then: CalibratedAt | None) -> tuple[float, float]:
-    """Return the factor for the force of a foot, and the standard deviation over the force that remains [1].
+    """Return the factor by which to multiply a foot's force, and its remaining relative standard deviation [1].
 
     If either temperature is unknown or outside of a converter's range, the factor is 1.
 
@@ -58,7 +58,7 @@ def force_factor_and_uncertainty(temperature_c: float, then: CalibratedAt | None
 
 
 def unknown_temperature_rel(range_k: float, stiffness_per_k: float = STIFFNESS_PER_K) -> float:
-    """Return the standard deviation over the force that an unmeasured temperature causes [1].
+    """Return the relative standard deviation of the force that an unmeasured temperature causes [1].
 
     The temperature is taken as uniform within the range, whose standard deviation is 1 / sqrt(3) of its half width.
 

@@ -1,1 +1,1 @@
-"""Check of the configured buses and feet before a first walk."""
+"""Check of the configured I2C buses and feet before the robot walks (`footsense probe`)."""

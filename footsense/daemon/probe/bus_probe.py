@@ -1,4 +1,4 @@
-"""Scan of the configured buses and feet, or of the adapters of this computer."""
+"""Probe the configured buses and unloaded feet, or the I2C adapters of a computer."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -33,7 +33,7 @@ _N_DISCARDED_SCANS = 4
 
 
 def scan_adapters() -> list[ProbedAdapter]:
-    """Return the addresses that answer on every adapter of this computer; nothing is written to any chip.
+    """Return the I2C addresses that answer on every adapter of this computer; writes to no chip.
 
     Raises:
         HardwareError: There is no adapter.
@@ -48,6 +48,7 @@ def scan_adapters() -> list[ProbedAdapter]:
 
 
 def _scan_adapter(device: str) -> ProbedAdapter:
+    """Return the I2C addresses that answer on one adapter."""
     drivers = kernel_drivers(device)
     with ExitStack() as stack:
         try:
@@ -59,7 +60,7 @@ def _scan_adapter(device: str) -> ProbedAdapter:
 
 
 def probe(config: Config, scene: Scene | None) -> ProbeResult:
-    """Scan every bus, then the feet a few times; the feet have to hang free.
+    """Scan every bus for its chips, then read the feet a few times; the feet must be unloaded.
 
     Args:
         config: The robot.
@@ -89,6 +90,7 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
 
 
 def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterator[ProbedBus]:
+    """Yield the scan result of every bus."""
     robot = None if scene is None else simulated_robot(config, scene)
     with ExitStack() as stack:
         for opened in open_buses(config, robot, stack):
@@ -102,7 +104,7 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
 
 
 def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[ChipTiming | None] | None]:
-    """Return the scans of each leg's foot, and the timing of its converter; None where a microcontroller scans."""
+    """Return the readings of each foot over some scans, and its converter's timing; None with a microcontroller."""
     with open_scan_source(config, scene) as started:
         frames = started.read_whole_scans(_N_DISCARDED_SCANS + _N_SCANS)[_N_DISCARDED_SCANS:]
         timings = None
@@ -119,7 +121,7 @@ def _probe_legs(
     feet: list[FootScans] | None,
     timings: list[ChipTiming | None] | None,
 ) -> Iterator[ProbedLeg]:
-    """Yield the report of every leg, in the order of the configuration."""
+    """Yield the result of every leg, in the order of the configuration."""
     leg_channels: list[tuple[str, str, int | str, ChannelScan | None]] = []
     for report in buses:
         for number, (leg, channel) in enumerate(report.bus.legs.items()):

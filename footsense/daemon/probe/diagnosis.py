@@ -1,4 +1,4 @@
-"""Diagnosis of bus faults in words: place, observed and expected behaviour, parts to check."""
+"""Diagnosis of bus and leg faults as text: location, observation, advice."""
 
 from collections.abc import Iterator
 
@@ -22,13 +22,13 @@ _PARTS_TO_CHECK = {
 
 
 def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
-    """Yield the faults of a bus as a whole."""
+    """Yield the faults that concern a whole bus."""
     for observation, advice in _bus_faults(report, plan):
         yield Diagnosis(report.bus.device, observation, advice)
 
 
 def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
-    """Yield pairs of observation and advice for each fault of a bus."""
+    """Yield observation and advice for each fault of a bus."""
     bus, scan, drivers = report
     if fault := pull_up_fault(bus):
         yield fault, "the resistors, or pull_ups in the configuration"
@@ -74,7 +74,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
 
 
 def _missing_mux(report: ProbedBus) -> tuple[str, str]:
-    """Return observation and advice where the mux does not answer."""
+    """Return observation and advice for a mux that does not answer."""
     bus, scan, drivers = report
     assert scan.upstream is not None
     address = bus.mux.address
@@ -98,7 +98,7 @@ def _missing_mux(report: ProbedBus) -> tuple[str, str]:
 
 
 def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
-    """Yield the faults of a leg: of its chips, or if they work, of its foot.
+    """Yield the faults of a leg: of its chips, or if those work, of its foot.
 
     A leg that could not be scanned is a fault of its bus.
     """

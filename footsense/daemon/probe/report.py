@@ -1,4 +1,4 @@
-"""Result of a probe as values, made by `bus_probe` and explained by `diagnosis`."""
+"""Data types of the result of a probe."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from footsense.config.sections import Bus
 
 
 class Diagnosis(NamedTuple):
-    """One fault on a bus or leg.
+    """One fault of a bus or leg, as text: location, observation, advice.
 
     Attributes:
         location: Leg, or device of a bus.
@@ -27,7 +27,7 @@ class Diagnosis(NamedTuple):
 
 
 class ProbedBus(NamedTuple):
-    """Probe result of one bus.
+    """Probe result of one I2C bus.
 
     Attributes:
         bus: Its configuration.
@@ -41,7 +41,7 @@ class ProbedBus(NamedTuple):
 
 
 class ProbedLeg(NamedTuple):
-    """Probe result of one leg.
+    """Probe result of one leg: chips, readings, faults.
 
     Attributes:
         leg: Name of the leg.
@@ -63,7 +63,7 @@ class ProbedLeg(NamedTuple):
 
     @property
     def unloaded_pf(self) -> list[float] | None:
-        """Mean readings for `unloaded_pf` of the configuration [pF]; None unless they are of a sound foot."""
+        """Mean reading of each element, for `unloaded_pf` of the configuration [pF]; None for a faulty foot."""
         if self.scans is None or not all(fault.is_fit for fault in self.faults):
             return None
         mean_pf = self.scans.mean_pf
@@ -71,7 +71,7 @@ class ProbedLeg(NamedTuple):
 
 
 class ProbeResult(NamedTuple):
-    """Result of a probe: the state of buses, legs and feet.
+    """Result of a probe: buses, legs, diagnoses.
 
     Attributes:
         buses: Every bus.
@@ -87,14 +87,14 @@ class ProbeResult(NamedTuple):
 
     @property
     def scan_ns(self) -> int | None:
-        """Shortest scan that the slowest bus allows [ns]; None if there is no bus, or one could not be timed."""
+        """Shortest scan period of the slowest bus [ns]; None without a bus, or if one could not be timed."""
         timings = [report.scan.bus_timing for report in self.buses]
         known_ns = [timing.limits.scan_ns for timing in timings if timing is not None]
         return max(known_ns) if known_ns and len(known_ns) == len(timings) else None
 
 
 class ProbedAdapter(NamedTuple):
-    """One adapter of this computer, without a configuration.
+    """Addresses found on one I2C adapter, without a configuration.
 
     Attributes:
         device: Device file.

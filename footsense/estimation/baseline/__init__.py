@@ -1,1 +1,1 @@
-"""Baselines: unloaded reading of each element by tare and drift tracking, and contact detection."""
+"""Baseline (unloaded capacitance) of each element by tare and drift tracking, and contact detection."""

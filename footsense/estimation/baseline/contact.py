@@ -1,4 +1,4 @@
-"""Contact detection of one leg: level and rate of its load, in newtons and seconds.
+"""Contact detection of one leg, from the level and the rate of its load.
 
 The load is compared with a floor, not with the baseline. In swing the floor follows the load down once that has been
 low for 50 ms, and up by at most `floor_n_per_s`; in stance it stands still. So drift, which is slow, never makes
@@ -47,7 +47,7 @@ _CONTACT_TIMEOUT_NS = 250_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactLimits:
-    """Thresholds of contact and of confirmed swing.
+    """Thresholds for contact and for a confirmed swing.
 
     Attributes:
         threshold_n: Least load above the floor that is contact [N]; more where swings show more noise and shake.
@@ -62,7 +62,7 @@ class ContactLimits:
 
 
 def trimmed_means(closure_rel: Vector) -> list[float]:
-    """Return each leg's mean closure [1], leaving out the leg's largest and smallest closure.
+    """Return each leg's mean gap closure [1], without the leg's largest and smallest closure.
 
     In Python numbers: for six legs, numpy's calls take longer.
 
@@ -88,7 +88,7 @@ def trimmed_means(closure_rel: Vector) -> list[float]:
 
 
 class ContactDetector:
-    """Contact of one leg. Python numbers: six times these are cheaper than arrays of six.
+    """Contact detector of one leg; in plain Python numbers, faster than arrays for six legs.
 
     Attributes:
         limits: Thresholds.
@@ -114,7 +114,7 @@ class ContactDetector:
         self.reset(0)
 
     def reset(self, t_ns: int) -> None:
-        """Discard the history: at `t_ns` [ns] the leg got a new baseline, or has been silent for long."""
+        """Discard the history, after a new baseline or a long silence of the leg at `t_ns` [ns]."""
         self.in_contact = self.raw = False
         self.in_swing = False
         self.load_n = math.nan
@@ -134,7 +134,7 @@ class ContactDetector:
     def observe(
         self, load_n: float, baseline_error_n: float, t_ns: int, now_ns: int, predicted_n: float = math.nan
     ) -> None:
-        """Detect contact in the newest load.
+        """Process the newest load: update contact, swing, and the load offset in swing (`floor_n`).
 
         Args:
             load_n: Load along the leg above its baseline [N], NaN where it is not known.
@@ -201,6 +201,7 @@ class ContactDetector:
         self._creep_load_n += (pressing_n - self._creep_load_n) * (elapsed_s / (_CREEP_S + elapsed_s))
 
     def _detect_lift_off(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
+        """End the contact; a contact short and light enough to be shake raises the threshold."""
         self.in_contact = False
         if t_ns - self._touched_ns < _SHAKE_MAX_NS:
             peaks = (self.noise, self._peak_n), (self.predicted_noise, self._predicted_peak_n)
@@ -216,7 +217,7 @@ class ContactDetector:
         self._highest_before_n = self._highest_n = self.floor_n
 
     def refusal(self, kind: CommandKind) -> str | None:
-        """Return the reason to refuse a command now, or None if the command may be executed.
+        """Return why a command is refused at present (foot in contact); None if it may be executed.
 
         A controller that leans on a leg must not lose its force by one frame, so a leg in contact is not stopped. Nor
         is it tared, unless drift and creep could explain its load: then the tare itself decides, since a foot that was

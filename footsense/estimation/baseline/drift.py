@@ -1,4 +1,4 @@
-"""Drift tracking: the baseline of a leg follows its readings in confirmed swing, with a known uncertainty.
+"""Drift tracking: in confirmed swing the baseline of a leg follows its readings, with a known uncertainty.
 
 A tare gives a baseline, and temperature moves it: by about 1.5 fF/K on every element, which is 1 mN/K. A baseline that
 followed every slow reading would follow a robot that stands, and its load would fade within minutes. So it follows only
@@ -39,7 +39,7 @@ _NEWEST_STEP_WEIGHT = 0.2
 
 
 def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, now_ns: int) -> Vector:
-    """Return the standard deviation of baselines at a time [pF], of the shape of their variances.
+    """Return the standard deviation of baselines at a time [pF], same shape as their variances.
 
     Args:
         variance_pf2: Variance at the last update [pF^2], NaN without a baseline.
@@ -74,7 +74,7 @@ class LegBaseline:
         self.discard()
 
     def discard(self) -> None:
-        """Discard the baseline: the leg may carry another foot."""
+        """Discard the baseline, as the leg may carry another foot."""
         self.baseline_pf = self._tared_pf = self._anchor_pf = np.full_like(self._unloaded_pf, np.nan)
         self.status = BaselineStatus.NONE
         self.moved_ns = 0
@@ -85,7 +85,7 @@ class LegBaseline:
         self._step_pf2 = np.zeros_like(self._unloaded_pf)
 
     def set_tared(self, baseline_pf: Vector, t_ns: int) -> None:
-        """Set the baseline to a tare's readings [pF], shape (elements,); elements that are NaN there keep theirs."""
+        """Set the baseline to the result of a tare [pF], shape (elements,); NaN elements keep their old baseline."""
         self.baseline_pf = np.where(np.isnan(baseline_pf), self.baseline_pf, baseline_pf)
         self._tared_pf = self._anchor_pf = self.baseline_pf
         self.moved_ns = self.updated_ns = t_ns
@@ -94,12 +94,12 @@ class LegBaseline:
         self.hold()
 
     def hold(self, reason: BaselineStatus = BaselineStatus.HELD) -> None:
-        """Stop drift tracking and keep the baseline."""
+        """Pause drift tracking and leave the baseline unchanged; `reason` becomes the status."""
         self._before = None
         self.status = reason
 
     def follow(self, capacitance_pf: Vector, t_ns: Stamps) -> bool:
-        """Follow a foot in swing whose readings drift and creep could explain.
+        """Update the baseline from readings of a foot in swing, if drift and creep could explain them.
 
         Nothing happens until every element has been read anew since the last call that counted.
 
@@ -138,6 +138,7 @@ class LegBaseline:
         return True
 
     def _update_baseline(self, reading_pf: Vector, known: Mask, t_ns: int) -> None:
+        """Update baseline and variance of the given elements from their readings (Kalman filter)."""
         elapsed_s = max(t_ns - self.updated_ns, 0) * 1e-9
         reach_pf = MAX_DRIFT_PF_PER_S * elapsed_s
         anchor_pf = self._anchor_pf + _clip(self.baseline_pf - self._anchor_pf, -reach_pf, reach_pf)
@@ -169,7 +170,7 @@ class LegBaseline:
             self.moved_ns = t_ns
 
     def _set_baseline_of_returned_elements(self, reading_pf: Vector, step_pf2: Vector) -> None:
-        """Give a baseline to elements that came back after the tare and are now unloaded and quiet."""
+        """Set the baseline of elements that became usable after the tare, if unloaded and steady."""
         free = np.abs(reading_pf - self._unloaded_pf) <= self._unloaded_limit_pf
         quiet = np.sqrt(step_pf2) * 1e3 <= self._limits.noise_limit_ff
         adopted = np.isnan(self.baseline_pf) & free & quiet
@@ -179,5 +180,5 @@ class LegBaseline:
 
 
 def _clip(values: Vector, low: Vector | float, high: Vector | float) -> Vector:
-    """Return values within two limits; `np.clip` takes more than twice as long for so few."""
+    """Return values limited to a range; twice as fast as `np.clip` for few values."""
     return np.minimum(np.maximum(values, low), high)

@@ -1,4 +1,4 @@
-"""Threshold of contact from the noise and the shake that a signal shows in swing.
+"""Adaptive contact threshold of one leg, from the noise and shake of its load during swing.
 
 The peaks of short blocks of swing are kept, but for the blocks just before a touchdown, which may hold its rise, and
 for those from which the signal does not come back: shake passes, a load that comes slowly stays. The threshold is the
@@ -23,7 +23,7 @@ _PEAK_DECAY_REL, _PEAK_MARGIN_REL = 0.0005, 1.2
 
 
 class SwingNoise:
-    """Peaks of one signal of one leg in swing.
+    """Contact threshold of one load signal of one leg, learnt from the signal's peaks in swing.
 
     Args:
         threshold_n: Threshold until enough of the swing was seen [N].
@@ -45,13 +45,13 @@ class SwingNoise:
         self.interrupt(0)
 
     def interrupt(self, t_ns: int) -> None:
-        """Drop the blocks that wait: the foot touches, or swings again from `t_ns` [ns] on."""
+        """Discard peaks not learnt yet, because of a contact or a new swing from `t_ns` [ns] on."""
         self._waiting: deque[float] = deque(maxlen=_MAX_SHAKE_BLOCKS)
         self.block_n: list[float] = []
         self.end_ns = t_ns + _PEAK_BLOCK_NS
 
     def end_block(self, t_ns: int) -> None:
-        """End the block with its signal at `t_ns` [ns], and begin the next."""
+        """End the present time block at `t_ns` [ns], and learn the peaks of earlier blocks."""
         known_n = [above_n for above_n in self.block_n if not math.isnan(above_n)]
         self.block_n, self.end_ns = [], t_ns + _PEAK_BLOCK_NS
         waiting = self._waiting
@@ -62,7 +62,7 @@ class SwingNoise:
             self.learn(waiting.popleft())
 
     def learn(self, peak_n: float) -> None:
-        """Add the peak [N] of a block of swing."""
+        """Update the threshold with the peak load [N] of one block of swing."""
         self._n += 1
         share = 1.0 / min(self._n, _AVERAGED_BLOCKS)
         off_n = peak_n - self._mean_n

@@ -1,4 +1,4 @@
-"""The tare: a baseline from the mean reading of every element of an unloaded foot.
+"""Tare: a baseline from the mean reading of every element of an unloaded foot.
 
 A tare averages a window of scans. It is refused, with the numbers that decided it, if the readings move (the foot is
 not quiet) or differ from those of the free foot. Every tare is compared with the same expected readings, so that many
@@ -33,7 +33,7 @@ class TareLimits:
 
 @dataclass(frozen=True, slots=True)
 class TareResult:
-    """Result of a tare: done or why refused, and the new baseline [pF].
+    """Result of a tare: new baseline [pF], or the reason for its refusal.
 
     Attributes:
         result: DONE, or why it was refused.
@@ -47,7 +47,7 @@ class TareResult:
 
 
 class TareWindow:
-    """Collects the readings of one leg until the window is full.
+    """Collects one leg's readings for a tare until there are enough scans.
 
     Args:
         limits: Limits.
@@ -70,7 +70,7 @@ class TareWindow:
         t_ns: Stamps,
         missing: Mask,
     ) -> TareResult | None:
-        """Add the leg's readings of one scan, and return the result once the window is full.
+        """Add the leg's readings of one scan; return the result once there are enough scans, else None.
 
         Args:
             capacitance_pf: Readings without stray [pF], shape (elements,), NaN where there is none.
@@ -99,6 +99,7 @@ class TareWindow:
         return self._tare_result(np.stack(self._readings_pf))
 
     def _tare_result(self, readings_pf: Vector) -> TareResult:
+        """Return the result of a tare from the collected readings [pF], shape (scans, elements)."""
         noise_ff = np.where(self._missing, 0.0, readings_pf.std(axis=0, ddof=1) * 1e3)
         worst = int(noise_ff.argmax())
         if noise_ff[worst] > self._limits.noise_limit_ff:
@@ -130,7 +131,7 @@ class TareWindow:
 
 
 class Tares:
-    """The tares in progress: of every leg at start, repeated until it succeeds, and later on command.
+    """Tares in progress: of every leg at start, repeated until successful, and later on command.
 
     Args:
         limits: Limits.
@@ -153,16 +154,16 @@ class Tares:
 
     @property
     def states(self) -> dict[int, State]:
-        """State of every leg without a baseline, by row: TARING, or NO_BASELINE after a refusal."""
+        """State of every leg without a baseline, by row: TARING, or NO_BASELINE after a refused tare."""
         return {leg: State.NO_BASELINE if leg in self._refusals else State.TARING for leg in self.untared}
 
     def command(self, leg: int) -> None:
-        """Begin a tare on command, unless one is in progress already."""
+        """Start a tare on command, unless one is in progress already."""
         self.in_progress.setdefault(leg, self._new_window(leg))
         self._commanded.add(leg)
 
     def restart(self, leg: int) -> None:
-        """Tare a leg again whose baseline was discarded."""
+        """Start a new tare of a leg whose baseline was discarded."""
         self.untared.add(leg)
         self._refusals.pop(leg, None)
         self.in_progress.setdefault(leg, self._new_window(leg))
@@ -170,7 +171,7 @@ class Tares:
     def add(
         self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, missing: Mask
     ) -> list[tuple[int, TareResult, bool]]:
-        """Feed a frame of all legs, shapes (legs, 9), to the tares in progress; arguments as of `TareWindow.add`.
+        """Add a frame of all legs to the tares in progress; return the finished tares.
 
         Returns:
             Leg and result of every tare that ends, and whether the result is news: a tare without a command repeats a
@@ -184,7 +185,7 @@ class Tares:
         return ended
 
     def _end_tare(self, leg: int, tared: TareResult) -> bool:
-        """End a leg's tare, or repeat it; return whether the result is to be reported."""
+        """Remove a leg's finished tare, or restart it after a refusal; return whether to report the result."""
         del self.in_progress[leg]
         commanded = leg in self._commanded
         self._commanded.discard(leg)
@@ -203,8 +204,10 @@ class Tares:
         return commanded or not repeated
 
     def _new_window(self, leg: int) -> TareWindow:
+        """Return an empty tare window for a leg."""
         return TareWindow(self._limits, self._unloaded_pf[leg], self._feet[leg])
 
 
 def _element_list_text(elements: NDArray[np.intp], n: int) -> str:
+    """Return element numbers as text for a message."""
     return f"0 to {n - 1}" if len(elements) == n else ", ".join(map(str, elements.tolist()))

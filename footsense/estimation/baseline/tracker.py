@@ -1,4 +1,4 @@
-"""Baselines of all legs: tare, drift tracking, and contact detection.
+"""Baselines of all legs: tares, drift tracking, and contact detection.
 
 A tare (`tare.py`) gives a baseline: at start without a command, later on command. Between tares the baseline follows
 the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
@@ -52,7 +52,7 @@ _HELD, _DRIFT_TOO_FAST = BaselineStatus.HELD, BaselineStatus.DRIFT_TOO_FAST
 
 
 class BaselineTracker:
-    """The baselines of all legs, the tares in progress, and the legs' contact.
+    """Baselines and contact detectors of all legs, and the tares in progress.
 
     Every leg is tared at start, repeatedly until that succeeds.
 
@@ -109,7 +109,7 @@ class BaselineTracker:
         self._copy_changed_baselines()
 
     def begin_tare(self, leg: int) -> CommandResult | None:
-        """Tare a leg on command; a tare in progress serves.
+        """Start a tare of a leg on command, unless one is in progress.
 
         Returns:
             None if it will end in a later frame; the refusal if the foot is in contact.
@@ -122,7 +122,7 @@ class BaselineTracker:
         return None
 
     def refusal(self, kind: CommandKind, leg: int) -> str | None:
-        """Return the reason to refuse a command now, or None if the command may be executed."""
+        """Return why a command is refused at present; None if it may be executed."""
         return self.contacts[leg].refusal(kind)
 
     @property
@@ -133,7 +133,7 @@ class BaselineTracker:
     def tare(
         self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, missing: Mask, now_ns: int
     ) -> tuple[CommandResult, ...]:
-        """Feed a frame of all legs to the tares in progress, and return the results of those that end with it.
+        """Add a frame of all legs to the tares in progress; return the results of those that finish with it.
 
         Args:
             capacitance_pf: Readings without stray [pF], shape (legs, elements), NaN where there is none to be used.
@@ -170,7 +170,7 @@ class BaselineTracker:
         missing: Mask,
         now_ns: int,
     ) -> None:
-        """Detect contact, and let the baselines of legs in swing follow.
+        """Detect contact, and update the baselines of legs in swing.
 
         Args:
             closure_rel: Measured closures over the gap [1], shape (legs, elements), NaN where there is none.
@@ -219,7 +219,7 @@ class BaselineTracker:
             self._flags, self.flags = flags, np.array(flags, np.uint8)
 
     def _track_drift(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
-        """Track the drift of the baselines of the legs in swing that are due; arguments as of `observe`."""
+        """Update the baselines of those legs in swing whose turn it is; arguments as of `observe`."""
         self._turn = (self._turn + 1) % _FRAMES_PER_ROUND
         moved = False
         for leg in self._swinging:
@@ -234,7 +234,7 @@ class BaselineTracker:
             self._update_status()
 
     def _update_sigma(self, now_ns: int) -> None:
-        """Compute the baselines' uncertainty for the coming period.
+        """Update the uncertainty of baselines and load for the coming period.
 
         The period ends at a time that does not depend on the legs.
         """
@@ -245,7 +245,7 @@ class BaselineTracker:
         self.sigma_n = (sigma_pf * self._closure_per_pf)[:, None] * self._sensitivity.baseline_n
 
     def _copy_changed_baselines(self) -> None:
-        """Copy changed baselines of single legs into the arrays of all legs."""
+        """Update the arrays of all legs after the baseline of a leg has changed."""
         self._sigma_due_ns = 0
         legs = self._baselines
         baseline_pf = np.array([leg.baseline_pf for leg in legs])
@@ -258,12 +258,12 @@ class BaselineTracker:
         self.drift_cause = drift_causes(self.drift)
 
     def _update_status(self) -> None:
-        """Replace the published status; the drift is as gathered."""
+        """Update the published baseline status of all legs."""
         self._statuses = list(map(_status_of, self._baselines))
         self.drift = BaselineDrift(np.array(self._statuses, np.uint8), *self._offsets)
 
     def _discard_silent(self, reading: Codes, now_ns: int) -> None:
-        """Discard the baseline of every leg that has been silent for too long, and start a new tare of the leg."""
+        """Discard the baseline of every leg silent for too long, and start a new tare of it."""
         silent = np.isin(reading, SILENT_READINGS).all(axis=1)
         self._heard_ns[~silent] = now_ns
         allowed_ns = np.where(

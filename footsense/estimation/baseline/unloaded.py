@@ -1,4 +1,4 @@
-"""Plate distances of unloaded feet, which follow from their baselines."""
+"""Baselines of all legs, and the plate distances of the unloaded feet that follow from them."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from footsense.frames import Mask, Vector
 
 
 class UnloadedFeet(NamedTuple):
-    """Baselines of all legs with derived arrays; immutable, replaced when a baseline moves.
+    """Baselines of all legs with arrays derived from them; replaced when a baseline changes.
 
     Attributes:
         baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none.
@@ -27,7 +27,7 @@ class UnloadedFeet(NamedTuple):
 
 
 def unloaded_feet(baseline_pf: Vector, design: CapacitorDesign, gain_rel: Vector) -> UnloadedFeet:
-    """Return baselines with their derived arrays.
+    """Return baselines with the arrays derived from them.
 
     Args:
         baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none.

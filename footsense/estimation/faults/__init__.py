@@ -1,1 +1,1 @@
-"""Which elements and legs can be used: status, consistency, imputation, calibration monitor."""
+"""Fault detection of elements and legs: status, residual test, imputation, calibration monitor."""

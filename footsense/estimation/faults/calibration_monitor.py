@@ -1,4 +1,4 @@
-r"""Calibration monitor: CUSUM tests of every foot's calibration while the robot walks; they change no force.
+r"""Calibration monitor: CUSUM tests that detect stale calibrations during walking; they change no force.
 
 Two signals are tested stride by stride, a stride being the time between two touchdowns of the first leg:
 
@@ -56,7 +56,7 @@ _NEVER_NS = 1 << 62
 
 
 class CalibrationMonitor:
-    """Tests the calibrations of a robot that walks.
+    """Tests the calibration of every foot while the robot walks, stride by stride.
 
     Args:
         n_legs: Legs in a frame; fewer than four are never tested.
@@ -83,7 +83,7 @@ class CalibrationMonitor:
         self._n_samples = 0
 
     def observe(self, load_n: Vector, in_contact: Mask, squares: Vector, now_ns: int) -> None:
-        """Integrate the load of each leg over time, and test a stride when the first leg touches down.
+        """Integrate the load of each leg; at the first leg's touchdown, test the stride that ends.
 
         Args:
             load_n: Force along the leg [N], shape (legs,), NaN where it is not known: such a stride is not tested.
@@ -107,7 +107,7 @@ class CalibrationMonitor:
         self._n_samples += 1
 
     def _end_stride(self, now_ns: int) -> None:
-        """Test the stride that ends now, if the robot walked and every force was known."""
+        """Test a completed stride, if the robot walked and every force was known."""
         lasted_ns, self._since_ns = now_ns - self._since_ns, now_ns
         load_n, (residual2, closure2) = self._impulse_ns / lasted_ns, self._squares.T.copy()
         # A leg that was always or never in contact does not walk.
@@ -123,7 +123,7 @@ class CalibrationMonitor:
 
 
 class _StrideTests:
-    """The CUSUM tests, fed stride by stride."""
+    """CUSUM tests of loads and residuals, fed once per stride."""
 
     def __init__(self, n_legs: int, body_weight_n: float | None) -> None:
         self._body_weight_n = body_weight_n
@@ -139,7 +139,7 @@ class _StrideTests:
         self._sum = _Cusum(SUM_SLACK, SUM_LIMIT, (2,))
 
     def add(self, load_n: Vector, residual_rel: Vector) -> Mask:
-        """Add a stride, and return the legs with an alarm, shape (legs,).
+        """Add a stride; return the mask of the legs with an alarm, shape (legs,).
 
         Args:
             load_n: Mean load of each leg over a stride, each above 0 [N].
@@ -168,7 +168,7 @@ _MIN_RESIDUAL = 1e-3
 
 
 class _Cusum:
-    """Page's CUSUM tests, many at once.
+    """One-sided CUSUM tests (Page), many in parallel.
 
     Args:
         slack: Change that is tolerated.
@@ -182,13 +182,13 @@ class _Cusum:
         self.alarm: Mask = np.zeros(shape, bool)
 
     def add(self, change: Vector) -> None:
-        """Add a change to every sum."""
+        """Add one change to every CUSUM test."""
         self._sum = np.clip(self._sum + change - self._slack, 0.0, self._limit)
         self.alarm = (self._sum >= self._limit) | (self.alarm & (self._sum > 0.0))
 
 
 def calibration_change_rel(load_n: Vector, reference_n: Vector) -> Vector:
-    """Return the change of each leg's reading that only its calibration explains [1], shape (legs,), signed.
+    """Return the relative change of each leg's force reading that only its calibration can explain [1], signed.
 
     Args:
         load_n: Mean load of each leg, shape (legs,) [N].

@@ -1,4 +1,4 @@
-"""States and causes of legs in trouble."""
+"""States and causes reported for faulty legs."""
 
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ SILENT_READINGS = np.array([Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_
 
 
 class ElementFaults(NamedTuple):
-    """Faulty elements by kind, shape (legs, elements) each.
+    """Faulty elements by type of fault, shape (legs, elements) each.
 
     Attributes:
         opened: The electrode is disconnected.
@@ -43,12 +43,12 @@ class ElementFaults(NamedTuple):
 
     @property
     def any(self) -> Mask:
-        """Mask of the elements that are open, shorted, stuck or drifting."""
+        """Mask of the elements with any fault (open, shorted, stuck, drifting)."""
         return self.opened | self.shorted | self.stuck | self.drifting
 
 
 def converter_states(state: Codes, reading: Codes, faulty: Mask, closed: Mask) -> None:
-    """Write the states that forbid any value over `state`, shape (legs,), the most severe last.
+    """Set, in `state`, shape (legs,), the states of legs whose readings forbid any force, the most severe last.
 
     Args:
         state: The states so far.
@@ -66,13 +66,13 @@ def converter_states(state: Codes, reading: Codes, faulty: Mask, closed: Mask) -
 
 
 def drift_causes(drift: BaselineDrift) -> Codes:
-    """Return ELEMENT_DRIFTS for legs with an element whose drift differs from the others', else NONE, shape (legs,)."""
+    """Return ELEMENT_DRIFTS for each leg with an element that drifts unlike the others, else NONE, shape (legs,)."""
     apart = np.abs(drift.worst_pf - drift.mean_pf) > DRIFT_LIMIT_PF
     return np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
 
 
 def leg_causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause: Codes) -> Codes:
-    """Return the cause of each leg's state, shape (legs,), NONE where no fault is known.
+    """Return the cause of each leg's state, shape (legs,); NONE without a known fault.
 
     An open line shows as all three of its elements being open. A shorted element ties its column to its row and takes
     the other two elements of its column along.

@@ -1,4 +1,4 @@
-"""Residual test of the elements of a foot, and isolation of the faulty ones.
+"""Residual test of a foot's elements against each other, and isolation of the faulty ones.
 
 A foot has nine elements and a load far fewer unknowns, so each closure follows roughly from the others. With
 S = E[x x^T] over the loads of a foot, the least-squares prediction of x_i from all others leaves the residual
@@ -43,7 +43,7 @@ STUCK_REL = 0.3
 
 
 class ConsistencyResult(NamedTuple):
-    """Result of the test for all legs.
+    """Result of the residual test of all legs: missing and faulty elements, inconsistency.
 
     Attributes:
         missing: Elements that the network does without, shape (legs, elements): missing before, or isolated.
@@ -63,7 +63,7 @@ class ConsistencyResult(NamedTuple):
 
 
 class ConsistencyTest:
-    """Tests the elements of each leg frame by frame, and keeps the excluded ones.
+    """Residual test of every leg's elements in each frame; remembers the excluded elements.
 
     Args:
         n_legs: Legs in a frame.
@@ -110,7 +110,7 @@ class ConsistencyTest:
             marks[legs] = False
 
     def squared_residuals(self, closure_rel: Vector) -> Vector:
-        """Return each leg's sum of squares of the residuals, and of the closures [1], shape (legs, 2).
+        """Return each leg's sums of squares of the residuals and of the closures [1], shape (legs, 2).
 
         Args:
             closure_rel: Closures over the gap [1], shape (legs, elements).
@@ -120,7 +120,7 @@ class ConsistencyTest:
         return squares
 
     def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
-        """Test the elements of a frame, and return the missing and inconsistent ones.
+        """Test the elements of a frame; return the missing and the inconsistent ones.
 
         Args:
             closure_rel: Newest closures over the gap [1], shape (legs, elements); a leg with a NaN that is not missing
@@ -170,7 +170,7 @@ class ConsistencyTest:
     def _test_leg(
         self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int
     ) -> float:
-        """Add the isolated elements to `missing`, shape (elements,), and return the inconsistency [1]."""
+        """Test one leg: add isolated elements to `missing`, shape (elements,), return the inconsistency [1]."""
         if not np.isfinite(closure_rel[~missing]).all():
             return 0.0
         if self.excluded[leg].any():
@@ -207,7 +207,7 @@ class ConsistencyTest:
         return 0.0
 
     def _readmit(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int) -> None:
-        """Count the time for which excluded elements have been consistent, and readmit them after a while."""
+        """Readmit excluded elements that have been consistent for long enough."""
         excluded = self.excluded[leg]
         if not np.isfinite(closure_rel[excluded]).all():
             return
@@ -230,7 +230,7 @@ class ConsistencyTest:
             self.excluded[leg] = self._stuck[leg] = False
 
     def _widen_ranges(self, leg: int, closure_rel: Vector, missing: Mask) -> None:
-        """Widen the extremes of the measured and of the predicted closures."""
+        """Update the minimum and maximum of each element's measured and predicted closures."""
         both, extremes = (
             np.stack([closure_rel, self._predict(closure_rel, missing)]),
             self._extremes[:, :, leg],
@@ -239,17 +239,18 @@ class ConsistencyTest:
         extremes[:, 1] = np.fmax(extremes[:, 1], both)
 
     def _predict(self, closure_rel: Vector, missing: Mask) -> Vector:
-        """Return the closures with the missing ones predicted from the others, shape (elements,)."""
+        """Return the closures, shape (elements,), with the missing ones predicted from the others."""
         predicted: Vector = self._imputation.impute(closure_rel[None], missing[None])[0]
         return predicted
 
     def _is_stuck(self) -> Mask:
+        """Return the mask of the elements that do not move although their prediction does."""
         measured, predicted = self._extremes[:, 1] - self._extremes[:, 0]
         stuck: Mask = (predicted > MIN_TESTED_MOTION_REL) & (measured < STUCK_REL * predicted)
         return stuck
 
     def _residual_over_limit(self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0) -> float:
-        """Return the largest residual of the present elements, divided by the residual limit [1]."""
+        """Return the largest residual of the elements present, over the residual limit [1]."""
         kept = closure_rel[~missing]
         if kept.size < 2:
             return 0.0
@@ -259,7 +260,7 @@ class ConsistencyTest:
         )
 
     def _isolate(self, closure_rel: Vector, missing: Mask, motion_rel: float) -> Mask:
-        """Return the smallest known set around `missing` without which the rest is consistent; else `missing`."""
+        """Return the smallest trained set of missing elements that makes the others consistent; else `missing`."""
         known = np.where(self._sets, 0.0, closure_rel)
         residual = np.abs(np.einsum("sij,sj->si", self._residual_matrices, known)).max(axis=1)
         excess = residual / _residual_limit_rel(
@@ -273,7 +274,7 @@ class ConsistencyTest:
         return missing
 
     def _residual_matrix(self, missing: Mask) -> Vector:
-        """Return R of the residuals R @ x of closures x, shape (elements, elements), zero where missing."""
+        """Return the matrix R, shape (elements, elements), that gives the residuals R @ closures."""
         key = missing.tobytes()
         if key not in self._matrices:
             matrix = np.zeros_like(self._moments)
@@ -285,6 +286,6 @@ class ConsistencyTest:
 
 
 def _residual_limit_rel(rms_rel: Vector | float, motion_rel: float) -> Vector:
-    """Return the largest residual of an element whose foot has closures of this root mean square and motion [1]."""
+    """Return the residual limit for a foot whose closures have this rms and motion [1]."""
     limit: Vector = RESIDUAL_LIMIT + motion_rel + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
     return limit

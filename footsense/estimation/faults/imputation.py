@@ -1,4 +1,4 @@
-"""Imputation of missing closures from the others.
+"""Imputation (linear prediction) of missing closures from the foot's other elements.
 
 Of all linear estimates x_m = A x_o the one with the least squared error over the loads of a foot is
 A = S_mo S_oo^-1, with S = E[x x^T] of the closures. A linear read-out of the imputed closures is then the best linear
@@ -11,7 +11,7 @@ from footsense.frames import Mask, Vector
 
 
 class Imputation:
-    """Linear imputation of missing closures from the other elements of the foot.
+    """Linear imputation of missing closures from the foot's other elements.
 
     Args:
         moments: S, second moments of the closures of all elements over the gap [1], symmetric and positive
@@ -23,7 +23,7 @@ class Imputation:
         self._matrices: dict[bytes, Vector] = {}
 
     def matrix(self, missing: Mask) -> Vector:
-        """Return F of the imputed closures F @ x, shape (elements, elements).
+        """Return the matrix F, shape (elements, elements), that gives the imputed closures F @ closures.
 
         Args:
             missing: Missing elements, shape (elements,). Their entries of x have no influence, but must be finite.
@@ -39,7 +39,7 @@ class Imputation:
         return self._matrices[key]
 
     def impute(self, closure_rel: Vector, missing: Mask) -> Vector:
-        """Return the closures with the missing ones imputed, shape as given.
+        """Return the closures with the missing ones imputed, same shape.
 
         Args:
             closure_rel: Closures over the gap [1], shape (n, k, elements) or (n, elements);

@@ -1,4 +1,4 @@
-"""Sets of missing elements that the network is trained for: none, any single one, any row or column."""
+"""Sets of missing elements for which the network is trained: none, any single one, any row or column."""
 
 import math
 from functools import cache
@@ -11,7 +11,7 @@ from footsense.frames import ELEMENTS, Mask
 
 
 class MissingSets(NamedTuple):
-    """The sets of a foot with n elements in r rows and r columns, as masks of elements.
+    """Trained sets of missing elements of a foot, as masks of its elements.
 
     Attributes:
         sets: Every set, the empty one first, then the single elements, rows, and columns, shape (1 + n + 2 r, n).
@@ -32,7 +32,7 @@ class MissingSets(NamedTuple):
 
 @cache
 def missing_sets(n_elements: int) -> MissingSets:
-    """Return the sets of a foot with so many elements, at most 16."""
+    """Return the trained sets of missing elements for a foot with this number of elements (at most 16)."""
     element, n_rows = np.arange(n_elements), math.isqrt(n_elements)
     rows, columns = (np.array([n == line for n in range(n_rows)]) for line in divmod(element, n_rows))
     none = np.zeros((1, n_elements), bool)
@@ -53,7 +53,7 @@ MISSING_SETS: Mask = missing_sets(ELEMENTS).sets
 
 
 def missing_set_index(missing: Mask) -> NDArray[np.intp]:
-    """Return the index in the sets of each leg's missing elements, shape (legs,); 0 also for any other set.
+    """Return the index of the set of each leg's missing elements, shape (legs,); 0 for an untrained set.
 
     Example:
         >>> MISSING_SETS[missing_set_index(np.array([[1, 1, 1, 0, 0, 0, 0, 0, 0]], bool))[0]].astype(int).tolist()
@@ -65,7 +65,7 @@ def missing_set_index(missing: Mask) -> NDArray[np.intp]:
 
 
 def missing_elements(faulty: Mask) -> Mask:
-    """Return the elements that the network does without, shape (legs, elements): a faulty one, or the line of several.
+    """Return the mask of elements left out, shape (legs, elements): a faulty one, or the whole line of several.
 
     A leg whose faulty elements do not lie in one row or column gets none: the network is not trained for that.
 
@@ -81,7 +81,7 @@ def missing_elements(faulty: Mask) -> Mask:
 
 
 def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
-    """Return bit e for each unusable element e of each leg, shape (legs,).
+    """Return a bit mask of each leg's unusable elements (bit e for element e), shape (legs,).
 
     Example:
         >>> unusable = np.zeros((1, 9), bool)

@@ -1,4 +1,4 @@
-"""Open elements, and the crosstalk of a floating row.
+"""Open elements (lost electrodes), and the crosstalk that a floating row causes.
 
 Pressing only adds capacitance, so an element that has lost half of its unloaded capacitance is an open line.
 """
@@ -14,7 +14,7 @@ OPEN_ELEMENT_THRESHOLD_REL = 0.5
 
 
 def floating_row_crosstalk_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
-    """Return the crosstalk of undriven rows into the readings of the other rows [pF], shape (legs, elements).
+    """Return the crosstalk of floating rows into the readings of the others [pF], shape (legs, elements).
 
     A row whose elements are open has lost its line. Its electrodes float, and each column sees them in series
     with their small capacitance to ground whichever row is selected: as much as the open element itself reads. An open

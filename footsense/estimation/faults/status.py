@@ -24,7 +24,7 @@ CONVERTER_MAX_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 
 
 class ElementStatus(NamedTuple):
-    """Status of every element in a frame, shape (legs, elements) each.
+    """Status of every element in a frame: open, over range, faulty, missing; shape (legs, elements) each.
 
     Attributes:
         capacitance_pf: Capacitances without stray [pF], NaN where there is none to be used.
@@ -44,7 +44,7 @@ class ElementStatus(NamedTuple):
 
 
 class ElementClassifier:
-    """Classifies the elements frame by frame.
+    """Determines the status of every element of a frame.
 
     Args:
         stray_pf: Known capacitance in parallel with each element [pF], shape (legs, elements).
@@ -61,7 +61,7 @@ class ElementClassifier:
         self._any_opened = False
 
     def classify(self, scan: CapFrame, excluded: Mask, baseline_pf: Vector) -> ElementStatus:
-        """Classify the elements of a frame.
+        """Return the status of the elements of a frame.
 
         Args:
             scan: The frame.
@@ -95,7 +95,7 @@ class ElementClassifier:
 
 
 class LegStatus(NamedTuple):
-    """Status of every leg, shape (legs,) each; fields as in `ContactFrame`.
+    """Status of every leg in a frame, shape (legs,) each; fields as in `ContactFrame`.
 
     Attributes:
         state: Whether its force may be used, and if not, why.
@@ -115,7 +115,7 @@ class LegStatus(NamedTuple):
 
 
 class LegClassifier:
-    """Classifies the legs frame by frame.
+    """Determines the state of every leg of a frame.
 
     Args:
         n_legs: Legs in a frame.
@@ -153,7 +153,7 @@ class LegClassifier:
         drift_cause: Codes,
         now_ns: int,
     ) -> LegStatus:
-        """Classify the legs of a frame.
+        """Return the state, cause and faults of every leg of a frame.
 
         Args:
             reading: How each element answered, shape (legs, elements).

@@ -1,1 +1,1 @@
-"""Gait semantics for a controller: contact and its times, load share, ground normal, friction, slip."""
+"""Gait estimation for a controller: contact and its times, load share, ground normal, friction, slip."""

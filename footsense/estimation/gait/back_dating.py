@@ -1,4 +1,4 @@
-"""Times of touchdown and lift-off, back-dated along the rise and the fall of the load."""
+"""Back-dating: times of touchdown and lift-off, extrapolated from the rise or fall of the load."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ _FALL_LAG_NS, _FALL_SIGMA_S = 16_500_000, 5.5e-3
 
 
 class BackDated(NamedTuple):
-    """A time [ns] and its standard deviation [s]."""
+    """Back-dated time of an event [ns], and its standard deviation [s]."""
 
     t_ns: int
     sigma_s: float
@@ -42,7 +42,7 @@ class LegLoads(NamedTuple):
 
 
 def touchdown(loads: Sequence[LegLoads], row: int) -> BackDated:
-    """Return when the load of a leg began that is above the threshold for the first time.
+    """Return the back-dated time of a touchdown, for a leg whose load has just exceeded the threshold.
 
     Loads rise from nothing with a small slope: the time at which the load passed a fifth of what it is now tells how
     fast it rises, and the touchdown is half as long before.
@@ -68,7 +68,7 @@ def touchdown(loads: Sequence[LegLoads], row: int) -> BackDated:
 
 
 def lift_off(loads: Sequence[LegLoads], row: int) -> BackDated:
-    """Return when the load of a leg ended, which is gone now: the means of a scan fall as a line, and late.
+    """Return the back-dated time of a lift-off, for a leg whose load has just vanished.
 
     The estimates for single times ring after a fall, until every element has been read again.
 

@@ -1,4 +1,4 @@
-"""Friction below the feet: use of friction, slips, and the coefficient of friction estimated from slips.
+"""Friction below the feet: friction use (tangential over normal force), slips, estimated friction coefficient.
 
 The network gives the contact point, hence the normal of the ground, and the friction ratio. Slips show in that alone.
 
@@ -50,7 +50,7 @@ _TIME_SIGMA_S = 0.01
 
 
 class Ground(NamedTuple):
-    """Ground normal and friction use below one foot.
+    """Estimated ground normal and friction use below one foot, with standard deviations.
 
     Attributes:
         pressing_n: Normal force [N].
@@ -72,7 +72,7 @@ NO_GROUND = Ground(_NAN, (_NAN, _NAN, _NAN), _NAN, _NAN, _NAN)
 
 
 def ground_of(load: Load, row: int) -> Ground:
-    """Return normal and friction use of the ground under one foot; NaN where the load does not determine them.
+    """Return ground normal and friction use below one foot; NaN where the load does not determine them.
 
     In Python numbers: for six legs, numpy's calls take longer.
 
@@ -109,7 +109,7 @@ def ground_of(load: Load, row: int) -> Ground:
 
 
 class Friction:
-    """Coefficient of friction of the ground, estimated from the slips of all legs.
+    """Estimator of the ground's friction coefficient from the slips of all legs.
 
     Attributes:
         coefficient: Coefficient of kinetic friction [1]; NaN as long as it is not known.
@@ -122,18 +122,19 @@ class Friction:
         self._kinks: deque[float] = deque(maxlen=_MAX_KINKS)
 
     def add_kink(self, ratio: float, tolerance: float) -> None:
-        """Add the ratio at which a rise ended; one for each stance."""
+        """Add the friction ratio at which a rise ended (a possible slip); once per stance."""
         self._kinks.append(ratio)
         self._update_coefficient(tolerance)
 
     def drop_exceeded(self, ratio: float, tolerance: float) -> None:
-        """Drop the kinks that a foot has exceeded without sliding: it sustains this ratio."""
+        """Remove ratios that a foot has exceeded without sliding, as they were no slips."""
         held = (ratio - tolerance) / _STATIC_OVER_KINETIC
         if min(self._kinks, default=math.inf) < held:
             self._kinks = deque((kink for kink in self._kinks if kink >= held), _MAX_KINKS)
             self._update_coefficient(tolerance)
 
     def _update_coefficient(self, tolerance: float) -> None:
+        """Estimate the coefficient as the median of the highest cluster of ratios; NaN without one."""
         ordered = sorted(self._kinks, reverse=True)
         self.exceeding_ratio = _STATIC_OVER_KINETIC * min(ordered, default=math.inf)
         self.coefficient = math.nan
@@ -145,7 +146,7 @@ class Friction:
 
 
 class SlipDetector:
-    """Slip detection of one leg.
+    """Slip detector of one leg, from the plateaus of its friction ratio.
 
     Args:
         friction: Estimate of the coefficient of friction, shared by all legs.
@@ -159,7 +160,7 @@ class SlipDetector:
         self.reset_stance()
 
     def reset_stance(self) -> None:
-        """Reset the state of the stance: the foot has lifted off."""
+        """Reset the state of the stance, after the foot has lifted off."""
         self.state = Slip.UNKNOWN
         # Time [ns] and ratio of the latest checks with a small tolerance.
         self._ratios: deque[tuple[int, float]] = deque()
@@ -168,7 +169,7 @@ class SlipDetector:
         self._kinked = False
 
     def observe(self, ground: Ground, now_ns: int) -> BackDated | None:
-        """Check the friction ratio for a slip; return the time at which a slip began or ended, None if none did.
+        """Process the newest friction ratio; return the time at which a slip started or ended, else None.
 
         Args:
             ground: The ground below the foot.
@@ -208,7 +209,7 @@ class SlipDetector:
         return BackDated(self._since_ns - _LAG_NS, _TIME_SIGMA_S)
 
     def _find_kink(self, tolerance: float, *, exceeds: bool) -> None:
-        """Search the latest ratios for a kink.
+        """Search the latest ratios for a rise that ends in a plateau, and report it to the friction estimator.
 
         Args:
             tolerance: Tolerance of a ratio [1].

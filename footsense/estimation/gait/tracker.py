@@ -1,4 +1,4 @@
-"""Gait semantics of all legs, conversion by conversion.
+"""Gait estimate of all legs, updated with every conversion.
 
 Contact and its thresholds are those of `baseline/contact.py`. Each conversion is compared with the one before; slip is
 looked for on half of the legs in turn, and what changes slowly is computed for the published frames alone.
@@ -40,7 +40,7 @@ _IN_CONTACT = (True, True)
 
 
 class GaitTracker:
-    """Gait semantics of all legs.
+    """Gait estimator of all legs: contact events, load share, ground normal, friction, slip.
 
     Args:
         n_legs: Legs of a frame.
@@ -59,7 +59,7 @@ class GaitTracker:
         self._touchdowns, self._lift_offs = [_NO_TIME] * n_legs, [_NO_TIME] * n_legs
 
     def observe(self, load: Load, contacts: Sequence[ContactDetector], now_ns: int) -> GaitFrame | None:
-        """Update the gait by one conversion; return it as of `now_ns` if an event happened or a frame is due.
+        """Process the loads of one conversion; return the gait if an event occurred or a frame is due, else None.
 
         Args:
             load: Loads of all legs as of `now_ns`; NaN forces where they may not be used.
@@ -94,7 +94,7 @@ class GaitTracker:
         return self._gait_frame(load, contacts, above_n, now_ns, tuple(events))
 
     def _contact_events(self, row: int, before: tuple[bool, bool], now: tuple[bool, bool]) -> list[GaitEvent]:
-        """Return the events of a leg whose state has changed.
+        """Return the events of one leg whose contact state has changed.
 
         A contact that began or ended while the force was not known has no event, and no time.
         """
@@ -129,7 +129,7 @@ class GaitTracker:
         now_ns: int,
         events: tuple[GaitEvent, ...],
     ) -> GaitFrame:
-        """Return the gait as of a conversion; arguments as of `observe`, and the loads above the floors [N]."""
+        """Return the gait estimate of all legs after a conversion."""
         known, contact = np.array(self._states, np.bool_).T
         pressing_n = np.where(contact, np.maximum(load.force_n[:, 2], 0.0), 0.0)
         total_n = float(pressing_n[known].sum())
@@ -162,7 +162,7 @@ class GaitTracker:
 
 
 def _contact_probability(contact: ContactDetector, above_n: float) -> float:
-    """Return the probability of contact by a load's distance from the threshold; NaN where it is not known.
+    """Return the probability of contact, from the load's distance to the threshold; NaN if unknown.
 
     Args:
         contact: Contact of the leg.

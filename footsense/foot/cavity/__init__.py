@@ -1,1 +1,1 @@
-"""The cavities between a foot's electrodes: the air in them."""
+"""Cavities between a foot's electrodes: pressure and leakage of the air, fringe field."""

@@ -1,4 +1,4 @@
-"""Air in a foot's cavities: vented, sealed or leaking; its amount, and the ambient pressure."""
+"""Gas state of a foot's cavities: vented, sealed or leaking; amount of air, ambient pressure."""
 
 import math
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ ISOTHERMAL, ADIABATIC = 1.0, 1.4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cavity:
-    """How a foot's cavities hold their air.
+    """Type of a foot's cavities (vented, sealed or leaking), leak time constant, pressure of the enclosed gas.
 
     Attributes:
         kind: `vented`: the air does not resist; `sealed`: its amount stays; `leaking`: it comes and goes.
@@ -36,7 +36,7 @@ class Cavity:
     gas_kpa: float = AMBIENT_KPA
 
     def __post_init__(self) -> None:
-        """Check the values.
+        """Check that the values are consistent.
 
         Raises:
             ValueError: A value is impossible, or contradicts the kind.
@@ -52,7 +52,7 @@ class Cavity:
 
     @property
     def gas(self) -> "Gas | None":
-        """Air of an unloaded foot at room temperature and standard pressure; None where it does not resist."""
+        """Gas state of an unloaded foot at room temperature and standard pressure; None for vented cavities."""
         if self.kind == "vented":
             return None
         return Gas(np.array([1e-3 * self.gas_kpa]), AMBIENT_MPA)
@@ -63,7 +63,7 @@ VENTED = Cavity()
 
 
 class Gas(NamedTuple):
-    """Air in the cavities, and outside.
+    """State of the air in the cavities, and the ambient pressure.
 
     Attributes:
         amount_mpa: Pressure that the air would have in the unloaded gap, the measure m of its amount, of each cavity
@@ -79,12 +79,12 @@ class Gas(NamedTuple):
     leaked: float = 0.0
 
     def scaled(self, softness: float) -> "Gas":
-        """Return the air of a foot whose solid is softer by a factor, in a solid that keeps its compliance.
+        """Return the gas state for a rubber softer by a factor, to be used with the unchanged compliance.
 
         Closures stay equal if loads and pressures are multiplied in place of the compliance.
         """
         return self._replace(amount_mpa=softness * self.amount_mpa, ambient_mpa=softness * self.ambient_mpa)
 
     def after_step(self, excess_mpa: Vector) -> "Gas":
-        """Return the air after a step of time that ended at an excess pressure [MPa], shape of the amount."""
+        """Return the gas state after a time step whose leakage is driven by an excess pressure [MPa]."""
         return self._replace(amount_mpa=self.amount_mpa - self.leaked * excess_mpa, leaked=0.0)

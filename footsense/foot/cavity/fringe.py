@@ -1,4 +1,4 @@
-"""Fringe field at the edges of an element's electrodes, which the plate formula leaves out.
+"""Fringe field at the edges of an element's electrodes, which the parallel-plate formula neglects.
 
 Beside two facing strips of width w at a distance h, an edge adds per length the field of two half planes,
 

@@ -1,4 +1,4 @@
-"""Air pressure in the cavities when gaps close, and its leakage.
+"""Air pressure in the cavities when the gaps close, and its decay by leakage.
 
 A closure d of the gap leaves the share v = 1 - d/g of a cavity's volume, d and g being means over its area. The air in
 it then has the pressure p of the gas law, and presses on both plates by what it is above the ambient pressure p_a:
@@ -35,7 +35,7 @@ _MIN_REMAINING_PRESSURE_REL = 0.2
 
 
 class CavityPressures:
-    """Solver of the air pressures in the cavities of one foot.
+    """Solver for gap closures and air pressures in the cavities of one foot.
 
     Args:
         gap_um: Gap of each element [um], shape (elements,).
@@ -54,7 +54,7 @@ class CavityPressures:
         self._mean_opening = element_means(self._opening.T).T
 
     def closures_um(self, free_um: Vector, gas: Gas, *, contact: bool) -> tuple[Vector, Vector]:
-        """Return the closures of the cells [um], shape (n, 324), and the excess pressures [MPa], shape (n, elements).
+        """Return cell closures [um], shape (n, 324), and excess air pressures [MPa], shape (n, elements).
 
         Args:
             free_um: Closures of an empty foot without contact [um], shape (n, 324).
@@ -75,7 +75,7 @@ class CavityPressures:
         return closure_um, excess_mpa
 
     def sustained_closures_um(self, free_um: Vector, cavity: Cavity, *, contact: bool) -> Vector:
-        """Return the closures of the cells [um], shape (n, 324), under loads that have lasted for `SUSTAINED_LOAD_S`.
+        """Return the cell closures [um], shape (n, 324), under loads applied for `SUSTAINED_LOAD_S`.
 
         Args:
             free_um: Closures of an empty foot without contact [um], shape (n, 324).
@@ -90,7 +90,7 @@ class CavityPressures:
         return self.closures_um(free_um, gas, contact=contact)[0]
 
     def _volume_and_slope(self, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
-        """Return v [1] and its negative slope [1/MPa], which the gas law gives at an excess pressure [MPa]."""
+        """Return each cavity's relative volume [1] at an excess pressure [MPa], and its negative derivative [1/MPa]."""
         pressure_mpa = excess_mpa + gas.ambient_mpa
         remaining_volume: Vector = (gas.amount_mpa / pressure_mpa) ** (1.0 / gas.exponent)
         volume: Vector = remaining_volume - gas.leaked * excess_mpa / pressure_mpa
@@ -99,7 +99,7 @@ class CavityPressures:
         ) / pressure_mpa
 
     def _pressures_without_contact_mpa(self, free_um: Vector, gas: Gas) -> Vector:
-        """Return the excess pressures [MPa] at mean closures of an empty foot [um], shape (n, elements) each.
+        """Return the excess air pressures [MPa], shape (n, elements), for gaps that do not touch.
 
         Raises:
             ArithmeticError: Newton's method does not converge.
@@ -118,7 +118,7 @@ class CavityPressures:
         )
 
     def _solve_in_contact(self, free_um: Vector, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
-        """Return closures [um], shape (cells,), and excess pressures [MPa], shape (elements,), of one load.
+        """Return cell closures [um], shape (cells,), and excess pressures [MPa], shape (elements,), of one load.
 
         Raises:
             ArithmeticError: Newton's method does not converge.
@@ -151,6 +151,6 @@ class CavityPressures:
 
     @staticmethod
     def _pressures_after_step_mpa(excess_mpa: Vector, step_mpa: Vector, gas: Gas) -> Vector:
-        """Return excess pressures after a step [MPa], of which too much is left out where a vacuum would follow."""
+        """Return the excess pressures after a Newton step [MPa], shortened where it would give a vacuum."""
         least = _MIN_REMAINING_PRESSURE_REL * (excess_mpa + gas.ambient_mpa) - gas.ambient_mpa
         return np.maximum(excess_mpa + step_mpa, least)

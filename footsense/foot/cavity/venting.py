@@ -1,4 +1,4 @@
-"""How fast the air of a cavity leaves: into the rubber, through a wall of parylene, or through a channel.
+"""Time constants with which air leaves a cavity: into the rubber, through a parylene wall, through a channel.
 
 Source:
     Gas in PDMS: Merkel et al., Journal of Polymer Science B 38, 415, 2000. Parylene C: data sheet of Specialty Coating
@@ -20,7 +20,7 @@ CHANNEL_MM = 0.2
 
 
 def sorption_s(gap_um: float) -> float:
-    """Return when two bare plates of PDMS, thick beside the depth reached, have taken up half of a cavity's excess [s].
+    """Return the time in which bare PDMS plates absorb half of a cavity's excess air [s].
 
     A half-space takes up S sqrt(4 D t / pi) of the concentration at its surface.
     """
@@ -29,13 +29,13 @@ def sorption_s(gap_um: float) -> float:
 
 
 def parylene_s(gap_um: float) -> float:
-    """Return the time constant of a cavity behind an intact wall of parylene [s]: content over permeance."""
+    """Return the time constant of a cavity behind an intact parylene wall, by permeation [s]."""
     held_per_pa = 1e-6 * gap_um / 101325.0 * 273.15 / ROOM_K
     return held_per_pa * PARYLENE_M / PARYLENE_PERMEABILITY
 
 
 def channel_s(gap_um: float, electrode_mm: float, bar_mm: float) -> float:
-    """Return the time constant of a channel through a bar, as high as the gap, by flow between two plates [s]."""
+    """Return the time constant of a cavity with a channel as high as the gap, by viscous flow [s]."""
     height_m, length_m = 1e-6 * gap_um, 1e-3 * bar_mm
     per_pa = 1e-3 * CHANNEL_MM * height_m**3 / (12.0 * AIR_PA_S * length_m)
     return 1e-6 * electrode_mm**2 * height_m / (1e3 * AMBIENT_KPA * per_pa)

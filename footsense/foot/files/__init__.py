@@ -1,1 +1,1 @@
-"""Files of a foot: network card, checksum, calibration."""
+"""Files of a foot: metadata card of the network, checksum trailer, calibration folder."""

@@ -1,4 +1,4 @@
-"""The files of a foot's calibration.
+"""Schema of the JSON files in a foot's calibration folder.
 
 A calibration is the folder that a calibrated foot ships with, `foot-0007/`:
 
@@ -37,13 +37,13 @@ CorrectionRow = Annotated[list[float], Meta(min_length=N_CORRECTION_TERMS, max_l
 
 
 class Format(msgspec.Struct, frozen=True):
-    """Format number: the field that every version has; read first, since others may be missing."""
+    """Format number of a file, which every version has; read before the other fields."""
 
     format: int
 
 
 class HeldOut(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Accuracy on loads that the fit did not use.
+    """Force errors on loads that were not used in the fit, without and with the calibration.
 
     Attributes:
         protocol: Which loads, in words.
@@ -57,7 +57,7 @@ class HeldOut(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Identity and origin of a calibration.
+    """Identity and origin of a calibration: foot, date, recordings, checksums.
 
     Attributes:
         format: Format of these files.
@@ -95,17 +95,17 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
     @property
     def own_sha256(self) -> str:
-        """Hash of all entries but `sha256`."""
+        """SHA-256 of the manifest's entries except `sha256`."""
         return hashlib.sha256(msgspec.json.encode(msgspec.structs.replace(self, sha256=""))).hexdigest()
 
     @property
     def training_sha256(self) -> str:
-        """One hash for all recordings, independent of their names."""
+        """One SHA-256 over all recordings, independent of their names."""
         return hashlib.sha256("".join(sorted(self.recordings.values())).encode()).hexdigest()
 
 
 class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """`footsense.foot.parameters.FootParameters` as lists, and the conditions they hold for.
+    """JSON form of `footsense.foot.parameters.FootParameters`, with network checksum and temperature.
 
     Attributes:
         format: Format of these files.

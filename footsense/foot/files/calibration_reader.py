@@ -1,4 +1,4 @@
-"""Read and check a foot's calibration: reject it if a file is missing or damaged, or of another foot."""
+"""Load and check a foot's calibration folder; missing or damaged files, or another foot's, are errors."""
 
 import hashlib
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ _Struct = TypeVar("_Struct", Manifest, Parameters)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FootCalibration:
-    """The calibration of one foot.
+    """Loaded calibration of one foot: manifest, parameters, network.
 
     Attributes:
         folder: Its folder.
@@ -52,7 +52,7 @@ class FootCalibration:
 
 
 def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> FootCalibration:
-    """Return the calibration in a folder.
+    """Load the calibration in a folder, and check it for completeness, checksums and the foot.
 
     Args:
         folder: The folder.
@@ -115,10 +115,12 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
 
 
 def _decode_array(_: type, values: list[float]) -> Vector:
+    """Return a list of a JSON file as an array."""
     return np.array(values)
 
 
 def _mismatch_message(path: Path, expected: str) -> str:
+    """Return the error message about a JSON file that does not match its schema."""
     return (
         f"{path}: does not match {expected}: edited by hand, or damaged; copy the calibration again, or calibrate the "
         "foot again"
@@ -126,7 +128,7 @@ def _mismatch_message(path: Path, expected: str) -> str:
 
 
 def _read_file(path: Path) -> bytes:
-    """Return the bytes of a file of a calibration.
+    """Return the content of a file of a calibration folder.
 
     Raises:
         ModelError: It is missing, cannot be read, or is too large.
@@ -146,7 +148,7 @@ def _read_file(path: Path) -> bytes:
 
 
 def _decode_json(path: Path, content: bytes, kind: type[_Struct]) -> _Struct:
-    """Return the content of a JSON file.
+    """Return the content of a JSON file as a struct.
 
     Raises:
         ModelError: It is of another format, or does not fit.

@@ -1,4 +1,4 @@
-"""The checksum at the end of a network's file.
+"""Checksum appended to a network file (ONNX metadata entry).
 
 A flipped bit in a weight gives plausible, wrong forces. Without a checksum, one in twenty of 1200 random damages to the
 released file was accepted and changed a force by more than 1 mN, one in five by less.
@@ -24,7 +24,7 @@ _TRAILER_HEADER = (
 
 
 def add_checksum(content: bytes) -> bytes:
-    """Return an ONNX file with its checksum trailer.
+    """Return the content of an ONNX file with a checksum trailer appended.
 
     Args:
         content: The file without one.
@@ -33,7 +33,7 @@ def add_checksum(content: bytes) -> bytes:
 
 
 def verified_sha256(content: bytes, where: str) -> str:
-    """Verify the checksum, and return the hash of the file without its trailer, which identifies the network.
+    """Verify the checksum trailer; return the SHA-256 of the file without it, which identifies the network.
 
     Args:
         content: The file.

@@ -1,4 +1,4 @@
-"""The card in the metadata of a network's ONNX file: its capacitors, units and training range."""
+"""Metadata card in a network's ONNX file: capacitor design, signals and units, training range."""
 
 import math
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _CONTACT_ORDER_TEXT = "contact point x y, stereographic, then tangential over no
 
 
 class Signal(msgspec.Struct, frozen=True):
-    """An input or output of the network.
+    """Name, width, unit and component order of one input or output of the network.
 
     Attributes:
         name: Name in the graph.
@@ -36,7 +36,7 @@ class Signal(msgspec.Struct, frozen=True):
 
 
 def input_signals(rows: int) -> tuple[Signal, ...]:
-    """Return the inputs of the graph of a foot with so many rows and columns of elements."""
+    """Return the inputs of the network of a foot with `rows` rows and columns of elements."""
     elements = f"flat index {rows} * row + column, row 0 most forward, column 0 leftmost"
     readings = f"newest, the one before, the one before that, each by {elements}"
     return (
@@ -61,7 +61,7 @@ Positive = Annotated[float, Meta(gt=0.0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainedInputs:
-    """Capacitor design that a network was trained for, and range and second moments of the training inputs.
+    """Capacitor design for which a network was trained; range and second moments of its training inputs.
 
     Attributes:
         design: The capacitors.
@@ -90,13 +90,13 @@ class TrainedInputs:
 
 
 class _Format(msgspec.Struct, frozen=True):
-    """Format number: the field that every version of the card has."""
+    """Format number of a card, which every version has."""
 
     format: int
 
 
 class _TrainedLoads(msgspec.Struct, frozen=True):
-    """Range of the loads of a training.
+    """Range of the training loads.
 
     Attributes:
         max_n: Largest force [N]; the paper's foot's if a card does not name it.
@@ -106,13 +106,13 @@ class _TrainedLoads(msgspec.Struct, frozen=True):
 
 
 class _Training(msgspec.Struct, frozen=True):
-    """How a network was trained, as far as the daemon needs it."""
+    """Training settings of a network that the daemon needs."""
 
     random_loads: _TrainedLoads = _TrainedLoads()
 
 
 class Card(msgspec.Struct, frozen=True):
-    """The fields of a card that the daemon needs; it ignores the others."""
+    """Metadata card of a network, reduced to the fields that the daemon needs."""
 
     format: int
     foot_type: str
@@ -130,17 +130,17 @@ class Card(msgspec.Struct, frozen=True):
 
     @property
     def rows(self) -> int:
-        """Rows of elements of the foot, and columns."""
+        """Number of rows (and of columns) of elements of the foot."""
         return math.isqrt(len(self.closure_rel_min))
 
     @property
     def max_n(self) -> float:
-        """Largest force of the training [N]."""
+        """Largest force in the training [N]."""
         return self.training.random_loads.max_n
 
     @property
     def trained_inputs(self) -> TrainedInputs:
-        """Capacitors and training inputs, for the pipeline."""
+        """Capacitor design and training range, for the pipeline."""
         return TrainedInputs(
             design=msgspec.convert(self, CapacitorDesign, from_attributes=True),
             closure_rel_min=np.array(self.closure_rel_min),
@@ -150,7 +150,7 @@ class Card(msgspec.Struct, frozen=True):
 
 
 def read_card(text: str | None, where: str) -> Card:
-    """Return the checked card of a network.
+    """Return the metadata card of a network, parsed and checked.
 
     Args:
         text: The metadata entry, None if the file has none.
@@ -188,7 +188,7 @@ def read_card(text: str | None, where: str) -> Card:
 
 
 def _check_sizes(where: str, card: Card) -> None:
-    """Check that every entry of a card that is by element is of one number of elements.
+    """Raise an error unless all per-element entries of a card have the same number of elements.
 
     Raises:
         ModelError: It is of another, or no foot has so many.
@@ -209,7 +209,7 @@ def _check_sizes(where: str, card: Card) -> None:
 
 
 def _check_signals(where: str, kind: str, found: tuple[Signal, ...], needed: tuple[Signal, ...]) -> None:
-    """Check that the inputs or outputs of a card are the daemon's.
+    """Raise an error unless the inputs or outputs on a card are the expected ones.
 
     Raises:
         ModelError: They are others.
