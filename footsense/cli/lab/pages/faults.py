@@ -19,6 +19,7 @@ class FaultResults:
     Attributes:
         foot_type: Name of the feet.
         peak_n: Largest vertical force on a foot [N]: half of that of its training.
+        n_elements: Elements of a foot.
         legs: `FaultFigures` of each fault of legs, buses and feet.
         can: `CanFigures` of each fault of CAN; empty for other feet than the paper's, as they do not matter there.
     """
@@ -27,6 +28,7 @@ class FaultResults:
     peak_n: float
     legs: dict[str, dict[str, Any]]
     can: dict[str, dict[str, Any]]
+    n_elements: int = ELEMENTS
 
 
 def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
@@ -35,7 +37,9 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     own = foot.foot_type != DEFAULT.foot_type
     load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
     foot_type = str(context.models.resolve()) if own else DEFAULT.foot_type
-    rows = fault_rows(context.report_progress, quick=context.quick, foot_type=foot_type, load=load)
+    rows = fault_rows(
+        context.report_progress, quick=context.quick, foot_type=foot_type, rows=foot.rows, load=load
+    )
     legs = {
         words: f._asdict() | {"state": f.state.name.lower(), "cause": f.cause.name.lower()}
         for words, f in rows.items()
@@ -44,15 +48,16 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     return FaultResults(
         foot_type=foot.foot_type,
         peak_n=load.peak_force_n,
+        n_elements=foot.rows**2,
         legs=legs,
         can={words: f._asdict() for words, f in can.items()},
     ), {}
 
 
-def _element_numbers_text(mask: int) -> str:
+def _element_numbers_text(mask: int, n_elements: int) -> str:
     """Return the numbers of the elements in a mask."""
-    named = [str(element) for element in range(ELEMENTS) if mask >> element & 1]
-    return "all" if len(named) == ELEMENTS else " ".join(named) or "-"
+    named = [str(element) for element in range(n_elements) if mask >> element & 1]
+    return "all" if len(named) == n_elements else " ".join(named) or "-"
 
 
 def _milliseconds_text(time_s: float | None) -> str:
