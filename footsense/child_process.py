@@ -46,7 +46,7 @@ def check_new_file(name: str, path: Path) -> None:
 def start_writer(
     module: str, arguments: list[str], file: int, pipe_bytes: int
 ) -> tuple[subprocess.Popen[bytes], int]:
-    """Start a footsense module as a child process that writes a file from the bytes of a pipe.
+    """Start a footsense module that writes a file from a pipe; return the process and the pipe's write end.
 
     Args:
         module: Name of the module.

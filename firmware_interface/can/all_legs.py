@@ -55,7 +55,7 @@ N_BYTES = {can_id: _HEADER_STRUCT.size + len(nodes) * _LEG_STRUCT.size for can_i
 
 _NO_FORCE = -32768
 _MAX_FORCE = 32767
-_FORCE_PER_N = 1000
+_FORCE_CODES_PER_N = 1000
 _AGE_STEP_NS, _NO_AGE = 500_000, 0xFF
 _FIRST_MASK_BIT = 6
 _FLAGS_OF_ALL_LEGS = Flag.SIMULATED | Flag.DEGRADED_TIMING
@@ -130,7 +130,7 @@ def encode_forces(
 
 
 def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
-    """Decode a CAN FD `Forces` or `Forces4` frame of feet with `n_elements` elements.
+    """Return the content of a CAN FD `Forces` or `Forces4` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc, counter or a state is wrong.
@@ -152,7 +152,7 @@ def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
     legs = []
     slots = _LEG_STRUCT.iter_unpack(data[_HEADER_STRUCT.size :])
     for node, (bits, *codes) in zip(NODES[can_id], slots, strict=True):
-        x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
+        x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _FORCE_CODES_PER_N for code in codes)
         sigmas = bits >> _FIRST_MASK_BIT + layout.mask_bits
         across_n, along_n = (layout.sigma_n(sigmas >> at & layout.no_sigma) for at in (0, layout.sigma_bits))
         mask = bits >> _FIRST_MASK_BIT & layout.mask
@@ -177,4 +177,4 @@ def _crc(can_id: int, payload: bytes) -> int:
 
 def _force_code(force_n: float) -> int:
     """Return the code of a force component [N], clipped to the range."""
-    return round(max(-_MAX_FORCE, min(_MAX_FORCE, force_n * _FORCE_PER_N)))
+    return round(max(-_MAX_FORCE, min(_MAX_FORCE, force_n * _FORCE_CODES_PER_N)))

@@ -41,7 +41,7 @@ class Baseline(NamedTuple):
 
 
 _BASELINE = struct.Struct("<BhhH")
-_OFFSETS_PER_PF = 10_000
+_OFFSET_CODES_PER_PF = 10_000
 _NO_OFFSET = -32768
 _MAX_OFFSET = 32767
 
@@ -77,7 +77,7 @@ def encode_baseline(
 
 
 def decode_baseline(can_id: int, data: bytes) -> Baseline:
-    """Decode a `Baseline` frame.
+    """Return the content of a `Baseline` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc, counter or status is wrong.
@@ -92,9 +92,9 @@ def _offset_code(offset_pf: float) -> int:
     """Return the code of a drift [pF], clipped; NaN has a code of its own."""
     if math.isnan(offset_pf):
         return _NO_OFFSET
-    return round(max(-_MAX_OFFSET, min(_MAX_OFFSET, offset_pf * _OFFSETS_PER_PF)))
+    return round(max(-_MAX_OFFSET, min(_MAX_OFFSET, offset_pf * _OFFSET_CODES_PER_PF)))
 
 
 def _offset_pf(code: int) -> float:
     """Return the drift of a code [pF]; NaN without a value."""
-    return math.nan if code == _NO_OFFSET else code / _OFFSETS_PER_PF
+    return math.nan if code == _NO_OFFSET else code / _OFFSET_CODES_PER_PF

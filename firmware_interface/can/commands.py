@@ -95,7 +95,7 @@ def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
 
 
 def decode_command(can_id: int, data: bytes) -> Command:
-    """Decode a `Command` frame.
+    """Return the content of a `Command` frame, after checking it.
 
     Raises:
         UnknownCommandError: The crc is right, but kind and word are those of no command.
@@ -127,7 +127,7 @@ def encode_answer(node: int, counter: int, result: int, kind: int, command_count
 
 
 def decode_answer(can_id: int, data: bytes) -> Answer:
-    """Decode an `Answer` frame.
+    """Return the content of an `Answer` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc, counter or result is wrong.

@@ -76,7 +76,7 @@ def encode_fault(node: int, counter: int, state: int, previous: int, fault_mask:
 
 
 def decode_fault(can_id: int, data: bytes) -> Fault:
-    """Decode a `Fault` frame.
+    """Return the content of a `Fault` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc, counter, a state or the cause is wrong.
@@ -102,7 +102,7 @@ def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes
 
 
 def decode_heartbeat(can_id: int, data: bytes) -> Heartbeat:
-    """Decode a `Heartbeat` frame.
+    """Return the content of a `Heartbeat` frame, after checking it.
 
     Raises:
         FrameError: The id, length or state is wrong.

@@ -113,7 +113,7 @@ _NAN = float("nan")
 
 
 def force_step_mn(max_n: float) -> int:
-    """Return what a bit of a force on CAN stands for [mN], the finest that holds the forces of a foot type.
+    """Return the resolution of the forces on CAN [mN per bit], the finest whose range covers forces up to `max_n`.
 
     Args:
         max_n: Largest force that the feet's network was trained for [N].
@@ -225,7 +225,7 @@ def _sendable_force(state: int, force_n: tuple[float, float, float]) -> tuple[in
 
 
 def decode_force(can_id: int, data: bytes) -> Force:
-    """Decode a `Force` frame.
+    """Return the content of a `Force` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc, counter or state is wrong.
@@ -236,7 +236,7 @@ def decode_force(can_id: int, data: bytes) -> Force:
 
 
 def decode_quality(can_id: int, data: bytes, n_elements: int = 9) -> Quality:
-    """Decode a `Quality` frame of feet with `n_elements` elements.
+    """Return the content of a `Quality` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc or counter is wrong.

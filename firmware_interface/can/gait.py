@@ -94,23 +94,23 @@ _GROUND = struct.Struct("<7s")
 
 _AGE_STEP_NS = 100_000
 _NO_AGE = 0xFFFF
-_EVENT_SIGMA_PER_S = 5000
-_SHARE_PER_UNIT = 200
-_NORMAL_PER_UNIT = 500
+_EVENT_SIGMA_CODES_PER_S = 5000
+_SHARE_CODES_PER_UNIT = 200
+_NORMAL_CODES_PER_UNIT = 500
 _NO_NORMAL = -512
-_NORMAL_SIGMA_PER_RAD = 400
-_FRICTION_PER_UNIT = 250
+_NORMAL_SIGMA_CODES_PER_RAD = 400
+_FRICTION_CODES_PER_UNIT = 250
 _NAN = math.nan
 # Rounds up, except for the rounding error of a whole number of bits.
 _CEILING_OFFSET = 1 - 1e-6
 # Arguments of `_codes`.
-_EVENT_FIELDS = ((_EVENT_SIGMA_PER_S, 0xFF, _CEILING_OFFSET),)
-_GAIT_FIELDS = ((_SHARE_PER_UNIT, 0xFF, 0.5), (_SHARE_PER_UNIT, 0xFF, 0.5))
+_EVENT_FIELDS = ((_EVENT_SIGMA_CODES_PER_S, 0xFF, _CEILING_OFFSET),)
+_GAIT_FIELDS = ((_SHARE_CODES_PER_UNIT, 0xFF, 0.5), (_SHARE_CODES_PER_UNIT, 0xFF, 0.5))
 _GROUND_FIELDS = (
-    (_NORMAL_SIGMA_PER_RAD, 0x7F, _CEILING_OFFSET),
-    (_FRICTION_PER_UNIT, 0x1FF, 0.5),
-    (_FRICTION_PER_UNIT, 0x3F, _CEILING_OFFSET),
-    (_FRICTION_PER_UNIT, 0x1FF, 0.5),
+    (_NORMAL_SIGMA_CODES_PER_RAD, 0x7F, _CEILING_OFFSET),
+    (_FRICTION_CODES_PER_UNIT, 0x1FF, 0.5),
+    (_FRICTION_CODES_PER_UNIT, 0x3F, _CEILING_OFFSET),
+    (_FRICTION_CODES_PER_UNIT, 0x1FF, 0.5),
 )
 
 
@@ -139,7 +139,7 @@ def encode_gait_event(
 
 
 def decode_gait_event(can_id: int, data: bytes) -> GaitEvent:
-    """Decode a `GaitEvent` frame.
+    """Return the content of a `GaitEvent` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc, counter or kind is wrong.
@@ -150,7 +150,7 @@ def decode_gait_event(can_id: int, data: bytes) -> GaitEvent:
         counter,
         enum_member(GaitEventKind, head >> 4),
         None if age == _NO_AGE else age * _AGE_STEP_NS,
-        _decoded_value(sigma, _EVENT_SIGMA_PER_S, 0xFF),
+        _decoded_value(sigma, _EVENT_SIGMA_CODES_PER_S, 0xFF),
         bool(air & 1),
     )
 
@@ -187,14 +187,14 @@ def encode_gait(
 
 
 def decode_gait(can_id: int, data: bytes) -> Gait:
-    """Decode a `Gait` frame.
+    """Return the content of a `Gait` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc, counter or slip is wrong.
     """
     node, counter, (head, slip, *shares) = unpack_protected(can_id, data, GAIT_ID, _GAIT)
     contact, contact_raw, all_in_air = (bool(head >> bit & 1) for bit in (4, 5, 6))
-    probability, load_share = (_decoded_value(code, _SHARE_PER_UNIT, 0xFF) for code in shares)
+    probability, load_share = (_decoded_value(code, _SHARE_CODES_PER_UNIT, 0xFF) for code in shares)
     state = enum_member(Slip, slip & 3)
     return Gait(node, counter, contact, contact_raw, all_in_air, state, probability, load_share)
 
@@ -229,7 +229,7 @@ def encode_ground(
         '88 20 03 00 8c 1f c5 7f'
     """
     normal_x, normal_y, _ = [
-        round(part * _NORMAL_PER_UNIT) if -1.0 <= part <= 1.0 else _NO_NORMAL for part in normal
+        round(part * _NORMAL_CODES_PER_UNIT) if -1.0 <= part <= 1.0 else _NO_NORMAL for part in normal
     ]
     normal_sigma, use, use_sigma, coefficient = _encoded_values(
         _GROUND_FIELDS, [normal_sigma_rad, friction_use, friction_use_sigma, friction]
@@ -240,7 +240,7 @@ def encode_ground(
 
 
 def decode_ground(can_id: int, data: bytes) -> Ground:
-    """Decode a `Ground` frame: normal, friction use, and friction coefficient of the ground below a foot.
+    """Return the content of a `Ground` frame (ground normal, friction use, friction), after checking it.
 
     Raises:
         FrameError: The id, length, crc or counter is wrong.
@@ -248,16 +248,16 @@ def decode_ground(can_id: int, data: bytes) -> Ground:
     node, counter, (payload,) = unpack_protected(can_id, data, GROUND_ID, _GROUND)
     bits = int.from_bytes(payload, "little")
     codes = [(bits >> shift & 0x3FF ^ 0x200) - 0x200 for shift in (4, 14)]
-    normal_x, normal_y = (_NAN if _NO_NORMAL in codes else code / _NORMAL_PER_UNIT for code in codes)
+    normal_x, normal_y = (_NAN if _NO_NORMAL in codes else code / _NORMAL_CODES_PER_UNIT for code in codes)
     normal_z = math.sqrt(max(1.0 - normal_x * normal_x - normal_y * normal_y, 0.0))
     return Ground(
         node,
         counter,
         (normal_x, normal_y, _NAN if math.isnan(normal_x) else normal_z),
-        _decoded_value(bits >> 24 & 0x7F, _NORMAL_SIGMA_PER_RAD, 0x7F),
-        _decoded_value(bits >> 31 & 0x1FF, _FRICTION_PER_UNIT, 0x1FF),
-        _decoded_value(bits >> 40 & 0x3F, _FRICTION_PER_UNIT, 0x3F),
-        _decoded_value(bits >> 46 & 0x1FF, _FRICTION_PER_UNIT, 0x1FF),
+        _decoded_value(bits >> 24 & 0x7F, _NORMAL_SIGMA_CODES_PER_RAD, 0x7F),
+        _decoded_value(bits >> 31 & 0x1FF, _FRICTION_CODES_PER_UNIT, 0x1FF),
+        _decoded_value(bits >> 40 & 0x3F, _FRICTION_CODES_PER_UNIT, 0x3F),
+        _decoded_value(bits >> 46 & 0x1FF, _FRICTION_CODES_PER_UNIT, 0x1FF),
     )
 
 

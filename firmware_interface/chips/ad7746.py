@@ -134,7 +134,7 @@ def configuration(mode: int, capfs: int = 0, vtfs: int = 0) -> int:
 
 
 def capdac(code: int) -> int:
-    """Return the CAPDAC byte that subtracts so many steps from the input.
+    """Return the CAPDAC register byte that subtracts `code` steps from the input capacitance.
 
     Raises:
         ValueError: There is no such step.

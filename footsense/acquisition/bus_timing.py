@@ -15,7 +15,7 @@ from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import NackError
 from footsense.ports import Clock, I2cBus, Transaction
 
-_SHORT, _LONG = 1, 33  # bytes read
+_SHORT_READ_BYTES, _LONG_READ_BYTES = 1, 33  # bytes read
 _N_TRIES = 9
 
 
@@ -67,10 +67,10 @@ def measure_bus_costs(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
             raise lost
         return median(durations_ns)
 
-    short_ns, long_ns = transaction_ns(_SHORT), transaction_ns(_LONG)
-    bits = transaction_bits(0, _LONG) - transaction_bits(0, _SHORT)
+    short_ns, long_ns = transaction_ns(_SHORT_READ_BYTES), transaction_ns(_LONG_READ_BYTES)
+    bits = transaction_bits(0, _LONG_READ_BYTES) - transaction_bits(0, _SHORT_READ_BYTES)
     bit_ns = max(long_ns - short_ns, 1.0) / bits
-    host_cost_ns = short_ns - BUS_FREE_NS - transaction_bits(0, _SHORT) * bit_ns
+    host_cost_ns = short_ns - BUS_FREE_NS - transaction_bits(0, _SHORT_READ_BYTES) * bit_ns
     return BusCosts(1e9 / bit_ns, max(host_cost_ns, 0.0))
 
 

@@ -33,7 +33,7 @@ class ChipTiming(NamedTuple):
 
 
 def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
-    """Measure the conversion time of the only connected leg's converter; None if it does not finish.
+    """Measure and return the conversion time of the only connected leg's converter; None if it does not finish.
 
     All rates of a chip come from one clock, so that the fastest is measured. Its last conversion is left running.
 

@@ -222,7 +222,7 @@ class LegGroup:
     def _start_conversion(
         self, legs: Legs, selection: int, step: ConversionStep, select: tuple[Transaction, ...]
     ) -> Conversion:
-        """Select lines and trigger a conversion on all given legs at once."""
+        """Select lines and trigger a conversion on all given legs at once; return the running conversion."""
         for _ in range(_N_TRIES if legs else 0):
             try:
                 bus = self._transport.connect(selection)

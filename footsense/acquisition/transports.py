@@ -186,7 +186,7 @@ class KernelMux:
         """Do nothing: the kernel stores the mux selection."""
 
     def free_bus(self) -> bool:
-        """Do nothing: the kernel disconnects and recovers the bus."""
+        """Return True without doing anything: the kernel disconnects and recovers the bus."""
         return True
 
     def leave_out_stuck(self, legs: Sequence[LegConnection], read: Transaction, clock: Clock) -> None:

@@ -160,7 +160,7 @@ def evaluate(
     models: DesignModels,
     foot: FootParameters | None,
 ) -> Evaluation:
-    """Estimate the loads of sessions by the network alone and with the calibration, beside the reference forces.
+    """Return the forces of sessions as estimated by the network alone and with calibration, and the reference forces.
 
     Args:
         sessions: The recordings.

@@ -53,7 +53,7 @@ def open_wire(
     fd: bool = False,
     sends: bool = True,
 ) -> CanWire:
-    """Open a CAN interface by python-can, as a raw socket where possible.
+    """Open and return a CAN interface by python-can, as a raw socket where possible.
 
     Args:
         interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.

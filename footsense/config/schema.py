@@ -116,7 +116,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def _rates(self) -> Mapping[int, fdc1004.Rate | ad7746.Rate]:
-        """Return the conversion rates of the configured board."""
+        """Conversion rates of the configured board."""
         # The converters of a microcontroller are unknown here: assume those of the default board.
         return BOARDS.get(self.board, BOARDS["fdc1004"]).rates
 

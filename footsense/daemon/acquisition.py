@@ -85,7 +85,7 @@ class OpenBus(NamedTuple):
 
 
 def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> list[OpenBus]:
-    """Open the I2C adapters and reset lines of every bus.
+    """Open the I2C adapters and reset lines of every bus; return the open buses.
 
     Args:
         config: The robot.

@@ -149,7 +149,7 @@ def solve_contact_lcp(
     raise ArithmeticError("the contact problem has no end: its compliance is not positive definite")
 
 
-def closures_of_closed_um(
+def closures_for_closed_cells_um(
     free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector, closed: Mask
 ) -> Vector:
     """Return the cell closures for a given set of closed cells [um], shape (k, n, 324).

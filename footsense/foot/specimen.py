@@ -151,7 +151,7 @@ class Foot:
             return np.tile(self.unloaded_pf, (len(force_n), 1))
         return self._capacitance_pf(self.cells_um(normal, force_n, gas))
 
-    def capacitance_of_free_pf(self, free_um: Vector) -> Vector:
+    def capacitance_of_free_closures_pf(self, free_um: Vector) -> Vector:
         """Return the capacitances [pF], shape (n, elements), from free cell closures [um], shape (n, cells)."""
         return self._capacitance_pf(self._limited_closures_um(free_um, None))
 

@@ -23,7 +23,7 @@ def scene_names() -> list[str]:
 
 
 def load_scene(name_or_path: str) -> Scene:
-    """Load a scene that comes with the package, by name, or one from a YAML file.
+    """Load and return a scene that comes with the package, by name, or one from a YAML file.
 
     Raises:
         ConfigError: There is no such scene, or it is not a valid one.

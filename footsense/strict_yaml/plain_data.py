@@ -69,7 +69,7 @@ def item_path(path: str, key: str | int) -> str:
 
 
 def read_yaml(source: Path | str | bytes) -> PlainData:
-    """Parse the YAML text of a single document to plain data.
+    """Parse the YAML text of a single document; return its plain data with line numbers.
 
     Args:
         source: A file to read if it is a `Path`, else the text itself.

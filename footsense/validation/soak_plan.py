@@ -42,7 +42,7 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def soak_stretches(hours: float, seed: int) -> list[Stretch]:
-    """Divide the hours of a soak test into stretches, each with its own rates, seed and standstills.
+    """Return the stretches of a soak test, each with its own rates, seed and standstills.
 
     A day has four hours at 400 S/s, one of them with a force on CAN for each conversion, two of them with warming and
     cooling, and the rest at 100 S/s, which takes a third of the computing time, with two stands. Up to four hours are

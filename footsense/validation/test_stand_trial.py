@@ -72,7 +72,7 @@ class FootOnTestStand(NamedTuple):
 
 
 def run_test_stand_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> FootOnTestStand:
-    """Simulate and record both sessions of a foot, and read the recordings back.
+    """Simulate and record both sessions of a foot, and return them as read back.
 
     Args:
         batch: Batch of the foot.

@@ -34,7 +34,7 @@ class LinuxResetLine:
 
     @classmethod
     def open(cls, device: str, line: int) -> "LinuxResetLine":
-        """Request a GPIO line that drives the mux's RESET pin.
+        """Request a GPIO line as output to the mux's RESET pin; return it as a reset line.
 
         Args:
             device: The GPIO chip, such as /dev/gpiochip0.

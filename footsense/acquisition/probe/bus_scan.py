@@ -62,7 +62,7 @@ def leg_chip_addresses(plan: ScanPlan) -> tuple[int, ...]:
 def scan_bus(
     bus: UpstreamBus, clock: Clock, plan: ScanPlan, legs: Mapping[str, int], claimed: Collection[int] = ()
 ) -> BusScan:
-    """Scan a bus whose mux footsense itself switches.
+    """Return the chips found on a bus whose mux footsense itself switches, and the bus's timing.
 
     Args:
         bus: The bus.
@@ -103,7 +103,7 @@ def scan_bus(
 def scan_adapters(
     adapters: Sequence[I2cBus], clock: Clock, plan: ScanPlan, claimed: Collection[int] = ()
 ) -> BusScan:
-    """Scan a bus whose mux the kernel switches, through each leg's adapter; arguments as of `scan_bus`.
+    """Return the chips found on a bus whose mux the kernel switches; arguments as of `scan_bus`.
 
     An address that answers behind every channel is on the upstream bus. A channel with a stuck line shows nothing of
     it; if all are stuck, the upstream bus is unknown (None). Without any adapter, nothing answers.

@@ -138,7 +138,7 @@ def _load_result(load: LoadCase, context: StudyContext) -> LoadResult:
 
 
 def compute(context: StudyContext) -> tuple[TradeoffResults, Plots]:
-    """Run the study `tradeoff`: all methods on all load cases, and the walk at every operating point."""
+    """Run the study `tradeoff`; return its results and figures."""
     size = QUICK_SIZE if context.quick else FULL_SIZE
     loads = {}
     for name, load in load_cases(size.strides, size.phases).items():

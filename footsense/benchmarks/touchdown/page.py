@@ -154,7 +154,7 @@ def _figure(latencies: dict[str, _LatenciesMs]) -> Figure:
 
 
 def compute(context: StudyContext) -> tuple[TouchdownResults, Plots]:
-    """Run the study `touchdown`: simulate touchdowns, estimate after each conversion, measure the latencies."""
+    """Run the study `touchdown`; return its results and figures."""
     n_feet, until_s = _QUICK if context.quick else _FULL
     steps = RandomTouchdowns(n_feet, until_s, np.random.default_rng(_SEED))
     result = simulate_touchdowns(context, steps, until_s, _SEED)

@@ -1,4 +1,4 @@
-"""Random touchdowns of some feet, hard or soft, upright or leaning: true loads over time."""
+"""Random touchdowns of some feet (hard or soft, upright or leaning): true loads over time."""
 
 from typing import NamedTuple
 

@@ -73,7 +73,7 @@ class CalibrationResult(NamedTuple):
 def calibrate_sessions(
     models: DesignModels, sessions: Sequence[RecordedSession], hold_out: str | None = None
 ) -> CalibrationResult:
-    """Fit the parameters of a foot to its recorded sessions; with held-out loads, measure its force errors.
+    """Fit the parameters of a foot to its sessions, and return them; with held-out loads, with their force errors.
 
     Args:
         models: Models of its type.
@@ -107,7 +107,7 @@ def calibrate_sessions(
 
 
 def calibrate(models: DesignModels, loads: LoadSet) -> CalibrationResult:
-    """Fit a foot's deviations from its design to calibration loads, and refuse an implausible result.
+    """Fit and return a foot's deviations from its design; raise an error if they are implausible.
 
     Args:
         models: Models of its type.
@@ -142,7 +142,7 @@ def require_plausible(result: CalibrationResult) -> None:
 
 
 def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResult:
-    """Fit the parameters of a foot as `calibrate` does, without refusing an implausible result.
+    """Fit and return the parameters of a foot as `calibrate` does, even if they are implausible.
 
     Raises:
         CalibrationError: The loads are too few, or none can be read.

@@ -44,7 +44,7 @@ class Correction(NamedTuple):
 
 
 def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> Correction:
-    """Fit the linear correction of the estimated force by ridge regression.
+    """Fit and return the linear correction of the estimated force (ridge regression).
 
     Args:
         designed_n: p above, the network's forces [N], shape (n, 3).

@@ -142,7 +142,7 @@ class FootTwin:
         )
         gap_um = np.stack([np.repeat(self.gap_um(parameters), gap_contact.CELLS) for parameters, _ in nearby])
         # A softer solid is pushed as far back by less force: the closures do not depend on the compliance's scale.
-        return gap_contact.closures_of_closed_um(
+        return gap_contact.closures_for_closed_cells_um(
             free_um, gap_um, self._response.compliance_um_per_n, closed_cells
         )
 

@@ -60,7 +60,7 @@ def _scan_adapter(device: str) -> ProbedAdapter:
 
 
 def probe(config: Config, scene: Scene | None) -> ProbeResult:
-    """Scan every bus for its chips, then read the feet a few times; the feet must be unloaded.
+    """Scan every bus for chips, read the unloaded feet a few times, and return the result with diagnoses.
 
     Args:
         config: The robot.

@@ -99,7 +99,7 @@ class LegBaseline:
         self.status = reason
 
     def track_drift(self, capacitance_pf: Vector, t_ns: Stamps) -> bool:
-        """Update the baseline from readings of a foot in swing, if drift and creep could explain them.
+        """Update the baseline from readings in swing, if drift and creep could explain them; return whether it did.
 
         Nothing happens until every element has been read anew since the last call that counted.
 

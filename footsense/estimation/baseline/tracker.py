@@ -109,7 +109,7 @@ class BaselineTracker:
         self._copy_changed_baselines()
 
     def begin_tare(self, leg: int) -> CommandResult | None:
-        """Start a tare of a leg on command, unless one is in progress.
+        """Start a tare of a leg on command, unless one is in progress; return a result only if refused.
 
         Returns:
             None if it will end in a later frame; the refusal if the foot is in contact.

@@ -19,7 +19,7 @@ class MissingSets(NamedTuple):
         columns: The columns, shape (r, n).
         bits: Bit of each element in a pattern of elements, shape (n,).
         set_index_of_pattern: Index in `sets` of each of the 2^n patterns; 0 also where it is no set.
-        smallest_around: Smallest set that contains each pattern; the empty one where no set does, shape (2^n, n).
+        smallest_superset: Smallest set that contains each pattern; the empty one where no set does, shape (2^n, n).
     """
 
     sets: Mask
@@ -27,7 +27,7 @@ class MissingSets(NamedTuple):
     columns: Mask
     bits: NDArray[np.uint16]
     set_index_of_pattern: NDArray[np.intp]
-    smallest_around: Mask
+    smallest_superset: Mask
 
 
 @cache
@@ -76,7 +76,7 @@ def missing_elements(faulty: Mask) -> Mask:
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
     known = missing_sets(faulty.shape[1])
-    missing: Mask = known.smallest_around[faulty @ known.bits]
+    missing: Mask = known.smallest_superset[faulty @ known.bits]
     return missing
 
 

@@ -44,7 +44,7 @@ _SLIP_STARTS_AFTER, _SLIP_ENDS_AFTER = 2, 3
 #: Normal force from which friction is learnt [N].
 _MIN_LEARNT_N = 0.15
 #: From the beginning or end of a slip to the first estimate that shows it [ns].
-_LAG_NS = 9_600_000
+_DETECTION_LAG_NS = 9_600_000
 #: Standard deviation of the time of a slip [s].
 _TIME_SIGMA_S = 0.01
 
@@ -179,7 +179,7 @@ class SlipDetector:
         if not ground.pressing_n > _MIN_LEARNT_N or math.isnan(use):
             was_slipping = self.state is Slip.SLIPPING
             self.state, self._run = Slip.UNKNOWN, 0
-            return BackDated(now_ns - _LAG_NS, _TIME_SIGMA_S) if was_slipping else None
+            return BackDated(now_ns - _DETECTION_LAG_NS, _TIME_SIGMA_S) if was_slipping else None
         tolerance = max(_TOLERANCE_SIGMAS * ground.friction_use_sigma, _MIN_TOLERANCE)
         if tolerance > _MAX_SLIP_TOLERANCE:
             # As in the first scan of a stance; a reported slip continues.
@@ -206,7 +206,7 @@ class SlipDetector:
         ):
             return None
         self.state = Slip.SLIPPING if at_cone else Slip.NONE
-        return BackDated(self._since_ns - _LAG_NS, _TIME_SIGMA_S)
+        return BackDated(self._since_ns - _DETECTION_LAG_NS, _TIME_SIGMA_S)
 
     def _find_kink(self, tolerance: float, *, exceeds: bool) -> None:
         """Search the latest ratios for a rise that ends in a plateau, and report it to the friction estimator.

@@ -130,7 +130,7 @@ class SimulatedKernelMuxChannel:
         self._host_cost_ns = host_cost_ns
 
     def transfer(self, transaction: Transaction) -> bytes:
-        """Do one I2C transaction on the channel, after switching the mux to it if it is not selected.
+        """Switch the mux to the channel if needed, do one I2C transaction, and return the bytes read.
 
         Raises:
             BusError: As the upstream bus.

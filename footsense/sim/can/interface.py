@@ -91,7 +91,7 @@ class SimulatedCan:
         return socket
 
     def enqueue_sent_frame(self, frame: bytes) -> bool:
-        """Append a sent frame to the transmit queue.
+        """Append a frame to the transmit queue; return whether it was accepted.
 
         Returns:
             False if it was refused.

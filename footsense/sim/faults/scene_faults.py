@@ -18,12 +18,12 @@ from footsense.sim.faults.schedule import Span
 _NS_PER_S = 1_000_000_000
 
 Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
-#: Element, row or column of the largest array; a foot may have fewer.
-Element = Annotated[int, Meta(ge=0, le=15)]
-Line = Annotated[int, Meta(ge=0, le=3)]
-Rate = Annotated[float, Meta(gt=0.0, le=1.0)]
+#: ElementIndex, row or column of the largest array; a foot may have fewer.
+ElementIndex = Annotated[int, Meta(ge=0, le=15)]
+LineIndex = Annotated[int, Meta(ge=0, le=3)]
+Probability = Annotated[float, Meta(gt=0.0, le=1.0)]
 #: Index of one of the robot's buses, in the order of its configuration.
-Bus = Annotated[int, Meta(ge=0, le=5)]
+BusIndex = Annotated[int, Meta(ge=0, le=5)]
 
 _RENAMED = {
     "garbled": "corrupt_reads",
@@ -78,7 +78,7 @@ class _OnLeg(_Lasting, frozen=True, kw_only=True):
 class _OnElement(_OnLeg, frozen=True, kw_only=True):
     """A fault of one element of a foot."""
 
-    element: Element
+    element: ElementIndex
 
 
 # ---------------------------------------------------------------- the chips of a leg
@@ -91,13 +91,13 @@ class Absent(_OnLeg, frozen=True, kw_only=True):
 class NackAtRandom(_OnLeg, frozen=True, kw_only=True):
     """Each acknowledge of the leg's chips is lost with probability `rate_rel`: a loose contact."""
 
-    rate_rel: Rate
+    rate_rel: Probability
 
 
 class CorruptReads(_OnLeg, frozen=True, kw_only=True):
     """Each read from the leg has one flipped bit with probability `rate_rel`: noise on its I2C lines."""
 
-    rate_rel: Rate
+    rate_rel: Probability
 
 
 class StuckConverter(_OnLeg, frozen=True, kw_only=True):
@@ -135,20 +135,20 @@ class StuckSda(_OnLeg, frozen=True, kw_only=True):
 class StuckUpstreamBus(_Lasting, frozen=True, kw_only=True):
     """SDA is held low between host and mux: no transaction passes."""
 
-    bus: Bus = 0
+    bus: BusIndex = 0
 
 
 class ArbitrationLost(_Lasting, frozen=True, kw_only=True):
     """Another master wins the arbitration on the upstream bus with probability `rate_rel` per attempt."""
 
-    bus: Bus = 0
-    rate_rel: Rate
+    bus: BusIndex = 0
+    rate_rel: Probability
 
 
 class MuxReset(_Fault, frozen=True, kw_only=True):
     """A supply dip resets the mux: all its channels are disconnected."""
 
-    bus: Bus = 0
+    bus: BusIndex = 0
 
 
 # ---------------------------------------------------------------- the foot and its lines
@@ -179,13 +179,13 @@ class GapClosed(_OnElement, frozen=True, kw_only=True):
 class BrokenRow(_OnLeg, frozen=True, kw_only=True):
     """A row line is interrupted between the switch and the foot."""
 
-    row: Line
+    row: LineIndex
 
 
 class BrokenColumn(_OnLeg, frozen=True, kw_only=True):
     """A column line is interrupted between the converter's pin and the foot."""
 
-    column: Line
+    column: LineIndex
 
 
 # ---------------------------------------------------------------- the CAN bus

@@ -27,7 +27,7 @@ _PEAK_REL, _LIGHT_REL = (0.03, 0.6), (0.005, 0.1)
 #: Largest lean of the contact's normal, usual and of one stance in three [deg], and largest lean with all motion [deg].
 _LEAN_DEG, _STEEP_DEG, _LARGEST_LEAN_DEG = 15.0, 26.0, 50.0
 #: Largest tangential over normal force [1].
-FRICTION_REL = 0.65
+MAX_FRICTION_REL = 0.65
 
 
 class Loads(NamedTuple):
@@ -147,7 +147,7 @@ class RandomStance:
         along = -(normal[:, :2] * shear).sum(axis=1, keepdims=True) / normal[:, 2:]
         tangential = np.hstack([shear, along])
         length = np.linalg.norm(tangential, axis=1, keepdims=True)
-        tangential *= np.minimum(1.0, FRICTION_REL / np.maximum(length, 1e-9))
+        tangential *= np.minimum(1.0, MAX_FRICTION_REL / np.maximum(length, 1e-9))
         return Loads(normal, self._pressing_n(t_s)[:, None] * (normal + tangential))
 
     def _pressing_n(self, t_s: Vector) -> Vector:

@@ -1,4 +1,4 @@
-"""A tripod gait on flat ground."""
+"""True loads of a tripod gait on flat ground."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.gap_contact import closures_of_closed_um, kkt_residual, solve_contact_lcp
+from footsense.foot.gap_contact import closures_for_closed_cells_um, kkt_residual, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 
@@ -61,7 +61,9 @@ def test_the_closures_of_the_cells_that_are_closed_are_the_solution(seed: int, n
     solution = solve_contact_lcp(free_um, gap_um, compliance)
     closed = (solution.force_n > 0.0)[None]
     variants_um = np.stack([free_um, 1.001 * free_um])
-    found_um = closures_of_closed_um(variants_um[:, None], np.stack([gap_um] * 2), 3.0 * compliance, closed)
+    found_um = closures_for_closed_cells_um(
+        variants_um[:, None], np.stack([gap_um] * 2), 3.0 * compliance, closed
+    )
     scale_um = np.abs(free_um).max()
     np.testing.assert_allclose(found_um[0, 0], solution.closure_um, atol=1e-8 * scale_um)
     moved = solve_contact_lcp(variants_um[1], gap_um, compliance)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from footsense.sim.loads.ground_load import IN_THE_AIR
 from footsense.sim.loads.random_gait import (
     FLANK_S,
-    FRICTION_REL,
+    MAX_FRICTION_REL,
     STANCE_S,
     SWING_S,
     RandomGait,
@@ -35,7 +35,7 @@ def test_every_load_is_one_of_a_foot_on_the_ground(seed: int) -> None:
     assert pressing_n.min() >= 0.0
     assert pressing_n.max() <= MAX_N * (1.0 + 1e-12)
     sideways_n = np.linalg.norm(force_n - pressing_n[:, None] * normal, axis=1)
-    assert (sideways_n <= FRICTION_REL * pressing_n + 1e-9).all()
+    assert (sideways_n <= MAX_FRICTION_REL * pressing_n + 1e-9).all()
 
 
 @given(seeds)

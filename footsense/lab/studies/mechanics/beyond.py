@@ -90,7 +90,9 @@ class _ReadoutsUnderTest:
     def measured_um(self, free_um: Vector) -> tuple[Vector, Mask]:
         """Return noisy closures [um], shape (n, 9), and which loads are within the converter's range, shape (n,)."""
         design = self.response.design
-        closure_um = design.closure_um(self._foot.capacitance_of_free_pf(free_um), self._foot.unloaded_pf)
+        closure_um = design.closure_um(
+            self._foot.capacitance_of_free_closures_pf(free_um), self._foot.unloaded_pf
+        )
         noisy = measured_closure_rel(design, closure_um, np.random.default_rng(SEED)) * design.gap_um
         return noisy, design.capacitance_pf(closure_um).max(axis=1) < FULL_SCALE_PF
 

@@ -45,7 +45,7 @@ class ForwardModel:
 
     def capacitance_pf(self, mean_um: Vector) -> Vector:
         """Return the capacitances [pF] of mean closures of free gaps [um], shape (n, elements) each."""
-        return Foot(self.response).capacitance_of_free_pf(mean_um @ self.closure_per_mean)
+        return Foot(self.response).capacitance_of_free_closures_pf(mean_um @ self.closure_per_mean)
 
     def mean_um(self, closure_um: Vector) -> Vector:
         """Return the mean closures of free gaps [um], shape (n, elements).
