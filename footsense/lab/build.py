@@ -20,7 +20,7 @@ from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import FORMAT, OUTPUTS, input_signals
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.response_table import FootResponse
-from footsense.lab.evaluation.evaluate import Readout
+from footsense.lab.evaluation.evaluate import ForceEstimator
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
@@ -125,15 +125,15 @@ _SOLVE_DURATION_S = 56.0
 _CONVERSIONS_PER_GAIT = 1100
 
 
-def _readout(weights: Weights, gap_um: float, unit: float) -> Readout:
-    """Return the network as a read-out of closures [um] of feet at rest."""
+def _force_estimator(weights: Weights, gap_um: float, unit: float) -> ForceEstimator:
+    """Return a function from closures [um] under a steady load to forces [N], by the network."""
     return lambda closure_um: unit * predict(weights, steady_windows(closure_um / gap_um)).force_n
 
 
-def _paper_only_readouts(
+def _paper_only_estimators(
     response: FootResponse, unit: float, protocol: SnapshotProtocol, report: Callable[[str], None]
-) -> dict[str, Readout]:
-    """Return read-outs trained on the paper's 362 cases alone: by elastance, and by inversion of the forward model.
+) -> dict[str, ForceEstimator]:
+    """Return force estimators trained on the paper's 362 cases alone: on elastances, and on inverted closures.
 
     The response is that in the foot's force unit; the read-outs' forces are in newtons.
 
@@ -141,7 +141,7 @@ def _paper_only_readouts(
     """
     training, gap_um = paper_training(response), response.design.gap_um
     plain = train(training, response.design, protocol)
-    alone: dict[str, Readout] = {
+    alone: dict[str, ForceEstimator] = {
         f"{PAPER_NETWORK_362}_elastance": lambda closure_um: (
             unit * predict_alone(plain, closure_um / gap_um)[0]
         )
@@ -212,12 +212,12 @@ def _network_card(
 
 
 def _rounded_moments(closure_rel: Any) -> Any:
-    """Return the moments that a card holds; training fills in with the very same."""
+    """Return the second moments of the closures, rounded to the decimals that the network's card holds."""
     return np.round(closure_moments(closure_rel), _CARD_DECIMALS)
 
 
 def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
-    """Return the largest difference between ONNX Runtime and JAX [N], over loads with every kind of mask."""
+    """Return the largest difference of forces between ONNX Runtime and JAX [N], over all sets of missing elements."""
     masks = missing_sets(closure_rel.shape[1]).sets
     window = steady_windows(closure_rel, masks[np.arange(len(closure_rel)) % len(masks)])
     pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
@@ -253,7 +253,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         unit = force_unit(loads)
         response_in_unit, loads_unit = response_in_force_unit(response, unit), loads_in_unit(loads, unit)
         recipe = replace(recipe, released=replace(recipe.released, min_force_n=loads_unit.min_force_n))
-        alone = _paper_only_readouts(response_in_unit, unit, recipe.paper_cases_only, report)
+        alone = _paper_only_estimators(response_in_unit, unit, recipe.paper_cases_only, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")
         cases = random_loads(response_in_unit, loads_unit, recipe.random_loads, TRAINING_SEED)
         report(f"{recipe.random_loads} random loads, gaps in contact")
@@ -266,7 +266,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         start = None if recipe.start is None else load_weights(recipe.start)
         weights = train_windowed(gaits, cases, design, recipe.released, imputation, report, start)
         report(f"trained on them: {weights.size} weights")
-        table = error_table(response, loads, _readout(weights, design.gap_um, unit), alone)
+        table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit), alone)
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
         card = _network_card(response, loads, recipe, weights, cases, table)
         network = add_checksum(onnx_model(weights, card, unit).SerializeToString())

@@ -1,4 +1,4 @@
-"""A foot type as numbers: one frozen description that mesh, material, read-out and training share.
+"""Geometry, materials and load range of a foot type.
 
 The numbers of each foot stand in its `foot.yaml` alone, which `foot_file` reads. Lengths in mm and stresses in MPa
 inside the lab, so that forces are in N; closures leave it in um. Decided here for every foot: the array is square, and
@@ -199,7 +199,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def bars_mm(self) -> list[tuple[float, float]]:
-        """Begin and end of the bars between the electrodes on a positive half axis [mm], from the middle outwards."""
+        """Begin and end of each bar between electrodes along the positive half axis [mm], from the middle outwards."""
         half_mm = self.electrode_mm / 2.0
         centres = sorted(x for x, _ in self.centres_mm[:: self.rows] if x >= 0.0)
         starts = [] if self.rows % 2 else [0.0]

@@ -1,4 +1,4 @@
-"""Response tables of feet whose solid is another than the released one's: the truths of the study `mismatch`.
+"""Response tables of feet whose geometry or materials differ from the released design, for the study `mismatch`.
 
 A change of a thickness, a modulus or the assembly is solved twice on one coarse mesh size, as designed and changed. The
 difference is added to the released table, so that the error of the coarse mesh cancels to first order.
@@ -24,7 +24,7 @@ OTHER_MESH = MeshSize(ball_mm=6.0, plate_mm=2.5, surface_mm=3.5, bar_mm=0.6, gra
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherSolid:
-    """A solid that is not the released one.
+    """A foot whose geometry or materials differ from the released design.
 
     Attributes:
         plate: Thickness of the plates over that designed [1].
@@ -43,7 +43,7 @@ class OtherSolid:
     size: MeshSize | None = None
 
     def design(self, design: FootDesign) -> FootDesign:
-        """Return the description of a foot with this solid."""
+        """Return the foot design with this solid."""
         stiffer = msgspec.structs.replace(design.pdms, youngs_mpa=design.pdms.youngs_mpa * self.pdms)
         poisson = design.rubber.poisson if self.poisson is None else self.poisson
         softer = msgspec.structs.replace(design.rubber, poisson=poisson)

@@ -1,4 +1,4 @@
-"""From the sampled adjoint fields to the table that the simulator loads.
+"""Response table of a foot from sampled adjoint fields.
 
 Four steps, each with its error stated in the table's provenance:
 

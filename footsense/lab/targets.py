@@ -1,4 +1,4 @@
-"""The project's targets beside the measured figures: the tables on top of the report."""
+"""Tables of the project's targets and the measured values, on top of the report."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -24,7 +24,7 @@ def targets_markdown(values: Mapping[str, Mapping[str, Any]]) -> str:
         values: The JSON of the pages, by study.
     """
     gaits = {row["name"]: row for row in values.get("gaits", {}).get("gaits", [])}
-    matrix = values.get("mismatch", {}).get("means", {})
+    matrix = values.get("mismatch", {}).get("mean_over_feet", {})
     refused = [name for name, row in matrix.items() if row["refused_all"] > _MAJORITY_REL]
     names = {
         "refused": refused,
@@ -40,7 +40,7 @@ def targets_markdown(values: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _accuracy_rows(accepted: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
-    """Return the rows of the accuracy table: the foot as supposed, and the worst of all rows that are not refused."""
+    """Return the rows of the accuracy table: the designed foot, and the worst mismatch that is not refused."""
     if "none" not in accepted:
         return []
     rows = []

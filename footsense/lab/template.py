@@ -1,4 +1,4 @@
-"""Text of pages: Jinja templates, each a Markdown file beside the module whose values it shows."""
+"""Rendering of the report's Markdown pages from Jinja templates."""
 
 from collections.abc import Mapping
 from functools import cache

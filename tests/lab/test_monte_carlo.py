@@ -15,7 +15,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Job, ReadoutErrors, Tolerances, Work, run_resumable
-from footsense.lab.monte_carlo.specimens import measure_foot, readout_errors
+from footsense.lab.monte_carlo.specimens import estimator_errors, measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import (
     FOOT_SWEEPS,
@@ -196,7 +196,7 @@ def test_an_exact_bench_measures_what_the_daemon_senses(released: FootResponse) 
 def test_a_foot_is_judged_the_same_each_time() -> None:
     """A turned mount turns the answer by its angle; a foot's film alone is nothing to a read-out of closures."""
     exact, filmy, turned, again = (
-        readout_errors(Job(tolerances, 5), models=RELEASED, seed=1, epochs=1)
+        estimator_errors(Job(tolerances, 5), models=RELEASED, seed=1, epochs=1)
         for tolerances in (
             Tolerances(),
             Tolerances(film_um=0.5),

@@ -1,4 +1,4 @@
-"""The foot as one weak form on the mesh of a load case.
+"""Finite element space and weak form of a foot on the mesh of one load case.
 
 Unknowns are the displacements of the two sides, which meet nowhere but through the spacer, and a pressure in the
 rubber. Between the sides:
@@ -112,7 +112,7 @@ class Body:
         return position
 
     def move_floor(self, position_mm: Vector) -> None:
-        """Set the floor's position along the free axes from a position [mm] of shape (3,)."""
+        """Set the position of the floor [mm], shape (3,), along the axes in which it may move."""
         for axis, component in zip(self._axes, self.state.components[3:], strict=True):
             component.vec[0] = float(position_mm[axis])
 

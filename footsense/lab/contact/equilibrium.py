@@ -1,4 +1,4 @@
-"""One equilibrium: displacement, pressure and position of the floor together, by Newton's method.
+"""Newton solver for displacement, pressure and floor position in static equilibrium.
 
 The floor's position is a NumberSpace of the same compound space, so that one factorisation covers both. The loop is our
 own and not `ngsolve.nonlinearsolvers.NewtonSolver`, which stops on the energy of the step: the tolerance here is a
@@ -22,7 +22,7 @@ class ConvergenceError(ArithmeticError):
 
 
 class Equilibrium:
-    """The equations of a foot on a floor.
+    """Equilibrium equations of a foot on a floor, and their Newton solver.
 
     Args:
         body: The foot; its state is the unknown.
@@ -49,7 +49,7 @@ class Equilibrium:
         return residual
 
     def _newton_step(self, residual: Any) -> None:
-        """Move the state by one Newton step."""
+        """Apply one Newton step to the displacement, pressure and floor position."""
         self._form.AssembleLinearization(self._body.state.vec)
         if self._inverse is None:
             self._inverse = self._form.mat.Inverse(self._free, "sparsecholesky")
@@ -58,7 +58,7 @@ class Equilibrium:
         self._body.state.vec.data -= self._inverse * residual
 
     def solve(self, tolerance_rel: float) -> int:
-        """Find the equilibrium from the present state.
+        """Iterate Newton's method from the present state until equilibrium.
 
         Args:
             tolerance_rel: Largest residual over the scale [1]: the norm of the nodal forces out of balance, of the

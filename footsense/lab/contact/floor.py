@@ -32,13 +32,13 @@ class FloorModel(Protocol):
     target_n: list[Any]
 
     def work(self, u: Any, v: Any) -> Any:
-        """Return the integral of the floor's work along v; u is the displacement relative to the floor."""
+        """Return the floor's virtual work; u is the displacement relative to the floor, v the test function."""
 
     def set_load_fraction(self, fraction: float) -> None:
         """Prescribe a fraction of the load case's force [1], and move the floor close to where it exerts that force."""
 
     def accept_load_step(self) -> None:
-        """Accept the present displacements as the start of the next load step."""
+        """Store the present displacements as the start of the next load step."""
 
     def patch(self) -> ContactPatch:
         """Return radius, approach and peak pressure of the present contact patch."""

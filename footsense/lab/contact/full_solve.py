@@ -1,4 +1,4 @@
-"""A load case from end to end: mesh, load steps, equilibrium, read-out."""
+"""Solution of one load case from mesh to capacitances: mesh, load steps, equilibrium, evaluation."""
 
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Literal
@@ -123,7 +123,7 @@ class FullFoot:
         )
 
     def _apply_load(self, body: Body, floor: FloorModel, equations: Equilibrium) -> int:
-        """Raise the load at once, or in halves of a step that does not converge; return the number of Newton steps.
+        """Apply the load, halving the load step when Newton fails; return the number of Newton steps.
 
         Returns:
             Newton steps of the load steps that held.

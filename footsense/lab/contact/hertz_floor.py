@@ -1,4 +1,4 @@
-"""The Hertz patch in place of a floor: the traction that the cheaper models assume."""
+"""Ground model with the prescribed traction of a Hertz contact, as the cheaper models assume it."""
 
 import math
 from typing import Any
@@ -19,7 +19,7 @@ class HertzFloor:
     """
 
     def __init__(self, case: LoadCase, body: Body) -> None:
-        """Lay the patch where the floor would touch; `body` without a position of the floor."""
+        """Centre the patch on the point where the floor touches; `body` has no floor position."""
         self._case, self._moved, self._mesh = case, body.ground_displacement_mm, body.mesh
         self.target_n: list[Any] = []
         self._fraction = ng.Parameter(0.0)
@@ -28,20 +28,20 @@ class HertzFloor:
         self._weight = shape / (ng.Integrate(shape * self._surface, self._mesh) / case.meshed_share)
 
     def work(self, u: Any, v: Any) -> Any:
-        """Return the work along v of a traction that does not depend on u."""
+        """Return the virtual work of the fixed Hertz traction along the test function v."""
         del u
         traction = self._fraction * ng.CF(tuple(self._case.force_n)) * self._weight
         return ng.InnerProduct(traction, v) * self._surface
 
     def set_load_fraction(self, fraction: float) -> None:
-        """Exert this fraction of the load case's force."""
+        """Set the traction to a fraction of the load case's force [1]."""
         self._fraction.Set(fraction)
 
     def accept_load_step(self) -> None:
         """Do nothing: a pressure without friction has no state."""
 
     def patch(self) -> ContactPatch:
-        """Return the patch; a parabolic floor would have come a^2/(5R) further than loaded points on average."""
+        """Return radius, approach and peak pressure of the Hertz patch."""
         n = ng.CF(tuple(self._case.normal))
         mean_mm = ng.Integrate(ng.InnerProduct(self._moved, n) * self._weight * self._surface, self._mesh)
         radius_mm = self._case.hertz_radius_mm

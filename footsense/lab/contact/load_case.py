@@ -59,17 +59,17 @@ class LoadCase:
 
     @property
     def meshed_share(self) -> float:
-        """The part of the foot that is meshed [1]."""
+        """Share of the foot that is meshed [1]: half with a mirror plane, else all."""
         return 0.5 if self.is_mirrored_at_y0 else 1.0
 
     @property
     def floor_axes(self) -> tuple[int, ...]:
-        """Directions in which the floor may move: not through the mirror."""
+        """Unit vectors along which the floor may move: those that keep the mirror symmetry."""
         return (0, 2) if self.is_mirrored_at_y0 else (0, 1, 2)
 
     @property
     def touch_point_mm(self) -> Vector:
-        """Where the floor touches the unloaded ball [mm], shape (3,)."""
+        """Point at which the floor touches the unloaded ball [mm], shape (3,)."""
         return self.design.touch_point_mm(self.normal)
 
     @property

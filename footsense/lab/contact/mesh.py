@@ -1,4 +1,4 @@
-"""The mesh of one load case: both bodies, refined under the floor and at the edges of the spacer's bars.
+"""Mesh of one load case: both hemispheres with their plates, refined at the contact and at the cavities' edges.
 
 The stress is singular along the edges of the bars. One level of hp refinement there (prisms that shrink towards
 the edge) resolves that for a few hundred elements. If load and foot are mirrored by the plane y = 0, the half
@@ -43,7 +43,7 @@ class ContactMeshSize:
 
 
 def _cut_at_y0(shape: Any) -> list[Any]:
-    """Return the part with y > 0 as a list of one, or nothing; a shape that is not cut stays itself."""
+    """Return the part of a shape with y > 0, as a list of one shape or none."""
     low, high = shape.bounding_box
     if high.y < EQUAL_WITHIN_MM:
         return []

@@ -38,7 +38,7 @@ class PlaneFloor:
     """
 
     def __init__(self, case: LoadCase, body: Body, element_mm: float) -> None:
-        """Place the floor in touch with the unloaded ball.
+        """Create the floor where it just touches the unloaded ball.
 
         Args:
             case: Normal, force and friction.
@@ -59,7 +59,7 @@ class PlaneFloor:
         self._surface = ng.ds(GROUND_FACE, intrules=points.GetIntegrationRules())
 
     def _contact_pressure_mpa(self, u: Any) -> Any:
-        """Return p [MPa] under a displacement relative to the floor."""
+        """Return the contact pressure p [MPa] of a displacement relative to the floor."""
         here = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(self._case.touch_point_mm))
         behind = -ng.InnerProduct(ng.CF(tuple(self._case.normal)), here + u)
         return self._stiffness * ng.IfPos(behind, behind, 0.0)
@@ -77,7 +77,7 @@ class PlaneFloor:
         return -slid * ng.IfPos(self._stiffness * distance - cap, cap / distance, self._stiffness)
 
     def work(self, u: Any, v: Any) -> Any:
-        """Return the work of the traction p n + t along v."""
+        """Return the virtual work of contact pressure and friction along the test function v."""
         traction = self._contact_pressure_mpa(u) * ng.CF(
             tuple(self._case.normal)
         ) + self._friction_traction_mpa(u)
@@ -90,7 +90,7 @@ class PlaneFloor:
         return math.sqrt(area / math.pi)
 
     def set_load_fraction(self, fraction: float) -> None:
-        """Prescribe this fraction of the load case's force, and press until the patch has the size that Hertz predicts.
+        """Prescribe a fraction of the load case's force [1], and set the floor to the approach that Hertz predicts.
 
         A Newton step depends on which points touch, not on how hard: with the right patch it nearly arrives.
         """
@@ -111,7 +111,7 @@ class PlaneFloor:
             low, high = (middle, high) if self._equal_area_radius_mm() < grown else (low, middle)
 
     def accept_load_step(self) -> None:
-        """Move the anchors of slipping points: limit s to the Coulomb cap, zero without contact."""
+        """Update the friction state after a load step: slipping points keep at most Coulomb's friction."""
         anchor = (
             self._tangential_displacement_mm(self._moved)
             + self._friction_traction_mpa(self._moved) / self._stiffness

@@ -1,4 +1,4 @@
-"""Read-out of the displacement field: closures and capacitances of the elements.
+"""Closures and capacitances of the elements from the displacement field.
 
 Every electrode is sampled at the Gauss points of 6 x 6 square cells. The capacitance is that of parallel plates
 point by point, C = int eps0 dA / (g - d + t_film / eps_r), which exceeds that of the mean closure: a gap that
@@ -52,7 +52,7 @@ def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, 
         y_mm = np.abs(y_mm)
 
     def plane_displacement_um(displacement: Any, up: float) -> Vector:
-        """Return u_z in z = 0, extrapolated from two points inside."""
+        """Return the vertical displacement of a plate's electrode plane z = 0 [um], extrapolated from inside."""
         near, far = (
             np.asarray(displacement[2](mesh(x_mm, y_mm, np.full(x_mm.shape, up * depth_mm))))
             for depth_mm in (SAMPLE_DEPTH_MM, 2.0 * SAMPLE_DEPTH_MM)

@@ -1,4 +1,4 @@
-"""All feet that can be made of what is at hand: one array per number, one row per foot."""
+"""Candidate feet: every combination of the available dimensions, materials and processes, as arrays."""
 
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ _N_BALL_DIAMETERS = 9
 
 
 class Candidates(NamedTuple):
-    """Feet, n of them; every field has shape (n,).
+    """Parameters of n candidate feet; every field has shape (n,).
 
     Attributes:
         ball_radius_mm: Radius of the ball [mm].
@@ -99,7 +99,7 @@ class Candidates(NamedTuple):
 
 
 def all_candidates(wishes: Wishes) -> Candidates:
-    """Return every combination of what is at hand, whether it works or not."""
+    """Return every combination of available dimensions, materials and films, feasible or not."""
     low_mm, high_mm = wishes.ball_mm
     radii = np.unique(np.round(np.linspace(low_mm, high_mm, _N_BALL_DIAMETERS) * 2.0) / 2.0) / 2.0
     process, materials = wishes.process, wishes.materials

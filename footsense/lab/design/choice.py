@@ -102,7 +102,7 @@ def _manufacturable_candidates(library: ShapeLibrary, wishes: Wishes, feet: Cand
 
 
 def _pareto_rows(costs: Vector) -> NDArray[np.intp]:
-    """Return the rows of costs, shape (n, k), that no other row beats in all columns."""
+    """Return the indices of the Pareto-optimal rows of a cost table of shape (n, k)."""
     order = np.lexsort(costs.T[::-1])
     kept: list[int] = []
     for row in order:

@@ -1,4 +1,4 @@
-"""A design from wishes to files: screen, choose, assess, write."""
+"""Design of feet from requirements to files: screen candidates, choose, assess, write."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -55,7 +55,7 @@ class DesignResult(NamedTuple):
     picture: Path
 
     def table_rows(self) -> dict[str, list[str]]:
-        """Return the figures for people: a cell per foot, by the name of the row."""
+        """Return the rows of the printed table of chosen feet: one formatted cell per foot, by row name."""
         table_rows: dict[str, list[str]] = {}
         for foot in self.feet:
             one, design, row = foot.figures, foot.design, foot.row
@@ -106,7 +106,7 @@ class DesignResult(NamedTuple):
 
 
 def design(wishes: Wishes, name: str, keep: int, folder: Path) -> DesignResult:
-    """Find feet, and write their descriptions and the picture.
+    """Find feet that meet the requirements; write their `foot.yaml` files and the Pareto plot.
 
     Args:
         wishes: The input.

@@ -1,4 +1,4 @@
-"""Range and error of every candidate, vectorised: what a foot carries, what limits it, what no read-out can better.
+"""Screening of all candidates, vectorised: force range, limiting factor, Cramer-Rao bound of the error.
 
 The range is the largest force in every direction under which no element reads as closed by more than
 `MAX_READABLE_CLOSURE_REL` of its gap, no capacitance exceeds the converter's range, and the contact patch is no wider
@@ -49,7 +49,7 @@ class ScreeningResult(NamedTuple):
 
 
 def patch_limit_n(feet: Candidates) -> Vector:
-    """Return the force whose contact patch is as wide as the response table holds [N], shape (n,)."""
+    """Return the force at which the contact patch reaches the response table's largest angle [N], shape (n,)."""
     widest = np.radians(MIN_ELEVATION_DEG - MIN_FITTED_ELEVATION_DEG)
     limit: Vector = widest**3 * feet.rubber_mpa * feet.ball_radius_mm**2 / (0.75 * (1.0 - RUBBER_POISSON**2))
     return limit
@@ -83,7 +83,7 @@ def _screen_batch(model: ClosureModel, wishes: Wishes, feet: Candidates) -> Scre
 def _force_at_closure_n(
     model: ClosureModel, influence: Influence, feet: Candidates, closure_um: Vector
 ) -> Vector:
-    """Return the least force over all loads under which some element reads as closed so far [N], shape (n,).
+    """Return the least force at which some element reaches a given closure, over all loads [N], shape (n,).
 
     An electrode that bends reads as closed a little more than its mean: its closest parts count most.
     """

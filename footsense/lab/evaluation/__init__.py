@@ -1,1 +1,1 @@
-"""How wrong an estimator is, beside the Cramer-Rao bound."""
+"""Evaluation of force estimators: error tables, the Cramer-Rao bound, other estimators for comparison."""

@@ -1,4 +1,4 @@
-"""Errors of a read-out over the Cramer-Rao bound, by magnitude of the force."""
+"""Ratio of a force estimator's error to the Cramer-Rao bound, by magnitude of the force."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ _SEED = 1
 
 @dataclass(frozen=True, slots=True)
 class ErrorSummary:
-    """Errors of one magnitude, over loads and noise.
+    """Error statistics at one force magnitude, over loads and noise.
 
     Attributes:
         direction_rms_deg: Root of the mean squared angle [deg].
@@ -47,7 +47,7 @@ class ErrorSummary:
 
     @classmethod
     def of_bound(cls, bound: Bound) -> "ErrorSummary":
-        """Return the errors of a read-out that reaches the bound."""
+        """Return the errors that an estimator at the Cramer-Rao bound would have."""
         return cls(
             rms(bound.direction_rms_deg),
             float(bound.direction_mean_deg.mean()),
@@ -58,7 +58,7 @@ class ErrorSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MagnitudeBin:
-    """A read-out beside the bound at one magnitude.
+    """Errors of a force estimator and the Cramer-Rao bound at one force magnitude.
 
     Attributes:
         magnitude_gf: The magnitude [gf].
@@ -91,7 +91,7 @@ class MagnitudeBin:
 
 @dataclass(frozen=True, slots=True)
 class CrbRatio:
-    """A read-out beside the bound over the loading range.
+    """Errors of a force estimator and the Cramer-Rao bound, for each force magnitude.
 
     Attributes:
         centred: The paper's 180 verification directions, centred.
@@ -103,7 +103,7 @@ class CrbRatio:
 
     @property
     def worst_direction_ratio(self) -> float:
-        """The headline: the largest `direction_ratio` of the centred loads."""
+        """Largest `direction_ratio` over the magnitudes of the centred loads."""
         return max(one.direction_ratio for one in self.centred)
 
 
@@ -126,7 +126,7 @@ def _errors_at_magnitude(
     draws: int,
     rng: np.random.Generator,
 ) -> MagnitudeBin:
-    """Return the errors of a read-out at one magnitude."""
+    """Return the error statistics of a force estimator at one force magnitude."""
     design = foot.response.design
     normal, force = contacts[0], contacts[1] * magnitude_gf * GRAM_FORCE_N
     closure_um = sensed_closure_um(foot, normal, force)
@@ -163,7 +163,7 @@ def crb_ratio(
     draws: int = 64,
     magnitudes_gf: tuple[float, ...] = MAGNITUDES_GF,
 ) -> CrbRatio:
-    """Return the errors of a read-out with noise over the Cramer-Rao bound.
+    """Return the errors of a force estimator under noise beside the Cramer-Rao bound.
 
     Args:
         response: The foot.

@@ -1,4 +1,4 @@
-"""Compare a build with the release: differences beside their tolerances.
+"""Comparison of two builds of a foot type: differences of their figures, each with a tolerance.
 
 The solve repeats to rounding, so the response must. Training in float32 over 10^5 steps amplifies the last bit of
 its input and of another processor's arithmetic; what must repeat is that the network is no worse.
@@ -43,7 +43,7 @@ class BuildDifference:
 
 
 def error_difference(quantity: str, released: float, built: float, promised: float) -> BuildDifference:
-    """Return the comparison of a build's error with the released one and its promised limit.
+    """Return the difference between a build's error and the released one, with its tolerance.
 
     Example:
         >>> [error_difference("error", 0.08, built, 0.24).is_within_tolerance for built in (0.19, 0.25)]

@@ -1,4 +1,4 @@
-"""A Kalman filter over load and contact of some feet, corrected by every conversion and re-seeded by the network.
+"""Kalman filter for force and contact of several feet, updated by every conversion, restarted by the network.
 
 The state holds the contact coordinates of `contact_model.py`, their rates and the acceleration of the normal force.
 Several models of the motion, from slow to sudden, run side by side and are mixed by their likelihood (interacting
@@ -51,7 +51,7 @@ _RATIO_S, _POINT_S = 0.03, 0.1
 
 
 class MotionModel(NamedTuple):
-    """A model of the motion: spectral densities of the noise that drives it, and how long it remembers.
+    """Motion model of the Kalman filter: spectral densities of its process noise, and correlation time.
 
     Attributes:
         normal_force_noise_density: Of the normal force's third derivative [N2/s5].
@@ -142,7 +142,7 @@ class ContactFilter:
         self._state, self._weight = mixed, after
 
     def _predict(self) -> None:
-        """Move all models to the next conversion."""
+        """Predict the state of every motion model to the time of the next conversion."""
         for k, (step, noise) in enumerate(self._step):
             self._state[k] = self._state[k] @ step.T
             self._covariance[k] = step @ self._covariance[k] @ step.T + noise
@@ -190,7 +190,7 @@ class ContactFilter:
         return likelihood.reshape(self._weight.shape)
 
     def force(self) -> tuple[Vector, Vector]:
-        """Return force and sigma at the asked time [N], shapes (n, 3)."""
+        """Return force and its standard deviation at a given time [N], shapes (n, 3)."""
         forces, variances = np.empty((2, len(MOTION_MODELS), self._n, 3))
         for k, (step, noise) in enumerate(self._lead):
             coordinates = (self._state[k] @ step.T)[:, :COORDINATES]
@@ -204,7 +204,7 @@ class ContactFilter:
         return force_n, np.sqrt((weight * (variances + (forces - force_n) ** 2)).sum(axis=0))
 
     def seed(self, network: Load, valid: Mask) -> None:
-        """Start those feet anew whose force the network has contradicted for some conversions.
+        """Restart the filters of feet whose force has disagreed with the network for some conversions.
 
         Args:
             network: The network's answer at the asked time.

@@ -1,4 +1,4 @@
-"""Cramer-Rao bound: least variance of the force by any unbiased read-out of one scan.
+"""Cramer-Rao bound: least variance of the force of any unbiased estimator from one scan.
 
 A read-out gets nine closures as the daemon finds them (`load_cases.measured_closure_rel`): from a capacitance with the
 converter's noise sigma_C and a baseline with its own, sigma_B. With the distance D = K / C of the electrodes,
@@ -110,7 +110,7 @@ def closure_sigma_um(design: CapacitorDesign, closure_um: Vector, noise_pf: floa
 def jacobian_um(
     foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = RELATIVE_STEP
 ) -> Vector:
-    """Return how the sensed closures follow the unknowns, by central differences through the gap contact.
+    """Return the Jacobian of the measured closures by the unknowns, by central differences, gap contact included.
 
     Args:
         foot: The specimen.

@@ -1,4 +1,4 @@
-"""References for the network: the paper's errors, linear read-outs, and the coverage of sigma."""
+"""References for the network: the paper's errors, least-squares force estimators, coverage of sigma."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,7 @@ PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF = 2.4, 5.3
 MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF = 15.9, 18.7
 
 #: Makes forces [N], shape (n, 3), of closures [um], shape (n, 9).
-Readout = Callable[[Vector], Vector]
+ForceEstimator = Callable[[Vector], Vector]
 
 
 def rms(values: Vector) -> float:
@@ -23,13 +23,13 @@ def rms(values: Vector) -> float:
 
 
 def _fit_least_squares(features: Vector, force_n: Vector) -> Vector:
-    """Return the matrix that reads forces from features, without offset: no load reads zero."""
+    """Return the least-squares matrix from features to forces, without offset."""
     matrix, *_ = np.linalg.lstsq(features, force_n, rcond=None)
     return np.asarray(matrix, dtype=np.float64)
 
 
-def capacitance_readout(design: CapacitorDesign, training: Cases) -> Readout:
-    """Return the least-squares read-out of capacitance changes, the inputs of the paper's network."""
+def capacitance_estimator(design: CapacitorDesign, training: Cases) -> ForceEstimator:
+    """Return the least-squares force estimator from capacitance changes, the inputs of the paper's network."""
 
     def change_pf(closure_um: Vector) -> Vector:
         return design.capacitance_pf(closure_um) - design.unloaded_pf
@@ -38,8 +38,8 @@ def capacitance_readout(design: CapacitorDesign, training: Cases) -> Readout:
     return lambda closure_um: change_pf(closure_um) @ matrix
 
 
-def elastance_readout(training: Cases) -> Readout:
-    """Return the least-squares read-out of gap closures, which elastance (1/C) measures."""
+def elastance_estimator(training: Cases) -> ForceEstimator:
+    """Return the least-squares force estimator from gap closures, which elastance (1/C) measures."""
     matrix = _fit_least_squares(training.closure_um, training.force_n)
     return lambda closure_um: closure_um @ matrix
 

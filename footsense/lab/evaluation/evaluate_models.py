@@ -1,4 +1,4 @@
-"""The error table of a foot type: the paper's protocol and random loads, linear read-outs and network side by side."""
+"""Error table of a foot type: least-squares estimators and network on the paper's cases and on random loads."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -13,9 +13,9 @@ from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
-    Readout,
-    capacitance_readout,
-    elastance_readout,
+    ForceEstimator,
+    capacitance_estimator,
+    elastance_estimator,
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign, LoadRange
@@ -39,9 +39,12 @@ PAPER_NETWORK_362 = "paper_network_362"
 
 
 def error_table(
-    response: FootResponse, loads: LoadRange, released: Readout, alone: dict[str, Readout] | None = None
+    response: FootResponse,
+    loads: LoadRange,
+    released: ForceEstimator,
+    alone: dict[str, ForceEstimator] | None = None,
 ) -> dict[str, ForceErrors]:
-    """Return the force errors of every read-out on the paper's cases and on random loads.
+    """Return the force errors of every estimator on the paper's cases and on random loads.
 
     Args:
         response: The foot.
@@ -61,12 +64,12 @@ def error_table(
     counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.min_evaluated_force_n
     noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
     test = Cases(held_out.force_n[counted], noisy_um[counted])
-    readouts: dict[str, tuple[Readout, Cases]] = {
-        "paper_linear_dc": (capacitance_readout(response.design, training), verification),
-        "paper_linear_elastance": (elastance_readout(training), verification),
+    readouts: dict[str, tuple[ForceEstimator, Cases]] = {
+        "paper_linear_dc": (capacitance_estimator(response.design, training), verification),
+        "paper_linear_elastance": (elastance_estimator(training), verification),
         "paper_network": (released, verification),
         "random_linear_elastance": (
-            elastance_readout(random_loads(response, loads, HELD_OUT_CASES, 3)),
+            elastance_estimator(random_loads(response, loads, HELD_OUT_CASES, 3)),
             test,
         ),
         "random_network": (released, test),
@@ -143,7 +146,7 @@ def evaluate_models(folder: Path) -> dict[str, ForceErrors]:
 
 
 def paper_protocol(folder: Path) -> dict[str, float]:
-    """Return by name the errors of newly trained paper networks, and the ratios to the Cramer-Rao bound.
+    """Return the errors of newly trained networks of the paper and the ratios to the Cramer-Rao bound, by name.
 
     Raises:
         ModelError: As `open_models`.
@@ -168,7 +171,7 @@ def paper_protocol(folder: Path) -> dict[str, float]:
 
 
 def as_json(table: dict[str, ForceErrors], beside: dict[str, float] | None = None) -> dict[str, Any]:
-    """Return the table as JSON values, the project's key figures first.
+    """Return the error table and the key figures as JSON values.
 
     Args:
         table: Result of `evaluate_models`.

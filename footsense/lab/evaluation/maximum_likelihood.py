@@ -1,4 +1,4 @@
-"""The loads that explain measured closures best: Gauss-Newton on the response table, and ambiguous loads."""
+"""Maximum-likelihood fit of loads to measured closures, by Gauss-Newton, and loads that closures cannot tell apart."""
 
 from typing import NamedTuple
 
@@ -68,7 +68,7 @@ def clamp_to_min_elevation(unit: Vector) -> Vector:
 
 
 def ambiguous_loads(foot: Foot, magnitude_gf: float, elevation_deg: Vector) -> tuple[Vector, Vector]:
-    """Find for centred loads on the diagonal a different load with nearly equal closures.
+    """Find for each centred load another load with nearly the same closures.
 
     Args:
         foot: The specimen.

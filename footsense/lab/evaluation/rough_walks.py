@@ -1,4 +1,4 @@
-"""Robots on rough ground: contacts, normals and slips estimated for six feet, beside the truth."""
+"""Simulated walks on rough ground: estimated contacts, normals and slips of six feet, with the true ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class RoughWalk:
         contact: Debounced contact, shape (n, legs).
         estimated_normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
         friction_use: Friction use, shape (n, legs), NaN where there is none.
-        coefficient: Learnt coefficient of friction, shape (n,).
+        estimated_friction_coefficient: Learnt estimated_friction_coefficient of friction, shape (n,).
     """
 
     t_s: Vector
@@ -54,7 +54,7 @@ class RoughWalk:
     contact: Vector
     estimated_normal: Vector
     friction_use: Vector
-    coefficient: Vector
+    estimated_friction_coefficient: Vector
 
 
 def simulate_walk(
@@ -65,7 +65,7 @@ def simulate_walk(
     seed: tuple[int, int],
     n: int,
 ) -> RoughWalk:
-    """Return one walk of a robot whose legs tread on one kind of ground.
+    """Return one simulated walk on random rough ground, with estimates and truth.
 
     Args:
         response: Response of the feet.
@@ -96,7 +96,7 @@ def simulate_walk(
         contact=np.array(found.contact, np.float64),
         estimated_normal=np.array(found.normal),
         friction_use=np.array(found.friction_use),
-        coefficient=np.array(found.coefficient),
+        estimated_friction_coefficient=np.array(found.estimated_friction_coefficient),
     )
 
 
@@ -109,7 +109,7 @@ class _GaitOutputs:
     contact: list[Sequence[bool]]
     normal: list[Vector]
     friction_use: list[Vector]
-    coefficient: list[float]
+    estimated_friction_coefficient: list[float]
 
 
 def _run_gait_tracker(
@@ -135,7 +135,7 @@ def _run_gait_tracker(
         found.contact.append(frame.contact.tolist())
         found.normal.append(frame.normal)
         found.friction_use.append(frame.friction_use)
-        found.coefficient.append(frame.friction)
+        found.estimated_friction_coefficient.append(frame.friction)
     return found
 
 

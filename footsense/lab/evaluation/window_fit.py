@@ -1,4 +1,4 @@
-"""Least squares over the readings of a window, started and bounded by the network's answer.
+"""Least-squares fit of force and contact to the readings of a window, with the network's estimate as start and prior.
 
 Over the window's 70 ms the normal force is a parabola of time, friction ratio and contact point are straight lines:
 eleven unknowns x. A round of Gauss-Newton minimises
@@ -54,7 +54,7 @@ class _WeightedReadings(NamedTuple):
 
 
 def is_steady(model: ContactModel, window: Window, sigmas: float = 20.0) -> Mask:
-    """Tell in which windows the readings of every element are equal but for some sigma of noise, shape (n,)."""
+    """Return in which windows the readings of every element are constant within the noise, shape (n,)."""
     apart = np.ptp(window.closure_rel, axis=1) / model.reading_sigma(window.closure_rel[:, 0])
     rest: Mask = (apart < sigmas).all(axis=1)
     return rest

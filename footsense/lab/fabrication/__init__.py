@@ -1,1 +1,1 @@
-"""From the numbers of a foot to files that a workshop can make it from, each read back and checked."""
+"""Fabrication files of a foot: solids, flex artwork, sheets, drawing, documents, each read back and checked."""

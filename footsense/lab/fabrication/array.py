@@ -1,4 +1,4 @@
-"""The array of a foot as lines: rows across x, columns across y, and the elements where they cross."""
+"""Coordinates of the rows, columns and elements of a foot's array."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a design assumed of its making: the process, and the rms deviations of feet that are made by it."""
+"""Fabrication process that a foot's design assumed, with its rms deviations."""
 
 from dataclasses import dataclass
 
@@ -62,5 +62,5 @@ def assumptions(design: FootDesign, name: str | None = None) -> Assumptions:
 
 
 def _has_film(process: Process, design: FootDesign) -> bool:
-    """Tell whether a process has the film of a foot."""
+    """Return whether a fabrication process offers the foot's film."""
     return any((film.um, film.eps_r) == (design.film_um, design.film_eps_r) for film in process.film)

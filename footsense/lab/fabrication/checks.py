@@ -91,7 +91,7 @@ def check_flex_files(folder: Path, flex: Flex) -> Iterator[Check]:
 
 
 def _check_nets(file: str, flex: Flex, conductors: list[list[CopperShape]]) -> Check:
-    """Compare each conductor, found as connected copper, with the line that it should be."""
+    """Yield the checks that each connected conductor of a flex is the right row or column line."""
     expected = set()
     for k, net in enumerate(flex.nets):
         places = frozenset((round(u, 3), round(flex.line_v_mm[k], 3)) for u in flex.element_u_mm)
@@ -163,13 +163,13 @@ def check_solid_volumes(folder: Path, made: list[solids.Part]) -> Iterator[Check
 
 
 def _inset_mm(outline: Any, area: Any) -> float:
-    """Return the least distance of a shape from the edge of an outline [mm], negative outside."""
+    """Return the smallest distance of a shape from the edge of an outline [mm]; negative outside."""
     distance = float(outline.exterior.distance(area))
     return distance if outline.contains(area) else -distance
 
 
 def check_tolerances(tolerances: list[Tolerance]) -> Iterator[Check]:
-    """Yield the share of the assumed deviations that each limit of the drawing uses up."""
+    """Yield the checks that the drawing's tolerances are no wider than the design assumed."""
     for row in tolerances:
         quantity = f"{row.name} +-{row.limit:g} {row.unit}, against {row.assumed}"
         yield Check(
@@ -189,6 +189,6 @@ def check_at_least(file: str, quantity: str, least_mm: float, measured_mm: float
 
 
 def check_near(file: str, quantity: str, expected: float, measured: float, unit: str) -> Check:
-    """Return the check that a figure is as it should be."""
+    """Return the check that a measured value is near its expected value."""
     check_near = abs(measured - expected) < ROUNDING_MM
     return Check(file, quantity, f"{expected:.3f} {unit}", f"{measured:.3f} {unit}", check_near)

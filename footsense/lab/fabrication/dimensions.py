@@ -1,4 +1,4 @@
-"""Dimensions that every foot shares, and limits of flexible circuits: traces, contacts, alignment, moulds.
+"""Constants of all feet's parts: flex traces, contacts, alignment holes, moulds, sockets.
 
 Every figure is one that common offers of 2024 to 2026 hold without a surcharge; none is of one maker.
 """

@@ -1,4 +1,4 @@
-"""How the parts fit each other, measured on their files: flexes, sheets, hemispheres, mould, socket."""
+"""Checks that the parts fit each other, measured on the written files."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +17,7 @@ from footsense.lab.geometry import FootDesign
 
 
 def overlaps_mm2(folder: Path, flexes: tuple[Flex, Flex]) -> dict[tuple[str, str], float]:
-    """Return the area in which each row and each column face each other [mm2], from the copper files."""
+    """Return the overlap area of each row and column electrode [mm2], from the copper files."""
     nets: list[dict[str, Any]] = []
     for flex in flexes:
         copper: dict[str, list[Any]] = {net: [] for net in flex.nets}
@@ -30,7 +30,7 @@ def overlaps_mm2(folder: Path, flexes: tuple[Flex, Flex]) -> dict[tuple[str, str
 
 
 def check_overlaps(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[Check]:
-    """Yield the check that rows and columns face each other in the elements and nowhere else."""
+    """Yield the checks that row and column electrodes overlap in the elements and nowhere else."""
     areas = overlaps_mm2(folder, flexes).values()
     wanted = flexes[0].array.electrode_mm ** 2
     yield Check(
@@ -43,7 +43,7 @@ def check_overlaps(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[Check]:
 
 
 def check_sheets_on_flexes(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[Check]:
-    """Yield the checks that spacer and film lie on the flexes as they should."""
+    """Yield the checks that spacer and film are aligned with the flexes."""
     spacer = sheets.read_dxf(folder / "spacer.dxf")
     for flex in flexes:
         areas = [
@@ -66,7 +66,7 @@ def check_sheets_on_flexes(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[
 
 
 def check_ball(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> Iterator[Check]:
-    """Yield the checks of the hemispheres in mould and socket, and of the tails on the socket."""
+    """Yield the checks that the hemispheres fit mould and socket, and the flex tails their channels."""
     names = "hemisphere-ground", "hemisphere-leg", "mould-body", "leg-socket"
     ground, leg, body, socket = (solids.read_step(folder / "step" / f"{name}.step") for name in names)
     file = "step/leg-socket.step"

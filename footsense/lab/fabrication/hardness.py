@@ -5,7 +5,7 @@ _MPA, _A, _B = 0.0981 / (0.137505 * 2.54), 56.0, 7.62336
 
 
 def shore_a_from_modulus(youngs_mpa: float) -> float:
-    """Return the hardness of a modulus [MPa].
+    """Return the Shore A hardness of a rubber with a Young's modulus [MPa].
 
     Source:
         As `footsense.lab.design.inputs.materials.youngs_mpa_of`.

@@ -1,4 +1,4 @@
-"""Refusal of feet that cannot be made: which wish conflicts with which, and the nearest that works."""
+"""Checks that a foot can be made: which requirements conflict, and the nearest values that work."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Printed tolerances: as wide as the design assumed, and no wider.
+"""Tolerances of the drawing, derived from the deviations that the design assumed.
 
 A process has an rms deviation of gap, film, stiffness and mounting; a drawing has limits. Printed are twice the rms.
 Size and offset of the electrodes change all elements by one factor, as a softer rubber does: elastances, and with them
@@ -65,7 +65,7 @@ def area_deviation_rel(electrode_mm: float) -> float:
 
 
 def hardness_tolerance_shore_a(design: FootDesign, assumed: FootTolerances) -> float:
-    """Return the limit of the rubber's hardness that the electrodes leave [Shore A]; 0 if there is none."""
+    """Return the hardness tolerance that remains beside the electrodes' area error [Shore A]; 0 for none."""
     left = (LIMIT_OVER_RMS * assumed.stiffness_rel) ** 2 - area_deviation_rel(design.electrode_mm) ** 2
     share, mpa = math.sqrt(max(left, 0.0)), design.rubber.youngs_mpa
     nominal = shore_a_from_modulus(mpa)

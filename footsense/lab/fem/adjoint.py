@@ -1,4 +1,4 @@
-"""Adjoint fields: one solve per cell yields the closure of the cell under every surface load.
+"""Adjoint fields: one solve per gap cell gives that cell's closure under any surface load.
 
 With K u = b(t) for a surface traction t and the mean closure d_c = j_c . u of cell c, symmetry of K gives
 

@@ -1,4 +1,4 @@
-"""Nine closures under one centred load, without a table: four adjoint solves in place of 81, for studies of the mesh.
+"""Closures of the nine elements under one centred load by four adjoint solves, for mesh studies.
 
 A load of azimuth 0 is even in y, so the classes (1, 1) and (-1, 1) hold all of it, and a vertical one the first alone.
 """

@@ -1,4 +1,4 @@
-"""The spacer as a law and as a solid: a cross-section through a cavity and half a bar, in plane strain.
+"""Plane-strain model of the spacer's cross-section, to check its treatment as a traction law.
 
 One pitch of the array repeats sideways. The middle plane of the spacer is a mirror, so only plate and rubber above it
 are solved: over the cavity nothing holds the plate, over the bar either the law t_n = M [u_n] / t of `quarter`, or

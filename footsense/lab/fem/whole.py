@@ -1,4 +1,4 @@
-"""Finite elements of a whole foot that is not symmetric: what `quarter` cannot hold.
+"""Finite element model of a whole, unsymmetric foot, for assembly errors that break the symmetry.
 
 The sheet stays where it is, the balls move. What an imperfection changes is added to the released table, so that the
 error of the coarse mesh of a whole foot cancels:
@@ -172,7 +172,7 @@ def solve_whole_foot(
 def with_added_response(
     response: FootResponse, design: FootDesign, series: Vector, compliance: Vector
 ) -> FootResponse:
-    """Return a response table with changes added.
+    """Return a response table with a change of series and compliance added.
 
     Args:
         response: The released table.

@@ -1,4 +1,4 @@
-"""Four models of the foot, from a formula on paper to finite strain: closures and capacitances of a load.
+"""Four models of the foot with increasing fidelity, from a closed formula to finite strain.
 
 half_space   a formula: point force on a half-space, statics
 lattice      the closure of cavities between bars, for the formula

@@ -8,13 +8,13 @@ import numpy as np
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import Readout, rms
+from footsense.lab.evaluation.evaluate import ForceEstimator, rms
 from footsense.lab.fidelity.levels import FidelityLevel, LevelResponse
 from footsense.lab.fidelity.loads import Loads
 
 
 def time_level(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[LevelResponse, float]:
-    """Return the answer of a fidelity level, and the shortest computing time of some runs [s]."""
+    """Return a fidelity level's response to some loads, and its shortest computing time over several runs [s]."""
     taken_s = []
     for _ in range(repeats):
         start = default_timer()
@@ -23,7 +23,7 @@ def time_level(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[Le
     return answer, min(taken_s)
 
 
-def reported_force_n(network: Readout, design: CapacitorDesign, answer: LevelResponse) -> Vector:
+def reported_force_n(network: ForceEstimator, design: CapacitorDesign, answer: LevelResponse) -> Vector:
     """Return the force [N] that the daemon would report for an answer, shape (n, 3): from capacitance, by the network.
 
     Args:
@@ -59,9 +59,9 @@ class FidelityError:
 
 
 def fidelity_error(
-    answer: LevelResponse, finest: LevelResponse, network: Readout, design: CapacitorDesign
+    answer: LevelResponse, finest: LevelResponse, network: ForceEstimator, design: CapacitorDesign
 ) -> FidelityError:
-    """Return how far an answer is from the finest.
+    """Return the error of a level's response against that of a finer level.
 
     Args:
         answer: To the loads.

@@ -17,7 +17,7 @@ from footsense.lab.geometry import FootDesign
 
 @dataclass(frozen=True, slots=True)
 class ForwardAgainstTable:
-    """One solve per load beside the table of adjoint solves.
+    """Times and differences of one solve per load against the table of adjoint solves.
 
     Attributes:
         factorise_s: Mesh and three factorisations, which both need [s].
@@ -39,7 +39,7 @@ class ForwardAgainstTable:
 
     @property
     def ratio(self) -> float:
-        """Time of a solve over the time of the table [1]."""
+        """Time of one solve over the time of one table look-up [1]."""
         return self.forward_s / self.table_s
 
 

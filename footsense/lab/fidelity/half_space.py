@@ -1,4 +1,4 @@
-"""The cheapest fidelity level: closures by formula. No mesh, no table, no fitted constant.
+"""Cheapest fidelity level: closures from the closed formula of a loaded half-space, without a mesh.
 
 1. Stress. A point force F on the surface of an incompressible half-space stresses it along rays alone,
 

@@ -55,7 +55,7 @@ def half_space_response(model: HalfSpace, normal: Vector, force_n: Vector) -> Le
 
 
 def _response_of_cells(capacitor: CapacitorDesign, cells_um: Vector) -> LevelResponse:
-    """Return the elements' answer of the closures of their cells [um], shape (n, 324)."""
+    """Return closures and capacitances of the elements from the closures of their cells [um], shape (n, cells)."""
     distance_um = np.maximum(capacitor.gap_um - cells_um, 0.0) + capacitor.film_equivalent_um
     return LevelResponse(element_means(cells_um), capacitance_pf(capacitor, distance_um))
 

@@ -1,4 +1,4 @@
-"""Fabricated feet on an inexact test stand, and the errors of each read-out on them.
+"""Fabricated feet measured on an inexact test stand, and the errors of each force estimator on them.
 
 Every foot is reproducible by itself, from its number, the run's seed and the tolerances. Two kinds of read-outs
 are compared: those trained on the design, and those trained on the foot's own 362 measured cases.
@@ -17,7 +17,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import Readout, capacitance_readout, elastance_readout
+from footsense.lab.evaluation.evaluate import ForceEstimator, capacitance_estimator, elastance_estimator
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Job, ReadoutErrors, Tolerances
 from footsense.lab.training.export import OnnxNetwork
@@ -53,7 +53,7 @@ class MeasuredLoads:
 def measure_foot(
     foot: Foot, mount: Vector, true_n: Vector, tolerances: Tolerances, rng: np.random.Generator
 ) -> MeasuredLoads:
-    """Load a foot on the test stand.
+    """Return simulated test-stand measurements of a foot.
 
     Args:
         foot: The specimen.
@@ -83,8 +83,8 @@ def measure_foot(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _TrainedReadouts:
-    """The released models and the read-outs fitted to the design, opened once in each process.
+class _TrainedEstimators:
+    """Released models and force estimators fitted to the design, loaded once in each process.
 
     Attributes:
         response: The design.
@@ -96,22 +96,22 @@ class _TrainedReadouts:
 
     response: FootResponse
     network: OnnxNetwork
-    readouts: dict[str, Readout]
+    readouts: dict[str, ForceEstimator]
     training_n: Vector
     verification_n: Vector
 
 
 @lru_cache(maxsize=1)
-def _open_readouts(models: Path, seed: int, epochs: int) -> _TrainedReadouts:
-    """Open the released models, and train the other read-outs."""
+def _open_estimators(models: Path, seed: int, epochs: int) -> _TrainedEstimators:
+    """Load the released models, and train the other force estimators."""
     response, network = open_models(models)
     training = paper_training(response)
-    return _TrainedReadouts(
+    return _TrainedEstimators(
         response=response,
         network=network,
         readouts={
             "plain": _train_plain_network(response.design, training, np.random.default_rng(seed), epochs),
-            "change": capacitance_readout(response.design, training),
+            "change": capacitance_estimator(response.design, training),
         },
         training_n=training.force_n,
         verification_n=paper_verification(response).force_n,
@@ -120,13 +120,13 @@ def _open_readouts(models: Path, seed: int, epochs: int) -> _TrainedReadouts:
 
 def _train_plain_network(
     design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int
-) -> Readout:
+) -> ForceEstimator:
     """Return the paper's kind of network, trained on capacitance changes."""
     return PaperTraining(design, cases).train([random_layers(rng, (9, *HIDDEN_NEURONS, 3))], epochs)[0]
 
 
-def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> ReadoutErrors:
-    """Return the errors of all read-outs on one foot, means over the 180 cases, and the coverage of sigma.
+def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> ReadoutErrors:
+    """Return the mean errors of all force estimators on one foot over the 180 cases, and the coverage of sigma.
 
     Args:
         job: The foot.
@@ -140,7 +140,7 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Readout
         `reference`: of the reference sensor itself; shares `within_1` and `within_2` of the force components within 1
         and 2 sigma of the network.
     """
-    on_design = _open_readouts(models, seed, epochs)
+    on_design = _open_estimators(models, seed, epochs)
     design, network = on_design.response.design, on_design.network
     own = fabricate(on_design.response, job.tolerances, seed, job.foot)
     foot = Foot(on_design.response, own)
@@ -154,8 +154,8 @@ def readout_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Readout
     estimates = {
         "network": network_n,
         **{name: read(changed_um) for name, read in on_design.readouts.items()},
-        "own_closure": elastance_readout(Cases(training.force_n, training.closure_um))(test.closure_um),
-        "own_change": capacitance_readout(design, own_changes)(changed_um),
+        "own_closure": elastance_estimator(Cases(training.force_n, training.closure_um))(test.closure_um),
+        "own_change": capacitance_estimator(design, own_changes)(changed_um),
         "reference": on_design.verification_n,
     }
     if job.with_network:

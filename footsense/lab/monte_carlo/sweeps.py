@@ -9,7 +9,7 @@ import numpy as np
 
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
 from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
-from footsense.lab.monte_carlo.specimens import readout_errors
+from footsense.lab.monte_carlo.specimens import estimator_errors
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS
 
@@ -133,7 +133,7 @@ class SweepResults:
     Attributes:
         plan: Feet and levels.
         gap_um: The designed gap [um].
-        figures: By sweep, level and name, as `readout_errors` names them.
+        figures: By sweep, level and name, as `estimator_errors` names them.
     """
 
     plan: Plan
@@ -183,7 +183,7 @@ def sweep_results(
         "epochs": plan.epochs,
         "models": " ".join(digests),
     }
-    work = partial(readout_errors, models=models, seed=SEED, epochs=plan.epochs)
+    work = partial(estimator_errors, models=models, seed=SEED, epochs=plan.epochs)
     jobs = [
         job
         for s in (*FOOT_SWEEPS, *TEST_STAND_SWEEPS)

@@ -1,4 +1,4 @@
-"""The ball seen from below as a flat map: contact points of loads, and circles of directions.
+"""Map projection of the ball seen from below: contact points, and circles of elevation.
 
 Stereographic, so that circles on the ball are circles; forward is up, and left is to the right, as whoever lies under
 the foot sees it. Needs numpy alone.
@@ -11,7 +11,7 @@ from footsense.frames import Vector
 
 
 def map_position(normal: Vector) -> tuple[Vector, Vector]:
-    """Return the place of contacts on the map, right and up, shape (...).
+    """Return the map coordinates of contact points, to the right and up, shape (...).
 
     Args:
         normal: Inward unit normals, shape (..., 3); of a centred load its direction.

@@ -160,7 +160,7 @@ class OnnxNetwork:
     """
 
     def __init__(self, path: Path) -> None:
-        """Load an ONNX network and the training card from the file's metadata.
+        """Open an ONNX network and the card in its metadata.
 
         Raises:
             ModelError: The file is missing, no ONNX, or without a card.
@@ -177,7 +177,7 @@ class OnnxNetwork:
             ) from error
 
     def estimate(self, window: Window) -> Load:
-        """Return the load of every row; any number of rows."""
+        """Return the estimated loads of any number of windows."""
         inputs = {
             signal.name: np.asarray(part, np.float32).reshape(len(part), math.prod(part.shape[1:]))
             for signal, part in zip(INPUTS, window, strict=True)

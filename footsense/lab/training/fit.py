@@ -64,7 +64,7 @@ class Protocol:
 def whitening_transform(
     seen: Vector, index: NDArray[np.intp], place: NDArray[np.intp], least_variance: float
 ) -> tuple[jax.Array, jax.Array]:
-    """Return the matrix (inputs, inputs) and mean (inputs,) that make some inputs white, with the square's symmetry.
+    """Return whitening matrix (inputs, inputs) and mean (inputs,) of the hidden layer's inputs, symmetrised.
 
     Args:
         seen: Inputs of the first hidden layer, shape (n, inputs).
@@ -83,7 +83,7 @@ def whitening_transform(
 
 
 def fit_linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: float) -> jax.Array:
-    """Return the least-squares linear paths [N], a weight for each linear map and input, weighted like the loss.
+    """Return start weights of the network's linear paths [N], by weighted least squares.
 
     Args:
         inputs: Closures over the gap [1], shape (n, elements) each.

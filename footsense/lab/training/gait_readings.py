@@ -100,7 +100,7 @@ def _gait_closures_um(foot: Foot, t_s: Vector, normal: Vector, force_n: Vector) 
 
 
 def nominal_send_delay_s(step_s: Any) -> Any:
-    """Return the usual time from the middle of a conversion to sending [s], of the time of a conversion [s]."""
+    """Return the nominal delay from the middle of a conversion to sending [s], from the conversion time [s]."""
     return NOMINAL_SEND_DELAY_S + 0.6 * (step_s - STEP_S)
 
 

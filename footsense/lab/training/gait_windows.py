@@ -1,4 +1,4 @@
-"""Windows of the last three readings of every element, of gaits that have been read."""
+"""Input windows of the network (the last three readings of every element) from the readings of gaits."""
 
 from typing import NamedTuple
 
@@ -13,8 +13,8 @@ from footsense.lab.training.windowed_network import READINGS
 _EXTRA_CONVERSIONS = 3
 
 
-def age_table(rows: int) -> NDArray[np.intp]:
-    """Return the conversions since each element was read, shape (orders, n of the last conversion, n elements).
+def age_in_conversions_table(rows: int) -> NDArray[np.intp]:
+    """Return the age of each element's newest reading in conversions, by order and last conversion, (orders, n, n).
 
     Args:
         rows: Rows of elements of the foot, and as many columns.
@@ -38,7 +38,7 @@ def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, V
 
 
 def complete_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
-    """Tell after which conversions the newest reading of every element is within its range, shape (m, n)."""
+    """Return after which conversions a complete window ends whose newest readings are all in range, shape (m, n)."""
     n_elements = gaits.rows**2
     warm_up = READINGS * n_elements + _EXTRA_CONVERSIONS
     beyond = (~gaits.in_range).cumsum(axis=1)
@@ -48,7 +48,7 @@ def complete_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
 
 
 class GaitWindows(NamedTuple):
-    """All whole windows of some gaits, n of them.
+    """All complete windows of some gaits, with their truth.
 
     Attributes:
         gait: Row of the gait of each, shape (n,).
@@ -66,11 +66,11 @@ class GaitWindows(NamedTuple):
 
 
 def windows_of(gaits: GaitReadings) -> GaitWindows:
-    """Return all whole windows, in the order of gaits and times."""
+    """Return all complete windows of some gaits, ordered by gait and time."""
     gait, time = np.nonzero(complete_windows(gaits))
     n_elements = gaits.rows**2
     oldest = n_elements * np.arange(READINGS)[:, None]
-    since = age_table(gaits.rows)[gaits.order[gait], time % n_elements][:, None] + oldest
+    since = age_in_conversions_table(gaits.rows)[gaits.order[gait], time % n_elements][:, None] + oldest
     age_s = since * gaits.step_s[gait][:, None, None] + gaits.send_delay_s[gait, time][:, None, None]
     return GaitWindows(
         gait,

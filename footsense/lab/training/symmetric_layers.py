@@ -22,7 +22,7 @@ N_SYMMETRIES = len(SYMMETRIES)
 
 
 def hidden_input_index(n_planes: int, n_scalars: int, rows: int = 3) -> NDArray[np.intp]:
-    """Return which input of a channel meets each input of the layer in its unit g, shape (8, inputs).
+    """Return the index of a channel's weight for each input, in each of its eight units, shape (8, inputs).
 
     Args:
         n_planes: Features of each element; the inputs begin with as many of each as there are elements.

@@ -1,4 +1,4 @@
-"""Training of the windowed network: Muon on random windows of random gaits and of loads at rest, from one seed.
+"""Training of the windowed network by Muon on random windows of gaits and of steady loads, from one seed.
 
 Every batch draws its windows and its missing elements. A share of the windows is of feet at rest, drawn
 from the wide loads of `load_cases`, whose readings differ by noise alone. Loss and linear start are those of `fit.py`;
@@ -29,7 +29,11 @@ from footsense.lab.training.gait_readings import (
     GaitReadings,
     nominal_send_delay_s,
 )
-from footsense.lab.training.gait_windows import age_table, complete_windows, contact_and_normal_force
+from footsense.lab.training.gait_windows import (
+    age_in_conversions_table,
+    complete_windows,
+    contact_and_normal_force,
+)
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
 from footsense.lab.training.symmetric_layers import linear_basis
 from footsense.lab.training.windowed_network import (
@@ -45,7 +49,7 @@ from footsense.lab.training.windowed_network import (
 )
 
 #: Share of the windows with something missing, and of those of feet at rest.
-_MISSING_SHARE, _REST_SHARE = 0.25, 0.45
+_WINDOWS_WITH_MISSING_SHARE, _STEADY_WINDOWS_SHARE = 0.25, 0.45
 #: Share of the windows at rest that are read at any pace and in any order, and of those with friction: few of the loads
 #: at rest have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
 _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
@@ -62,7 +66,7 @@ _STEPS_PER_CALL = 500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindowProtocol(Protocol):
-    """How a windowed network is trained; its cases are windows."""
+    """Training settings of a windowed network; its cases are windows."""
 
     channels: int = 40
     steps: int = 200_000
@@ -87,7 +91,7 @@ class Batch(NamedTuple):
 
 
 class _TrainingConstants(NamedTuple):
-    """Training data on the JAX device: gaits, loads at rest, masks, noise."""
+    """Training data on the JAX device: gaits, steady loads, masks, noise."""
 
     closure_rel: Any
     force_n: Any
@@ -97,7 +101,7 @@ class _TrainingConstants(NamedTuple):
     step_s: Any
     order: Any
     window_indices: Any
-    conversion_ages: Any
+    ages_in_conversions: Any
     rest_closure_rel: Any
     rest_force_n: Any
     rest_contact: Any
@@ -134,7 +138,7 @@ def _training_constants(
         step_s=jnp.asarray(gaits.step_s, single),
         order=jnp.asarray(gaits.order),
         window_indices=jnp.asarray(where),
-        conversion_ages=jnp.asarray(age_table(gaits.rows)),
+        ages_in_conversions=jnp.asarray(age_in_conversions_table(gaits.rows)),
         rest_closure_rel=jnp.asarray(rest.closure_um / design.gap_um, single),
         rest_force_n=jnp.asarray(rest.force_n, single),
         rest_contact=jnp.asarray(rest_contact, single),
@@ -154,7 +158,7 @@ def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array,
     at = data.window_indices[jax.random.randint(key, (n,), 0, len(data.window_indices))]
     gait, time = at // times_per_gait, at % times_per_gait
     since = (
-        data.conversion_ages[data.order[gait], time % n_elements][:, None]
+        data.ages_in_conversions[data.order[gait], time % n_elements][:, None]
         + n_elements * jnp.arange(READINGS)[:, None]
     )
     closure_rel = data.closure_rel[at[:, None, None] - since]
@@ -162,8 +166,8 @@ def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array,
     return closure_rel, age_s, data.force_n[at], data.contact[at], data.loaded[at]
 
 
-def _rest_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any, ...]:
-    """Return windows and true loads of feet at rest."""
+def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any, ...]:
+    """Return random windows of steady loads, with their true loads."""
     k1, k2, k3, k4, k5, k6, k7 = jax.random.split(key, 7)
     n_elements = data.missing_masks.shape[1]
     n_rough, n_paced = round(_FRICTION_SHARE * n), round(_PACED_SHARE * n)
@@ -179,7 +183,7 @@ def _rest_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any
     drawn = jax.random.uniform(k7, (2, n))
     step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
     order = jnp.where(paced, (drawn[1] * len(CONVERSION_ORDERS)).astype(int), 0)
-    since = data.conversion_ages[order, phase][:, None] + n_elements * jnp.arange(READINGS)[:, None]
+    since = data.ages_in_conversions[order, phase][:, None] + n_elements * jnp.arange(READINGS)[:, None]
     closure_rel = exact + steep * noise + (1.0 + data.film_thickness_rel) ** 2 * offset
     return (
         closure_rel,
@@ -191,21 +195,21 @@ def _rest_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any
 
 
 def _random_windows_batch(data: _TrainingConstants, times_per_gait: int, n: int, key: jax.Array) -> Batch:
-    """Return a random batch of training windows, in motion and at rest, with missing elements."""
+    """Return a random batch of training windows, of gaits and of steady loads, with missing elements."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
-    n_rest = round(_REST_SHARE * n)
+    n_rest = round(_STEADY_WINDOWS_SHARE * n)
     parts = zip(
-        _gait_windows(data, times_per_gait, k1, n - n_rest), _rest_windows(data, k2, n_rest), strict=True
+        _gait_windows(data, times_per_gait, k1, n - n_rest), _steady_windows(data, k2, n_rest), strict=True
     )
     closure_rel, age_s, force_n, contact, loaded = (jnp.concatenate(pair) for pair in parts)
     which = jax.random.randint(k3, (n,), 1, len(data.missing_masks))
-    which = jnp.where(jax.random.uniform(k4, (n,)) < _MISSING_SHARE, which, 0)
+    which = jnp.where(jax.random.uniform(k4, (n,)) < _WINDOWS_WITH_MISSING_SHARE, which, 0)
     closure_rel = jnp.einsum("nab,nsb->nsa", data.imputation_matrices[which], closure_rel)
     return Batch(features(closure_rel, age_s, data.missing_masks[which]), force_n, contact, loaded)
 
 
 def _random_weights(key: jax.Array, c: int, rows: int) -> Weights:
-    """Return random weights; the linear path is a correction to its start and begins at zero."""
+    """Return random initial weights; the linear path starts at zero, as a correction to least squares."""
     n_inputs = FEATURES_PER_ELEMENT * rows**2 + FEATURES_PER_FOOT
     k1, k2, k3, k4 = jax.random.split(key, 4)
     return Weights(
@@ -229,7 +233,7 @@ def train_windowed(
     report: Any = lambda _: None,
     start: Weights | None = None,
 ) -> Weights:
-    """Train the windowed network on random gaits and loads at rest; return its weights.
+    """Train the windowed network on random gaits and steady loads; return its weights.
 
     Args:
         gaits: Readings of random gaits.
@@ -273,7 +277,7 @@ def train_windowed(
         return _random_windows_batch(data, times_per_gait, protocol.batch, key)
 
     def unfolded(weights: Weights) -> Weights:
-        """Return the free weights that fold into these."""
+        """Return the weights before whitening is folded in: the inverse of `fold_whitening`."""
         w1 = jnp.asarray(
             np.asarray(weights.w1, np.float64) @ np.linalg.inv(np.asarray(whiten, np.float64)), jnp.float32
         )

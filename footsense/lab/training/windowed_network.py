@@ -1,4 +1,4 @@
-"""The windowed network on paper: the last three readings of every element, with their ages, to a load.
+"""The windowed network: from the last three readings of every element, with their ages, to force and contact.
 
 The foot is read one element after the other, so its readings are never of one time. The network sees, of each
 element e, its last three readings v0, v1, v2 (closure over gap, newest first, missing ones imputed) and their ages
@@ -94,7 +94,7 @@ class Weights(NamedTuple):
 
 
 class LayerMatrices(NamedTuple):
-    """The weights in all their places, so that a layer is x @ w + b; 8 c units in a hidden layer."""
+    """Full weight matrices of the network, expanded from the shared weights: a layer is x @ w + b."""
 
     level: Any
     slope: Any
@@ -124,7 +124,7 @@ class Features(NamedTuple):
 
 
 def element_input_index(rows: int = 3) -> NDArray[np.intp]:
-    """Return which input of a channel meets input e of the layer in its unit g, shape (8, SEEN)."""
+    """Return the input index of a channel's weights in each of its eight units, shape (8, inputs)."""
     return hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, rows)
 
 
@@ -138,7 +138,7 @@ def output_symmetries() -> NDArray[np.float64]:
 
 
 def expand_shared_weights(weights: Weights) -> LayerMatrices:
-    """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
+    """Return the full weight matrices of the shared weights: unit g * c + i is channel i under symmetry g."""
     turns, basis = output_symmetries(), linear_basis(weights.rows)
     return LayerMatrices(
         level=jnp.tensordot(weights.linear[: len(basis)], basis, 1),
@@ -175,7 +175,7 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
 
 
 def run(matrices: LayerMatrices, seen: Features) -> Load:
-    """Return the network's estimate of n windows, as JAX arrays."""
+    """Return the network's estimates of n windows, as JAX arrays."""
     first = jnp.tanh(seen.seen @ matrices.w1 + matrices.b1)
     second = jnp.tanh(first @ matrices.w2 + matrices.b2)
     out = second @ matrices.out

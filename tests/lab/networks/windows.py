@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from footsense.estimation.faults.missing_sets import MISSING_SETS, missing_sets
 from footsense.estimation.steady_windows import steady_ages_s
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
-from footsense.lab.training.gait_windows import age_table
+from footsense.lab.training.gait_windows import age_in_conversions_table
 from footsense.ports import Load, Window
 
 STEP_S, NOMINAL_SEND_DELAY_S = 2.7e-3, 3.2e-3
@@ -17,7 +17,7 @@ STEP_S, NOMINAL_SEND_DELAY_S = 2.7e-3, 3.2e-3
 def some_windows(n: int = 40, seed: int = 1) -> Window:
     """Return windows of feet in motion, in every phase of a scan and with every set of missing elements."""
     rng = np.random.default_rng(seed)
-    since = age_table(3)[0, np.arange(n) % 9][:, None] + 9 * np.arange(3)[:, None]
+    since = age_in_conversions_table(3)[0, np.arange(n) % 9][:, None] + 9 * np.arange(3)[:, None]
     age_s = (
         NOMINAL_SEND_DELAY_S
         + STEP_S * (1.0 + 4.0 * rng.random((n, 1, 1)) * (rng.random((n, 1, 1)) < 0.3)) * since

@@ -55,8 +55,8 @@ class MismatchResults:
     Attributes:
         feet: Feet of each row.
         presses: Presses of a calibration.
-        means: By row and figure: mean over the feet.
-        worst: By row and figure: the largest over the feet.
+        mean_over_feet: By row and figure: mean over the feet.
+        max_over_feet: By row and figure: the largest over the feet.
         scatter: By row: distance of each foot's loads, and its mean centred direction error [deg].
         tables_s: Processor time of the tables that this run solved; those that it found are not in it [s].
         full_solve_s: Processor time of one load by the full solve; None if not measured [s].
@@ -64,8 +64,8 @@ class MismatchResults:
 
     feet: int
     presses: int
-    means: dict[str, dict[str, float]]
-    worst: dict[str, dict[str, float]]
+    mean_over_feet: dict[str, dict[str, float]]
+    max_over_feet: dict[str, dict[str, float]]
     scatter: dict[str, list[tuple[float, float]]]
     tables_s: float
     full_solve_s: float | None
@@ -73,7 +73,7 @@ class MismatchResults:
     @property
     def feet_s(self) -> float:
         """Processor time of all feet, those of earlier runs included [s]."""
-        return self.feet * sum(row["cpu_s"] for row in self.means.values())
+        return self.feet * sum(row["cpu_s"] for row in self.mean_over_feet.values())
 
 
 def test_loads(loads: LoadRange) -> dict[str, TestLoads]:
@@ -161,23 +161,27 @@ def run_study(
     }
     work = partial(evaluate_job, models=context.models.resolve(), tables=kept.resolve(), plan=plan)
     run = workers or job_runner(n_workers=1 if context.quick else LOCAL_WORKERS)
-    means, worst, scatter = {}, {}, {}
+    mean_over_feet, max_over_feet, scatter = {}, {}, {}
     for name in names:
         jobs = [Job(Tolerances(), foot, case=name) for foot in range(n_feet)]
         digest = hashlib.sha256(f"{about} {MISMATCH_ROWS[name]}".encode()).hexdigest()[:12]
         file = kept / f"{name}-{digest}.jsonl"
         made = list(run_resumable(about, jobs, work, workers=run, file=file).values())
         columns = {figure: np.array([one[figure] for one in made]) for figure in made[0]}
-        means[name] = {figure: round(float(np.nanmean(values)), 3) for figure, values in columns.items()}
-        worst[name] = {figure: round(float(np.nanmax(values)), 3) for figure, values in columns.items()}
+        mean_over_feet[name] = {
+            figure: round(float(np.nanmean(values)), 3) for figure, values in columns.items()
+        }
+        max_over_feet[name] = {
+            figure: round(float(np.nanmax(values)), 3) for figure, values in columns.items()
+        }
         scatter[name] = [(round(one["distance_all"], 2), round(one["centred_all_deg"], 3)) for one in made]
-        context.report_progress(f"{name}: {_progress_line(means[name])}")
+        context.report_progress(f"{name}: {_progress_line(mean_over_feet[name])}")
     presses = len(paper_presses("training")[:: plan.every_nth_press])
     results = MismatchResults(
         feet=n_feet,
         presses=presses,
-        means=means,
-        worst=worst,
+        mean_over_feet=mean_over_feet,
+        max_over_feet=max_over_feet,
         scatter=scatter,
         tables_s=round(tables_s, 1),
         full_solve_s=None
@@ -189,16 +193,16 @@ def run_study(
 
 def _figure(results: MismatchResults) -> Figure:
     """Draw the errors of each row after calibration, and whether to trust a foot by the distance of its loads."""
-    figure = Figure(figsize=(12.0, max(0.28 * len(results.means) + 1.6, 4.5)), layout="constrained")
+    figure = Figure(figsize=(12.0, max(0.28 * len(results.mean_over_feet) + 1.6, 4.5)), layout="constrained")
     bars, dots = figure.subplots(1, 2, width_ratios=(5, 6))
-    places = np.arange(len(results.means))
+    places = np.arange(len(results.mean_over_feet))
     for shift, test in ((-0.2, "centred"), (0.2, "leaning")):
-        errors_deg = [row[f"{test}_all_deg"] for row in results.means.values()]
+        errors_deg = [row[f"{test}_all_deg"] for row in results.mean_over_feet.values()]
         bars.barh(places + shift, errors_deg, 0.4, label=f"{test}, 100 gf")
     bars.axvline(TARGET_DEG, color="k", ls=":", label="wanted at most")
     bars.set(
         yticks=places,
-        yticklabels=[MISMATCH_ROWS[name].title for name in results.means],
+        yticklabels=[MISMATCH_ROWS[name].title for name in results.mean_over_feet],
         xscale="log",
         xlabel="direction error after calibration, mean [deg]",
         title="what differs from the model",

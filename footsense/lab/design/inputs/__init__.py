@@ -1,1 +1,1 @@
-"""What a builder knows: what the foot has to do (`wishes`), and with which materials, boards and processes."""
+"""Inputs of a design: requirements (`wishes`), materials, converter boards and fabrication processes."""

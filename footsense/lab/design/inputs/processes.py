@@ -1,4 +1,4 @@
-"""Ways to make a foot's sheet: what is in stock, what can be made, and how well."""
+"""Fabrication processes of a foot's sheet: films in stock, smallest dimensions, tolerances."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""What a builder knows of a robot: the input of a design."""
+"""Requirements of a foot design: forces, errors, sizes, materials, process, board."""
 
 from typing import NamedTuple
 

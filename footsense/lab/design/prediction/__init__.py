@@ -1,1 +1,1 @@
-"""A foot's response without a mesh of its own: closures of a few solved `shapes`, scaled and interpolated."""
+"""Prediction of a foot's response without solving it: a few solved `shapes`, scaled and interpolated."""

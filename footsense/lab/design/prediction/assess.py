@@ -1,4 +1,4 @@
-"""A few feet, exactly: gap contact included, direction by direction, on any response table.
+"""Range and force errors of a foot from its response table, gap contact included, by direction.
 
 The same figures come from a response between the solved shapes, as a prediction, and from the table of a built foot, as
 the measurement to compare it with.

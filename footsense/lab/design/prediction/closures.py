@@ -1,4 +1,4 @@
-"""Mean closures of many feet under a few loads, and how they follow force and contact, without gap contact.
+"""Mean closures of many feet under a few loads, and their derivatives by force and contact, without gap contact.
 
 Per load: direction of the force, contact normal. In the units of the solved feet (10 mm, 5.2 MPa) a foot's closure is
 
@@ -87,7 +87,7 @@ class ClosureModel:
     """
 
     def __init__(self, library: ShapeLibrary, loads: Loads) -> None:
-        """Evaluate the solved shapes at the loads."""
+        """Create the model: evaluate the solved shapes at the loads."""
         self._library, self.loads = library, loads
         self._across = np.stack(tangent_frame(loads.normal), axis=1)
         whole = [
@@ -102,7 +102,7 @@ class ClosureModel:
         self.unevenness = cells.var(axis=2) / cells.mean(axis=2) ** 2
 
     def _basis(self) -> Vector:
-        """Return the products at the normals, and their slopes by its two turns, shape (3 loads, products)."""
+        """Return the products at the normals, and their derivatives by two rotations, shape (3 loads, products)."""
         normal = self.loads.normal
         rows = [series_basis(normal, _DEGREE, MIN_FITTED_ELEVATION_DEG)]
         for turn in range(2):
@@ -118,7 +118,7 @@ class ClosureModel:
         return np.concatenate(rows)
 
     def influence(self, feet: Candidates) -> Influence:
-        """Return the influence of some feet; a few thousand at once, as memory is 12 kB each."""
+        """Return the closures per newton of a batch of feet (12 kB of memory each)."""
         weights = self._library.interpolation_weights(feet.shape)
         amplitude = self._library.amplitudes(weights)[:, QUARTER_ELEMENT_OF]
         size = RADIUS_MM / feet.ball_radius_mm

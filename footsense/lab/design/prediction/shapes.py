@@ -64,7 +64,7 @@ class Shape(NamedTuple):
 
     @property
     def coordinates(self) -> Vector:
-        """Logarithms in which responses are interpolated, shape (..., 5); the last is that of 1 - 2 nu."""
+        """Interpolation coordinates: logarithms of the shape's numbers, shape (..., 5)."""
         numbers = (*self[:4], 1.0 - 2.0 * np.asarray(self.sheet_poisson))
         logarithms: Vector = np.log(np.stack(np.broadcast_arrays(*numbers), axis=-1))
         return logarithms
@@ -83,7 +83,7 @@ NEIGHBOUR_VALUES = {
 
 
 def solved_shapes() -> list[Shape]:
-    """Return the shapes that are solved: the paper's, then those with one number changed."""
+    """Return the foot shapes in the library: the paper's, then those with one dimension changed."""
     return [
         CENTRE_SHAPE,
         *(
@@ -113,7 +113,7 @@ def shape_of(design: FootDesign) -> Shape:
 
 
 def design_of_shape(shape: Shape, like: FootDesign) -> FootDesign:
-    """Return the foot of a shape that is solved, 10 mm in radius and of the paper's rubber."""
+    """Return the foot design that is solved for a shape: ball radius 10 mm, the paper's rubber."""
     pitch = float(pitch_mm(shape.fill_rel, RADIUS_MM))
     return msgspec.structs.replace(
         like,
@@ -129,7 +129,7 @@ def design_of_shape(shape: Shape, like: FootDesign) -> FootDesign:
 
 
 def amplitudes(series: Vector, compliance: Vector) -> Vector:
-    """Return the amplitudes of a response [um/N], shape (4,).
+    """Return the four amplitudes that characterise a response [um/N], shape (4,).
 
     They are the mean closures upright of a corner, of an edge and of the middle element, and the rms of the compliance.
 
@@ -144,7 +144,7 @@ def amplitudes(series: Vector, compliance: Vector) -> Vector:
 
 
 class ShapeLibrary:
-    """The solved shapes, and the responses between them.
+    """Library of solved foot shapes, with interpolation of the response between them.
 
     Args:
         path: File of `solving.solve`.
@@ -155,7 +155,7 @@ class ShapeLibrary:
     """
 
     def __init__(self, path: Path = SHAPES_FILE) -> None:
-        """Read the shapes."""
+        """Load the solved shapes from their file."""
         with np.load(path) as stored:
             series, compliance, self._pairs = (
                 stored[name].astype(np.float64) for name in ("quarter_series", "quarter_compliance", "pairs")
@@ -191,7 +191,7 @@ class ShapeLibrary:
         return each
 
     def covers(self, shape: Shape, beyond: float = 0.1) -> NDArray[np.bool_]:
-        """Tell which shapes lie between the solved ones, or beyond by this share of each span, shape (...)."""
+        """Return which shapes lie within the range of the solved ones, with a relative margin, shape (...)."""
         corners = self._coordinates
         low, high = corners.min(axis=0), corners.max(axis=0)
         slack = beyond * (high - low)

@@ -1,4 +1,4 @@
-"""Solution of the shapes that designs start from: once, half an hour on one core; `shapes` uses the result.
+"""Finite element solution of the shape library (half an hour on one core), which `shapes` interpolates.
 
 Shapes with one number changed are solved on the mesh of a release. How far two changes are from multiplying is a small
 number that a coarse mesh knows well enough, as its own error is in all four solutions alike:
@@ -53,7 +53,7 @@ def solve_shapes(like: FootDesign, path: Path, report: Callable[[str], None]) ->
 
 
 def pair_interaction_corrections(ln_amplitude: Callable[[Shape], Vector]) -> Vector:
-    """Return the interaction of pairs of changed numbers (0: they multiply), shape (shapes, shapes, 4).
+    """Return the correction of the interpolation where two dimensions change together, shape (shapes, shapes, 4).
 
     Args:
         ln_amplitude: Returns the logarithms of the amplitudes of a shape, shape (4,).

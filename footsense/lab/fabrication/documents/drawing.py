@@ -74,7 +74,7 @@ def _draw_assembly(
         plate + radius + dimensions.SOCKET_TOP_THICKNESS_MM,
     )
     scale = largest_scale((2.0 * outer, top + radius + plate), (150.0, 165.0))
-    view = page.view(
+    view = page.add_view(
         (110.0, 160.0), scale, (-outer, -radius - plate, outer, top), "Section, forward to the right, *"
     )
     for name, colour, hatch in (
@@ -130,7 +130,7 @@ def _draw_layer_stack(page: PaperSheet, design: FootDesign) -> None:
         ("hemisphere of the ground", f"rubber of {design.rubber.youngs_mpa:g} MPa", _RUBBER, 10.0),
     ]
     height = sum(thickness for *_, thickness in layers)
-    view = page.view((258.0, 225.0), 1.0, (0.0, 0.0, 80.0, height), "Stack, not to scale", 6.0)
+    view = page.add_view((258.0, 225.0), 1.0, (0.0, 0.0, 80.0, height), "Stack, not to scale", 6.0)
     z = height
     for name, what, colour, thickness in layers:
         z -= thickness
@@ -146,7 +146,7 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
     half_x, half_y, deep = 2.0 * radius + 1.5 * wall, radius + wall, radius + wall
     off = solids.mould_centres_mm(design)[1]
     scale = largest_scale((2.0 * half_x, 2.0 * half_y), (150.0, 75.0))
-    lid = page.view(
+    lid = page.add_view(
         (105.0, 240.0), scale, (-half_x, -half_y, half_x, half_y), "Lid of the mould from above, *"
     )
     _draw_from_above(lid, parts["mould-lid"])
@@ -165,7 +165,7 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
         (18.0, 12.0),
         f"2 x dia. {dimensions.DOWEL_DIAMETER_MM:g} H7, {wall:g} thick",
     )
-    body = page.view((105.0, 130.0), scale, (-half_x, -deep, half_x, 0.0), "Section of the body, *", 8.0)
+    body = page.add_view((105.0, 130.0), scale, (-half_x, -deep, half_x, 0.0), "Section of the body, *", 8.0)
     body.draw_area(section_y0(parts["mould-body"]), _METAL, "////")
     body.dimension([(half_x, -deep), (half_x, 0.0)], 10.0, f"{deep:g}")
     body.note((off - 0.7 * radius, -0.7 * radius), (-10.0, 34.0), f"2 x R {radius:g} +-0.05, polished")
@@ -175,7 +175,7 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
         design.plate_mm,
     )
     scale = largest_scale((2.0 * outer, 2.0 * outer), (120.0, 110.0))
-    socket = page.view(
+    socket = page.add_view(
         (305.0, 205.0), scale, (-outer, -outer, outer, outer), "Socket from above, forward to the right, *"
     )
     _draw_from_above(socket, parts["leg-socket"])
@@ -205,7 +205,7 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
 
 
 def _draw_from_above(view: View, solid: Any) -> None:
-    """Draw the level edges of a solid: those of its upper face, and dashed those below."""
+    """Draw the top view of a solid: edges of its upper face solid, lower ones dashed."""
     _, high = solid.bounding_box
     for points in edge_polylines(solid):
         if np.ptp(points[:, 2]) < EQUAL_WITHIN_MM:
@@ -225,7 +225,7 @@ def _draw_flexes_and_sheets(
         title = (
             f"{flex.kind.capitalize()} flex from its copper side, *; in the foot: copper {side} of the foot"
         )
-        view = page.view((118.0, height), scale, outline.bounds, title, 26.0)
+        view = page.add_view((118.0, height), scale, outline.bounds, title, 26.0)
         _draw_flex(view, folder, flex, outline)
     array = ElementArray.from_design(design)
     ball = design.ball_radius_mm
@@ -234,7 +234,7 @@ def _draw_flexes_and_sheets(
         shape = sheets.read_dxf(folder / f"{name}.dxf")
         low_x, low_y, high_x, high_y = shape.bounds
         scale = largest_scale((high_x - low_x, high_y - low_y), (110.0, 75.0))
-        view = page.view(
+        view = page.add_view(
             (310.0, height), scale, shape.bounds, f"{name.capitalize()}, {thickness:g} um, from above, *"
         )
         view.draw_area(shape, "#bfe0c4")

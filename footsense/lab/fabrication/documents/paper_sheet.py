@@ -1,4 +1,4 @@
-"""Sheets of a drawing, A3, in mm: views at a true scale, dimensions, notes, and a title block."""
+"""A3 drawing sheets: views at a drawing scale, dimensions, notes, title block."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _MIN_DIMENSION_LINE_MM = 16.0
 
 
 def largest_scale(size_mm: tuple[float, float], room_mm: tuple[float, float]) -> float:
-    """Return the largest usual scale at which something fits.
+    """Return the largest standard drawing scale at which a part fits the space.
 
     Example:
         >>> largest_scale((26.0, 17.0), (150.0, 120.0))
@@ -111,7 +111,7 @@ class View:
     def note(
         self, at: tuple[float, float], text_mm: tuple[float, float], text: str, align: str | None = None
     ) -> None:
-        """Draw a note with a line to a place of the part.
+        """Draw a note with a leader line to a point of the part.
 
         Args:
             at: The place.
@@ -159,7 +159,7 @@ class PaperSheet:
         axes.set_axis_off()
         return axes
 
-    def view(
+    def add_view(
         self,
         centre_mm: tuple[float, float],
         scale: float,
@@ -167,7 +167,7 @@ class PaperSheet:
         title: str,
         below_mm: float = 14.0,
     ) -> View:
-        """Return a view at a true scale.
+        """Add a titled view of a part to the sheet at a given drawing scale.
 
         Args:
             centre_mm: Its middle on the sheet [mm].

@@ -1,4 +1,4 @@
-"""The papers of a foot: overview with the figures of the checks, bill of materials, assembly, checklist."""
+"""Documents of a foot: overview with the results of the checks, bill of materials, assembly steps, checklist."""
 
 import csv
 import math

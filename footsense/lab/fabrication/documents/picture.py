@@ -1,4 +1,4 @@
-"""A picture of the parts above each other, drawn from the STEP, Gerber and DXF files."""
+"""Exploded view of the parts, drawn from the STEP, Gerber and DXF files."""
 
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ _AZIMUTH_DEG, _ELEVATION_DEG = 35.0, 24.0
 
 
 def draw_parts(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> None:
-    """Write `parts.png`: the parts of the foot above each other, in the order of assembly.
+    """Write `parts.png`, an exploded view of the foot's parts in the order of assembly.
 
     Args:
         folder: Folder of the files.

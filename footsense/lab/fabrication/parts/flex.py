@@ -53,7 +53,7 @@ class Flex:
 
     @property
     def to_foot(self) -> Callable[[Point], Point]:
-        """Map (u, v) of the artwork to (x, y) of the foot [mm]."""
+        """Convert artwork coordinates (u, v) to foot coordinates (x, y) [mm]."""
         if self.kind == "row":
             return lambda point: (-point[1], point[0])
         return lambda point: (point[0], -point[1])
@@ -176,13 +176,13 @@ class Flex:
 
     @property
     def profile(self) -> list[Pad | Trace]:
-        """The outline as a closed line of the profile layer."""
+        """Outline of the flex as a closed trace of the Gerber profile layer."""
         points = [(float(u), float(v)) for u, v in self.outline.exterior.coords]
         return [Trace(points=points, width_mm=dimensions.PROFILE_LINE_WIDTH_MM, function="Profile")]
 
 
 def alignment_ear(half: float, hole: Point) -> Any:
-    """Return the carrier between a side of a square of `half` the side and an alignment hole, a polygon [mm]."""
+    """Return the ear that carries an alignment hole beside a square sheet, a polygon [mm]."""
     across = (0.0, half) if hole[0] else (half, 0.0)
     towards = tuple(half * (value > 0) - half * (value < 0) for value in hole)
     side = [(towards[0] + s * across[0], towards[1] + s * across[1]) for s in (-1.0, 1.0)]

@@ -78,7 +78,7 @@ def connected_conductors(shapes: Sequence[CopperShape]) -> list[list[CopperShape
 
 
 def narrowest_mm(areas: Sequence[Any]) -> float:
-    """Return the width of a conductor's narrowest part [mm]: etched by half of it all around, it breaks."""
+    """Return the width of a conductor's narrowest part [mm]."""
     whole = shapely.union_all(list(areas)).buffer(_TOUCH_DISTANCE_MM)
     low, high = 0.0, float(whole.length)
     while high - low > 1e-4:

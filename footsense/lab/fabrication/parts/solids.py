@@ -149,7 +149,7 @@ def all_parts(design: FootDesign) -> list[Part]:
 
 
 def cast_hemisphere(design: FootDesign) -> Any:
-    """Return a hemisphere where the mould casts it [mm]."""
+    """Return a hemisphere in its position in the mould [mm]."""
     centre = occ.Pnt(mould_centres_mm(design)[0], 0, 0)
     return occ.Sphere(centre, design.ball_radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, 1))
 

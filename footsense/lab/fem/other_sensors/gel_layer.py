@@ -1,4 +1,4 @@
-"""A soft film without gaps in place of the spacer: the gelled polyurethane of the paper's outlook (section VI).
+"""Foot with a soft gel film in place of the spacer and its air gaps (the paper's outlook, section VI).
 
 The film fills the whole area between the plates, electrodes and bars alike, and takes the place of the bars in the
 weak form of `quarter`: an elastic layer between the two bodies,
@@ -44,12 +44,12 @@ class GelLayerDesign:
 
     @property
     def relief_mm(self) -> float:
-        """Distance from the rim over which the film is not confined [mm]."""
+        """Width of the rim zone in which the film can spread sideways [mm]."""
         return self.layer_mm * float(np.sqrt(self.gel.confined_mpa / (12.0 * self.gel.shear_mpa)))
 
     @property
     def layer(self) -> BondedLayer:
-        """The film in the weak form: over bars and electrodes alike."""
+        """The gel as a bonded elastic layer over the whole area of the plates."""
         return BondedLayer(self.gel, self.layer_mm, "bars|cell.*")
 
     def capacitor(self, design: FootDesign) -> CapacitorDesign:

@@ -1,1 +1,1 @@
-"""Studies of the error: bound, map, tolerance, sensors, hard cases."""
+"""Studies of the force error: Cramer-Rao bound, error map, tolerances, number of elements, hard cases."""

@@ -1,4 +1,4 @@
-"""Study `cramer-rao`: network error over the least error that any read-out of noisy capacitances can reach."""
+"""Study `cramer-rao`: network error over the least error that any unbiased estimator can reach."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

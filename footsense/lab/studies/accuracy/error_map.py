@@ -1,4 +1,4 @@
-"""Study `error-map`: where on the ball the released network errs, and by how much on the 180 cases.
+"""Study `error-map`: the released network's error by contact point on the ball, and on the 180 cases.
 
 Source:
     Aoyagi et al., Figs. 18 and 19.
@@ -152,7 +152,7 @@ def _histogram_figure(readings: dict[str, tuple[Vector, Vector]]) -> Figure:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Read centred loads from all over the ball, and the 180 verification cases."""
+    """Evaluate the network on centred loads over the whole ball, and on the 180 verification cases."""
     points, draws = (_POINTS_QUICK, _DRAWS_QUICK) if context.quick else (_POINTS, _DRAWS)
     along = np.linspace(-map_radius(_MIN_ELEVATION_DEG), map_radius(_MIN_ELEVATION_DEG), points)
     right, up = np.meshgrid(along, along)

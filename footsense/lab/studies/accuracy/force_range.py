@@ -1,4 +1,4 @@
-"""Study `force-range`: the largest force that a foot can tell, over its direction, and what is said beyond it.
+"""Study `force-range`: largest measurable force by direction, and the reported state beyond it.
 
 With growing force a gap begins to close at its middle, reads as closed, or the converter ends. Where gaps are closed in
 part, different loads have nearly the same closures: an ambiguous region, in which the network is used, too.

@@ -48,10 +48,10 @@ class Results:
         delay_p95_ms: The same, 95th percentile [ms].
         missed_touchdowns: Share never reported [1].
         false_touchdowns: In swing, in all.
-        touchdown_ms: Error of the back-dated time of those reported promptly, rms [ms].
-        touchdown_sigmas: The same over its sigma, rms [1].
+        touchdown_time_rms_ms: Error of the back-dated time of those reported promptly, rms [ms].
+        touchdown_time_rms_sigmas: The same over its sigma, rms [1].
         n_lift_offs: Lift-offs that were reported.
-        lift_off_ms: Error of the back-dated time, rms [ms].
+        lift_off_time_rms_ms: Error of the back-dated time, rms [ms].
         contact_rel: Share of the conversions whose contact is right [1].
         friction: Error of friction use, mean [1].
         normal_deg: Error of the normal, mean [deg].
@@ -72,10 +72,10 @@ class Results:
     delay_p95_ms: float
     missed_touchdowns: float
     false_touchdowns: int
-    touchdown_ms: float
-    touchdown_sigmas: float
+    touchdown_time_rms_ms: float
+    touchdown_time_rms_sigmas: float
     n_lift_offs: int
-    lift_off_ms: float
+    lift_off_time_rms_ms: float
     contact_rel: float
     friction: float
     normal_deg: float
@@ -207,7 +207,10 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         contacts.append(one.contact[later] > 0.0)
     stand = np.concatenate(stands)
     hours = float(stand.size * np.diff(walks[0].t_s).mean()) / 3600.0
-    last = [one.coefficient[-1] - np.nanmean([slides.friction for slides in one.slides]) for one in walks]
+    last = [
+        one.estimated_friction_coefficient[-1] - np.nanmean([slides.friction for slides in one.slides])
+        for one in walks
+    ]
     reported_mm = slide_distances_mm[np.isfinite(slide_distances_mm)]
     return Results(
         leg_hours=hours,
@@ -217,10 +220,10 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         delay_p95_ms=float(np.percentile(downs[:, 0], 95, method="nearest")),
         missed_touchdowns=float(np.isinf(downs[:, 0]).mean()),
         false_touchdowns=sum(one.false for one in flanks),
-        touchdown_ms=_rms(down_ms[:, 1]),
-        touchdown_sigmas=_rms(down_ms[:, 1] / down_ms[:, 2]),
+        touchdown_time_rms_ms=_rms(down_ms[:, 1]),
+        touchdown_time_rms_sigmas=_rms(down_ms[:, 1] / down_ms[:, 2]),
         n_lift_offs=len(up_ms),
-        lift_off_ms=_rms(up_ms[:, 1]),
+        lift_off_time_rms_ms=_rms(up_ms[:, 1]),
         contact_rel=float((np.concatenate(contacts) == stand).mean()),
         friction=float(np.nanmean(np.abs(np.concatenate(frictions)))),
         normal_deg=float(np.concatenate(normals_deg).mean()),

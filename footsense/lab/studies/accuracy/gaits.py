@@ -1,4 +1,4 @@
-"""Study `gaits`: errors of the released network on gaits that it was not trained on, as of the time of sending.
+"""Study `gaits`: force errors of the released network on gaits that it was not trained on.
 
 Readings are made by the same foot response that the network was trained on, with noise and timing of the converters;
 the daemon's fault detection and baselines are left out. A second truth, the whole daemon against simulated chips, is
@@ -78,8 +78,8 @@ class GaitErrors:
 
 
 @dataclass(frozen=True, slots=True)
-class RestErrors:
-    """Force errors of feet at rest.
+class SteadyLoadErrors:
+    """Force errors under steady loads.
 
     Attributes:
         name: The loads.
@@ -106,7 +106,7 @@ class Results:
 
     n_gaits: int
     gaits: list[GaitErrors]
-    rest: list[RestErrors]
+    rest: list[SteadyLoadErrors]
 
 
 class _InputFault(NamedTuple):
@@ -121,7 +121,7 @@ _NO_INPUT_FAULT = _InputFault(_NONE_MISSING)
 
 
 def load_function(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
-    """Return a leg's loads at some times [s], of a source for single times [ns]."""
+    """Return a function from times [s] to a leg's loads, made from a source of single contacts."""
 
     def loads(t_s: Vector) -> Loads:
         contacts = [source.contact(leg, int(t_ns)) for t_ns in (t_s * 1e9).tolist()]
@@ -162,7 +162,7 @@ def _walk_readings(
 
 
 def estimate_in_batches(context: StudyContext, window: Window) -> Load:
-    """Return the network's loads, in calls of bounded size."""
+    """Return the network's estimates, in batches of bounded size."""
     some = [
         slice(first, first + _WINDOWS_PER_CALL) for first in range(0, len(window.missing), _WINDOWS_PER_CALL)
     ]
@@ -216,8 +216,8 @@ def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
     return friction_ratio
 
 
-def _rest_errors(context: StudyContext) -> list[RestErrors]:
-    """Return the errors of feet at rest, each reading with its own noise."""
+def _steady_load_errors(context: StudyContext) -> list[SteadyLoadErrors]:
+    """Return the errors under steady loads, each reading with its own noise."""
     response, loads = context.response, context.foot_design.loads
     rng = np.random.default_rng(HELD_OUT_SEED)
     wide = random_loads(response, loads, 500 if context.quick else _N_REST_LOADS, HELD_OUT_SEED)
@@ -233,7 +233,7 @@ def _rest_errors(context: StudyContext) -> list[RestErrors]:
         direction_deg = angles_between_deg(found_n, force_n)
         off_n = np.abs(np.linalg.norm(found_n, axis=1) - np.linalg.norm(force_n, axis=1))
         rows.append(
-            RestErrors(
+            SteadyLoadErrors(
                 name,
                 float(direction_deg.mean()),
                 float(np.percentile(direction_deg, 95)),
@@ -244,7 +244,7 @@ def _rest_errors(context: StudyContext) -> list[RestErrors]:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Judge the network on random gaits, on walks, on walks of imperfect feet, and at rest."""
+    """Evaluate the network on random gaits, walks, walks of imperfect feet, and steady loads."""
     n_gaits = N_QUICK if context.quick else N_GAITS
     random = random_gaits(
         context.response, TEST_GAIT_SEED, n_gaits, CONVERSIONS, context.foot_design.loads.max_n
@@ -280,7 +280,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         _gait_errors(context, "random gaits, gains off by 1 %", usual, _InputFault(_NONE_MISSING, 0.01)),
     ]
     context.report_progress("gaits: judged in motion")
-    return Results(n_gaits=n_gaits, gaits=rows, rest=_rest_errors(context)), {}
+    return Results(n_gaits=n_gaits, gaits=rows, rest=_steady_load_errors(context)), {}
 
 
 STUDY = Study(name="gaits", title="Force in motion", compute=compute, command="gaits")

@@ -32,7 +32,7 @@ _UNREFINED_MESH = MeshSize(layers=0, order=2, bar_mm=1.0)
 
 
 def _expected_error_case(name: str, error: type[Exception], attempt: Callable[[], object]) -> Case:
-    """Return the case of an input that an error has to refuse."""
+    """Return the test case of an input that has to raise an error."""
     try:
         attempt()
     except Exception as raised:  # noqa: BLE001  any exception is the measured result

@@ -94,7 +94,7 @@ def _coverage_on_feet(context: StudyContext, tolerances: Tolerances, n_feet: int
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Read held-out loads on the designed foot, with missing elements, and on other feet."""
+    """Evaluate the network on held-out loads: on the designed foot, with missing elements, and on other feet."""
     network, loads = context.network, context.foot_design.loads
     cases = random_loads(context.response, loads, 2000 if context.quick else HELD_OUT_CASES, HELD_OUT_SEED)
     rng = np.random.default_rng(HELD_OUT_SEED)

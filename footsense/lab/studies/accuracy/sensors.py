@@ -49,7 +49,7 @@ _TRAINING, _TEST = paper_directions("training"), paper_directions("verification"
 
 @dataclass(frozen=True, slots=True)
 class SensorArray:
-    """An array that reads the block (Fig. 6).
+    """A sensor array on the block, one of those of the paper's Fig. 6.
 
     Attributes:
         name: The paper's letter.

@@ -20,7 +20,7 @@ from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, job_runner
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import plot_band
 
-#: Read-outs by the names of `specimens.readout_errors`: trained on the design, and trained on the foot.
+#: Read-outs by the names of `specimens.estimator_errors`: trained on the design, and trained on the foot.
 DESIGN_TRAINED_READOUTS = {"network": "released network", "plain": "network on ΔC", "change": "linear on ΔC"}
 FOOT_TRAINED_READOUTS = {
     "own_network": "network on ΔC",

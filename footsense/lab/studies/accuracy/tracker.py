@@ -1,4 +1,4 @@
-"""Study `tracker`: what readings tell beyond the network, by least squares on the window or by a Kalman filter.
+"""Study `tracker`: whether least squares on the window or a Kalman filter improves on the network.
 
 Nothing of it is in the daemon: it would be if a method took a third off the error within the time of a conversion.
 """
@@ -124,7 +124,7 @@ def _step_loads(rng: np.random.Generator) -> Callable[[Vector], Loads]:
 
 
 def _readings(context: StudyContext) -> tuple[GaitReadings, list[str]]:
-    """Return all gaits, and the load of each."""
+    """Return the readings of all gaits, with the index of each gait's kind of load."""
     n_random, n = (_N_QUICK, _QUICK_CONVERSIONS) if context.quick else (N_RANDOM, CONVERSIONS)
     sources: list[tuple[str, Callable[[Vector], Loads], np.random.Generator]] = []
     for own in np.random.SeedSequence(TEST_GAIT_SEED).spawn(n_random):
@@ -150,7 +150,7 @@ def _select_rows(parts: _Parts, chosen: NDArray[Any]) -> _Parts:
 def _fit_windows(
     model: ContactModel, window: Window, network: Load
 ) -> tuple[dict[str, _ForceEstimate], Mask]:
-    """Return the answers of the fits on loaded windows, else of the network; and the loaded windows at rest."""
+    """Return the estimates of the fits on loaded windows, else the network's; and which loaded windows are steady."""
     loaded = np.linalg.norm(network.force_n, axis=1) > _MIN_FIT_FORCE_N
     rest = loaded & is_steady(model, window)
     answers = {}
@@ -163,7 +163,7 @@ def _fit_windows(
 
 
 def _run_filter(model: ContactModel, readings: GaitReadings, whole: Mask, network: Load) -> _ForceEstimate:
-    """Return the answers of the filter after every conversion with a whole window."""
+    """Return the Kalman filter's estimates after every conversion with a complete window."""
     n_gaits, n = whole.shape
     by_time = [np.zeros((n_gaits, n, part.shape[1])) for part in network]
     for part, values in zip(by_time, network, strict=True):
@@ -187,7 +187,7 @@ def _variance_weighted_mean(filtered: _ForceEstimate, network: Load) -> _ForceEs
 
 
 def _n_long_runs(beyond: Mask) -> int:
-    """Return how often rows of conversions are true for longer than `MAX_ERROR_DURATION_S`."""
+    """Return the number of runs of true values that last longer than `MAX_ERROR_DURATION_S`."""
     edges = np.diff(np.pad(beyond, ((0, 0), (1, 1))).astype(int), axis=1)
     lasting = np.argwhere(edges < 0)[:, 1] - np.argwhere(edges > 0)[:, 1]
     return int((lasting * STEP_S > MAX_ERROR_DURATION_S).sum())
@@ -247,7 +247,7 @@ def _six_leg_times_us(
 
 
 def error_reductions(errors: list[MethodErrors], method: str) -> list[float]:
-    """Return the share that a method takes off the network's direction error on each of `LOADS` [1]."""
+    """Return by what share a method lowers the network's direction error on each of `LOADS` [1]."""
     found = {(one.load, one.method): one.direction_deg for one in errors}
     return [1.0 - found[load, method] / found[load, NETWORK] for load in LOADS]
 
@@ -258,7 +258,7 @@ def long_errors(errors: list[MethodErrors], method: str) -> int:
 
 
 def meets_rule(results: Results, method: str) -> bool:
-    """Tell whether a method meets the rule."""
+    """Return whether a method improves enough on the network to be adopted."""
     gained = min(error_reductions(results.errors, method)) >= REQUIRED_ERROR_REDUCTION_REL
     return (
         gained
@@ -268,7 +268,7 @@ def meets_rule(results: Results, method: str) -> bool:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Judge network, fits and filter on the same windows."""
+    """Evaluate network, least-squares fits and Kalman filter on the same windows."""
     model = ContactModel(context.response)
     readings, names = _readings(context)
     windows, whole = windows_of(readings), complete_windows(readings)

@@ -1,4 +1,4 @@
-"""Study `beyond`: forces past the centre, and a second load beside the floor's.
+"""Study `beyond`: loads off the ball's centre, and a second contact on the ball.
 
 Source:
     Aoyagi et al., end of section III A, where both are left for later.
@@ -16,7 +16,7 @@ from footsense.foot.directions import angles_between_deg, normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Mask, Vector
-from footsense.lab.evaluation.evaluate import Readout, elastance_readout
+from footsense.lab.evaluation.evaluate import ForceEstimator, elastance_estimator
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import (
@@ -72,17 +72,17 @@ NETWORK, CENTRED = "released network", "linear, fitted to centred loads"
 LEANING = "linear, fitted to leaning loads"
 
 
-class _ReadoutsUnderTest:
-    """The read-outs under test, and the noise of the converter."""
+class _EstimatorsUnderTest:
+    """Force estimators under test, fed with noisy closures."""
 
     def __init__(self, context: StudyContext) -> None:
         self.response, network = context.response, context.network
         self._foot, gap_um = Foot(self.response), self.response.design.gap_um
         n_random = QUICK_RANDOM_LOADS if context.quick else RANDOM_LOADS
-        self._readouts: dict[str, Readout] = {
+        self._readouts: dict[str, ForceEstimator] = {
             NETWORK: lambda closure_um: network.force_n(closure_um / gap_um),
-            CENTRED: elastance_readout(paper_training(self.response)),
-            LEANING: elastance_readout(
+            CENTRED: elastance_estimator(paper_training(self.response)),
+            LEANING: elastance_estimator(
                 random_loads(self.response, context.foot_design.loads, n_random, SEED)
             ),
         }
@@ -96,8 +96,8 @@ class _ReadoutsUnderTest:
         noisy = measured_closure_rel(design, closure_um, np.random.default_rng(SEED)) * design.gap_um
         return noisy, design.capacitance_pf(closure_um).max(axis=1) < FULL_SCALE_PF
 
-    def errors_by_readout(self, measured_um: Vector, truth_n: Vector) -> dict[str, ForceErrors]:
-        """Return the force errors of each read-out on measured closures [um], by the name of the read-out."""
+    def errors_by_estimator(self, measured_um: Vector, truth_n: Vector) -> dict[str, ForceErrors]:
+        """Return the force errors of each estimator on measured closures [um], by its name."""
         return {
             name: evaluate_force_errors(truth_n, read(measured_um)) for name, read in self._readouts.items()
         }
@@ -105,7 +105,7 @@ class _ReadoutsUnderTest:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Errors of the read-outs, by read-out at each level.
+    """Errors of each force estimator at each level.
 
     Attributes:
         arm_mm: Distance of the force's line from the middle at the smallest lean [mm].
@@ -124,7 +124,7 @@ class Results:
     distance: dict[str, dict[str, ForceErrors]]
 
 
-def leaning_load_errors(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
+def leaning_load_errors(tested: _EstimatorsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
     """Return the errors at each lean, and the share of loads of `PAPER_GF` within the converter's range.
 
     108 force directions, the contact to four sides of each.
@@ -137,7 +137,7 @@ def leaning_load_errors(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, Forc
             [inclined_unit_vectors(direction, lean_deg, 90.0 * turn) for turn in range(4)]
         )
         measured_um, inside = tested.measured_um(tested.response.free_closure_um(normal, truth_n))
-        found.append(tested.errors_by_readout(measured_um[inside], truth_n[inside]))
+        found.append(tested.errors_by_estimator(measured_um[inside], truth_n[inside]))
         larger_n = truth_n * (PAPER_GF / LEANING_GF)
         _, inside = tested.measured_um(tested.response.free_closure_um(normal, larger_n))
         within.append(float(inside.mean()))
@@ -145,15 +145,15 @@ def leaning_load_errors(tested: _ReadoutsUnderTest) -> tuple[list[dict[str, Forc
 
 
 class _SecondLoads:
-    """Second loads beside the floor's: contacts and forces, drawn once and scaled by the share.
+    """Random second contacts and their forces, drawn once and scaled by a share of the first force.
 
     Attributes:
         floor_n: Force of the floor, centred [N], shape (n, 3).
         distance_deg: Angle between the contacts [deg], shape (n,).
     """
 
-    def __init__(self, tested: _ReadoutsUnderTest, draws: int) -> None:
-        """Draw contacts above the lowest elevation."""
+    def __init__(self, tested: _EstimatorsUnderTest, draws: int) -> None:
+        """Draw random second contacts above the lowest elevation."""
         self._tested = tested
         direction = np.tile(paper_directions("verification"), (draws, 1))
         rng = np.random.default_rng(SEED)
@@ -172,7 +172,7 @@ class _SecondLoads:
 
 
 def _errors_by_contact_angle(
-    tested: _ReadoutsUnderTest, second: _SecondLoads
+    tested: _EstimatorsUnderTest, second: _SecondLoads
 ) -> dict[str, dict[str, ForceErrors]]:
     """Return the errors by the angle between the contacts."""
     measured_um, truth_n, inside = second.measured(SECOND_FORCE_REL_OVER_ANGLE)
@@ -180,20 +180,20 @@ def _errors_by_contact_angle(
     for low, high in pairwise(CONTACT_ANGLES_DEG):
         here = inside & (second.distance_deg >= low) & (second.distance_deg < high)
         if here.any():
-            found[f"{low:g} to {high:g}"] = tested.errors_by_readout(measured_um[here], truth_n[here])
+            found[f"{low:g} to {high:g}"] = tested.errors_by_estimator(measured_um[here], truth_n[here])
     return found
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Read leaning loads, and second loads beside the floor's."""
-    tested = _ReadoutsUnderTest(context)
+    """Evaluate the estimators under leaning loads, and with a second contact."""
+    tested = _EstimatorsUnderTest(context)
     lean, within = leaning_load_errors(tested)
     context.report_progress(f"beyond: {len(LEANS_DEG)} leans read")
     second = _SecondLoads(tested, QUICK_DRAWS if context.quick else DRAWS)
     shared = []
     for share in SECOND_FORCES_REL:
         measured_um, truth_n, inside = second.measured(share)
-        shared.append(tested.errors_by_readout(measured_um[inside], truth_n[inside]))
+        shared.append(tested.errors_by_estimator(measured_um[inside], truth_n[inside]))
     results = Results(
         arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
         friction_deg=context.foot_design.loads.friction_angle_deg,

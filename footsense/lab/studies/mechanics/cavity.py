@@ -22,8 +22,8 @@ from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
 from footsense.lab.evaluation.evaluate import (
     MEASURED_DIRECTION_DEG,
     MEASURED_MAGNITUDE_GF,
-    capacitance_readout,
-    elastance_readout,
+    capacitance_estimator,
+    elastance_estimator,
 )
 from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.monte_carlo.specimens import measure_foot
@@ -204,9 +204,9 @@ def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
         range_n=float(RANGE_SEARCH_LOADS_N[beyond.argmax()] if beyond.any() else RANGE_SEARCH_LOADS_N[-1]),
         contact_n=float(RANGE_SEARCH_LOADS_N[closed.argmax()] if closed.any() else RANGE_SEARCH_LOADS_N[-1]),
         linear_change=evaluate_force_errors(
-            test.force_n, capacitance_readout(design, training)(test.closure_um)
+            test.force_n, capacitance_estimator(design, training)(test.closure_um)
         ),
-        linear_elastance=evaluate_force_errors(test.force_n, elastance_readout(training)(test.closure_um)),
+        linear_elastance=evaluate_force_errors(test.force_n, elastance_estimator(training)(test.closure_um)),
         bound_deg=[float(np.sqrt(np.mean(bound.direction_rms_deg**2))) for bound in bounds],
         bound_gf=[float(np.sqrt(np.mean(bound.magnitude_gf**2))) for bound in bounds],
         own_deg=own_deg,
@@ -219,7 +219,7 @@ def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
 
 
 def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator) -> Cases:
-    """Return the cases of centred loads on a leaking foot whose elements are read one after the other."""
+    """Return load cases of a leaking foot whose elements are read by hand, one after the other."""
     normal, design = normalized(force_n), foot.response.design
     first_s = rng.uniform(*FIRST_S, size=len(force_n))
     read_s = first_s[:, None] + EACH_S * np.arange(ELEMENTS)
@@ -241,7 +241,7 @@ def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator)
 
 
 def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> ForceErrors:
-    """Return the errors of the paper's procedure on the exact foot with a leak [s], read by hand."""
+    """Return the errors of the paper's procedure on a leaking foot that is read by hand, by leak time [s]."""
     foot = Foot(replace(context.response, cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
     rng = np.random.default_rng(SEED)
     training, test = (

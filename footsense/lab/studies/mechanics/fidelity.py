@@ -36,7 +36,7 @@ Distances = dict[str, FidelityError]
 
 @dataclass(frozen=True, kw_only=True)
 class DifferencesFromFullSolve:
-    """The cheap models beside the full solve.
+    """Differences of the cheaper models from the full finite-strain solve.
 
     Attributes:
         distances: Differences from the full solve.
@@ -79,7 +79,7 @@ class Results:
 def _time_levels(
     context: StudyContext, names: tuple[str, ...], loads: Loads
 ) -> tuple[dict[str, LevelResponse], dict[str, float]]:
-    """Return the answers of models, and the time of a load [s]."""
+    """Return the responses of the models, and the computing time per load of each [s]."""
     answers, seconds = {}, {}
     for name in names:
         level = fidelity_level(name, context.response, context.foot_design)
@@ -92,7 +92,7 @@ def _time_levels(
 def _distances_from_finest(
     context: StudyContext, answers: dict[str, LevelResponse], finest: LevelResponse
 ) -> Distances:
-    """Return the differences of answers from the finest."""
+    """Return the differences of the models' responses from that of the finest model."""
     network, design = context.network.force_n, context.response.design
     return {name: fidelity_error(answer, finest, network, design) for name, answer in answers.items()}
 

@@ -1,4 +1,4 @@
-"""Study `film`: a gelled polyurethane film of 20 kPa without gaps, beside the spacer with gaps.
+"""Study `film`: a soft gel film of 20 kPa as dielectric, compared with the spacer and its air gaps.
 
 Source:
     Aoyagi et al., section VI.
@@ -17,7 +17,7 @@ from footsense.foot.directions import directions, normalized
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import elastance_readout
+from footsense.lab.evaluation.evaluate import elastance_estimator
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.geometry import Material
@@ -206,7 +206,7 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures
         sensitivity_pf_per_n=float(change_pf.mean() / SMALL_FORCE_N),
         range_n=_max_force_in_range_n(sensor, _UPWARD),
         low_range_n=_max_force_in_range_n(sensor, directions(0.0, 45.0)[None]),
-        linear=evaluate_force_errors(test.force_n, elastance_readout(training)(test.closure_um)),
+        linear=evaluate_force_errors(test.force_n, elastance_estimator(training)(test.closure_um)),
         direction_deg=MeanStd.of_values(answer.direction_deg for answer in answers),
         magnitude_gf=MeanStd.of_values(answer.magnitude_gf for answer in answers),
     )

@@ -37,7 +37,7 @@ _LOADS = (
 
 
 def _load_label(normal_deg: float, force_deg: float, magnitude_gf: float) -> str:
-    """Return a load in words: elevation [deg], magnitude [gf], and tilt of the normal against the force [deg]."""
+    """Return the label of a load: elevation [deg], magnitude [gf], tilt of the normal against the force [deg]."""
     lean = force_deg - normal_deg
     leaning = f", normal {abs(lean):g} deg off" if lean else ""
     return f"{force_deg:g} deg, {magnitude_gf:g} gf{leaning}"
@@ -70,7 +70,7 @@ class Results:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Solve every load with everything, and with each part left out."""
+    """Solve every load with all of the physics, and with each simplification."""
     size = _QUICK_SIZE if context.quick else _SIZE
     solved = []
     cases = _LOADS[:1] if context.quick else _LOADS

@@ -204,7 +204,7 @@ def _compare_ground_materials(
 
 
 def _fringe_results(foot_design: FootDesign) -> list[FringeResult]:
-    """Return elements with edges at three closures."""
+    """Return capacitances with and without fringe field at three closures."""
     capacitor, closed_um = foot_design.capacitor, (0.0, 5.0, 10.0)
     both_pf = [element_capacitance_pf(foot_design, one_um) for one_um in closed_um]
     edged_pf, plates_pf = np.array(both_pf).T

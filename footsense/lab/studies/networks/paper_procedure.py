@@ -13,8 +13,8 @@ from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
-    capacitance_readout,
-    elastance_readout,
+    capacitance_estimator,
+    elastance_estimator,
 )
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.studies.page import Plots, Study, StudyContext
@@ -72,8 +72,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     tests = [verification_cases(response, magnitude_gf) for magnitude_gf in MAGNITUDES_GF]
     training = paper_training(response)
     linear = {
-        "capacitance": capacitance_readout(response.design, training),
-        "closure": elastance_readout(training),
+        "capacitance": capacitance_estimator(response.design, training),
+        "closure": elastance_estimator(training),
     }
     by_feed, points = {}, {}
     for feed, name in FEED_LABELS.items():

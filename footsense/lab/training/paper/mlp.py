@@ -1,4 +1,4 @@
-"""The multilayer perceptron of 2009 for the studies: tanh layers and a linear one.
+"""Multilayer perceptron of the paper (2009): tanh layers and a linear output layer.
 
 Many are trained in one compiled program, one after the other (`jax.lax.map`): on one core 10 to 30 % faster than side
 by side (`jax.vmap`). A neuron whose weights are all zero has no output and no gradient, so an optimiser that moves
@@ -122,7 +122,7 @@ def train(
     epochs: int,
     state: Any = None,
 ) -> Trained:
-    """Train networks, all cases in every epoch.
+    """Train networks by full-batch epochs.
 
     Args:
         rule: The optimiser.

@@ -17,7 +17,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import Readout
+from footsense.lab.evaluation.evaluate import ForceEstimator
 from footsense.lab.training.load_cases import Cases, paper_training, paper_verification, sensed_closure_um
 from footsense.lab.training.paper.mlp import Layers, network_outputs, random_layers, stack, train, unstack
 from footsense.lab.training.paper.rprop import RPROP
@@ -60,8 +60,8 @@ class PaperTraining:
             return closure_um
         return self._design.capacitance_pf(closure_um) - self._design.unloaded_pf
 
-    def _readout(self, network: Layers) -> Readout:
-        """Return a network as a read-out in newtons."""
+    def _force_estimator(self, network: Layers) -> ForceEstimator:
+        """Return a network as a force estimator [N]."""
 
         def read(closure_um: Vector) -> Vector:
             inputs = (self._network_input(closure_um) / self._input_scale).astype(np.float32)
@@ -69,10 +69,10 @@ class PaperTraining:
 
         return read
 
-    def train(self, starts: Sequence[Layers], epochs: int) -> list[Readout]:
-        """Train networks by RPROP from start weights, and return each as a read-out."""
+    def train(self, starts: Sequence[Layers], epochs: int) -> list[ForceEstimator]:
+        """Train networks by RPROP from start weights; return each as a force estimator."""
         trained = train(RPROP, stack(starts), self.inputs, self.targets, epochs)
-        return [self._readout(network) for network in unstack(trained.layers)]
+        return [self._force_estimator(network) for network in unstack(trained.layers)]
 
 
 def verification_cases(response: FootResponse, magnitude_gf: float) -> Cases:
@@ -88,7 +88,9 @@ def start_weights_by_seed(seeds: int, widths: Sequence[int] = (9, *HIDDEN_NEURON
     return [random_layers(np.random.default_rng(seed), widths) for seed in range(seeds)]
 
 
-def paper_networks(response: FootResponse, *, quick: bool, feed: Feed = "capacitance") -> list[Readout]:
+def paper_networks(
+    response: FootResponse, *, quick: bool, feed: Feed = "capacitance"
+) -> list[ForceEstimator]:
     """Return networks trained by the paper's procedure, one for each seed; fewer and shorter if quick."""
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
     return PaperTraining(response.design, paper_training(response), feed).train(

@@ -1,4 +1,4 @@
-"""The network on paper: the closures of one scan to a force and its sigma, two hidden layers beside a linear path.
+"""The snapshot network: from the closures of one scan to a force and its sigma.
 
     s = |x|^2 / n,   r = sqrt(s + e^2),   u = x / r           x: n closures over gap, missing ones filled in
     f = L x + (s / r) V h2,      ln sigma = ln r + Q h2 + q,      h2 = tanh(W2 h1 + b2),   h1 = tanh(W1 [u, m, r] + b1)
@@ -72,7 +72,7 @@ class Weights(NamedTuple):
 
 
 class LayerMatrices(NamedTuple):
-    """The weights in all their places: rows are inputs, so that a layer is x @ w + b; 8 c units in a hidden layer."""
+    """Full weight matrices of the network, expanded from the shared weights: a layer is x @ w + b."""
 
     linear: Any
     w1: Any
@@ -85,7 +85,7 @@ class LayerMatrices(NamedTuple):
 
 
 def expand_shared_weights(weights: Weights) -> LayerMatrices:
-    """Return the matrices of the layers: unit g * c + i is channel i under symmetry g."""
+    """Return the full weight matrices of the shared weights: unit g * c + i is channel i under symmetry g."""
     turns = np.stack(SYMMETRIES)
     force = jnp.einsum("gab,cb->gca", turns, weights.force)
     sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma)

@@ -1,4 +1,4 @@
-"""Training of the snapshot network on load cases, by `training/fit.py`."""
+"""Training of the snapshot network on steady load cases."""
 
 import math
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ from footsense.lab.training.snapshot.network import (
 from footsense.lab.training.symmetric_layers import hidden_input_index, linear_basis
 
 #: Share of the training cases with something missing.
-_MISSING_SHARE = 0.15
+_CASES_WITH_MISSING_SHARE = 0.15
 #: Weight of the squared error over the squared force beside the likelihood.
 _SQUARED_ERROR_WEIGHT = 100.0
 #: Steps that are compiled into one call.
@@ -68,7 +68,7 @@ def closure_moments(closure_rel: Vector) -> Vector:
 
 
 def _random_weights(key: jax.Array, c: int, rows: int) -> Weights:
-    """Return random weights; the linear path is a correction to its start and begins at zero."""
+    """Return random initial weights; the linear path starts at zero, as a correction to least squares."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
     n_inputs = FEATURES_PER_ELEMENT * rows**2 + FEATURES_PER_FOOT
     return Weights(
@@ -115,7 +115,7 @@ def _training_constants(
 def _random_batch(
     task: _TrainingConstants, protocol: SnapshotProtocol, key: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return closures (noisy, filled), masks and forces of a random batch."""
+    """Return noisy closures with missing ones imputed, masks and true forces of a random batch."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
     chosen = jax.random.randint(k1, (protocol.batch,), 0, len(task.force_n))
     exact = task.closure_rel[chosen]
@@ -125,7 +125,7 @@ def _random_batch(
     if not protocol.masked:
         return noisy, jnp.zeros_like(noisy), task.force_n[chosen]
     which = jax.random.randint(k3, (protocol.batch,), 1, len(task.missing_masks))
-    which = jnp.where(jax.random.uniform(k4, which.shape) < _MISSING_SHARE, which, 0)
+    which = jnp.where(jax.random.uniform(k4, which.shape) < _CASES_WITH_MISSING_SHARE, which, 0)
     return (
         jnp.einsum("nab,nb->na", task.imputation_matrices[which], noisy),
         task.missing_masks[which],
@@ -136,7 +136,7 @@ def _random_batch(
 def train(
     cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imputation: Imputation | None = None
 ) -> Weights:
-    """Train the equivariant network on random loads.
+    """Train the snapshot network on load cases; return its weights.
 
     Args:
         cases: Loads and exact closures; symmetric copies are not needed.
