@@ -27,9 +27,9 @@ def test_a_row_is_made_and_resumed(tmp_path: Path) -> None:
     first, again = (CliRunner().invoke(main, command, catch_exceptions=False) for _ in range(2))
     assert first.exit_code == again.exit_code == 0
     values, resumed = json.loads(first.stdout), json.loads(again.stdout)
-    assert values["means"] == resumed["means"]
+    assert values["mean_over_feet"] == resumed["mean_over_feet"]
     assert resumed["seconds"] < 0.5 * values["seconds"]
-    row = values["means"]["none"]
+    row = values["mean_over_feet"]["none"]
     assert row["centred_all_deg"] < 0.25 * row["centred_design_deg"]
     for test in ("leaning", "range"):
         assert row[f"{test}_all_deg"] < 2.0
