@@ -135,7 +135,10 @@ def test_the_front_page_has_the_figures_of_the_experiment_and_of_the_matrix() ->
     for name in ("calibrated_20", "calibrated_362"):
         assert of_estimator(name, "true_") in front
     accepted = {name: row for name, row in matrix["mean_over_feet"].items() if row["refused_all"] <= 0.5}
-    assert f"{matrix['feet']} feet of each of {len(matrix['mean_over_feet']) - 1} other kinds of physics" in front
+    assert (
+        f"{matrix['feet']} feet of each of {len(matrix['mean_over_feet']) - 1} other kinds of physics"
+        in front
+    )
     for test in ("centred_all", "range_all"):
         supposed, worst = accepted["none"], {}
         for unit in ("deg", "gf"):
