@@ -120,7 +120,7 @@ class BuildResult:
 
 
 #: Usual time of the response table [s], as in the report.
-_SOLVE_DURATION_S = 56.0
+_SOLVE_DURATION_S = 33.0
 #: Conversions of a gait.
 _CONVERSIONS_PER_GAIT = 1100
 
