@@ -159,7 +159,7 @@ class McuSource:
         return self._map.map(self._unwrapped_us * _NS_PER_US + lasts_ns, now_ns - self._wire_ns) - lasts_ns
 
     def _emit_frame(self, now_ns: int) -> None:
-        """Make a frame of the records of a scan that have arrived, if any, and queue it."""
+        """Queue a frame of the records of a scan that have arrived; legs without one are marked as not answering."""
         n_legs = len(self._rows)
         sending = frozenset(
             row for row, heard_ns in self._heard_ns.items() if now_ns - heard_ns < self._silent_ns

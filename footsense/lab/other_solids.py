@@ -27,27 +27,29 @@ class OtherSolid:
     """A foot whose geometry or materials differ from the released design.
 
     Attributes:
-        plate: Thickness of the plates over that designed [1].
-        pdms: Young's modulus of the sheet over that designed [1].
+        plate_thickness_factor: Thickness of the plates over that designed [1].
+        sheet_modulus_factor: Young's modulus of the sheet over that designed [1].
         poisson: Poisson's ratio of the rubber; None for that designed.
         gold: Electrodes that stiffen the plates; None for those designed.
-        own: How it is put together other than designed.
-        size: Mesh that the whole table is solved on; None for a difference on coarse meshes.
+        imperfection: Assembly errors.
+        mesh_size: Mesh that the whole table is solved on; None for a difference on coarse meshes.
     """
 
-    plate: float = 1.0
-    pdms: float = 1.0
+    plate_thickness_factor: float = 1.0
+    sheet_modulus_factor: float = 1.0
     poisson: float | None = None
     gold: ThinFilm | None = None
-    own: Imperfection = NO_IMPERFECTION
-    size: MeshSize | None = None
+    imperfection: Imperfection = NO_IMPERFECTION
+    mesh_size: MeshSize | None = None
 
     def design(self, design: FootDesign) -> FootDesign:
         """Return the foot design with this solid."""
-        stiffer = msgspec.structs.replace(design.pdms, youngs_mpa=design.pdms.youngs_mpa * self.pdms)
+        stiffer = msgspec.structs.replace(
+            design.pdms, youngs_mpa=design.pdms.youngs_mpa * self.sheet_modulus_factor
+        )
         poisson = design.rubber.poisson if self.poisson is None else self.poisson
         softer = msgspec.structs.replace(design.rubber, poisson=poisson)
-        plate_mm = design.plate_mm * self.plate
+        plate_mm = design.plate_mm * self.plate_thickness_factor
         gold = self.gold or design.gold
         return msgspec.structs.replace(design, plate_mm=plate_mm, pdms=stiffer, rubber=softer, gold=gold)
 
@@ -85,10 +87,10 @@ def solid_response(
 def _solve_response(
     solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path
 ) -> FootResponse:
-    if solid.size is not None:
-        return make_response(solid.design(design), solid.size)
-    if solid.own != NO_IMPERFECTION:
-        series, compliance = _cached_whole_foot(design, solid.own, folder)
+    if solid.mesh_size is not None:
+        return make_response(solid.design(design), solid.mesh_size)
+    if solid.imperfection != NO_IMPERFECTION:
+        series, compliance = _cached_whole_foot(design, solid.imperfection, folder)
         designed, designed_compliance = _cached_whole_foot(design, NO_IMPERFECTION, folder)
         return with_added_response(response, design, series - designed, compliance - designed_compliance)
     changed, coarse = (make_response(one, COARSE_MESH) for one in (solid.design(design), design))

@@ -90,8 +90,8 @@ def mean_over_patch(
             sideways = np.cos(angle) * first + np.sin(angle) * second
             around = np.sqrt(1.0 - distance**2) * normal + distance * sideways
             basis += part / 12.0 * series_basis(around, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
-    mean: Vector = basis @ point_series
-    return mean
+    patch_response_um_per_n: Vector = basis @ point_series
+    return patch_response_um_per_n
 
 
 def cap_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> Vector:

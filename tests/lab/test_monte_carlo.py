@@ -14,7 +14,7 @@ from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.lab.monte_carlo.resumable_run import Job, ReadoutErrors, Tolerances, Work, run_resumable
+from footsense.lab.monte_carlo.resumable_run import EstimatorErrors, Job, Tolerances, Work, run_resumable
 from footsense.lab.monte_carlo.specimens import estimator_errors, measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import (
@@ -42,28 +42,28 @@ ABOUT: dict[str, str | int] = {"study": "test", "seed": 1}
 JOBS = [Job(Tolerances(gap_um=0.1 * foot), foot) for foot in range(5)]
 
 
-def double(job: Job) -> ReadoutErrors:
+def double(job: Job) -> EstimatorErrors:
     """Evaluate by the number alone; a float that JSON has to bring back to the last bit."""
     return {"twice": 2.0 * job.foot + 0.1}
 
 
-def abs_gap(job: Job) -> ReadoutErrors:
+def abs_gap(job: Job) -> EstimatorErrors:
     """Return what a worker process gets of a job."""
     return {"gap_um": abs(job.tolerances.gap_um), "foot": float(job.foot)}
 
 
-def refuses(job: Job) -> ReadoutErrors:
+def refuses(job: Job) -> EstimatorErrors:
     """Fail if anything is left to do."""
     raise AssertionError(job)
 
 
-def in_turn(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, ReadoutErrors], None, None]:
+def in_turn(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, EstimatorErrors], None, None]:
     """Evaluate the feet one after the other."""
     for job in jobs:
         yield job, work(job)
 
 
-def stopped_after_two(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, ReadoutErrors], None, None]:
+def stopped_after_two(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, EstimatorErrors], None, None]:
     """Work in turn, until Ctrl-C."""
     yield from in_turn(work, jobs[:2])
     raise KeyboardInterrupt
@@ -87,7 +87,7 @@ def test_an_interrupted_run_continues_with_the_missing_feet(file: Path) -> None:
         run_resumable(ABOUT, JOBS, double, workers=stopped_after_two, file=file)
     asked: list[Job] = []
 
-    def noted(job: Job) -> ReadoutErrors:
+    def noted(job: Job) -> EstimatorErrors:
         asked.append(job)
         return double(job)
 
@@ -230,7 +230,7 @@ def test_levels_are_interpolated_linearly() -> None:
 def test_the_page_reports_the_level_of_the_papers_error() -> None:
     """With workers whose figures follow the gap alone: the level where the paper's error is met, or that it is not."""
 
-    def canned(_: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, ReadoutErrors], None, None]:
+    def canned(_: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, EstimatorErrors], None, None]:
         for job in jobs:
             yield job, dict.fromkeys(names, 4.0 * job.tolerances.gap_um)
 

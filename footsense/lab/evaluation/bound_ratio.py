@@ -51,7 +51,7 @@ class ErrorSummary:
         return cls(
             rms(bound.direction_rms_deg),
             float(bound.direction_mean_deg.mean()),
-            rms(bound.magnitude_gf),
+            rms(bound.magnitude_rms_gf),
             [rms(component_n) for component_n in bound.component_n.T],
         )
 
@@ -61,32 +61,32 @@ class MagnitudeBin:
     """Errors of a force estimator and the Cramer-Rao bound at one force magnitude.
 
     Attributes:
-        magnitude_gf: The magnitude [gf].
+        magnitude_gf: The force magnitude [gf].
         n: Loads.
         n_saturated: Loads beyond the converter's range, left out.
-        network: Errors of the read-out.
-        leaning: The bound with five unknowns.
-        centred: The bound with three unknowns; None where the loads lean.
+        estimator: Errors of the force estimator.
+        bound_five_unknowns: The Cramer-Rao bound with five unknowns.
+        bound_three_unknowns: The bound with three unknowns; None where the loads lean.
         typical_ratio: Median over the loads of the rms angle over the bound's, load by load.
     """
 
     magnitude_gf: float
     n: int
     n_saturated: int
-    network: ErrorSummary
-    leaning: ErrorSummary
-    centred: ErrorSummary | None
+    estimator: ErrorSummary
+    bound_five_unknowns: ErrorSummary
+    bound_three_unknowns: ErrorSummary | None
     typical_ratio: float
 
     @property
     def direction_ratio(self) -> float:
-        """Rms angle over the bound's with five unknowns."""
-        return self.network.direction_rms_deg / self.leaning.direction_rms_deg
+        """Ratio of the rms angle to that of the Cramer-Rao bound with five unknowns [1]."""
+        return self.estimator.direction_rms_deg / self.bound_five_unknowns.direction_rms_deg
 
     @property
     def magnitude_ratio(self) -> float:
-        """Rms magnitude error over the bound's with five unknowns."""
-        return self.network.magnitude_rms_gf / self.leaning.magnitude_rms_gf
+        """Ratio of the rms magnitude error to that of the Cramer-Rao bound with five unknowns [1]."""
+        return self.estimator.magnitude_rms_gf / self.bound_five_unknowns.magnitude_rms_gf
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,14 +141,14 @@ def _errors_at_magnitude(
         magnitude_gf=magnitude_gf,
         n=len(force),
         n_saturated=len(in_range) - len(force),
-        network=ErrorSummary(
+        estimator=ErrorSummary(
             direction_rms_deg=rms(angle),
             direction_mean_deg=float(angle.mean()),
             magnitude_rms_gf=rms(excess_gf),
             component_rms_n=[rms(off_n) for off_n in (estimate - force).T],
         ),
-        leaning=ErrorSummary.of_bound(bound),
-        centred=ErrorSummary.of_bound(force_bound(foot, normal, force, Unknowns.CENTRED))
+        bound_five_unknowns=ErrorSummary.of_bound(bound),
+        bound_three_unknowns=ErrorSummary.of_bound(force_bound(foot, normal, force, Unknowns.CENTRED))
         if centred
         else None,
         typical_ratio=float(np.median(np.sqrt((angle**2).mean(axis=0)) / bound.direction_rms_deg)),

@@ -59,7 +59,7 @@ class Bound:
         return sigma
 
     @property
-    def magnitude_gf(self) -> Vector:
+    def magnitude_rms_gf(self) -> Vector:
         """Least rms error of the magnitude [gf], shape (n,)."""
         along = normalized(self.force_n)
         variance = np.einsum("ni,nij,nj->n", along, self.covariance_n2, along)

@@ -1,4 +1,4 @@
-"""Shore A hardness of a rubber by its Young's modulus, the inverse of the table's relation."""
+"""Shore A hardness of a rubber from its Young's modulus: the inverse of `youngs_mpa_of`."""
 
 #: Gent's relation is E = e (a + b S) / (100 - S) with these e [MPa], a and b.
 _MPA, _A, _B = 0.0981 / (0.137505 * 2.54), 56.0, 7.62336

@@ -56,7 +56,7 @@ def error_over_time_figure(
 
 
 def capacitance_pattern_figure(change_pf: dict[str, Vector]) -> Figure:
-    """Return a grid of tiles per model: colour and upper number over the largest of the nine, lower number in pF.
+    """Return a figure of capacitance changes, 3 x 3 tiles per model: number relative to the largest, and in pF.
 
     Args:
         change_pf: Change of each capacitance [pF] by model, shape (3, 3), at least one of them above 0.

@@ -64,7 +64,7 @@ class Job:
 
 
 #: Errors of the read-outs on one foot, by name such as `network_deg`.
-ReadoutErrors = dict[str, float]
+EstimatorErrors = dict[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +72,13 @@ class _JobResult:
     """Result of one job: a line of the result file."""
 
     job: Job
-    figures: ReadoutErrors
+    figures: EstimatorErrors
 
 
 #: Evaluates one foot; picklable, the same result each time.
-Work = Callable[[Job], ReadoutErrors]
+Work = Callable[[Job], EstimatorErrors]
 #: Runs the jobs, and yields each as it is finished.
-Workers = Callable[[Work, Sequence[Job]], Generator[tuple[Job, ReadoutErrors], None, None]]
+Workers = Callable[[Work, Sequence[Job]], Generator[tuple[Job, EstimatorErrors], None, None]]
 
 
 def run_resumable(
@@ -88,7 +88,7 @@ def run_resumable(
     *,
     workers: Workers,
     file: Path | None = None,
-) -> dict[Job, ReadoutErrors]:
+) -> dict[Job, EstimatorErrors]:
     """Evaluate all feet that are not in the file yet.
 
     Args:
@@ -119,7 +119,7 @@ def _evaluate_unfinished(
     missing: Sequence[Job],
     work: Work,
     workers: Workers,
-    finished: dict[Job, ReadoutErrors],
+    finished: dict[Job, EstimatorErrors],
     ledger: TextIO | None,
 ) -> None:
     """Evaluate feet and append each result to the file; a terminal shows a progress bar."""
@@ -136,7 +136,7 @@ def _evaluate_unfinished(
             feet_done(len(finished))
 
 
-def _read_finished(file: Path, about: Mapping[str, str | int]) -> dict[Job, ReadoutErrors]:
+def _read_finished(file: Path, about: Mapping[str, str | int]) -> dict[Job, EstimatorErrors]:
     """Return the figures of finished feet from a result file, and prepare the file for appending.
 
     Raises:

@@ -19,7 +19,7 @@ from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import ForceEstimator, capacitance_estimator, elastance_estimator
 from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.lab.monte_carlo.resumable_run import Job, ReadoutErrors, Tolerances
+from footsense.lab.monte_carlo.resumable_run import EstimatorErrors, Job, Tolerances
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import (
     Cases,
@@ -125,7 +125,7 @@ def _train_plain_network(
     return PaperTraining(design, cases).train([random_layers(rng, (9, *HIDDEN_NEURONS, 3))], epochs)[0]
 
 
-def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> ReadoutErrors:
+def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> EstimatorErrors:
     """Return the mean errors of all force estimators on one foot over the 180 cases, and the coverage of sigma.
 
     Args:
@@ -161,7 +161,7 @@ def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Reado
     if job.with_network:
         rng = np.random.default_rng((seed, job.foot, 2))
         estimates["own_network"] = _train_plain_network(design, own_changes, rng, epochs)(changed_um)
-    figures: ReadoutErrors = {}
+    figures: EstimatorErrors = {}
     for name, estimate in estimates.items():
         row = evaluate_force_errors(test.force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}

@@ -101,17 +101,17 @@ class Plan:
         feet: Feet at every level.
         with_network: Feet at every level of the test stand, each with a network of its own; at least 2.
         epochs: Training epochs of such a network.
-        thin: Every thin-th level is done.
+        level_step: Every level_step-th level is done.
     """
 
     feet: int
     with_network: int
     epochs: int
-    thin: int = 1
+    level_step: int = 1
 
     def levels(self, sweep: Sweep) -> tuple[float, ...]:
         """Return the levels of a sweep: 0 first, the largest last."""
-        return (0.0, *sweep.levels[:: -self.thin][::-1])
+        return (0.0, *sweep.levels[:: -self.level_step][::-1])
 
     def jobs(self, sweep: Sweep, level: float) -> list[Job]:
         """Return the jobs for the feet of a level."""
@@ -123,7 +123,7 @@ class Plan:
 
 
 FULL_PLAN = Plan(feet=40, with_network=20, epochs=EPOCHS)
-QUICK_PLAN = Plan(feet=2, with_network=2, epochs=QUICK_EPOCHS, thin=4)
+QUICK_PLAN = Plan(feet=2, with_network=2, epochs=QUICK_EPOCHS, level_step=4)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from joblib.externals.loky import get_reusable_executor
 
 from footsense.errors import FootsenseError
 from footsense.lab.monte_carlo.cluster import dask_workers
-from footsense.lab.monte_carlo.resumable_run import Job, ReadoutErrors, Work, Workers
+from footsense.lab.monte_carlo.resumable_run import EstimatorErrors, Job, Work, Workers
 
 #: Worker processes on this machine.
 LOCAL_WORKERS = 2
@@ -27,7 +27,7 @@ def job_runner(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> 
         The workers; they raise FootsenseError within seconds if the scheduler or its workers are missing.
     """
 
-    def run(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, ReadoutErrors], None, None]:
+    def run(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, EstimatorErrors], None, None]:
         with _local_workers(n_workers) if scheduler is None else dask_workers(scheduler):
             try:
                 yield from Parallel(return_as="generator_unordered")(
@@ -41,7 +41,7 @@ def job_runner(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> 
     return run
 
 
-def _run_job(work: Work, job: Job) -> tuple[Job, ReadoutErrors]:
+def _run_job(work: Work, job: Job) -> tuple[Job, EstimatorErrors]:
     """Run one job, and return the job and the computed figures."""
     return job, work(job)
 

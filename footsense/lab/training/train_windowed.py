@@ -102,10 +102,10 @@ class _TrainingConstants(NamedTuple):
     order: Any
     window_indices: Any
     ages_in_conversions: Any
-    rest_closure_rel: Any
-    rest_force_n: Any
-    rest_contact: Any
-    rest_friction_indices: Any
+    steady_closure_rel: Any
+    steady_force_n: Any
+    steady_contact: Any
+    steady_friction_indices: Any
     imputation_matrices: Any
     missing_masks: Any
     noise_rel: Any
@@ -118,7 +118,7 @@ def _training_constants(
     contact, pressing_n = contact_and_normal_force(
         gaits.force_n.astype(np.float64), gaits.normal.astype(np.float64)
     )
-    rest_contact, _ = contact_and_normal_force(rest.force_n, rest.normal)
+    steady_contact, _ = contact_and_normal_force(rest.force_n, rest.normal)
     rng = np.random.default_rng(1)
     carries, window = pressing_n > 0.0, READINGS * gaits.rows**2
     load = np.concatenate([np.zeros((len(carries), window), int), carries.cumsum(axis=1)], axis=1)
@@ -139,11 +139,11 @@ def _training_constants(
         order=jnp.asarray(gaits.order),
         window_indices=jnp.asarray(where),
         ages_in_conversions=jnp.asarray(age_in_conversions_table(gaits.rows)),
-        rest_closure_rel=jnp.asarray(rest.closure_um / design.gap_um, single),
-        rest_force_n=jnp.asarray(rest.force_n, single),
-        rest_contact=jnp.asarray(rest_contact, single),
-        rest_friction_indices=jnp.asarray(
-            np.flatnonzero(np.linalg.norm(rest_contact[:, 2:], axis=1) > _FRICTION_REL)
+        steady_closure_rel=jnp.asarray(rest.closure_um / design.gap_um, single),
+        steady_force_n=jnp.asarray(rest.force_n, single),
+        steady_contact=jnp.asarray(steady_contact, single),
+        steady_friction_indices=jnp.asarray(
+            np.flatnonzero(np.linalg.norm(steady_contact[:, 2:], axis=1) > _FRICTION_REL)
         ),
         imputation_matrices=jnp.asarray(np.stack([imputation.matrix(mask) for mask in masks]), single),
         missing_masks=jnp.asarray(masks, single),
@@ -171,9 +171,11 @@ def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[A
     k1, k2, k3, k4, k5, k6, k7 = jax.random.split(key, 7)
     n_elements = data.missing_masks.shape[1]
     n_rough, n_paced = round(_FRICTION_SHARE * n), round(_PACED_SHARE * n)
-    rough = data.rest_friction_indices[jax.random.randint(k1, (n_rough,), 0, len(data.rest_friction_indices))]
-    at = jnp.concatenate([rough, jax.random.randint(k5, (n - n_rough,), 0, len(data.rest_closure_rel))])
-    exact = data.rest_closure_rel[at][:, None]
+    rough = data.steady_friction_indices[
+        jax.random.randint(k1, (n_rough,), 0, len(data.steady_friction_indices))
+    ]
+    at = jnp.concatenate([rough, jax.random.randint(k5, (n - n_rough,), 0, len(data.steady_closure_rel))])
+    exact = data.steady_closure_rel[at][:, None]
     steep = (1.0 + data.film_thickness_rel - exact) ** 2
     noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS, n_elements))
     offset = data.noise_rel[1] * jax.random.normal(k3, (n, 1, n_elements))
@@ -188,8 +190,8 @@ def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[A
     return (
         closure_rel,
         since * step_s + nominal_send_delay_s(step_s),
-        data.rest_force_n[at],
-        data.rest_contact[at],
+        data.steady_force_n[at],
+        data.steady_contact[at],
         jnp.ones((n, 1)),
     )
 

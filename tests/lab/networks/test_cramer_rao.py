@@ -51,7 +51,7 @@ def test_the_best_fit_of_noisy_scans_scatters_as_the_bound_says(
     # 400 draws know a standard deviation to 4 %.
     np.testing.assert_allclose(scatter, bound.component_n[0], rtol=0.12)
     size_gf = np.linalg.norm(fit.force_n, axis=1) / GRAM_FORCE_N - 60.0
-    assert np.sqrt(np.mean(size_gf**2)) == pytest.approx(bound.magnitude_gf[0], rel=0.12)
+    assert np.sqrt(np.mean(size_gf**2)) == pytest.approx(bound.magnitude_rms_gf[0], rel=0.12)
     # Five closures' worth of freedom is fitted away from nine: what is left is chi squared with four degrees.
     assert np.mean(fit.misfit**2) == pytest.approx(4.0, rel=0.15)
 
@@ -91,7 +91,7 @@ def test_a_read_out_of_known_scatter_has_the_ratio_of_its_scatter(foot: Foot) ->
 
     ratio = crb_ratio(foot.response, FOOT_DESIGN.loads, never_sure, draws=2, magnitudes_gf=(100.0,))
     (only,) = ratio.centred
-    assert only.network.direction_rms_deg == pytest.approx(1.0)
-    assert ratio.worst_direction_ratio == pytest.approx(1.0 / only.leaning.direction_rms_deg)
-    assert only.network.magnitude_rms_gf == pytest.approx(0.0, abs=1e-9)
+    assert only.estimator.direction_rms_deg == pytest.approx(1.0)
+    assert ratio.worst_direction_ratio == pytest.approx(1.0 / only.bound_five_unknowns.direction_rms_deg)
+    assert only.estimator.magnitude_rms_gf == pytest.approx(0.0, abs=1e-9)
     assert calls[:2] == [180, 180]

@@ -105,7 +105,7 @@ def network_errors(response: FootResponse, loads: LoadRange, size: TrainingSize)
 
 
 def _measured_walk_readings(response: FootResponse) -> GaitReadings:
-    """Return the readings of a right and a left foot in the measured walk."""
+    """Return simulated readings of a right and a left foot under the ground forces of the measured walk."""
     source, _ = test_walks()
     readings = [
         read_gait(

@@ -64,7 +64,7 @@ class MeanStdOverFeet:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Results of the simulated experiment: force errors of all estimators, load counts and refusals.
+    """Results of the simulated experiment: force errors of all estimators, load counts and refused calibrations.
 
     Attributes:
         seed: Of the feet and of the test stand.

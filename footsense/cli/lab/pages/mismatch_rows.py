@@ -31,15 +31,15 @@ class MismatchRow:
 
 
 def _assembly_row(title: str, own: Imperfection, *, represented: bool = True) -> MismatchRow:
-    return MismatchRow(title=title, solid=OtherSolid(own=own), represented=represented)
+    return MismatchRow(title=title, solid=OtherSolid(imperfection=own), represented=represented)
 
 
 #: The rows by name; the first is the foot that the calibration supposes.
 MISMATCH_ROWS = {
     "none": MismatchRow(title="none: the foot that the calibration supposes"),
-    "mesh": MismatchRow(title="solved on another mesh", solid=OtherSolid(size=OTHER_MESH)),
-    "plate": MismatchRow(title="plates 10 % thicker", solid=OtherSolid(plate=1.1)),
-    "pdms": MismatchRow(title="PDMS 30 % stiffer", solid=OtherSolid(pdms=1.3)),
+    "mesh": MismatchRow(title="solved on another mesh", solid=OtherSolid(mesh_size=OTHER_MESH)),
+    "plate": MismatchRow(title="plates 10 % thicker", solid=OtherSolid(plate_thickness_factor=1.1)),
+    "pdms": MismatchRow(title="PDMS 30 % stiffer", solid=OtherSolid(sheet_modulus_factor=1.3)),
     "poisson": MismatchRow(title="Poisson's ratio of the rubber 0.47", solid=OtherSolid(poisson=0.47)),
     "offset": _assembly_row("sheet off centre by 0.6 mm", Imperfection(sheet_offset_mm=(0.6, 0.0))),
     "offset-far": _assembly_row(

@@ -175,7 +175,7 @@ def _rms_bounds(foot: Foot, load_n: float, noise_pf: float) -> tuple[float, floa
         return centred_deg, None, None
     leaning = force_bound(foot, direction, force_n, Unknowns.LEANING, noise_pf=noise_pf)
     deg, gf = (
-        float(np.sqrt(np.mean(error**2))) for error in (leaning.direction_rms_deg, leaning.magnitude_gf)
+        float(np.sqrt(np.mean(error**2))) for error in (leaning.direction_rms_deg, leaning.magnitude_rms_gf)
     )
     return centred_deg, deg, gf
 

@@ -67,11 +67,11 @@ class Ambiguity:
 
     Attributes:
         distance_sigma: Distance of the closures in standard deviations of the noise.
-        apart_deg: Angle between the two forces [deg].
+        force_angle_deg: Angle between the two forces [deg].
     """
 
     distance_sigma: list[float]
-    apart_deg: list[float]
+    force_angle_deg: list[float]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,26 +43,26 @@ class BandErrors:
     """Errors of the loads whose largest closure over the gap lies in a band.
 
     Attributes:
-        share: Of all loads [1].
+        load_share: Of all loads [1].
         force_gf: Mean force [gf].
-        read: Share of them with a force [1].
+        readable_share: Share of them with a force [1].
         direction_deg: Mean direction error of those [deg].
         direction_p95_deg: 95th percentile [deg].
         sigma_deg: Median sigma as an angle [deg].
-        within_2: Share of the components within two sigma [1].
-        too_large: Share with an error above `TOO_LARGE_DEG` [1].
-        said: Share of these that the residual test finds inconsistent [1]; None if there are none.
+        within_2_sigma_share: Share of the components within two sigma [1].
+        large_error_share: Share with an error above `TOO_LARGE_DEG` [1].
+        reported_large_error_share: Share of these that the residual test finds inconsistent [1]; None without any.
     """
 
-    share: float
+    load_share: float
     force_gf: float
-    read: float
+    readable_share: float
     direction_deg: float = 0.0
     direction_p95_deg: float = 0.0
     sigma_deg: float = 0.0
-    within_2: float = 0.0
-    too_large: float = 0.0
-    said: float | None = None
+    within_2_sigma_share: float = 0.0
+    large_error_share: float = 0.0
+    reported_large_error_share: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,17 +72,17 @@ class ForceRangeResults:
     Attributes:
         limits_n: By limit (`contact`, `closed`, `saturated`): lowest force of it over the elevations [N], the smallest
             over the azimuths.
-        feet: Feet made like the paper's.
+        n_feet: Feet made like the paper's.
         max_n: Largest force of the network's training [N].
-        design: Errors of the designed foot, in the order of the bands.
-        made: Errors of made feet whose parameters are known exactly.
+        on_designed_foot: Errors of the designed foot, in the order of the bands.
+        on_fabricated_feet: Errors of made feet whose parameters are known exactly.
     """
 
     limits_n: dict[str, list[float]]
-    feet: int
+    n_feet: int
     max_n: float
-    design: list[BandErrors | None]
-    made: list[BandErrors | None]
+    on_designed_foot: list[BandErrors | None]
+    on_fabricated_feet: list[BandErrors | None]
 
 
 def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
@@ -142,20 +142,20 @@ def _band_errors(inside: Mask, parts: tuple[Any, ...]) -> BandErrors | None:
     known = np.flatnonzero(read)
     share, force_gf = float(inside.mean()), float(size_n.mean() / GRAM_FORCE_N)
     if len(known) == 0:
-        return BandErrors(share=share, force_gf=force_gf, read=0.0)
+        return BandErrors(load_share=share, force_gf=force_gf, readable_share=0.0)
     angle_deg = angles_between_deg(true_n[known], force_n[known])
     sigma_deg = np.degrees(np.linalg.norm(sigma_n[known], axis=1) / size_n[known])
     large = angle_deg > TOO_LARGE_DEG
     return BandErrors(
-        share=share,
+        load_share=share,
         force_gf=force_gf,
-        read=len(known) / len(read),
+        readable_share=len(known) / len(read),
         direction_deg=float(angle_deg.mean()),
         direction_p95_deg=float(np.percentile(angle_deg, 95)),
         sigma_deg=float(np.median(sigma_deg)),
-        within_2=float((np.abs(force_n - true_n) <= 2.0 * sigma_n)[known].mean()),
-        too_large=float(large.mean()),
-        said=float(said[known][large].mean()) if large.any() else None,
+        within_2_sigma_share=float((np.abs(force_n - true_n) <= 2.0 * sigma_n)[known].mean()),
+        large_error_share=float(large.mean()),
+        reported_large_error_share=float(said[known][large].mean()) if large.any() else None,
     )
 
 
@@ -205,10 +205,10 @@ def compute(context: StudyContext) -> tuple[ForceRangeResults, Plots]:
     made = [fabricate(context.response, PAPER_TOLERANCES, _SEED, number) for number in range(feet)]
     results = ForceRangeResults(
         limits_n={name: [round(float(v), 2) for v in force.min(axis=0)] for name, force in limits_n.items()},
-        feet=feet,
+        n_feet=feet,
         max_n=loads.max_n,
-        design=_errors_by_band(context, [Deviations()] * feet),
-        made=_errors_by_band(context, made),
+        on_designed_foot=_errors_by_band(context, [Deviations()] * feet),
+        on_fabricated_feet=_errors_by_band(context, made),
     )
     context.report_progress(f"force-range: a gap begins to close at {min(results.limits_n['contact']):.2f} N")
     return results, {_FIGURE_FILE: _figure(limits_n, loads.max_n)}

@@ -52,17 +52,17 @@ class Results:
         touchdown_time_rms_sigmas: The same over its sigma, rms [1].
         n_lift_offs: Lift-offs that were reported.
         lift_off_time_rms_ms: Error of the back-dated time, rms [ms].
-        contact_rel: Share of the conversions whose contact is right [1].
+        contact_right_share: Share of the conversions whose contact is right [1].
         friction: Error of friction use, mean [1].
-        normal_deg: Error of the normal, mean [deg].
-        n_beyond: Slides that drive the foot beyond the converter's range, where no force is known.
+        normal_error_deg: Error of the normal, mean [deg].
+        n_slides_beyond_range: Slides that drive the foot beyond the converter's range, where no force is known.
         n_slides: Slides that have to be reported.
         slid_mm: Way until they are, mean [mm].
         slid_p95_mm: The same, 95th percentile [mm].
         missed_slides: Share never reported [1].
         false_slips: Reported far below the cone, in all.
-        at_cone: Said at the cone without a way worth the name, in all.
-        coefficient: Error of the learnt coefficient at the end of a walk, rms [1].
+        slips_at_cone: Said at the cone without a way worth the name, in all.
+        friction_coefficient_error: Error of the learnt coefficient at the end of a walk, rms [1].
     """
 
     leg_hours: float
@@ -76,17 +76,17 @@ class Results:
     touchdown_time_rms_sigmas: float
     n_lift_offs: int
     lift_off_time_rms_ms: float
-    contact_rel: float
+    contact_right_share: float
     friction: float
-    normal_deg: float
-    n_beyond: int
+    normal_error_deg: float
+    n_slides_beyond_range: int
     n_slides: int
     slid_mm: float
     slid_p95_mm: float
     missed_slides: float
     false_slips: int
-    at_cone: int
-    coefficient: float
+    slips_at_cone: int
+    friction_coefficient_error: float
 
 
 class _ReportedEvents(NamedTuple):
@@ -103,7 +103,7 @@ class _SlipReports(NamedTuple):
     slide_distances_mm: list[float]
     beyond: int
     false: int
-    at_cone: int
+    slips_at_cone: int
 
 
 def _friction_use(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
@@ -224,17 +224,17 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         touchdown_time_rms_sigmas=_rms(down_ms[:, 1] / down_ms[:, 2]),
         n_lift_offs=len(up_ms),
         lift_off_time_rms_ms=_rms(up_ms[:, 1]),
-        contact_rel=float((np.concatenate(contacts) == stand).mean()),
+        contact_right_share=float((np.concatenate(contacts) == stand).mean()),
         friction=float(np.nanmean(np.abs(np.concatenate(frictions)))),
-        normal_deg=float(np.concatenate(normals_deg).mean()),
-        n_beyond=sum(one.beyond for one in slips),
+        normal_error_deg=float(np.concatenate(normals_deg).mean()),
+        n_slides_beyond_range=sum(one.beyond for one in slips),
         n_slides=len(slide_distances_mm),
         slid_mm=float(reported_mm.mean()) if len(reported_mm) else float("nan"),
         slid_p95_mm=float(np.percentile(reported_mm, 95)) if len(reported_mm) else float("nan"),
         missed_slides=float(np.isinf(slide_distances_mm).mean()) if len(slide_distances_mm) else float("nan"),
         false_slips=sum(one.false for one in slips),
-        at_cone=sum(one.at_cone for one in slips),
-        coefficient=_rms(np.array(last)),
+        slips_at_cone=sum(one.slips_at_cone for one in slips),
+        friction_coefficient_error=_rms(np.array(last)),
     ), {}
 
 

@@ -49,7 +49,7 @@ MIN_DIRECTION_FORCE_N, MIN_FRICTION_FORCE_N, MIN_NORMAL_FORCE_N = 0.1, 0.3, 0.5
 _WINDOWS_PER_CALL = 20_000
 _WALK_START_NS = 200_000_000
 #: Loads at rest.
-_N_REST_LOADS = 6000
+_N_STEADY_LOADS = 6000
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +63,8 @@ class GaitErrors:
         rms_mn: Error of the force's components, rms [mN], shape (3,).
         within_2_sigma: Share of the components within two sigma [1].
         beyond_5_sigma: Share beyond five [1].
-        friction: Error of the friction ratio's size from `MIN_FRICTION_FORCE_N` on, mean [1].
-        normal_deg: Error of the contact normal from `MIN_NORMAL_FORCE_N` on, mean [deg].
+        friction_ratio_error: Error of the friction ratio's size from `MIN_FRICTION_FORCE_N` on, mean [1].
+        normal_error_deg: Error of the contact normal from `MIN_NORMAL_FORCE_N` on, mean [deg].
     """
 
     name: str
@@ -73,8 +73,8 @@ class GaitErrors:
     rms_mn: list[float]
     within_2_sigma: float
     beyond_5_sigma: float
-    friction: float
-    normal_deg: float
+    friction_ratio_error: float
+    normal_error_deg: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +101,12 @@ class Results:
     Attributes:
         n_gaits: Random gaits.
         gaits: Errors in motion.
-        rest: Errors at rest.
+        steady_loads: Errors at rest.
     """
 
     n_gaits: int
     gaits: list[GaitErrors]
-    rest: list[SteadyLoadErrors]
+    steady_loads: list[SteadyLoadErrors]
 
 
 class _InputFault(NamedTuple):
@@ -204,8 +204,8 @@ def _gait_errors(
         rms_mn=(1e3 * np.sqrt((error_n**2).mean(axis=0))).tolist(),
         within_2_sigma=float((off < 2.0).mean()),
         beyond_5_sigma=float((off > 5.0).mean()),
-        friction=float(np.abs(friction[firm]).mean()),
-        normal_deg=float(angles_between_deg(found[firmer], normal[firmer]).mean()),
+        friction_ratio_error=float(np.abs(friction[firm]).mean()),
+        normal_error_deg=float(angles_between_deg(found[firmer], normal[firmer]).mean()),
     )
 
 
@@ -220,7 +220,7 @@ def _steady_load_errors(context: StudyContext) -> list[SteadyLoadErrors]:
     """Return the errors under steady loads, each reading with its own noise."""
     response, loads = context.response, context.foot_design.loads
     rng = np.random.default_rng(HELD_OUT_SEED)
-    wide = random_loads(response, loads, 500 if context.quick else _N_REST_LOADS, HELD_OUT_SEED)
+    wide = random_loads(response, loads, 500 if context.quick else _N_STEADY_LOADS, HELD_OUT_SEED)
     rows = []
     for name, cases in (("wide loads", wide), ("the paper's 180", paper_verification(response))):
         judged = np.linalg.norm(cases.force_n, axis=1) >= loads.min_evaluated_force_n
@@ -280,7 +280,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         _gait_errors(context, "random gaits, gains off by 1 %", usual, _InputFault(_NONE_MISSING, 0.01)),
     ]
     context.report_progress("gaits: judged in motion")
-    return Results(n_gaits=n_gaits, gaits=rows, rest=_steady_load_errors(context)), {}
+    return Results(n_gaits=n_gaits, gaits=rows, steady_loads=_steady_load_errors(context)), {}
 
 
 STUDY = Study(name="gaits", title="Force in motion", compute=compute, command="gaits")

@@ -71,7 +71,7 @@ class SensorArray:
         ]
         return [(max(0.0, c - self.element_side_mm / 2.0), c + self.element_side_mm / 2.0) for c in centres]
 
-    def element_columns(self) -> list[BlockColumn]:
+    def quarter_element_columns(self) -> list[BlockColumn]:
         """Return the columns of the quarter, grouped by x."""
         halves = self.element_borders_mm()
         return [BlockColumn(x, y) for x in halves for y in halves]
@@ -114,7 +114,7 @@ def stress_series(
 ) -> dict[str, Vector]:
     """Return the mean stress of each sensor's elements as series [MPa/N], shapes (products, n, n, 3)."""
     fields = block_fields(
-        foot_design, [column for sensor in sensors for column in sensor.element_columns()], size
+        foot_design, [column for sensor in sensors for column in sensor.quarter_element_columns()], size
     )
     fitted = {parity: fit_series(field) for parity, field in fields.items()}
     series, first = {}, 0
@@ -155,8 +155,8 @@ def network_direction_errors(
 
     def inputs(pressure: Vector) -> Vector:
         erring = pressure * (1.0 + noise_rel * rng.normal(size=pressure.shape))
-        scaled: Vector = erring / np.abs(erring).max(axis=1, keepdims=True)
-        return scaled
+        normalised: Vector = erring / np.abs(erring).max(axis=1, keepdims=True)
+        return normalised
 
     training_inputs, test_inputs = inputs(training), inputs(test).astype(np.float32)
     starts = stack(start_weights_by_seed(seeds, (training.shape[1], *HIDDEN_NEURONS, 3)))
@@ -173,19 +173,19 @@ class Results:
 
     Attributes:
         sheet_mm: Side of the block [mm].
-        thick_mm: Thickness of the block [mm].
+        block_thickness_mm: Thickness of the block [mm].
         epochs: Training epochs.
         seeds: Networks for each sensor.
-        clean_deg: Without random error, by sensor.
-        noisy_deg: With random error, by sensor.
+        noiseless_error_deg: Without random error, by sensor.
+        noisy_error_deg: With random error, by sensor.
     """
 
     sheet_mm: float
-    thick_mm: float
+    block_thickness_mm: float
     epochs: int
     seeds: int
-    clean_deg: dict[str, MeanStd]
-    noisy_deg: dict[str, MeanStd]
+    noiseless_error_deg: dict[str, MeanStd]
+    noisy_error_deg: dict[str, MeanStd]
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
@@ -205,11 +205,11 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         context.report_progress(f"sensors: {name} trained")
     results = Results(
         sheet_mm=foot_design.sheet_mm,
-        thick_mm=2.0 * half_thickness_mm(foot_design),
+        block_thickness_mm=2.0 * half_thickness_mm(foot_design),
         epochs=epochs,
         seeds=seeds,
-        clean_deg=clean,
-        noisy_deg=noisy,
+        noiseless_error_deg=clean,
+        noisy_error_deg=noisy,
     )
     return results, {"sensors.png": _figure(results)}
 
@@ -217,11 +217,11 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 def _figure(results: Results) -> Figure:
     """Draw the direction error over the number of elements, small and large ones, without and with errors."""
     figure, row = subplot_row(2, 8.2, 3.9)
-    element_columns = (
-        ("no random error", results.clean_deg),
-        (f"{NOISE_REL:.0%} random error", results.noisy_deg),
+    quarter_element_columns = (
+        ("no random error", results.noiseless_error_deg),
+        (f"{NOISE_REL:.0%} random error", results.noisy_error_deg),
     )
-    for axes, (title, errors_deg) in zip(row, element_columns, strict=True):
+    for axes, (title, errors_deg) in zip(row, quarter_element_columns, strict=True):
         for names, marker, label in (("ABCDE", "o-", "1 mm elements"), ("FGH", "s--", "larger elements")):
             drawn = [sensor for sensor in SENSOR_ARRAYS if sensor.name in names and sensor.name in errors_deg]
             number = [sensor.elements_per_side**2 for sensor in drawn]
@@ -248,4 +248,7 @@ def gains_of_larger_elements(errors_deg: dict[str, MeanStd]) -> dict[str, MeanDi
 
 def noise_error_factors(results: Results) -> dict[str, float]:
     """Return the error with random error over the error without, by sensor."""
-    return {name: results.noisy_deg[name].mean / clean.mean for name, clean in results.clean_deg.items()}
+    return {
+        name: results.noisy_error_deg[name].mean / clean.mean
+        for name, clean in results.noiseless_error_deg.items()
+    }

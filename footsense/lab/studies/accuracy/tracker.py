@@ -92,13 +92,13 @@ class Results:
         n_random: Random gaits.
         errors: Errors by load and method.
         six_legs_us: Time of a conversion of six legs by method, the network included, median [us].
-        rest_share: Share of the loaded windows at rest [1].
+        steady_share: Share of the loaded windows at rest [1].
     """
 
     n_random: int
     errors: list[MethodErrors]
     six_legs_us: dict[str, float]
-    rest_share: float
+    steady_share: float
 
 
 class _ForceEstimate(NamedTuple):
@@ -312,7 +312,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         n_random=names.count(LOADS[0]),
         errors=errors,
         six_legs_us=_six_leg_times_us(context, model, six, conversions),
-        rest_share=float(rest[random].mean()),
+        steady_share=float(rest[random].mean()),
     ), {}
 
 

@@ -50,12 +50,12 @@ class CauseErrors:
     """Errors over the feet with a set of causes.
 
     Attributes:
-        direction_deg: Mean angle [deg].
-        magnitude_gf: Mean magnitude error [gf].
+        direction_error_deg: Mean angle [deg].
+        magnitude_error_gf: Mean magnitude error [gf].
     """
 
-    direction_deg: MeanStd
-    magnitude_gf: MeanStd
+    direction_error_deg: MeanStd
+    magnitude_error_gf: MeanStd
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +117,8 @@ def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
         feet = found[number * n_feet : (number + 1) * n_feet]
         directions, magnitudes = zip(*feet, strict=True)
         return CauseErrors(
-            direction_deg=MeanStd.of_values(directions), magnitude_gf=MeanStd.of_values(magnitudes)
+            direction_error_deg=MeanStd.of_values(directions),
+            magnitude_error_gf=MeanStd.of_values(magnitudes),
         )
 
     rows = [row(number) for number in range(len(sets))]
@@ -128,7 +129,7 @@ def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
     )
     reached = results.alone[ALL]
     context.report_progress(
-        f"yardstick: {reached.direction_deg} deg, {reached.magnitude_gf} gf; the paper "
+        f"yardstick: {reached.direction_error_deg} deg, {reached.magnitude_error_gf} gf; the paper "
         f"{evaluate.MEASURED_DIRECTION_DEG} deg, {evaluate.MEASURED_MAGNITUDE_GF} gf"
     )
     return results, {}

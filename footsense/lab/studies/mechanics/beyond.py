@@ -108,20 +108,20 @@ class Results:
     """Errors of each force estimator at each level.
 
     Attributes:
-        arm_mm: Distance of the force's line from the middle at the smallest lean [mm].
-        friction_deg: Largest lean in the network's training [deg].
-        lean: At each of `LEANS_DEG`.
-        in_range_rel: Share of the loads of `PAPER_GF` within the converter's range at each lean [1].
-        second: At each of `SECOND_FORCES_REL`.
-        distance: At `SECOND_FORCE_REL_OVER_ANGLE`, by the angle between the contacts [deg].
+        lever_arm_mm: Distance of the force's line from the middle at the smallest lean [mm].
+        friction_angle_deg: Largest lean in the network's training [deg].
+        by_lean: At each of `LEANS_DEG`.
+        in_range_share: Share of the loads of `PAPER_GF` within the converter's range at each lean [1].
+        by_second_force: At each of `SECOND_FORCES_REL`.
+        by_contact_angle: At `SECOND_FORCE_REL_OVER_ANGLE`, by the angle between the contacts [deg].
     """
 
-    arm_mm: float
-    friction_deg: float
-    lean: list[dict[str, ForceErrors]]
-    in_range_rel: list[float]
-    second: list[dict[str, ForceErrors]]
-    distance: dict[str, dict[str, ForceErrors]]
+    lever_arm_mm: float
+    friction_angle_deg: float
+    by_lean: list[dict[str, ForceErrors]]
+    in_range_share: list[float]
+    by_second_force: list[dict[str, ForceErrors]]
+    by_contact_angle: dict[str, dict[str, ForceErrors]]
 
 
 def leaning_load_errors(tested: _EstimatorsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
@@ -195,12 +195,12 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         measured_um, truth_n, inside = second.measured(share)
         shared.append(tested.errors_by_estimator(measured_um[inside], truth_n[inside]))
     results = Results(
-        arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
-        friction_deg=context.foot_design.loads.friction_angle_deg,
-        lean=lean,
-        in_range_rel=within,
-        second=shared,
-        distance=_errors_by_contact_angle(tested, second),
+        lever_arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
+        friction_angle_deg=context.foot_design.loads.friction_angle_deg,
+        by_lean=lean,
+        in_range_share=within,
+        by_second_force=shared,
+        by_contact_angle=_errors_by_contact_angle(tested, second),
     )
     figures = {
         "beyond-lean.png": _curves(LEANS_DEG, "lean of the contact normal [deg]", lean),

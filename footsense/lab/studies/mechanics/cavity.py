@@ -69,31 +69,31 @@ class CavityFigures:
 
     Attributes:
         closure_um_per_n: Mean closure of a corner, an edge and the middle under a small upright force [um/N].
-        range_n: Largest upright force within the converter's range [N].
-        contact_n: Upright force that closes the first cell [N].
+        upright_range_n: Largest upright force within the converter's range [N].
+        first_contact_force_n: Upright force that closes the first cell [N].
         linear_change: Errors of a linear read-out of capacitance changes, exact foot, the paper's cases.
         linear_elastance: The same of elastance.
-        bound_deg: Rms of the least direction error at each of `BOUND_MAGNITUDES_GF` [deg].
-        bound_gf: Rms of the least magnitude error [gf].
-        own_deg: Direction errors of the paper's procedure on exact feet, each with a network of its own.
-        own_gf: Magnitude errors of it.
-        made_deg: The same on feet of the paper's fabrication tolerances on a careful test stand.
-        made_gf: Magnitude errors of it.
+        bound_direction_deg: Rms of the least direction error at each of `BOUND_MAGNITUDES_GF` [deg].
+        bound_magnitude_gf: Rms of the least magnitude error [gf].
+        exact_feet_deg: Direction errors of the paper's procedure on exact feet, each with a network of its own.
+        exact_feet_gf: Magnitude errors of it.
+        fabricated_feet_deg: The same on feet of the paper's fabrication tolerances on a careful test stand.
+        fabricated_feet_gf: Magnitude errors of it.
         read_as_vented_deg: Errors of a network trained on the design, vented, on such a foot without deviations.
         read_as_vented_gf: Magnitude errors of it.
     """
 
     closure_um_per_n: tuple[float, float, float]
-    range_n: float
-    contact_n: float
+    upright_range_n: float
+    first_contact_force_n: float
     linear_change: ForceErrors
     linear_elastance: ForceErrors
-    bound_deg: list[float]
-    bound_gf: list[float]
-    own_deg: MeanStd
-    own_gf: MeanStd
-    made_deg: MeanStd
-    made_gf: MeanStd
+    bound_direction_deg: list[float]
+    bound_magnitude_gf: list[float]
+    exact_feet_deg: MeanStd
+    exact_feet_gf: MeanStd
+    fabricated_feet_deg: MeanStd
+    fabricated_feet_gf: MeanStd
     read_as_vented_deg: float
     read_as_vented_gf: float
 
@@ -106,29 +106,30 @@ class Results:
         kinds: Figures by kind.
         by_hand: Errors of the paper's procedure on a leaking foot whose elements are read one by one, by leak [s].
         adiabatic_um_per_n: Closures of a sealed foot whose air keeps its heat [um/N].
-        air_over_solid: Stiffness of the air over that of the solid, by pattern of closures, smallest and largest [1].
+        air_over_solid_stiffness: Stiffness of the air over that of the solid, smallest and largest over the patterns of
+            closures [1].
         drift_ff_per_kpa: Mean change of the unloaded readings per kPa less of ambient pressure, sealed [fF].
         drift_gf_per_kpa: Upright load that changes the mean closure as much [gf].
         drift_ff_per_k: Mean change of the unloaded readings per kelvin, sealed [fF].
-        hot_sealed_um: Mean closure at rest of a foot whose air was sealed in at 100 degC [um].
-        sorption_s: Time in which the bare plates take up half of a cavity's excess air [s].
-        parylene_s: Time constant of a wall of parylene as large as the cavity [s].
-        channel_s: Time constant of a channel of `CHANNEL_MM` through a bar [s].
-        factor: By how much closures relax slower than pressures, softest and stiffest pattern [1].
+        hot_sealed_closure_um: Mean closure at rest of a foot whose air was sealed in at 100 degC [um].
+        sorption_half_time_s: Time in which the bare plates take up half of a cavity's excess air [s].
+        parylene_time_constant_s: Time constant of a wall of parylene as large as the cavity [s].
+        channel_time_constant_s: Time constant of a channel of `CHANNEL_MM` through a bar [s].
+        relaxation_factor: By how much closures relax slower than pressures, softest and stiffest pattern [1].
     """
 
     kinds: dict[str, CavityFigures]
     by_hand: dict[str, ForceErrors]
     adiabatic_um_per_n: tuple[float, float, float]
-    air_over_solid: tuple[float, float]
+    air_over_solid_stiffness: tuple[float, float]
     drift_ff_per_kpa: float
     drift_gf_per_kpa: float
     drift_ff_per_k: float
-    hot_sealed_um: float
-    sorption_s: float
-    parylene_s: float
-    channel_s: float
-    factor: tuple[float, float]
+    hot_sealed_closure_um: float
+    sorption_half_time_s: float
+    parylene_time_constant_s: float
+    channel_time_constant_s: float
+    relaxation_factor: tuple[float, float]
 
 
 def _corner_edge_middle_means_um(cells_um: Vector) -> tuple[float, float, float]:
@@ -201,18 +202,22 @@ def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
     context.report_progress(f"cavity: {cavity.kind} measured")
     return CavityFigures(
         closure_um_per_n=_corner_edge_middle_means_um(foot.cells_um(_UPWARD, small_n) / 0.05),
-        range_n=float(RANGE_SEARCH_LOADS_N[beyond.argmax()] if beyond.any() else RANGE_SEARCH_LOADS_N[-1]),
-        contact_n=float(RANGE_SEARCH_LOADS_N[closed.argmax()] if closed.any() else RANGE_SEARCH_LOADS_N[-1]),
+        upright_range_n=float(
+            RANGE_SEARCH_LOADS_N[beyond.argmax()] if beyond.any() else RANGE_SEARCH_LOADS_N[-1]
+        ),
+        first_contact_force_n=float(
+            RANGE_SEARCH_LOADS_N[closed.argmax()] if closed.any() else RANGE_SEARCH_LOADS_N[-1]
+        ),
         linear_change=evaluate_force_errors(
             test.force_n, capacitance_estimator(design, training)(test.closure_um)
         ),
         linear_elastance=evaluate_force_errors(test.force_n, elastance_estimator(training)(test.closure_um)),
-        bound_deg=[float(np.sqrt(np.mean(bound.direction_rms_deg**2))) for bound in bounds],
-        bound_gf=[float(np.sqrt(np.mean(bound.magnitude_gf**2))) for bound in bounds],
-        own_deg=own_deg,
-        own_gf=own_gf,
-        made_deg=made_deg,
-        made_gf=made_gf,
+        bound_direction_deg=[float(np.sqrt(np.mean(bound.direction_rms_deg**2))) for bound in bounds],
+        bound_magnitude_gf=[float(np.sqrt(np.mean(bound.magnitude_rms_gf**2))) for bound in bounds],
+        exact_feet_deg=own_deg,
+        exact_feet_gf=own_gf,
+        fabricated_feet_deg=made_deg,
+        fabricated_feet_gf=made_gf,
         read_as_vented_deg=misread.direction_deg,
         read_as_vented_gf=misread.magnitude_gf,
     )
@@ -282,15 +287,15 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         adiabatic_um_per_n=_corner_edge_middle_means_um(
             sealed.cells_um(_UPWARD, 0.05 * _UPWARD, rest._replace(exponent=ADIABATIC)) / 0.05
         ),
-        air_over_solid=(float(stiffness.min()), float(stiffness.max())),
+        air_over_solid_stiffness=(float(stiffness.min()), float(stiffness.max())),
         drift_ff_per_kpa=1e3 * thin_pf,
         drift_gf_per_kpa=thin_pf / small_pf,
         drift_ff_per_k=1e3 * warm_pf,
-        hot_sealed_um=float(hot.cells_um(_UPWARD, 0.0 * _UPWARD).mean()),
-        sorption_s=sorption_s(made.gap_um),
-        parylene_s=parylene_s(made.gap_um),
-        channel_s=channel_s(made.gap_um, made.electrode_mm, made.pitch_mm - made.electrode_mm),
-        factor=(1.0 + float(stiffness.min()), 1.0 + float(stiffness.max())),
+        hot_sealed_closure_um=float(hot.cells_um(_UPWARD, 0.0 * _UPWARD).mean()),
+        sorption_half_time_s=sorption_s(made.gap_um),
+        parylene_time_constant_s=parylene_s(made.gap_um),
+        channel_time_constant_s=channel_s(made.gap_um, made.electrode_mm, made.pitch_mm - made.electrode_mm),
+        relaxation_factor=(1.0 + float(stiffness.min()), 1.0 + float(stiffness.max())),
     )
     return results, {"cavity.png": _figure(response)}
 

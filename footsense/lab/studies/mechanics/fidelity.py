@@ -31,7 +31,7 @@ ADJOINT_SOLVES = 81 * 3
 
 
 #: Differences between answers, by model.
-Distances = dict[str, FidelityError]
+Differences = dict[str, FidelityError]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,14 +39,14 @@ class DifferencesFromFullSolve:
     """Differences of the cheaper models from the full finite-strain solve.
 
     Attributes:
-        distances: Differences from the full solve.
-        mesh_rel: Difference of the closures at the first load by the mesh alone, rms over rms [1].
-        physics_rel: Difference of those closures by finite strain and the floor alone, rms over rms [1].
+        differences: Differences from the full solve.
+        mesh_difference_rel: Difference of the closures at the first load by the mesh alone, rms over rms [1].
+        physics_difference_rel: Difference of those closures by finite strain and the floor alone, rms over rms [1].
     """
 
-    distances: Distances
-    mesh_rel: float
-    physics_rel: float
+    differences: Differences
+    mesh_difference_rel: float
+    physics_difference_rel: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,23 +57,23 @@ class Results:
         n_loads: The paper's loads.
         seconds_per_load: Time of a load [s], by model.
         against_contact: Differences from `contact`.
-        formula: Differences of the variants of the formula from `contact`.
-        carried_rel: Smallest and largest share of the vertical force that the formula alone leaves to the sheet [1].
-        softer: Contact modulus of the rubber over that of PDMS [1].
+        formula_variants: Differences of the variants of the formula from `contact`.
+        sheet_force_share: Smallest and largest share of the vertical force that the formula puts on the sheet [1].
+        modulus_ratio: Contact modulus of the rubber over that of PDMS [1].
         forward: One solve per load, beside the table.
-        coarse_forward: Whether those solves are on a coarser mesh than the table's.
-        full: The cheap models beside the full solve; None in the quick form.
+        forward_on_coarse_mesh: Whether those solves are on a coarser mesh than the table's.
+        against_full: The cheap models beside the full solve; None in the quick form.
     """
 
     n_loads: int
     seconds_per_load: dict[str, float]
-    against_contact: Distances
-    formula: Distances
-    carried_rel: tuple[float, float]
-    softer: float
+    against_contact: Differences
+    formula_variants: Differences
+    sheet_force_share: tuple[float, float]
+    modulus_ratio: float
     forward: ForwardAgainstTable
-    coarse_forward: bool
-    full: DifferencesFromFullSolve | None
+    forward_on_coarse_mesh: bool
+    against_full: DifferencesFromFullSolve | None
 
 
 def _time_levels(
@@ -89,9 +89,9 @@ def _time_levels(
     return answers, seconds
 
 
-def _distances_from_finest(
+def _differences_from_finest(
     context: StudyContext, answers: dict[str, LevelResponse], finest: LevelResponse
-) -> Distances:
+) -> Differences:
     """Return the differences of the models' responses from that of the finest model."""
     network, design = context.network.force_n, context.response.design
     return {name: fidelity_error(answer, finest, network, design) for name, answer in answers.items()}
@@ -110,7 +110,7 @@ def _compare_forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable
 
 def _compare_half_space(
     context: StudyContext, loads: Loads, contact: LevelResponse
-) -> tuple[Distances, tuple[float, float]]:
+) -> tuple[Differences, tuple[float, float]]:
     """Return the differences of the formula's variants from contact, and the share of the force on the sheet [1]."""
     foot_design = context.foot_design
     alone = HalfSpace(foot_design, balanced=False)
@@ -124,7 +124,7 @@ def _compare_half_space(
     side_mm = [edge_mm, foot_design.pitch_mm, edge_mm]
     area_mm2 = np.outer(side_mm, side_mm).ravel()
     carried = (alone.pressure_mpa(loads.normal, loads.force_n) @ area_mm2) / loads.force_n[:, 2]
-    return _distances_from_finest(context, answers, contact), (carried.min(), carried.max())
+    return _differences_from_finest(context, answers, contact), (carried.min(), carried.max())
 
 
 def _compare_with_full(context: StudyContext, answers: dict[str, LevelResponse]) -> DifferencesFromFullSolve:
@@ -138,11 +138,15 @@ def _compare_with_full(context: StudyContext, answers: dict[str, LevelResponse])
         for name in ("full", "contact")
     )
     return DifferencesFromFullSolve(
-        distances=_distances_from_finest(
+        differences=_differences_from_finest(
             context, {name: answers[name] for name in LEVEL_NAMES[:3]}, answers["full"]
         ),
-        mesh_rel=_distances_from_finest(context, {"contact": contact}, reduced)["contact"].closure_rel,
-        physics_rel=_distances_from_finest(context, {"reduced": reduced}, first)["reduced"].closure_rel,
+        mesh_difference_rel=_differences_from_finest(context, {"contact": contact}, reduced)[
+            "contact"
+        ].closure_rel,
+        physics_difference_rel=_differences_from_finest(context, {"reduced": reduced}, first)[
+            "reduced"
+        ].closure_rel,
     )
 
 
@@ -152,12 +156,14 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     loads, foot_design = paper_loads(context.response), context.foot_design
     cheap, seconds = _time_levels(context, LEVEL_NAMES[:3], loads)
     forward = _compare_forward(context, loads)
-    apart = _distances_from_finest(context, {name: cheap[name] for name in LEVEL_NAMES[:2]}, cheap["contact"])
+    apart = _differences_from_finest(
+        context, {name: cheap[name] for name in LEVEL_NAMES[:2]}, cheap["contact"]
+    )
     shown, finest, full, figures = apart, "contact", None, {}
     if not context.quick:
         answers, taken = _time_levels(context, LEVEL_NAMES, loads_in_mirror_plane(FULL_CASES))
         full = _compare_with_full(context, answers)
-        shown, finest, seconds["full"] = full.distances, "full", taken["full"]
+        shown, finest, seconds["full"] = full.differences, "full", taken["full"]
         unloaded_pf = context.response.design.unloaded_pf
         figures["fidelity-pattern.png"] = capacitance_pattern_figure(
             {name: one.capacitance_pf[0].reshape(3, 3) - unloaded_pf for name, one in answers.items()}
@@ -168,12 +174,12 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         n_loads=len(loads),
         seconds_per_load=seconds,
         against_contact=apart,
-        formula=formula,
-        carried_rel=carried_rel,
-        softer=foot_design.rubber.hertz_mpa / foot_design.pdms.hertz_mpa,
+        formula_variants=formula,
+        sheet_force_share=carried_rel,
+        modulus_ratio=foot_design.rubber.hertz_mpa / foot_design.pdms.hertz_mpa,
         forward=forward,
-        coarse_forward=context.quick,
-        full=full,
+        forward_on_coarse_mesh=context.quick,
+        against_full=full,
     )
     return results, figures
 

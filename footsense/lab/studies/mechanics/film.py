@@ -80,9 +80,9 @@ class DesignFigures:
         unloaded_pf: Capacitance of an unloaded element [pF].
         closure_um_per_n: Mean closure of the elements under an upright force [um/N].
         sensitivity_pf_per_n: Mean change of capacitance with it [pF/N].
-        range_n: Largest upright force in range [N].
-        low_range_n: Largest force at an elevation of 45 deg in range [N].
-        linear: Errors of the linear read-out of elastance on the paper's protocol, with noise.
+        upright_range_n: Largest upright force in range [N].
+        range_at_45_deg_n: Largest force at an elevation of 45 deg in range [N].
+        linear_errors: Errors of the linear read-out of elastance on the paper's protocol, with noise.
         direction_deg: Direction errors of networks on closures.
         magnitude_gf: Magnitude errors of networks on closures.
     """
@@ -90,9 +90,9 @@ class DesignFigures:
     unloaded_pf: float
     closure_um_per_n: float
     sensitivity_pf_per_n: float
-    range_n: float
-    low_range_n: float
-    linear: ForceErrors
+    upright_range_n: float
+    range_at_45_deg_n: float
+    linear_errors: ForceErrors
     direction_deg: MeanStd
     magnitude_gf: MeanStd
 
@@ -118,20 +118,20 @@ class Results:
 
     Attributes:
         film: The film.
-        pdms_mpa: Young's modulus of the plates [MPa].
+        plate_modulus_mpa: Young's modulus of the plates [MPa].
         sheet_mm: Side of the sheet [mm].
         electrode_mm: Side of an electrode [mm].
-        gaps: Figures of the design with gaps.
-        gel: Figures of the design with the film.
+        air_gap_design: Figures of the design with gaps.
+        gel_film_design: Figures of the design with the film.
         by_poisson: Confinement, by Poisson's ratio.
     """
 
     film: GelLayerDesign
-    pdms_mpa: float
+    plate_modulus_mpa: float
     sheet_mm: float
     electrode_mm: float
-    gaps: DesignFigures
-    gel: DesignFigures
+    air_gap_design: DesignFigures
+    gel_film_design: DesignFigures
     by_poisson: dict[str, ConfinedFilm]
 
 
@@ -139,7 +139,7 @@ def gap_design(context: StudyContext) -> SensorDesign:
     """Return the design with gaps, from the released table."""
     foot = Foot(context.response)
     return SensorDesign(
-        name="gaps",
+        name="air_gap_design",
         capacitor=context.response.design,
         closure_um=lambda normal, force_n: sensed_closure_um(foot, normal, force_n),
         used_range_rel=lambda normal, force_n: float(
@@ -204,9 +204,9 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures
         unloaded_pf=capacitor.unloaded_pf,
         closure_um_per_n=float(small_um.mean() / SMALL_FORCE_N),
         sensitivity_pf_per_n=float(change_pf.mean() / SMALL_FORCE_N),
-        range_n=_max_force_in_range_n(sensor, _UPWARD),
-        low_range_n=_max_force_in_range_n(sensor, directions(0.0, 45.0)[None]),
-        linear=evaluate_force_errors(test.force_n, elastance_estimator(training)(test.closure_um)),
+        upright_range_n=_max_force_in_range_n(sensor, _UPWARD),
+        range_at_45_deg_n=_max_force_in_range_n(sensor, directions(0.0, 45.0)[None]),
+        linear_errors=evaluate_force_errors(test.force_n, elastance_estimator(training)(test.closure_um)),
         direction_deg=MeanStd.of_values(answer.direction_deg for answer in answers),
         magnitude_gf=MeanStd.of_values(answer.magnitude_gf for answer in answers),
     )
@@ -223,14 +223,16 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     closures = upright_closure_um(foot_design, COARSE_FILM_SIZE, films)
     results = Results(
         film=film,
-        pdms_mpa=foot_design.pdms.youngs_mpa,
+        plate_modulus_mpa=foot_design.pdms.youngs_mpa,
         sheet_mm=foot_design.sheet_mm,
         electrode_mm=foot_design.electrode_mm,
-        gaps=measure_design(context, gaps),
-        gel=measure_design(context, gel),
+        air_gap_design=measure_design(context, gaps),
+        gel_film_design=measure_design(context, gel),
         by_poisson={
             f"{nu:g}": ConfinedFilm(
-                confined_mpa=other.gel.confined_mpa, relief_mm=other.relief_mm, closure_um=closure_um
+                confined_mpa=other.gel.confined_mpa,
+                relief_mm=other.relief_mm,
+                closure_um=closure_um,
             )
             for nu, other, closure_um in zip(poissons, films, closures, strict=True)
         },

@@ -50,15 +50,15 @@ class LoadComparison:
     Attributes:
         load: In words.
         difference_rel: Largest difference of a mean closure over the largest closure [1], by what is left out.
-        patch_mm: Radius of the patch of the full solve [mm].
-        hertz_mm: Hertz's radius [mm].
+        patch_radius_mm: Radius of the patch of the full solve [mm].
+        hertz_radius_mm: Hertz's radius [mm].
         newton_steps: Steps of the full solve.
     """
 
     load: str
     difference_rel: dict[str, float]
-    patch_mm: float
-    hertz_mm: float
+    patch_radius_mm: float
+    hertz_radius_mm: float
     newton_steps: int
 
 
@@ -87,8 +87,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
                 name: float(np.abs(other.closure_um - full.closure_um).max() / full.closure_um.max())
                 for name, other in others.items()
             },
-            patch_mm=full.patch.radius_mm,
-            hertz_mm=float(context.response.patch_radius_mm(normal, force_n)),
+            patch_radius_mm=full.patch.radius_mm,
+            hertz_radius_mm=float(context.response.patch_radius_mm(normal, force_n)),
             newton_steps=full.newton_steps,
         )
         solved.append(one)

@@ -66,15 +66,15 @@ class MeshResult(ComputeTime):
         name: Name of the mesh.
         order: Polynomial order of the elements.
         unknowns: Number of unknowns of the equations.
-        corner_um: Closure of a corner under the upright load [um].
-        worst_rel: Largest relative error of a closure [1], upright and inclined.
+        corner_closure_um: Closure of a corner under the upright load [um].
+        worst_error_rel: Largest relative error of a closure [1], upright and inclined.
     """
 
     name: str
     order: int
     unknowns: int
-    corner_um: float
-    worst_rel: list[float]
+    corner_closure_um: float
+    worst_error_rel: list[float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,12 +84,12 @@ class HertzContact:
     Attributes:
         modulus_mpa: E* of the contact [MPa].
         radius_mm: Radius of the patch [mm].
-        corner_um: Closure of a corner [um].
+        corner_closure_um: Closure of a corner [um].
     """
 
     modulus_mpa: float
     radius_mm: float
-    corner_um: float
+    corner_closure_um: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,18 +97,18 @@ class FringeResult:
     """Capacitance of an element with and without edge fields [pF] at one closure, and the closure read [um].
 
     Attributes:
-        closed_um: Closure of the gap [um].
-        plates_pf: Capacitance by the plate formula [pF].
-        edged_pf: Capacitance with edges [pF].
-        read_um: Closure by elastance [um].
-        corrected_um: Closure by elastance with the stray taken off [um].
+        closure_um: Closure of the gap [um].
+        plate_formula_pf: Capacitance by the plate formula [pF].
+        with_fringe_pf: Capacitance with edges [pF].
+        elastance_closure_um: Closure by elastance [um].
+        corrected_closure_um: Closure by elastance with the stray taken off [um].
     """
 
-    closed_um: float
-    plates_pf: float
-    edged_pf: float
-    read_um: float
-    corrected_um: float
+    closure_um: float
+    plate_formula_pf: float
+    with_fringe_pf: float
+    elastance_closure_um: float
+    corrected_closure_um: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,28 +120,28 @@ class Results:
         response: Time of the complete response; None in the quick form.
         cases: Time of the paper's cases with contact.
         n_cases: Number of these cases.
-        floors: Contact with the ground, by its material.
+        contacts_by_ground: Contact with the ground, by its material.
         ground_change_rel: Largest relative change of a closure by the material of the ground [1].
         spacer_mm: Thickness of the spacer [mm].
-        law_um: Closure of a strip with the spacer as a law [um].
-        solid_um: Closure of a strip with the spacer meshed [um].
-        edges: Elements with edges, unloaded first.
-        table_rel: Errors that the response table states [1].
-        cell_um: Largest variation of the closure inside a cell, rms [um].
+        traction_law_closure_um: Closure of a strip with the spacer as a law [um].
+        meshed_closure_um: Closure of a strip with the spacer meshed [um].
+        fringe: Elements with edges, unloaded first.
+        table_errors_rel: Errors that the response table states [1].
+        closure_variation_um: Largest variation of the closure inside a cell, rms [um].
     """
 
     meshes: list[MeshResult]
     response: ComputeTime | None
     cases: ComputeTime
     n_cases: int
-    floors: dict[str, HertzContact]
+    contacts_by_ground: dict[str, HertzContact]
     ground_change_rel: float
     spacer_mm: float
-    law_um: float
-    solid_um: float
-    edges: list[FringeResult]
-    table_rel: dict[str, float]
-    cell_um: float
+    traction_law_closure_um: float
+    meshed_closure_um: float
+    fringe: list[FringeResult]
+    table_errors_rel: dict[str, float]
+    closure_variation_um: float
 
 
 def _timed(step: Callable[[], Measured]) -> tuple[Measured, ComputeTime]:
@@ -177,8 +177,8 @@ def _solve_meshes(context: StudyContext) -> list[MeshResult]:
             name=name,
             order=size.order,
             unknowns=found.unknowns,
-            corner_um=found.closure_um[0].max(),
-            worst_rel=[
+            corner_closure_um=found.closure_um[0].max(),
+            worst_error_rel=[
                 _largest_relative_error(own, of) for own, of in zip(found.closure_um, best, strict=False)
             ],
         )
@@ -198,7 +198,7 @@ def _compare_ground_materials(
         radius_mm = float(contact_radius_mm(1.0, response.ball_radius_mm, modulus_mpa))
         closures.append(replace(response, hertz_modulus_mpa=modulus_mpa).closure_um(up, up))
         floors[name] = HertzContact(
-            modulus_mpa=modulus_mpa, radius_mm=radius_mm, corner_um=closures[-1].max()
+            modulus_mpa=modulus_mpa, radius_mm=radius_mm, corner_closure_um=closures[-1].max()
         )
     return floors, float(np.abs(closures[1] / closures[0] - 1.0).max())
 
@@ -215,7 +215,7 @@ def _fringe_results(foot_design: FootDesign) -> list[FringeResult]:
     return [FringeResult(*row) for row in zip(*columns, strict=True)]
 
 
-def _cell_averaging_errors(response: FootResponse) -> tuple[float, float]:
+def _closure_variation_inside_cells(response: FootResponse) -> tuple[float, float]:
     """Return the largest rms closure variation inside a cell [um], and the capacitance error of ignoring it [1].
 
     Upright and inclined loads of 1 N. A closure that varies by a standard deviation s inside a cell raises the mean of
@@ -238,26 +238,26 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         _, taken = _timed(partial(make_response, foot_design, RELEASED_MESH, context.report_progress))
     cases, cases_taken = _timed(lambda: (paper_training(response), paper_verification(response)))
     floors, ground_change_rel = _compare_ground_materials(foot_design, response)
-    cell_um, cell_rel = _cell_averaging_errors(response)
+    cell_um, cell_rel = _closure_variation_inside_cells(response)
     stated = response.provenance
     results = Results(
         meshes=meshes,
         response=taken,
         cases=cases_taken,
         n_cases=sum(len(one.force_n) for one in cases),
-        floors=floors,
+        contacts_by_ground=floors,
         ground_change_rel=ground_change_rel,
         spacer_mm=foot_design.spacer_mm,
-        law_um=cavity_strip_closure_um(foot_design, solid=False),
-        solid_um=cavity_strip_closure_um(foot_design, solid=True),
-        edges=_fringe_results(foot_design),
-        table_rel={
+        traction_law_closure_um=cavity_strip_closure_um(foot_design, solid=False),
+        meshed_closure_um=cavity_strip_closure_um(foot_design, solid=True),
+        fringe=_fringe_results(foot_design),
+        table_errors_rel={
             "foot against its transpose": stated["mesh_asymmetry_rel"],
             "samples against series": stated["fit_residual_rel"],
             "series four degrees shorter": stated["interpolation_rel"],
             "cells of 6 x 6: C of an element at 1 N, worst": cell_rel,
         },
-        cell_um=cell_um,
+        closure_variation_um=cell_um,
     )
     return results, {"solid.png": _figure(meshes)}
 
@@ -268,14 +268,14 @@ def _figure(meshes: Sequence[MeshResult]) -> Figure:
     names = ("upright, 1 N", f"{INCLINED_DEG:g} deg, 1 N")
     for load, (name, marker) in enumerate(zip(names, "os", strict=True)):
         points = [
-            (mesh.processor_s, 100.0 * mesh.worst_rel[load])
+            (mesh.processor_s, 100.0 * mesh.worst_error_rel[load])
             for mesh in meshes
-            if len(mesh.worst_rel) > load and mesh.worst_rel[load] > 0.0
+            if len(mesh.worst_error_rel) > load and mesh.worst_error_rel[load] > 0.0
         ]
         axes.plot(*zip(*sorted(points), strict=True), marker + "-", label=name, alpha=0.8)
     for mesh in meshes:
-        if mesh.worst_rel[0] > 0.0:
-            place = (mesh.processor_s, 100.0 * mesh.worst_rel[0])
+        if mesh.worst_error_rel[0] > 0.0:
+            place = (mesh.processor_s, 100.0 * mesh.worst_error_rel[0])
             axes.annotate(mesh.name, place, xytext=(5, 6), textcoords="offset points", fontsize=8)
     axes.axhline(1.0, color="k", lw=0.8, ls="--", label="target")
     axes.set(xscale="log", yscale="log", xlabel="processor time [s]", ylabel="worst error of a closure [%]")

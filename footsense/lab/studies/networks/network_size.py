@@ -34,7 +34,7 @@ CONVERSIONS, LOADED_N = 1100, 0.1
 #: Legs in a call, runs in a timing, and timings; the fastest counts, because other processes only add time.
 LEGS, RUNS, TIMINGS = 6, 200, 25
 #: Kinds of test loads.
-_TEST_LABELS = {"gaits": "random gaits", "rest": "loads at rest"}
+_TEST_LABELS = {"gait_errors": "random gaits", "steady_load_errors": "loads at rest"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,16 +44,16 @@ class NetworkSizeResult:
     Attributes:
         channels: Channels of each hidden layer.
         weights: Number of weights.
-        run_us: Six legs through ONNX Runtime on one thread [us].
-        gaits: Errors on random gaits, as of sending.
-        rest: Errors on random loads at rest with noise.
+        six_legs_us: Six legs through ONNX Runtime on one thread [us].
+        gait_errors: Errors on random gaits, as of sending.
+        steady_load_errors: Errors on random loads at rest with noise.
     """
 
     channels: int
     weights: int
-    run_us: float
-    gaits: ForceErrors
-    rest: ForceErrors
+    six_legs_us: float
+    gait_errors: ForceErrors
+    steady_load_errors: ForceErrors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,16 +64,16 @@ class Results:
         steps: Training steps.
         batch: Windows in a step.
         n_gaits: Random gaits for training.
-        n_rests: Loads at rest for training.
-        from_n: Smallest force of the test loads at rest [N].
+        n_steady_loads: Loads at rest for training.
+        min_test_force_n: Smallest force of the test loads at rest [N].
         sizes: The networks, the smallest first.
     """
 
     steps: int
     batch: int
     n_gaits: int
-    n_rests: int
-    from_n: float
+    n_steady_loads: int
+    min_test_force_n: float
     sizes: list[NetworkSizeResult]
 
 
@@ -111,11 +111,11 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     counted = np.linalg.norm(test_rest.force_n, axis=1) >= loads.min_evaluated_force_n
     rng = np.random.default_rng(TEST_SEED)
     tests = {
-        "gaits": (
+        "gait_errors": (
             walked.force_n[loaded],
             Window(walked.closure_rel[loaded], walked.age_s[loaded], none_missing),
         ),
-        "rest": (
+        "steady_load_errors": (
             test_rest.force_n[counted],
             steady_windows(measured_closure_rel(design, test_rest.closure_um[counted], rng)),
         ),
@@ -134,14 +134,14 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
             for name, (force_n, window) in tests.items()
         }
         sizes.append(
-            NetworkSizeResult(channels=weights.channels, weights=weights.size, run_us=time_us, **judged)
+            NetworkSizeResult(channels=weights.channels, weights=weights.size, six_legs_us=time_us, **judged)
         )
     results = Results(
         steps=steps,
         batch=protocol.batch,
         n_gaits=n_gaits,
-        n_rests=n_rests,
-        from_n=loads.min_evaluated_force_n,
+        n_steady_loads=n_rests,
+        min_test_force_n=loads.min_evaluated_force_n,
         sizes=sizes,
     )
     return results, {"network-size.png": _figure(sizes)}
@@ -150,7 +150,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 def _figure(sizes: list[NetworkSizeResult]) -> Figure:
     """Draw the direction error over weights and over microseconds."""
     figure, axes = subplot_row(2, 8.8, 4.0, sharey=True)
-    for panel, quantity in zip(axes, ("weights", "run_us"), strict=True):
+    for panel, quantity in zip(axes, ("weights", "six_legs_us"), strict=True):
         x = [getattr(size, quantity) for size in sizes]
         for (name, words), colour in zip(_TEST_LABELS.items(), ("C0", "C3"), strict=True):
             rows = [getattr(size, name) for size in sizes]

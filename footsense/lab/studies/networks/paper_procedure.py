@@ -43,14 +43,14 @@ class FeedErrors:
     Attributes:
         direction_deg: Direction errors of the networks at each magnitude [deg].
         magnitude_gf: Magnitude errors of the networks at each magnitude [gf].
-        linear_deg: Direction error of the linear read-out at 100 gf [deg].
-        linear_gf: Magnitude error of the linear read-out [gf].
+        linear_direction_deg: Direction error of the linear read-out at 100 gf [deg].
+        linear_magnitude_gf: Magnitude error of the linear read-out [gf].
     """
 
     direction_deg: list[MeanStd]
     magnitude_gf: list[MeanStd]
-    linear_deg: float
-    linear_gf: float
+    linear_direction_deg: float
+    linear_magnitude_gf: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,8 +88,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         by_feed[str(feed)] = FeedErrors(
             direction_deg=[MeanStd.of_values(one.direction_deg for one in row) for row in rows],
             magnitude_gf=[MeanStd.of_values(one.magnitude_gf for one in row) for row in rows],
-            linear_deg=alone.direction_deg,
-            linear_gf=alone.magnitude_gf,
+            linear_direction_deg=alone.direction_deg,
+            linear_magnitude_gf=alone.magnitude_gf,
         )
         points[str(feed)] = rows[INDEX_OF_100_GF]
         context.report_progress(f"paper-procedure: {len(networks)} networks on {name} trained")
@@ -105,7 +105,15 @@ def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[ForceErrors]]
         x, y = [one.direction_deg for one in networks], [one.magnitude_gf for one in networks]
         cloud.plot(x, y, "o", color=colour, alpha=0.6, label=f"networks on {name}")
         label = f"linear on {name}"
-        cloud.plot(found.linear_deg, found.linear_gf, "X", color=colour, mec="k", ms=9, label=label)
+        cloud.plot(
+            found.linear_direction_deg,
+            found.linear_magnitude_gf,
+            "X",
+            color=colour,
+            mec="k",
+            ms=9,
+            label=label,
+        )
         plot_band(curve, MAGNITUDES_GF, found.direction_deg, color=colour, label=f"networks on {name}")
     cloud.plot(PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, "k*", ms=13, label="the paper")
     cloud.set(xscale="log", yscale="log", title="180 directions at 100 gf")

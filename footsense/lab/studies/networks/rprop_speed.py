@@ -37,26 +37,26 @@ class RpropComparison:
     """Epochs and time of back-propagation and of RPROP to back-propagation's final loss, medians over seeds.
 
     Attributes:
-        rate: Learning rate of back-propagation.
-        goal: That loss [1].
+        learning_rate: Learning rate of back-propagation.
+        goal_loss: That loss [1].
         descent_epochs: Epochs of back-propagation.
         rprop_epochs: Epochs of RPROP; a seed that never reaches the loss counts with all of them.
-        n_there: Seeds that reach it by RPROP.
-        times_fewer: Ratio of the epochs [1].
-        least_fewer: The lowest ratio of a seed.
-        most_fewer: The highest ratio of a seed.
+        n_reached_goal: Seeds that reach it by RPROP.
+        epoch_ratio: Ratio of the epochs [1].
+        epoch_ratio_min: The lowest ratio of a seed.
+        epoch_ratio_max: The highest ratio of a seed.
         descent_s: Processor time of back-propagation [s].
         rprop_s: Processor time of RPROP [s].
     """
 
-    rate: float
-    goal: float
+    learning_rate: float
+    goal_loss: float
     descent_epochs: float
     rprop_epochs: float
-    n_there: int
-    times_fewer: float
-    least_fewer: float
-    most_fewer: float
+    n_reached_goal: int
+    epoch_ratio: float
+    epoch_ratio_min: float
+    epoch_ratio_max: float
     descent_s: float
     rprop_s: float
 
@@ -69,13 +69,13 @@ class Results:
         epochs: Epochs of each rule.
         seeds: Networks.
         epoch_us: Processor time of an epoch of one network [us], by rule.
-        races: By rule.
+        comparisons: By rule.
     """
 
     epochs: int
     seeds: int
     epoch_us: dict[str, float]
-    races: dict[str, RpropComparison]
+    comparisons: dict[str, RpropComparison]
 
 
 def _train_gradient_descent(
@@ -111,14 +111,14 @@ def _compare_with_rprop(rate: float, descent: Trained, rprop: Trained) -> RpropC
     goal = descent.losses[:, -1]
     slow, fast = _epochs_to_loss(descent.losses, goal), _epochs_to_loss(rprop.losses, goal)
     return RpropComparison(
-        rate=rate,
-        goal=float(np.median(goal)),
+        learning_rate=rate,
+        goal_loss=float(np.median(goal)),
         descent_epochs=float(np.median(slow)),
         rprop_epochs=float(np.median(fast)),
-        n_there=int((rprop.losses.min(axis=1) <= goal).sum()),
-        times_fewer=float(np.median(slow / fast)),
-        least_fewer=float((slow / fast).min()),
-        most_fewer=float((slow / fast).max()),
+        n_reached_goal=int((rprop.losses.min(axis=1) <= goal).sum()),
+        epoch_ratio=float(np.median(slow / fast)),
+        epoch_ratio_min=float((slow / fast).min()),
+        epoch_ratio_max=float((slow / fast).max()),
         descent_s=float(np.median(slow)) * _epoch_s(descent),
         rprop_s=float(np.median(fast)) * _epoch_s(rprop),
     )
@@ -143,7 +143,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         context.report_progress(f"rprop-speed: {name}, best of {len(LEARNING_RATES)} rates: {rate:g}")
     runs[_RPROP] = rprop
     epoch_us = {name: 1e6 * _epoch_s(run) for name, run in runs.items()}
-    return Results(epochs=epochs, seeds=seeds, epoch_us=epoch_us, races=races), {
+    return Results(epochs=epochs, seeds=seeds, epoch_us=epoch_us, comparisons=races), {
         "rprop-speed.png": _figure(runs)
     }
 

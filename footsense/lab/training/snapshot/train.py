@@ -90,7 +90,7 @@ class _TrainingConstants(NamedTuple):
     force_n: jax.Array
     imputation_matrices: jax.Array
     missing_masks: jax.Array
-    noise_rel: float
+    closure_noise_rel: float
     film_thickness_rel: float
 
 
@@ -107,7 +107,7 @@ def _training_constants(
         imputation_matrices=jnp.asarray(np.stack([imputation.matrix(mask) for mask in masks]), jnp.float32),
         missing_masks=jnp.asarray(masks, jnp.float32),
         # A noise of the capacitance is one of the distance by distance^2 / (eps0 A); all over the gap.
-        noise_rel=float(noise_pf * design.gap_um / plates_um),
+        closure_noise_rel=float(noise_pf * design.gap_um / plates_um),
         film_thickness_rel=design.film_equivalent_um / design.gap_um,
     )
 
@@ -119,7 +119,7 @@ def _random_batch(
     k1, k2, k3, k4 = jax.random.split(key, 4)
     chosen = jax.random.randint(k1, (protocol.batch,), 0, len(task.force_n))
     exact = task.closure_rel[chosen]
-    noisy = exact + task.noise_rel * (1.0 + task.film_thickness_rel - exact) ** 2 * jax.random.normal(
+    noisy = exact + task.closure_noise_rel * (1.0 + task.film_thickness_rel - exact) ** 2 * jax.random.normal(
         k2, exact.shape
     )
     if not protocol.masked:
