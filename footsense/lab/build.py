@@ -1,4 +1,4 @@
-"""Build of a foot type: solve, tabulate, train, evaluate, export.
+"""Build of a foot type's model files: finite element solve, response table, network training, evaluation, export.
 
 Nothing is written before everything is made, and a file appears whole or not at all.
 """
@@ -60,7 +60,7 @@ _CARD_DECIMALS = 9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuildSettings:
-    """Sizes and training protocols of a build.
+    """Settings of a build: mesh, numbers of loads and gaits, training protocols.
 
     Attributes:
         mesh: Resolution of the solid's mesh.
@@ -106,7 +106,7 @@ QUICK_BUILD = BuildSettings(
 
 @dataclass(frozen=True, slots=True)
 class BuildResult:
-    """Error table, network card and ONNX check of a build.
+    """Result of a build: error table, network card, and difference between ONNX Runtime and JAX.
 
     Attributes:
         table: Errors by row, of the file as ONNX Runtime computes it.
@@ -169,7 +169,7 @@ def _network_card(
     cases: Cases,
     table: dict[str, ForceErrors],
 ) -> dict[str, Any]:
-    """Return the card: the data that the daemon needs to use the network, and how the network was made."""
+    """Return the network's card: constants that the service needs for the network, and how it was trained."""
     design = response.design
     seen_rel = cases.with_symmetric_copies().closure_um / design.gap_um
     return {
@@ -225,7 +225,7 @@ def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, clos
 
 
 def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable[[str], None]) -> BuildResult:
-    """Build all files of a foot type: response table, network and model card.
+    """Build and write all model files of a foot type: response table, network, card.
 
     Args:
         foot_file: Description of the foot.

@@ -1,4 +1,4 @@
-"""A hash of the code that measures a study's numbers, unchanged by comments, prose and renamed identifiers.
+"""Hash of the code that computes a study's figures, insensitive to comments, prose and renamed identifiers.
 
 The hash covers the function `compute` and all definitions of its module that it uses, directly or indirectly. Values of
 constants with QUICK in their names are left out: no committed page is made with them.
@@ -13,13 +13,13 @@ from pathlib import Path
 
 
 class _NormaliseIdentifiers(ast.NodeTransformer):
-    """Number identifiers by first appearance; drop annotations and prose (strings with blanks)."""
+    """AST transformer: replace identifiers by numbers, drop annotations and prose (strings with blanks)."""
 
     def __init__(self) -> None:
         self._numbers: dict[str, str] = {}
 
     def generic_visit(self, node: ast.AST) -> ast.AST:
-        """Return the node with numbered identifiers."""
+        """Return the node with identifiers replaced by numbers."""
         for name, value in ast.iter_fields(node):
             if name in {"annotation", "returns"}:
                 setattr(node, name, None)
@@ -30,7 +30,7 @@ class _NormaliseIdentifiers(ast.NodeTransformer):
         return super().generic_visit(node)
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST:
-        """Return an assignment without the values of constants with QUICK in their names."""
+        """Return an assignment; the value is dropped if the constant's name contains QUICK."""
         target, value = node.targets[0], node.value
         if isinstance(target, ast.Name) and "QUICK" in target.id:
             node.value = ast.Constant("")
@@ -42,7 +42,7 @@ class _NormaliseIdentifiers(ast.NodeTransformer):
 
 
 def _defined_names(statement: ast.stmt) -> set[str]:
-    """Return the names that a statement of a module defines, without imports."""
+    """Return the names that a module-level statement defines, imports excluded."""
     if isinstance(statement, ast.ClassDef | ast.FunctionDef):
         return {statement.name}
     if isinstance(statement, ast.Assign | ast.AnnAssign):
@@ -52,7 +52,7 @@ def _defined_names(statement: ast.stmt) -> set[str]:
 
 
 def function_sha256(source: str, entry: str = "compute") -> str:
-    r"""Return the SHA-256 of a function's normalised code, with every module-level definition the function uses.
+    r"""Return the SHA-256 of a function's normalised code and of all module-level definitions it uses.
 
     Args:
         source: Source text of the module.
@@ -82,7 +82,7 @@ def function_sha256(source: str, entry: str = "compute") -> str:
 
 
 def compute_sha256(module: str) -> str:
-    """Return the SHA-256 of a module's `compute` without importing the module; empty without a `compute`."""
+    """Return the SHA-256 of a study module's `compute` without importing the module; empty if it has none."""
     spec = find_spec(module)
     source = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""
     return function_sha256(source) if "def compute(" in source else ""

@@ -1,4 +1,4 @@
-"""Strict reading of a foot type from `foot.yaml`; numbers that contradict each other are refused."""
+"""Strict reader of `foot.yaml`, the description of a foot type; contradictory numbers are refused."""
 
 import math
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ _ROUNDING_TOLERANCE_MM = 1e-9
 
 
 def load_foot(source: Path | bytes) -> FootDesign:
-    """Read and check a foot design from a YAML file or from the content of such a file.
+    """Return the foot design from a YAML file or its content, after checks.
 
     Args:
         source: The file, or its content.
@@ -32,7 +32,7 @@ def load_foot(source: Path | bytes) -> FootDesign:
 
 
 def _contradictions(design: FootDesign) -> Iterator[Problem]:
-    """Yield the contradictions of a foot whose numbers are each right by themselves."""
+    """Yield a problem for each contradiction between valid numbers of a foot."""
     yield from _sheet_contradictions(design)
     yield from _electrode_contradictions(design)
     yield from _cavity_contradictions(design)
@@ -49,6 +49,7 @@ def _contradictions(design: FootDesign) -> Iterator[Problem]:
 
 
 def _sheet_contradictions(design: FootDesign) -> Iterator[Problem]:
+    """Yield the contradictions of sheet, plate and ball dimensions."""
     if design.electrode_mm >= design.pitch_mm:
         yield Problem(
             "electrode_mm",
@@ -79,6 +80,7 @@ def _sheet_contradictions(design: FootDesign) -> Iterator[Problem]:
 
 
 def _electrode_contradictions(design: FootDesign) -> Iterator[Problem]:
+    """Yield the contradictions of gap, film and spacer thickness."""
     spacer_um = UM_PER_MM * design.spacer_mm
     filled_um = design.gap_um + design.film_um
     if design.gap_um > spacer_um + UM_PER_MM * _ROUNDING_TOLERANCE_MM:
@@ -96,6 +98,7 @@ def _electrode_contradictions(design: FootDesign) -> Iterator[Problem]:
 
 
 def _cavity_contradictions(design: FootDesign) -> Iterator[Problem]:
+    """Yield the contradictions of cavity, leak and gas."""
     if design.cavity == "leaking" and design.leak_time_s is None:
         yield Problem(
             "cavity", "a leaking cavity needs leak_time_s, the time in which an excess pressure falls to 1/e"
@@ -110,6 +113,7 @@ def _cavity_contradictions(design: FootDesign) -> Iterator[Problem]:
 
 
 def _converter_contradictions(design: FootDesign) -> Iterator[Problem]:
+    """Yield the contradictions of capacitances and converter range."""
     capacitor, most_pf = design.capacitor, fdc1004.capacitance_pf(fdc1004.CODE_MAX)
     half_pf = float(capacitor.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
     if capacitor.unloaded_pf < MIN_UNLOADED_PF:

@@ -50,22 +50,22 @@ class Material(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def lame_mpa(self) -> float:
-        """Lame's first parameter of the material [MPa], from Young's modulus and Poisson's ratio."""
+        """Lame's first parameter lambda [MPa]."""
         return self.youngs_mpa * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
 
     @property
     def confined_mpa(self) -> float:
-        """Modulus of a layer that cannot spread sideways, lambda + 2 G [MPa]."""
+        """Confined (P-wave) modulus lambda + 2 G [MPa]: stiffness of a layer that cannot spread sideways."""
         return self.lame_mpa + 2.0 * self.shear_mpa
 
     @property
     def hertz_mpa(self) -> float:
-        """Contact modulus against a rigid body, E / (1 - nu^2) [MPa]."""
+        """Plane-strain modulus E / (1 - nu^2) for Hertz contact with a rigid body [MPa]."""
         return self.youngs_mpa / (1.0 - self.poisson**2)
 
 
 class ThinFilm(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A film on a plate, so thin that it resists stretching and not bending.
+    """A film on a plate that resists stretching but not bending.
 
     Attributes:
         thickness_um: Thickness [um].
@@ -79,7 +79,7 @@ class ThinFilm(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Range of the random loads that a foot's network is trained for.
+    """Range of the random loads on which a foot's network is trained.
 
     Attributes:
         max_n: Largest force [N].
@@ -104,17 +104,17 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def min_force_n(self) -> float:
-        """Force below which training counts errors absolutely [N]."""
+        """Force below which the training loss weighs absolute instead of relative errors [N]."""
         return 0.15 * self.max_n
 
     @property
     def min_evaluated_force_n(self) -> float:
-        """Force from which errors are tabled [N]: the converter's noise alone hides the direction of less."""
+        """Smallest force in error tables [N]: below, noise alone hides the direction."""
         return 0.1 * self.max_n
 
 
 class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The foot: two hemispheres, two plates of PDMS, and a spacer with cavities between the plates.
+    """Geometry and materials of a foot: two hemispheres, two PDMS plates, a spacer with cavities between.
 
     Attributes:
         foot_type: Name under which table and network are built, and of their folder.
@@ -169,7 +169,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def cavity_air(self) -> Cavity:
-        """How the cavities hold their air, for the response table."""
+        """Kind of the cavities (vented, sealed or leaking), for the response table."""
         return Cavity(
             kind=self.cavity,
             leak_time_s=VENTED.leak_time_s if self.leak_time_s is None else self.leak_time_s,
@@ -178,7 +178,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def capacitor(self) -> CapacitorDesign:
-        """Gap, film thickness, permittivity and electrode area, as the design of the daemon's capacitors."""
+        """Gap, film, permittivity and electrode area, as the service's capacitor model needs them."""
         return CapacitorDesign(
             gap_um=self.gap_um,
             film_um=self.film_um,
@@ -194,7 +194,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def array_mm(self) -> float:
-        """Side of the array, from the outer edge of one electrode to that of the last [mm]."""
+        """Side of the electrode array between its outer edges [mm]."""
         return (self.rows - 1) * self.pitch_mm + self.electrode_mm
 
     @property
@@ -213,7 +213,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return (self.electrode_mm / CELLS_PER_SIDE) ** 2
 
     def touch_point_mm(self, normal: Vector) -> Vector:
-        """Return where a floor touches the unloaded ball [mm], shape (..., 3), of inward unit normals."""
+        """Return the point where a floor touches the unloaded ball [mm], (..., 3), from inward unit normals."""
         touch: Vector = -self.ball_radius_mm * normal - np.array([0.0, 0.0, self.plate_mm])
         return touch
 
@@ -222,5 +222,5 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return float(contact_radius_mm(force_n, self.ball_radius_mm, self.rubber.hertz_mpa))
 
     def hertz_patch_angle_deg(self, force_n: float) -> float:
-        """Return the radius of a contact patch as an angle around the ball [deg]."""
+        """Return the Hertz contact radius as an angle seen from the ball's centre [deg]."""
         return float(np.degrees(self.hertz_patch_radius_mm(force_n) / self.ball_radius_mm))

@@ -1,4 +1,4 @@
-"""The README beside the released model files: file list, build command, and errors of the network."""
+"""README of the released model files: file list, build command, and errors of the network."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ def readme(
     *,
     quick: bool,
 ) -> str:
-    """Return the README of the model files as Markdown."""
+    """Return the README of a foot type's model files as Markdown."""
     names = {
         "foot_design": foot_design,
         "response": response,

@@ -105,7 +105,7 @@ def _solve_response(
 
 
 def _cached_whole_foot(design: FootDesign, own: Imperfection, folder: Path) -> tuple[Vector, Vector]:
-    """Return series and compliance of a whole foot, kept in a file."""
+    """Return response series and compliance of an unsymmetric foot, solved once and then read from a file."""
     path = folder / f"whole-{hashlib.sha256(f'{design} {own}'.encode()).hexdigest()[:16]}.npz"
     if not path.exists():
         series, compliance = solve_whole_foot(design, own)

@@ -1,4 +1,4 @@
-"""The report: all study pages bound into one document, each page with the command to make the page.
+"""Report: all study pages in one document, each with the command that remakes it.
 
 A page is written as soon as it is made; an interrupted report goes on with the missing and stale pages. Each study runs
 in a process of its own: library threads left by one study made the next one's small matrix products fifteen times as
@@ -61,7 +61,7 @@ STALE_PAGES_FILE = "stale.json"
 
 
 def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> Page:
-    """Run one study by name, and return the page with the study's results.
+    """Run one study by name and return its page.
 
     Args:
         name: Key of `studies`.
@@ -80,7 +80,7 @@ def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STU
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    """Return a JSON object from a file; empty if the file is missing or damaged."""
+    """Return the JSON object in a file; empty if the file is missing or damaged."""
     try:
         return dict(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, json.JSONDecodeError):
@@ -88,12 +88,12 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 
 def page_values(name: str, folder: Path) -> dict[str, Any]:
-    """Return the JSON of a page in a folder; empty if the page is missing or damaged."""
+    """Return the JSON values of a stored page; empty if the page is missing or damaged."""
     return _read_json(folder / f"{name}.json") if (folder / f"{name}.md").exists() else {}
 
 
 def is_page_current(name: str, folder: Path, context: StudyContext) -> bool:
-    """Tell whether a folder holds a study's page about this network or foot, in this form (quick or full)."""
+    """Tell whether a stored page belongs to the given models and form (quick or full)."""
     values = page_values(name, folder)
     if "response_sha256" in values:
         made = values["response_sha256"] == context.response.sha256
@@ -103,7 +103,7 @@ def is_page_current(name: str, folder: Path, context: StudyContext) -> bool:
 
 
 def stale_reason(name: str, folder: Path, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> str:
-    """Return the reason to make a page again: another network or changed study code; empty if up to date."""
+    """Return why a page is out of date (other network, or changed study code); empty if it is current."""
     if not is_page_current(name, folder, context):
         return "missing, or made about another network or foot"
     if page_values(name, folder).get("code_sha256", "") != compute_sha256(studies[name]):
@@ -112,7 +112,7 @@ def stale_reason(name: str, folder: Path, context: StudyContext, studies: Mappin
 
 
 def noted_stale_reasons(folder: Path) -> dict[str, str]:
-    """Return the reasons of the stale pages that a folder keeps."""
+    """Return the reasons noted in a folder for pages that are known to be out of date."""
     return _read_json(folder / STALE_PAGES_FILE)
 
 
@@ -125,7 +125,7 @@ def make_report(
     resume: bool,
     report: Callable[[str], None],
 ) -> Path:
-    """Run the studies and bind their pages.
+    """Run the studies, bind their pages into one document, and return its path.
 
     Args:
         folder: Where the pages go.
@@ -162,20 +162,20 @@ def make_report(
 
 
 def last_duration_s(name: str, folder: Path, *, quick: bool) -> float:
-    """Return the time that the page of a study took the last time [s]; 0 if there is none of this kind."""
+    """Return the stored computing time of a study's last run [s]; 0 if there is none of this form."""
     page = _read_json(folder / f"{name}.json")
     return float(page["seconds"]) if page.get("quick") == quick else 0.0
 
 
 def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
-    """Run one study in this process, write the page, and return the elapsed time [s]."""
+    """Run one study, write its page, and return the elapsed time [s]."""
     page = make_page(name, StudyContext(models=models, quick=quick, report_progress=_print_progress), studies)
     page.write(folder)
     return page.seconds
 
 
 def _print_progress(line: str) -> None:
-    """Print a progress line of a study, indented; none beside the bar of the process that waits."""
+    """Print an indented progress line of a study, only in a process without a progress bar."""
     if is_terminal():
         return
     sys.stdout.write(f"    {line}\n")
@@ -183,7 +183,7 @@ def _print_progress(line: str) -> None:
 
 
 def bind_pages(folder: Path, context: StudyContext) -> Path:
-    """Bind all pages about one network into a document with the targets on top; return the document's path.
+    """Write all current pages into one document, targets first, and return its path.
 
     Args:
         folder: Where the pages are.
@@ -215,7 +215,7 @@ def bind_pages(folder: Path, context: StudyContext) -> Path:
 
 
 def _anchor(title: str) -> str:
-    """Return the anchor that a heading gets.
+    """Return the Markdown anchor of a heading.
 
     Example:
         >>> _anchor("The limit: Cramer-Rao, 20 to 150 gf")

@@ -45,7 +45,7 @@ STORED_DECIMALS = 6
 
 
 def fit_series(field: AdjointField, degree: int = SERIES_DEGREE) -> Vector:
-    """Return the series of a class [um/N], shape (products, 81, 3), by area-weighted least squares.
+    """Return the polynomial series of an adjoint field [um/N], (products, 81, 3), by area-weighted least squares.
 
     Args:
         field: Samples on the quarter.
@@ -67,7 +67,7 @@ def fit_series(field: AdjointField, degree: int = SERIES_DEGREE) -> Vector:
 def mean_over_patch(
     point_series: Vector, normal: Vector, radius_mm: float, foot_design: FootDesign
 ) -> Vector:
-    """Return the mean of the point response over a Hertz patch, p ~ sqrt(1 - r^2/a^2), on the sphere.
+    """Return the point response averaged over Hertz pressure patches on the ball, p ~ sqrt(1 - r^2/a^2).
 
     Args:
         point_series: Coefficients of G0 of degree `SERIES_DEGREE`, shape (products, m).
@@ -95,7 +95,7 @@ def mean_over_patch(
 
 
 def cap_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> Vector:
-    """Return unit normals spread over the cap above an elevation [deg], shape (rings * spokes, 3)."""
+    """Return unit normals spread over the ball above a given elevation [deg], shape (rings * spokes, 3)."""
     elevation = np.radians(90.0 - (90.0 - lowest_deg) * (np.arange(rings) + 0.5) / rings)
     azimuth = 2.0 * np.pi * np.arange(spokes) / spokes
     e, a = (grid.ravel() for grid in np.meshgrid(elevation, azimuth, indexing="ij"))
@@ -103,12 +103,12 @@ def cap_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> Vector:
 
 
 def _relative_rms(difference: Vector, reference: Vector) -> float:
-    """Return rms(difference) / rms(reference), rounded to six decimals."""
+    """Return rms(difference) / rms(reference) [1], rounded to six decimals."""
     return round(float(np.sqrt(np.mean(difference**2) / np.mean(reference**2))), 6)
 
 
 def _round_to_stored(table: Any) -> Vector:
-    """Return values rounded to the stored decimals, with -0.0 as 0.0 so that the bytes are the same."""
+    """Return values rounded to the stored decimals, without negative zeros (reproducible bytes)."""
     kept: Vector = np.round(table, STORED_DECIMALS) + 0.0
     return kept
 
@@ -119,7 +119,7 @@ def make_response(
     report: Callable[[str], None] = lambda _: None,
     layer: BondedLayer | None = None,
 ) -> FootResponse:
-    """Solve a foot, and return the response table with the fit errors in the provenance.
+    """Return the response table of a foot after solving it, with the fit errors in its provenance.
 
     Args:
         foot_design: The foot.
@@ -147,7 +147,7 @@ def make_response(
 def tabulate_response(
     foot_design: FootDesign, size: MeshSize, fields: dict[Parity, AdjointField], counts: dict[str, int]
 ) -> FootResponse:
-    """Return the response table of sampled fields.
+    """Return the response table from sampled adjoint fields.
 
     Args:
         foot_design: The foot.
@@ -157,6 +157,7 @@ def tabulate_response(
     """
 
     def table_of_degree(degree: int) -> Vector:
+        """Return the series of all cells by a polynomial degree."""
         return single_cell_series(
             {p: quarter_grid(fit_series(f, degree), foot_design, 1) for p, f in fields.items()}, degree
         )
@@ -206,7 +207,7 @@ def tabulate_response(
 
 
 def film_provenance(foot_design: FootDesign) -> dict[str, dict[str, float]]:
-    """Return the thin films that stiffen a foot's plates, by name, as a table's provenance keeps them."""
+    """Return the thin films that stiffen the plates, by name, for a response table's provenance."""
     films = {"gold": foot_design.gold, "parylene": foot_design.parylene}
     return {name: msgspec.structs.asdict(film) for name, film in films.items() if film is not None}
 

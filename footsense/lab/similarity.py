@@ -21,7 +21,7 @@ def force_unit(loads: LoadRange) -> float:
 
 
 def response_in_force_unit(response: FootResponse, unit: float) -> FootResponse:
-    """Return the response to forces in a unit: the same closures under forces smaller by this factor.
+    """Return the response table for forces divided by a unit: the same closures, smaller forces.
 
     Args:
         response: The foot.
@@ -36,5 +36,5 @@ def response_in_force_unit(response: FootResponse, unit: float) -> FootResponse:
 
 
 def loads_in_unit(loads: LoadRange, unit: float) -> LoadRange:
-    """Return the loads with forces in a unit [1]."""
+    """Return the load range with its forces divided by a unit."""
     return msgspec.structs.replace(loads, max_n=loads.max_n / unit)

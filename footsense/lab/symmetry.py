@@ -1,4 +1,4 @@
-"""The eight symmetries of the square foot, and the element that each element comes to lie on."""
+"""The eight symmetries of a square array, as permutations of its elements."""
 
 import numpy as np
 from numpy.typing import NDArray

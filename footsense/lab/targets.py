@@ -18,7 +18,7 @@ _LOAD_LABELS = {
 
 
 def targets_markdown(values: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the tables of the targets as Markdown; a missing figure is shown as not measured.
+    """Return the tables of the targets as Markdown; missing figures show as not measured.
 
     Args:
         values: The JSON of the pages, by study.

@@ -8,7 +8,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 
 
 def render(module: str, names: Mapping[str, Any]) -> str:
-    """Return the rendered text of the template `<module>.md.j2`, which lies beside the module.
+    """Return the text rendered from the template `<module>.md.j2` beside a module.
 
     Args:
         module: The module's dotted name.
@@ -20,7 +20,7 @@ def render(module: str, names: Mapping[str, Any]) -> str:
 
 @cache
 def _environment() -> Environment:
-    """Return the templates' environment, with the filter `fmt`: `{{ 0.5|fmt(".0%") }}` is `50%`."""
+    """Return the Jinja environment with the filter `fmt`: `{{ 0.5|fmt(".0%") }}` is `50%`."""
     environment = Environment(
         loader=PackageLoader("footsense", ""),
         undefined=StrictUndefined,

@@ -1,1 +1,1 @@
-"""Commands `footsense lab ...`: models, studies and report."""
+"""Commands `footsense lab ...`: build and compare models, run studies, make the report."""

@@ -1,4 +1,4 @@
-"""`footsense lab design`: from the weight of a robot to descriptions of feet for it."""
+"""`footsense lab design`: `foot.yaml` files of feet for a robot, from its weight."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -158,7 +158,7 @@ def shapes(*, out: Path) -> None:
 
 
 def _print(designed: "DesignResult") -> None:
-    """Print the chosen feet as a table, then the files."""
+    """Print the table of the chosen feet, then the written files."""
     from rich.console import Console
 
     console = Console()
@@ -178,7 +178,7 @@ def _print(designed: "DesignResult") -> None:
 
 
 def _table(designed: "DesignResult") -> "Table":
-    """Return the figures, one column per foot."""
+    """Return the table of figures, one column per foot."""
     from rich.markup import escape
     from rich.table import Table
 

@@ -1,4 +1,4 @@
-"""`footsense lab experiment`: the paper's experiment on simulated feet."""
+"""`footsense lab experiment`: simulation of the paper's experiment with fabricated feet."""
 
 from dataclasses import replace
 from functools import partial

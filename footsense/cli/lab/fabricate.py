@@ -1,4 +1,4 @@
-"""`footsense lab fabricate`: the files from which a workshop makes a foot."""
+"""`footsense lab fabricate`: fabrication files of a foot (STEP, Gerber, DXF, drawing)."""
 
 import importlib.util
 from pathlib import Path
@@ -51,7 +51,7 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
 
 
 def _foot_description_path(foot: str) -> Path:
-    """Return the path of a foot's description.
+    """Return the path of a foot's `foot.yaml`, from a foot type or a path.
 
     Raises:
         ModelError: There is none.

@@ -1,4 +1,4 @@
-"""`footsense lab`: from rubber to network, and the paper's results measured again. Needs the extra `lab`."""
+"""Command group `footsense lab`: foot model, network training, studies. Needs the extra `lab`."""
 
 import importlib.util
 
@@ -12,7 +12,7 @@ _REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "optax", "onnx", "sc
 
 
 def _require_extra() -> None:
-    """Check that the libraries of the lab are installed.
+    """Exit with a message unless the libraries of the extra `lab` are installed.
 
     Raises:
         FootsenseError: One is not.

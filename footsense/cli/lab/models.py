@@ -1,4 +1,4 @@
-"""`footsense lab build`, `evaluate`, `compare`: build the models, print their errors, compare two builds."""
+"""`footsense lab build`, `evaluate`, `compare`: build model files, print their errors, compare two builds."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -60,7 +60,7 @@ def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None
 
 
 def _require_unique_foot_type(known: Path, description: Path, foot_design: "FootDesign") -> None:
-    """Check that no other foot has this foot type's name: their networks would be indistinguishable.
+    """Raise an error if another foot has this foot type's name (their networks could be confused).
 
     Raises:
         FootsenseError: It is.

@@ -1,4 +1,4 @@
-"""Options, folders and progress lines that the commands of `footsense lab` share."""
+"""Options, output folders and progress lines common to the `footsense lab` commands."""
 
 import tempfile
 from collections.abc import Callable
@@ -27,7 +27,7 @@ quick_option = click.option(
 
 
 def report_folder(output: Path | None, *, quick: bool) -> Path:
-    """Return the folder for pages, `output` or the default, after checking that the folder is writable.
+    """Return the folder for report pages, `output` or the default, checked to be writable.
 
     Raises:
         FootsenseError: It cannot be made, or not be written to.
@@ -38,12 +38,12 @@ def report_folder(output: Path | None, *, quick: bool) -> Path:
 
 
 def released_folder() -> Path:
-    """Return the folder of the released foot type."""
+    """Return the folder of the released foot type's model files."""
     return released_path("network.onnx").parent
 
 
 def require_writable(folder: Path) -> None:
-    """Make a folder and check that it is writable before minutes of computing start.
+    """Create a folder and check that it is writable, before minutes of computing start.
 
     Raises:
         FootsenseError: It cannot be made, or not be written to.
@@ -58,10 +58,11 @@ def require_writable(folder: Path) -> None:
 
 
 def elapsed_time_reporter() -> Callable[[str], None]:
-    """Return a function that prints a line with the seconds since now."""
+    """Return a function that prints a line with the seconds elapsed since this call."""
     started_ns = stopwatch_ns()
 
     def report(line: str) -> None:
+        """Print a line with the elapsed seconds."""
         click.echo(f"[{(stopwatch_ns() - started_ns) / 1e9:6.1f} s] {line}")
 
     return report

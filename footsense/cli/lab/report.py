@@ -1,4 +1,4 @@
-"""`footsense lab report`: all studies, bound into one document; or the pages that are stale."""
+"""`footsense lab report`: run all studies and bind them into one document, or list the outdated pages."""
 
 from pathlib import Path
 
@@ -47,7 +47,7 @@ def report(*, models: Path | None, output: Path | None, quick: bool, resume: boo
 
 
 def _print_stale(models: Path, pages: Path, *, quick: bool) -> None:
-    """Print each page that has to be made again, with the reason."""
+    """Print each outdated page with the reason."""
     from footsense.lab.report import STUDIES, stale_reason
     from footsense.lab.studies.page import StudyContext
 

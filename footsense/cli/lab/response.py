@@ -1,4 +1,4 @@
-"""`footsense lab response`: the foot's answer to one load."""
+"""`footsense lab response`: closures and capacitances of the foot under one load."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from footsense.errors import FootsenseError
 
 
 def _parse_direction(_: click.Context, __: click.Parameter, text: str) -> tuple[float, float]:
-    """Return the two angles of a direction [deg].
+    """Return the two angles [deg] of a direction option.
 
     Raises:
         click.BadParameter: They are not two numbers.

@@ -1,4 +1,4 @@
-"""`footsense lab study`, `fidelity`, `cramer-rao`, `gaits`, `tradeoff`, `faults`, `tolerance`: one study each."""
+"""`footsense lab study`, and dedicated commands of single studies: `fidelity`, `cramer-rao`, `gaits`, `tolerance`..."""
 
 from dataclasses import replace
 from functools import partial
@@ -41,7 +41,7 @@ def write_study(
     as_json: bool = False,
     bound: bool = True,
 ) -> None:
-    """Run a study, write its Markdown page, and print the page, or only the numbers of the page as JSON.
+    """Run a study and write its page; print the page, or with `--json` its numbers.
 
     Args:
         study: Its name, or what makes its page.
@@ -132,9 +132,10 @@ def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -
 
 
 def _study_command(name: str, words: str, *own_options: Decorator) -> click.Command:
-    """Return the dedicated command of a study with these options."""
+    """Return the click command of one study, with additional options."""
 
     def run(*, output: Path | None, quick: bool, models: Path | None = None, as_json: bool = False) -> None:
+        """Run the study and write its page."""
         write_study(name, models, output, quick=quick, as_json=as_json, bound=models is None)
 
     run.__doc__ = words
@@ -176,7 +177,7 @@ faults = _study_command(
 
 
 def _refuse_former_option(_: click.Context, __: click.Parameter, given: str | None) -> None:
-    """Refuse `--campaign`, the former name of `--file`.
+    """Refuse `--campaign`, the former name of `--file`, with a message.
 
     Raises:
         FootsenseError: It is used.

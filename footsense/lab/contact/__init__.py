@@ -1,4 +1,4 @@
-"""The full solve: a foot at finite strain on a rigid floor with friction, with contact in the gaps.
+"""Finite-strain contact model: a foot on a rigid floor with Coulomb friction, with contact in the sensing gaps.
 
     load_case    one foot, one contact, one force, and the quantities that need no solve
     mesh         the two bodies, refined under the floor and at the edges of the spacer's bars

@@ -59,16 +59,16 @@ class Body:
 
     @property
     def ground_displacement_mm(self) -> Any:
-        """Present displacement of the ground side [mm]."""
+        """Current displacement of the ground-side body [mm], a grid function."""
         return self.state.components[0]
 
     @property
     def leg_displacement_mm(self) -> Any:
-        """Present displacement of the leg side [mm]."""
+        """Current displacement of the leg-side body [mm], a grid function."""
         return self.state.components[1]
 
     def weak_form(self, floor: FloorModel, *, finite_strain: bool, gap_contact: bool) -> Any:
-        """Return internal work minus work of the ground contact, as a nonlinear form."""
+        """Return the nonlinear weak form: internal virtual work minus that of the ground contact."""
         trial, test = self.space.TnT()
         (u_ground, u_leg, p, *_), (v_ground, v_leg, *_) = trial, test
         weak_form = ng.BilinearForm(self.space, symmetric=True)
@@ -92,7 +92,7 @@ class Body:
         return weak_form
 
     def _relative_to_floor(self, functions: Sequence[Any]) -> Any:
-        """Return the ground side's displacement relative to the floor, from functions of `space`."""
+        """Return the ground-side displacement relative to the floor [mm], from functions of `space`."""
         floor = [ng.CF(0.0)] * 3
         for axis, position in zip(self._axes, functions[3:], strict=True):
             floor[axis] = position
@@ -100,12 +100,12 @@ class Body:
 
     @property
     def ground_relative_to_floor_mm(self) -> Any:
-        """Present displacement of the ground side relative to the floor [mm]."""
+        """Current ground-side displacement relative to the floor [mm]."""
         return self._relative_to_floor(self.state.components)
 
     @property
     def floor_mm(self) -> Vector:
-        """Present position of the floor [mm], shape (3,)."""
+        """Current position of the floor [mm], shape (3,)."""
         position = np.zeros(3)
         for axis, component in zip(self._axes, self.state.components[3:], strict=True):
             position[axis] = component.vec[0]
@@ -117,7 +117,7 @@ class Body:
             component.vec[0] = float(position_mm[axis])
 
     def penetration_rel(self) -> float:
-        """Return the deepest penetration of the electrode planes, over the gap [1]; below 0 while open."""
+        """Return the deepest overlap of the two electrode planes over the gap [1]; negative while the gap is open."""
         gap_mm = self.design.gap_um * 1e-3
         deep = ng.GridFunction(self._points)
         deep.Interpolate(
@@ -127,5 +127,5 @@ class Body:
         return float(np.max(deep.vec.FV().NumPy())) / gap_mm
 
     def stiffen_gaps(self, factor: float) -> None:
-        """Raise the stiffness of closed gaps by a factor."""
+        """Multiply the penalty stiffness of closed gaps by a factor."""
         self._gap_stiffness.Set(self._gap_stiffness.Get() * factor)

@@ -18,7 +18,7 @@ MAX_NEWTON_STEPS = 20
 
 
 class ConvergenceError(ArithmeticError):
-    """No equilibrium was found; the message names load and residual."""
+    """Raised when Newton's method finds no equilibrium; the message names load and residual."""
 
 
 class Equilibrium:
@@ -42,7 +42,7 @@ class Equilibrium:
         return int(self._free.NumSet())
 
     def _residual(self) -> Any:
-        """Return the nodal forces out of balance and the missing force of the floor [N], zero at fixed nodes."""
+        """Return the unbalanced nodal forces and the error of the floor force [N], zero at fixed nodes."""
         residual = self._body.state.vec.CreateVector()
         self._form.Apply(self._body.state.vec, residual)
         residual.FV().NumPy()[self._held] = 0.0

@@ -1,4 +1,4 @@
-"""Protocol of a ground model: traction, load steps, contact patch."""
+"""Protocol of a ground model: traction on the ball, load steps and contact patch."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -23,7 +23,7 @@ class ContactPatch:
 
 
 class FloorModel(Protocol):
-    """Ground model that the equilibrium solver uses.
+    """Ground model that the equilibrium solver uses: traction, load fraction and contact patch.
 
     Attributes:
         target_n: Prescribed force on the meshed part [N], a parameter of the weak form for each free axis.
@@ -35,10 +35,10 @@ class FloorModel(Protocol):
         """Return the floor's virtual work; u is the displacement relative to the floor, v the test function."""
 
     def set_load_fraction(self, fraction: float) -> None:
-        """Prescribe a fraction of the load case's force [1], and move the floor close to where it exerts that force."""
+        """Set the prescribed fraction of the load case's force [1], and predict the matching floor position."""
 
     def accept_load_step(self) -> None:
         """Store the present displacements as the start of the next load step."""
 
     def patch(self) -> ContactPatch:
-        """Return radius, approach and peak pressure of the present contact patch."""
+        """Return radius, approach and peak pressure of the current contact patch."""

@@ -53,7 +53,7 @@ class FullSolution:
 
 @dataclass(frozen=True, slots=True)
 class FullFoot:
-    """Finite-strain contact model of the foot; finite strain, floor contact and gap contact can be switched off.
+    """Finite-strain contact model of a foot; finite strain, floor contact and gap contact can each be switched off.
 
     Attributes:
         design: The foot.
@@ -73,7 +73,7 @@ class FullFoot:
     gaps: Literal["contact", "open"] = "contact"
 
     def solve(self, normal: Vector, force_n: Vector) -> FullSolution:
-        """Solve the finite-strain contact under one load.
+        """Return closures, capacitances and contact patch of the foot under one load.
 
         Args:
             normal: Unit normal of the ball at the contact, pointing into the ball [1, foot frame], shape (3,).

@@ -12,7 +12,7 @@ from footsense.lab.fem.elasticity import hertz_pressure_shape
 
 
 class HertzFloor:
-    """The traction that a Hertz patch would exert: p ~ sqrt(1 - r^2/a^2), along the force.
+    """Ground model that exerts a Hertz pressure p ~ sqrt(1 - r^2/a^2) along the force.
 
     Attributes:
         target_n: Empty: there is no plane to move.
@@ -38,7 +38,7 @@ class HertzFloor:
         self._fraction.Set(fraction)
 
     def accept_load_step(self) -> None:
-        """Do nothing: a pressure without friction has no state."""
+        """Do nothing: a frictionless prescribed pressure has no state."""
 
     def patch(self) -> ContactPatch:
         """Return radius, approach and peak pressure of the Hertz patch."""

@@ -1,4 +1,4 @@
-"""Load case of the full solve: foot, contact normal, force, and quantities derived without a solve."""
+"""Load case of the finite-strain contact model: foot, contact normal, force, and quantities known before solving."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ IN_PLANE_TOLERANCE = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadCase:
-    """Contact of one foot: normal, ground reaction, friction.
+    """Load case of one foot: contact normal, ground reaction force [N] and friction coefficient.
 
     Attributes:
         design: The foot.
@@ -30,7 +30,7 @@ class LoadCase:
     friction: float
 
     def __post_init__(self) -> None:
-        """Check that the floor can exert the force.
+        """Check that the force is inside the friction cone and within range.
 
         Raises:
             ValueError: The normal is no unit vector, or the force is outside the cone of friction around it.
@@ -51,7 +51,7 @@ class LoadCase:
 
     @property
     def is_mirrored_at_y0(self) -> bool:
-        """Whether the plane y = 0 mirrors the case."""
+        """Whether the load case is symmetric about the plane y = 0."""
         return bool(
             abs(self.normal[1]) < IN_PLANE_TOLERANCE
             and abs(self.force_n[1]) < IN_PLANE_TOLERANCE * np.linalg.norm(self.force_n)
@@ -64,7 +64,7 @@ class LoadCase:
 
     @property
     def floor_axes(self) -> tuple[int, ...]:
-        """Unit vectors along which the floor may move: those that keep the mirror symmetry."""
+        """Indices of the axes along which the floor may move; y is left out in a mirrored load case."""
         return (0, 2) if self.is_mirrored_at_y0 else (0, 1, 2)
 
     @property

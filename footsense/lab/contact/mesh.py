@@ -23,7 +23,7 @@ PATCH_REFINEMENT_FACTOR = 1.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactMeshSize:
-    """Element sizes and polynomial order of the full solve's mesh.
+    """Element sizes [mm] and polynomial order of the finite-strain contact mesh.
 
     Attributes:
         ball_mm: Largest edge in the hemispheres [mm].
@@ -54,7 +54,7 @@ def _cut_at_y0(shape: Any) -> list[Any]:
 
 
 def _in_cavity(design: FootDesign, low: Any, high: Any) -> bool:
-    """Return whether a box of the plane z = 0 lies in one of the cavities."""
+    """Tell whether a box in the plane z = 0 lies in a cavity of the spacer."""
     reach = design.electrode_mm / 2.0 + EQUAL_WITHIN_MM
     return any(
         max(x_mm - low.x, high.x - x_mm, y_mm - low.y, high.y - y_mm) < reach
@@ -63,7 +63,7 @@ def _in_cavity(design: FootDesign, low: Any, high: Any) -> bool:
 
 
 def _name_faces(shape: Any, design: FootDesign) -> None:
-    """Name the faces of the weak form beside `curved_*`: `cavity`, `bars`, `mirror`; all others are free."""
+    """Name the faces that the weak form uses: `cavity`, `bars` (bonded) and `mirror`; all others stay free."""
     for face in shape.faces:
         low, high = face.bounding_box
         if lies_in_coordinate_plane(face, "z"):
@@ -73,7 +73,7 @@ def _name_faces(shape: Any, design: FootDesign) -> None:
 
 
 def _mark_bar_edges(shape: Any, design: FootDesign, size: ContactMeshSize) -> None:
-    """Mark the edges between cavities and bars for hp refinement: in the plane z = 0, not on the sheet's border."""
+    """Mark the edges between cavities and bars for hp refinement, except on the sheet's border."""
     inside = design.sheet_mm / 2.0 - EQUAL_WITHIN_MM
     for edge in shape.edges:
         low, high = edge.bounding_box
@@ -92,7 +92,7 @@ def _refine_patch(
     size_mm: float,
     reach_mm: float,
 ) -> None:
-    """Set the mesh size to `size_mm` on the cap of radius `reach_mm` around the contact."""
+    """Set the element size to `size_mm` within `reach_mm` of the contact point."""
     first, second = tangent_frame(normal)
     centre = np.array([0.0, 0.0, -design.plate_mm])
     steps = np.arange(-np.ceil(reach_mm / size_mm), np.ceil(reach_mm / size_mm) + 1.0) * size_mm
@@ -107,7 +107,7 @@ def _refine_patch(
 def build_mesh(
     design: FootDesign, size: ContactMeshSize, normal: Vector, patch_mm: float, *, half: bool
 ) -> Any:
-    """Return the curved mesh [mm, foot frame, origin in the middle of the spacer].
+    """Return the curved mesh of the foot [mm, foot frame, origin in the middle of the spacer].
 
     Args:
         design: The foot.

@@ -1,4 +1,4 @@
-"""A rigid plane with Coulomb friction and an unknown position.
+"""Ground model: a rigid plane with Coulomb friction, whose position is an unknown of the solve.
 
 The plane has the inward normal n and is moved by q from where it just touches the ball at X_c. A point X of the
 surface that has moved by u lies d = -n.(X + u - X_c - q) behind it, and the traction per undeformed area is
@@ -31,7 +31,7 @@ MAX_BISECTIONS = 30
 
 
 class PlaneFloor:
-    """A rigid plane that presses the ball, with Coulomb friction.
+    """Rigid plane with Coulomb friction that presses on the ball.
 
     Attributes:
         target_n: Prescribed force on the meshed part along each free axis [N].
@@ -70,7 +70,7 @@ class PlaneFloor:
         return u - ng.InnerProduct(u, n) * n
 
     def _friction_traction_mpa(self, u: Any) -> Any:
-        """Return the friction traction t [MPa] under a displacement, capped by the present iterate's pressure."""
+        """Return the friction traction [MPa] of a displacement, limited by the current iterate's pressure."""
         slid = self._tangential_displacement_mm(u) - self._anchor
         distance = ng.sqrt(ng.InnerProduct(slid, slid) + SLIP_REGULARISATION_MM2)
         cap = self._case.friction * self._contact_pressure_mpa(self._moved)
@@ -84,13 +84,13 @@ class PlaneFloor:
         return ng.InnerProduct(traction, v) * self._surface
 
     def _equal_area_radius_mm(self) -> float:
-        """Return the radius of the circle with the touching area [mm]."""
+        """Return the radius of the circle with the same area as the contact patch [mm]."""
         touching = ng.IfPos(self._contact_pressure_mpa(self._moved), 1.0, 0.0)
         area = ng.Integrate(touching * self._surface, self._mesh) / self._case.meshed_share
         return math.sqrt(area / math.pi)
 
     def set_load_fraction(self, fraction: float) -> None:
-        """Prescribe a fraction of the load case's force [1], and set the floor to the approach that Hertz predicts.
+        """Set the prescribed fraction of the force [1], and move the floor until the patch has the radius by Hertz.
 
         A Newton step depends on which points touch, not on how hard: with the right patch it nearly arrives.
         """
@@ -122,7 +122,7 @@ class PlaneFloor:
         self._settled_fraction = self._fraction
 
     def patch(self) -> ContactPatch:
-        """Return the present contact patch."""
+        """Return radius, approach and peak pressure of the current contact patch."""
         # Point by point a penalty's pressure wavers about the true one; its linear projection does not.
         pressure = ng.GridFunction(ng.H1(self._mesh, order=1, definedon=self._region))
         pressure.Set(self._contact_pressure_mpa(self._moved), definedon=self._region, bonus_intorder=5)

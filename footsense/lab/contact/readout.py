@@ -23,7 +23,7 @@ SAMPLE_DEPTH_MM = 2e-4
 
 
 def sample_points_mm(design: FootDesign) -> tuple[Vector, Vector]:
-    """Return x and y [mm] of the samples, each of shape (9, 6, 3, 6, 3): element, x cell, point, y cell, point.
+    """Return x and y [mm] of the sample points, each (9, 6, 3, 6, 3): element, x cell, point, y cell, point.
 
     Both grow against their axis, as rows and columns of the array do.
     """
@@ -38,7 +38,7 @@ def sample_points_mm(design: FootDesign) -> tuple[Vector, Vector]:
 
 
 def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, half: bool) -> Vector:
-    """Return the closure [um] at the samples, shape (9, 6, 3, 6, 3).
+    """Return the gap closure [um] at the sample points, shape (9, 6, 3, 6, 3).
 
     Args:
         design: The foot.
@@ -68,14 +68,14 @@ def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, 
 
 
 def cell_means(samples: Vector) -> Vector:
-    """Return the means over the cells, shape (9, 36), flat index 6 ix + iy, of samples as above."""
+    """Return the cell means of samples as above, shape (9, 36), flat index 6 ix + iy."""
     _, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS_PER_SIDE)
     means: Vector = np.einsum("eipjq,p,q->eij", samples, weights / 2.0, weights / 2.0)
     return means.reshape(9, CELLS_PER_SIDE**2)
 
 
 def capacitance_pf(design: FootDesign, samples_um: Vector) -> Vector:
-    """Return the capacitances without stray [pF], shape (9,), of sampled closures [um]."""
+    """Return the elements' capacitances without stray [pF], shape (9,), from sampled closures [um]."""
     film_um = design.capacitor.film_equivalent_um
     distance_um = design.gap_um - np.minimum(samples_um, design.gap_um) + film_um
     density = EPS0_PF_UM_PER_MM2 / distance_um

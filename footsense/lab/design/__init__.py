@@ -1,4 +1,4 @@
-"""Design of a foot from what a builder knows: a robot's weight, materials, a converter board, a fabrication process.
+"""Design of a foot from a robot's weight, available materials, a converter board and a fabrication process.
 
 inputs        a builder's input, and tables of materials, boards and processes
 prediction    range and errors of any foot, from a few solved shapes

@@ -47,29 +47,29 @@ class Candidates(NamedTuple):
     film_eps_r: Vector
 
     def select(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "Candidates":
-        """Return the selected candidates."""
+        """Return the candidates selected by a mask or by indices."""
         parts: list[Any] = [part[which] for part in self]
         return Candidates(*parts)
 
     @property
     def pitch_mm(self) -> Vector:
-        """Distance of neighbouring elements [mm]."""
+        """Distance between the centres of neighbouring elements [mm]."""
         return pitch_mm(self.fill_rel, self.ball_radius_mm)
 
     @property
     def electrode_mm(self) -> Vector:
-        """Side of an electrode [mm]."""
+        """Side length of an electrode [mm]."""
         return self.fill_rel * self.pitch_mm
 
     @property
     def plates_pf_um(self) -> Vector:
-        """Capacitance times distance of an element [pF um]."""
+        """Capacitance times plate distance of an element, eps0 A [pF um]."""
         area: Vector = EPS0_PF_UM_PER_MM2 * self.electrode_mm**2
         return area
 
     @property
     def unloaded_distance_um(self) -> Vector:
-        """Distance of the unloaded electrodes in air, the film's share included [um]."""
+        """Equivalent air distance of the unloaded electrodes [um]: gap plus film over its permittivity."""
         distance: Vector = self.gap_um + self.film_um / self.film_eps_r
         return distance
 
@@ -87,7 +87,7 @@ class Candidates(NamedTuple):
 
     @property
     def shape(self) -> Shape:
-        """Return the geometric shapes of the candidates for the response library."""
+        """Return the dimensionless shapes of the candidates for the response library."""
         spacer_mm = (self.gap_um + self.film_um) / UM_PER_MM
         return Shape(
             self.fill_rel,

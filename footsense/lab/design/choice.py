@@ -1,4 +1,4 @@
-"""From screened candidates to a few feet: the Pareto front, and what conflicts where there is none."""
+"""Choice of a few feet from screened candidates: Pareto front, or the conflicting requirements if there is none."""
 
 import math
 from typing import NamedTuple
@@ -21,7 +21,7 @@ _LARGEST_BALL_MM = 120.0
 
 
 class Choice(NamedTuple):
-    """Candidates of a design and the chosen ones.
+    """Screened candidates of a design, their Pareto front, and the chosen feet.
 
     Attributes:
         feet: All candidates that can be made and read, n of them.
@@ -39,7 +39,7 @@ class Choice(NamedTuple):
 
 
 def choose_candidates(library: ShapeLibrary, wishes: Wishes, keep: int) -> Choice:
-    """Screen all candidates, and choose the feet to assess from the Pareto front.
+    """Return the Pareto-optimal feet to assess, after screening all candidates.
 
     Args:
         library: The solved shapes.
@@ -67,7 +67,7 @@ def choose_candidates(library: ShapeLibrary, wishes: Wishes, keep: int) -> Choic
 
 
 def _manufacturable_candidates(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> Candidates:
-    """Return the candidates whose sheet can be made, whose elements can be read, and whose shape is known.
+    """Return the candidates that can be fabricated, read by the board and predicted by the shape library.
 
     Raises:
         FootsenseError: There is none.
@@ -114,7 +114,7 @@ def _pareto_rows(costs: Vector) -> NDArray[np.intp]:
 def _conflict_message(
     library: ShapeLibrary, wishes: Wishes, feet: Candidates, screened: ScreeningResult
 ) -> str:
-    """Return which wishes no candidate meets, and the nearest design that works."""
+    """Return the message naming the requirements that no candidate meets, and the nearest design that works."""
     able = screened.range_n >= wishes.max_n
     if able.any():
         best = int(np.nanargmin(screened.direction_deg))
@@ -151,7 +151,7 @@ def _conflict_message(
 
 
 def _nearest_min_force_n(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> float:
-    """Return the least smallest force at which some candidate meets the wished error [N]."""
+    """Return the lowest minimum force at which some candidate meets the required error [N]."""
     low, high = np.log(wishes.min_n), np.log(wishes.max_n)
     for _ in range(8):
         middle = (low + high) / 2.0

@@ -20,7 +20,7 @@ _RANGE_RESERVE_FACTOR = 1.02
 
 
 class DesignedFoot(NamedTuple):
-    """A chosen foot: its description, figures, and what limits its range.
+    """A chosen foot: path of its description, predicted figures, and the factor that limits its range.
 
     Attributes:
         name: Its foot type.
@@ -40,7 +40,7 @@ class DesignedFoot(NamedTuple):
 
 
 class DesignResult(NamedTuple):
-    """Result of a design: the wishes, the candidates, and the chosen feet.
+    """Result of a design: requirements, candidates, chosen feet and picture.
 
     Attributes:
         wishes: The input.
@@ -87,7 +87,7 @@ class DesignResult(NamedTuple):
         return table_rows
 
     def json_values(self) -> dict[str, Any]:
-        """Return the figures of the chosen feet as JSON values."""
+        """Return the predicted figures of the chosen feet as JSON values."""
         return {
             "max_n": self.wishes.max_n,
             "min_n": self.wishes.min_n,

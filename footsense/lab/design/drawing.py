@@ -1,4 +1,4 @@
-"""The picture of a design: range against error against size, and the range of the chosen feet over the elevation."""
+"""Plot of a design: range, error and size of all candidates, and range over elevation of the chosen feet."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +22,7 @@ _MAX_DRAWN_POINTS = 6000
 
 
 def draw_design(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wishes: Wishes) -> None:
-    """Write the picture of range, error and size of all candidates, the chosen ones marked.
+    """Save the plot of range, error and size of all candidates, with the chosen feet marked.
 
     Args:
         path: PNG to write.

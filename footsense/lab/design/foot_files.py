@@ -1,4 +1,4 @@
-"""The description of a chosen foot: its `foot.yaml`, ready for `footsense lab build`."""
+"""Writer of `foot.yaml`, the description of a chosen foot, ready for `footsense lab build`."""
 
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ _DEFAULT_LOAD_RANGE = {
 
 
 def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes) -> str:
-    """Return the content of a foot's description.
+    """Return the content of `foot.yaml` for a chosen candidate.
 
     Args:
         name: Name of the foot type.
@@ -77,7 +77,7 @@ def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes)
 
 
 def write_foot(folder: Path, text: str) -> Path:
-    """Write a description into its folder and return the file.
+    """Write `foot.yaml` into a folder and return its path.
 
     Raises:
         FootsenseError: The folder cannot be written to.

@@ -32,7 +32,7 @@ LIMIT_NAMES = ("gap", "converter", "patch")
 
 
 class ScreeningResult(NamedTuple):
-    """Range, limit and predicted error of n candidates.
+    """Force range [N], limiting factor and error bounds of n candidates.
 
     Attributes:
         range_n: Largest force in every direction of the design [N], shape (n,).
@@ -56,7 +56,7 @@ def patch_limit_n(feet: Candidates) -> Vector:
 
 
 def screen_candidates(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> ScreeningResult:
-    """Return range and error of every candidate."""
+    """Return force range and error bounds of every candidate."""
     model = ClosureModel(library, design_loads(wishes.reach_deg))
     parts = [
         _screen_batch(model, wishes, feet.select(slice(first, first + _FEET_PER_CALL)))
@@ -66,6 +66,7 @@ def screen_candidates(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -
 
 
 def _screen_batch(model: ClosureModel, wishes: Wishes, feet: Candidates) -> ScreeningResult:
+    """Return force range and error bounds of one batch of candidates."""
     influence = model.influence(feet)
     by_gap = _force_at_closure_n(model, influence, feet, MAX_READABLE_CLOSURE_REL * feet.gap_um)
     readable = feet.unloaded_distance_um - feet.plates_pf_um / wishes.board.range_end_pf
@@ -108,7 +109,7 @@ def _force_at_closure_n(
 
 
 def closure_sigma_um(board: Converter, feet: Candidates, closure_um: Vector) -> Vector:
-    """Return the standard deviation of measured closures [um], shape of `closure_um`, (n, ...)."""
+    """Return the standard deviation of measured closures [um] by candidate, shape of `closure_um`."""
     shape = (-1, *(1,) * (closure_um.ndim - 1))
     open_um, plates = feet.unloaded_distance_um.reshape(shape), feet.plates_pf_um.reshape(shape)
     now, rest = (open_um - closure_um) ** 2 * board.noise_pf, open_um**2 * board.baseline_noise_pf
@@ -119,7 +120,7 @@ def closure_sigma_um(board: Converter, feet: Candidates, closure_um: Vector) -> 
 def _mean_bounds(
     model: ClosureModel, influence: Influence, feet: Candidates, wishes: Wishes
 ) -> tuple[Vector, Vector]:
-    """Return direction [deg] and relative magnitude [1] bounds, means over loads and levels, shape (n,) each."""
+    """Return Cramer-Rao bounds of direction [deg] and relative magnitude [1], averaged over loads, (n,) each."""
     direction = model.loads.direction
     across = np.stack(tangent_frame(direction), axis=1)
     angles, sizes = [], []

@@ -108,7 +108,7 @@ class CrbRatio:
 
 
 def leaning_contacts(loads: LoadRange, rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
-    """Return contact normals and force directions, shapes (m, 3): of n draws, the m within the table's range.
+    """Return random contact normals and force directions within the table's range, shapes (m, 3), m <= n.
 
     Both are drawn like the random loads of the training.
     """

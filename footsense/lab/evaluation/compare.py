@@ -24,7 +24,7 @@ ERROR_INCREASE_TOLERANCE_REL = 0.2
 
 @dataclass(frozen=True, slots=True)
 class BuildDifference:
-    """One figure compared between two builds: the measured and the tolerated value.
+    """Difference of one figure between two builds, with its tolerance.
 
     Attributes:
         quantity: Name and unit.
@@ -53,7 +53,7 @@ def error_difference(quantity: str, released: float, built: float, promised: flo
 
 
 def compare_builds(first: Path, second: Path) -> list[BuildDifference]:
-    """Return how the files in the second folder differ from the released ones in the first."""
+    """Return the differences of the files in the second folder from the released ones in the first."""
     one, two = open_models(first)[0], open_models(second)[0]
     normal = cap_normals(max(one.min_elevation_deg, two.min_elevation_deg))
     closures = [response.closure_um(normal, normal) for response in (one, two)]

@@ -66,7 +66,7 @@ class MotionModel(NamedTuple):
     contact_point_noise_density: float
 
     def transition(self, step_s: float) -> tuple[Vector, Vector]:
-        """Return transition and covariance of the noise of a step, shapes (11, 11), by Van Loan's method."""
+        """Return state transition and process noise covariance of a time step, (11, 11) each (Van Loan)."""
         rate, noise = np.zeros((2, _STATES, _STATES))
         rate[range(COORDINATES), range(COORDINATES, 2 * COORDINATES)] = 1.0
         rate[COORDINATES, _ACCELERATION] = 1.0
@@ -95,7 +95,7 @@ MOTION_MODELS = (
 
 
 class ContactFilter:
-    """Kalman filters of n feet that are read at the same times.
+    """Interacting-multiple-model Kalman filters for n feet whose elements are converted at the same times.
 
     Args:
         model: Model of the readings.
@@ -118,7 +118,7 @@ class ContactFilter:
         self._apart = np.zeros(n, int)
 
     def update(self, element: int, closure_rel: Vector) -> None:
-        """Update the filter by one element's conversions of all feet: closures over the gap [1], shape (n,)."""
+        """Update the filters by one element's conversion on all feet: closures over the gap [1], shape (n,)."""
         self._mix_models()
         self._predict()
         likelihood = self._correct(element, np.tile(closure_rel, len(MOTION_MODELS)))
@@ -131,7 +131,7 @@ class ContactFilter:
         self._covariance[:, air] += np.diag((1.0 - _IS_NORMAL_FORCE_STATE) * _PRIOR_SIGMA**2)
 
     def _mix_models(self) -> None:
-        """Mix the models' states by the probability of a switch."""
+        """Mix the states of the motion models by their switching probabilities (IMM mixing)."""
         after = self._switch.T @ self._weight
         share = self._switch[:, :, None] * self._weight[:, None] / after
         mixed = np.einsum("ijn,ina->jna", share, self._state)
@@ -148,7 +148,7 @@ class ContactFilter:
             self._covariance[k] = step @ self._covariance[k] @ step.T + noise
 
     def _correct(self, element: int, closure_rel: Vector) -> Vector:
-        """Correct all models by one reading of each foot; return its logarithmic likelihood, shape (models, n)."""
+        """Update all motion models by one reading per foot; return the log-likelihood, shape (models, n)."""
         state, covariance = self._state.reshape(-1, _STATES), self._covariance.reshape(-1, _STATES, _STATES)
         contact = np.arange(1, COORDINATES)
         contact_variance = covariance[:, contact, contact]

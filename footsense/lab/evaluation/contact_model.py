@@ -1,4 +1,4 @@
-"""Readings and forces as functions of five contact coordinates, with their derivatives.
+"""Measurement model: closures and forces as functions of five contact coordinates, with Jacobians.
 
 The coordinates of a load are its normal force s [N], the friction ratio (tangential over normal force, forward and to
 the left) and the stereographic contact point (normal_x, normal_y) / (1 + normal_z). Derivatives are differences.
@@ -30,7 +30,7 @@ def unit_normals(point: Vector) -> Vector:
 
 
 def clip_to_response_range(coordinates: Vector) -> Vector:
-    """Return coordinates within the range of the response, shape (n, 5)."""
+    """Return the contact coordinates clipped to the range of the response table, shape (n, 5)."""
     inside = coordinates.copy()
     inside[:, 0] = np.clip(coordinates[:, 0], MIN_NORMAL_FORCE_N, _MOST_N)
     for part, most in ((RATIO, _MOST_RATIO), (POINT, _MOST_POINT)):
@@ -40,13 +40,13 @@ def clip_to_response_range(coordinates: Vector) -> Vector:
 
 
 def contact_coordinates_of(force_n: Vector, contact: Vector) -> Vector:
-    """Return coordinates, shape (n, 5), of forces [N] and of contact points with friction ratios as in `Load`."""
+    """Return contact coordinates (n, 5) from forces [N], contact points and friction ratios as in `Load`."""
     _, pressing_n = contact_and_normal_force(force_n, unit_normals(contact[:, :2]))
     return clip_to_response_range(np.column_stack([pressing_n, contact[:, 2:], contact[:, :2]]))
 
 
 def force_and_slopes(coordinates: Vector) -> tuple[Vector, Vector]:
-    """Return forces [N], shape (n, 3), and their derivatives, shape (n, 3, 5)."""
+    """Return forces [N], shape (n, 3), and their Jacobian by the contact coordinates, shape (n, 3, 5)."""
     ratio, point = coordinates[:, RATIO], coordinates[:, POINT]
     normal = unit_normals(point)
     unit = _force_per_normal_force(ratio, point)
@@ -62,7 +62,7 @@ def force_and_slopes(coordinates: Vector) -> tuple[Vector, Vector]:
 
 
 def _force_per_normal_force(ratio: Vector, point: Vector) -> Vector:
-    """Return forces over the normal force, shape (n, 3): the friction is perpendicular to the normal."""
+    """Return force over normal force [1], shape (n, 3); friction acts perpendicular to the normal."""
     normal = unit_normals(point)
     along = -(normal[:, :2] * ratio).sum(axis=1, keepdims=True) / normal[:, 2:]
     force: Vector = normal + np.hstack([ratio, along])
@@ -70,7 +70,7 @@ def _force_per_normal_force(ratio: Vector, point: Vector) -> Vector:
 
 
 class ContactModel:
-    """Model of the readings of a designed foot, as functions of contact coordinates.
+    """Measurement model of the designed foot: closures from contact coordinates.
 
     Args:
         response: Response of its type.
@@ -83,7 +83,7 @@ class ContactModel:
         self._full_rel = float(full_um) / response.design.gap_um - _FULL_MARGIN_REL
 
     def closure_and_slopes(self, coordinates: Vector) -> tuple[Vector, Vector]:
-        """Return closures over the gap [1], shape (n, 9), and their derivatives, shape (n, 9, 5)."""
+        """Return closures over the gap [1], shape (n, 9), and their Jacobian, shape (n, 9, 5)."""
         steps = _FINITE_DIFFERENCE_STEPS * np.ones_like(coordinates)
         steps[:, 0] *= coordinates[:, 0]
         changed = [coordinates, *(coordinates - steps * one for one in np.eye(COORDINATES))]
@@ -96,7 +96,7 @@ class ContactModel:
         return closure_rel[0], slopes
 
     def reading_sigma(self, closure_rel: Vector) -> Vector:
-        """Return the standard deviation of measured closures [1], same shape: noise, and error of the response."""
+        """Return the standard deviation of measured closures [1], same shape: noise and model error."""
         design = self._design
         distance_um = design.gap_um * (1.0 - closure_rel) + design.film_equivalent_um
         unloaded_um = design.gap_um + design.film_equivalent_um
@@ -105,6 +105,6 @@ class ContactModel:
         return sigma
 
     def in_range(self, closure_rel: Vector) -> Mask:
-        """Tell which measured closures are within the converter's range, same shape."""
+        """Return which measured closures are within the converter's range, same shape."""
         within: Mask = closure_rel < self._full_rel
         return within

@@ -34,7 +34,7 @@ RELATIVE_STEP = 1e-4
 
 
 class Unknowns(Enum):
-    """Unknowns of an estimate: the force alone (centred contact), or the force and the contact normal."""
+    """Parameters that an estimator has to find: the force alone (centred contact), or force and contact normal."""
 
     CENTRED = 3
     LEANING = 5
@@ -42,7 +42,7 @@ class Unknowns(Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bound:
-    """Least covariance of unbiased estimates of the force, load by load.
+    """Cramer-Rao bound: least covariance of an unbiased force estimate, for each of n loads.
 
     Attributes:
         force_n: The loads [N], shape (n, 3).
@@ -54,13 +54,13 @@ class Bound:
 
     @property
     def component_n(self) -> Vector:
-        """Least standard deviation of each component [N], shape (n, 3)."""
+        """Least standard deviation of each force component [N], shape (n, 3)."""
         sigma: Vector = np.sqrt(np.diagonal(self.covariance_n2, axis1=1, axis2=2))
         return sigma
 
     @property
     def magnitude_rms_gf(self) -> Vector:
-        """Least rms error of the magnitude [gf], shape (n,)."""
+        """Least rms error of the force magnitude [gf], shape (n,)."""
         along = normalized(self.force_n)
         variance = np.einsum("ni,nij,nj->n", along, self.covariance_n2, along)
         rms: Vector = np.sqrt(variance) / GRAM_FORCE_N
@@ -68,13 +68,13 @@ class Bound:
 
     @property
     def direction_rms_deg(self) -> Vector:
-        """Least rms angle between force and estimate [deg], shape (n,)."""
+        """Least rms angle between estimated and true force [deg], shape (n,)."""
         rms: Vector = np.degrees(np.sqrt(self._angular_variances().sum(axis=1)))
         return rms
 
     @property
     def direction_mean_deg(self) -> Vector:
-        """Mean angle [deg], shape (n,), of a Gaussian on the tangent plane that reaches the bound.
+        """Mean direction error of a Gaussian estimate at the bound [deg], shape (n,).
 
         With variances a >= b along the ellipse's axes the mean length is sqrt(2 a / pi) E(1 - b / a), E the complete
         elliptic integral of the second kind.
@@ -93,7 +93,7 @@ class Bound:
 
 
 def closure_sigma_um(design: CapacitorDesign, closure_um: Vector, noise_pf: float = NOISE_PF) -> Vector:
-    """Return the standard deviation of measured closures [um], any shape, from converter and baseline noise.
+    """Return the standard deviation of measured closures [um] from noise and baseline noise, shape of `closure_um`.
 
     Args:
         design: The capacitors.
@@ -149,7 +149,7 @@ def force_bound(
     *,
     noise_pf: float = NOISE_PF,
 ) -> Bound:
-    """Return the Cramer-Rao bound of the force.
+    """Return the Cramer-Rao bound of the force under each load.
 
     Args:
         foot: The specimen.

@@ -18,7 +18,7 @@ ForceEstimator = Callable[[Vector], Vector]
 
 
 def rms(values: Vector) -> float:
-    """Return the root of the mean square."""
+    """Return the root mean square of all values."""
     return float(np.sqrt(np.mean(values**2)))
 
 
@@ -45,7 +45,7 @@ def elastance_estimator(training: Cases) -> ForceEstimator:
 
 
 def sigma_coverage_shares(truth_n: Vector, estimate_n: Vector, sigma_n: Vector) -> dict[str, list[float]]:
-    """Return the share of cases whose error is within one and within two sigma, per axis; 0.683 and 0.954 if Gaussian.
+    """Return the shares of errors within one and two sigma, per axis; 0.683 and 0.954 if Gaussian.
 
     Args:
         truth_n: True forces [N], shape (n, 3).

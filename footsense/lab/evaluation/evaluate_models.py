@@ -82,7 +82,7 @@ def error_table(
 
 
 def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
-    """Open table and network of a foot type.
+    """Return response table and network from the folder of a foot type.
 
     Raises:
         ConfigError: The foot's description is missing, or does not fit.
@@ -103,7 +103,7 @@ def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
 def require_same_foot(
     foot_design: FootDesign, response: FootResponse, card: dict[str, Any], folder: Path
 ) -> None:
-    """Check that response table and network belong to the foot described in the same folder.
+    """Raise an error unless response table and network belong to the foot described in their folder.
 
     Raises:
         ModelError: They are of another.
@@ -135,7 +135,7 @@ def require_same_foot(
 
 
 def evaluate_models(folder: Path) -> dict[str, ForceErrors]:
-    """Return the error table of released files; the rows of the 362-case networks are those in the card."""
+    """Return the error table of released files; rows of the 362-case networks come from the network's card."""
     response, network = open_models(folder)
     loads, gap_um = load_foot(folder / FOOT_FILE).loads, response.design.gap_um
     table = error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
@@ -194,7 +194,7 @@ def as_json(table: dict[str, ForceErrors], beside: dict[str, float] | None = Non
 
 
 def as_markdown(table: dict[str, ForceErrors]) -> str:
-    """Return the error table as Markdown, the paper's figures on top."""
+    """Return the error table as Markdown, with the paper's errors as first row."""
     lines = [
         "| read-out | cases | direction mean / p95 / max [deg] | magnitude mean / p95 / max [gf] |",
         "|---|---:|---:|---:|",

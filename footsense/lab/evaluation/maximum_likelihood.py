@@ -20,7 +20,7 @@ _MIN_ELEVATION_DEG = 26.0
 
 
 class Fit(NamedTuple):
-    """Loads that explain measured closures best, near the start of the search.
+    """Loads fitted to measured closures, with their misfit.
 
     Attributes:
         normal: Contact normals, shape (n, 3).
@@ -34,7 +34,7 @@ class Fit(NamedTuple):
 
 
 def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vector], rounds: int = 8) -> Fit:
-    """Fit force and contact normal to measured closures, by Gauss-Newton steps of limited length.
+    """Return force and contact normal fitted to measured closures, by step-limited Gauss-Newton.
 
     Args:
         foot: The specimen.
@@ -61,7 +61,7 @@ def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vect
 
 
 def clamp_to_min_elevation(unit: Vector) -> Vector:
-    """Return unit vectors, shape (n, 3), with elevations below the lowest raised to it."""
+    """Return unit vectors with elevations raised to the lowest allowed one, shape (n, 3)."""
     z = np.maximum(unit[:, 2:], np.sin(np.radians(_MIN_ELEVATION_DEG)))
     across = np.linalg.norm(unit[:, :2], axis=1, keepdims=True)
     return np.concatenate([unit[:, :2] * np.sqrt(1.0 - z**2) / np.maximum(across, 1e-12), z], axis=1)

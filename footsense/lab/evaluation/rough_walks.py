@@ -28,7 +28,7 @@ _ROWS_PER_CALL = 20_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RoughWalk:
-    """A robot's walk on rough ground, n conversions.
+    """Truth and gait tracker's outputs of one walk on rough ground, after each of n conversions.
 
     Attributes:
         t_s: Times of sending [s], shape (n,).
@@ -102,7 +102,7 @@ def simulate_walk(
 
 @dataclass(slots=True)
 class _GaitOutputs:
-    """Outputs of the gait tracker after each conversion: events, contact, normal, friction."""
+    """Outputs of the gait tracker after each conversion: events, contact, ground normal, friction."""
 
     reported: list[tuple[int, GaitEvent]]
     has_estimate: Mask
@@ -115,7 +115,7 @@ class _GaitOutputs:
 def _run_gait_tracker(
     readings: GaitReadings, estimator: Estimator, n_per_rel: float, t_ns: Stamps
 ) -> _GaitOutputs:
-    """Run the gait tracker on readings, conversion by conversion, and return its outputs."""
+    """Return the gait tracker's outputs for readings, conversion by conversion."""
     n_legs, n = readings.closure_rel.shape
     loads, means_n = _estimate_loads(readings, estimator)
     means_n *= n_per_rel
@@ -140,7 +140,7 @@ def _run_gait_tracker(
 
 
 def _estimate_loads(readings: GaitReadings, estimator: Estimator) -> tuple[Load, Vector]:
-    """Return the loads after every conversion, shapes (n, legs, ...), and trimmed means, NaN without a whole window."""
+    """Return load estimates after every conversion, (n, legs, ...), and trimmed means (NaN until a full window)."""
     n_legs, n = readings.closure_rel.shape
     windows = windows_of(readings)
     gait, time = np.nonzero(complete_windows(readings))

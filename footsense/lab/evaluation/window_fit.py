@@ -46,7 +46,7 @@ _LONGEST, _WITHIN = 0.2, 0.3
 
 
 class _WeightedReadings(NamedTuple):
-    """Readings of n windows in a row: closures, times before the asked one [s], weights, shape (n, 27)."""
+    """Readings of n windows, 27 each: closures [1], ages at the estimated time [s], weights."""
 
     closure_rel: Vector
     time_s: Vector
@@ -61,7 +61,7 @@ def is_steady(model: ContactModel, window: Window, sigmas: float = 20.0) -> Mask
 
 
 def fit_contact(model: ContactModel, window: Window, network: Load, rounds: int) -> tuple[Vector, Vector]:
-    """Return forces and their sigma [N], shapes (n, 3), of some windows without missing elements.
+    """Return fitted forces and their sigma [N], shapes (n, 3), of windows without missing elements.
 
     Args:
         model: Model of the readings.
@@ -103,7 +103,7 @@ def fit_contact(model: ContactModel, window: Window, network: Load, rounds: int)
 
 
 def _weighted_readings(model: ContactModel, window: Window) -> _WeightedReadings:
-    """Return the readings of some windows with their weights."""
+    """Return the readings of windows with their least-squares weights."""
     n = len(window.missing)
     closure_rel, age_s = window.closure_rel.reshape(n, -1), window.age_s.reshape(n, -1)
     newest, before, oldest = window.closure_rel.transpose(1, 0, 2)
@@ -119,7 +119,7 @@ def _weighted_readings(model: ContactModel, window: Window) -> _WeightedReadings
 def _residual(
     model: ContactModel, rows: _WeightedReadings, about: Vector, unknown: Vector
 ) -> tuple[Vector, Vector]:
-    """Return measured minus explained closures, shape (n, 27), and their derivatives, shape (n, 27, unknowns)."""
+    """Return measured minus modelled closures, (n, 27), and their Jacobian, (n, 27, unknowns)."""
     closure_rel, slopes = model.closure_and_slopes(about)
     per_newton = closure_rel / about[:, :1]
     by_ln_load = slopes[..., 0] - per_newton

@@ -12,7 +12,7 @@ _EQUAL_WITHIN_MM = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementArray:
-    """Rows and columns of a foot, in the foot frame (x forward, y left, z up the leg).
+    """Positions of the electrode rows and columns, in the foot frame (x forward, y left, z up the leg).
 
     Attributes:
         row_x_mm: x of each row [mm], the most forward first.
@@ -28,7 +28,7 @@ class ElementArray:
 
     @classmethod
     def from_design(cls, design: FootDesign) -> "ElementArray":
-        """Return the rows and columns of a foot design's elements.
+        """Return the electrode array of a foot design.
 
         Example:
             >>> from footsense.daemon.foot_types import released_path
@@ -50,19 +50,19 @@ class ElementArray:
 
     @property
     def rim_mm(self) -> float:
-        """Width of the sheet beyond the outermost electrodes [mm]; 0 where the array fills the sheet."""
+        """Width of the sheet outside the outermost electrodes [mm]; 0 where the array fills the sheet."""
         outermost = max(abs(p) for p in (*self.row_x_mm, *self.column_y_mm))
         return max(0.0, self.sheet_mm / 2.0 - outermost - self.electrode_mm / 2.0)
 
     @property
     def bar_mm(self) -> float:
-        """Width of the spacer's bars: the least distance of neighbouring electrodes [mm]."""
+        """Width of the spacer's bars [mm]: the smallest distance between neighbouring electrodes."""
         pitches = [a - b for lines in (self.row_x_mm, self.column_y_mm) for a, b in pairwise(lines)]
         return min(pitches) - self.electrode_mm
 
 
 def _distinct_coordinates_mm(values_mm: Iterable[float]) -> tuple[float, ...]:
-    """Return the different coordinates of the elements' centres, the highest first [mm]."""
+    """Return the distinct coordinates of the element centres, highest first [mm]."""
     lines: list[float] = []
     for value in sorted(values_mm, reverse=True):
         if not lines or lines[-1] - value > _EQUAL_WITHIN_MM:

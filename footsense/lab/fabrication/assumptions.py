@@ -11,7 +11,7 @@ from footsense.sim.foot.fabrication import FootTolerances
 
 @dataclass(frozen=True, slots=True)
 class Assumptions:
-    """Manufacturing process of a foot, and the rms deviations that it causes.
+    """Manufacturing process of a foot, and the rms deviations it causes.
 
     Attributes:
         name: Its name in the table of `footsense lab design`.

@@ -1,4 +1,4 @@
-"""Checks of the written files: read back, measured, compared with the expected values."""
+"""Checks of the written fabrication files: read back, measured, compared with the expected values."""
 
 import math
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ ROUNDING_MM, _VOLUME_REL = 2e-3, 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One measured quantity of a written file, beside its expected value.
+    """One measured quantity of a written file, with its expected value and whether it passed.
 
     Attributes:
         file: The file, in the folder of the foot.
@@ -47,7 +47,7 @@ class Check:
 
 
 def check_flex_files(folder: Path, flex: Flex) -> Iterator[Check]:
-    """Yield the checks of the Gerber and drill files of one flex.
+    """Yield the checks of one flex's Gerber and drill files.
 
     Args:
         folder: Folder of the files.
@@ -91,7 +91,7 @@ def check_flex_files(folder: Path, flex: Flex) -> Iterator[Check]:
 
 
 def _check_nets(file: str, flex: Flex, conductors: list[list[CopperShape]]) -> Check:
-    """Yield the checks that each connected conductor of a flex is the right row or column line."""
+    """Return the check that each connected conductor of a flex has the right electrodes, net and contact."""
     expected = set()
     for k, net in enumerate(flex.nets):
         places = frozenset((round(u, 3), round(flex.line_v_mm[k], 3)) for u in flex.element_u_mm)
@@ -118,7 +118,7 @@ def _check_nets(file: str, flex: Flex, conductors: list[list[CopperShape]]) -> C
 
 
 def check_sheet_files(folder: Path, array: ElementArray, cavity: CavityKind) -> Iterator[Check]:
-    """Yield the checks of spacer and film."""
+    """Yield the checks of the DXF files of spacer and film."""
     spacer, film = (sheets.read_dxf(folder / f"{name}.dxf") for name in ("spacer", "film"))
     half = array.sheet_mm / 2.0
     in_sheet = shapely.box(-half, -half, half, half)
@@ -150,7 +150,7 @@ def check_sheet_files(folder: Path, array: ElementArray, cavity: CavityKind) -> 
 
 
 def check_solid_volumes(folder: Path, made: list[solids.Part]) -> Iterator[Check]:
-    """Yield the volumes of the STEP files."""
+    """Yield the checks of the volumes of the STEP files [mm3]."""
     for part in made:
         measured = solids.read_step(folder / "step" / f"{part.name}.step").mass
         yield Check(
@@ -178,7 +178,7 @@ def check_tolerances(tolerances: list[Tolerance]) -> Iterator[Check]:
 
 
 def check_at_least(file: str, quantity: str, least_mm: float, measured_mm: float) -> Check:
-    """Return the check that a length is not below another."""
+    """Return the check that a measured length is not below a limit [mm]."""
     return Check(
         file,
         quantity,

@@ -62,5 +62,5 @@ TAIL_CHANNEL_DEPTH_MM = 0.8
 
 
 def socket_radius_mm(ball_radius_mm: float) -> float:
-    """Return the outer radius of the socket of a ball [mm]."""
+    """Return the outer radius of the socket for a ball of given radius [mm]."""
     return ball_radius_mm + ADHESIVE_THICKNESS_MM + SOCKET_WALL_MM

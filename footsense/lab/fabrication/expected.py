@@ -1,4 +1,4 @@
-"""Capacitance of an element that `footsense probe` should read on a finished foot, without the wiring's."""
+"""Expected capacitance reading of an unloaded element of a finished foot, without the wiring's stray."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from footsense.sim.foot.fabrication import FootTolerances
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedCapacitance:
-    """Expected capacitance of an unloaded element, with its limits.
+    """Expected capacitance of an unloaded element, with tolerance limits.
 
     Attributes:
         plate_formula_pf: Capacitance of its plates [pF].
@@ -35,19 +35,19 @@ class ExpectedCapacitance:
 
     @property
     def min_reading_pf(self) -> float:
-        """Least reading of a foot within its tolerances [pF]."""
+        """Lowest reading within the fabrication tolerances [pF]."""
         return self.unloaded_pf - self.plate_formula_pf * self.tolerance_rel - self.stray_pf
 
     @property
     def max_reading_pf(self) -> float:
-        """Largest reading of a foot within its tolerances [pF]."""
+        """Highest reading within the fabrication tolerances [pF]."""
         return self.unloaded_pf + self.plate_formula_pf * self.tolerance_rel + self.stray_pf
 
 
 def expected_capacitance(
     design: FootDesign, overlap_mm2: float, assumed: FootTolerances
 ) -> ExpectedCapacitance:
-    """Return the expected reading of an element.
+    """Return the expected capacitance reading of an unloaded element with its limits.
 
     Args:
         design: The foot.

@@ -87,7 +87,7 @@ def check_ball(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> I
 
 
 def _tail_in_channel(folder: Path, design: FootDesign, flex: Flex) -> Any:
-    """Return a flex's tail in the middle of its channel, as wide as its outline is at the contacts [mm]."""
+    """Return a flex's tail [mm], centred in its channel, as wide as its outline at the contacts."""
     outline = read_outline(folder / flex.name / "profile.gbr")
     across = outline.intersection(
         shapely.LineString([(flex.tail_end_mm - 1.0, -99.0), (flex.tail_end_mm - 1.0, 99.0)])
@@ -101,6 +101,6 @@ def _tail_in_channel(folder: Path, design: FootDesign, flex: Flex) -> Any:
 
 
 def _to_foot_frame(area: Any, flex: Flex) -> Any:
-    """Return a shape of the artwork in the foot frame."""
+    """Return a shape of the artwork transformed to the foot frame."""
     (a, d), (b, e) = (flex.to_foot(point) for point in ((1.0, 0.0), (0.0, 1.0)))
     return affinity.affine_transform(area, [a, b, d, e, 0.0, 0.0])

@@ -20,7 +20,7 @@ _ROUNDING_TOLERANCE_MM = 1e-9
 
 
 def require_manufacturable(design: FootDesign, array: ElementArray, assumed: Assumptions) -> None:
-    """Check that workshops can make a foot and that a converter board can address it.
+    """Raise an error unless workshops can make a foot and a converter board can address it.
 
     Args:
         design: The foot.
@@ -36,7 +36,7 @@ def require_manufacturable(design: FootDesign, array: ElementArray, assumed: Ass
 
 
 def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
-    """Yield the reasons why a foot cannot be made: the key first, a remedy last.
+    """Yield the reasons why a foot cannot be made, each with its key first and a remedy last.
 
     Args:
         design: The foot.
@@ -65,6 +65,7 @@ def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Ass
 
 
 def _sheet_problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
+    """Yield the reasons why the sheet or its tails cannot be made."""
     pitch, bar = array.bar_mm + array.electrode_mm, assumed.process.bar_mm
     leave = f"electrodes of {array.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
     if array.bar_mm < dimensions.MIN_GAP_MM - _ROUNDING_TOLERANCE_MM:
@@ -89,6 +90,7 @@ def _sheet_problems(design: FootDesign, array: ElementArray, assumed: Assumption
 
 
 def _layer_problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
+    """Yield the reasons why gap, film or rubber cannot be made by the process."""
     gaps, films = assumed.process.gap_um, [film.um for film in assumed.process.film]
     layers = (("gap_um", design.gap_um, gaps, "gap"), ("film_um", design.film_um, films, "film"))
     for key, value, made, word in layers:
@@ -116,4 +118,5 @@ def _layer_problems(design: FootDesign, array: ElementArray, assumed: Assumption
 
 
 def _max_tail_width_mm(design: FootDesign, array: ElementArray) -> float:
+    """Return the largest width of a flex tail that fits between the alignment holes [mm]."""
     return max(2.0 * flex.tail_half_width_mm for flex in flexes(array, design.ball_radius_mm))

@@ -1,4 +1,4 @@
-"""All files of a foot in one folder, read back and checked."""
+"""Fabrication package: all files of a foot in one folder, read back and checked."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ from footsense.lab.geometry import FootDesign
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FabricationPackage:
-    """The files of a foot, and what their checks found.
+    """Design, parts, tolerances and check results of one foot's fabrication files.
 
     Attributes:
         design: The foot.
@@ -67,7 +67,7 @@ def fabricate(design: FootDesign, folder: Path, process: str | None = None) -> F
 
 
 def write_parts(design: FootDesign, folder: Path, process: str | None = None) -> FabricationPackage:
-    """Write the files that parts are made from, read them back, and check them.
+    """Write the part files (Gerber, DXF, STEP), read them back, and return the package with its checks.
 
     Args:
         design: The foot.
@@ -120,7 +120,7 @@ def write_parts(design: FootDesign, folder: Path, process: str | None = None) ->
 
 
 def _write_flex(folder: Path, flex: Flex) -> None:
-    """Write Gerber layers and drill file of one flex."""
+    """Write Gerber layers and drill file of one flex into a folder."""
     folder.mkdir(exist_ok=True)
     layers = {
         "copper": (gerber.COPPER, flex.copper),

@@ -23,7 +23,7 @@ _HARDNESS_STEP_SHORE_A = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerance:
-    """A dimension of the drawing with its limits.
+    """A toleranced dimension of the drawing, with the share of the assumed deviation it uses.
 
     Attributes:
         name: What it is.
@@ -45,7 +45,7 @@ class Tolerance:
 
     @property
     def is_within_assumed(self) -> bool:
-        """Whether the limit is no wider than what was assumed."""
+        """Whether the tolerance is no wider than the design assumed."""
         return self.used <= self.allowed * (1.0 + 1e-9)
 
 
@@ -55,12 +55,12 @@ def etch_deviation_rel(electrode_mm: float) -> float:
 
 
 def offset_overlap_loss_rel(electrode_mm: float) -> float:
-    """Return the largest loss of overlap by the offset of the flexes along both axes [1]."""
+    """Return the largest relative loss of overlap area by the offset of the flexes on both axes [1]."""
     return math.sqrt(2.0) * dimensions.FLEX_OFFSET_TOLERANCE_MM / electrode_mm
 
 
 def area_deviation_rel(electrode_mm: float) -> float:
-    """Return the largest deviation of the area in which a row faces a column [1]."""
+    """Return the largest relative deviation of a row-column overlap area [1]."""
     return math.hypot(etch_deviation_rel(electrode_mm), offset_overlap_loss_rel(electrode_mm))
 
 
@@ -77,7 +77,7 @@ def hardness_tolerance_shore_a(design: FootDesign, assumed: FootTolerances) -> f
 
 
 def drawing_tolerances(design: FootDesign, assumed: FootTolerances) -> list[Tolerance]:
-    """Return the tolerances of a foot's drawing.
+    """Return the toleranced dimensions of a foot's drawing.
 
     Args:
         design: The foot.

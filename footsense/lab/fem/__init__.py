@@ -1,1 +1,1 @@
-"""Finite elements of the elastic foot: one meshed quarter, solved per mirror symmetry by adjoint fields."""
+"""Finite element model of the elastic foot: one meshed quarter, solved per mirror symmetry with adjoint fields."""

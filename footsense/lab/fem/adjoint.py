@@ -49,13 +49,13 @@ class AdjointField:
 
 
 def solve_adjoint_fields(quarter: Quarter) -> AdjointField:
-    """Solve one adjoint problem per cell for one symmetry class; sample the fields on the ground-side surface."""
+    """Return the adjoint fields of one symmetry class on the ground-side surface, from one solve per gap cell."""
     faces = [(cell.name, quarter.design.cell_mm2) for cell in quarter_cells(quarter.design)]
     return solve_face_closure_fields(quarter, faces)
 
 
 def solve_face_closure_fields(quarter: Quarter, faces: Sequence[tuple[str, float]]) -> AdjointField:
-    """Solve the adjoint problem of each face's mean closure [um]; return the fields sampled on the surface.
+    """Return the adjoint fields of the mean closure [um] of each named face, sampled on the surface.
 
     Args:
         quarter: The factorised class.
@@ -65,7 +65,7 @@ def solve_face_closure_fields(quarter: Quarter, faces: Sequence[tuple[str, float
 
 
 def solve_functional_fields(quarter: Quarter, functionals: Sequence[Any], scale: float = 1.0) -> AdjointField:
-    """Solve an adjoint problem per linear functional of displacement; return the fields sampled on the surface.
+    """Return the adjoint field of each linear functional of the displacement, sampled on the surface.
 
     Args:
         quarter: The factorised class.

@@ -40,7 +40,7 @@ class CentredClosures:
 def solve_centred_closures(
     design: FootDesign, size: MeshSize, elevation_deg: tuple[float, ...], patch_mm: float | None = None
 ) -> CentredClosures:
-    """Solve for centred loads of 1 N at azimuth 0.
+    """Return the nine closures [um] under centred loads of 1 N at azimuth 0, for mesh studies.
 
     Args:
         design: The foot.

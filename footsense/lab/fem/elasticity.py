@@ -1,4 +1,4 @@
-"""Elastic energies per undeformed volume: Hooke at small strain, neo-Hookean at finite strain, plain and mixed.
+"""Elastic energy densities (Hooke at small strain, neo-Hookean at finite strain) for displacement and mixed forms.
 
     Hooke         W = G eps:eps + lambda/2 (div u)^2,                         eps = (grad u + grad u^T) / 2
     neo-Hookean   W = G/2 (F:F - 3 - 2 ln J) + lambda/2 (J - 1)^2,            F = 1 + grad u, J = det F
@@ -24,7 +24,7 @@ from footsense.lab.geometry import Material, ThinFilm
 
 
 def _shear_and_volume(material: Material, u: Any, *, finite_strain: bool) -> tuple[Any, Any]:
-    """Return the shear energy [MPa] and the volume change [1] of a displacement [mm]."""
+    """Return the shear energy density [MPa] and the relative volume change [1] of a displacement field [mm]."""
     if finite_strain:
         gradient = ng.Id(3) + ng.Grad(u)
         volume = ng.Det(gradient)
@@ -35,20 +35,20 @@ def _shear_and_volume(material: Material, u: Any, *, finite_strain: bool) -> tup
 
 
 def strain_energy(material: Material, u: Any, *, finite_strain: bool = False) -> Any:
-    """Return the stored energy of a displacement u [mm] per volume [MPa]; for nu well below 1/2."""
+    """Return the strain energy density [MPa] of a displacement u [mm]; for Poisson's ratios well below 1/2."""
     shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
     return shear + 0.5 * material.lame_mpa * growth**2
 
 
 def mixed_strain_energy(material: Material, u: Any, p: Any, *, finite_strain: bool = False) -> Any:
-    """Return the energy of displacement u [mm] and pressure p [MPa] per volume [MPa]: a saddle point in p."""
+    """Return the energy density [MPa] of displacement u [mm] and pressure p [MPa] (mixed form, saddle point in p)."""
     shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
     return shear + p * growth - p**2 / (2.0 * material.lame_mpa)
 
 
 @dataclass(frozen=True, slots=True)
 class BondedLayer:
-    """A thin bonded layer between both bodies, as a traction law without elements: sideways spread is confined.
+    """Thin elastic layer bonded between the two bodies, as an interface traction law without elements.
 
     Attributes:
         material: Material of the layer.
@@ -61,14 +61,14 @@ class BondedLayer:
     face_name: str = "bars"
 
     def traction(self, jump: Any) -> Any:
-        """Return the traction [MPa] of a jump u_ground - u_leg [mm]: shear modulus along, confined modulus across."""
+        """Return the traction [MPa] of a displacement jump u_ground - u_leg [mm] across the layer."""
         shear, confined = self.material.shear_mpa, self.material.confined_mpa
         across = (shear, shear, confined)
         return ng.CF(tuple(across[k] / self.thickness_mm * jump[k] for k in range(3)))
 
 
 def membrane_energy(film: ThinFilm, u: Any) -> Any:
-    """Return the stored energy of a thin film in a plane of constant z per area [N/mm] that moves with u [mm].
+    """Return the stretching energy per area [N/mm] of a thin film in a plane of constant z, displaced by u [mm].
 
     Plane stress, W = E t / (2 (1 - nu^2)) (e_xx^2 + e_yy^2 + 2 nu e_xx e_yy + 2 (1 - nu) e_xy^2).
     """
@@ -81,7 +81,7 @@ def membrane_energy(film: ThinFilm, u: Any) -> Any:
 
 
 def hertz_pressure_shape(centre_mm: Vector, radius_mm: float) -> Any:
-    """Return a Hertz patch's pressure relative to its peak [1], sqrt(1 - |x - x_c|^2 / a^2)."""
+    """Return the pressure of a Hertz patch over its peak [1], sqrt(1 - |x - x_c|^2 / a^2)."""
     away = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(centre_mm))
     inside = 1.0 - ng.InnerProduct(away, away) / radius_mm**2
     return ng.sqrt(ng.IfPos(inside, inside, 0.0))

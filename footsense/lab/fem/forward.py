@@ -30,7 +30,7 @@ PATCH_QUADRATURE_ORDER = 60
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _HertzLoad:
-    """Pressure patch of a Hertz contact.
+    """Hertz contact load: centre, force and radius of a pressure patch on the ground-side ball.
 
     Attributes:
         centre_mm: Centre of the patch on the sphere [mm], shape (3,).
@@ -43,12 +43,12 @@ class _HertzLoad:
     radius_mm: float
 
     def transformed(self, matrix: Vector) -> "_HertzLoad":
-        """Return the load mapped by a mirror or an axis swap, a matrix of shape (3, 3)."""
+        """Return the load under a mirror or axis swap, given as a matrix of shape (3, 3)."""
         return _HertzLoad(matrix @ self.centre_mm, matrix @ self.force_n, self.radius_mm)
 
 
 class _FactorisedClass:
-    """The factorised problem of one symmetry class, with each cell's mean closure as a linear functional.
+    """Factorised stiffness matrix of one symmetry class, with the mean closure of each cell as a linear functional.
 
     Attributes:
         quarter: The class.
@@ -62,7 +62,7 @@ class _FactorisedClass:
         self._rows = rows[:, self._used]
 
     def cells_um(self, load: _HertzLoad) -> Vector:
-        """Return the closures [um] of the quarter's cells under the load's part in this class, shape (9, 9)."""
+        """Return the quarter's cell closures [um] under the load's part in this symmetry class, shape (9, 9)."""
         quarter, parity = self.quarter, self.quarter.parity
         parts = []
         for sign_x, sign_y in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
@@ -81,7 +81,7 @@ class _FactorisedClass:
 
 
 class ForwardFoot:
-    """The foot, solved anew for every load.
+    """Finite element model of the foot that is solved once per load, without a response table.
 
     Args:
         design: The foot.
@@ -100,11 +100,11 @@ class ForwardFoot:
 
     @property
     def quarters(self) -> list[Quarter]:
-        """Factorised systems of the three symmetry classes."""
+        """Factorised finite element systems of the three symmetry classes."""
         return [solved.quarter for solved in self._classes.values()]
 
     def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the closure of each cell as if no gap could close [um], shape (324,), by four solves.
+        """Return the linear closure of every cell [um], gap contact ignored, shape (324,), by four solves.
 
         Args:
             normal: Inward unit normal of the ball at the contact, shape (3,).

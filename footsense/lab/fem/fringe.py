@@ -1,4 +1,4 @@
-"""Fringe field at an electrode's edge, which the plate formula omits, solved in two dimensions.
+"""Capacitance with the fringe field at an electrode's edge, by a two-dimensional electrostatic solve.
 
 Half the width of two facing electrodes without thickness: film and air between them, the spacer beside the cavity and
 the plates above and below of PDMS. Rubber beyond the plates counts as PDMS; neighbours and wires are left out.
@@ -19,7 +19,7 @@ _POLYNOMIAL_ORDER = 4
 
 
 def _mesh(design: FootDesign, gap_mm: float, film_mm: float) -> Any:
-    """Return the half-space x > 0 with electrodes from 0 to half their width, the lower one at z = 0."""
+    """Return the mesh of the half plane x > 0 around a pair of electrodes, the lower one at z = 0."""
     edge, wide = design.electrode_mm / 2.0, design.electrode_mm / 2.0 + _DOMAIN_MARGIN_MM
     top = film_mm + gap_mm
     bands = [(-_DOMAIN_MARGIN_MM, 0.0), (0.0, film_mm), (film_mm, top), (top, top + _DOMAIN_MARGIN_MM)]
@@ -44,7 +44,7 @@ def _mesh(design: FootDesign, gap_mm: float, film_mm: float) -> Any:
 
 
 def element_capacitance_pf(design: FootDesign, closure_um: float = 0.0) -> tuple[float, float]:
-    """Return the capacitance of one flat element [pF] with edge fields, and the value of the plate formula.
+    """Return the capacitance of one flat element [pF] with fringe field, and by the parallel-plate formula.
 
     The four edges of the square each add what an edge of the cross-section adds per length.
 

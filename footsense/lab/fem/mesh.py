@@ -27,7 +27,7 @@ _BALL_MM, _BAR_MM = 10.0, 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshSize:
-    """Resolution of the mesh: largest edge lengths [mm], layers, order.
+    """Element sizes [mm], layers and polynomial order of the mesh.
 
     Lengths are those in a ball of 10 mm with bars of 1 mm; in another foot they are in proportion.
 
@@ -52,7 +52,7 @@ class MeshSize:
     order: int = 3
 
     def scaled_to_foot(self, design: FootDesign) -> "MeshSize":
-        """Return the mesh lengths scaled to a foot: by its ball radius, and along the bars by its bar width."""
+        """Return the mesh sizes scaled to a foot: by its ball radius, and near the spacer's bars by the bar width."""
         ball_rel = design.ball_radius_mm / _BALL_MM
         return replace(
             self,
@@ -75,7 +75,7 @@ FINEST_MESH = MeshSize(
 
 @dataclass(frozen=True, slots=True)
 class CavityCell:
-    """One of the square cells into which the cavity of an element is divided, in the quarter.
+    """One square cell of an element's cavity, in the meshed quarter.
 
     Attributes:
         name: Name of its face in the mesh.
@@ -95,7 +95,7 @@ class CavityCell:
 
 
 def quarter_cells(design: FootDesign) -> list[CavityCell]:
-    """Return the cells of the quarter x > 0, y > 0: of three rows a quarter of the middle one, halves, a corner."""
+    """Return the cavity cells in the quarter x > 0, y > 0 (a quarter, halves and one whole of four elements)."""
     step = design.electrode_mm / CELLS_PER_SIDE
     cells: list[CavityCell] = []
     for element, (x_mm, y_mm) in enumerate(design.centres_mm):
@@ -109,7 +109,7 @@ def quarter_cells(design: FootDesign) -> list[CavityCell]:
 
 
 def quarter_grid(per_cell: Vector, design: FootDesign, axis: int) -> Vector:
-    """Return values per cell of the quarter, in the order of `quarter_cells`, as a square grid in place of `axis`."""
+    """Return per-cell values of the quarter (in the order of `quarter_cells`) as a square grid in place of `axis`."""
     order = np.empty((design.rows * CELLS_PER_SIDE // 2,) * 2, np.intp)
     for number, cell in enumerate(quarter_cells(design)):
         row, column = divmod(cell.element, design.rows)
@@ -120,14 +120,14 @@ def quarter_grid(per_cell: Vector, design: FootDesign, axis: int) -> Vector:
 
 
 def _cell_face(cell: CavityCell, side_mm: float) -> Any:
-    """Return a cell as a named face in the plane of the spacer."""
+    """Return a cavity cell as a named square face in the spacer's plane."""
     face = square(cell.x_mm, cell.y_mm, side_mm)
     face.name = cell.name
     return face
 
 
 def name_mirror_faces(shape: Any, size: MeshSize) -> None:
-    """Name the mirror planes, and set the size on the surface that touches the ground."""
+    """Name the faces in the mirror planes, and set the element size on the ground-side surface."""
     for face in shape.faces:
         for axis in ("x", "y"):
             if lies_in_coordinate_plane(face, axis):
@@ -137,14 +137,14 @@ def name_mirror_faces(shape: Any, size: MeshSize) -> None:
 
 
 def name_bar_faces(shape: Any) -> None:
-    """Name the faces that join the plates: those in the plane of the spacer that are no cells."""
+    """Name the faces of the spacer's bars (ribs between the cavities), where the two plates are joined."""
     for face in shape.faces:
         if lies_in_coordinate_plane(face, "z") and not (face.name or "").startswith("cell"):
             face.name = "bars"
 
 
 def is_bar_edge(design: FootDesign, edge: Any) -> bool:
-    """Tell whether an edge is the border of a bar against a cavity, and not inside the crossing of two bars."""
+    """Tell whether an edge is the border between a spacer bar and a cavity, not the crossing of two bars."""
     low, high = edge.bounding_box
     bars_mm = design.bars_mm
     borders = [border for bar in bars_mm for border in bar if border > 0.0]
@@ -159,7 +159,7 @@ def is_bar_edge(design: FootDesign, edge: Any) -> bool:
 
 
 def _is_rim(design: FootDesign, edge: Any) -> bool:
-    """Tell whether an edge is the sheet's outer border against a hemisphere."""
+    """Tell whether an edge is the outer border of the sheet on a hemisphere."""
     low, high = edge.bounding_box
     level = all(abs(abs(end.z) - design.plate_mm) < EQUAL_WITHIN_MM for end in (low, high))
     at_border = max(abs(edge.center.x), abs(edge.center.y)) > design.sheet_mm / 2.0 - EQUAL_WITHIN_MM
@@ -171,7 +171,7 @@ def _is_rim(design: FootDesign, edge: Any) -> bool:
 
 
 def build_mesh(design: FootDesign, size: MeshSize) -> Any:
-    """Return the curved mesh of the quarter.
+    """Return the curved finite element mesh of the quarter foot.
 
     Args:
         design: The foot.

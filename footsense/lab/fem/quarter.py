@@ -1,4 +1,4 @@
-"""Finite element problem of the foot on one quarter, for each combination of two mirror symmetries.
+"""Finite element problem of a quarter foot, one per symmetry class of two mirror planes.
 
 Find u in each body, u = 0 where the leg holds the leg-side hemisphere, so that for all v
 
@@ -33,7 +33,7 @@ _MAX_RESIDUAL_REL = 1e-5
 
 
 def _check_materials(design: FootDesign) -> None:
-    """Check that the materials are elastic solids that the mixed form can hold.
+    """Raise ModelError unless every material is a valid elastic solid for the mixed form.
 
     Raises:
         ModelError: A modulus is not positive, or Poisson's ratio outside (0, 0.5).
@@ -46,7 +46,7 @@ def _check_materials(design: FootDesign) -> None:
 
 
 class Quarter:
-    """One symmetry class of the foot, factorised: any number of loads after that.
+    """Factorised finite element problem of one symmetry class; each further load costs one back-substitution.
 
     Attributes:
         design: The foot.
@@ -100,7 +100,7 @@ class Quarter:
         return self.design.plate_mm
 
     def _fixed_faces(self, held: str) -> dict[str, str]:
-        """Return the faces on which each component vanishes: those held, and mirror planes by parity."""
+        """Return per component the faces with zero displacement: clamped ones, and mirror planes by parity."""
         return {
             f"dirichlet{axis}": "|".join(filter(None, (held, self.parity.fixed_mirror_faces(component))))
             for component, axis in enumerate("xyz")
@@ -119,7 +119,7 @@ class Quarter:
         return ground * leg * p_ground * p_leg
 
     def _bilinear_form(self) -> Any:
-        """Return the bilinear form, not assembled."""
+        """Return the unassembled bilinear form of the quarter foot."""
         (u_ground, u_leg, p_ground, p_leg), (v_ground, v_leg, *_) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
         for side, u, p in (("ground", u_ground, p_ground), ("leg", u_leg, p_leg)):
@@ -139,28 +139,28 @@ class Quarter:
         return int(sum(self.space.FreeDofs()))
 
     def closure_functional(self, face: str, area_mm2: float) -> Any:
-        """Return the mean closure of a face of given area as a linear form of the displacement."""
+        """Return the mean closure of a face of given area as a linear functional of the displacement."""
         v_ground, v_leg, *_ = self.space.TestFunction()
         form = ng.LinearForm(self.space)
         form += (v_ground[2] - v_leg[2]) / area_mm2 * ng.ds(face)
         return form.Assemble()
 
     def traction_load(self, traction_mpa: Any, extra_order: int = 12) -> Any:
-        """Return the load of a traction on the ground-side surface of the quarter as a linear form."""
+        """Return the linear form of a traction [MPa] on the quarter's ground-side surface."""
         v_ground, *_ = self.space.TestFunction()
         form = ng.LinearForm(self.space)
         form += traction_mpa * v_ground * ng.ds("curved_ground", bonus_intorder=extra_order)
         return form.Assemble()
 
     def solve(self, load: Any) -> Any:
-        """Return displacement [mm] and pressure [MPa] under an assembled load, a grid function of `space`."""
+        """Return displacement [mm] and pressure [MPa] under an assembled load as a grid function of `space`."""
         solution = ng.GridFunction(self.space)
         with ng.TaskManager():
             solution.vec.data = self._inverse * load.vec
         return solution
 
     def residual_rel(self, load: Any, solution: Any) -> float:
-        """Return the norm of load minus stiffness times solution, over the norm of the load."""
+        """Return the relative residual [1]: norm of load minus stiffness times solution, over the norm of the load."""
         rest = (load.vec - self._matrix * solution.vec).Evaluate()
         ng.Projector(self.space.FreeDofs(), range=True).Project(rest)
         return float(rest.Norm() / load.vec.Norm())

@@ -1,4 +1,4 @@
-"""Shapes shared by all meshes of the foot, and the call of the mesher with error handling."""
+"""Geometry shared by all meshes of the foot, and the call of the mesh generator with its errors translated."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ BODY_SIDES = (("ground", -1.0), ("leg", 1.0))
 
 
 def hemisphere(design: FootDesign, side: str, level_mm: float, *, quarter: bool) -> Any:
-    """Return the ground or leg hemisphere, with material `rubber_<side>` and curved face `curved_<side>`.
+    """Return the ground-side or leg-side hemisphere, with material `rubber_<side>` and curved face `curved_<side>`.
 
     Args:
         design: The foot.
@@ -38,7 +38,7 @@ def hemisphere(design: FootDesign, side: str, level_mm: float, *, quarter: bool)
 def plate(
     name: str, corner_mm: tuple[float, float], half_mm: float, level_mm: tuple[float, float], edge_mm: float
 ) -> Any:
-    """Return a square plate of PDMS.
+    """Return a square PDMS plate as a solid.
 
     Args:
         name: Name of the plate's material.
@@ -54,7 +54,7 @@ def plate(
 
 
 def bodies(design: FootDesign, plate_edge_mm: float, *, quarter: bool) -> list[Any]:
-    """Return hemisphere and plate of the ground side, then of the leg side, in contact in the plane z = 0.
+    """Return hemisphere and plate of the ground side, then of the leg side, joined in the plane z = 0.
 
     Args:
         design: The foot.
@@ -78,13 +78,13 @@ def lies_in_coordinate_plane(part: Any, axis: str) -> bool:
 
 
 def square(x_mm: float, y_mm: float, side_mm: float) -> Any:
-    """Return a square face in the plane z = 0, with the centre at x and y [mm]."""
+    """Return a square face in the plane z = 0, centred at x and y [mm]."""
     corner = occ.Pnt(x_mm - side_mm / 2.0, y_mm - side_mm / 2.0, 0.0)
     return occ.WorkPlane(occ.Axes(corner, n=occ.Z, h=occ.X)).Rectangle(side_mm, side_mm).Face()
 
 
 def rectangle(x_mm: tuple[float, float], z_mm: tuple[float, float], name: str) -> Any:
-    """Return a rectangle of a cross-section as a named face."""
+    """Return a rectangle of a two-dimensional cross-section as a named face."""
     face = occ.MoveTo(x_mm[0], z_mm[0]).Rectangle(x_mm[1] - x_mm[0], z_mm[1] - z_mm[0]).Face()
     face.name = name
     return face
@@ -93,7 +93,7 @@ def rectangle(x_mm: tuple[float, float], z_mm: tuple[float, float], name: str) -
 def curved_mesh(
     shape: Any, parameters: MeshingParameters, order: int, *, layers: int = 0, layer_rel: float = 0.0
 ) -> Any:
-    """Return the curved mesh of a shape.
+    """Return the curved mesh of a shape; raise ModelError if the mesh generator fails.
 
     Args:
         shape: The shape.

@@ -21,7 +21,7 @@ _PRESSURE_MPA = 0.01
 
 
 def _mesh(design: FootDesign, *, solid: bool) -> Any:
-    """Return half a pitch: x from mid-cavity to mid-bar, z up from the plate's lower face."""
+    """Return the mesh of half a pitch: x from mid-cavity to mid-bar, z up from the lower face of the plate."""
     border, end = design.electrode_mm / 2.0, design.pitch_mm / 2.0
     # One pitch of rubber above the plate: beyond it a row of bars presses like a plane.
     plate, top = design.plate_mm, design.plate_mm + design.pitch_mm
@@ -57,7 +57,7 @@ def _mesh(design: FootDesign, *, solid: bool) -> Any:
 
 
 def cavity_strip_closure_um(design: FootDesign, *, solid: bool) -> float:
-    """Return the mean closure of the cavity under a uniform pressure [um].
+    """Return the mean cavity closure [um] under a uniform pressure, by plane strain.
 
     Args:
         design: The foot, for thicknesses, widths and materials.

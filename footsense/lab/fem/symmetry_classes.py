@@ -1,4 +1,4 @@
-"""Symmetry classes of displacement fields: even or odd under the mirrors x -> -x and y -> -y, solved one by one.
+"""Symmetry classes of displacement fields (even or odd under x -> -x and y -> -y), each solved separately.
 
 A load on one cell is a quarter of the sum of the loads that put the cell and its mirror images together with the signs
 of each class. So the response to it is a quarter of the sum of the classes' responses.
@@ -15,7 +15,7 @@ from footsense.frames import Vector
 
 @dataclass(frozen=True, slots=True)
 class Parity:
-    """Parity of a displacement field under the mirrors x -> -x and y -> -y.
+    """Parity (even or odd) of a displacement field under the mirrors x -> -x and y -> -y.
 
     Attributes:
         x: +1 if the field is its own mirror image under x -> -x, -1 if it is the opposite of it.
@@ -26,7 +26,7 @@ class Parity:
     y: int
 
     def fixed_mirror_faces(self, component: int) -> str:
-        """Return the mirror planes on which a component (0..2) of the displacement vanishes, joined by `|`."""
+        """Return the mirror planes on which displacement component 0..2 vanishes, joined by `|`."""
         planes = []
         for axis, (plane, parity) in enumerate((("mirror_x", self.x), ("mirror_y", self.y))):
             if (component == axis) == (parity > 0):
@@ -34,11 +34,11 @@ class Parity:
         return "|".join(planes)
 
     def signs(self, component: int) -> tuple[int, int]:
-        """Return the sign that a component takes in the images under x -> -x and under y -> -y."""
+        """Return the sign of a displacement component in its images under x -> -x and under y -> -y."""
         return (-self.x if component == 0 else self.x), (-self.y if component == 1 else self.y)
 
     def unfold(self, quarter: Vector, axis: int = 0) -> Vector:
-        """Return z components on the whole foot from the quarter's; x runs along `axis`, y along the next axis."""
+        """Return z components on the whole foot from the quarter (x runs along `axis`, y along the next axis)."""
         half = np.concatenate([quarter, self.x * np.flip(quarter, axis)], axis)
         return np.concatenate([half, self.y * np.flip(half, axis + 1)], axis + 1)
 
@@ -48,19 +48,19 @@ SOLVED_CLASSES = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
 
 
 def _transposed_products(degree: int) -> NDArray[np.intp]:
-    """Return where the product T_j T_i of each product T_i T_j stands in the series."""
+    """Return for each monomial T_i T_j the index of T_j T_i in the series."""
     i, j = product_powers(degree)
     place = {pair: number for number, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True))}
     return np.array([place[b, a] for a, b in zip(i.tolist(), j.tolist(), strict=True)], np.intp)
 
 
 def transposed_series(series: Vector, degree: int) -> Vector:
-    """Return a foot's response series with x and y exchanged, shape (products, 9, 9, 3)."""
+    """Return a response series with x and y exchanged, shape (products, 9, 9, 3)."""
     return series[_transposed_products(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
 
 
 def single_cell_series(classes: dict[Parity, Vector], degree: int) -> Vector:
-    """Superpose the symmetry classes to the response to a load on one cell alone, shape (products, 9, 9, 3).
+    """Return the response series of single cells, superposed from the symmetry classes, (products, 9, 9, 3).
 
     A load on a single cell is a quarter of the sum of the four loads that put it and its mirror images together with
     the signs of each class.
@@ -72,7 +72,7 @@ def single_cell_series(classes: dict[Parity, Vector], degree: int) -> Vector:
 
 
 def add_compliance(classes: dict[Parity, Vector]) -> Vector:
-    """Return the closure of all cells under a force on one of the quarter, shape (9, 9, 18, 18).
+    """Return the compliance from cells of the quarter to all cells, summed over the classes, shape (9, 9, 18, 18).
 
     Args:
         classes: Closure of one cell of the quarter under a force on another, shapes (9, 9, 9, 9).

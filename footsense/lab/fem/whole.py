@@ -91,7 +91,7 @@ def _mesh(design: FootDesign, size: MeshSize, own: Imperfection) -> Any:
 
 
 def _cut_bubble(design: FootDesign, own: Imperfection, ball: Any) -> Any:
-    """Return the ground-side ball with the bubble cut out.
+    """Return the ground-side ball with the spherical void cut out.
 
     Raises:
         ModelError: The bubble is not inside the ball.
@@ -109,7 +109,7 @@ def _cut_bubble(design: FootDesign, own: Imperfection, ball: Any) -> Any:
 def solve_whole_foot(
     design: FootDesign, own: Imperfection, size: MeshSize = COARSE_MESH
 ) -> tuple[Vector, Vector]:
-    """Return series of G0 [um/N], shape (products, 324, 3), and compliance [um/N], (324, 324), of a whole foot.
+    """Return response series [um/N], (products, 324, 3), and compliance [um/N], (324, 324), of a whole foot.
 
     Args:
         design: The foot.

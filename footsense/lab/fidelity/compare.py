@@ -1,4 +1,4 @@
-"""Computing time of each fidelity level, and difference from the finest level on the same loads."""
+"""Computing time of each fidelity level, and error against the finest level on the same loads."""
 
 from dataclasses import dataclass
 from timeit import default_timer
@@ -24,7 +24,7 @@ def time_level(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[Le
 
 
 def reported_force_n(network: ForceEstimator, design: CapacitorDesign, answer: LevelResponse) -> Vector:
-    """Return the force [N] that the daemon would report for an answer, shape (n, 3): from capacitance, by the network.
+    """Return the network's force estimate [N], shape (n, 3), from the capacitances of a level's response.
 
     Args:
         network: Makes forces [N] of closures over the gap [1].
@@ -37,7 +37,7 @@ def reported_force_n(network: ForceEstimator, design: CapacitorDesign, answer: L
 
 @dataclass(frozen=True, slots=True)
 class FidelityError:
-    """Error of one fidelity level against a finer one on the same loads.
+    """Errors of one fidelity level against the finest on the same loads.
 
     Attributes:
         closure_rel: Difference of the closures, rms over rms of the reference [1].

@@ -1,4 +1,4 @@
-"""Figures of the fidelity levels: error against time, and patterns of capacitance."""
+"""Figures of the fidelity levels: error over computing time, and maps of the capacitance changes."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,7 +16,7 @@ def error_over_time_figure(
     forward: ForwardAgainstTable,
     n: int,
 ) -> Figure:
-    """Return error against time; the finest level, the reference of the errors, as a line.
+    """Return the figure of error over computing time; the finest level, the reference, as a line.
 
     Args:
         seconds: Time of a load [s], by level.

@@ -1,4 +1,4 @@
-"""Computing time and accuracy of one solve per load, beside the table of adjoint solves."""
+"""Computing time and accuracy of one direct solve per load, compared with the table of adjoint solutions."""
 
 import functools
 import timeit
@@ -46,7 +46,7 @@ class ForwardAgainstTable:
 def forward_against_table(
     foot_design: FootDesign, size: MeshSize, response: FootResponse, loads: Loads, n: int
 ) -> ForwardAgainstTable:
-    """Time one solve per load and the table of adjoint solves, and compare their closures.
+    """Return times of direct solves and of the adjoint table, and the difference of their closures.
 
     Args:
         foot_design: The foot.

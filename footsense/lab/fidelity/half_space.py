@@ -32,7 +32,7 @@ _QUADRATURE_POINTS = 3
 
 
 class HalfSpace:
-    """Closures by the closed formula of a loaded half-space.
+    """Closures of the elements by the closed formula of a loaded elastic half-space.
 
     Args:
         design: The foot.
@@ -60,7 +60,7 @@ class HalfSpace:
         self._um_per_mpa = UM_PER_MM * opening_mm / design.rubber.hertz_mpa
 
     def pressure_mpa(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the mean pressure that each element has to carry [MPa], shape (n, 9).
+        """Return the mean pressure on each element [MPa], shape (n, 9).
 
         Args:
             normal: Inward unit normals of the ball at the contacts, shape (n, 3).
@@ -85,7 +85,7 @@ class HalfSpace:
         return mean
 
     def closure_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the mean closures [um], shape (n, 9), under loads as in `pressure_mpa`.
+        """Return the mean closure of each element [um], shape (n, 9), under loads as in `pressure_mpa`.
 
         Raises:
             ValueError: A contact is not on the ground-side hemisphere.

@@ -1,4 +1,4 @@
-"""Closure of the cavities between bars that carry a pressure, as a series of waves on two half-spaces.
+"""Closure of cavities between pressure-carrying bars, by a Fourier series on two half-spaces.
 
 Bars that cross at the pitch carry a mean pressure p on a part of the area. Taken as spread evenly over the bars, their
 pressure bends the half-spaces by u_k = 2 p_k / (E' |k|) for each wave k of the lattice, E' = E / (1 - nu^2), and the
@@ -19,7 +19,7 @@ _N_HARMONICS = 100
 
 
 def cavity_closure_length_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True) -> float:
-    """Return the mean closure of the cavities between bars, times E' over the mean pressure [mm].
+    """Return the mean cavity closure times E' over the mean pressure [mm].
 
     Args:
         pitch_mm: Distance of the bars [mm].

@@ -1,4 +1,4 @@
-"""The fidelity levels by name, cheapest first, and the response of a chosen level to one load.
+"""Fidelity levels by name, coarsest first, and the response of a level to given loads.
 
 - `half-space`: a formula, see there.
 - `linear`: the response table. Closures may exceed the gap; the capacitance is held at that of a closed gap.
@@ -32,7 +32,7 @@ MAX_PATCH_RADIUS_REL = 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LevelResponse:
-    """Closures and capacitances of the elements under some loads.
+    """Closures [um] and capacitances [pF] of the elements under n loads, by one fidelity level.
 
     Attributes:
         closure_um: Mean closure of each gap [um], shape (n, 9).
@@ -49,7 +49,7 @@ FidelityLevel = Callable[[Vector, Vector], LevelResponse]
 
 
 def half_space_response(model: HalfSpace, normal: Vector, force_n: Vector) -> LevelResponse:
-    """Return the closures of the formula, and the capacitances of flat electrodes."""
+    """Return closures by the half-space formula, and capacitances of flat electrodes."""
     closure_um, capacitor = model.closure_um(normal, force_n), model.design.capacitor
     return LevelResponse(closure_um, capacitor.capacitance_pf(np.minimum(closure_um, capacitor.gap_um)))
 
@@ -61,17 +61,17 @@ def _response_of_cells(capacitor: CapacitorDesign, cells_um: Vector) -> LevelRes
 
 
 def linear_response(response: FootResponse, normal: Vector, force_n: Vector) -> LevelResponse:
-    """Return closures and capacitances from the response table alone, gaps not closing."""
+    """Return closures and capacitances by the linear response table, without gap contact."""
     return _response_of_cells(response.design, response.free_closure_um(normal, force_n))
 
 
 def gap_contact_response(foot: Foot, normal: Vector, force_n: Vector) -> LevelResponse:
-    """Return closures and capacitances of the simulated foot: response table with contact in closed gaps."""
+    """Return closures and capacitances of the simulated foot: response table plus contact in closed gaps."""
     return _response_of_cells(foot.response.design, foot.cells_um(normal, force_n))
 
 
 def finite_strain_level(foot_design: FootDesign, *, reduced: bool = False) -> FidelityLevel:
-    """Return the level with one nonlinear solve per load.
+    """Return the finite-strain fidelity level: a function with one nonlinear solve per load.
 
     Args:
         foot_design: The foot.
@@ -94,7 +94,7 @@ def finite_strain_level(foot_design: FootDesign, *, reduced: bool = False) -> Fi
 
 
 def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -> FidelityLevel:
-    """Return the function that computes a foot's response at the named fidelity level.
+    """Return the function that computes a foot's response to loads at the named fidelity level.
 
     Args:
         name: One of `LEVEL_NAMES`.

@@ -1,4 +1,4 @@
-"""Loads on which the models of the foot are compared: the paper's centred ones, and loads in the mirror plane."""
+"""Loads on which fidelity levels are compared: the paper's centred loads, and loads in the mirror plane."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ def paper_loads(response: FootResponse) -> Loads:
 
 
 def loads_in_mirror_plane(cases: Sequence[tuple[float, float, float]]) -> Loads:
-    """Return loads in the plane y = 0, which the full solve meshes half of.
+    """Return loads in the plane y = 0, for which the finite-strain model meshes half the foot.
 
     Args:
         cases: Elevation of the normal and of the force [deg], magnitude [gf].

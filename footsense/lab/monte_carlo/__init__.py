@@ -1,1 +1,1 @@
-"""Monte Carlo over fabricated feet, on one machine or a cluster."""
+"""Monte Carlo simulations over fabricated feet, on one machine or a cluster."""

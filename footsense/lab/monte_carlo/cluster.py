@@ -1,4 +1,4 @@
-"""The workers of a dask cluster as a context of joblib; a scheduler that does not answer is an error in seconds."""
+"""Dask cluster as joblib backend, with an error within seconds if the scheduler does not answer."""
 
 import importlib.util
 import socket
@@ -16,7 +16,7 @@ _CONNECT_TIMEOUT_S = 5.0
 
 @contextmanager
 def dask_workers(scheduler: str) -> Iterator[None]:
-    """Use the workers of a dask scheduler.
+    """Run joblib calls inside the context on the workers of a dask scheduler.
 
     Yields:
         Nothing.
@@ -45,7 +45,7 @@ def dask_workers(scheduler: str) -> Iterator[None]:
 
 
 def _require_listener(scheduler: str) -> None:
-    """Check that a scheduler answers: without one a dask client leaves a thread behind, or waits forever.
+    """Raise an error unless a scheduler accepts connections (a dask client would wait forever).
 
     Raises:
         FootsenseError: The address is invalid, nothing listens there, or it is not a dask server.

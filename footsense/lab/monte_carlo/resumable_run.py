@@ -1,4 +1,4 @@
-"""Resumable Monte Carlo run over many fabricated feet.
+"""Monte Carlo run over many fabricated feet that resumes from its result file.
 
 Each finished foot is appended to a file at once, so an interrupted run continues with the missing feet. The first line
 describes the run; a file of another run is refused. An unfinished last line, left by a killed writer, is cut off.
@@ -21,7 +21,7 @@ from footsense.sim.foot.fabrication import FootTolerances
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerances(FootTolerances):
-    """Rms deviations of a fabricated foot and of the calibrating test stand; zero means exact.
+    """Rms deviations of fabricated feet and of the calibrating test stand; all zero means as designed.
 
     Attributes:
         reading_pf: Noise of each capacitance reading [pF].
@@ -48,7 +48,7 @@ class Tolerances(FootTolerances):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One evaluation of one fabricated foot.
+    """One evaluation of one fabricated foot: its tolerances, number and case.
 
     Attributes:
         tolerances: The rms values of its distribution.
@@ -69,7 +69,7 @@ EstimatorErrors = dict[str, float]
 
 @dataclass(frozen=True, slots=True)
 class _JobResult:
-    """Result of one job: a line of the result file."""
+    """Result of one job, one line of the result file."""
 
     job: Job
     figures: EstimatorErrors
@@ -89,7 +89,7 @@ def run_resumable(
     workers: Workers,
     file: Path | None = None,
 ) -> dict[Job, EstimatorErrors]:
-    """Evaluate all feet that are not in the file yet.
+    """Evaluate the jobs missing in the result file and append them; return the figures of all jobs.
 
     Args:
         about: Description of the run, equal for results that belong together: seed, models.
@@ -122,7 +122,7 @@ def _evaluate_unfinished(
     finished: dict[Job, EstimatorErrors],
     ledger: TextIO | None,
 ) -> None:
-    """Evaluate feet and append each result to the file; a terminal shows a progress bar."""
+    """Evaluate jobs and append each result to the file, with a progress bar on a terminal."""
     with (
         progress_bar("feet", len(finished) + len(missing)) as feet_done,
         closing(workers(work, missing)) as finishing,
@@ -137,7 +137,7 @@ def _evaluate_unfinished(
 
 
 def _read_finished(file: Path, about: Mapping[str, str | int]) -> dict[Job, EstimatorErrors]:
-    """Return the figures of finished feet from a result file, and prepare the file for appending.
+    """Return the figures of finished jobs from a result file; create or repair the file for appending.
 
     Raises:
         FootsenseError: It holds another run, or cannot be read or written.

@@ -37,7 +37,7 @@ REFERENCE_RESOLUTION_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredLoads:
-    """Measurements of one foot under loads close to the paper's.
+    """Measurements of one foot on the test stand, under loads close to the paper's.
 
     Attributes:
         force_n: Forces of the reference sensor [N], shape (n, 3).
@@ -121,7 +121,7 @@ def _open_estimators(models: Path, seed: int, epochs: int) -> _TrainedEstimators
 def _train_plain_network(
     design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int
 ) -> ForceEstimator:
-    """Return the paper's kind of network, trained on capacitance changes."""
+    """Return the paper's network, trained on capacitance changes, as a force estimator."""
     return PaperTraining(design, cases).train([random_layers(rng, (9, *HIDDEN_NEURONS, 3))], epochs)[0]
 
 

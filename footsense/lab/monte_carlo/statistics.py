@@ -1,4 +1,4 @@
-"""Mean and standard deviation of a figure over networks that differ in their start weights, or over feet."""
+"""Mean, standard deviation and range of a figure over seeds or feet, and differences of means."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ SIGNIFICANT_STANDARD_ERRORS = 2.0
 
 
 class MeanDifference(NamedTuple):
-    """Difference of two means, with its standard error.
+    """Difference of two means with its standard error.
 
     Attributes:
         mean: Difference.
@@ -23,13 +23,13 @@ class MeanDifference(NamedTuple):
 
     @property
     def sign(self) -> int:
-        """Sign of the difference, 1 or -1; 0 if the difference is not significant."""
+        """Sign of the difference, 1 or -1; 0 if it is not significant."""
         return int(np.sign(self.mean)) if abs(self.mean) > SIGNIFICANT_STANDARD_ERRORS * self.error else 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeanStd:
-    """Statistics of a figure, in the figure's unit.
+    """Mean, standard deviation and range of a figure over n seeds or feet, in the figure's unit.
 
     Attributes:
         mean: Mean.
@@ -47,7 +47,7 @@ class MeanStd:
 
     @classmethod
     def of_values(cls, figures: Iterable[float]) -> Self:
-        """Return mean, standard deviation and range of some values.
+        """Return mean, standard deviation and range of the given values.
 
         Example:
             >>> print(MeanStd.of_values([1.0, 2.0, 3.0]))
@@ -63,7 +63,7 @@ class MeanStd:
         )
 
     def difference_from(self, other: "MeanStd") -> MeanDifference:
-        """Return how much larger this mean is than another, and the standard error of that difference.
+        """Return this mean minus another, with the standard error of the difference.
 
         Example:
             >>> few, many = MeanStd.of_values([3.0, 5.0]), MeanStd.of_values([1.0, 1.0])

@@ -1,4 +1,4 @@
-"""Sweeps over the imperfections of fabrication and calibration, and the statistics over the feet of each level."""
+"""Sweeps of fabrication and calibration tolerances, with statistics over the feet at each level."""
 
 import hashlib
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ PAPER_LIKE_TOLERANCES = Tolerances(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """One kind of imperfection at several levels.
+    """A tolerance that is varied over several levels, on top of base tolerances.
 
     Attributes:
         varied_quantity: Varied quantity, with the unit of the levels.
@@ -55,7 +55,7 @@ class Sweep:
     base: Tolerances = NO_DEVIATIONS
 
     def at(self, level: float) -> Tolerances:
-        """Return the fabrication tolerances at a level of the sweep."""
+        """Return the tolerances at a level of the sweep."""
         return self.base.plus(self.step, level)
 
 
@@ -95,7 +95,7 @@ TEST_STAND_SWEEPS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Numbers of feet and levels that a Monte Carlo run evaluates.
+    """Sizes of a Monte Carlo run: feet per level, training epochs, thinning of levels.
 
     Attributes:
         feet: Feet at every level.
@@ -110,11 +110,11 @@ class Plan:
     level_step: int = 1
 
     def levels(self, sweep: Sweep) -> tuple[float, ...]:
-        """Return the levels of a sweep: 0 first, the largest last."""
+        """Return the evaluated levels of a sweep: 0 first, the largest last."""
         return (0.0, *sweep.levels[:: -self.level_step][::-1])
 
     def jobs(self, sweep: Sweep, level: float) -> list[Job]:
-        """Return the jobs for the feet of a level."""
+        """Return one job per foot at a level of a sweep."""
         with_network = sweep in TEST_STAND_SWEEPS
         return [
             Job(sweep.at(level), foot, with_network)
@@ -128,7 +128,7 @@ QUICK_PLAN = Plan(feet=2, with_network=2, epochs=QUICK_EPOCHS, level_step=4)
 
 @dataclass(frozen=True, kw_only=True)
 class SweepResults:
-    """Statistics over the feet of a plan.
+    """Figures of all evaluated feet, with statistics by sweep and level.
 
     Attributes:
         plan: Feet and levels.
@@ -141,19 +141,19 @@ class SweepResults:
     figures: dict[str, dict[str, dict[str, MeanStd]]]
 
     def over_feet(self, sweep: Sweep, level: float, name: str) -> MeanStd:
-        """Return the statistics of a figure over the feet of a level."""
+        """Return mean and standard deviation of a figure over the feet at a level."""
         return self.figures[sweep.varied_quantity][f"{level:g}"][name]
 
     def means(self, sweep: Sweep, name: str) -> list[float]:
-        """Return a figure's mean over the feet at each level."""
+        """Return a figure's mean over the feet, for each level of a sweep."""
         return [self.over_feet(sweep, level, name).mean for level in self.plan.levels(sweep)]
 
     def at_level(self, sweep: Sweep, name: str, level: float) -> float:
-        """Return a figure's mean over the feet at a level, interpolated linearly between levels."""
+        """Return a figure's mean over the feet at any level, by linear interpolation."""
         return float(np.interp(level, self.plan.levels(sweep), self.means(sweep, name)))
 
     def level_reaching(self, sweep: Sweep, name: str, target: float) -> float | None:
-        """Return the lowest level at which a mean reaches a target, interpolated linearly between levels."""
+        """Return the lowest level at which a figure's mean reaches a target, interpolated; None if never."""
         levels, means = self.plan.levels(sweep), self.means(sweep, name)
         for k, mean in enumerate(means):
             if mean >= target:
@@ -164,7 +164,7 @@ class SweepResults:
 def sweep_results(
     models: Path, gap_um: float, plan: Plan, workers: Workers, file: Path | None = None
 ) -> SweepResults:
-    """Evaluate all feet of a plan that are not in the file yet.
+    """Return the results of a plan, evaluating the feet that are missing in the result file.
 
     Args:
         models: Folder of the released models; workers elsewhere need it under the same path.

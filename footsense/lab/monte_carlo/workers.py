@@ -1,4 +1,4 @@
-"""Processes that run the jobs of a Monte Carlo, by joblib: on this machine, or the workers of a dask cluster."""
+"""Worker processes for Monte Carlo jobs, by joblib: on this machine, or on a dask cluster."""
 
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
@@ -16,7 +16,7 @@ LOCAL_WORKERS = 2
 
 
 def job_runner(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Workers:
-    """Return workers: local processes or a dask cluster.
+    """Return a function that runs jobs on local processes or a dask cluster.
 
     Args:
         scheduler: Address of a dask scheduler, such as `tcp://host:8786`; None for processes on this machine, which end
@@ -42,7 +42,7 @@ def job_runner(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> 
 
 
 def _run_job(work: Work, job: Job) -> tuple[Job, EstimatorErrors]:
-    """Run one job, and return the job and the computed figures."""
+    """Return a job together with its computed figures."""
     return job, work(job)
 
 

@@ -1,1 +1,1 @@
-"""The studies: each answers a question raised or left open by the paper, with a table and a figure."""
+"""Studies of the report: each answers one question about the sensor, with a table and a figure."""

@@ -26,12 +26,12 @@ def map_position(normal: Vector) -> tuple[Vector, Vector]:
 
 
 def map_radius(elevation_deg: float) -> float:
-    """Return the radius of a circle of elevation on the map."""
+    """Return the map radius of the circle of one elevation."""
     return float(np.tan(np.radians(90.0 - elevation_deg) / 2.0))
 
 
 def map_circle(direction: Vector, radius_deg: float) -> tuple[Vector, Vector]:
-    """Return right and up of the circle of all directions at an angle [deg] from one.
+    """Return map coordinates (right, up) of the circle of directions at an angle [deg] from one direction.
 
     Args:
         direction: Unit vector, shape (3,).

@@ -1,4 +1,4 @@
-"""A study of the report: `compute` measures, a Jinja template turns the measured numbers into the page's text.
+"""Study and page of the report: `compute` returns figures, a Jinja template renders them as text.
 
 A study module `x.py` ends with `STUDY = Study(...)`; its template is `x.md.j2` beside it. `compute` may take minutes
 and returns results (a dataclass) and figures. The results are written as JSON. The template sees the fields of the
@@ -34,7 +34,7 @@ Plots = dict[str, Figure]
 
 @dataclass(frozen=True, kw_only=True)
 class StudyContext:
-    """Models that a study evaluates, whether it runs quickly, and its progress output.
+    """Inputs of a study: folder of the models, quick or full form, progress output.
 
     Attributes:
         models: Folder of a foot type: its description, response table and network.
@@ -48,44 +48,45 @@ class StudyContext:
 
     @cached_property
     def _released_models(self) -> tuple[FootResponse, OnnxNetwork]:
+        """Return response table and network from the context's folder, loaded once."""
         return open_models(self.models)
 
     @cached_property
     def foot_design(self) -> FootDesign:
-        """Geometry, materials and loads of the foot."""
+        """Geometry, materials and load range of the studied foot."""
         return load_foot(self.models / FOOT_FILE)
 
     @property
     def response(self) -> FootResponse:
-        """Response table of the foot that the study is about."""
+        """Response table of the studied foot."""
         return self._released_models[0]
 
     @property
     def network(self) -> OnnxNetwork:
-        """The released network, run by ONNX Runtime."""
+        """The studied network, run by ONNX Runtime."""
         return self._released_models[1]
 
     @cached_property
     def trained_inputs(self) -> TrainedInputs:
-        """Capacitors of the released network, and range and moments of its training inputs."""
+        """Capacitor model, input range and input moments of the network."""
         return read_card(json.dumps(self.network.card), str(self.models)).trained_inputs
 
     def model_hash_entry(self, *, uses_network: bool) -> dict[str, str]:
-        """Return the hash that identifies a page's models: of the network, or of the foot's response alone."""
+        """Return the hash that keys a page: of the network, or of the response table alone."""
         if uses_network:
             return {"network_sha256": self.network_sha256}
         return {"response_sha256": self.response.sha256}
 
     @cached_property
     def network_sha256(self) -> str:
-        """SHA-256 of the network file, which also identifies the foot: its card holds the response table's hash."""
+        """SHA-256 of the network file, whose card holds the response table's hash."""
         path = self.models / NETWORK_FILE
         return verified_sha256(path.read_bytes(), str(path))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """One page of the report.
+    """One rendered page of the report: text, figures and JSON values.
 
     Attributes:
         name: The study's name, which also names its files.
@@ -105,11 +106,11 @@ class Page:
 
     @property
     def seconds(self) -> float:
-        """Time that the study took [s]."""
+        """Computing time of the study [s]."""
         return float(self.values["seconds"])
 
     def write(self, folder: Path) -> None:
-        """Write `<name>.md`, `<name>.json` and the figures into a folder, made if missing."""
+        """Write `<name>.md`, `<name>.json` and the figures into a folder, created if missing."""
         folder.mkdir(parents=True, exist_ok=True)
         for file, figure in self.figures.items():
             figure.savefig(folder / file, dpi=110, bbox_inches="tight", metadata={"Software": None})
@@ -119,14 +120,14 @@ class Page:
 
     @property
     def markdown(self) -> str:
-        """Markdown of the page: title, command with time, body."""
+        """Full Markdown of the page: title, command, computing time, body."""
         made_by = f"`footsense lab {self.command or 'study ' + self.name}`, {self.seconds:.0f} s"
         return f"## {self.title}\n\n{made_by}\n\n{self.body.strip()}\n"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """One study of the report: its computation and its page.
+    """One study of the report: name, title, `compute` and the names for its template.
 
     Attributes:
         name: Names its command and its files.
@@ -146,7 +147,7 @@ class Study:
     uses_network: bool = True
 
     def page(self, context: StudyContext) -> Page:
-        """Compute the results, and return the page with the hashes that show when the page is out of date."""
+        """Run `compute` and return the page, with the hashes that show later whether it is out of date."""
         started = default_timer()
         results, figures = self.compute(context)
         values = {
@@ -160,11 +161,11 @@ class Study:
 
     @property
     def _compute_function(self) -> Any:
-        """The function behind `compute`, which may be partial."""
+        """The plain function behind `compute` (unwrapped from `functools.partial`)."""
         return getattr(self.compute, "func", self.compute)
 
     def rerender(self, values: dict[str, Any], figures: Plots | None = None) -> Page:
-        """Render the page from stored JSON values, without computing."""
+        """Return the page rendered from stored JSON values, without computing."""
         results_type, _ = get_args(get_type_hints(self._compute_function)["return"])
         results: Any = msgspec.convert(values, results_type, str_keys=True)
         numbers = {one.name: getattr(results, one.name) for one in fields(results)}

@@ -1,4 +1,4 @@
-"""Parts of the studies' figures: a row of panels, and a mean with a band of one standard deviation."""
+"""Plot helpers of the studies: a row of panels, and a mean line with a standard deviation band."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from footsense.lab.monte_carlo.statistics import MeanStd
 
 
 def subplot_row(n: int, width: float, height: float, **options: Any) -> tuple[Figure, list[Axes]]:
-    """Return a figure [inch] with n panels in a row, each with a grid.
+    """Return a figure (size in inch) with n panels in a row, and their axes with grids.
 
     Args:
         n: How many.
@@ -27,7 +27,7 @@ def subplot_row(n: int, width: float, height: float, **options: Any) -> tuple[Fi
 
 
 def plot_band(axes: Axes, x: Sequence[float], statistics: Sequence[MeanStd], **options: Any) -> None:
-    """Plot means over x, and one standard deviation to either side as a band."""
+    """Plot means over x with a band of one standard deviation to either side."""
     mean, std = (np.array([getattr(one, name) for one in statistics]) for name in ("mean", "std"))
     (line,) = axes.plot(x, mean, "o-", ms=4, **options)
     axes.fill_between(x, mean - std, mean + std, color=line.get_color(), alpha=0.2, lw=0)

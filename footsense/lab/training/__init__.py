@@ -1,1 +1,1 @@
-"""Networks: load cases, training, and export to ONNX."""
+"""Training of force networks: load cases, gaits, networks, export to ONNX."""

@@ -1,4 +1,4 @@
-"""Write the windowed network as ONNX with its card inside, and check that ONNX Runtime computes the same.
+"""ONNX export of the windowed network with its card, and the network run by ONNX Runtime.
 
 One file carries weights and card (`metadata_props`, key `footsense_card`), so the two cannot drift apart. The file
 holds each weight once; Gather puts it in its eight places when the runtime loads the file, which folds all of it into
@@ -49,7 +49,7 @@ IR_VERSION, OPSET = 8, 17
 
 
 def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
-    """Return the ONNX initialisers: each weight once, and the indices that place it in the full matrices."""
+    """Return the ONNX initialisers: weights, and the indices that expand them into full matrices."""
     c, elements, basis = weights.channels, weights.rows**2, linear_basis(weights.rows)
     n_inputs = weights.w1.shape[1]
     turns = output_symmetries().transpose(0, 2, 1)  # a row vector times this is the turned vector
@@ -94,7 +94,7 @@ def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]
 
 
 def _graph_nodes() -> Sequence[onnx.NodeProto]:
-    """Return the operators of the graph, read from `windowed_network.onnxtxt`."""
+    """Return the operator nodes of the ONNX graph, read from `windowed_network.onnxtxt`."""
     operators = Path(__file__).with_name("windowed_network.onnxtxt").read_text(encoding="utf-8")
     nodes: Sequence[onnx.NodeProto] = onnx.parser.parse_graph(f"operators () => () {{\n{operators}}}").node
     for node in nodes:
@@ -103,7 +103,7 @@ def _graph_nodes() -> Sequence[onnx.NodeProto]:
 
 
 def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) -> onnx.ModelProto:
-    """Return the network as a graph from readings and ages to force, contact and their sigma, float32.
+    """Return the network as an ONNX model: readings and ages in; force, contact and their sigma out (float32).
 
     Args:
         weights: The weights.
@@ -116,6 +116,7 @@ def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) 
     }
 
     def tensor_infos(signals: Sequence[Signal]) -> list[onnx.ValueInfoProto]:
+        """Return the ONNX descriptions of input or output tensors."""
         return [
             helper.make_tensor_value_info(signal.name, TensorProto.FLOAT, ["n", signal.width])
             for signal in signals
@@ -140,7 +141,7 @@ def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) 
 
 
 def load_weights(path: Path) -> Weights:
-    """Return the weights in a network file, for a training that starts from them.
+    """Return the weights of a network file, as start weights of a training.
 
     Raises:
         ModelError: It is no network of this layout.
@@ -153,7 +154,7 @@ def load_weights(path: Path) -> Weights:
 
 
 class OnnxNetwork:
-    """A network file, run by ONNX Runtime.
+    """A windowed network from an ONNX file, run by ONNX Runtime.
 
     Attributes:
         card: The card inside.
@@ -186,10 +187,10 @@ class OnnxNetwork:
         return Load(*(np.asarray(part, dtype=np.float64) for part in outputs))
 
     def force_n(self, closure_rel: Vector) -> Vector:
-        """Return forces [N], shape (n, 3), of feet at rest with closures over the gap, shape (n, elements)."""
+        """Return estimated forces [N], (n, 3), under steady loads, from closures over the gap, (n, elements)."""
         return self.estimate(steady_windows(closure_rel)).force_n
 
 
 def library_versions() -> dict[str, str]:
-    """Return the versions of the libraries behind the network."""
+    """Return the versions of the libraries that determine the trained network."""
     return {"jax": jax.__version__, "numpy": np.__version__, "onnx": onnx.__version__}

@@ -1,4 +1,4 @@
-"""Training of the symmetric networks: Muon on random batches, one-cycle schedule, all random draws from one seed.
+"""Training loop of the symmetric networks: Muon optimiser, random batches, one-cycle schedule, one seed.
 
 Muon orthogonalises the step of each matrix (the rest goes by Adam), so that weak patterns are learnt as fast as strong
 ones. Every batch draws its own noise and its own missing elements.
@@ -38,7 +38,7 @@ _TEMPERING = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Protocol:
-    """Training settings of a symmetric network: size, steps, batch, learning rate, seed.
+    """Training settings of a symmetric network: channels, steps, batch size, learning rate, seed.
 
     Attributes:
         channels: Channels of each of the two hidden layers, eight units each.
@@ -57,7 +57,7 @@ class Protocol:
     seed: int = 20090304
 
     def card(self) -> dict[str, Any]:
-        """Return the training settings as JSON values."""
+        """Return the training settings as JSON values for the network's card."""
         return {"optimiser": "muon, cosine one-cycle", **asdict(self)}
 
 
@@ -101,7 +101,7 @@ def fit_linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: flo
 def force_likelihood_loss(
     force_n: Any, sigma_n: Any, true_n: Any, min_force_n: float, squared_error_weight: float
 ) -> Any:
-    """Return the tempered likelihood of the forces' errors, with a share of the squared error over the force.
+    """Return the training loss of forces: tempered negative log-likelihood plus relative squared error.
 
     Args:
         force_n: Estimated forces [N], shape (n, 3).
@@ -126,7 +126,7 @@ def fit(
     steps_per_call: int,
     report: Callable[[str], object] = lambda _: None,
 ) -> Weights:
-    """Return the weights after all steps of a protocol.
+    """Return the weights after training for all steps of a protocol.
 
     Args:
         random_weights: Returns start weights, of a key and the number of channels.
@@ -141,7 +141,10 @@ def fit(
     optimiser = optax.contrib.muon(schedule)
 
     def train_chunk(carry: tuple[Weights, Any], key: jax.Array, data: Any) -> Any:
+        """Return the state after several training steps, as one compiled call."""
+
         def step(carry: tuple[Weights, Any], key: jax.Array) -> tuple[tuple[Weights, Any], jax.Array]:
+            """Return the state and the loss after one training step."""
             free, state = carry
             now, gradient = jax.value_and_grad(loss)(free, random_batch(data, key))
             change, state = optimiser.update(gradient, state, free)

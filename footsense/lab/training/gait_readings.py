@@ -1,4 +1,4 @@
-"""Readings of a foot in random gaits, as the daemon gets them: one element after the other, with noise and timing.
+"""Simulated readings of a foot in random gaits: sequential conversions with noise, delays and drift.
 
 Every conversion is one reading of one element at its own time; the truth that belongs to it is the load at the time at
 which a force estimated from it would be sent. Half a minute of walking is thousands of windows of readings.
@@ -40,7 +40,7 @@ _DRIFT_PF, _DRIFT_SHARE = 0.3e-3, 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GaitReadings:
-    """Readings of m gaits of n conversions each.
+    """Simulated readings and true loads of m gaits of n conversions each.
 
     Attributes:
         rows: Rows of elements of the foot, and as many columns.
@@ -69,14 +69,14 @@ _ARRAYS = [field.name for field in fields(GaitReadings) if field.name != "rows"]
 
 
 def conversion_elements(order: int, n: int, rows: int = 3) -> NDArray[np.intp]:
-    """Return the element of each of n conversions of a foot with so many rows and columns, shape (n,)."""
+    """Return the element index of each of n successive conversions, shape (n,)."""
     return np.resize(np.array(conversion_order(CONVERSION_ORDERS[order], rows), np.intp), n)
 
 
 def _with_viscoelastic_load(
     t_s: Vector, normal: Vector, force_n: Vector, amount: float
 ) -> tuple[Vector, Vector]:
-    """Return normal and force that deform an elastic foot as much as the load deforms one that creeps and lags."""
+    """Return normal and force of the elastic load that deforms a foot as the viscoelastic one does."""
     rubber = ViscoelasticElement()
     normals, forces = normal.copy(), np.empty_like(force_n)
     for k, t_ns in enumerate((t_s * 1e9).astype(np.int64).tolist()):
@@ -105,7 +105,7 @@ def nominal_send_delay_s(step_s: Any) -> Any:
 
 
 class ReadingConditions(NamedTuple):
-    """Conditions under which the capacitances of a gait are read, the rubber's and the baselines' included.
+    """Conditions of a simulated gait: conversion order and timing, viscoelasticity, baseline drift.
 
     Attributes:
         order: Index into `CONVERSION_ORDERS`.
@@ -129,7 +129,7 @@ def read_gait(
     rng: np.random.Generator,
     n: int,
 ) -> GaitReadings:
-    """Return the readings of one gait, as arrays with a first axis of length 1.
+    """Return the simulated readings of one gait, as arrays with a first axis of length 1.
 
     Args:
         response: Response of the foot.
@@ -165,7 +165,7 @@ def read_gait(
 
 
 def read_random_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: float) -> GaitReadings:
-    """Return the readings of one random gait under random conditions, as `read_gait`.
+    """Return the simulated readings of one random gait under random conditions, as `read_gait`.
 
     Args:
         response: Response of the foot.
@@ -188,7 +188,7 @@ def read_random_gait(response: FootResponse, rng: np.random.Generator, n: int, m
 
 
 def concatenate_gaits(gaits: list[GaitReadings]) -> GaitReadings:
-    """Return gaits of equal length on feet of one kind as one."""
+    """Return gaits of equal length joined along the first axis."""
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(gait, name) for gait in gaits]) for name in _ARRAYS
     }
@@ -196,7 +196,7 @@ def concatenate_gaits(gaits: list[GaitReadings]) -> GaitReadings:
 
 
 def select_gaits(gaits: GaitReadings, chosen: Mask) -> GaitReadings:
-    """Return the gaits that a mask selects."""
+    """Return the gaits selected by a mask."""
     arrays: dict[str, Any] = {name: getattr(gaits, name)[chosen] for name in _ARRAYS}
     return replace(gaits, **arrays)
 
@@ -204,7 +204,7 @@ def select_gaits(gaits: GaitReadings, chosen: Mask) -> GaitReadings:
 def random_gaits(
     response: FootResponse, seed: int, m: int, n: int, max_n: float, jobs: int = 1
 ) -> GaitReadings:
-    """Return m random gaits of n conversions each; the same seed gives the same, on any number of processes."""
+    """Return simulated readings of m random gaits; the same seed gives the same, on any number of processes."""
     seeds = np.random.SeedSequence(seed).spawn(m)
     making = Parallel(n_jobs=jobs, return_as="generator")(
         delayed(read_random_gait)(response, np.random.default_rng(own), n, max_n) for own in seeds

@@ -29,7 +29,7 @@ def age_in_conversions_table(rows: int) -> NDArray[np.intp]:
 
 
 def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
-    """Return contact point and friction ratio, shape (..., 4), and the normal force [N], shape (...), of loads."""
+    """Return contact point and friction ratio, shape (..., 4), and normal force [N], (...), from force and normal."""
     pressing_n = (force_n * normal).sum(axis=-1)
     point = normal[..., :2] / (1.0 + normal[..., 2:])
     safe_n = np.where(pressing_n > 0.0, pressing_n, 1.0)[..., None]

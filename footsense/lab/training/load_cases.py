@@ -1,4 +1,4 @@
-"""Load cases with their closures: the paper's two sets, and the random loads that train the released network.
+"""Load cases with their closures: the paper's two sets, and random loads for training.
 
 The paper's loads are centred (the force goes through the middle of the ball, so the contact normal is parallel to
 it) and have three magnitudes. A walking foot sees more: any magnitude, and contacts whose normal is tilted away
@@ -51,7 +51,7 @@ class Cases:
     closure_um: Vector
 
     def with_symmetric_copies(self) -> "Cases":
-        """Return the cases and their seven images under the square's symmetries, shape (8 n, ...)."""
+        """Return the cases with their seven images under the square's symmetries, shape (8 n, ...)."""
         closures, rows = [], math.isqrt(self.closure_um.shape[1])
         for symmetry in SYMMETRIES:
             image = np.empty_like(self.closure_um)
@@ -72,7 +72,7 @@ class LeaningCases(Cases):
 
 
 def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
-    """Return the closures that the daemon would find [um], shape (n, elements): from capacitance, by the design.
+    """Return the closures that the service would compute [um], (n, elements), from simulated capacitances.
 
     Args:
         foot: The specimen.
@@ -87,7 +87,7 @@ def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
 
 
 def _centred_cases(foot: Foot, direction: Vector, magnitudes_gf: list[float]) -> Cases:
-    """Return centred loads: every direction at every magnitude."""
+    """Return the cases of centred loads: every direction at every magnitude."""
     force = np.concatenate([direction * magnitude * GRAM_FORCE_N for magnitude in magnitudes_gf])
     return Cases(force, sensed_closure_um(foot, np.tile(direction, (len(magnitudes_gf), 1)), force))
 
@@ -95,7 +95,7 @@ def _centred_cases(foot: Foot, direction: Vector, magnitudes_gf: list[float]) ->
 def paper_training(
     response: FootResponse, deviations: Deviations | None = None, *, force_unit: float = 1.0
 ) -> Cases:
-    """Return the paper's 362 training cases: 181 directions at 50 and 150 gf (section III F), times a unit."""
+    """Return the paper's 362 training cases (section III F): 181 directions at 50 and 150 gf, times a force unit."""
     sizes_gf = [50.0 * force_unit, 150.0 * force_unit]
     return _centred_cases(Foot(response, deviations), paper_directions("training"), sizes_gf)
 
@@ -103,12 +103,12 @@ def paper_training(
 def paper_verification(
     response: FootResponse, deviations: Deviations | None = None, *, force_unit: float = 1.0
 ) -> Cases:
-    """Return the paper's 180 verification cases: angles shifted by 5 deg, at 100 gf (section III F), times a unit."""
+    """Return the paper's 180 test cases (section III F): angles shifted by 5 deg, 100 gf, times a force unit."""
     return _centred_cases(Foot(response, deviations), paper_directions("verification"), [100.0 * force_unit])
 
 
 def leaning_normals(loads: LoadRange, rng: np.random.Generator, direction: Vector) -> Vector:
-    """Return contact normals that lean away from the force's direction, mostly little, never beyond friction."""
+    """Return random contact normals that lean from the force directions, within the friction angle."""
     n, typical_deg = len(direction), loads.typical_lean_deg
     # A Rayleigh distribution cut off at the friction angle, by inversion.
     within = -np.expm1(-0.5 * (loads.friction_angle_deg / typical_deg) ** 2)
@@ -122,7 +122,7 @@ def leaning_normals(loads: LoadRange, rng: np.random.Generator, direction: Vecto
 def random_loads(
     response: FootResponse, loads: LoadRange, n: int, seed: int, deviations: Deviations | None = None
 ) -> LeaningCases:
-    """Return n random loads within the converter's range.
+    """Return n random load cases within the converter's range.
 
     Half of the magnitudes are uniform up to the largest, half uniform in the logarithm from a light touch, so that
     light and firm steps are equally frequent. Gaps may close in part; loads that drive an element beyond the
@@ -175,7 +175,7 @@ def _is_maybe_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[n
 
 
 def measured_closure_rel(design: CapacitorDesign, closure_um: Vector, rng: np.random.Generator) -> Vector:
-    """Return closures over the gap [1] as the daemon gets them: through noisy capacitance and a noisy baseline."""
+    """Return closures over the gap [1] with the noise of capacitance and baseline added."""
     measured = design.capacitance_pf(closure_um) + NOISE_PF * rng.normal(size=closure_um.shape)
     baseline = design.unloaded_pf + BASELINE_NOISE_PF * rng.normal(size=closure_um.shape)
     closure_rel: Vector = design.closure_um(measured, baseline) / design.gap_um
@@ -183,7 +183,7 @@ def measured_closure_rel(design: CapacitorDesign, closure_um: Vector, rng: np.ra
 
 
 def closure_of_designed_foot_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
-    """Return the closures [um] of the designed foot that would change its capacitances by these amounts [pF].
+    """Return the closures [um] that cause the given capacitance changes [pF] on the designed foot.
 
     Read-outs of capacitance changes take closures and the design; these closures give them the measured changes.
     """

@@ -1,4 +1,4 @@
-"""Layers with the eight symmetries of the square: a hidden channel is eight units that share their weights.
+"""Network layers equivariant to the eight symmetries of the square: each channel is eight units sharing weights.
 
 Unit g of a channel applies the channel's weights to the inputs mapped by the inverse of symmetry g. Units of the second
 layer see those of the first by their relative symmetry.
@@ -22,7 +22,7 @@ N_SYMMETRIES = len(SYMMETRIES)
 
 
 def hidden_input_index(n_planes: int, n_scalars: int, rows: int = 3) -> NDArray[np.intp]:
-    """Return the index of a channel's weight for each input, in each of its eight units, shape (8, inputs).
+    """Return for each unit and input the index of the shared weight, shape (8, inputs).
 
     Args:
         n_planes: Features of each element; the inputs begin with as many of each as there are elements.
@@ -45,7 +45,7 @@ def relative_symmetry_index() -> NDArray[np.intp]:
 
 
 def linear_basis(rows: int = 3) -> NDArray[np.float64]:
-    """Return the linear maps from closures to force that have the square's symmetry, shape (maps, elements, 3).
+    """Return the basis of linear maps from closures to force with the square's symmetry, (maps, elements, 3).
 
     Elements that the symmetries exchange share their weights. First come the maps to fz, one for each group of such
     elements, then those to fx and fy: none of the central element, one of a group on the axes or diagonals, and two of

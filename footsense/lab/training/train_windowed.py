@@ -75,7 +75,7 @@ class WindowProtocol(Protocol):
 
 
 class Batch(NamedTuple):
-    """Windows with their truth, n of them.
+    """Training batch of n windows with true loads.
 
     Attributes:
         features: Input features of the network.
@@ -115,6 +115,7 @@ class _TrainingConstants(NamedTuple):
 def _training_constants(
     gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, imputation: Imputation
 ) -> _TrainingConstants:
+    """Return the training data as JAX arrays."""
     contact, pressing_n = contact_and_normal_force(
         gaits.force_n.astype(np.float64), gaits.normal.astype(np.float64)
     )
@@ -167,7 +168,7 @@ def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array,
 
 
 def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any, ...]:
-    """Return random windows of steady loads, with their true loads."""
+    """Return random windows of steady loads, with true loads."""
     k1, k2, k3, k4, k5, k6, k7 = jax.random.split(key, 7)
     n_elements = data.missing_masks.shape[1]
     n_rough, n_paced = round(_FRICTION_SHARE * n), round(_PACED_SHARE * n)
@@ -265,10 +266,12 @@ def train_windowed(
     linear = fit_linear_start((now, now - newest), force_n, protocol.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
+        """Return the weights with the input whitening folded into the first layer."""
         w1 = free.w1 @ whiten
         return free._replace(linear=linear + free.linear, w1=w1, b1=free.b1 - w1 @ mean)
 
     def loss(free: Weights, batch: Batch) -> jax.Array:
+        """Return the training loss of a batch."""
         load = run(expand_shared_weights(fold_whitening(free)), batch.features)
         force = (load.force_n, load.sigma_n, batch.force_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
         apart, sigma = load.contact_coordinates - batch.contact, load.contact_sigma
@@ -276,6 +279,7 @@ def train_windowed(
         return force_likelihood_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
 
     def random_batch(data: _TrainingConstants, key: jax.Array) -> Batch:
+        """Return a random training batch."""
         return _random_windows_batch(data, times_per_gait, protocol.batch, key)
 
     def unfolded(weights: Weights) -> Weights:
@@ -286,6 +290,7 @@ def train_windowed(
         return weights._replace(linear=weights.linear - linear, w1=w1, b1=weights.b1 + weights.w1 @ mean)
 
     def first_weights(key: jax.Array, c: int) -> Weights:
+        """Return random or given initial weights."""
         return _random_weights(key, c, gaits.rows) if start is None else unfolded(start)
 
     free = fit(first_weights, loss, random_batch, data, protocol, _STEPS_PER_CALL, report)

@@ -55,7 +55,7 @@ MIN_INTERVAL_S = 1e-4
 
 
 class Weights(NamedTuple):
-    """All trained weights, `c` channels in each hidden layer.
+    """Trained weights of a windowed network, with `c` channels in each hidden layer.
 
     Attributes:
         linear: Linear paths L and M [N], shape (10,) of nine elements.
@@ -79,17 +79,17 @@ class Weights(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of weights of the network."""
+        """Number of trained weights."""
         return sum(int(part.size) for part in self)
 
     @property
     def channels(self) -> int:
-        """Channels of a hidden layer."""
+        """Number of channels in a hidden layer."""
         return int(self.b1.size)
 
     @property
     def rows(self) -> int:
-        """Rows of elements of the foot, and columns."""
+        """Number of element rows of the foot, equal to that of columns."""
         return math.isqrt((self.w1.shape[1] - FEATURES_PER_FOOT) // FEATURES_PER_ELEMENT)
 
 
@@ -124,12 +124,12 @@ class Features(NamedTuple):
 
 
 def element_input_index(rows: int = 3) -> NDArray[np.intp]:
-    """Return the input index of a channel's weights in each of its eight units, shape (8, inputs)."""
+    """Return for each unit and input the index of the shared weight, shape (8, inputs)."""
     return hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, rows)
 
 
 def output_symmetries() -> NDArray[np.float64]:
-    """Return how each symmetry turns the outputs, shape (8, 7, 7): a vector in space and two in the plane."""
+    """Return the matrix of each symmetry on the outputs (one 3D, two 2D vectors), shape (8, 7, 7)."""
     turns = np.zeros((N_SYMMETRIES, N_OUTPUTS, N_OUTPUTS))
     for turn, symmetry in zip(turns, SYMMETRIES, strict=True):
         turn[:3, :3] = symmetry
@@ -151,7 +151,7 @@ def expand_shared_weights(weights: Weights) -> LayerMatrices:
 
 
 def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> Features:
-    """Return the input features of the network for some windows.
+    """Return the network's input features of n windows.
 
     Args:
         closure_rel: Closures over the gap, newest first, missing ones imputed [1], shape (n, 3, elements).
@@ -190,7 +190,7 @@ def run(matrices: LayerMatrices, seen: Features) -> Load:
 
 
 def predict(weights: Weights, window: Window) -> Load:
-    """Return the loads that the network estimates of some windows, in float32 arithmetic."""
+    """Return the network's load estimates for n windows, in float32 arithmetic."""
     closure_rel, age_s, missing = (jnp.asarray(part, jnp.float32) for part in window)
     load = run(expand_shared_weights(weights), features(closure_rel, age_s, missing))
     return Load(*(np.asarray(part, dtype=np.float64) for part in load))

@@ -1,1 +1,1 @@
-"""Pages of the report that the commands of the laboratory write: their text and pictures."""
+"""Study pages that laboratory commands write, beside those of `footsense.lab.studies`."""

@@ -1,4 +1,4 @@
-"""Networks of feet with different arrays: trained alike, and evaluated on loads and gaits of other seeds."""
+"""Networks for feet with different arrays, trained alike and evaluated on unseen loads and gaits."""
 
 from dataclasses import dataclass, replace
 
@@ -30,7 +30,7 @@ _CONVERSIONS, _TRAINING_SEED, _TEST_SEED = 1100, 1, 990_001
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingSize:
-    """Sizes of a training and of its evaluation.
+    """Sizes of a training run and of its evaluation.
 
     Attributes:
         protocol: Training settings.
@@ -57,7 +57,7 @@ QUICK = TrainingSize(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkErrors:
-    """Direction errors of a network from 0.1 N on [deg].
+    """Direction errors [deg] of one network, for forces from 0.1 N.
 
     Attributes:
         weights: Number of its weights.
@@ -77,7 +77,7 @@ class NetworkErrors:
 
 
 def network_errors(response: FootResponse, loads: LoadRange, size: TrainingSize) -> NetworkErrors:
-    """Train a network of a foot, and return its errors on random gaits of another seed and on the measured walk.
+    """Return the direction errors of a newly trained network on random gaits and on the measured walk.
 
     Args:
         response: Response of the foot.
@@ -123,7 +123,7 @@ def _measured_walk_readings(response: FootResponse) -> GaitReadings:
 def _direction_errors_deg(
     weights: Weights, imputation: Imputation, gaits: GaitReadings, *, element_missing: bool = False
 ) -> Vector:
-    """Return the direction errors of a network on the loaded windows of some gaits [deg]."""
+    """Return a network's direction errors on the loaded windows of gaits [deg]."""
     windows = windows_of(gaits)
     loaded = np.linalg.norm(windows.force_n, axis=1) > MIN_DIRECTION_FORCE_N
     closure_rel = windows.closure_rel[loaded]

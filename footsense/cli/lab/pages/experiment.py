@@ -1,4 +1,4 @@
-"""The study `experiment`: the paper's experiment, on simulated feet with fabrication tolerances.
+"""Study `experiment`: the paper's experiment on simulated feet with fabrication tolerances.
 
 Source:
     Aoyagi et al., section V C.
@@ -94,7 +94,7 @@ class Results:
 
 
 def _progress_line(one: FootResult) -> str:
-    """Return a line of progress: the errors of one foot before and after calibration."""
+    """Return the progress line of one foot: its errors before and after calibration."""
     before, after = one.errors["design_only"], one.errors.get(f"calibrated_{N_ALL_LOADS}")
     calibrated = "refused" if after is None else f"{after.direction_deg:.2f} deg, {after.magnitude_gf:.2f} gf"
     return (
@@ -110,7 +110,7 @@ def compute(
     jobs: int | None = None,
     kept: Path | None = None,
 ) -> tuple[Results, Plots]:
-    """Press, calibrate and evaluate simulated feet; return the errors of all estimators.
+    """Simulate pressing and calibrating feet; return the errors of all estimators with a figure.
 
     Args:
         context: The models.
@@ -136,6 +136,7 @@ def compute(
     feet.sort(key=lambda one: one.foot)
 
     def over_feet(value: Callable[[FootResult], float]) -> MeanStdOverFeet:
+        """Return mean and standard deviation of a figure over the feet."""
         return MeanStdOverFeet.of_values([value(one) for one in feet])
 
     results = Results(

@@ -1,4 +1,4 @@
-"""The figure of the study `experiment`: errors over the number of calibration loads."""
+"""Figure of the study `experiment`: errors over the number of calibration loads."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ _ERROR_PANELS = (
 
 
 def errors_over_loads_figure(feet: Sequence[FootResult]) -> Figure:
-    """Draw the errors over the number of calibration loads: each foot a line, their mean a thicker one."""
+    """Return the figure of errors over the number of calibration loads: one line per foot, and the mean."""
     figure, row = subplot_row(2, 10.0, 4.2)
     for axes, (error, label, paper) in zip(row, _ERROR_PANELS, strict=True):
         _draw_error_panel(axes, feet, error, paper)
@@ -26,7 +26,7 @@ def errors_over_loads_figure(feet: Sequence[FootResult]) -> Figure:
 
 
 def _draw_error_panel(axes: Axes, feet: Sequence[FootResult], error: str, paper: float) -> None:
-    """Draw one error; the other estimators and the paper's figure as horizontal lines."""
+    """Draw one kind of error; other estimators and the paper as horizontal lines."""
     counts = (*CALIBRATION_LOAD_COUNTS, N_ALL_LOADS)
     names = [f"calibrated_{n}" for n in counts]
     lines = np.array(

@@ -1,4 +1,4 @@
-"""Study `faults`: every fault that a scene can have, once each; the page of `footsense lab faults`."""
+"""Study `faults`: every fault that a simulated scene can contain, one run each; page of `footsense lab faults`."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +14,7 @@ from footsense.validation.faults.fault_trial import BREAKS_AT_S, DURATION_S, LOA
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultResults:
-    """Figures of every fault, by the description of the fault.
+    """Results of the study `faults`: figures of a walk with each fault, by the fault's description.
 
     Attributes:
         foot_type: Name of the feet.
@@ -32,7 +32,7 @@ class FaultResults:
 
 
 def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
-    """Simulate a walk for every fault; return the figures of each, by the description of the fault."""
+    """Simulate one walk per fault; return its figures by the fault's description."""
     foot = context.foot_design
     own = foot.foot_type != DEFAULT.foot_type
     load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
@@ -55,16 +55,18 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
 
 
 def _element_numbers_text(mask: int, n_elements: int) -> str:
-    """Return the numbers of the elements in a mask."""
+    """Return the element numbers of a mask as text."""
     named = [str(element) for element in range(n_elements) if mask >> element & 1]
     return "all" if len(named) == n_elements else " ".join(named) or "-"
 
 
 def _milliseconds_text(time_s: float | None) -> str:
+    """Return a time [s] as text in ms."""
     return "-" if time_s is None else f"{1e3 * time_s:.0f}"
 
 
 def _camel(name: str) -> str:
+    """Return a snake_case name in CamelCase."""
     return name.title().replace("_", "")
 
 

@@ -1,4 +1,4 @@
-"""The study `mismatch`: feet whose physics the calibration does not know, read by the chain as shipped."""
+"""Study `mismatch`: force errors of feet whose physics differ from the model that their calibration assumes."""
 
 import dataclasses
 import hashlib
@@ -50,7 +50,7 @@ _MIN_ELEVATION_DEG = 32.0
 
 @dataclass(frozen=True, kw_only=True)
 class MismatchResults:
-    """Figures of the study `mismatch`: errors by kind of mismatch.
+    """Results of the study `mismatch`: mean and maximum over the feet, by row of mismatch and figure.
 
     Attributes:
         feet: Feet of each row.
@@ -72,12 +72,12 @@ class MismatchResults:
 
     @property
     def feet_s(self) -> float:
-        """Processor time of all feet, those of earlier runs included [s]."""
+        """Total processor time of all feet, earlier runs included [s]."""
         return self.feet * sum(row["cpu_s"] for row in self.mean_over_feet.values())
 
 
 def test_loads(loads: LoadRange) -> dict[str, TestLoads]:
-    """Return test loads by name: the paper's centred ones, and leaning ones of 100 gf and of all sizes."""
+    """Return the test loads by name: the paper's centred ones, leaning ones of 100 gf, leaning ones of all sizes."""
     centred_n = paper_presses("verification")
     rng = np.random.default_rng(SEED)
     direction = random_directions(rng, 4 * _N_LEANING, _MIN_ELEVATION_DEG)
@@ -97,11 +97,12 @@ test_loads.__test__ = False  # type: ignore[attr-defined]  # no test for pytest
 
 @lru_cache(maxsize=1)
 def _load_design_models(folder: Path) -> DesignModels:
+    """Return the models of the designed foot from a folder."""
     return DesignModels.load(folder)
 
 
 def evaluate_job(job: Job, *, models: Path, tables: Path, plan: TrialPlan) -> dict[str, float]:
-    """Return the figures of one foot of one row.
+    """Return the figures of one foot of one row, by name.
 
     Args:
         job: Foot and row.
@@ -124,7 +125,7 @@ def run_study(
     n_feet: int | None = None,
     kept: Path = KEPT_FEET_FOLDER,
 ) -> tuple[MismatchResults, Plots]:
-    """Evaluate the feet of all rows that are not finished yet.
+    """Return the results of all rows, evaluating the feet that are not finished yet, with a figure.
 
     Args:
         context: The models.
@@ -192,7 +193,7 @@ def run_study(
 
 
 def _figure(results: MismatchResults) -> Figure:
-    """Draw the errors of each row after calibration, and whether to trust a foot by the distance of its loads."""
+    """Return the figure of errors after calibration by row, and of error over load distance."""
     figure = Figure(figsize=(12.0, max(0.28 * len(results.mean_over_feet) + 1.6, 4.5)), layout="constrained")
     bars, dots = figure.subplots(1, 2, width_ratios=(5, 6))
     places = np.arange(len(results.mean_over_feet))
@@ -214,7 +215,7 @@ def _figure(results: MismatchResults) -> Figure:
 
 
 def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
-    """Draw each foot's error over the distance of its loads, in zones of trust; rows that stand out have a name."""
+    """Draw each foot's error over the distance of its loads, in zones of trust, with outliers named."""
     marks = {True: ("o", "C0", "a calibration can represent it"), False: ("x", "C3", "it cannot")}
     for name, feet in results.scatter.items():
         marker, color, _ = marks[MISMATCH_ROWS[name].represented]
@@ -249,7 +250,7 @@ def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
 
 
 def _full_solve_s(context: StudyContext, loads: TestLoads, kept: Path) -> float:
-    """Return the processor time of the first of some leaning loads with finite strain and a floor with friction [s].
+    """Return the processor time of one finite-strain solve with frictional ground contact, for the first load [s].
 
     It is measured once, and kept.
     """
@@ -264,7 +265,7 @@ def _full_solve_s(context: StudyContext, loads: TestLoads, kept: Path) -> float:
 
 
 def _progress_line(row: dict[str, float]) -> str:
-    """Return a line of progress of a row."""
+    """Return the progress line of one row."""
     return (
         f"design {row['centred_design_deg']:.1f} deg, calibrated {row['centred_all_deg']:.2f} deg "
         f"{row['centred_all_gf']:.2f} gf, leaning {row['leaning_all_deg']:.2f} deg {row['leaning_all_gf']:.2f} gf; "
@@ -274,7 +275,7 @@ def _progress_line(row: dict[str, float]) -> str:
 
 
 def compute(context: StudyContext) -> tuple[MismatchResults, Plots]:
-    """Evaluate the feet by processes on this machine."""
+    """Return the results of all rows, evaluated by processes on this machine, with a figure."""
     return run_study(context)
 
 

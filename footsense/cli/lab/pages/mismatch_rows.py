@@ -1,4 +1,4 @@
-"""Rows of the study `mismatch`: feet that differ from what their calibration supposes, each in one way."""
+"""Rows of the study `mismatch`: feet that differ from their calibration's model, each in one way."""
 
 from dataclasses import dataclass
 
@@ -31,6 +31,7 @@ class MismatchRow:
 
 
 def _assembly_row(title: str, own: Imperfection, *, represented: bool = True) -> MismatchRow:
+    """Return the row of feet with one assembly error."""
     return MismatchRow(title=title, solid=OtherSolid(imperfection=own), represented=represented)
 
 

@@ -1,4 +1,4 @@
-"""Study `sensors`: how many elements, on the paper's block and on the whole chain.
+"""Study `sensors`: effect of the number of elements, on the paper's block and on the whole sensor chain.
 
 The block is `footsense.lab.studies.accuracy.sensors`. The whole chain is a foot with 2 x 2, 3 x 3 or 4 x 4 elements,
 its converters, the scan of six legs on one simulated bus, and CAN. The arrays fill the same sheet in the same ball.
@@ -58,7 +58,7 @@ _MUX_ADDRESS = 0x71
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArrayFigures:
-    """Figures of a foot with one array.
+    """Predicted and measured figures of a foot with one array.
 
     Attributes:
         electrode_mm: Side of an electrode [mm].
@@ -103,7 +103,7 @@ class ArrayFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorResults(block.Results):
-    """Errors of the sensors on the block, and figures of the arrays on the whole chain.
+    """Results of the study `sensors`: errors on the block, and figures of the arrays on the whole chain.
 
     Attributes:
         load_n: Load of the bounds [N].
@@ -115,12 +115,12 @@ class SensorResults(block.Results):
 
 
 def widest_mm(like: FootDesign, rows: int) -> float:
-    """Return the side of the electrodes of an array on the same sheet between bars as wide as the foot's [mm]."""
+    """Return the largest electrode side [mm] of an array on the same sheet, with spacer bars of the same width."""
     return (like.array_mm - (rows - 1) * (like.pitch_mm - like.electrode_mm)) / rows
 
 
 def array_design(like: FootDesign, rows: int) -> FootDesign:
-    """Return a foot with another array on the same sheet: its bars as wide, or its electrodes as the converter reads.
+    """Return a foot with another array on the same sheet, electrodes limited by bar width or converter range.
 
     Args:
         like: The foot.
@@ -136,7 +136,7 @@ def array_design(like: FootDesign, rows: int) -> FootDesign:
 
 
 def scan_ms(response: FootResponse) -> float:
-    """Return the time of a scan of six hanging legs on one bus at 400 kHz, board `fdc1004` [ms]."""
+    """Return the scan time of six legs on one I2C bus at 400 kHz with board `fdc1004` [ms]."""
     scene = msgspec.structs.replace(load_scene("hanging"), host_cost_us=HOST_COST_US)
     channels = {leg: channel for channel, leg in enumerate(DEFAULT.legs)}
     [bus] = SimulatedRobot(scene, response, [Wiring(400_000, _MUX_ADDRESS, channels)]).buses
@@ -151,7 +151,7 @@ def scan_ms(response: FootResponse) -> float:
 
 
 def range_n(foot: Foot, max_n: float) -> list[float]:
-    """Return the least force over the azimuth that a gap or the converter ends at, at each elevation [N]."""
+    """Return the force at which a gap or the converter's range ends, least over azimuth, per elevation [N]."""
     direction = direction_grid(AZIMUTHS_DEG, ELEVATIONS_DEG)
     design = foot.response.design
     reached = np.full(len(direction), MOST_REL * max_n)
@@ -166,7 +166,7 @@ def range_n(foot: Foot, max_n: float) -> list[float]:
 
 
 def _rms_bounds(foot: Foot, load_n: float, noise_pf: float) -> tuple[float, float | None, float | None]:
-    """Return the rms bounds over the paper's test directions: centred and leaning [deg], and leaning [gf]."""
+    """Return the rms Cramer-Rao bounds over the test directions: centred [deg], leaning [deg], leaning [gf]."""
     direction = paper_directions("verification")
     force_n = load_n * direction
     centred = force_bound(foot, direction, force_n, Unknowns.CENTRED, noise_pf=noise_pf)
@@ -183,7 +183,7 @@ def _rms_bounds(foot: Foot, load_n: float, noise_pf: float) -> tuple[float, floa
 def array_figures(
     like: FootDesign, design: FootDesign, response: FootResponse, training: TrainingSize
 ) -> ArrayFigures:
-    """Return the figures of a foot with one array.
+    """Return all figures of a foot with one array.
 
     Args:
         like: The foot that the study is about.
@@ -228,7 +228,7 @@ def array_figures(
 
 
 def compute_arrays(context: StudyContext) -> dict[int, ArrayFigures]:
-    """Solve the foot with every array on the coarse mesh, and return the figures by rows."""
+    """Return the figures of every array by its number of rows, after solving the foot on the coarse mesh."""
     arrays, training = {}, QUICK if context.quick else FULL
     for rows in QUICK_ROWS if context.quick else ROWS:
         design = array_design(context.foot_design, rows)
@@ -244,7 +244,7 @@ def compute_arrays(context: StudyContext) -> dict[int, ArrayFigures]:
 
 
 def arrays_figure(arrays: dict[int, ArrayFigures]) -> Figure:
-    """Draw the bound and the range over the number of elements."""
+    """Return the figure of bound and range over the number of elements."""
     drawing, (error, reach) = subplot_row(2, 8.2, 3.6)
     number = [rows**2 for rows in arrays]
     lines = (
@@ -269,7 +269,7 @@ def arrays_figure(arrays: dict[int, ArrayFigures]) -> Figure:
 
 
 def compute(context: StudyContext) -> tuple[SensorResults, Plots]:
-    """Read the block by every sensor, and the foot by every array."""
+    """Return the errors of every sensor on the block, and the figures of every array on the foot."""
     on_block, plots = block.compute(context)
     arrays = compute_arrays(context)
     load_n = BOUND_LOAD_REL * context.foot_design.loads.max_n

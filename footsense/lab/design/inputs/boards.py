@@ -1,4 +1,4 @@
-"""Converter boards: noise, range and time of a scan, from the data sheets' constants."""
+"""Converter boards: noise, input range and scan time from the data sheets."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ _BASELINE_NOISE_REL = 0.4
 
 
 class Converter(NamedTuple):
-    """A converter board as a design needs it.
+    """Converter board: noise [pF], input range [pF] and time of a scan [s].
 
     Attributes:
         name: Name, as `board` of a configuration.
@@ -35,7 +35,7 @@ class Converter(NamedTuple):
 
 
 def converter(name: str) -> Converter:
-    """Return a board at its fastest rate.
+    """Return the constants of a converter board at its fastest conversion rate.
 
     Args:
         name: `fdc1004` or `ad7746`.

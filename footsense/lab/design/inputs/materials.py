@@ -1,4 +1,4 @@
-"""Rubbers and sheets at hand, with their moduli and sources."""
+"""Table of available rubbers and sheet materials, with moduli and sources."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ MATERIALS_TABLE = Path(__file__).with_name("materials.yaml")
 
 
 def youngs_mpa_of(shore_a: float) -> float:
-    """Return Young's modulus [MPa] of a rubber by its Shore A hardness; some 20 % off, more beyond 80.
+    """Return a rubber's Young's modulus [MPa] from its Shore A hardness, within 20 % up to 80 Shore A.
 
     Source:
         A. N. Gent, On the relation between indentation hardness and Young's modulus, Rubber Chemistry and
@@ -28,7 +28,7 @@ def youngs_mpa_of(shore_a: float) -> float:
 
 
 class Solid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A rubber or sheet material of the table: modulus or hardness, Poisson's ratio, source.
+    """A rubber or sheet material of the materials table: modulus or hardness, Poisson's ratio, source.
 
     Attributes:
         name: Name, as options and pages use it.
@@ -48,14 +48,14 @@ class Solid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def material(self) -> Material:
-        """The material, as `foot.yaml` states it."""
+        """Elastic constants of the material, as written in `foot.yaml`."""
         if self.youngs_mpa is not None:
             return Material(self.youngs_mpa, self.poisson)
         return Material(round(youngs_mpa_of(self.shore_a or 0.0), 2), self.poisson)
 
 
 class Materials(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Rubbers and sheets at hand.
+    """Available rubbers and sheet materials.
 
     Attributes:
         rubbers: Of the ball.
@@ -66,7 +66,7 @@ class Materials(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sheets: Annotated[tuple[Solid, ...], Meta(min_length=1)]
 
     def select_materials(self, names: tuple[str, ...]) -> "Materials":
-        """Return the named materials; of rubbers or sheets all, if none of them is named.
+        """Return the named materials; all rubbers if no rubber is named, likewise all sheets.
 
         Raises:
             FootsenseError: A name is not in the table.
@@ -90,7 +90,7 @@ def load_materials(path: Path = MATERIALS_TABLE) -> Materials:
 
 
 def _incomplete_material(materials: Materials) -> Problem | None:
-    """Return the first material that has not exactly one of modulus and hardness."""
+    """Return a problem for the first material without exactly one of modulus and hardness; else None."""
     for kind in ("rubbers", "sheets"):
         for place, solid in enumerate(getattr(materials, kind)):
             if (solid.youngs_mpa is None) == (solid.shore_a is None):

@@ -22,7 +22,7 @@ class Film(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Process(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A fabrication process of a foot's sheet: possible dimensions, and tolerances.
+    """Fabrication process of a foot's sheet: feasible dimensions and tolerances.
 
     Attributes:
         about: Short description.
@@ -56,7 +56,7 @@ class Process(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 def load_processes(path: Path = PROCESSES_TABLE) -> dict[str, Process]:
-    """Read a table of processes by their names.
+    """Return the fabrication processes of a YAML table, by name.
 
     Raises:
         ConfigError: It is missing or does not fit.

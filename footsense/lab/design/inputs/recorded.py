@@ -1,4 +1,4 @@
-"""The largest force of a recording, for a design from a robot's own loads."""
+"""Largest force in a recording, as the full load of a design."""
 
 import csv
 from pathlib import Path
@@ -10,7 +10,7 @@ _FORCE_COLUMN_SUFFIX = "z_n"
 
 
 def largest_recorded_n(path: Path) -> float:
-    """Return the largest value of all columns whose names end in `z_n` [N].
+    """Return the largest vertical force in a recording [N], over all columns named `..z_n`.
 
     Args:
         path: CSV with a header, as `footsense export --csv` writes it.

@@ -14,7 +14,7 @@ MAX_READABLE_CLOSURE_REL = 0.8
 
 
 class Wishes(NamedTuple):
-    """Requirements of a design: forces, reach, error, size, materials, process, board.
+    """Requirements of a design: forces [N], lean [deg], error [deg], ball sizes, materials, process, board.
 
     Attributes:
         max_n: Largest force on a foot [N].
@@ -38,7 +38,7 @@ class Wishes(NamedTuple):
 
 
 def largest_force_n(mass_kg: float, legs: int, load_factor: float) -> float:
-    """Return the largest force on a foot [N]: half of the legs carry the robot, times a gait's load factor.
+    """Return the largest force on a foot [N]: weight shared by half of the legs, times a load factor.
 
     Args:
         mass_kg: Mass of the robot [kg].

@@ -1,4 +1,4 @@
-"""Errors that the fabrication tolerances leave after calibration, to first order.
+"""Force errors that remain after calibration of a foot with fabrication tolerances, to first order.
 
 A foot's gaps, strays, stiffness and mount deviate from the design with the process's tolerances as a normal prior. A
 test stand presses the foot from all sides at two magnitudes; its readings narrow the prior to a posterior, with the
@@ -31,7 +31,7 @@ _AZIMUTHS_DEG, _ELEVATIONS_DEG, _SIZES_REL = tuple(range(0, 360, 30)), (55.0, 75
 def calibrated_errors(
     response: FootResponse, process: Process, reach_deg: float, max_n: float
 ) -> tuple[float, float]:
-    """Return direction [deg] and relative magnitude error [1], rms over loads up to an angle from the leg's axis.
+    """Return rms direction [deg] and relative magnitude errors [1] after calibration, over the design loads.
 
     Args:
         response: Response table of the foot.
@@ -69,12 +69,12 @@ def calibrated_errors(
 
 
 def gap_tolerance_um(process: Process, gap_um: float) -> float:
-    """Return the rms deviation of a gap [um]."""
+    """Return the rms deviation of the gap that a process causes [um]."""
     return float(np.hypot(process.gap_tolerance_um, process.gap_tolerance_rel * gap_um))
 
 
 def _prior_sigma(process: Process, gap_um: float) -> Vector:
-    """Return the prior standard deviations: nine gaps [um], nine strays [pF], stiffness [1], mount [rad]."""
+    """Return prior standard deviations: nine gaps [um], nine strays [pF], stiffness [1], mounting angles [rad]."""
     gap = gap_tolerance_um(process, gap_um)
     sigma = [
         gap,
@@ -87,7 +87,7 @@ def _prior_sigma(process: Process, gap_um: float) -> Vector:
 
 
 def _closure_jacobians_um(response: FootResponse, force_n: Vector) -> tuple[Vector, Vector, Vector, Vector]:
-    """Return slopes of the sensed closures by deviation (n, 9, 22), force (n, 9, 3) [um/N], normal (n, 9, 2); closures.
+    """Return closure Jacobians by deviations (n, 9, 22), force (n, 9, 3) and normal (n, 9, 2), and the closures [um].
 
     Args:
         response: The foot.
@@ -98,10 +98,12 @@ def _closure_jacobians_um(response: FootResponse, force_n: Vector) -> tuple[Vect
     one = np.eye(ELEMENTS)
 
     def sensed_um(own: Deviations, normal: Vector = normal, force_n: Vector = force_n) -> Vector:
+        """Return the sensed closures [um] of a deviating foot under given loads."""
         foot = Foot(response, own)
         return design.closure_um(foot.capacitance_pf(normal, force_n), foot.unloaded_pf)
 
     def slope(ahead: Deviations, behind: Deviations, step: float) -> Vector:
+        """Return the central difference quotient of two closure arrays."""
         return (sensed_um(ahead) - sensed_um(behind)) / (2.0 * step)
 
     gap, stray, stiff, turn = _GAP_STEP_REL * design.gap_um, _STRAY_STEP_PF, _STIFFNESS_STEP, _MOUNT_STEP

@@ -28,7 +28,7 @@ _BISECTIONS, LEVELS = 14, 5
 
 
 class Assessment(NamedTuple):
-    """Range and force errors of one foot, direction by direction.
+    """Predicted range [N] and force errors of one foot, by direction.
 
     Attributes:
         unloaded_pf: Capacitance of an unloaded element [pF].
@@ -52,7 +52,7 @@ class Assessment(NamedTuple):
 
 
 def assess_foot(response: FootResponse, wishes: Wishes) -> Assessment:
-    """Return range and force errors of a foot, from its response table."""
+    """Return predicted range and force errors of a foot from its response table."""
     foot, board = Foot(response), wishes.board
     grids = [direction_grid(list(_AZIMUTHS_DEG), [float(elevation)]) for elevation in ELEVATIONS_DEG]
     by_elevation = [_max_readable_force_n(foot, board, Loads(grid, grid)) for grid in grids]
@@ -77,7 +77,7 @@ def assess_foot(response: FootResponse, wishes: Wishes) -> Assessment:
 
 
 def _max_readable_force_n(foot: Foot, board: Converter, loads: Loads) -> float:
-    """Return the largest force that the foot reads under all of some loads [N], by bisection."""
+    """Return the largest force readable in every given load direction [N], by bisection."""
     design = foot.response.design
     readable_um = (
         design.gap_um + design.film_equivalent_um - design.plate_distance_um(np.array(board.range_end_pf))
@@ -95,7 +95,7 @@ def _max_readable_force_n(foot: Foot, board: Converter, loads: Loads) -> float:
 
 
 def closure_sigma_um(board: Converter, design: CapacitorDesign, closure_um: Vector) -> Vector:
-    """Return the standard deviation of measured closures [um], any shape, from a board's noise."""
+    """Return the standard deviation of measured closures [um] from a board's noise, shape of `closure_um`."""
     rest_um = design.gap_um + design.film_equivalent_um
     plates = design.unloaded_pf * rest_um
     sigma: Vector = (
@@ -105,7 +105,7 @@ def closure_sigma_um(board: Converter, design: CapacitorDesign, closure_um: Vect
 
 
 def _cramer_rao_bound(foot: Foot, board: Converter, normal: Vector, force_n: Vector) -> tuple[float, float]:
-    """Return the Cramer-Rao bound of direction [deg] and relative magnitude [1], rms, means over the loads."""
+    """Return the Cramer-Rao bounds of direction [deg] and relative magnitude [1], rms, averaged over the loads."""
     closure_um = sensed_closure_um(foot, normal, force_n)
     slopes = jacobian_um(foot, normal, force_n, Unknowns.LEANING)
     whitened = slopes / closure_sigma_um(board, foot.response.design, closure_um)[..., None]

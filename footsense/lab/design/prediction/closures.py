@@ -36,16 +36,17 @@ CONTACT_LEAN_DEG = 5.0
 
 
 class Loads(NamedTuple):
-    """Directions of forces and contact normals, each of shape (loads, 3)."""
+    """Force directions and contact normals, each of shape (loads, 3)."""
 
     direction: Vector
     normal: Vector
 
 
 def design_loads(reach_deg: float) -> Loads:
-    """Return the loads that a design is judged by: up to an angle from the leg's axis, centred and leaning."""
+    """Return the loads used to judge a design: up to an angle from the leg's axis, centred and leaning."""
 
     def toward(angle_deg: float, azimuth_deg: float) -> Vector:
+        """Return the unit vector at an angle from the leg's axis and an azimuth [deg]."""
         angle, azimuth = np.radians(angle_deg), np.radians(azimuth_deg)
         return np.array([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)])
 
@@ -63,7 +64,7 @@ def design_loads(reach_deg: float) -> Loads:
 
 
 class Influence(NamedTuple):
-    """Closures per newton of n feet under m loads, in physical units, element by element.
+    """Closure per newton of n feet under m loads, by element [um/N].
 
     Attributes:
         point: Of a point force, and its slopes by two turns of the normal [um/N], shape (n, m, 3, 3, 9).
@@ -75,7 +76,7 @@ class Influence(NamedTuple):
 
 
 class ClosureModel:
-    """Closures of candidates under given loads.
+    """Closures of candidate feet under given loads, interpolated from the shape library.
 
     Args:
         library: The solved shapes.
@@ -133,7 +134,7 @@ class ClosureModel:
         return Influence(whole[:, 0], RADIUS_MM**2 * patch_rel2[:, None, None, None, None] * whole[:, 1])
 
     def closures_um(self, influence: Influence, force_n: Vector) -> tuple[Vector, Vector]:
-        """Return closures [um], shape (n, m, 9), and their slopes by the unknowns, shape (n, m, 9, 5).
+        """Return closures [um], (n, m, 9), and their derivatives by the unknowns, (n, m, 9, 5).
 
         Args:
             influence: Of the feet.

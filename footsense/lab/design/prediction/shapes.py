@@ -1,4 +1,4 @@
-"""Responses of feet of any size, modulus and nearby shape, from a few solved shapes.
+"""Library of solved foot shapes: response of feet of any size and modulus by scaling and interpolation.
 
 The solid is linear, so with R the ball's radius and E the rubber's modulus
 
@@ -46,7 +46,7 @@ QUARTER_ELEMENT_OF = np.add.outer([0, 1, 0], [0, 1, 0]).ravel()
 
 
 class Shape(NamedTuple):
-    """Shape of a foot: the numbers that similarity leaves. Each may be an array.
+    """Dimensionless shape of a foot, after scaling by ball radius and modulus; each field may be an array.
 
     Attributes:
         fill_rel: Side of an electrode over the pitch [1].
@@ -95,13 +95,13 @@ def solved_shapes() -> list[Shape]:
 
 
 def pitch_mm(fill_rel: Vector | float, ball_radius_mm: Vector | float) -> Vector:
-    """Return the pitch [mm] at which the array is as wide as the sheet."""
+    """Return the electrode pitch [mm] of an array that fills the whole sheet."""
     pitch: Vector = SHEET_SIDE_OVER_RADIUS * np.asarray(ball_radius_mm) / (2.0 + np.asarray(fill_rel))
     return pitch
 
 
 def shape_of(design: FootDesign) -> Shape:
-    """Return the shape of a foot whose array fills its sheet."""
+    """Return the dimensionless shape of a foot whose array fills its sheet."""
     radius_mm = design.ball_radius_mm
     return Shape(
         design.electrode_mm / design.pitch_mm,
@@ -167,7 +167,7 @@ class ShapeLibrary:
         self._coordinates = np.stack([shape.coordinates for shape in solved_shapes()])
 
     def interpolation_weights(self, shape: Shape) -> Vector:
-        """Return the interpolation weight of each solved shape for some shapes [1], shape (..., shapes)."""
+        """Return the interpolation weight of each solved shape [1], shape (..., shapes)."""
         moved = shape.coordinates - self._coordinates[0]
         interpolation_weights = np.zeros((*moved.shape[:-1], len(self._coordinates)))
         interpolation_weights[..., 0] = 1.0
@@ -185,7 +185,7 @@ class ShapeLibrary:
         return interpolation_weights
 
     def amplitudes(self, interpolation_weights: Vector) -> Vector:
-        """Return the interpolated amplitudes of the response, in the solved feet's units [um/N], (..., 4)."""
+        """Return the interpolated response amplitudes at the solved feet's scale [um/N], (..., 4)."""
         pairs = np.einsum("...a,...b,abk->...k", interpolation_weights, interpolation_weights, self._pairs)
         each: Vector = np.exp(interpolation_weights @ self._ln_amplitudes + pairs)
         return each
@@ -201,7 +201,7 @@ class ShapeLibrary:
         return inside
 
     def response(self, design: FootDesign) -> FootResponse:
-        """Return the response of a foot without solving it.
+        """Return the interpolated response table of a foot, without a finite element solve.
 
         Args:
             design: The foot; its array fills its sheet.

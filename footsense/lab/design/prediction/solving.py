@@ -32,7 +32,7 @@ _SOLVED_PAIR_VALUES = {"fill_rel": 0, "plate_rel": 0, "sheet_modulus_rel": 0, "s
 
 
 def solve_shapes(like: FootDesign, path: Path, report: Callable[[str], None]) -> None:
-    """Solve all shapes and write their file.
+    """Solve all shapes of the library by finite elements and write their file.
 
     Args:
         like: Any foot, for what the shape does not contain.
@@ -45,6 +45,7 @@ def solve_shapes(like: FootDesign, path: Path, report: Callable[[str], None]) ->
         report(f"{shape}")
 
     def coarse_ln_amplitudes(shape: Shape) -> Vector:
+        """Return the logarithms of a shape's response amplitudes on the coarse mesh."""
         made = make_response(design_of_shape(shape, like), COARSE_MESH)
         report(f"{shape}, coarse")
         return np.log(amplitudes(made.quarter_series, made.quarter_compliance))
@@ -80,7 +81,7 @@ def pair_interaction_corrections(ln_amplitude: Callable[[Shape], Vector]) -> Vec
 
 
 def store_shapes(path: Path, solved: list[FootResponse], pairs: Vector) -> None:
-    """Write the solved shapes, in the order of `solved_shapes`, in single precision."""
+    """Write the solved shapes to a file, in the order of `solved_shapes`, in single precision."""
     np.savez_compressed(
         path,
         quarter_series=np.stack([one.quarter_series for one in solved]).astype(np.float32),

@@ -1,1 +1,1 @@
-"""Documents for people: drawing, picture, bill of materials, steps, checklist."""
+"""Fabrication documents: drawing, picture of the parts, bill of materials, assembly steps, checklist."""

@@ -1,4 +1,4 @@
-"""The drawing: the foot in its socket, the machined parts, flexes and layers; A3, dimensions and tolerances."""
+"""Technical drawing on A3 sheets: assembly in the socket, machined parts, flexes and layers, with tolerances."""
 
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ _COPPER, _POLYMER, _PDMS, _RUBBER, _METAL = "#d98c3f", "#f3e3b3", "#cfe3ee", "#9
 
 
 def write_drawing(folder: Path, name: str, pages: list[PaperSheet]) -> None:
-    """Write `drawing.pdf`, without the time of writing.
+    """Write `drawing.pdf` without a creation date, so that the same foot gives the same bytes.
 
     Args:
         folder: Where it is written.
@@ -39,7 +39,7 @@ def write_drawing(folder: Path, name: str, pages: list[PaperSheet]) -> None:
 def drawing_sheets(
     folder: Path, design: FootDesign, flexes: tuple[Flex, Flex], tolerances: list[Tolerance]
 ) -> list[PaperSheet]:
-    """Return the sheets of the drawing, drawn from the files of a foot.
+    """Return the A3 sheets of the drawing, drawn from a foot's fabrication files.
 
     Args:
         folder: Folder of the files.
@@ -68,6 +68,7 @@ def drawing_sheets(
 def _draw_assembly(
     page: PaperSheet, design: FootDesign, parts: dict[str, Any], tolerances: list[Tolerance]
 ) -> PaperSheet:
+    """Return the sheet with the foot in its socket, in section, and the stack of layers."""
     radius, plate, half = design.ball_radius_mm, design.plate_mm, design.sheet_mm / 2.0
     outer, top = (
         dimensions.socket_radius_mm(design.ball_radius_mm),
@@ -113,7 +114,7 @@ def _draw_assembly(
 
 
 def _draw_layer_stack(page: PaperSheet, design: FootDesign) -> None:
-    """Draw the stack of layers, thickened."""
+    """Draw the stack of layers, with thicknesses exaggerated."""
     layers = [
         ("hemisphere of the leg", f"rubber of {design.rubber.youngs_mpa:g} MPa", _RUBBER, 10.0),
         ("plate", f"elastomer of {design.pdms.youngs_mpa:g} MPa, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
@@ -142,6 +143,7 @@ def _draw_layer_stack(page: PaperSheet, design: FootDesign) -> None:
 
 
 def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, Any]) -> PaperSheet:
+    """Return the sheet with socket and mould, in section and from above."""
     radius, wall = design.ball_radius_mm, dimensions.MOULD_WALL_MM
     half_x, half_y, deep = 2.0 * radius + 1.5 * wall, radius + wall, radius + wall
     off = solids.mould_centres_mm(design)[1]
@@ -217,6 +219,7 @@ def _draw_from_above(view: View, solid: Any) -> None:
 def _draw_flexes_and_sheets(
     page: PaperSheet, folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]
 ) -> PaperSheet:
+    """Return the sheet with both flexes, spacer and film."""
     for flex, height in zip(flexes, (228.0, 112.0), strict=True):
         outline = read_outline(folder / flex.name / "profile.gbr")
         low_x, low_y, high_x, high_y = outline.bounds
@@ -243,6 +246,7 @@ def _draw_flexes_and_sheets(
 
 
 def _draw_flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
+    """Draw one flex with its copper, outline and dimensions."""
     view.draw_area(outline, _POLYMER)
     for shape in read_layer(folder / flex.name / "copper.gbr"):
         view.draw_area(shape.area, _COPPER, edge=False)
@@ -268,6 +272,7 @@ def _draw_flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
 
 
 def _draw_sheet(view: View, array: ElementArray, ball_radius_mm: float, name: str) -> None:
+    """Draw the spacer or the film with its dimensions."""
     half = array.sheet_mm / 2.0
     far = ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
     view.dimension([(-half, half), (half, half)], 6.0, f"{array.sheet_mm:g} +-0.05")

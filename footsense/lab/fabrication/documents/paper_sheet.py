@@ -31,7 +31,7 @@ def largest_scale(size_mm: tuple[float, float], room_mm: tuple[float, float]) ->
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A view of a part; coordinates are those of the part [mm].
+    """One view of a part on a sheet; drawing methods take the part's coordinates [mm].
 
     Attributes:
         axes: Axes of matplotlib.
@@ -42,7 +42,7 @@ class View:
     scale: float
 
     def draw_area(self, shape: Any, colour: str, hatch: str | None = None, *, edge: bool = True) -> None:
-        """Draw a polygon of shapely, or several, with its holes.
+        """Draw a shapely polygon or multipolygon with its holes.
 
         Args:
             shape: The polygons [mm].
@@ -61,17 +61,17 @@ class View:
             self.axes.add_patch(PathPatch(outline, fc=colour, hatch=hatch, clip_on=False, **line))
 
     def line(self, points: Sequence[tuple[float, float]], **options: Any) -> None:
-        """Draw a line through points."""
+        """Draw a polyline through points [mm]."""
         self.axes.plot(
             *zip(*points, strict=True), **({"color": "k", "lw": _THICK, "clip_on": False} | options)
         )
 
     def centre(self, points: Sequence[tuple[float, float]]) -> None:
-        """Draw a centre line."""
+        """Draw a dash-dotted centre line through points [mm]."""
         self.line(points, lw=_THIN, dashes=(12, 3, 2, 3))
 
     def dimension(self, ends: Sequence[tuple[float, float]], offset_mm: float, text: str) -> None:
-        """Draw a horizontal or vertical dimension.
+        """Draw a horizontal or vertical dimension line with its text.
 
         Args:
             ends: Two points of the part, at one height or above each other.
@@ -149,6 +149,7 @@ class PaperSheet:
         self._frame = frame
 
     def _axes(self, corner_mm: tuple[float, float], size_mm: tuple[float, float]) -> Any:
+        """Return empty matplotlib axes at a corner of the sheet, sized in mm."""
         place = (
             corner_mm[0] / WIDTH_MM,
             corner_mm[1] / HEIGHT_MM,
@@ -187,13 +188,13 @@ class PaperSheet:
         return View(axes, scale)
 
     def text(self, at_mm: tuple[float, float], text: str, size: float = 8, **options: Any) -> None:
-        """Write a text on the sheet."""
+        """Write a line of text on the sheet."""
         self._frame.text(*at_mm, text, fontsize=size, **({"va": "top"} | options))
 
     def table(
         self, at_mm: tuple[float, float], widths_mm: Sequence[float], rows: Sequence[Sequence[str]]
     ) -> None:
-        """Write a table; its first row is the heading.
+        """Write a table on the sheet; its first row is the heading.
 
         Args:
             at_mm: Its upper left corner [mm].

@@ -107,14 +107,14 @@ def bill_of_materials(
 
 
 def film_material_name(design: FootDesign) -> str:
-    """Return the material of the film, by its permittivity."""
+    """Return the material name of the insulating film, chosen by its permittivity."""
     known = {2.7: "PDMS", 3.2: "polyester", 3.4: "polyimide"}
     name = known.get(round(design.film_eps_r, 1), "polymer")
     return f"{name}, relative permittivity {design.film_eps_r:g}"
 
 
 def rubber_mass_g(design: FootDesign) -> float:
-    """Return the rubber to weigh for both hemispheres of a foot [g]."""
+    """Return the mass of rubber to weigh for both hemispheres of a foot, casting excess included [g]."""
     return (
         _CASTING_EXCESS_REL
         * 2.0
@@ -128,7 +128,7 @@ def rubber_mass_g(design: FootDesign) -> float:
 
 
 def connector_contacts(flex: Flex) -> list[dict[str, str]]:
-    """Return where each contact of a flex goes on either converter board: number, net, fdc1004, ad7746."""
+    """Return per contact of a flex its number, its net and its pin on each converter board (fdc1004, ad7746)."""
     lines = len(flex.nets)
     rows = []
     for number in range(1, len(flex.contact_v_mm) + 1):

@@ -86,7 +86,7 @@ def draw_parts(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> N
 
 
 def _flex_polygons(folder: Path, flex: Flex, *, upwards: bool) -> list[tuple[Vector, str]]:
-    """Return outline and, where it is seen, copper of a flex in the foot frame, without the end of the tail."""
+    """Return outline and visible copper of a flex in the foot frame as polygons with colours, tail cut short."""
     shown = [(read_outline(folder / flex.name / "profile.gbr"), _POLYMER)]
     if upwards:
         shown += [(shape.area, _COPPER) for shape in read_layer(folder / flex.name / "copper.gbr")]
@@ -98,17 +98,18 @@ def _flex_polygons(folder: Path, flex: Flex, *, upwards: bool) -> list[tuple[Vec
 
 
 def _sheet_polygons(path: Path) -> list[tuple[Vector, str]]:
-    """Return the outline of a DXF sheet and of its openings."""
+    """Return outline and openings of a DXF sheet as polygons with colours."""
     shape = sheets.read_dxf(path)
     return [(_ring_points(shape.exterior), _LAYER), *((_ring_points(ring), "w") for ring in shape.interiors)]
 
 
 def _ring_points(ring: Any) -> Vector:
+    """Return the points of a polygon ring [mm], shape (n, 2)."""
     return np.asarray(ring.coords)
 
 
 def _surface_triangles(path: Path, edge_mm: float) -> Vector:
-    """Return the surface of a STEP file as triangles [mm], shape (n, 3, 3).
+    """Return the surface triangulation of a STEP file [mm], shape (n, 3, 3).
 
     Args:
         path: The file.
@@ -123,7 +124,7 @@ def _surface_triangles(path: Path, edge_mm: float) -> Vector:
 
 
 def _draw_surface(axes: Any, triangles: Vector, colour: str, order: int) -> None:
-    """Draw a surface, lit from one side."""
+    """Draw a triangulated surface with shading."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-12
     light = _SHADE + (1.0 - _SHADE) * np.abs(normal @ _LIGHT) / np.linalg.norm(_LIGHT)

@@ -1,4 +1,4 @@
-"""Sections and edges of solids of Open CASCADE, as flat shapes for drawings."""
+"""Sections and edges of Open CASCADE solids as two-dimensional shapes for drawings."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ _BEYOND_ALL_PARTS_MM = 1e3
 
 
 def section_y0(solid: Any) -> Any:
-    """Return the section of a solid by the plane y = 0, as polygons of shapely in (x, z) [mm]."""
+    """Return the section of a solid by the plane y = 0 as shapely polygons in (x, z) [mm]."""
     corner = occ.Pnt(-_BEYOND_ALL_PARTS_MM, 0, -_BEYOND_ALL_PARTS_MM)
     axes = occ.Axes(corner, n=occ.Vec(0, -1, 0), h=occ.X)
     cut = occ.WorkPlane(axes).Rectangle(2.0 * _BEYOND_ALL_PARTS_MM, 2.0 * _BEYOND_ALL_PARTS_MM).Face() * solid
@@ -30,7 +30,7 @@ def section_y0(solid: Any) -> Any:
 
 
 def edge_polylines(shape: Any) -> list[Vector]:
-    """Return the edges of a shape as points [mm], each of shape (n, 3)."""
+    """Return the edges of a shape as polylines [mm], each of shape (n, 3)."""
     found = []
     for edge in shape.edges:
         begin, end = edge.parameter_interval

@@ -1,1 +1,1 @@
-"""Parts of a foot as files: artwork of the flexes, sheets, solids; and the reading of these files."""
+"""Part files: flex artwork (Gerber), sheets (DXF) and solids (STEP), with readers for the checks."""

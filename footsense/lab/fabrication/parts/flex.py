@@ -1,4 +1,4 @@
-"""Artwork of the two flexes, seen from the copper side: electrodes in lines, traces, guards, contacts, outline.
+"""Artwork of the two flexes, seen from the copper side: electrodes, traces, guards, contacts, outline.
 
 u is the direction in which the tail leaves, v across it. Rows leave to the left, with the copper up; columns leave
 forward, with the copper down, which mirrors them. So in a square array both flexes have the same copper, and each line
@@ -25,7 +25,7 @@ GUARD_NET = "shld"
 
 @dataclass(frozen=True, kw_only=True)
 class Flex:
-    """One of the two flexible circuits, with row or column electrodes.
+    """One of the two flexible circuits, carrying the row or the column electrodes.
 
     Attributes:
         kind: Whether its lines are rows or columns.
@@ -43,12 +43,12 @@ class Flex:
 
     @property
     def name(self) -> str:
-        """Name of the part and of its files."""
+        """Name of the flex, also that of its files."""
         return f"{self.kind}-flex"
 
     @property
     def nets(self) -> list[str]:
-        """Net of each line: row1, row2, ... or col1, col2, ..."""
+        """Net name of each row or column: row1, row2, ... or col1, col2, ..."""
         return [f"{self.kind[:3]}{k + 1}" for k in range(len(self.line_v_mm))]
 
     @property
@@ -60,7 +60,7 @@ class Flex:
 
     @property
     def contact_v_mm(self) -> list[float]:
-        """Coordinates v of the contacts [mm], contact 1 first: guards at odd numbers, lines at even ones."""
+        """Coordinates v of the contacts [mm], contact 1 first: guards at odd numbers, signals at even ones."""
         contacts = 2 * len(self.line_v_mm) + 1
         return [(k - (contacts - 1) / 2.0) * dimensions.CONTACT_PITCH_MM for k in range(contacts)]
 
@@ -71,7 +71,7 @@ class Flex:
 
     @property
     def trace_fan_length_mm(self) -> float:
-        """Length along u on which the traces converge [mm]: at 45 degrees, or steeper where the socket is near."""
+        """Length along u over which the traces converge [mm]: at 45 degrees, or steeper near the socket."""
         pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
         room = (
             dimensions.socket_radius_mm(self.ball_radius_mm)
@@ -82,22 +82,22 @@ class Flex:
 
     @property
     def tail_start_mm(self) -> float:
-        """Coordinate u from which the tail is straight [mm]: the traces have reached the places of the contacts."""
+        """Coordinate u from which the tail is straight [mm]: the traces have reached the contact pitch."""
         return self.trace_fan_start_mm + self.trace_fan_length_mm + dimensions.INNER_CORNER_RADIUS_MM
 
     @property
     def trace_fan_start_mm(self) -> float:
-        """Coordinate u from which the traces converge [mm]: outside the sheet."""
+        """Coordinate u from which the traces converge [mm], outside the sheet."""
         return self.polymer_half_side_mm + dimensions.COPPER_TO_EDGE_MM
 
     @property
     def tail_end_mm(self) -> float:
-        """Coordinate u of the end of the tail [mm]."""
+        """Coordinate u of the tail's end [mm]."""
         return self.ball_radius_mm + dimensions.TAIL_LENGTH_MM
 
     @property
     def holes(self) -> list[tuple[Point, float]]:
-        """Alignment holes, centre and diameter [mm]: on the sides of the foot on which no tail leaves."""
+        """Centre and diameter [mm] of the alignment holes, on the sides of the foot that have no tail."""
         far = self.ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
         return [
             ((-far, 0.0), dimensions.ALIGNMENT_HOLE_DIAMETER_MM),
@@ -141,7 +141,7 @@ class Flex:
 
     @property
     def openings(self) -> list[Pad | Trace]:
-        """Openings of the coverlay: the whole sheet, whose electrodes face the film or the air, and the contacts."""
+        """Openings of the coverlay: the whole sheet area (bare electrodes) and the contacts."""
         sheet, contacts = 2.0 * self.polymer_half_side_mm, 2.0 * self.tail_half_width_mm
         bare = dimensions.CONTACT_LENGTH_MM
         return [
@@ -158,12 +158,12 @@ class Flex:
 
     @property
     def polymer_half_side_mm(self) -> float:
-        """Half the side of the polymer in the ball [mm]: that of the sheet, or more, to keep the cut off the copper."""
+        """Half the side of the polymer inside the ball [mm]: at least the sheet's, and clear of the copper."""
         return self.array.sheet_mm / 2.0 + max(0.0, dimensions.COPPER_TO_EDGE_MM - self.array.rim_mm)
 
     @cached_property
     def outline(self) -> Any:
-        """Outline of the polymer, a polygon of shapely in (u, v) [mm]."""
+        """Outline of the polymer, a shapely polygon in (u, v) [mm]."""
         half, fan = self.polymer_half_side_mm, self.tail_half_width_mm
         neck = shapely.Polygon(
             [(half, -half), (self.tail_start_mm, -fan), (self.tail_start_mm, fan), (half, half)]
@@ -191,7 +191,7 @@ def alignment_ear(half: float, hole: Point) -> Any:
 
 
 def flexes(array: ElementArray, ball_radius_mm: float) -> tuple[Flex, Flex]:
-    """Return row flex and column flex of an array."""
+    """Return the row flex and the column flex of an array."""
     rows, columns = array.row_x_mm, array.column_y_mm
     return (
         Flex(

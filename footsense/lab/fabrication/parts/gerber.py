@@ -1,4 +1,4 @@
-"""Writer of Gerber X2 layers and Excellon drill files: lines, rectangular pads, outlines, with nets and pins.
+"""Writer of Gerber X2 layers and Excellon drill files: traces, rectangular pads, outlines, with nets and pins.
 
 Our own, because no library in use writes net attributes as commands. Coordinates in mm with six decimals.
 
@@ -39,13 +39,13 @@ class Pad:
 
     @property
     def aperture(self) -> str:
-        """Gerber aperture template and parameters of the shape."""
+        """Gerber aperture template and parameters of the pad."""
         return f"R,{self.size[0]:.6f}X{self.size[1]:.6f}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """A line with round ends through several points.
+    """A polyline trace with round ends.
 
     Attributes:
         points: Its points [mm], at least two.
@@ -61,12 +61,12 @@ class Trace:
 
     @property
     def aperture(self) -> str:
-        """Gerber aperture template and parameters of the shape."""
+        """Gerber aperture template and parameters of the trace."""
         return f"C,{self.width_mm:.6f}"
 
 
 def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
-    """Return a Gerber X2 file.
+    """Return the content of a Gerber X2 file.
 
     Args:
         function: File function of the layer, such as `COPPER`.
@@ -109,7 +109,7 @@ def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
 
 
 def drill_text(part: str, holes: Iterable[tuple[Point, float]]) -> str:
-    """Return an Excellon file (XNC) of unplated round holes.
+    """Return the content of an Excellon (XNC) drill file of unplated round holes.
 
     Args:
         part: Name of the part, for people.
@@ -132,5 +132,6 @@ def drill_text(part: str, holes: Iterable[tuple[Point, float]]) -> str:
 
 
 def _gerber_coordinates(point: Point) -> str:
+    """Return the X and Y words of a point, in Gerber's integer format."""
     u, v = (round(1e6 * value) for value in point)
     return f"X{u}Y{v}"

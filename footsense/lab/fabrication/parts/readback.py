@@ -1,4 +1,4 @@
-"""Gerber and drill files read back by a parser that did not write them, as polygons with their nets.
+"""Gerber and drill files read back by an independent parser, as polygons with their nets.
 
 gerbonara reads, shapely measures; nothing of the writer or of the artwork is used.
 """
@@ -72,7 +72,7 @@ def read_holes(path: Path) -> list[tuple[float, float, float]]:
 
 
 def connected_conductors(shapes: Sequence[CopperShape]) -> list[list[CopperShape]]:
-    """Return the shapes by connected copper: each list is one conductor, found by geometry, not by net."""
+    """Return the shapes grouped by touching copper (geometry, not net names): each list is one conductor."""
     copper = shapely.get_parts(shapely.union_all([shape.area.buffer(_TOUCH_DISTANCE_MM) for shape in shapes]))
     return [[shape for shape in shapes if shape.area.intersects(piece)] for piece in copper]
 
@@ -91,7 +91,7 @@ def narrowest_mm(areas: Sequence[Any]) -> float:
 
 
 def _polygon(primitive: Any) -> Any:
-    """Return a shape of the parser as a polygon [mm].
+    """Return the shapely polygon [mm] of a primitive of the Gerber parser.
 
     Raises:
         FootsenseError: It is of a kind that these layers have none of.
@@ -108,6 +108,6 @@ def _polygon(primitive: Any) -> Any:
 
 
 def _attribute_text(attributes: dict[str, Any], name: str) -> str:
-    """Return the text of an attribute, with commas between its fields; empty without it."""
+    """Return a Gerber attribute's fields joined by commas; empty if the attribute is missing."""
     value = attributes.get(name, "")
     return value if isinstance(value, str) else ",".join(value)

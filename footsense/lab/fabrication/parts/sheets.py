@@ -1,4 +1,4 @@
-"""Spacer and film as flat shapes, seen from above in the foot frame (x right, y up), and as DXF files.
+"""Spacer and film as polygons in the foot frame (seen from above, x right, y up), and as DXF files.
 
 Both keep two ears with alignment holes, on the sides on which no tail leaves; they are cut off after bonding. A vented
 foot gets a channel in the spacer to every cavity that is not open to the edge of the sheet: a cavity without one would
@@ -29,7 +29,7 @@ def alignment_holes(ball_radius_mm: float) -> list[tuple[float, float]]:
 
 
 def film_outline(array: ElementArray, ball_radius_mm: float) -> Any:
-    """Return the film, a polygon of shapely [mm]: the whole sheet with its ears."""
+    """Return the outline of the insulating film, a shapely polygon [mm]: the whole sheet with its ears."""
     half, places = array.sheet_mm / 2.0, alignment_holes(ball_radius_mm)
     whole = shapely.union_all(
         [shapely.box(-half, -half, half, half), *(alignment_ear(half, p) for p in places)]
@@ -42,10 +42,11 @@ def film_outline(array: ElementArray, ball_radius_mm: float) -> Any:
 
 
 def spacer_openings(array: ElementArray) -> Any:
-    """Return the openings of the spacer [mm]: as large as the electrodes; without a rim, open to the sheet's edge."""
+    """Return the cavities cut into the spacer [mm]: electrode-sized; without a rim, open to the sheet's edge."""
     half, edge = array.electrode_mm / 2.0, array.sheet_mm / 2.0
 
     def element_span(lines: tuple[float, ...], k: int) -> tuple[float, float]:
+        """Return low and high coordinate of the opening of row or column k [mm]."""
         low = -edge if k == len(lines) - 1 and not has_spacer_rim(array) else lines[k] - half
         return low, edge if k == 0 and not has_spacer_rim(array) else lines[k] + half
 
@@ -59,12 +60,12 @@ def spacer_openings(array: ElementArray) -> Any:
 
 
 def has_spacer_rim(array: ElementArray) -> bool:
-    """Tell whether the sheet is so much larger than the array that a rim of the spacer can be cut."""
+    """Tell whether the sheet exceeds the array by enough for a closed rim of the spacer."""
     return array.rim_mm > dimensions.MIN_SPACER_RIM_MM - _ROUNDING_TOLERANCE_MM
 
 
 def vent_channels(array: ElementArray) -> list[Any]:
-    """Return the channels that connect closed cavities with the air, along the rows towards the left [mm]."""
+    """Return the channels that vent closed cavities to the air, along the rows to the left [mm]."""
     rows, columns = list(array.row_x_mm), array.column_y_mm
     if has_spacer_rim(array):
         ends = columns[-1], array.sheet_mm / 2.0 + 1.0
@@ -77,7 +78,7 @@ def vent_channels(array: ElementArray) -> list[Any]:
 
 
 def spacer_outline(array: ElementArray, ball_radius_mm: float, cavity: CavityKind) -> Any:
-    """Return the spacer, a polygon of shapely [mm]: bars around the cavities, with its ears."""
+    """Return the spacer, a shapely polygon [mm]: bars around the cavities, with ears."""
     channels = vent_channels(array) if cavity == "vented" else []
     return film_outline(array, ball_radius_mm).difference(
         shapely.union_all([spacer_openings(array), *channels])
@@ -85,7 +86,7 @@ def spacer_outline(array: ElementArray, ball_radius_mm: float, cavity: CavityKin
 
 
 def write_dxf(path: Path, shape: Any, note: str) -> None:
-    """Write a polygon as closed lines, in mm, with the thickness as a note.
+    """Write a polygon to a DXF file as closed lines [mm], with the thickness as a text note.
 
     Args:
         path: The file.
@@ -106,7 +107,7 @@ def write_dxf(path: Path, shape: Any, note: str) -> None:
 
 
 def read_dxf(path: Path) -> Any:
-    """Return the polygon that the closed lines of a DXF file bound [mm]: the largest, less those in it."""
+    """Return the polygon of a DXF file [mm]: the largest closed line, minus those inside it."""
     document = ezdxf.readfile(path)
     rings = [
         shapely.Polygon([(point[0], point[1]) for point in line.get_points()])

@@ -1,4 +1,4 @@
-"""Hemispheres, mould and socket as solids of Open CASCADE, written as STEP, with the volumes that geometry gives.
+"""Hemispheres, mould and socket as Open CASCADE solids and STEP files, with volumes by formula.
 
 Foot frame, mm. Each hemisphere is centred on its own face of the sheet, as in the finite elements. The mould casts both
 hemispheres of a foot at once, from one batch, so that they are equally stiff.
@@ -21,7 +21,7 @@ from footsense.lab.geometry import FootDesign
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """One solid part, with the volume that geometry gives.
+    """One solid part with its name and its volume by formula [mm3].
 
     Attributes:
         name: Its name, and that of its file.
@@ -35,7 +35,7 @@ class Part:
 
 
 def hemispheres(design: FootDesign) -> list[Part]:
-    """Return the ground and the leg hemisphere."""
+    """Return the ground-side and the leg-side hemisphere as parts."""
     volume = 2.0 / 3.0 * math.pi * design.ball_radius_mm**3
     return [
         Part(
@@ -48,7 +48,7 @@ def hemispheres(design: FootDesign) -> list[Part]:
 
 
 def mould(design: FootDesign) -> list[Part]:
-    """Return the mould's body, with two hollows that open upwards at z = 0, and its lid."""
+    """Return body (two hollows, open upwards at z = 0) and lid of the casting mould as parts."""
     radius, wall = design.ball_radius_mm, dimensions.MOULD_WALL_MM
     centres = mould_centres_mm(design)
     half_x, half_y = 2.0 * radius + 1.5 * wall, radius + wall
@@ -87,13 +87,13 @@ def mould_centres_mm(design: FootDesign) -> tuple[float, float]:
 
 
 def tail_widths_mm(design: FootDesign) -> tuple[float, float]:
-    """Return the widths of the tails of columns (forward) and rows (to the left) [mm]."""
+    """Return the widths of the column flex's tail (forward) and the row flex's tail (to the left) [mm]."""
     rows, columns = flexes(ElementArray.from_design(design), design.ball_radius_mm)
     return 2.0 * columns.tail_half_width_mm, 2.0 * rows.tail_half_width_mm
 
 
 def socket(design: FootDesign) -> Part:
-    """Return the leg's socket: it holds the whole curved surface of the leg hemisphere."""
+    """Return the leg's socket as a part: it holds the whole curved surface of the leg-side hemisphere."""
     outer, hollow = (
         dimensions.socket_radius_mm(design.ball_radius_mm),
         design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM,
@@ -144,7 +144,7 @@ def _socket_volume_mm3(design: FootDesign) -> float:
 
 
 def all_parts(design: FootDesign) -> list[Part]:
-    """Return all solids of a foot."""
+    """Return all solid parts of a foot."""
     return [*hemispheres(design), *mould(design), socket(design)]
 
 
@@ -155,13 +155,13 @@ def cast_hemisphere(design: FootDesign) -> Any:
 
 
 def is_outer_face(face: Any, low: Any) -> bool:
-    """Tell whether a face lies in one of the planes through the lowest corner of a box."""
+    """Tell whether a face lies in one of the three planes through a box's lowest corner."""
     _, high = face.bounding_box
     return any(abs(getattr(high, axis) - getattr(low, axis)) < EQUAL_WITHIN_MM for axis in ("x", "y", "z"))
 
 
 def write_step(part: Part, path: Path) -> None:
-    """Write a STEP file, without the time of writing: the same foot gives the same bytes."""
+    """Write a part as a STEP file without a time stamp: the same foot gives the same bytes."""
     part.solid.name = part.name
     part.solid.WriteStep(str(path))
     header = f"FILE_NAME('{part.name}','',('footsense'),(''),'Open CASCADE','footsense','');"
@@ -175,6 +175,6 @@ def read_step(path: Path) -> Any:
 
 
 def _cylinder(x_mm: float, y_mm: float, diameter_mm: float, z_mm: tuple[float, float]) -> Any:
-    """Return an upright cylinder."""
+    """Return a vertical cylinder as a solid."""
     low, high = z_mm
     return occ.Cylinder(occ.Pnt(x_mm, y_mm, low), occ.Z, r=diameter_mm / 2.0, h=high - low)

@@ -1,1 +1,1 @@
-"""Solids of other sensors: the plain block of the paper's first model, and the soft film of its outlook."""
+"""Finite element models of other sensors: the plain block of the paper, and the gel film of its outlook."""

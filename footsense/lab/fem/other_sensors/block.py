@@ -1,4 +1,4 @@
-"""A plain block of PDMS between the hemispheres, without cavities: the paper's first model (section III A, Fig. 4).
+"""Finite element model of a plain PDMS block between the hemispheres: the paper's first model (section III A, Fig. 4).
 
 The quarter x > 0, y > 0 is solved in its symmetry classes, as in `quarter`: displacement in all of it, and in the
 rubber a pressure of its own. An element of a sensor measures the mean of sigma_z over a column, a rectangle times
@@ -39,7 +39,7 @@ _EXTRA_QUADRATURE_ORDER = 8
 
 @dataclass(frozen=True, slots=True)
 class BlockColumn:
-    """A rectangle of the quarter x >= 0, y >= 0, through the thickness of the block.
+    """Rectangular column of the block, in the quarter x >= 0, y >= 0, over its full thickness.
 
     Attributes:
         x_mm: Borders of the column along x, the lower first [mm].
@@ -55,7 +55,7 @@ class BlockColumn:
         return (self.x_mm[1] - self.x_mm[0]) * (self.y_mm[1] - self.y_mm[0])
 
     def indicator_function(self) -> Any:
-        """Return 1 inside and 0 outside, as a function of the place."""
+        """Return the indicator function of the rectangle: 1 inside and 0 outside."""
         distances = (ng.x - self.x_mm[0], self.x_mm[1] - ng.x, ng.y - self.y_mm[0], self.y_mm[1] - ng.y)
         indicator = ng.CF(1.0)
         for distance in distances:
@@ -64,12 +64,12 @@ class BlockColumn:
 
 
 def half_thickness_mm(design: FootDesign) -> float:
-    """Return half the thickness of the block, equal to the thickness of the sheet [mm]."""
+    """Return half the block's thickness [mm]; the block is as thick as the sheet."""
     return design.plate_mm + design.spacer_mm / 2.0
 
 
 def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_MESH) -> Any:
-    """Return the curved mesh of the quarter, in mm, origin in the middle of the block.
+    """Return the curved mesh of the quarter [mm], origin in the middle of the block.
 
     Args:
         design: The foot; of the sheet only its outside is used.
@@ -87,7 +87,7 @@ def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_MESH) -> Any:
 
 
 class Block(Quarter):
-    """One symmetry class of the foot with the plain block, factorised.
+    """Factorised finite element problem of the foot with the plain block, in one symmetry class.
 
     Attributes:
         space: Displacement, and the pressure in both rubbers.
@@ -95,7 +95,7 @@ class Block(Quarter):
 
     @property
     def sphere_centre_depth_mm(self) -> float:
-        """Half the thickness of the block [mm]."""
+        """Depth of the ground-side ball's centre below the block's middle: half its thickness [mm]."""
         return half_thickness_mm(self.design)
 
     def _finite_element_space(self, order: int) -> Any:
@@ -114,7 +114,7 @@ class Block(Quarter):
         return form
 
     def stress_functional(self, column: BlockColumn) -> Any:
-        """Return the mean of sigma_z [MPa] over a column as a linear form of the displacement."""
+        """Return the mean normal stress sigma_z [MPa] over a column as a linear functional of the displacement."""
         v, pdms = self.space.TestFunction()[0], self.design.pdms
         stress_mpa = pdms.lame_mpa * ng.div(v) + 2.0 * pdms.shear_mpa * ng.Grad(v)[2, 2]
         volume_mm3 = column.area_mm2 * 2.0 * half_thickness_mm(self.design)
@@ -132,7 +132,7 @@ class Block(Quarter):
 def block_fields(
     design: FootDesign, columns: Sequence[BlockColumn], size: MeshSize = BLOCK_MESH
 ) -> dict[Parity, AdjointField]:
-    """Return the sampled fields of columns in the solved symmetry classes: influence in MPa/N."""
+    """Return the adjoint fields of the columns' mean stress per symmetry class, influence in MPa/N."""
     mesh = build_block_mesh(design, size)
     classes = [Block(design, size, parity, mesh) for parity in SOLVED_CLASSES]
     return {

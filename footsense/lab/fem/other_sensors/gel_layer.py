@@ -30,7 +30,7 @@ from footsense.lab.geometry import UM_PER_MM, FootDesign, Material
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GelLayerDesign:
-    """A gel film in place of the spacer: thickness, material and permittivity.
+    """Gel film in place of the spacer: thickness, material and permittivity.
 
     Attributes:
         layer_mm: Thickness, that of the spacer [mm].
@@ -49,11 +49,11 @@ class GelLayerDesign:
 
     @property
     def layer(self) -> BondedLayer:
-        """The gel as a bonded elastic layer over the whole area of the plates."""
+        """The gel as an elastic layer bonded to both plates over their whole area, cavities and bars alike."""
         return BondedLayer(self.gel, self.layer_mm, "bars|cell.*")
 
     def capacitor(self, design: FootDesign) -> CapacitorDesign:
-        """Return the capacitor: one of eps_r times the area, with the film's thickness as a gap of air."""
+        """Return an equivalent air capacitor: the gel's thickness as the gap, electrode area times eps_r."""
         return CapacitorDesign(
             gap_um=UM_PER_MM * self.layer_mm,
             film_um=0.0,
@@ -63,7 +63,7 @@ class GelLayerDesign:
 
 
 def upright_closure_um(design: FootDesign, size: MeshSize, films: Sequence[GelLayerDesign]) -> list[float]:
-    """Return for each film the mean closure over the electrodes [um/N] under an upright force, spread over the ball."""
+    """Return per film the mean electrode closure [um/N] under a vertical force spread over the ball."""
     mesh, electrodes = build_mesh(design, size), ng.ds("cell.*")
     electrodes_mm2 = ng.Integrate(ng.CF(1.0) * electrodes, mesh)
     ball_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), mesh)

@@ -50,7 +50,7 @@ MAX_EXPLAINED_MISFIT = 5.0
 
 @dataclass(frozen=True, slots=True)
 class GaussNewtonResult:
-    """Errors of the estimates after some rounds of Gauss-Newton.
+    """Force errors after a number of Gauss-Newton rounds, relative to the bound.
 
     Attributes:
         explained_rel: Share of the scans with a misfit below `MAX_EXPLAINED_MISFIT` [1].
@@ -63,7 +63,7 @@ class GaussNewtonResult:
 
 @dataclass(frozen=True, slots=True)
 class Ambiguity:
-    """Ambiguous loads of one magnitude, at each of `ELEVATIONS_DEG`.
+    """Distance [sigma] and force angle [deg] of ambiguous load pairs, at each of `ELEVATIONS_DEG`.
 
     Attributes:
         distance_sigma: Distance of the closures in standard deviations of the noise.
@@ -76,7 +76,7 @@ class Ambiguity:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Errors of the network, and of Gauss-Newton steps from the network's estimate, against the bound.
+    """Results of the study `cramer-rao`: errors of network and Gauss-Newton relative to the bound, ambiguous loads.
 
     Attributes:
         ratio: The network beside the bound.
@@ -100,7 +100,7 @@ class Results:
 def gauss_newton_results(
     context: StudyContext, contacts: tuple[Vector, Vector], magnitude_gf: float, draws: int
 ) -> list[GaussNewtonResult]:
-    """Return the network's estimates after each of `GAUSS_NEWTON_ROUNDS` of Gauss-Newton.
+    """Return errors relative to the bound after each of `GAUSS_NEWTON_ROUNDS` Gauss-Newton rounds.
 
     Args:
         context: Foot and network.
@@ -134,7 +134,7 @@ def _noiseless_direction_error_deg(context: StudyContext, magnitude_gf: float) -
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Compare the network, and fits started at the network's estimate, with the Cramer-Rao bound."""
+    """Return errors of the network and of Gauss-Newton fits relative to the Cramer-Rao bound, with figures."""
     quick, foot, loads = context.quick, Foot(context.response), context.foot_design.loads
     magnitudes, draws = ((20.0, 50.0, 100.0), 8) if quick else (MAGNITUDES_GF, 64)
     ratio = crb_ratio(context.response, loads, context.network.force_n, draws=draws, magnitudes_gf=magnitudes)
@@ -174,7 +174,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _ratio_figure(bins: Sequence[MagnitudeBin]) -> Figure:
-    """Draw bound and network over the magnitude, centred loads."""
+    """Return the figure of network error and bound over the force magnitude, centred loads."""
     figure, row = subplot_row(2, 8.6, 3.9)
     gf = [one.magnitude_gf for one in bins]
     quantities = (
@@ -200,7 +200,7 @@ def _ratio_figure(bins: Sequence[MagnitudeBin]) -> Figure:
 def _bound_map_figure(
     azimuth: Vector, elevation: Vector, bound_deg: Vector, ambiguous: dict[str, Ambiguity]
 ) -> Figure:
-    """Draw the bound over the hemisphere beside the distance of ambiguous loads."""
+    """Return the figure of two maps of the ball: the bound, and the distance to ambiguous loads."""
     figure = Figure(figsize=(9.2, 4.1), layout="constrained")
     polar = figure.add_subplot(1, 2, 1, projection="polar")
     filled = polar.contourf(np.radians(azimuth), 90.0 - elevation, bound_deg.T, levels=16, cmap="viridis")

@@ -49,14 +49,14 @@ _CIRCLE_CENTRE_DEG = (0.0, 60.0)
 
 
 def _map_normals(right: Vector, up: Vector) -> Vector:
-    """Return the inward normals of points of the map: the inverse of `ball.touch`."""
+    """Return the inward normals at points of the map: the inverse of the map projection."""
     squared = right**2 + up**2
     return np.stack([-2.0 * up, -2.0 * right, 1.0 - squared], axis=-1) / (1.0 + squared)[..., None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """The map without noise, and the verification cases.
+    """Results of the study `error-map`: noiseless direction errors on the map, and errors of the 180 cases.
 
     Attributes:
         noise_draws: Draws of the converter's noise.
@@ -78,7 +78,7 @@ class Results:
 
 
 def _estimated_forces_n(context: StudyContext, cases: Cases, draws: int) -> Vector:
-    """Return the forces [N] that the released network reads, shape (draws, n, 3).
+    """Return the released network's force estimates [N] for load cases, shape (draws, n, 3).
 
     Args:
         context: The models.
@@ -116,7 +116,7 @@ def _draw_map(
 
 
 def _map_figure(grid: tuple[Vector, Vector], maps: dict[str, Vector], lowest_elevation_deg: float) -> Figure:
-    """Draw the maps side by side, on one scale."""
+    """Return the figure of several error maps side by side, on one colour scale."""
     figure = Figure(figsize=(8.6, 4.7), layout="constrained")
     row = figure.subplots(1, len(maps))
     for axes, (name, error_deg) in zip(row, maps.items(), strict=True):
@@ -131,7 +131,7 @@ def _map_figure(grid: tuple[Vector, Vector], maps: dict[str, Vector], lowest_ele
 
 
 def _histogram_figure(readings: dict[str, tuple[Vector, Vector]]) -> Figure:
-    """Draw the histograms of direction and magnitude errors on the 180 cases."""
+    """Return the figure of direction and magnitude error histograms on the 180 cases."""
     figure, row = subplot_row(2, 8.6, 3.6)
     bins = np.geomspace(1e-3, 40.0, 60).tolist()
     papers = ((PAPER_DIRECTION_DEG, MEASURED_DIRECTION_DEG), (PAPER_MAGNITUDE_GF, MEASURED_MAGNITUDE_GF))

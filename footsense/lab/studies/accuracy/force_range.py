@@ -1,4 +1,4 @@
-"""Study `force-range`: largest measurable force by direction, and the reported state beyond it.
+"""Study `force-range`: largest measurable force by direction, and the leg state that larger forces produce.
 
 With growing force a gap begins to close at its middle, reads as closed, or the converter ends. Where gaps are closed in
 part, different loads have nearly the same closures: an ambiguous region, in which the network is used, too.
@@ -40,7 +40,7 @@ _FIGURE_FILE = "force-range.png"
 
 @dataclass(frozen=True, kw_only=True)
 class BandErrors:
-    """Errors of the loads whose largest closure over the gap lies in a band.
+    """Errors of the loads whose largest relative closure lies in one band.
 
     Attributes:
         load_share: Of all loads [1].
@@ -67,7 +67,7 @@ class BandErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceRangeResults:
-    """Limits of the designed foot under centred loads, and errors over the range.
+    """Results of the study `force-range`: force limits under centred loads, errors by closure band.
 
     Attributes:
         limits_n: By limit (`contact`, `closed`, `saturated`): lowest force of it over the elevations [N], the smallest
@@ -86,7 +86,7 @@ class ForceRangeResults:
 
 
 def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
-    """Return the lowest force of each limit [N], shape (azimuths, elevations); 2 `max_n` where it is not reached."""
+    """Return the lowest force that reaches each limit [N], (azimuths, elevations); 2 `max_n` where never reached."""
     direction = direction_grid(AZIMUTHS_DEG, ELEVATIONS_DEG)
     design = foot.response.design
     reached = {name: np.full(len(direction), 2.0 * max_n) for name in ("contact", "closed", "saturated")}
@@ -108,7 +108,7 @@ def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
 def _estimate_foot(
     context: StudyContext, trained: TrainedInputs, own: Deviations, normal: Vector, force_n: Vector
 ) -> tuple[Vector, Mask, Vector, Vector, Mask]:
-    """Estimate loads on a foot: closure over the gap, readable mask, force, sigma [N], inconsistent mask."""
+    """Return for loads on a foot: relative closure, readable mask, force [N], sigma [N], inconsistent mask."""
     foot, design = Foot(context.response, own), trained.design
     gap_um = np.broadcast_to(design.gap_um + own.gap_um, foot.unloaded_pf.shape)
     known = FootParameters(
@@ -134,7 +134,7 @@ def _estimate_foot(
 
 
 def _band_errors(inside: Mask, parts: tuple[Any, ...]) -> BandErrors | None:
-    """Return the errors of the loads of a band; None if there are none."""
+    """Return the errors of the loads in one closure band; None if it holds no load."""
     if not inside.any():
         return None
     read, true_n, force_n, sigma_n, said = (part[inside] for part in parts)
@@ -160,7 +160,7 @@ def _band_errors(inside: Mask, parts: tuple[Any, ...]) -> BandErrors | None:
 
 
 def _errors_by_band(context: StudyContext, feet: list[Deviations]) -> list[BandErrors | None]:
-    """Return the errors by band over random leaning loads on some feet."""
+    """Return the errors in each closure band, over random leaning loads on several feet."""
     loads, trained = context.foot_design.loads, context.trained_inputs
     rng = np.random.default_rng(_SEED)
     collected: list[tuple[Any, ...]] = []
@@ -179,7 +179,7 @@ def _errors_by_band(context: StudyContext, feet: list[Deviations]) -> list[BandE
 
 
 def _figure(limits_n: dict[str, Vector], max_n: float) -> Figure:
-    """Draw the limits over the elevation, from the least to the most favourable azimuth."""
+    """Return the figure of the force limits over elevation, as bands over the azimuths."""
     figure = Figure(figsize=(7.5, 4.2), layout="constrained")
     axes = figure.subplots()
     words = {
@@ -198,7 +198,7 @@ def _figure(limits_n: dict[str, Vector], max_n: float) -> Figure:
 
 
 def compute(context: StudyContext) -> tuple[ForceRangeResults, Plots]:
-    """Find the limits of the designed foot, and the errors by closure on it and on made feet."""
+    """Return the force limits of the designed foot, and errors by closure on it and on fabricated feet, with figure."""
     loads = context.foot_design.loads
     limits_n = _force_limits_n(Foot(context.response), loads.max_n)
     feet = _QUICK_FEET if context.quick else _FEET

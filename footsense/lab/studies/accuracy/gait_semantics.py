@@ -1,4 +1,4 @@
-"""Study `gait-semantics`: touchdowns, ground normals, friction and slips, as told to a controller, on rough ground."""
+"""Study `gait-semantics`: accuracy of touchdown, ground normal, friction and slip estimates on rough ground."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -107,14 +107,14 @@ class _SlipReports(NamedTuple):
 
 
 def _friction_use(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
-    """Return true friction use, NaN without a load, and normal force [N], shapes (...)."""
+    """Return true tangential over normal force [1], NaN without a load, and normal force [N], shapes (...)."""
     pressing_n = (force_n * normal).sum(axis=-1)
     tangential_n = np.linalg.norm(force_n - pressing_n[..., None] * normal, axis=-1)
     return np.where(pressing_n > 0.0, tangential_n / np.maximum(pressing_n, 1e-9), np.nan), pressing_n
 
 
 def _evaluated_stances(one: RoughWalk, leg: int) -> Iterator[tuple[int, float, float, Mask]]:
-    """Yield number, start and end [s] of the stances that count, and their conversions, shape (n,)."""
+    """Yield number, start [s], end [s] and conversion mask (n,) of each stance that is evaluated."""
     for number, (start_s, end_s) in enumerate(one.stances_s[leg].tolist()):
         if start_s > WARM_UP_S and end_s + _REPORT_AFTER_STANCE_S < one.t_s[-1]:
             yield number, start_s, end_s, one.slides[leg].stance == number
@@ -179,7 +179,7 @@ def _match_slip_reports(one: RoughWalk, leg: int) -> _SlipReports:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Walk robots over rough ground, and compare the reported events with the truth."""
+    """Simulate walks on rough ground; return the errors of the estimated events, contacts and slips."""
     n_per_rel = sensitivity(context.network, 1, context.trained_inputs.moments).load_n
     n = QUICK_CONVERSIONS if context.quick else CONVERSIONS
     walks = []
@@ -239,6 +239,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _rms(errors: Vector) -> float:
+    """Return the root mean square of the errors."""
     return float(np.sqrt(np.nanmean(errors**2)))
 
 

@@ -54,7 +54,7 @@ _N_STEADY_LOADS = 6000
 
 @dataclass(frozen=True, slots=True)
 class GaitErrors:
-    """Errors over the windows of one load.
+    """Force errors of the network over all windows of one kind of gait.
 
     Attributes:
         name: The load.
@@ -124,6 +124,7 @@ def load_function(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
     """Return a function from times [s] to a leg's loads, made from a source of single contacts."""
 
     def loads(t_s: Vector) -> Loads:
+        """Return the leg's loads at some times [s]."""
         contacts = [source.contact(leg, int(t_ns)) for t_ns in (t_s * 1e9).tolist()]
         return Loads(np.array([one.normal for one in contacts]), np.array([one.force_n for one in contacts]))
 
@@ -131,7 +132,7 @@ def load_function(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
 
 
 def test_walks() -> tuple[ContactSource, ContactSource]:
-    """Return the measured walk and the tripod scene."""
+    """Return the two test walks as contact sources: the measured walk and the tripod scene."""
     tripod = Walk(
         dict.fromkeys(LEGS, smooth_stance(0.6, 1.0, 0.15)),
         period_ns=1_200_000_000,
@@ -145,7 +146,7 @@ def test_walks() -> tuple[ContactSource, ContactSource]:
 def _walk_readings(
     context: StudyContext, source: ContactSource, legs: tuple[str, ...], timing: ReadingConditions
 ) -> GaitReadings:
-    """Return the readings of some legs in a gait."""
+    """Return simulated readings of the given legs in a walk."""
     n = 400 if context.quick else _WALK_CONVERSIONS
     return concatenate_gaits(
         [
@@ -176,7 +177,7 @@ def estimate_in_batches(context: StudyContext, window: Window) -> Load:
 def _gait_errors(
     context: StudyContext, name: str, gaits: GaitReadings, change: _InputFault = _NO_INPUT_FAULT
 ) -> GaitErrors:
-    """Return the network's errors on some gaits."""
+    """Return the network's force errors on gaits, with an optional input fault."""
     windows = windows_of(gaits)
     closure_rel, force_n, normal = windows.closure_rel, windows.force_n, windows.normal
     if change.gain_rel:
@@ -210,14 +211,14 @@ def _gait_errors(
 
 
 def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
-    """Return tangential over normal force, shape (n,), of its part in the plane, shape (n, 2)."""
+    """Return tangential over normal force [1], shape (n,), from in-plane components, shape (n, 2)."""
     along = (normal[:, :2] * ratio).sum(axis=1) / normal[:, 2]
     friction_ratio: Vector = np.sqrt((ratio**2).sum(axis=1) + along**2)
     return friction_ratio
 
 
 def _steady_load_errors(context: StudyContext) -> list[SteadyLoadErrors]:
-    """Return the errors under steady loads, each reading with its own noise."""
+    """Return the network's force errors under steady loads, each reading with independent noise."""
     response, loads = context.response, context.foot_design.loads
     rng = np.random.default_rng(HELD_OUT_SEED)
     wide = random_loads(response, loads, 500 if context.quick else _N_STEADY_LOADS, HELD_OUT_SEED)

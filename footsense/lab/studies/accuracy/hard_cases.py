@@ -1,4 +1,4 @@
-"""Study `hard-cases`: inputs at the limits of the models, each with the expected and the measured result."""
+"""Study `hard-cases`: inputs at the limits of the models, each with expected and measured result."""
 
 import dataclasses
 import re
@@ -42,7 +42,7 @@ def _expected_error_case(name: str, error: type[Exception], attempt: Callable[[]
 
 
 def _small_load_cases(response: FootResponse) -> Iterator[Case]:
-    """Yield cases of no load, and of a tenth of a gram-force."""
+    """Yield the cases of zero load and of a tenth of a gram-force."""
     foot = Foot(response)
     none_um = float(np.abs(foot.cells_um(_UPWARD, 0.0 * _UPWARD)).max())
     yield Case("no load", "0 um, exactly", f"{none_um:g} um", none_um == 0.0)
@@ -53,7 +53,7 @@ def _small_load_cases(response: FootResponse) -> Iterator[Case]:
 
 
 def _gap_closing_cases(response: FootResponse) -> Iterator[Case]:
-    """Yield cases of loads that close gaps, and of the accuracy of the contact solution."""
+    """Yield the cases of loads that close gaps, and of the contact solver's accuracy."""
     foot, gap_um = Foot(response), response.design.gap_um
     loads_n = np.linspace(0.0, 200.0, 801)
     cells_um = foot.cells_um(np.repeat(_UPWARD, len(loads_n), 0), loads_n[:, None] * _UPWARD)
@@ -79,7 +79,7 @@ def _gap_closing_cases(response: FootResponse) -> Iterator[Case]:
 
 
 def _rim_contact_cases(response: FootResponse) -> Iterator[Case]:
-    """Yield cases of contacts near the rim, and of invalid inputs."""
+    """Yield the cases of contacts near the ball's rim, and of invalid inputs."""
     low = directions(np.array([0.0, 90.0]), np.array([40.0, 40.0]))
     closures = response.closure_um(low, low)
     turned = float(np.abs(closures[1].reshape(3, 3) - closures[0].reshape(3, 3).T).max())
@@ -105,7 +105,7 @@ def _rim_contact_cases(response: FootResponse) -> Iterator[Case]:
 
 
 def _impossible_design_cases(foot_design: FootDesign) -> Iterator[Case]:
-    """Yield cases of impossible feet, which take no solve."""
+    """Yield the cases of impossible foot designs, refused without a finite element solve."""
     yield _expected_error_case(
         "plate of 10 nm", ModelError, lambda: build_mesh(replace(foot_design, plate_mm=1e-5), COARSE_MESH)
     )
@@ -119,7 +119,7 @@ def _impossible_design_cases(foot_design: FootDesign) -> Iterator[Case]:
 
 
 def _hard_material_cases(foot_design: FootDesign) -> Iterator[Case]:
-    """Yield cases of hard materials, each solved."""
+    """Yield the cases of extreme materials, each with a finite element solve."""
     lost = []
     for poisson in (0.49, 0.499, 0.4999):
         rubber = replace(foot_design, rubber=replace(foot_design.rubber, poisson=poisson))

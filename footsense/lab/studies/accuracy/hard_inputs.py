@@ -1,4 +1,4 @@
-"""Hard inputs of the network and of the daemon's pipeline, for the study `hard-cases`."""
+"""Extreme inputs of the network and of the service's pipeline, for the study `hard-cases`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ _SEED, _ROUNDS, _GAITS, _CONVERSIONS = 990_100, 14, 70, 1100
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One hard input with expected and measured result.
+    """One extreme input with expected result, measured result, and whether they agree.
 
     Attributes:
         name: The input.
@@ -50,7 +50,7 @@ class Case:
 
 
 def _float64_graph(context: StudyContext) -> ReferenceEvaluator:
-    """Return the network's graph, to be computed in float64 by numpy."""
+    """Return the network's ONNX graph as a float64 numpy evaluator."""
     model = onnx.load(context.models / NETWORK_FILE)
     for stored in model.graph.initializer:
         if stored.data_type == TensorProto.FLOAT:
@@ -59,7 +59,7 @@ def _float64_graph(context: StudyContext) -> ReferenceEvaluator:
 
 
 def _float32_error_n(context: StudyContext, graph: ReferenceEvaluator, window: Window) -> float:
-    """Return the largest difference between the forces in float32 and in float64 [N]; NaN if one is no number."""
+    """Return the largest force difference between float32 and float64 [N]; NaN if a force is no number."""
     inputs = {
         signal.name: np.asarray(part, np.float64).reshape(len(part), signal.width)
         for signal, part in zip(INPUTS, window, strict=True)
@@ -68,7 +68,7 @@ def _float32_error_n(context: StudyContext, graph: ReferenceEvaluator, window: W
 
 
 def _float32_error_on_gaits_n(context: StudyContext, graph: ReferenceEvaluator) -> tuple[int, float]:
-    """Return the windows of random gaits that were tried, and the same difference over all of them [N]."""
+    """Return the number of random gait windows, and the largest float32 force error over them [N]."""
     n, apart_n = 0, 0.0
     for seed in range(1 if context.quick else _ROUNDS):
         gaits = random_gaits(
@@ -86,7 +86,7 @@ def _float32_error_on_gaits_n(context: StudyContext, graph: ReferenceEvaluator) 
 
 
 def network_cases(context: StudyContext) -> Iterator[Case]:
-    """Yield the cases of the network alone."""
+    """Yield the cases of extreme inputs to the network alone."""
     network, gap_um = context.network, context.response.design.gap_um
     none_n = float(np.abs(network.force_n(np.zeros((1, 9)))).max())
     yield Case("no closure", "0 N, exactly", f"{none_n:g} N", none_n == 0.0)
@@ -122,7 +122,7 @@ def network_cases(context: StudyContext) -> Iterator[Case]:
 
 
 class _LegPipeline:
-    """One leg's pipeline with the released network, tared on a free foot."""
+    """Estimation pipeline of one leg with the released network, tared on an unloaded foot."""
 
     def __init__(self, context: StudyContext) -> None:
         design = context.response.design
@@ -145,7 +145,7 @@ class _LegPipeline:
             self.feed(unloaded_pf[0])
 
     def feed(self, capacitance_pf: Vector, reading: int = Reading.OK, age_ns: int = 0) -> ContactFrame:
-        """Return the frame of a scan; a reading that is not OK applies to the middle element."""
+        """Return the estimate after one scan; a reading other than OK applies to the middle element."""
         self._sequence += 1
         t_ns = self._sequence * _SCAN_NS
         readings, values = np.zeros((1, 9), np.uint8), capacitance_pf[None].copy()
@@ -163,7 +163,7 @@ def _leg_state_case(
     reading: int = Reading.OK,
     age_ns: int = 0,
 ) -> Case:
-    """Feed constant capacitances [pF] to a leg until it has settled, and compare its state with the expected one."""
+    """Return the case of constant capacitances [pF]: leg state after settling, against the expected one."""
     leg = _LegPipeline(context)
     for _ in range(_SETTLING_SCANS):
         leg.feed(capacitance_pf, reading)
@@ -177,7 +177,7 @@ def _leg_state_case(
 
 
 def pipeline_cases(context: StudyContext) -> Iterator[Case]:
-    """Yield test cases of broken lines and of loads beyond the training, with leg state and force."""
+    """Yield the cases of broken lines and of loads beyond the training range, with leg state and force."""
     design = context.response.design
     up = np.array([[0.0, 0.0, 1.0]])
     pressed_pf = Foot(context.response).capacitance_pf(up, up)[0]

@@ -56,7 +56,7 @@ SigmaCoverage = dict[str, list[float]]
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Errors and coverage of the released network.
+    """Results of the study `released`: force errors and sigma coverage, also with missing elements and on other feet.
 
     Attributes:
         errors: The error table, by read-out and cases.
@@ -80,7 +80,7 @@ class Results:
 
 
 def _coverage_on_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -> SigmaCoverage:
-    """Return the coverage over a batch of feet that differ from the design."""
+    """Return the sigma coverage over a batch of random feet with the given tolerances."""
     response, n_loads = context.response, 100 if context.quick else N_LOADS
     parts = []
     for number in range(n_feet):
@@ -133,7 +133,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _error_over_sigma_figure(truth_n: Vector, force_n: Vector, sigma_n: Vector) -> Figure:
-    """Draw the measured error over the stated sigma, per axis, in bins of equally many cases."""
+    """Return the figure of measured error over reported sigma, per axis, in equally filled bins."""
     figure, (axes,) = subplot_row(1, 8.0, 3.6)
     for axis, name in enumerate("xyz"):
         order = np.array_split(np.argsort(sigma_n[:, axis]), 20)

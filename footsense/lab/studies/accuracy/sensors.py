@@ -1,4 +1,4 @@
-"""The first part of the study `sensors`: how many elements, and how large, on the paper's block.
+"""Study `sensors`, first part: direction error by number and size of the elements, on the paper's block.
 
 Source:
     Aoyagi et al., sections III B to III E, Figs. 5, 6 and 8, Table I.
@@ -72,7 +72,7 @@ class SensorArray:
         return [(max(0.0, c - self.element_side_mm / 2.0), c + self.element_side_mm / 2.0) for c in centres]
 
     def quarter_element_columns(self) -> list[BlockColumn]:
-        """Return the columns of the quarter, grouped by x."""
+        """Return the block columns under the quarter's elements, grouped by x."""
         halves = self.element_borders_mm()
         return [BlockColumn(x, y) for x in halves for y in halves]
 
@@ -95,7 +95,7 @@ SMALL_AND_LARGE_PAIRS = (("A", "F"), ("B", "G"), ("C", "H"))
 
 
 def _series_of_all_elements(quarter: Vector, elements_per_side: int) -> Vector:
-    """Return the series of all elements, shape (products, n, n, 3), from the quarter.
+    """Return the response series of all elements, (products, n, n, 3), mirrored from the quarter's.
 
     The two or four parts of an element that a mirror plane cuts are as large, so that it feels their mean.
     """
@@ -112,7 +112,7 @@ def _series_of_all_elements(quarter: Vector, elements_per_side: int) -> Vector:
 def stress_series(
     foot_design: FootDesign, sensors: Sequence[SensorArray], size: MeshSize
 ) -> dict[str, Vector]:
-    """Return the mean stress of each sensor's elements as series [MPa/N], shapes (products, n, n, 3)."""
+    """Return each sensor's mean element stress as response series [MPa/N], shapes (products, n, n, 3)."""
     fields = block_fields(
         foot_design, [column for sensor in sensors for column in sensor.quarter_element_columns()], size
     )
@@ -130,7 +130,7 @@ def stress_series(
 
 
 def pressure_patterns(foot_design: FootDesign, series: Vector, direction: Vector) -> Vector:
-    """Return pressures [MPa], shape (n, elements), under centred contacts with a Hertz patch."""
+    """Return the element pressures [MPa], (n, elements), under centred Hertz contacts."""
     force_n = FORCE_GF * GRAM_FORCE_N
     patch_mm = foot_design.hertz_patch_radius_mm(force_n)
     unit = mean_over_patch(series.reshape(len(series), -1), direction, patch_mm, foot_design)
@@ -142,7 +142,7 @@ def pressure_patterns(foot_design: FootDesign, series: Vector, direction: Vector
 def network_direction_errors(
     training: Vector, test: Vector, noise_rel: float, seeds: int, epochs: int
 ) -> MeanStd:
-    """Return the mean direction error of networks that differ in their start weights [deg].
+    """Return the direction error [deg] of networks, as mean and standard deviation over start weights.
 
     Args:
         training: Pressures of the training directions, shape (181, elements).
@@ -154,6 +154,7 @@ def network_direction_errors(
     rng = np.random.default_rng(NOISE_SEED)
 
     def inputs(pressure: Vector) -> Vector:
+        """Return the network's inputs from pressures, with random error."""
         erring = pressure * (1.0 + noise_rel * rng.normal(size=pressure.shape))
         normalised: Vector = erring / np.abs(erring).max(axis=1, keepdims=True)
         return normalised
@@ -169,7 +170,7 @@ def network_direction_errors(
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Direction errors [deg] of all sensors.
+    """Results of the study's first part: direction errors [deg] of all sensor arrays on the block.
 
     Attributes:
         sheet_mm: Side of the block [mm].
@@ -189,7 +190,7 @@ class Results:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Solve the block under every sensor, train networks on the sensor patterns, and return the errors."""
+    """Return the direction errors of networks trained on the pressure patterns of every sensor array, with figure."""
     foot_design, quick = context.foot_design, context.quick
     sensors = [sensor for sensor in SENSOR_ARRAYS if not quick or sensor.name in QUICK_SENSOR_NAMES]
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
@@ -215,7 +216,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _figure(results: Results) -> Figure:
-    """Draw the direction error over the number of elements, small and large ones, without and with errors."""
+    """Return the figure of direction error over number of elements, small and large ones, with and without noise."""
     figure, row = subplot_row(2, 8.2, 3.9)
     quarter_element_columns = (
         ("no random error", results.noiseless_error_deg),
@@ -238,7 +239,7 @@ def _figure(results: Results) -> Figure:
 
 
 def gains_of_larger_elements(errors_deg: dict[str, MeanStd]) -> dict[str, MeanDifference]:
-    """Return the gain of larger elements for each of `SMALL_AND_LARGE_PAIRS` [deg]."""
+    """Return the error reduction by larger elements, for each of `SMALL_AND_LARGE_PAIRS` [deg]."""
     return {
         f"{s} minus {b}": errors_deg[s].difference_from(errors_deg[b])
         for s, b in SMALL_AND_LARGE_PAIRS
@@ -247,7 +248,7 @@ def gains_of_larger_elements(errors_deg: dict[str, MeanStd]) -> dict[str, MeanDi
 
 
 def noise_error_factors(results: Results) -> dict[str, float]:
-    """Return the error with random error over the error without, by sensor."""
+    """Return the error with noise over the error without noise [1], by sensor."""
     return {
         name: results.noisy_error_deg[name].mean / clean.mean
         for name, clean in results.noiseless_error_deg.items()

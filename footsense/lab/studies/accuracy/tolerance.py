@@ -1,4 +1,4 @@
-"""Study `tolerance`: tolerances that turn the paper's simulated error into the paper's measured error.
+"""Study `tolerance`: fabrication tolerances that raise the paper's simulated error to its measured error.
 
 The paper measured 15.9 deg and 18.7 gf where it had simulated 2.4 deg and 5.3 gf, and left open why. Here hundreds of
 feet are drawn, and read by read-outs trained on the design and by read-outs trained on their own cases.
@@ -31,7 +31,7 @@ _COLOURS = {"released network": "C0", "linear on ΔC": "C1", "linear on closures
 
 
 def distinct_levels(plan: Plan, some: tuple[Sweep, ...]) -> Iterable[tuple[Sweep, float]]:
-    """Return every level of some sweeps; tolerances that several sweeps share are returned once."""
+    """Return the distinct (sweep, level) pairs of several sweeps, shared tolerances once."""
     levels: dict[Tolerances, tuple[Sweep, float]] = {}
     for sweep in some:
         for level in plan.levels(sweep):
@@ -40,7 +40,7 @@ def distinct_levels(plan: Plan, some: tuple[Sweep, ...]) -> Iterable[tuple[Sweep
 
 
 def _figure(results: SweepResults, some: tuple[Sweep, ...], readouts: dict[str, str]) -> Figure:
-    """Draw the mean direction error over the level of each imperfection, with the standard deviation between feet."""
+    """Return the figure of mean direction error over the level of each imperfection, with standard deviations."""
     figure = Figure(figsize=(9.0, 5.8), layout="constrained")
     subplot_row = figure.subplots(2, 3, sharey=True).ravel()
     for axes, sweep in zip(subplot_row, some, strict=False):
@@ -64,7 +64,7 @@ def _figure(results: SweepResults, some: tuple[Sweep, ...], readouts: dict[str, 
 def run_study(
     context: StudyContext, workers: Workers, file: Path | None = None
 ) -> tuple[SweepResults, Plots]:
-    """Evaluate the feet of the full or the quick plan.
+    """Return the sweep results of the full or quick plan, evaluated by the given workers, with a figure.
 
     Args:
         context: The models.
@@ -84,7 +84,7 @@ def run_study(
 
 
 def compute(context: StudyContext) -> tuple[SweepResults, Plots]:
-    """Evaluate the feet by processes on this machine."""
+    """Return the sweep results, evaluated by processes on this machine, with a figure."""
     return run_study(context, job_runner(n_workers=1 if context.quick else LOCAL_WORKERS))
 
 

@@ -63,7 +63,7 @@ _Parts = TypeVar("_Parts", Window, Load)
 
 @dataclass(frozen=True, slots=True)
 class MethodErrors:
-    """Errors of one method on one load, from `MIN_DIRECTION_FORCE_N` on.
+    """Force errors of one method on one kind of load, from `MIN_DIRECTION_FORCE_N` on.
 
     Attributes:
         load: The load.
@@ -86,7 +86,7 @@ class MethodErrors:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Results of the study `tracker`: force errors and times of network, fits and filter.
+    """Results of the study `tracker`: force errors and computing times of network, fits and filter.
 
     Attributes:
         n_random: Random gaits.
@@ -102,17 +102,18 @@ class Results:
 
 
 class _ForceEstimate(NamedTuple):
-    """Forces and their sigma [N], shapes (n, 3)."""
+    """Estimated forces and their sigma [N], shapes (n, 3)."""
 
     force_n: Vector
     sigma_n: Vector
 
 
 def _step_loads(rng: np.random.Generator) -> Callable[[Vector], Loads]:
-    """Return loads that step on and off, leaning somewhere, the contact half as much."""
+    """Return a function from times [s] to random loads that switch on and off."""
     around = rng.uniform(0.0, 2.0 * np.pi)
 
     def loads(t_s: Vector) -> Loads:
+        """Return the loads at some times [s]."""
         rise = np.clip((t_s % (2.0 * _ON_S) - _ON_S) / RISE_S, 0.0, 1.0)
         normal, direction = (
             np.array([np.sin(lean) * np.cos(around), np.sin(lean) * np.sin(around), np.cos(lean)])
@@ -143,7 +144,7 @@ def _readings(context: StudyContext) -> tuple[GaitReadings, list[str]]:
 
 
 def _select_rows(parts: _Parts, chosen: NDArray[Any]) -> _Parts:
-    """Return the selected rows of a window or load."""
+    """Return the selected rows of every array in a window or load."""
     return type(parts)(*(part[chosen] for part in parts))
 
 
@@ -178,7 +179,7 @@ def _run_filter(model: ContactModel, readings: GaitReadings, whole: Mask, networ
 
 
 def _variance_weighted_mean(filtered: _ForceEstimate, network: Load) -> _ForceEstimate:
-    """Return the mean of filter and network, weighed by their variances, with the smaller sigma."""
+    """Return the inverse-variance weighted mean of filter and network, with the smaller sigma."""
     sigma_n = _FILTER_SIGMA_FACTOR * filtered.sigma_n
     share = network.sigma_n**2 / (network.sigma_n**2 + sigma_n**2)
     return _ForceEstimate(
@@ -196,7 +197,7 @@ def _n_long_runs(beyond: Mask) -> int:
 def _method_errors(
     load: str, method: str, answer: _ForceEstimate, windows: GaitWindows, whole: Mask, judged: Mask
 ) -> MethodErrors:
-    """Return a method's errors in the judged windows."""
+    """Return the errors of one method over the judged windows of one kind of load."""
     off_n = answer.force_n - windows.force_n
     sigmas = np.abs(off_n / answer.sigma_n)
     beyond = np.zeros(whole.shape, bool)
@@ -216,7 +217,7 @@ def _method_errors(
 def _six_leg_times_us(
     context: StudyContext, model: ContactModel, six: Window, conversions: NDArray[Any]
 ) -> dict[str, float]:
-    """Return the time of a conversion of six legs by method, the network included, median [us].
+    """Return by method the median computing time of one conversion of six legs, network included [us].
 
     Args:
         context: The network.
@@ -229,6 +230,7 @@ def _six_leg_times_us(
     following = iter(zip(conversion_elements(0, conversions.shape[1]).tolist(), conversions.T, strict=True))
 
     def track() -> None:
+        """Update the Kalman filters of six legs by one conversion."""
         tracker.update(*next(following))
         tracker.seed(network, np.zeros(len(LEGS), bool))
         tracker.force()
@@ -253,7 +255,7 @@ def error_reductions(errors: list[MethodErrors], method: str) -> list[float]:
 
 
 def long_errors(errors: list[MethodErrors], method: str) -> int:
-    """Return the number of long errors of a method on all of `LOADS`."""
+    """Return the number of long-lasting errors of a method over all of `LOADS`."""
     return sum(one.long_errors for one in errors if one.method == method and one.load in LOADS)
 
 

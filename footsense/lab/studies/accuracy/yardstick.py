@@ -1,4 +1,4 @@
-"""Study `yardstick`: the causes of the paper's measured error, by the paper's own procedure.
+"""Study `yardstick`: contributions of error causes to the paper's measured error, with the paper's own procedure.
 
 The paper trained a plain network on changes of capacitance of the very foot that it then tested (section V C): 362
 presses, 180 test loads. Fabrication and test stand are chosen so that this procedure errs on simulated feet as it did
@@ -47,7 +47,7 @@ NONE, ALL = "none", "all"
 
 @dataclass(frozen=True, kw_only=True)
 class CauseErrors:
-    """Errors over the feet with a set of causes.
+    """Force errors over all feet with one set of error causes.
 
     Attributes:
         direction_error_deg: Mean angle [deg].
@@ -60,7 +60,7 @@ class CauseErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class YardstickResults:
-    """Force errors of the paper's procedure, with each cause alone and left out.
+    """Results of the study `yardstick`: force errors with each cause alone, and with each cause left out.
 
     Attributes:
         feet: Feet of each row.
@@ -76,7 +76,7 @@ class YardstickResults:
 def foot_trained_network_errors(
     response: FootResponse, tolerances: Tolerances, number: int, epochs: int
 ) -> tuple[float, float]:
-    """Return direction [deg] and magnitude error [gf] of a plain network trained on a foot's own presses.
+    """Return direction [deg] and magnitude error [gf] of a plain network trained on one foot's loads.
 
     Args:
         response: Response of the type.
@@ -98,7 +98,7 @@ def foot_trained_network_errors(
 
 
 def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
-    """Train a network for each foot and each set of causes."""
+    """Return the errors of a network per foot and per set of causes."""
     n_feet, epochs = (QUICK_N_FEET, QUICK_EPOCHS) if context.quick else (N_FEET, EPOCHS)
     exact, whole = asdict(NO_DEVIATIONS), asdict(PAPER_LIKE_TOLERANCES)
     alone = {NONE: NO_DEVIATIONS, ALL: PAPER_LIKE_TOLERANCES} | {
@@ -114,6 +114,7 @@ def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
     )
 
     def row(number: int) -> CauseErrors:
+        """Return the errors for the set of causes with this number."""
         feet = found[number * n_feet : (number + 1) * n_feet]
         directions, magnitudes = zip(*feet, strict=True)
         return CauseErrors(

@@ -1,1 +1,1 @@
-"""Studies of the foot's elastic solid and of the capacitor gaps."""
+"""Studies of the foot's finite element model and of the capacitor gaps."""

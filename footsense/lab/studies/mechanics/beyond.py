@@ -1,4 +1,4 @@
-"""Study `beyond`: loads off the ball's centre, and a second contact on the ball.
+"""Study `beyond`: force errors under off-centre (leaning) loads, and with a second contact on the ball.
 
 Source:
     Aoyagi et al., end of section III A, where both are left for later.
@@ -51,7 +51,7 @@ SEED = 31
 
 
 def inclined_unit_vectors(force: Vector, lean_deg: float, turn_deg: float) -> Vector:
-    """Return unit vectors at an angle from forces, shape (n, 3).
+    """Return unit vectors inclined to forces by an angle [deg], shape (n, 3).
 
     Args:
         force: Directions, shape (n, 3), none along x.
@@ -105,7 +105,7 @@ class _EstimatorsUnderTest:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Errors of each force estimator at each level.
+    """Results of the study `beyond`: force errors of each estimator by lean, second force and contact angle.
 
     Attributes:
         lever_arm_mm: Distance of the force's line from the middle at the smallest lean [mm].
@@ -125,7 +125,7 @@ class Results:
 
 
 def leaning_load_errors(tested: _EstimatorsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
-    """Return the errors at each lean, and the share of loads of `PAPER_GF` within the converter's range.
+    """Return the force errors at each lean, and the share of loads of `PAPER_GF` within converter range.
 
     108 force directions, the contact to four sides of each.
     """
@@ -174,7 +174,7 @@ class _SecondLoads:
 def _errors_by_contact_angle(
     tested: _EstimatorsUnderTest, second: _SecondLoads
 ) -> dict[str, dict[str, ForceErrors]]:
-    """Return the errors by the angle between the contacts."""
+    """Return the force errors by estimator, for each angle between the two contacts."""
     measured_um, truth_n, inside = second.measured(SECOND_FORCE_REL_OVER_ANGLE)
     found = {}
     for low, high in pairwise(CONTACT_ANGLES_DEG):
@@ -210,7 +210,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _curves(x: Sequence[float], label: str, found: list[dict[str, ForceErrors]]) -> Figure:
-    """Draw the mean errors of direction and magnitude over x, a curve for each read-out."""
+    """Return the figure of mean direction and magnitude errors over x, one curve per estimator."""
     figure, row = subplot_row(2, 8.2, 3.9)
     quantities = (
         ("direction_deg", "mean direction error [deg]"),

@@ -1,4 +1,4 @@
-"""Study `cavity`: what air in the cavities does to closures, errors and limits, and how to vent or seal them.
+"""Study `cavity`: effect of the air in the cavities (vented, sealed, leaking) on closures, errors and limits.
 
 Source:
     Aoyagi et al., section IV: "each sealed concave space".
@@ -100,7 +100,7 @@ class CavityFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Air in the cavities: stiffness, errors, drift and leaks.
+    """Results of the study `cavity`: stiffness of the air, errors, drift and leaks.
 
     Attributes:
         kinds: Figures by kind.
@@ -141,7 +141,7 @@ def _corner_edge_middle_means_um(cells_um: Vector) -> tuple[float, float, float]
 def paper_procedure_errors(
     foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int
 ) -> ForceErrors:
-    """Return the errors of the paper's procedure: a plain network trained on 362 cases of the foot, 180 asked.
+    """Return the errors of a plain network trained on 362 cases of the foot, over the 180 test cases.
 
     Args:
         foot: The foot.
@@ -165,7 +165,7 @@ def paper_procedure_errors(
 def errors_over_feet(
     response: FootResponse, tolerances: FootTolerances, stand: Tolerances, feet: int, epochs: int
 ) -> tuple[MeanStd, MeanStd]:
-    """Return direction [deg] and magnitude errors [gf] of the paper's procedure over feet of some tolerances."""
+    """Return direction [deg] and magnitude errors [gf] of the paper's procedure, statistics over random feet."""
     rows = []
     for number in range(feet):
         own = fabricate(response, tolerances, SEED, number)
@@ -176,7 +176,7 @@ def errors_over_feet(
 
 
 def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
-    """Return the figures of the released foot with one kind of cavity."""
+    """Return sensitivity, range and errors of the released foot with one kind of cavity."""
     response = replace(context.response, cavity=cavity)
     foot, design = Foot(response), response.design
     feet, epochs = (QUICK_FEET, QUICK_EPOCHS) if context.quick else (FEET, EPOCHS)
@@ -258,7 +258,7 @@ def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> ForceErro
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Compare vented, sealed and leaking cavities of the released foot."""
+    """Return the figures of vented, sealed and leaking cavities of the released foot."""
     response, design, made = context.response, context.response.design, context.foot_design
     kinds = {name: cavity_figures(context, cavity) for name, cavity in CAVITIES_BY_NAME.items()}
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
@@ -301,7 +301,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def leaking_closure_um(response: FootResponse, leak_time_s: float, times_s: Vector) -> Vector:
-    """Return the mean closure of a leaking foot at times since an upright load was put on [um], shape (n,)."""
+    """Return the mean closure of a leaking foot over time after a vertical load is applied [um], shape (n,)."""
     foot = Foot(response, Deviations(cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
     air, unloaded_um = CavityAir(foot), response.design.plate_distance_um(foot.unloaded_pf)
     closures = []
@@ -312,7 +312,7 @@ def leaking_closure_um(response: FootResponse, leak_time_s: float, times_s: Vect
 
 
 def _figure(response: FootResponse) -> Figure:
-    """Draw closures over the load, and over the time of a hold."""
+    """Return the figure of closures over the load, and over the time under a constant load."""
     figure, (over_load, over_time) = subplot_row(2, 8.6, 3.9)
     loads_n = np.linspace(0.02, 3.0, 40)
     normal = normalized(np.repeat(_UPWARD, len(loads_n), axis=0))

@@ -1,4 +1,4 @@
-"""Study `fidelity`: time and error of four models of the foot, from a formula to finite strain on a floor."""
+"""Study `fidelity`: computing time and error of four models of the foot, from a formula to finite strain."""
 
 from dataclasses import dataclass
 
@@ -98,7 +98,7 @@ def _differences_from_finest(
 
 
 def _compare_forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
-    """Solve some loads one by one, on the table's mesh; on a coarse one in the quick form."""
+    """Return times and errors of direct solves against the table, on its mesh (quick: a coarse one)."""
     size = COARSE_MESH if context.quick else MeshSize(**context.response.provenance["mesh"])
     n = _FORWARD_LOADS_QUICK if context.quick else _FORWARD_LOADS
     forward = forward_against_table(context.foot_design, size, context.response, loads, n)
@@ -111,7 +111,7 @@ def _compare_forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable
 def _compare_half_space(
     context: StudyContext, loads: Loads, contact: LevelResponse
 ) -> tuple[Differences, tuple[float, float]]:
-    """Return the differences of the formula's variants from contact, and the share of the force on the sheet [1]."""
+    """Return errors of the formula's variants against the contact level, and the sheet's share of the force [1]."""
     foot_design = context.foot_design
     alone = HalfSpace(foot_design, balanced=False)
     variants = {
@@ -128,7 +128,7 @@ def _compare_half_space(
 
 
 def _compare_with_full(context: StudyContext, answers: dict[str, LevelResponse]) -> DifferencesFromFullSolve:
-    """Compare the cheap models with the full solve, and separate mesh and physics errors at the first load."""
+    """Return errors against the finite-strain solve, split into mesh and physics at the first load."""
     reduced, taken_s = time_level(
         finite_strain_level(context.foot_design, reduced=True), loads_in_mirror_plane(FULL_CASES[:1])
     )
@@ -151,7 +151,7 @@ def _compare_with_full(context: StudyContext, answers: dict[str, LevelResponse])
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Time and compare the models; the quick form leaves out the full solve."""
+    """Return times and errors of the models; the quick form leaves out the finite-strain solve."""
     ng.ngsglobals.msg_level = 0
     loads, foot_design = paper_loads(context.response), context.foot_design
     cheap, seconds = _time_levels(context, LEVEL_NAMES[:3], loads)

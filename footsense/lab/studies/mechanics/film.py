@@ -57,7 +57,7 @@ _UPWARD = np.array([[0.0, 0.0, 1.0]])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorDesign:
-    """A sensor design, with air gaps or with a gel film.
+    """A sensor design with air gaps or with a gel film: capacitor and closure function.
 
     Attributes:
         name: Label in the figure.
@@ -99,7 +99,7 @@ class DesignFigures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConfinedFilm:
-    """Stiffness and closure of the film, confined between stiff layers, with another Poisson's ratio.
+    """Stiffness and closure of a gel film with another Poisson's ratio, confined between stiff layers.
 
     Attributes:
         confined_mpa: Modulus of the confined layer [MPa].
@@ -114,7 +114,7 @@ class ConfinedFilm:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Figures of the designs with air gaps and with film.
+    """Results of the study `film`: figures of the designs with air gaps and with gel film.
 
     Attributes:
         film: The film.
@@ -136,7 +136,7 @@ class Results:
 
 
 def gap_design(context: StudyContext) -> SensorDesign:
-    """Return the design with gaps, from the released table."""
+    """Return the sensor design with air gaps, from the released table."""
     foot = Foot(context.response)
     return SensorDesign(
         name="air_gap_design",
@@ -149,17 +149,19 @@ def gap_design(context: StudyContext) -> SensorDesign:
 
 
 def film_design(context: StudyContext, film: GelLayerDesign) -> SensorDesign:
-    """Return the design with the film, solved."""
+    """Return the sensor design with the gel film, after a finite element solve."""
     size = COARSE_FILM_SIZE if context.quick else FILM_SIZE
     response = make_response(context.foot_design, size, layer=film.layer)
     capacitor = film.capacitor(context.foot_design)
 
     def closure_um(normal: Vector, force_n: Vector) -> Vector:
+        """Return the mean closures [um], shape (n, 9)."""
         distance_um = capacitor.gap_um - response.free_closure_um(normal, force_n)
         sensed = gap_contact.capacitance_pf(capacitor, distance_um)
         return capacitor.closure_um(sensed, np.full(9, capacitor.unloaded_pf))
 
     def used_range_rel(normal: Vector, force_n: Vector) -> float:
+        """Return the share of the measuring range used by a load [1]."""
         strain = np.abs(response.free_closure_um(normal, force_n)) / capacitor.gap_um
         return float(strain.max() / STRAIN_LIMIT_REL)
 
@@ -169,7 +171,7 @@ def film_design(context: StudyContext, film: GelLayerDesign) -> SensorDesign:
 
 
 def _max_force_in_range_n(sensor: SensorDesign, direction: Vector) -> float:
-    """Return the largest of `RANGE_SEARCH_LOADS_N` in range [N], of a centred contact."""
+    """Return the largest of `RANGE_SEARCH_LOADS_N` that is in range for a centred contact [N]."""
     # A larger load never returns into the range, so bisect.
     inside = (
         bisect_left(
@@ -184,11 +186,12 @@ def _max_force_in_range_n(sensor: SensorDesign, direction: Vector) -> float:
 
 
 def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures:
-    """Return sensitivity, range and errors of one design of the sensor, with the same noise [pF] for all designs."""
+    """Return sensitivity, range and errors of a sensor design under a noise [pF] equal for all."""
     rng = np.random.default_rng(NOISE_SEED)
     capacitor = sensor.capacitor
 
     def noisy(force_n: Vector) -> Cases:
+        """Return load cases with noisy closures for forces [N]."""
         closure_um = sensor.closure_um(normalized(force_n), force_n)
         return Cases(force_n, capacitor.gap_um * measured_closure_rel(capacitor, closure_um, rng))
 
@@ -213,7 +216,7 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Solve the foot with the film, and measure both designs."""
+    """Return the figures of the designs with air gaps and with gel film, with a figure."""
     foot_design = context.foot_design
     film = GelLayerDesign(layer_mm=foot_design.spacer_mm)
     gaps, gel = sensors = gap_design(context), film_design(context, film)
@@ -241,7 +244,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _figure(sensors: Sequence[SensorDesign]) -> Figure:
-    """Draw the capacitance of a corner and the middle element over an upright force, up to the end of each range."""
+    """Return the figure of corner and middle capacitance over a vertical force, up to each design's range."""
     figure, (absolute, change) = subplot_row(2, 8.2, 3.9)
     for colour, sensor in zip(("C0", "C1"), sensors, strict=True):
         loads_n = np.linspace(0.0, _max_force_in_range_n(sensor, _UPWARD), 30)

@@ -1,4 +1,4 @@
-"""Study `floor`: errors of the Hertz patch and of small strain, each against the full solve on one mesh."""
+"""Study `floor`: errors by assuming a Hertz patch or small strain, each against the finite-strain contact solve."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -45,7 +45,7 @@ def _load_label(normal_deg: float, force_deg: float, magnitude_gf: float) -> str
 
 @dataclass(frozen=True, kw_only=True)
 class LoadComparison:
-    """Patch radius and Newton steps of the full solve under one load, and the error of each simplification.
+    """Finite-strain contact solution under one load, and the error of each simplification.
 
     Attributes:
         load: In words.
@@ -64,13 +64,13 @@ class LoadComparison:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Results of the study `floor`: the solution under each load."""
+    """Results of the study `floor`: one comparison per load."""
 
     loads: list[LoadComparison]
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Solve every load with all of the physics, and with each simplification."""
+    """Return the errors of each simplification under every load, against the full physics, with a figure."""
     size = _QUICK_SIZE if context.quick else _SIZE
     solved = []
     cases = _LOADS[:1] if context.quick else _LOADS
@@ -99,7 +99,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _figure(loads: list[LoadComparison]) -> Figure:
-    """Draw the differences as bars."""
+    """Return the bar chart of the errors of each simplification."""
     figure, (axes,) = subplot_row(1, 8.0, 3.4)
     axes.grid(visible=False, axis="x")
     width = 0.8 / len(SIMPLIFICATIONS)

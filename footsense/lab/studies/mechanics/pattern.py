@@ -1,4 +1,4 @@
-"""Study `pattern`: the change of the nine capacitances under one inclined load, by the cheap models of the foot.
+"""Study `pattern`: change of the nine capacitances under one inclined load, by the linear models of the foot.
 
 Source:
     Aoyagi et al., Fig. 17.
@@ -20,7 +20,7 @@ DIRECTION_DEG, MAGNITUDE_GF = (0.0, 45.0), 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Capacitance changes of the nine elements under one load, by model.
+    """Results of the study `pattern`: capacitance changes of the nine elements [pF], by model.
 
     Attributes:
         unloaded_pf: Capacitance of an unloaded element [pF].
@@ -32,7 +32,7 @@ class Results:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Compute the capacitance changes under one inclined load by three models of the foot."""
+    """Return the capacitance changes under one inclined load by three models of the foot, with a figure."""
     normal = directions(*np.array(DIRECTION_DEG)[:, None])
     unloaded_pf, change_pf = context.response.design.unloaded_pf, {}
     for name in LEVEL_NAMES[:3]:

@@ -1,4 +1,4 @@
-"""Study `solid`: errors of the mechanical model, the capacitor model, and each simplification."""
+"""Study `solid`: numerical errors of the finite element model and the capacitor model, and of each simplification."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -47,7 +47,7 @@ _QUICK_MESH_NAMES = ("quadratic, no layers", "COARSE")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComputeTime:
-    """Wall and processor time of one step.
+    """Wall-clock and processor time of one step [s].
 
     Attributes:
         wall_s: Wall-clock time [s].
@@ -60,7 +60,7 @@ class ComputeTime:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshResult(ComputeTime):
-    """Size, time and errors of one mesh.
+    """Number of unknowns, computing time and error of one mesh.
 
     Attributes:
         name: Name of the mesh.
@@ -79,7 +79,7 @@ class MeshResult(ComputeTime):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HertzContact:
-    """Contact with the ground at 1 N, ground of one material.
+    """Hertz radius and corner closure at 1 N on ground of one material.
 
     Attributes:
         modulus_mpa: E* of the contact [MPa].
@@ -94,7 +94,7 @@ class HertzContact:
 
 @dataclass(frozen=True, slots=True)
 class FringeResult:
-    """Capacitance of an element with and without edge fields [pF] at one closure, and the closure read [um].
+    """Capacitance of an element with and without fringe field [pF], and the closures derived from both [um].
 
     Attributes:
         closure_um: Closure of the gap [um].
@@ -113,7 +113,7 @@ class FringeResult:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Errors of the mechanics and of the capacitors.
+    """Results of the study `solid`: errors of meshes, response table, ground, spacer and capacitors.
 
     Attributes:
         meshes: The meshes, the coarsest first.
@@ -145,7 +145,7 @@ class Results:
 
 
 def _timed(step: Callable[[], Measured]) -> tuple[Measured, ComputeTime]:
-    """Run a step; return the result, and the wall-clock and processor time [s]."""
+    """Return the result of a step, and its wall-clock and processor time [s]."""
     before = os.times()
     result = step()
     after = os.times()
@@ -154,13 +154,13 @@ def _timed(step: Callable[[], Measured]) -> tuple[Measured, ComputeTime]:
 
 
 def _largest_relative_error(closure_um: Vector, best_um: Vector) -> float:
-    """Return the largest relative error of the elements that count."""
+    """Return the largest relative closure error of the elements that close enough to count [1]."""
     counted = np.abs(best_um) > MIN_COUNTED_CLOSURE_REL * np.abs(best_um).max()
     return float(np.abs(closure_um / best_um - 1.0)[counted].max())
 
 
 def _solve_meshes(context: StudyContext) -> list[MeshResult]:
-    """Solve every mesh; the quick form leaves out the fine ones."""
+    """Return size, time and error of every mesh; the quick form leaves out the fine ones."""
     solved = []
     for name, size in _MESH_SIZES.items():
         if context.quick and name not in _QUICK_MESH_NAMES:
@@ -216,7 +216,7 @@ def _fringe_results(foot_design: FootDesign) -> list[FringeResult]:
 
 
 def _closure_variation_inside_cells(response: FootResponse) -> tuple[float, float]:
-    """Return the largest rms closure variation inside a cell [um], and the capacitance error of ignoring it [1].
+    """Return the largest rms closure variation inside a cell [um], and its capacitance error [1].
 
     Upright and inclined loads of 1 N. A closure that varies by a standard deviation s inside a cell raises the mean of
     1/D by s^2/D^2; s^2 = (slope x step)^2 / 12 per direction, the slope by differences of neighbouring cells.
@@ -231,7 +231,7 @@ def _closure_variation_inside_cells(response: FootResponse) -> tuple[float, floa
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Measure the errors of mesh, ground, spacer and electrodes; the quick form omits fine meshes and response."""
+    """Return the errors of mesh, ground, spacer and electrodes; the quick form omits fine meshes and response table."""
     foot_design, response = context.foot_design, context.response
     meshes, taken = _solve_meshes(context), None
     if not context.quick:
@@ -263,7 +263,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _figure(meshes: Sequence[MeshResult]) -> Figure:
-    """Draw the error over the processor time of each mesh."""
+    """Return the figure of mesh error over processor time."""
     figure, (axes,) = subplot_row(1, 7.0, 4.2)
     names = ("upright, 1 N", f"{INCLINED_DEG:g} deg, 1 N")
     for load, (name, marker) in enumerate(zip(names, "os", strict=True)):

@@ -61,7 +61,7 @@ class Results:
 
 
 def n_weights(depth: int, neurons: int) -> int:
-    """Return how many weights a network has.
+    """Return the number of weights of a network.
 
     Example:
         >>> n_weights(1, 18), n_weights(2, 18)
@@ -72,7 +72,7 @@ def n_weights(depth: int, neurons: int) -> int:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Train and test networks of every size; networks of one depth run in one program, padded to the largest."""
+    """Return the errors of networks of every size; those of one depth train in one program, padded to the largest."""
     response = context.response
     neurons, seeds = (QUICK_NEURONS, QUICK_SEEDS) if context.quick else (NEURONS, SEEDS)
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
@@ -109,7 +109,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _figure(results: Results) -> Figure:
-    """Draw each error over the neurons, with the standard deviation between seeds as a band."""
+    """Return the figure of each error over the number of neurons, with standard deviation bands."""
     figure, axes = subplot_row(len(EVALUATED_ERRORS), 8.2, 3.4)
     for panel, (name, words, paper) in zip(axes, EVALUATED_ERRORS, strict=True):
         for depth, label in _DEPTH_LABELS.items():
@@ -129,7 +129,7 @@ def _figure(results: Results) -> Figure:
 def mean_differences(
     neurons: Sequence[int], errors_by_depth: list[ByDepth]
 ) -> dict[str, list[MeanDifference]]:
-    """Return differences of means that are positive where the paper's statements hold, one for each kind of error."""
+    """Return differences of mean errors, positive where the paper's statements hold, by kind of error."""
     mean_differences: dict[str, list[MeanDifference]] = defaultdict(list)
     for by_depth in errors_by_depth:
         best = {depth: min(sizes, key=lambda one: one.mean) for depth, sizes in by_depth.items()}

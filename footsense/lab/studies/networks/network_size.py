@@ -1,4 +1,4 @@
-"""Study `network-size`: error and time of windowed networks with more or fewer weights."""
+"""Study `network-size`: error and computing time of windowed networks by number of weights."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -39,7 +39,7 @@ _TEST_LABELS = {"gait_errors": "random gaits", "steady_load_errors": "loads at r
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkSizeResult:
-    """Size, errors and run time of one network.
+    """Errors and run time of a network of one size.
 
     Attributes:
         channels: Channels of each hidden layer.
@@ -58,7 +58,7 @@ class NetworkSizeResult:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Force errors and run times of networks of all sizes.
+    """Results of the study `network-size`: training settings, and errors and run times by size.
 
     Attributes:
         steps: Training steps.
@@ -78,7 +78,7 @@ class Results:
 
 
 def run_us(models: list[bytes]) -> list[float]:
-    """Return the time of six legs through each ONNX file on one thread [us], timed in turns, the fastest of each."""
+    """Return the run time of six legs through each ONNX file on one thread [us], the fastest of several runs."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     timers = []
@@ -91,7 +91,7 @@ def run_us(models: list[bytes]) -> list[float]:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Train, test and time a network of every size."""
+    """Return errors and run time of a network of every size, trained alike, with a figure."""
     response, loads = context.response, context.foot_design.loads
     design = response.design
     quick = QUICK_CHANNELS, QUICK_STEPS, QUICK_GAITS, QUICK_RESTS
@@ -148,7 +148,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _figure(sizes: list[NetworkSizeResult]) -> Figure:
-    """Draw the direction error over weights and over microseconds."""
+    """Return the figure of direction error over number of weights and over run time [us]."""
     figure, axes = subplot_row(2, 8.8, 4.0, sharey=True)
     for panel, quantity in zip(axes, ("weights", "six_legs_us"), strict=True):
         x = [getattr(size, quantity) for size in sizes]

@@ -1,4 +1,4 @@
-"""Study `paper-procedure`: the paper's network on the paper's cases, with many start weights, and fed with closures.
+"""Study `paper-procedure`: the paper's network on the paper's cases, over many start weights and two kinds of input.
 
 Source:
     Aoyagi et al., section III F.
@@ -38,7 +38,7 @@ FEED_LABELS: dict[Feed, str] = {"capacitance": "ΔC", "closure": "closures"}
 
 @dataclass(frozen=True, kw_only=True)
 class FeedErrors:
-    """Errors of the read-outs with the same inputs.
+    """Errors of network and linear estimator for one kind of input.
 
     Attributes:
         direction_deg: Direction errors of the networks at each magnitude [deg].
@@ -55,7 +55,7 @@ class FeedErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Errors by the inputs of the read-outs.
+    """Results of the study `paper-procedure`: errors by kind of input.
 
     Attributes:
         epochs: Training epochs.
@@ -67,7 +67,7 @@ class Results:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Train and test networks on capacitance changes and on closures."""
+    """Return the errors of networks trained on capacitance changes and on closures, with a figure."""
     response = context.response
     tests = [verification_cases(response, magnitude_gf) for magnitude_gf in MAGNITUDES_GF]
     training = paper_training(response)
@@ -98,7 +98,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[ForceErrors]]) -> Figure:
-    """Draw each network's magnitude error over its direction error, and the direction error over the force."""
+    """Return the figure of magnitude over direction error per network, and of direction error over force."""
     figure, (cloud, curve) = subplot_row(2, 8.2, 4.0)
     for colour, (feed, name) in zip(("C0", "C1"), FEED_LABELS.items(), strict=True):
         networks, found = points[feed], by_feed[feed]

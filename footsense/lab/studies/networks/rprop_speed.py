@@ -1,4 +1,4 @@
-"""Study `rprop-speed`: epochs and time of RPROP compared with back-propagation.
+"""Study `rprop-speed`: epochs and time of RPROP compared with gradient-descent back-propagation.
 
 Source:
     Aoyagi et al., section III D. Back-propagation: D. E. Rumelhart, G. E. Hinton and R. J. Williams, "Learning
@@ -34,7 +34,7 @@ _RPROP = "RPROP"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RpropComparison:
-    """Epochs and time of back-propagation and of RPROP to back-propagation's final loss, medians over seeds.
+    """Epochs and time until RPROP reaches gradient descent's final loss, medians over seeds.
 
     Attributes:
         learning_rate: Learning rate of back-propagation.
@@ -63,7 +63,7 @@ class RpropComparison:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Comparisons of RPROP, by the other training rule.
+    """Results of the study `rprop-speed`: one comparison per variant of gradient descent.
 
     Attributes:
         epochs: Epochs of each rule.
@@ -81,7 +81,7 @@ class Results:
 def _train_gradient_descent(
     training: PaperTraining, starts: list[Layers], momentum: float, epochs: int
 ) -> tuple[float, Trained]:
-    """Return the learning rate with the lowest median final loss over the seeds, and its trained networks."""
+    """Return the learning rate with the lowest median final loss, and the networks trained with it."""
     rule = optax.inject_hyperparams(optax.sgd)(learning_rate=0.0, momentum=momentum)
     layers, rates = (
         stack([one for _ in LEARNING_RATES for one in starts]),
@@ -100,14 +100,14 @@ def _train_gradient_descent(
 
 
 def _epochs_to_loss(losses: Vector, goal: Vector) -> Vector:
-    """Return the epochs until each seed's loss first meets its goal, shape (seeds,); all epochs if never."""
+    """Return the epochs until each network reaches its goal loss, shape (seeds,); all epochs if never."""
     there = losses <= goal[:, None]
     epochs = np.where(there.any(axis=1), there.argmax(axis=1), losses.shape[1])
     return np.asarray(epochs, dtype=np.float64)
 
 
 def _compare_with_rprop(rate: float, descent: Trained, rprop: Trained) -> RpropComparison:
-    """Compare gradient descent and Rprop from the same start weights: epochs to the same loss."""
+    """Return epochs and time of gradient descent and RPROP to the same loss, from equal start weights."""
     goal = descent.losses[:, -1]
     slow, fast = _epochs_to_loss(descent.losses, goal), _epochs_to_loss(rprop.losses, goal)
     return RpropComparison(
@@ -125,12 +125,12 @@ def _compare_with_rprop(rate: float, descent: Trained, rprop: Trained) -> RpropC
 
 
 def _epoch_s(trained: Trained) -> float:
-    """Return the processor time of an epoch of one network [s]."""
+    """Return the processor time per epoch of one network [s]."""
     return trained.processor_s / trained.losses.size
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Train the same networks by gradient descent, with and without momentum, and by Rprop."""
+    """Return the comparison of gradient descent, with and without momentum, with RPROP, and a figure."""
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if context.quick else (SEEDS, EPOCHS)
     training = PaperTraining(context.response.design, paper_training(context.response))
     starts = start_weights_by_seed(seeds)
@@ -149,7 +149,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _figure(runs: dict[str, Trained]) -> Figure:
-    """Draw the loss over the epochs: median, and from the lowest to the highest seed as a band."""
+    """Return the figure of loss over epochs: median, and range over the seeds."""
     figure, (axes,) = subplot_row(1, 7.6, 4.4)
     for name, run in runs.items():
         epoch = np.arange(1, run.losses.shape[1] + 1)

@@ -1,1 +1,1 @@
-"""The paper's networks: plain perceptrons trained by RPROP on the 362 cases, one scan as input."""
+"""The paper's networks: plain perceptrons, one scan as input, trained by RPROP on 362 load cases."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 
 class Layer(NamedTuple):
-    """One layer of weights, with any number of networks as leading axes.
+    """One dense layer's weights and biases; leading axes count parallel networks.
 
     Attributes:
         weight: Connections, shape (..., n_in, n_out).
@@ -34,7 +34,7 @@ Layers = tuple[Layer, ...]
 
 
 def random_layers(rng: np.random.Generator, widths: Sequence[int], room: Sequence[int] = ()) -> Layers:
-    """Return random layers, uniform within 1 / sqrt(inputs), which saturates no neuron.
+    """Return random layers, uniform within 1 / sqrt(inputs), so that no neuron saturates.
 
     Args:
         rng: Source of the numbers.
@@ -52,18 +52,18 @@ def random_layers(rng: np.random.Generator, widths: Sequence[int], room: Sequenc
 
 
 def stack(networks: Sequence[Layers]) -> Layers:
-    """Stack networks of equal shape into one: the first axis of every array counts the networks."""
+    """Return networks of equal shape stacked into one: the first axis of every array counts the networks."""
     stacked: Layers = jax.tree.map(lambda *parts: np.stack(parts), *networks)
     return stacked
 
 
 def unstack(layers: Layers) -> list[Layers]:
-    """Return the single networks of a stack."""
+    """Return the separate networks of a stack."""
     return [jax.tree.map(lambda part: part[k], layers) for k in range(len(layers[0].weight))]  # noqa: B023
 
 
 def network_outputs(layers: Layers, inputs: Any) -> jax.Array:
-    """Return the outputs, shape (n, n_out), of one network for inputs of shape (n, n_in)."""
+    """Return the outputs, shape (n, n_out), of one network for inputs (n, n_in)."""
     for layer in layers[:-1]:
         inputs = jnp.tanh(inputs @ layer.weight + layer.bias)
     outputs: jax.Array = inputs @ layers[-1].weight + layers[-1].bias
@@ -71,12 +71,12 @@ def network_outputs(layers: Layers, inputs: Any) -> jax.Array:
 
 
 def loss(layers: Layers, inputs: Any, targets: Any) -> jax.Array:
-    """Return the squared error of a case, summed over the outputs, mean over the cases."""
+    """Return the mean squared error [target unit squared], summed over the outputs."""
     return jnp.mean(jnp.sum((network_outputs(layers, inputs) - targets) ** 2, axis=-1))
 
 
 class Trained(NamedTuple):
-    """Weights and losses of trained networks.
+    """Trained networks with their losses and processor time.
 
     Attributes:
         layers: The networks, stacked.
@@ -93,14 +93,16 @@ class Trained(NamedTuple):
 def _train_epochs(
     rule: optax.GradientTransformation, epochs: int, layers: Layers, state: Any, inputs: Any, targets: Any
 ) -> tuple[Layers, jax.Array]:
-    """Return the networks after the epochs, and their losses, shape (networks, epochs)."""
+    """Return the networks after several epochs, and their losses, shape (networks, epochs)."""
 
     def epoch(carry: tuple[Layers, Any], _: None) -> tuple[tuple[Layers, Any], jax.Array]:
+        """Return the state and the losses after one epoch."""
         before, gradient = jax.value_and_grad(loss)(carry[0], inputs, targets)
         change, after = rule.update(gradient, carry[1], carry[0])
         return (optax.apply_updates(carry[0], change), after), before
 
     def train_one(carry: tuple[Layers, Any]) -> tuple[Layers, jax.Array]:
+        """Return one network and its losses after all epochs."""
         (after, _), losses = jax.lax.scan(epoch, carry, None, length=epochs)
         return after, losses
 
@@ -122,7 +124,7 @@ def train(
     epochs: int,
     state: Any = None,
 ) -> Trained:
-    """Train networks by full-batch epochs.
+    """Train networks by full-batch epochs; return weights, losses and processor time.
 
     Args:
         rule: The optimiser.

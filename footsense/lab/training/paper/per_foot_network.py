@@ -1,4 +1,4 @@
-"""A network for one foot, trained by the paper's procedure on measured loads alone, without a model."""
+"""Network for one individual foot, trained by the paper's procedure on its measured loads alone."""
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import Vector
@@ -9,7 +9,7 @@ from footsense.lab.training.paper.procedure import EPOCHS, PaperTraining, start_
 def per_foot_force_n(
     design: CapacitorDesign, training_pf: Vector, force_n: Vector, test_pf: Vector, epochs: int = EPOCHS
 ) -> Vector:
-    """Train a network on a foot's calibration loads; return estimated forces for other loads [N], (m, 3).
+    """Return forces [N], (m, 3), estimated by a network trained on one foot's calibration loads.
 
     Args:
         design: Electrical design of the capacitors, without effect: the inputs are changes of capacitance.

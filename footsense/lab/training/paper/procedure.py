@@ -1,4 +1,4 @@
-"""The paper's procedure from capacitances to forces: a plain network, RPROP, and 362 training cases.
+"""The paper's training procedure: a plain network from capacitances to forces, RPROP, 362 training cases.
 
 It uses nothing of what the other networks know about the foot: ΔC unless closures are chosen, no symmetry, no linear
 path. Inputs and forces are divided by the largest of the training cases.
@@ -34,7 +34,7 @@ SEEDS, QUICK_SEEDS = 20, 3
 
 
 class PaperTraining:
-    """Training cases, scaled for a plain network.
+    """Training set of a plain network, scaled, with its kind of input.
 
     Args:
         design: Electrical design of the capacitors.
@@ -55,28 +55,29 @@ class PaperTraining:
         self.targets = training.force_n / self._force_scale_n
 
     def _network_input(self, closure_um: Vector) -> Vector:
-        """Return capacitance changes [pF] or closures [um], shape (n, 9), of closures [um]."""
+        """Return the network's inputs from closures [um]: capacitance changes [pF] or closures, (n, 9)."""
         if self._feed == "closure":
             return closure_um
         return self._design.capacitance_pf(closure_um) - self._design.unloaded_pf
 
     def _force_estimator(self, network: Layers) -> ForceEstimator:
-        """Return a network as a force estimator [N]."""
+        """Return a network as a function from closures [um] to forces [N]."""
 
         def read(closure_um: Vector) -> Vector:
+            """Return forces [N] from closures [um]."""
             inputs = (self._network_input(closure_um) / self._input_scale).astype(np.float32)
             return np.asarray(network_outputs(network, inputs), dtype=np.float64) * self._force_scale_n
 
         return read
 
     def train(self, starts: Sequence[Layers], epochs: int) -> list[ForceEstimator]:
-        """Train networks by RPROP from start weights; return each as a force estimator."""
+        """Return force estimators trained by RPROP, one per set of start weights."""
         trained = train(RPROP, stack(starts), self.inputs, self.targets, epochs)
         return [self._force_estimator(network) for network in unstack(trained.layers)]
 
 
 def verification_cases(response: FootResponse, magnitude_gf: float) -> Cases:
-    """Return the paper's 180 verification cases, at 100 gf, with forces of another magnitude [gf] instead."""
+    """Return the paper's 180 test cases with forces of the given magnitude [gf]."""
     direction = paper_verification(response).force_n
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     force_n = direction * magnitude_gf * GRAM_FORCE_N
@@ -84,14 +85,14 @@ def verification_cases(response: FootResponse, magnitude_gf: float) -> Cases:
 
 
 def start_weights_by_seed(seeds: int, widths: Sequence[int] = (9, *HIDDEN_NEURONS, 3)) -> list[Layers]:
-    """Return start weights of networks, one for each seed from 0."""
+    """Return random start weights of one network per seed, from seed 0."""
     return [random_layers(np.random.default_rng(seed), widths) for seed in range(seeds)]
 
 
 def paper_networks(
     response: FootResponse, *, quick: bool, feed: Feed = "capacitance"
 ) -> list[ForceEstimator]:
-    """Return networks trained by the paper's procedure, one for each seed; fewer and shorter if quick."""
+    """Return force estimators trained by the paper's procedure, one per seed; fewer and shorter if quick."""
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
     return PaperTraining(response.design, paper_training(response), feed).train(
         start_weights_by_seed(seeds), epochs

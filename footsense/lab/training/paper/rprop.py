@@ -1,4 +1,4 @@
-"""RPROP with weight backtracking, as an optax transformation.
+"""RPROP optimiser with weight backtracking, as an optax transformation.
 
 Each weight has a step of its own, which only the sign of its gradient changes:
 
@@ -27,7 +27,7 @@ FIRST_STEP, LEAST_STEP, LARGEST_STEP = 0.1, 1e-6, 50.0
 
 
 class RpropState(NamedTuple):
-    """State after an epoch, each part nested and shaped like the weights.
+    """RPROP's optimiser state after an epoch; each field is shaped like the weights.
 
     Attributes:
         step_size: Sizes of the steps, above 0.
@@ -41,13 +41,13 @@ class RpropState(NamedTuple):
 
 
 def _initial_state(weights: Any) -> RpropState:
-    """Return the state before the first epoch."""
+    """Return the optimiser state before the first epoch."""
     zero = jax.tree.map(jnp.zeros_like, weights)
     return RpropState(jax.tree.map(lambda w: jnp.full_like(w, FIRST_STEP), weights), zero, zero)
 
 
 def _update_array(gradient: Any, step_size: Any, previous_gradient: Any, last_weight_step: Any) -> RpropState:
-    """Return the state of one array of weights after an epoch."""
+    """Return the optimiser state of one weight array after an epoch."""
     agreement = jnp.sign(gradient) * jnp.sign(previous_gradient)
     factor = jnp.where(agreement > 0.0, GROW, jnp.where(agreement < 0.0, SHRINK, 1.0))
     step_size = jnp.clip(step_size * factor, LEAST_STEP, LARGEST_STEP)
@@ -57,7 +57,7 @@ def _update_array(gradient: Any, step_size: Any, previous_gradient: Any, last_we
 
 
 def _update_all(gradient: Any, state: Any, weights: Any = None) -> tuple[Any, RpropState]:
-    """Return the weight steps and the optimiser state after an epoch."""
+    """Return the weight steps and the optimiser state of all weights after an epoch."""
     del weights
     after = jax.tree.map(_update_array, gradient, *state)
     state = jax.tree.transpose(jax.tree.structure(gradient), jax.tree.structure(RpropState(0, 0, 0)), after)

@@ -1,1 +1,1 @@
-"""The snapshot network: one scan of nine closures to a force, symmetric; for training on the 362 cases alone."""
+"""Snapshot network: one scan of closures to a force, symmetric, for training on the 362 cases alone."""

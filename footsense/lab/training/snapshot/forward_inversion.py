@@ -1,4 +1,4 @@
-"""Inversion of the sensor's forward model: bent electrodes and gaps that close.
+"""Inversion of the sensor's forward model (bent electrodes, closing gaps): from closures to mean free closures.
 
 Elastance gives the closure of a flat gap. A plate that bends into its cavity has a smaller distance in the middle,
 which dominates the capacitance, and where the middle closes, the rest carries. The response table has both: a cell's
@@ -33,7 +33,7 @@ _TOLERANCE_PF = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForwardModel:
-    """The capacitances of a foot as a function of mean closures, and the inverse.
+    """Forward model of a foot: capacitances as a function of the closures without gap contact.
 
     Attributes:
         response: The foot.
@@ -44,11 +44,11 @@ class ForwardModel:
     closure_per_mean: Vector
 
     def capacitance_pf(self, mean_um: Vector) -> Vector:
-        """Return the capacitances [pF] of mean closures of free gaps [um], shape (n, elements) each."""
+        """Return the capacitances [pF] from closures without gap contact [um], shape (n, elements) each."""
         return Foot(self.response).capacitance_of_free_closures_pf(mean_um @ self.closure_per_mean)
 
     def mean_um(self, closure_um: Vector) -> Vector:
-        """Return the mean closures of free gaps [um], shape (n, elements).
+        """Return the closures without gap contact [um], (n, elements), that explain closures by elastance.
 
         Args:
             closure_um: Closures by elastance [um], shape (n, elements), as `Cases` have them.

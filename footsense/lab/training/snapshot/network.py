@@ -33,7 +33,7 @@ FEATURES_PER_ELEMENT, FEATURES_PER_FOOT = 2, 1
 
 
 class Weights(NamedTuple):
-    """All trained weights, `c` channels in each hidden layer.
+    """Trained weights of a snapshot network, with `c` channels in each hidden layer.
 
     Attributes:
         linear: Linear path [N], a weight for each map of `linear_basis`.
@@ -57,17 +57,17 @@ class Weights(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of weights of the network."""
+        """Number of trained weights."""
         return sum(int(part.size) for part in self)
 
     @property
     def channels(self) -> int:
-        """Channels of a hidden layer."""
+        """Number of channels in a hidden layer."""
         return int(self.b1.size)
 
     @property
     def rows(self) -> int:
-        """Rows of elements of the foot, and columns."""
+        """Number of element rows of the foot, equal to that of columns."""
         return math.isqrt((self.w1.shape[1] - FEATURES_PER_FOOT) // FEATURES_PER_ELEMENT)
 
 
@@ -99,7 +99,7 @@ def expand_shared_weights(weights: Weights) -> LayerMatrices:
 
 
 def run(matrices: LayerMatrices, closure_rel: Any, missing: Any) -> tuple[Any, Any]:
-    """Return force and sigma [N], shape (n, 3) each.
+    """Return estimated force and its sigma [N], shape (n, 3) each.
 
     Args:
         matrices: The network.

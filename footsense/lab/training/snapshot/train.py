@@ -58,7 +58,7 @@ class SnapshotProtocol(Protocol):
 
 
 def closure_moments(closure_rel: Vector) -> Vector:
-    """Return the second moments of the patterns of closures, with the square's symmetry, shape (elements, elements)."""
+    """Return the closures' second moments, averaged over the square's symmetries, shape (elements, elements)."""
     n_elements = closure_rel.shape[1]
     pattern = hidden_layer_input(closure_rel)[:, :n_elements]
     plain = pattern.T @ pattern / len(pattern)
@@ -97,7 +97,7 @@ class _TrainingConstants(NamedTuple):
 def _training_constants(
     cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imputation: Imputation
 ) -> _TrainingConstants:
-    """Return the cases, their noise and their masks as JAX arrays."""
+    """Return load cases, noise and missing-element masks as JAX arrays."""
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     masks = missing_sets(cases.closure_um.shape[1]).sets
     noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * protocol.noise_rel
@@ -158,18 +158,22 @@ def train(
     linear = fit_linear_start((closure_rel,), cases.force_n, protocol.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
+        """Return the weights with the input whitening folded into the first layer."""
         w1 = free.w1 @ whiten
         return free._replace(linear=linear + free.linear, w1=w1, b1=free.b1 - w1 @ mean)
 
     def loss(free: Weights, batch: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
+        """Return the training loss of a batch."""
         closures, missing, true_n = batch
         force_n, sigma_n = run(expand_shared_weights(fold_whitening(free)), closures, missing)
         return force_likelihood_loss(force_n, sigma_n, true_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
 
     def random_batch(task: _TrainingConstants, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """Return a random training batch."""
         return _random_batch(task, protocol, key)
 
     def first_weights(key: jax.Array, c: int) -> Weights:
+        """Return random initial weights."""
         return _random_weights(key, c, rows)
 
     return fold_whitening(fit(first_weights, loss, random_batch, task, protocol, _STEPS_PER_CALL))
