@@ -184,7 +184,7 @@ def _ratio_figure(bins: Sequence[MagnitudeBin]) -> Figure:
     for axes, (name, label) in zip(row, quantities, strict=True):
         network, five, three = (
             np.array([getattr(getattr(one, of), name) for one in bins])
-            for of in ("network", "leaning", "centred")
+            for of in ("estimator", "bound_five_unknowns", "bound_three_unknowns")
         )
         axes.loglog(gf, network, "o-C3", label="network")
         axes.loglog(gf, TARGET_RATIO * five, ":k", label=f"target, {TARGET_RATIO:g} of the bound")
