@@ -104,11 +104,11 @@ def _solve_response(
     )
 
 
-def _cached_whole_foot(design: FootDesign, own: Imperfection, folder: Path) -> tuple[Vector, Vector]:
+def _cached_whole_foot(design: FootDesign, imperfection: Imperfection, folder: Path) -> tuple[Vector, Vector]:
     """Return response series and compliance of an unsymmetric foot, solved once and then read from a file."""
-    path = folder / f"whole-{hashlib.sha256(f'{design} {own}'.encode()).hexdigest()[:16]}.npz"
+    path = folder / f"whole-{hashlib.sha256(f'{design} {imperfection}'.encode()).hexdigest()[:16]}.npz"
     if not path.exists():
-        series, compliance = solve_whole_foot(design, own)
+        series, compliance = solve_whole_foot(design, imperfection)
         np.savez(path, series=series, compliance=compliance)
     with np.load(path) as kept:
         return kept["series"], kept["compliance"]

@@ -7,13 +7,13 @@ import numpy as np
 
 from footsense.frames import Vector
 from footsense.lab.contact.body import MAX_PENETRATION_REL, Body
+from footsense.lab.contact.element_closures import capacitance_pf, cell_means, sampled_closure_um
 from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
 from footsense.lab.contact.floor import ContactPatch, FloorModel
 from footsense.lab.contact.hertz_floor import HertzFloor
 from footsense.lab.contact.load_case import LoadCase
 from footsense.lab.contact.mesh import ContactMeshSize, build_mesh
 from footsense.lab.contact.plane_floor import PlaneFloor
-from footsense.lab.contact.readout import capacitance_pf, cell_means, sampled_closure_um
 from footsense.lab.geometry import FootDesign
 
 #: Residual of the result, over the force [1].

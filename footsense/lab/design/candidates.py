@@ -62,7 +62,7 @@ class Candidates(NamedTuple):
         return self.fill_rel * self.pitch_mm
 
     @property
-    def plates_pf_um(self) -> Vector:
+    def eps0_area_pf_um(self) -> Vector:
         """Capacitance times plate distance of an element, eps0 A [pF um]."""
         area: Vector = EPS0_PF_UM_PER_MM2 * self.electrode_mm**2
         return area
@@ -76,13 +76,13 @@ class Candidates(NamedTuple):
     @property
     def unloaded_pf(self) -> Vector:
         """Capacitance of an unloaded element [pF]."""
-        unloaded: Vector = self.plates_pf_um / self.unloaded_distance_um
+        unloaded: Vector = self.eps0_area_pf_um / self.unloaded_distance_um
         return unloaded
 
     @property
     def half_closed_pf(self) -> Vector:
         """Capacitance of an element whose gap is half closed [pF]."""
-        half: Vector = self.plates_pf_um / (self.unloaded_distance_um - 0.5 * self.gap_um)
+        half: Vector = self.eps0_area_pf_um / (self.unloaded_distance_um - 0.5 * self.gap_um)
         return half
 
     @property

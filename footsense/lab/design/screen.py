@@ -69,7 +69,7 @@ def _screen_batch(model: ClosureModel, wishes: Wishes, feet: Candidates) -> Scre
     """Return force range and error bounds of one batch of candidates."""
     influence = model.influence(feet)
     by_gap = _force_at_closure_n(model, influence, feet, MAX_READABLE_CLOSURE_REL * feet.gap_um)
-    readable = feet.unloaded_distance_um - feet.plates_pf_um / wishes.board.range_end_pf
+    readable = feet.unloaded_distance_um - feet.eps0_area_pf_um / wishes.board.range_end_pf
     by_converter = _force_at_closure_n(model, influence, feet, np.maximum(readable, 1e-9))
     limits = np.stack([by_gap, by_converter, patch_limit_n(feet) / TRAINED_RANGE_FACTOR])
     range_n, limit = limits.min(axis=0), limits.argmin(axis=0)
@@ -111,7 +111,7 @@ def _force_at_closure_n(
 def closure_sigma_um(board: Converter, feet: Candidates, closure_um: Vector) -> Vector:
     """Return the standard deviation of measured closures [um] by candidate, shape of `closure_um`."""
     shape = (-1, *(1,) * (closure_um.ndim - 1))
-    open_um, plates = feet.unloaded_distance_um.reshape(shape), feet.plates_pf_um.reshape(shape)
+    open_um, plates = feet.unloaded_distance_um.reshape(shape), feet.eps0_area_pf_um.reshape(shape)
     now, rest = (open_um - closure_um) ** 2 * board.noise_pf, open_um**2 * board.baseline_noise_pf
     sigma: Vector = np.hypot(now, rest) / plates
     return sigma

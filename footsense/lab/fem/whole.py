@@ -52,20 +52,20 @@ class Imperfection:
 NO_IMPERFECTION = Imperfection()
 
 
-def _mesh(design: FootDesign, size: MeshSize, own: Imperfection) -> Any:
+def _mesh(design: FootDesign, size: MeshSize, imperfection: Imperfection) -> Any:
     """Return the curved mesh of the whole foot; faces `cell0`.. in flat order, `bars`, `curved_ground`, `curved_leg`.
 
     Raises:
         ModelError: The mesher gives up, or the bubble is not inside the ground-side ball.
     """
     size, half = size.scaled_to_foot(design), design.sheet_mm / 2.0
-    offset_x, offset_y = own.sheet_offset_mm
+    offset_x, offset_y = imperfection.sheet_offset_mm
     solids = []
     for side, up in BODY_SIDES:
         ball = hemisphere(design, side, up * design.plate_mm, quarter=False)
         ball = ball.Move(occ.Vec(-offset_x, -offset_y, 0.0))
-        if side == "ground" and own.bubble_mm[3] > 0.0:
-            ball = _cut_bubble(design, own, ball)
+        if side == "ground" and imperfection.bubble_mm[3] > 0.0:
+            ball = _cut_bubble(design, imperfection, ball)
         level_mm = (min(0.0, up * design.plate_mm), max(0.0, up * design.plate_mm))
         solids += [ball, plate(f"pdms_{side}", (-half, -half), half, level_mm, size.plate_mm)]
     step, inside = (
@@ -90,14 +90,14 @@ def _mesh(design: FootDesign, size: MeshSize, own: Imperfection) -> Any:
     return curved_mesh(shape, parameters, size.order, layers=size.layers, layer_rel=size.layer_rel)
 
 
-def _cut_bubble(design: FootDesign, own: Imperfection, ball: Any) -> Any:
+def _cut_bubble(design: FootDesign, imperfection: Imperfection, ball: Any) -> Any:
     """Return the ground-side ball with the spherical void cut out.
 
     Raises:
         ModelError: The bubble is not inside the ball.
     """
-    *centre_mm, radius_mm = own.bubble_mm
-    from_centre = np.add(centre_mm, (*own.sheet_offset_mm, design.plate_mm))
+    *centre_mm, radius_mm = imperfection.bubble_mm
+    from_centre = np.add(centre_mm, (*imperfection.sheet_offset_mm, design.plate_mm))
     if not (radius_mm < -from_centre[2] and np.linalg.norm(from_centre) + radius_mm < design.ball_radius_mm):
         raise ModelError(
             f"a bubble of {radius_mm:g} mm at {centre_mm} mm is not inside the ground-side ball, which begins at "
@@ -107,19 +107,19 @@ def _cut_bubble(design: FootDesign, own: Imperfection, ball: Any) -> Any:
 
 
 def solve_whole_foot(
-    design: FootDesign, own: Imperfection, size: MeshSize = COARSE_MESH
+    design: FootDesign, imperfection: Imperfection, size: MeshSize = COARSE_MESH
 ) -> tuple[Vector, Vector]:
     """Return response series [um/N], (products, 324, 3), and compliance [um/N], (324, 324), of a whole foot.
 
     Args:
         design: The foot.
-        own: Its imperfections.
+        imperfection: Its imperfections.
         size: Resolution of the mesh.
 
     Raises:
         ModelError: The foot cannot be meshed.
     """
-    mesh = _mesh(design, size, own)
+    mesh = _mesh(design, size, imperfection)
     order = size.order
     ground = ng.VectorH1(mesh, order=order, definedon="rubber_ground|pdms_ground")
     leg = ng.VectorH1(mesh, order=order, definedon="rubber_leg|pdms_leg", dirichlet="curved_leg")
@@ -127,20 +127,20 @@ def solve_whole_foot(
     space = ground * leg * p_ground * p_leg
     (u_ground, u_leg, p_g, p_l), (v_ground, v_leg, *_) = space.TnT()
     form = ng.BilinearForm(space, symmetric=True)
-    thicker = 1.0 + own.glue_wedge_mm / design.plate_mm * (0.5 + ng.x / design.sheet_mm)
+    thicker = 1.0 + imperfection.glue_wedge_mm / design.plate_mm * (0.5 + ng.x / design.sheet_mm)
     for side, u, p, stiffer in (("ground", u_ground, p_g, thicker**3), ("leg", u_leg, p_l, ng.CF(1.0))):
         form += ng.Variation(mixed_strain_energy(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
         form += ng.Variation(stiffer * strain_energy(design.pdms, u) * ng.dx(f"pdms_{side}"))
     inner, outer = design.bars_mm[-1]
     in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
     layer = BondedLayer(design.pdms, design.spacer_mm)
-    bonded = 1.0 - (1.0 - own.bonded_rel) * in_bar
+    bonded = 1.0 - (1.0 - imperfection.bonded_rel) * in_bar
     form += bonded * layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(layer.face_name)
     points = mesh.MapToAllElements(
         ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER), mesh.Boundaries("curved_ground")
     )
     rule = ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER)
-    centre = ng.CF((-own.sheet_offset_mm[0], -own.sheet_offset_mm[1], -design.plate_mm))
+    centre = ng.CF((-imperfection.sheet_offset_mm[0], -imperfection.sheet_offset_mm[1], -design.plate_mm))
     normal = -normalized(np.asarray((ng.CF((ng.x, ng.y, ng.z)) - centre)(points)))
     jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
     area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)

@@ -14,17 +14,18 @@ class MeanDifference(NamedTuple):
     """Difference of two means with its standard error.
 
     Attributes:
-        mean: Difference.
-        error: Standard error of the difference.
+        difference: First mean minus the second, in the unit of the figure.
+        standard_error: Standard error of the difference.
     """
 
-    mean: float
-    error: float
+    difference: float
+    standard_error: float
 
     @property
     def sign(self) -> int:
         """Sign of the difference, 1 or -1; 0 if it is not significant."""
-        return int(np.sign(self.mean)) if abs(self.mean) > SIGNIFICANT_STANDARD_ERRORS * self.error else 0
+        significant = abs(self.difference) > SIGNIFICANT_STANDARD_ERRORS * self.standard_error
+        return int(np.sign(self.difference)) if significant else 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +69,7 @@ class MeanStd:
         Example:
             >>> few, many = MeanStd.of_values([3.0, 5.0]), MeanStd.of_values([1.0, 1.0])
             >>> few.difference_from(many)
-            MeanDifference(mean=3.0, error=1.0)
+            MeanDifference(difference=3.0, standard_error=1.0)
         """
         error = np.sqrt(self.std**2 / self.n + other.std**2 / other.n)
         return MeanDifference(self.mean - other.mean, float(error))

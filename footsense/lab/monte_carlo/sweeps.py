@@ -54,7 +54,7 @@ class Sweep:
     levels: tuple[float, ...]
     base: Tolerances = NO_DEVIATIONS
 
-    def at(self, level: float) -> Tolerances:
+    def tolerances_at(self, level: float) -> Tolerances:
         """Return the tolerances at a level of the sweep."""
         return self.base.plus(self.step, level)
 
@@ -117,7 +117,7 @@ class Plan:
         """Return one job per foot at a level of a sweep."""
         with_network = sweep in TEST_STAND_SWEEPS
         return [
-            Job(sweep.at(level), foot, with_network)
+            Job(sweep.tolerances_at(level), foot, with_network)
             for foot in range(self.with_network if with_network else self.feet)
         ]
 

@@ -1,6 +1,6 @@
 """Training of the windowed network by Muon on random windows of gaits and of steady loads, from one seed.
 
-Every batch draws its windows and its missing elements. A share of the windows is of feet at rest, drawn
+Every batch draws its windows and its missing elements. A share of the windows is of steady loads, drawn
 from the wide loads of `load_cases`, whose readings differ by noise alone. Loss and linear start are those of `fit.py`;
 beside the force, contact point and friction ratio are learnt where the foot carries a load.
 """
@@ -48,10 +48,10 @@ from footsense.lab.training.windowed_network import (
     run,
 )
 
-#: Share of the windows with something missing, and of those of feet at rest.
+#: Share of the windows with something missing, and of those of steady loads.
 _WINDOWS_WITH_MISSING_SHARE, _STEADY_WINDOWS_SHARE = 0.25, 0.45
-#: Share of the windows at rest that are read at any pace and in any order, and of those with friction: few of the loads
-#: at rest have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
+#: Share of the steady windows that are read at any pace and in any order, and of those with friction: few of the loads
+#: have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
 _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
 #: Weight of the squared error over the squared force beside the likelihood: lower than that of `snapshot/train.py`, as
 #: sudden steps, which nothing can tell, would dominate.
@@ -113,13 +113,13 @@ class _TrainingConstants(NamedTuple):
 
 
 def _training_constants(
-    gaits: GaitReadings, rest: LeaningCases, design: CapacitorDesign, imputation: Imputation
+    gaits: GaitReadings, steady_loads: LeaningCases, design: CapacitorDesign, imputation: Imputation
 ) -> _TrainingConstants:
     """Return the training data as JAX arrays."""
     contact, pressing_n = contact_and_normal_force(
         gaits.force_n.astype(np.float64), gaits.normal.astype(np.float64)
     )
-    steady_contact, _ = contact_and_normal_force(rest.force_n, rest.normal)
+    steady_contact, _ = contact_and_normal_force(steady_loads.force_n, steady_loads.normal)
     rng = np.random.default_rng(1)
     carries, window = pressing_n > 0.0, READINGS * gaits.rows**2
     load = np.concatenate([np.zeros((len(carries), window), int), carries.cumsum(axis=1)], axis=1)
@@ -140,8 +140,8 @@ def _training_constants(
         order=jnp.asarray(gaits.order),
         window_indices=jnp.asarray(where),
         ages_in_conversions=jnp.asarray(age_in_conversions_table(gaits.rows)),
-        steady_closure_rel=jnp.asarray(rest.closure_um / design.gap_um, single),
-        steady_force_n=jnp.asarray(rest.force_n, single),
+        steady_closure_rel=jnp.asarray(steady_loads.closure_um / design.gap_um, single),
+        steady_force_n=jnp.asarray(steady_loads.force_n, single),
         steady_contact=jnp.asarray(steady_contact, single),
         steady_friction_indices=jnp.asarray(
             np.flatnonzero(np.linalg.norm(steady_contact[:, 2:], axis=1) > _FRICTION_REL)
@@ -229,7 +229,7 @@ def _random_weights(key: jax.Array, c: int, rows: int) -> Weights:
 
 def train_windowed(
     gaits: GaitReadings,
-    rest: LeaningCases,
+    steady_loads: LeaningCases,
     design: CapacitorDesign,
     protocol: WindowProtocol,
     imputation: Imputation,
@@ -240,8 +240,8 @@ def train_windowed(
 
     Args:
         gaits: Readings of random gaits.
-        rest: Loads at rest.
-        design: The capacitors, for the noise at rest.
+        steady_loads: Loads that stay constant over a window.
+        design: The capacitors, for the noise of steady windows.
         protocol: Sizes, steps and seed.
         imputation: Imputation of missing elements.
         report: Receives a line now and then.
@@ -250,18 +250,19 @@ def train_windowed(
     Returns:
         The weights, float32.
     """
-    data = _training_constants(gaits, rest, design, imputation)
+    data = _training_constants(gaits, steady_loads, design, imputation)
     times_per_gait = gaits.closure_rel.shape[1]
     first = jax.jit(_random_windows_batch, static_argnums=(1, 2))(
         data, times_per_gait, 60_000, jax.random.PRNGKey(0)
     )
     carries = np.asarray(first.loaded[:, 0] > 0.0)
-    element_inputs, n_elements = np.asarray(first.features.seen, np.float64)[carries], gaits.rows**2
+    element_inputs, n_elements = np.asarray(first.features.hidden_inputs, np.float64)[carries], gaits.rows**2
     unmasked, masked = (n * n_elements for n in (FEATURES_PER_ELEMENT - 1, FEATURES_PER_ELEMENT))
     place = np.r_[0:unmasked, masked : masked + FEATURES_PER_FOOT]
     whiten, mean = whitening_transform(element_inputs, element_input_index(gaits.rows), place, 3e-8)
     now, newest, force_n = (
-        np.asarray(part, np.float64) for part in (first.features.now, first.features.newest, first.force_n)
+        np.asarray(part, np.float64)
+        for part in (first.features.extrapolated, first.features.newest, first.force_n)
     )
     linear = fit_linear_start((now, now - newest), force_n, protocol.min_force_n)
 

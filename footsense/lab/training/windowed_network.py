@@ -111,14 +111,14 @@ class Features(NamedTuple):
     """Input features of the network for n windows.
 
     Attributes:
-        seen: Inputs of the first hidden layer, shape (n, SEEN).
-        now: Readings moved to the asked time along their slope [1], shape (n, elements).
+        hidden_inputs: Inputs of the first hidden layer, shape (n, SEEN).
+        extrapolated: Readings moved to the asked time along their slope [1], shape (n, elements).
         newest: Newest readings [1], shape (n, elements).
         size: Root mean square of the closures [1], shape (n, 1).
     """
 
-    seen: Any
-    now: Any
+    hidden_inputs: Any
+    extrapolated: Any
     newest: Any
     size: Any
 
@@ -174,16 +174,18 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
     return Features(module.concatenate([planes, missing, *scalars], axis=-1), now, v0, size)
 
 
-def run(matrices: LayerMatrices, seen: Features) -> Load:
+def run(matrices: LayerMatrices, inputs: Features) -> Load:
     """Return the network's estimates of n windows, as JAX arrays."""
-    first = jnp.tanh(seen.seen @ matrices.w1 + matrices.b1)
+    first = jnp.tanh(inputs.hidden_inputs @ matrices.w1 + matrices.b1)
     second = jnp.tanh(first @ matrices.w2 + matrices.b2)
     out = second @ matrices.out
     sigma = jnp.exp(jnp.clip(second @ matrices.sigma + matrices.sigma_offset, *LN_SIGMA_BOUNDS))
-    curved = jnp.mean(seen.now**2, axis=-1, keepdims=True) / seen.size * out[:, :3]
+    curved = jnp.mean(inputs.extrapolated**2, axis=-1, keepdims=True) / inputs.size * out[:, :3]
     return Load(
-        force_n=seen.now @ matrices.level + (seen.now - seen.newest) @ matrices.slope + curved,
-        sigma_n=seen.size * sigma[:, :3],
+        force_n=inputs.extrapolated @ matrices.level
+        + (inputs.extrapolated - inputs.newest) @ matrices.slope
+        + curved,
+        sigma_n=inputs.size * sigma[:, :3],
         contact_coordinates=out[:, 3:],
         contact_sigma=sigma[:, 3:],
     )

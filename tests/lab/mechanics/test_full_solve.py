@@ -10,12 +10,12 @@ from netgen import occ
 
 from footsense.lab.contact import equilibrium, full_solve
 from footsense.lab.contact.body import Body
+from footsense.lab.contact.element_closures import cell_means, sampled_closure_um
 from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
 from footsense.lab.contact.full_solve import FullFoot
 from footsense.lab.contact.load_case import LoadCase
 from footsense.lab.contact.mesh import ContactMeshSize, build_mesh
 from footsense.lab.contact.plane_floor import PlaneFloor
-from footsense.lab.contact.readout import cell_means, sampled_closure_um
 from footsense.lab.fem.elasticity import mixed_strain_energy, strain_energy
 from footsense.lab.geometry import Material
 from tests.lab.released import FOOT_DESIGN

@@ -56,17 +56,23 @@ def in_double(weights: Weights, window: Window) -> Load:
     c = len(b1)
     seen = seen_of(window)
     images = [element_permutation(g) for g in SYMMETRIES]
-    first = [np.tanh(seen_of(turned(window, np.argsort(image))).seen @ w1.T + b1) for image in images]
+    first = [
+        np.tanh(seen_of(turned(window, np.argsort(image))).hidden_inputs @ w1.T + b1) for image in images
+    ]
     by_relative = w2.reshape(c, 8, c)
-    outputs, ln_sigma = np.zeros((2, len(seen.now), 7))
+    outputs, ln_sigma = np.zeros((2, len(seen.extrapolated), 7))
     for g in SYMMETRIES:
         total = b2 + sum(first[k] @ by_relative[:, place_of(g.T @ h)].T for k, h in enumerate(SYMMETRIES))
         turn = block_diagonal(g, g[:2, :2], g[:2, :2])
         outputs += np.tanh(total) @ out @ turn.T
         ln_sigma += np.tanh(total) @ sigma @ np.abs(turn).T
     level, slope = (np.tensordot(part, linear_basis(), 1) for part in (linear[:5], linear[5:]))
-    square = (seen.now**2).mean(axis=1, keepdims=True)
-    force_n = seen.now @ level + (seen.now - seen.newest) @ slope + square / seen.size * outputs[:, :3]
+    square = (seen.extrapolated**2).mean(axis=1, keepdims=True)
+    force_n = (
+        seen.extrapolated @ level
+        + (seen.extrapolated - seen.newest) @ slope
+        + square / seen.size * outputs[:, :3]
+    )
     sigma_of = np.exp(np.clip(ln_sigma + sigma_offset[[0, 0, 1, 2, 2, 3, 3]], *LN_SIGMA_BOUNDS))
     return Load(force_n, seen.size * sigma_of[:, :3], outputs[:, 3:], sigma_of[:, 3:])
 
@@ -190,7 +196,7 @@ def test_no_window_makes_something_that_is_no_number(
     ages_s = newest_s + np.concatenate([np.zeros((1, 9)), np.cumsum(np.reshape(later_s, (2, 9)), axis=0)])
     window = Window(np.reshape(closures, (1, 3, 9)), ages_s[None], np.zeros((1, 9), bool))
     seen = seen_of(window)
-    assert np.abs(seen.seen[:, : (FEATURES_PER_ELEMENT - 1) * 9]).max() <= MAX_FEATURE
+    assert np.abs(seen.hidden_inputs[:, : (FEATURES_PER_ELEMENT - 1) * 9]).max() <= MAX_FEATURE
     load = predict(some_weights(), window)
     assert all(np.isfinite(part).all() for part in load)
     assert (load.sigma_n >= 0.9 * float(np.exp(LN_SIGMA_BOUNDS[0])) * seen.size).all()
@@ -211,9 +217,10 @@ def test_even_motion_is_seen_as_of_the_asked_time() -> None:
     orders = np.argsort(rng.random((30, 9)), axis=1)
     age_s = rng.uniform(0.0, 0.02, (30, 1, 1)) + STEP_S * (orders[:, None] + 9 * np.arange(3)[:, None])
     seen = seen_of(along_a_line(closure_rel, rate, age_s))
-    np.testing.assert_allclose(seen.now, closure_rel, atol=1e-12)
+    np.testing.assert_allclose(seen.extrapolated, closure_rel, atol=1e-12)
     planes = (
-        seen.seen[:, : FEATURES_PER_ELEMENT * 9].reshape(30, FEATURES_PER_ELEMENT, 9) * seen.size[:, None]
+        seen.hidden_inputs[:, : FEATURES_PER_ELEMENT * 9].reshape(30, FEATURES_PER_ELEMENT, 9)
+        * seen.size[:, None]
     )
     np.testing.assert_allclose(planes[:, 1], 9 * STEP_S * rate, atol=1e-12)
     np.testing.assert_allclose(planes[:, 3:6], 0.0, atol=1e-12)
@@ -222,7 +229,9 @@ def test_even_motion_is_seen_as_of_the_asked_time() -> None:
 def test_the_period_of_the_scan_is_seen_and_its_unit_is_not() -> None:
     """A foot that is read half as fast, of a load half as fast, differs in one input: the logarithm of the period."""
     window = some_windows()
-    seen, slower = (seen_of(window._replace(age_s=factor * window.age_s)).seen for factor in (1.0, 2.0))
+    seen, slower = (
+        seen_of(window._replace(age_s=factor * window.age_s)).hidden_inputs for factor in (1.0, 2.0)
+    )
     np.testing.assert_allclose(slower[:, :-1], seen[:, :-1], atol=1e-12)
     np.testing.assert_allclose(slower[:, -1] - seen[:, -1], np.log(2.0))
 

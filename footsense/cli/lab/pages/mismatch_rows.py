@@ -30,9 +30,9 @@ class MismatchRow:
     represented: bool = True
 
 
-def _assembly_row(title: str, own: Imperfection, *, represented: bool = True) -> MismatchRow:
+def _assembly_row(title: str, imperfection: Imperfection, *, represented: bool = True) -> MismatchRow:
     """Return the row of feet with one assembly error."""
-    return MismatchRow(title=title, solid=OtherSolid(imperfection=own), represented=represented)
+    return MismatchRow(title=title, solid=OtherSolid(imperfection=imperfection), represented=represented)
 
 
 #: The rows by name; the first is the foot that the calibration supposes.

@@ -68,17 +68,17 @@ class ArrayFigures:
         boards: Boards that read both.
         range_n: Least force over the azimuth at which a gap or the converter is at its end, at each elevation [N].
         scan_ms: Time of a scan of six legs [ms].
-        centred_deg: Least rms direction error of one scan, known to be centred [deg].
-        leaning_deg: The same for five unknowns; None where there are fewer elements.
-        same_time_centred_deg: As `centred_deg`, if the scan takes as long as that of nine elements.
-        same_time_leaning_deg: As `leaning_deg`, likewise.
-        own_range_deg: As `leaning_deg`, at half of the foot's own least range.
-        same_time_own_range_deg: The same, if the scan takes as long as that of nine elements.
-        leaning_gf: Least rms magnitude error of one scan, five unknowns [gf]; None as above.
+        centred_bound_deg: Least rms direction error of one scan, known to be centred [deg].
+        leaning_bound_deg: The same for five unknowns; None where there are fewer elements.
+        equal_time_centred_bound_deg: As `centred_bound_deg`, if the scan takes as long as that of nine elements.
+        equal_time_leaning_bound_deg: As `leaning_bound_deg`, likewise.
+        half_range_bound_deg: As `leaning_bound_deg`, at half of the foot's own least range.
+        equal_time_half_range_bound_deg: The same, if the scan takes as long as that of nine elements.
+        leaning_bound_gf: Least rms magnitude error of one scan, five unknowns [gf]; None as above.
         network: Errors of a network that was trained for it.
         can_bits_per_s: Load of the CAN bus [bit/s].
-        widest_mm: Side of an electrode between bars as wide as those of the foot [mm].
-        widest_half_closed_pf: Capacitance of such an element with its gap half closed [pF].
+        max_electrode_mm: Side of an electrode between bars as wide as those of the foot [mm].
+        max_electrode_half_closed_pf: Capacitance of such an element with its gap half closed [pF].
     """
 
     electrode_mm: float
@@ -88,17 +88,17 @@ class ArrayFigures:
     boards: list[str]
     range_n: list[float]
     scan_ms: float
-    centred_deg: float
-    leaning_deg: float | None
-    same_time_centred_deg: float
-    same_time_leaning_deg: float | None
-    own_range_deg: float | None
-    same_time_own_range_deg: float | None
-    leaning_gf: float | None
+    centred_bound_deg: float
+    leaning_bound_deg: float | None
+    equal_time_centred_bound_deg: float
+    equal_time_leaning_bound_deg: float | None
+    half_range_bound_deg: float | None
+    equal_time_half_range_bound_deg: float | None
+    leaning_bound_gf: float | None
     network: NetworkErrors
     can_bits_per_s: float
-    widest_mm: float
-    widest_half_closed_pf: float
+    max_electrode_mm: float
+    max_electrode_half_closed_pf: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +114,7 @@ class SensorResults(block.Results):
     arrays: dict[int, ArrayFigures]
 
 
-def widest_mm(like: FootDesign, rows: int) -> float:
+def max_electrode_mm(like: FootDesign, rows: int) -> float:
     """Return the largest electrode side [mm] of an array on the same sheet, with spacer bars of the same width."""
     return (like.array_mm - (rows - 1) * (like.pitch_mm - like.electrode_mm)) / rows
 
@@ -130,7 +130,9 @@ def array_design(like: FootDesign, rows: int) -> FootDesign:
         return like
     half_open_um = 0.5 * like.gap_um + like.capacitor.film_equivalent_um
     read_mm = math.sqrt(fdc1004.capacitance_pf(fdc1004.CODE_MAX) * half_open_um / EPS0_PF_UM_PER_MM2)
-    electrode_mm = _SIDE_STEP_MM * math.floor(min(widest_mm(like, rows), read_mm) / _SIDE_STEP_MM + 1e-9)
+    electrode_mm = _SIDE_STEP_MM * math.floor(
+        min(max_electrode_mm(like, rows), read_mm) / _SIDE_STEP_MM + 1e-9
+    )
     pitch_mm = (like.array_mm - electrode_mm) / (rows - 1)
     return msgspec.structs.replace(like, rows=rows, electrode_mm=electrode_mm, pitch_mm=pitch_mm)
 
@@ -170,14 +172,14 @@ def _rms_bounds(foot: Foot, load_n: float, noise_pf: float) -> tuple[float, floa
     direction = paper_directions("verification")
     force_n = load_n * direction
     centred = force_bound(foot, direction, force_n, Unknowns.CENTRED, noise_pf=noise_pf)
-    centred_deg = float(np.sqrt(np.mean(centred.direction_rms_deg**2)))
+    centred_bound_deg = float(np.sqrt(np.mean(centred.direction_rms_deg**2)))
     if foot.response.n_elements < Unknowns.LEANING.value:
-        return centred_deg, None, None
+        return centred_bound_deg, None, None
     leaning = force_bound(foot, direction, force_n, Unknowns.LEANING, noise_pf=noise_pf)
     deg, gf = (
         float(np.sqrt(np.mean(error**2))) for error in (leaning.direction_rms_deg, leaning.magnitude_rms_gf)
     )
-    return centred_deg, deg, gf
+    return centred_bound_deg, deg, gf
 
 
 def array_figures(
@@ -193,11 +195,13 @@ def array_figures(
     """
     foot, max_n, capacitor = Foot(response), design.loads.max_n, design.capacitor
     half_pf = float(capacitor.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
-    widest = widest_mm(like, response.rows)
+    widest = max_electrode_mm(like, response.rows)
     boards = [converter(name) for name in ("fdc1004", "ad7746")]
     # As long a scan as of nine elements leaves each conversion another share of the time; the noise is white.
     same_time_pf = NOISE_PF * math.sqrt(response.n_elements / 9.0)
-    centred_deg, leaning_deg, leaning_gf = _rms_bounds(foot, BOUND_LOAD_REL * max_n, NOISE_PF)
+    centred_bound_deg, leaning_bound_deg, leaning_bound_gf = _rms_bounds(
+        foot, BOUND_LOAD_REL * max_n, NOISE_PF
+    )
     same_centred_deg, same_leaning_deg, _ = _rms_bounds(foot, BOUND_LOAD_REL * max_n, same_time_pf)
     reach_n = range_n(foot, max_n)
     own_deg, same_own_deg = (
@@ -213,17 +217,17 @@ def array_figures(
         ],
         range_n=reach_n,
         scan_ms=scan_ms(response),
-        centred_deg=centred_deg,
-        leaning_deg=leaning_deg,
-        same_time_centred_deg=same_centred_deg,
-        same_time_leaning_deg=same_leaning_deg,
-        own_range_deg=own_deg,
-        same_time_own_range_deg=same_own_deg,
-        leaning_gf=leaning_gf,
+        centred_bound_deg=centred_bound_deg,
+        leaning_bound_deg=leaning_bound_deg,
+        equal_time_centred_bound_deg=same_centred_deg,
+        equal_time_leaning_bound_deg=same_leaning_deg,
+        half_range_bound_deg=own_deg,
+        equal_time_half_range_bound_deg=same_own_deg,
+        leaning_bound_gf=leaning_bound_gf,
         network=network_errors(response, design.loads, training),
         can_bits_per_s=can_bits_per_s(len(DEFAULT.legs), DEFAULT.forces_hz),
-        widest_mm=widest,
-        widest_half_closed_pf=half_pf * widest**2 / design.electrode_mm**2,
+        max_electrode_mm=widest,
+        max_electrode_half_closed_pf=half_pf * widest**2 / design.electrode_mm**2,
     )
 
 
@@ -248,10 +252,10 @@ def arrays_figure(arrays: dict[int, ArrayFigures]) -> Figure:
     drawing, (error, reach) = subplot_row(2, 8.2, 3.6)
     number = [rows**2 for rows in arrays]
     lines = (
-        ("centred_deg", "o-C0", "centred, 400 conversions/s"),
-        ("same_time_centred_deg", "o:C0", "centred, same time of a scan"),
-        ("leaning_deg", "s-C3", "leaning, 400 conversions/s"),
-        ("same_time_leaning_deg", "s:C3", "leaning, same time of a scan"),
+        ("centred_bound_deg", "o-C0", "centred, 400 conversions/s"),
+        ("equal_time_centred_bound_deg", "o:C0", "centred, same time of a scan"),
+        ("leaning_bound_deg", "s-C3", "leaning, 400 conversions/s"),
+        ("equal_time_leaning_bound_deg", "s:C3", "leaning, same time of a scan"),
     )
     for name, style, label in lines:
         values = [getattr(one, name) for one in arrays.values()]

@@ -53,8 +53,8 @@ def calibrated_errors(
     for k in range(n):
         lean = np.radians(_STICK_LEAN_DEG) * by_normal[k]
         force = _FORCE_REL * by_force[k] * np.linalg.norm(pressed_n[k]) / np.sqrt(3.0)
-        own = (_MODEL_REL * closure[k]) ** 2 + (_NOISE_PF * per_pf) ** 2
-        spread = np.diag(own) + lean @ lean.T + force @ force.T
+        variance = (_MODEL_REL * closure[k]) ** 2 + (_NOISE_PF * per_pf) ** 2
+        spread = np.diag(variance) + lean @ lean.T + force @ force.T
         information += by_deviation[k].T @ np.linalg.solve(spread, by_deviation[k])
     root = np.linalg.cholesky(np.linalg.inv(information))
     angles, sizes = [], []
@@ -97,9 +97,9 @@ def _closure_jacobians_um(response: FootResponse, force_n: Vector) -> tuple[Vect
     normal = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
     one = np.eye(ELEMENTS)
 
-    def sensed_um(own: Deviations, normal: Vector = normal, force_n: Vector = force_n) -> Vector:
+    def sensed_um(deviations: Deviations, normal: Vector = normal, force_n: Vector = force_n) -> Vector:
         """Return the sensed closures [um] of a deviating foot under given loads."""
-        foot = Foot(response, own)
+        foot = Foot(response, deviations)
         return design.closure_um(foot.capacitance_pf(normal, force_n), foot.unloaded_pf)
 
     def slope(ahead: Deviations, behind: Deviations, step: float) -> Vector:

@@ -87,21 +87,21 @@ def _draw_assembly(
     for level in (-plate, 0.0):
         view.draw_area(shapely.box(-half, level, half, level + plate), _PDMS)
     rise = outer - dimensions.TAIL_CHANNEL_DEPTH_MM / 2.0
-    view.line([(-half, 0.0), (rise, 0.0), (rise, top)], color=_COPPER, lw=1.6)
-    view.centre([(0.0, -radius - plate - 2.0), (0.0, top + 0.8)])
-    view.dimension([(-outer, top), (outer, top)], 8.0, f"dia. {2.0 * outer:.1f}")
-    view.dimension([(-outer, plate), (-outer, top)], -8.0, f"{top - plate:g}")
-    view.note((-0.6 * radius, -plate - 0.6 * radius), (-14.0, -22.0), f"R {radius:g} +-0.1")
+    view.draw_line([(-half, 0.0), (rise, 0.0), (rise, top)], color=_COPPER, lw=1.6)
+    view.draw_centre_line([(0.0, -radius - plate - 2.0), (0.0, top + 0.8)])
+    view.draw_dimension([(-outer, top), (outer, top)], 8.0, f"dia. {2.0 * outer:.1f}")
+    view.draw_dimension([(-outer, plate), (-outer, top)], -8.0, f"{top - plate:g}")
+    view.draw_note((-0.6 * radius, -plate - 0.6 * radius), (-14.0, -22.0), f"R {radius:g} +-0.1")
     hollow = radius + dimensions.ADHESIVE_THICKNESS_MM
     place = (-0.71 * hollow, plate + 0.71 * hollow)
-    view.note(
+    view.draw_note(
         place,
         (-2.0, scale * (top - place[1]) + 18.0),
         f"R {hollow:.1f} +-0.05, adhesive {dimensions.ADHESIVE_THICKNESS_MM:g}",
         "right",
     )
-    view.note((rise, 0.55 * top), (12.0, 0.0), "tail of the columns,\nin its channel")
-    view.note(
+    view.draw_note((rise, 0.55 * top), (12.0, 0.0), "tail of the columns,\nin its channel")
+    view.draw_note(
         (0.9 * half, -0.6 * plate),
         (scale * (outer - 0.9 * half) + 8.0, -16.0),
         "plates and flexes:\nsee stack",
@@ -109,7 +109,7 @@ def _draw_assembly(
     _draw_layer_stack(page, design)
     rows = [["dimension", "nominal and limit", "the design assumed"]]
     rows += [[t.name, f"{t.nominal:g} +-{t.limit:g} {t.unit}", t.assumed] for t in tolerances]
-    page.table((215.0, 140.0), (58.0, 42.0, 90.0), rows)
+    page.write_table((215.0, 140.0), (58.0, 42.0, 90.0), rows)
     return page
 
 
@@ -139,7 +139,7 @@ def _draw_layer_stack(page: PaperSheet, design: FootDesign) -> None:
         if name == "spacer":
             for x in (0.0, 22.0, 48.0, 70.0):
                 view.draw_area(shapely.box(x, z, x + 10.0, z + thickness), "#bfe0c4")
-        page.text((304.0, 225.0 - height / 2.0 + z + thickness / 2.0), f"{name}: {what}", va="center")
+        page.write_text((304.0, 225.0 - height / 2.0 + z + thickness / 2.0), f"{name}: {what}", va="center")
 
 
 def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, Any]) -> PaperSheet:
@@ -152,25 +152,25 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
         (105.0, 240.0), scale, (-half_x, -half_y, half_x, half_y), "Lid of the mould from above, *"
     )
     _draw_from_above(lid, parts["mould-lid"])
-    lid.dimension([(-half_x, half_y), (half_x, half_y)], 6.0, f"{2.0 * half_x:g}")
-    lid.dimension([(half_x, -half_y), (half_x, half_y)], 10.0, f"{2.0 * half_y:g}")
-    lid.dimension([(-off, 0.0), (off, 0.0)], -scale * half_y - 6.0, f"{2.0 * off:g} +-0.05")
-    lid.note((-off, 0.0), (-34.0, 8.0), f"2 x dia. {dimensions.SPRUE_DIAMETER_MM:g}")
-    lid.note(
+    lid.draw_dimension([(-half_x, half_y), (half_x, half_y)], 6.0, f"{2.0 * half_x:g}")
+    lid.draw_dimension([(half_x, -half_y), (half_x, half_y)], 10.0, f"{2.0 * half_y:g}")
+    lid.draw_dimension([(-off, 0.0), (off, 0.0)], -scale * half_y - 6.0, f"{2.0 * off:g} +-0.05")
+    lid.draw_note((-off, 0.0), (-34.0, 8.0), f"2 x dia. {dimensions.SPRUE_DIAMETER_MM:g}")
+    lid.draw_note(
         (-off, radius - dimensions.MOULD_VENT_DIAMETER_MM),
         (-34.0, 6.0),
         f"4 x dia. {dimensions.MOULD_VENT_DIAMETER_MM:g}",
     )
     inset = dimensions.DOWEL_DIAMETER_MM
-    lid.note(
+    lid.draw_note(
         (half_x - inset, half_y - inset),
         (18.0, 12.0),
         f"2 x dia. {dimensions.DOWEL_DIAMETER_MM:g} H7, {wall:g} thick",
     )
     body = page.add_view((105.0, 130.0), scale, (-half_x, -deep, half_x, 0.0), "Section of the body, *", 8.0)
     body.draw_area(section_y0(parts["mould-body"]), _METAL, "////")
-    body.dimension([(half_x, -deep), (half_x, 0.0)], 10.0, f"{deep:g}")
-    body.note((off - 0.7 * radius, -0.7 * radius), (-10.0, 34.0), f"2 x R {radius:g} +-0.05, polished")
+    body.draw_dimension([(half_x, -deep), (half_x, 0.0)], 10.0, f"{deep:g}")
+    body.draw_note((off - 0.7 * radius, -0.7 * radius), (-10.0, 34.0), f"2 x R {radius:g} +-0.05, polished")
     outer, top, rim = (
         dimensions.socket_radius_mm(design.ball_radius_mm),
         design.plate_mm + radius + dimensions.SOCKET_TOP_THICKNESS_MM,
@@ -181,11 +181,11 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
         (305.0, 205.0), scale, (-outer, -outer, outer, outer), "Socket from above, forward to the right, *"
     )
     _draw_from_above(socket, parts["leg-socket"])
-    socket.centre([(-outer - 2.0, 0.0), (outer + 2.0, 0.0)])
-    socket.centre([(0.0, -outer - 0.8), (0.0, outer + 2.0)])
-    socket.dimension([(-outer, -outer), (outer, -outer)], -6.0, f"dia. {2.0 * outer:.1f}")
+    socket.draw_centre_line([(-outer - 2.0, 0.0), (outer + 2.0, 0.0)])
+    socket.draw_centre_line([(0.0, -outer - 0.8), (0.0, outer + 2.0)])
+    socket.draw_dimension([(-outer, -outer), (outer, -outer)], -6.0, f"dia. {2.0 * outer:.1f}")
     place = 0.65 * outer * np.sqrt(0.5)
-    socket.note(
+    socket.draw_note(
         (-place, place), (-30.0, 24.0),
         f"{dimensions.SCREWS} x M2.5, {dimensions.CORE_DEPTH_MM:g} deep,\non dia. {1.3 * outer:.1f}",
     )  # fmt: skip
@@ -193,16 +193,16 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
         ((outer - dimensions.TAIL_CHANNEL_DEPTH_MM, 0.0), (0.0, outer - dimensions.TAIL_CHANNEL_DEPTH_MM))
     ):
         width = 2.0 * dimensions.TAIL_CHANNEL_PLAY_MM + solids.tail_widths_mm(design)[k]
-        socket.note(
+        socket.draw_note(
             at,
             ((24.0, -22.0), (26.0, 16.0))[k],
             f"channel {width:g} +0.1/0\nx {dimensions.TAIL_CHANNEL_DEPTH_MM:g}",
         )
-    socket.note((0.0, 0.0), (-42.0, -38.0), f"bore dia. {dimensions.MOULD_VENT_DIAMETER_MM:g}")
-    socket.note((0.85 * (outer - dimensions.TAIL_CHANNEL_DEPTH_MM), 0.0), (20.0, 24.0), "mark: forward")
+    socket.draw_note((0.0, 0.0), (-42.0, -38.0), f"bore dia. {dimensions.MOULD_VENT_DIAMETER_MM:g}")
+    socket.draw_note((0.85 * (outer - dimensions.TAIL_CHANNEL_DEPTH_MM), 0.0), (20.0, 24.0), "mark: forward")
     hollow = f"Hollow: R {radius + dimensions.ADHESIVE_THICKNESS_MM:.1f} +-0.05 around the middle of the lower face; "
     hollow += f"height {top - rim:g}."
-    page.text((305.0, 112.0), hollow, ha="center")
+    page.write_text((305.0, 112.0), hollow, ha="center")
     return page
 
 
@@ -213,7 +213,7 @@ def _draw_from_above(view: View, solid: Any) -> None:
         if np.ptp(points[:, 2]) < EQUAL_WITHIN_MM:
             seen = points[0, 2] > high.z - EQUAL_WITHIN_MM
             style = {"lw": 1.0} if seen else {"lw": 0.5, "ls": (0, (6, 4)), "zorder": 1}
-            view.line([(x, y) for x, y, _ in points], **style)
+            view.draw_line([(x, y) for x, y, _ in points], **style)
 
 
 def _draw_flexes_and_sheets(
@@ -256,35 +256,39 @@ def _draw_flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
     *_, end, _ = outline.bounds
     u, v = flex.element_u_mm, flex.line_v_mm
     ends = (u[0] - side / 2.0, v[0] - side / 2.0), (u[0] + side / 2.0, v[0] - side / 2.0)
-    view.dimension(ends, -7.0, f"{side:g} +-{dimensions.ETCH_DEVIATION_MM:g}")
-    view.dimension([(-half, -half), (half, -half)], -13.0, f"{2.0 * half:g}")
-    view.dimension([(0.0, -half), (end, -half)], -19.0, f"{end:g}")
-    view.dimension([(end, -tail), (end, tail)], 7.0, f"{2.0 * tail:g} +-0.05")
+    view.draw_dimension(ends, -7.0, f"{side:g} +-{dimensions.ETCH_DEVIATION_MM:g}")
+    view.draw_dimension([(-half, -half), (half, -half)], -13.0, f"{2.0 * half:g}")
+    view.draw_dimension([(0.0, -half), (end, -half)], -19.0, f"{end:g}")
+    view.draw_dimension([(end, -tail), (end, tail)], 7.0, f"{2.0 * tail:g} +-0.05")
     if len(v) > 1:
         left = outline.bounds[0]
-        view.dimension([(left, v[0]), (left, v[1])], -6.0, f"{v[1] - v[0]:g}")
+        view.draw_dimension([(left, v[0]), (left, v[1])], -6.0, f"{v[1] - v[0]:g}")
     size = f"{dimensions.CONTACT_WIDTH_MM:g} x {dimensions.CONTACT_LENGTH_MM:g}, pitch {dimensions.CONTACT_PITCH_MM:g}"
     contacts = f"{len(flex.contact_v_mm)} contacts {size}; contact 1 is the lowest;\n"
     contacts += f"even: {', '.join(flex.nets)}; odd: {GUARD_NET}"
-    view.note((flex.tail_end_mm - dimensions.CONTACT_LENGTH_MM / 2.0, tail), (-8.0, 16.0), contacts, "center")
+    view.draw_note(
+        (flex.tail_end_mm - dimensions.CONTACT_LENGTH_MM / 2.0, tail), (-8.0, 16.0), contacts, "center"
+    )
     stiff = f"stiffener {dimensions.STIFFENER_LENGTH_MM:g}, other side; 0.3 thick with it"
-    view.note((flex.tail_end_mm - dimensions.STIFFENER_LENGTH_MM, -tail), (-18.0, -10.0), stiff, "center")
+    view.draw_note(
+        (flex.tail_end_mm - dimensions.STIFFENER_LENGTH_MM, -tail), (-18.0, -10.0), stiff, "center"
+    )
 
 
 def _draw_sheet(view: View, array: ElementArray, ball_radius_mm: float, name: str) -> None:
     """Draw the spacer or the film with its dimensions."""
     half = array.sheet_mm / 2.0
     far = ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
-    view.dimension([(-half, half), (half, half)], 6.0, f"{array.sheet_mm:g} +-0.05")
-    view.dimension(
+    view.draw_dimension([(-half, half), (half, half)], 6.0, f"{array.sheet_mm:g} +-0.05")
+    view.draw_dimension(
         [(-far, 0.0), (0.0, 0.0)],
         -view.scale * (far + dimensions.ALIGNMENT_EAR_RADIUS_MM) - 6.0,
         f"{far:g} +-0.05",
     )
-    view.note((0.0, -far), (22.0, 0.0), f"2 x dia. {dimensions.ALIGNMENT_HOLE_DIAMETER_MM:g} +0.05/0")
+    view.draw_note((0.0, -far), (22.0, 0.0), f"2 x dia. {dimensions.ALIGNMENT_HOLE_DIAMETER_MM:g} +0.05/0")
     if name == "spacer":
         x, y = array.row_x_mm[0], array.column_y_mm[0]
         side = array.electrode_mm
-        view.dimension([(half, y - side / 2.0), (half, y + side / 2.0)], 8.0, f"{side:g} +-0.05")
+        view.draw_dimension([(half, y - side / 2.0), (half, y + side / 2.0)], 8.0, f"{side:g} +-0.05")
         bar = array.column_y_mm[0] - side / 2.0
-        view.note((x, bar - array.bar_mm / 2.0), (34.0, -8.0), f"bars {array.bar_mm:g}")
+        view.draw_note((x, bar - array.bar_mm / 2.0), (34.0, -8.0), f"bars {array.bar_mm:g}")

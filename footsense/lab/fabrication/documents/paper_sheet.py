@@ -60,17 +60,17 @@ class View:
             line = {"ec": "k", "lw": 0.6 * _THICK} if edge else {"lw": 0.0}
             self.axes.add_patch(PathPatch(outline, fc=colour, hatch=hatch, clip_on=False, **line))
 
-    def line(self, points: Sequence[tuple[float, float]], **options: Any) -> None:
+    def draw_line(self, points: Sequence[tuple[float, float]], **options: Any) -> None:
         """Draw a polyline through points [mm]."""
         self.axes.plot(
             *zip(*points, strict=True), **({"color": "k", "lw": _THICK, "clip_on": False} | options)
         )
 
-    def centre(self, points: Sequence[tuple[float, float]]) -> None:
+    def draw_centre_line(self, points: Sequence[tuple[float, float]]) -> None:
         """Draw a dash-dotted centre line through points [mm]."""
-        self.line(points, lw=_THIN, dashes=(12, 3, 2, 3))
+        self.draw_line(points, lw=_THIN, dashes=(12, 3, 2, 3))
 
-    def dimension(self, ends: Sequence[tuple[float, float]], offset_mm: float, text: str) -> None:
+    def draw_dimension(self, ends: Sequence[tuple[float, float]], offset_mm: float, text: str) -> None:
         """Draw a horizontal or vertical dimension line with its text.
 
         Args:
@@ -85,7 +85,7 @@ class View:
         line = [(ax + off, ay), (ax + off, by)] if upright else [(ax, ay + off), (bx, ay + off)]
         for (x, y), (u, v) in zip(ends, line, strict=True):
             beyond = (u + over, v) if upright else (u, v + over)
-            self.line([(x, y), beyond], lw=_THIN)
+            self.draw_line([(x, y), beyond], lw=_THIN)
         arrow = {
             "arrowstyle": "<|-|>",
             "lw": _THIN,
@@ -108,7 +108,7 @@ class View:
         align = {"ha": "right", "va": "center"} if upright else {"ha": "center", "va": "bottom"}
         self.axes.text(*place, text, fontsize=8, rotation=90 if upright else 0, **align)
 
-    def note(
+    def draw_note(
         self, at: tuple[float, float], text_mm: tuple[float, float], text: str, align: str | None = None
     ) -> None:
         """Draw a note with a leader line to a point of the part.
@@ -184,14 +184,14 @@ class PaperSheet:
         axes.set(xlim=(low_x, high_x), ylim=(low_y, high_y))
         ratio = f"{scale:g}:1" if scale >= 1.0 else f"1:{1.0 / scale:g}"
         heading = title.replace("*", ratio)
-        self.text((centre_mm[0], corner[1] - below_mm), heading, size=10, ha="center", weight="bold")
+        self.write_text((centre_mm[0], corner[1] - below_mm), heading, size=10, ha="center", weight="bold")
         return View(axes, scale)
 
-    def text(self, at_mm: tuple[float, float], text: str, size: float = 8, **options: Any) -> None:
+    def write_text(self, at_mm: tuple[float, float], text: str, size: float = 8, **options: Any) -> None:
         """Write a line of text on the sheet."""
         self._frame.text(*at_mm, text, fontsize=size, **({"va": "top"} | options))
 
-    def table(
+    def write_table(
         self, at_mm: tuple[float, float], widths_mm: Sequence[float], rows: Sequence[Sequence[str]]
     ) -> None:
         """Write a table on the sheet; its first row is the heading.
@@ -205,6 +205,6 @@ class PaperSheet:
         for k, row in enumerate(rows):
             x, y = left, top - 5.5 * k
             for width, cell in zip(widths_mm, row, strict=True):
-                self.text((x, y), cell, weight="normal" if k else "bold")
+                self.write_text((x, y), cell, weight="normal" if k else "bold")
                 x += width
             self._frame.plot((left, x), (y - 4.2,) * 2, "k", lw=_THIN)

@@ -29,7 +29,7 @@ from footsense.sim.foot.fabrication import PAPER_TOLERANCES, fabricate
 #: Azimuths over an eighth of the square, elevations [deg] and forces of the map [N].
 AZIMUTHS_DEG, ELEVATIONS_DEG = (0.0, 15.0, 30.0, 45.0), tuple(float(e) for e in range(35, 91, 5))
 _FORCE_STEP_N = 0.02
-#: Borders of the bands of the largest closure over the element's own gap [1].
+#: Borders of the bands of the largest closure over the element's real gap [1].
 CLOSURE_BAND_EDGES_REL = (0.0, 0.5, 0.7, 0.8, 0.9, GAP_CLOSED_THRESHOLD_REL, np.inf)
 #: Feet made like the paper's, loads of each, their lowest elevation [deg] and the seed.
 _FEET, _QUICK_FEET, _LOADS, _MIN_ELEVATION_DEG, _SEED = 20, 1, 600, 32.0, 8
@@ -106,20 +106,20 @@ def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
 
 
 def _estimate_foot(
-    context: StudyContext, trained: TrainedInputs, own: Deviations, normal: Vector, force_n: Vector
+    context: StudyContext, trained: TrainedInputs, deviations: Deviations, normal: Vector, force_n: Vector
 ) -> tuple[Vector, Mask, Vector, Vector, Mask]:
     """Return for loads on a foot: relative closure, readable mask, force [N], sigma [N], inconsistent mask."""
-    foot, design = Foot(context.response, own), trained.design
-    gap_um = np.broadcast_to(design.gap_um + own.gap_um, foot.unloaded_pf.shape)
+    foot, design = Foot(context.response, deviations), trained.design
+    gap_um = np.broadcast_to(design.gap_um + deviations.gap_um, foot.unloaded_pf.shape)
     known = FootParameters(
-        stray_pf=np.broadcast_to(own.stray_pf, gap_um.shape),
+        stray_pf=np.broadcast_to(deviations.stray_pf, gap_um.shape),
         unloaded_pf=foot.unloaded_pf,
         gap_um=gap_um,
-        stiffness_rel=own.stiffness_rel,
-        mount=own.mount,
+        stiffness_rel=deviations.stiffness_rel,
+        mount=deviations.mount,
     )
     pf = foot.capacitance_pf(normal, force_n)
-    closure_um = design.closure_um(pf - own.stray_pf, foot.unloaded_pf - own.stray_pf)
+    closure_um = design.closure_um(pf - deviations.stray_pf, foot.unloaded_pf - deviations.stray_pf)
     closure_rel = closure_um / design.gap_um
     read = (closure_rel <= trained.usable_max_rel(gap_um)).all(axis=1) & (pf.max(axis=1) < FULL_SCALE_PF)
     inputs = np.where(read[:, None], closure_rel, 0.0)
@@ -164,12 +164,14 @@ def _errors_by_band(context: StudyContext, feet: list[Deviations]) -> list[BandE
     loads, trained = context.foot_design.loads, context.trained_inputs
     rng = np.random.default_rng(_SEED)
     collected: list[tuple[Any, ...]] = []
-    for own in feet:
+    for deviations in feet:
         direction = random_directions(rng, 2 * _LOADS, _MIN_ELEVATION_DEG)
         normal = leaning_normals(loads, rng, direction)
         reached = np.flatnonzero(normal[:, 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG)))[:_LOADS]
         force_n = direction[reached] * rng.uniform(0.1 * loads.max_n, loads.max_n, (len(reached), 1))
-        rel, read, estimate_n, sigma_n, said = _estimate_foot(context, trained, own, normal[reached], force_n)
+        rel, read, estimate_n, sigma_n, said = _estimate_foot(
+            context, trained, deviations, normal[reached], force_n
+        )
         collected.append((rel, read, force_n, estimate_n, sigma_n, said))
     rel, *parts = (np.concatenate(part) for part in zip(*collected, strict=True))
     return [

@@ -113,27 +113,27 @@ def _friction_use(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
     return np.where(pressing_n > 0.0, tangential_n / np.maximum(pressing_n, 1e-9), np.nan), pressing_n
 
 
-def _evaluated_stances(one: RoughWalk, leg: int) -> Iterator[tuple[int, float, float, Mask]]:
+def _evaluated_stances(walk: RoughWalk, leg: int) -> Iterator[tuple[int, float, float, Mask]]:
     """Yield number, start [s], end [s] and conversion mask (n,) of each stance that is evaluated."""
-    for number, (start_s, end_s) in enumerate(one.stances_s[leg].tolist()):
-        if start_s > WARM_UP_S and end_s + _REPORT_AFTER_STANCE_S < one.t_s[-1]:
-            yield number, start_s, end_s, one.slides[leg].stance == number
+    for number, (start_s, end_s) in enumerate(walk.stances_s[leg].tolist()):
+        if start_s > WARM_UP_S and end_s + _REPORT_AFTER_STANCE_S < walk.t_s[-1]:
+            yield number, start_s, end_s, walk.slides[leg].stance == number
 
 
-def _match_touchdowns_and_lift_offs(one: RoughWalk, leg: int) -> _ReportedEvents:
+def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _ReportedEvents:
     """Match a leg's reported touchdowns and lift-offs with its true stances."""
     found = _ReportedEvents([], [], 0)
-    words = [(one.t_s[row], event) for row, event in one.reported if event.leg == leg]
+    words = [(walk.t_s[row], event) for row, event in walk.reported if event.leg == leg]
     down, up = (
         np.array([(t_s, 1e-9 * e.t_ns, e.sigma_s) for t_s, e in words if e.kind is kind]).reshape(-1, 3)
         for kind in (GaitEventKind.TOUCHDOWN, GaitEventKind.LIFT_OFF)
     )
-    starts_s, ends_s = one.stances_s[leg].T
+    starts_s, ends_s = walk.stances_s[leg].T
     in_stance = ((down[:, :1] >= starts_s) & (down[:, :1] < ends_s + _REPORT_AFTER_STANCE_S)).any(axis=1)
     false = int((~in_stance & (down[:, 0] > WARM_UP_S)).sum())
-    for number, start_s, end_s, rows in _evaluated_stances(one, leg):
+    for number, start_s, end_s, rows in _evaluated_stances(walk, leg):
         before_s = start_s - (ends_s[number - 1] if number else 0.0)
-        if one.force_n[rows, leg, 2].max(initial=0.0) < PEAK_N or before_s < SWING_S:
+        if walk.force_n[rows, leg, 2].max(initial=0.0) < PEAK_N or before_s < SWING_S:
             continue
         for reported, true_s, first_s, last_s in (
             (down, start_s, start_s, end_s),
@@ -146,17 +146,17 @@ def _match_touchdowns_and_lift_offs(one: RoughWalk, leg: int) -> _ReportedEvents
     return found._replace(false=false)
 
 
-def _match_slip_reports(one: RoughWalk, leg: int) -> _SlipReports:
+def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
     """Match a leg's reported slips with its true slides."""
-    use, pressing_n = _friction_use(one.force_n[:, leg], one.normal[:, leg])
-    slides = one.slides[leg]
+    use, pressing_n = _friction_use(walk.force_n[:, leg], walk.normal[:, leg])
+    slides = walk.slides[leg]
     room = use - slides.friction
     reported = np.array(
-        [row for row, e in one.reported if e.leg == leg and e.kind is GaitEventKind.SLIP], int
+        [row for row, e in walk.reported if e.leg == leg and e.kind is GaitEventKind.SLIP], int
     )
     moving = np.diff(slides.slid_mm, append=0.0) > SLIDING_STEP_MM
     slide_distances_mm, beyond, false, at_cone = [], 0, 0, 0
-    for number, _, _, rows in _evaluated_stances(one, leg):
+    for number, _, _, rows in _evaluated_stances(walk, leg):
         own = reported[slides.stance[reported] == number]
         where = np.flatnonzero(rows)
         for row in own.tolist():
@@ -167,7 +167,7 @@ def _match_slip_reports(one: RoughWalk, leg: int) -> _SlipReports:
                 at_cone += 1
         firm = where[pressing_n[where] > MIN_FRICTION_FORCE_N]
         if len(firm) and slides.slid_mm[firm[-1]] - slides.slid_mm[firm[0]] > SLID_MM:
-            if one.has_estimate[firm[moving[firm]], leg].mean() < MIN_ESTIMATED_SHARE_REL:
+            if walk.has_estimate[firm[moving[firm]], leg].mean() < MIN_ESTIMATED_SHARE_REL:
                 beyond += 1
                 continue
             begun_mm = slides.slid_mm[firm[0]]
@@ -189,27 +189,27 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
             simulate_walk(context.response, context.network, n_per_rel, max_n, (WALK_SEED, number), n)
         )
         context.report_progress(f"gait-semantics: walk {number + 1}")
-    legs = [(one, leg) for one in walks for leg in range(len(one.slides))]
-    flanks = [_match_touchdowns_and_lift_offs(one, leg) for one, leg in legs]
-    slips = [_match_slip_reports(one, leg) for one, leg in legs]
+    legs = [(walk, leg) for walk in walks for leg in range(len(walk.slides))]
+    flanks = [_match_touchdowns_and_lift_offs(walk, leg) for walk, leg in legs]
+    slips = [_match_slip_reports(walk, leg) for walk, leg in legs]
     downs = np.array([row for one in flanks for row in one.touchdowns])
     ups = np.array([row for one in flanks for row in one.lift_offs])
     slide_distances_mm = np.array([way for one in slips for way in one.slide_distances_mm])
     down_ms, up_ms = downs[downs[:, 0] < _MAX_BACK_DATING_DELAY_MS], ups[np.isfinite(ups[:, 0])]
     frictions, normals_deg, stands, contacts = [], [], [], []
-    for one in walks:
-        use, pressing_n = _friction_use(one.force_n, one.normal)
-        later = one.t_s > WARM_UP_S
-        frictions.append((one.friction_use - use)[(pressing_n > MIN_FRICTION_FORCE_N) & later[:, None]])
-        firm = (pressing_n > MIN_NORMAL_FORCE_N) & np.isfinite(one.estimated_normal[..., 0])
-        normals_deg.append(angles_between_deg(one.estimated_normal[firm], one.normal[firm]))
-        stands.append(np.stack([slides.stance[later] >= 0 for slides in one.slides], axis=1))
-        contacts.append(one.contact[later] > 0.0)
+    for walk in walks:
+        use, pressing_n = _friction_use(walk.force_n, walk.normal)
+        later = walk.t_s > WARM_UP_S
+        frictions.append((walk.friction_use - use)[(pressing_n > MIN_FRICTION_FORCE_N) & later[:, None]])
+        firm = (pressing_n > MIN_NORMAL_FORCE_N) & np.isfinite(walk.estimated_normal[..., 0])
+        normals_deg.append(angles_between_deg(walk.estimated_normal[firm], walk.normal[firm]))
+        stands.append(np.stack([slides.stance[later] >= 0 for slides in walk.slides], axis=1))
+        contacts.append(walk.contact[later] > 0.0)
     stand = np.concatenate(stands)
     hours = float(stand.size * np.diff(walks[0].t_s).mean()) / 3600.0
     last = [
-        one.estimated_friction_coefficient[-1] - np.nanmean([slides.friction for slides in one.slides])
-        for one in walks
+        walk.estimated_friction_coefficient[-1] - np.nanmean([slides.friction for slides in walk.slides])
+        for walk in walks
     ]
     reported_mm = slide_distances_mm[np.isfinite(slide_distances_mm)]
     return Results(

@@ -35,7 +35,7 @@ def distinct_levels(plan: Plan, some: tuple[Sweep, ...]) -> Iterable[tuple[Sweep
     levels: dict[Tolerances, tuple[Sweep, float]] = {}
     for sweep in some:
         for level in plan.levels(sweep):
-            levels.setdefault(sweep.at(level), (sweep, level))
+            levels.setdefault(sweep.tolerances_at(level), (sweep, level))
     return levels.values()
 
 

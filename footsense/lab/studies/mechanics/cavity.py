@@ -245,7 +245,7 @@ def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator)
     return Cases(force_n, design.closure_um(read_pf, foot.unloaded_pf))
 
 
-def by_hand(context: StudyContext, leak_time_s: float, epochs: int) -> ForceErrors:
+def hand_reading_errors(context: StudyContext, leak_time_s: float, epochs: int) -> ForceErrors:
     """Return the errors of the paper's procedure on a leaking foot that is read by hand, by leak time [s]."""
     foot = Foot(replace(context.response, cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
     rng = np.random.default_rng(SEED)
@@ -263,7 +263,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     kinds = {name: cavity_figures(context, cavity) for name, cavity in CAVITIES_BY_NAME.items()}
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
     leaks_s = HAND_READ_LEAK_TIMES_S[1:2] if context.quick else HAND_READ_LEAK_TIMES_S
-    read = {f"{leak_s:g}": by_hand(context, leak_s, epochs) for leak_s in leaks_s}
+    read = {f"{leak_s:g}": hand_reading_errors(context, leak_s, epochs) for leak_s in leaks_s}
     context.report_progress("cavity: holds read by hand")
     sealed = Foot(replace(response, cavity=SEALED))
     rest = Gas(np.full(ELEMENTS, AMBIENT_MPA))
