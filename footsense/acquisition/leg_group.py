@@ -8,9 +8,8 @@ One step of a group of six legs, with what overlaps a conversion and what cannot
 
 `lines` (the element's row, and its column where that is switched) and `trigger` go to all legs at once. Whether the
 conversions are done, and whether lines and settings are held, is asked of all legs in one read: the answers are a wired
-AND, so that one answer stands for all. If a chip would not say `done` any more after the next trigger, the question
-comes before it. Only when it differs is each leg asked alone. A result is read while the next
-conversion runs. A leg that fails is left out for the rest of the scan, so that it costs the others no time.
+AND, and only when the result differs is each leg asked alone. A result is read while the next conversion runs. A leg
+that fails is left out for the rest of the scan, so that it costs the others no time.
 """
 
 from typing import NamedTuple
@@ -24,8 +23,7 @@ from footsense.errors import BusError, BusTimeoutError
 from footsense.frames import Codes, Reading, Stamps, Vector
 from footsense.ports import Clock, Transaction
 
-_NAN = float("nan")
-_OK = Reading.OK
+_NAN, _OK = float("nan"), Reading.OK
 #: Attempts of a transaction before it counts as failed.
 _N_TRIES = 2
 
@@ -329,8 +327,7 @@ class LegGroup:
     def _set_up_failed_legs(self, first: ConversionStep) -> None:
         """Set up again the legs that failed in this scan, for the first conversion of the next scan.
 
-        The others are still converting: the leg gets its lines alone, and the result that its converter may hold is
-        read away, or it would count as the next one. Lines that need not change for the first step are checked here.
+        The others still convert: the leg's lines are set alone, and a result that its converter holds is discarded.
         """
         for leg in self.legs:
             if not leg.in_scan or leg.outcome is _OK:
