@@ -98,7 +98,7 @@ def _electrode_contradictions(design: FootDesign) -> Iterator[Problem]:
 
 
 def _cavity_contradictions(design: FootDesign) -> Iterator[Problem]:
-    """Yield the contradictions of cavity, leak and gas."""
+    """Yield the contradictions of cavity kind, leak time and gas pressure."""
     if design.cavity == "leaking" and design.leak_time_s is None:
         yield Problem(
             "cavity", "a leaking cavity needs leak_time_s, the time in which an excess pressure falls to 1/e"

@@ -1,4 +1,4 @@
-"""Scaling of forces: every foot is trained in a force unit that makes its full load that of the paper's foot.
+"""Scaling of forces: every foot is trained in a force unit in which its full load equals the paper's foot's.
 
 Closures depend on the force over modulus and area alone. In a unit in which its full load is 2 N a foot of any range
 looks to the training like the paper's; the network's forces are multiplied by the unit at its output.

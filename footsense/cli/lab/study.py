@@ -131,14 +131,14 @@ def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -
     write_study(name, models, output, quick=quick)
 
 
-def _study_command(name: str, words: str, *own_options: Decorator) -> click.Command:
+def _study_command(name: str, help_text: str, *own_options: Decorator) -> click.Command:
     """Return the click command of one study, with additional options."""
 
     def run(*, output: Path | None, quick: bool, models: Path | None = None, as_json: bool = False) -> None:
         """Run the study and write its page."""
         write_study(name, models, output, quick=quick, as_json=as_json, bound=models is None)
 
-    run.__doc__ = words
+    run.__doc__ = help_text
     command = click.command(name)(run)
     for option in own_options:
         option(command)

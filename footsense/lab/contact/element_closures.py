@@ -37,7 +37,7 @@ def sample_points_mm(design: FootDesign) -> tuple[Vector, Vector]:
     return np.broadcast_to(x_mm, shape), np.broadcast_to(y_mm, shape)
 
 
-def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, half: bool) -> Vector:
+def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, is_half_foot: bool) -> Vector:
     """Return the gap closure [um] at the sample points, shape (9, 6, 3, 6, 3).
 
     Args:
@@ -45,10 +45,10 @@ def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, 
         mesh: Mesh of the quarter.
         ground: Displacement of the ground side [mm].
         leg: Displacement of the leg side [mm].
-        half: The mesh has y > 0 only, and y < 0 is its mirror image.
+        is_half_foot: The mesh has y > 0 only, and y < 0 is its mirror image.
     """
     x_mm, y_mm = (places.ravel() for places in sample_points_mm(design))
-    if half:
+    if is_half_foot:
         y_mm = np.abs(y_mm)
 
     def plane_displacement_um(displacement: Any, up: float) -> Vector:
@@ -68,7 +68,7 @@ def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, 
 
 
 def cell_means(samples: Vector) -> Vector:
-    """Return the cell means of samples as above, shape (9, 36), flat index 6 ix + iy."""
+    """Return the mean closure of each cell [um], shape (9, 36), flat index 6 ix + iy, from `sampled_closure_um`."""
     _, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS_PER_SIDE)
     means: Vector = np.einsum("eipjq,p,q->eij", samples, weights / 2.0, weights / 2.0)
     return means.reshape(9, CELLS_PER_SIDE**2)

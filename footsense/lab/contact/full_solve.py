@@ -87,7 +87,9 @@ class FullFoot:
             ConvergenceError: No equilibrium was found.
         """
         case = LoadCase(self.design, normal, force_n, self.friction)
-        mesh = build_mesh(self.design, self.size, normal, case.hertz_radius_mm, half=case.is_mirrored_at_y0)
+        mesh = build_mesh(
+            self.design, self.size, normal, case.hertz_radius_mm, is_half_foot=case.is_mirrored_at_y0
+        )
         solved = self.floor == "solved"
         body = Body(self.design, mesh, self.size.order, case.floor_axes if solved else ())
         element_mm = self.size.patch_rel * case.hertz_radius_mm
@@ -109,7 +111,7 @@ class FullFoot:
             mesh,
             body.ground_displacement_mm,
             body.leg_displacement_mm,
-            half=case.is_mirrored_at_y0,
+            is_half_foot=case.is_mirrored_at_y0,
         )
         cells_um = cell_means(samples_um)
         return FullSolution(

@@ -105,7 +105,7 @@ def _refine_patch(
 
 
 def build_mesh(
-    design: FootDesign, size: ContactMeshSize, normal: Vector, patch_mm: float, *, half: bool
+    design: FootDesign, size: ContactMeshSize, normal: Vector, patch_mm: float, *, is_half_foot: bool
 ) -> Any:
     """Return the curved mesh of the foot [mm, foot frame, origin in the middle of the spacer].
 
@@ -114,14 +114,14 @@ def build_mesh(
         size: Largest edges.
         normal: Inward unit normal at the contact [1], shape (3,).
         patch_mm: Expected radius of the contact patch [mm].
-        half: Mesh only y > 0, with the face `mirror` in y = 0.
+        is_half_foot: Mesh only y > 0, with the face `mirror` in y = 0.
 
     Returns:
         An NGSolve mesh of the materials `rubber_ground`, `pdms_ground`, `rubber_leg`, `pdms_leg`.
     """
     cavities = [square(*centre_mm, design.electrode_mm) for centre_mm in design.centres_mm]
     shapes = [*bodies(design, size.plate_mm, quarter=False), *cavities]
-    if half:
+    if is_half_foot:
         shapes = [part for shape in shapes for part in _cut_at_y0(shape)]
     shape = occ.Glue(shapes)
     _name_faces(shape, design)

@@ -46,9 +46,9 @@ class Candidates(NamedTuple):
     film_um: Vector
     film_eps_r: Vector
 
-    def select(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "Candidates":
+    def select(self, selection: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "Candidates":
         """Return the candidates selected by a mask or by indices."""
-        parts: list[Any] = [part[which] for part in self]
+        parts: list[Any] = [part[selection] for part in self]
         return Candidates(*parts)
 
     @property

@@ -20,12 +20,12 @@ _DEFAULT_LOAD_RANGE = {
 }
 
 
-def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes) -> str:
+def foot_text(name: str, description: str, feet: Candidates, row: int, wishes: Wishes) -> str:
     """Return the content of `foot.yaml` for a chosen candidate.
 
     Args:
         name: Name of the foot type.
-        about: Short description.
+        description: Short description.
         feet: The candidates.
         row: The chosen one.
         wishes: The input, for materials and loads.
@@ -60,7 +60,7 @@ def foot_text(name: str, about: str, feet: Candidates, row: int, wishes: Wishes)
     lines = [
         title,
         f"foot_type: {name}",
-        f"about: {about}",
+        f"about: {description}",
         "",
         *(f"{key}: {value:g}" for key, value in lengths.items()),
         "cavity: vented",

@@ -32,6 +32,7 @@ def capacitance_estimator(design: CapacitorDesign, training: Cases) -> ForceEsti
     """Return the least-squares force estimator from capacitance changes, the inputs of the paper's network."""
 
     def change_pf(closure_um: Vector) -> Vector:
+        """Return the capacitance changes [pF] of closures [um]."""
         return design.capacitance_pf(closure_um) - design.unloaded_pf
 
     matrix = _fit_least_squares(change_pf(training.closure_um), training.force_n)

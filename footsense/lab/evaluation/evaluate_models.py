@@ -42,7 +42,7 @@ def error_table(
     response: FootResponse,
     loads: LoadRange,
     released: ForceEstimator,
-    alone: dict[str, ForceEstimator] | None = None,
+    paper_only_estimators: dict[str, ForceEstimator] | None = None,
 ) -> dict[str, ForceErrors]:
     """Return the force errors of every estimator on the paper's cases and on random loads.
 
@@ -50,7 +50,7 @@ def error_table(
         response: The foot.
         loads: Range of the training loads.
         released: The network trained on random loads.
-        alone: Networks trained on the paper's cases alone by the names of their rows, if at hand.
+        paper_only_estimators: Networks trained on the paper's cases alone by the names of their rows, if at hand.
 
     Returns:
         Rows by name: `paper_*` on the 180 verification cases without noise, `random_*` on held-out random loads
@@ -74,7 +74,7 @@ def error_table(
         ),
         "random_network": (released, test),
     }
-    estimators |= {name: (read, verification) for name, read in (alone or {}).items()}
+    estimators |= {name: (read, verification) for name, read in (paper_only_estimators or {}).items()}
     return {
         name: evaluate_force_errors(cases.force_n, read(cases.closure_um))
         for name, (read, cases) in estimators.items()
@@ -170,17 +170,17 @@ def paper_protocol(folder: Path) -> dict[str, float]:
     }
 
 
-def as_json(table: dict[str, ForceErrors], beside: dict[str, float] | None = None) -> dict[str, Any]:
+def as_json(table: dict[str, ForceErrors], key_figures: dict[str, float] | None = None) -> dict[str, Any]:
     """Return the error table and the key figures as JSON values.
 
     Args:
         table: Result of `evaluate_models`.
-        beside: Figures that are not of the table, such as `crb_ratio`.
+        key_figures: Figures that are not of the table, such as `crb_ratio`.
     """
     released, alone = table["paper_network"], table.get(PAPER_NETWORK_362)
     linear = table["paper_linear_elastance"]
     return {
-        **(beside or {}),
+        **(key_figures or {}),
         "direction_deg": released.direction_deg,
         "magnitude_gf": released.magnitude_gf,
         "direction_deg_362": alone and alone.direction_deg,

@@ -60,11 +60,11 @@ def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vect
     return Fit(normal, force, misfit)
 
 
-def clamp_to_min_elevation(unit: Vector) -> Vector:
+def clamp_to_min_elevation(unit_vectors: Vector) -> Vector:
     """Return unit vectors with elevations raised to the lowest allowed one, shape (n, 3)."""
-    z = np.maximum(unit[:, 2:], np.sin(np.radians(_MIN_ELEVATION_DEG)))
-    across = np.linalg.norm(unit[:, :2], axis=1, keepdims=True)
-    return np.concatenate([unit[:, :2] * np.sqrt(1.0 - z**2) / np.maximum(across, 1e-12), z], axis=1)
+    z = np.maximum(unit_vectors[:, 2:], np.sin(np.radians(_MIN_ELEVATION_DEG)))
+    across = np.linalg.norm(unit_vectors[:, :2], axis=1, keepdims=True)
+    return np.concatenate([unit_vectors[:, :2] * np.sqrt(1.0 - z**2) / np.maximum(across, 1e-12), z], axis=1)
 
 
 def distance_to_ambiguous_loads(

@@ -82,9 +82,9 @@ def fit_contact(model: ContactModel, window: Window, network: Load, rounds: int)
     prior_sigma[:, [COORDINATES, _N_UNKNOWNS - 1]] = scale_n * np.array([_LOAD_RATE, _LOAD_RATE_2])
     force_weight = 1.0 / (_PRIOR_SIGMA_FACTOR * network.sigma_n + 1e-3) ** 2
     for _ in range(rounds):
-        about = clip_to_response_range(unknown[:, :COORDINATES])
-        residual, slopes = _residual(model, rows, about, unknown)
-        force_n, force_slopes = force_and_slopes(about)
+        expansion_point = clip_to_response_range(unknown[:, :COORDINATES])
+        residual, slopes = _residual(model, rows, expansion_point, unknown)
+        force_n, force_slopes = force_and_slopes(expansion_point)
         weighted = slopes * rows.weight[..., None]
         weighted_force = force_slopes * force_weight[..., None]
         information = weighted.transpose(0, 2, 1) @ slopes
@@ -117,13 +117,13 @@ def _weighted_readings(model: ContactModel, window: Window) -> _WeightedReadings
 
 
 def _residual(
-    model: ContactModel, rows: _WeightedReadings, about: Vector, unknown: Vector
+    model: ContactModel, rows: _WeightedReadings, expansion_point: Vector, unknown: Vector
 ) -> tuple[Vector, Vector]:
     """Return measured minus modelled closures, (n, 27), and their Jacobian, (n, 27, unknowns)."""
-    closure_rel, slopes = model.closure_and_slopes(about)
-    per_newton = closure_rel / about[:, :1]
+    closure_rel, slopes = model.closure_and_slopes(expansion_point)
+    per_newton = closure_rel / expansion_point[:, :1]
     by_ln_load = slopes[..., 0] - per_newton
-    by_contact = slopes[..., 1:] / about[:, :1, None]
+    by_contact = slopes[..., 1:] / expansion_point[:, :1, None]
     per_newton, by_ln_load, by_contact = (
         np.concatenate([part] * READINGS, axis=1) for part in (per_newton, by_ln_load, by_contact)
     )
@@ -132,8 +132,8 @@ def _residual(
     load_n = then[..., 0] + 0.5 * rows.time_s**2 * unknown[:, -1:]
     in_contact = load_n > MIN_NORMAL_FORCE_N
     load_n = np.where(in_contact, load_n, MIN_NORMAL_FORCE_N)
-    ln_load = np.clip(np.log(load_n / about[:, :1]), -2.0, 1.0)
-    moved = np.clip(then[..., 1:] - about[:, None, 1:], -_WITHIN, _WITHIN)
+    ln_load = np.clip(np.log(load_n / expansion_point[:, :1]), -2.0, 1.0)
+    moved = np.clip(then[..., 1:] - expansion_point[:, None, 1:], -_WITHIN, _WITHIN)
     per_newton = per_newton + by_ln_load * ln_load + (by_contact * moved).sum(axis=2)
     by_coordinate = np.concatenate(
         [(per_newton + by_ln_load)[..., None], load_n[..., None] * by_contact], axis=2

@@ -16,7 +16,7 @@ from footsense.lab.fabrication.parts.flex import GUARD_NET, Flex
 from footsense.lab.fabrication.parts.readback import (
     CopperShape,
     connected_conductors,
-    narrowest_mm,
+    narrowest_width_mm,
     read_holes,
     read_layer,
     read_outline,
@@ -66,7 +66,7 @@ def check_flex_files(folder: Path, flex: Flex) -> Iterator[Check]:
     )
     conductors = connected_conductors(shapes)
     yield _check_nets(file, flex, conductors)
-    narrowest = min(narrowest_mm([shape.area for shape in one]) for one in conductors)
+    narrowest = min(narrowest_width_mm([shape.area for shape in one]) for one in conductors)
     yield check_at_least(file, "narrowest conductor", dimensions.MIN_TRACE_MM, narrowest)
     whole = [shapely.union_all([shape.area for shape in one]) for one in conductors]
     gap = min(a.distance(b) for k, a in enumerate(whole) for b in whole[:k])
@@ -149,9 +149,9 @@ def check_sheet_files(folder: Path, array: ElementArray, cavity: CavityKind) -> 
     )
 
 
-def check_solid_volumes(folder: Path, made: list[solids.Part]) -> Iterator[Check]:
+def check_solid_volumes(folder: Path, parts: list[solids.Part]) -> Iterator[Check]:
     """Yield the checks of the volumes of the STEP files [mm3]."""
-    for part in made:
+    for part in parts:
         measured = solids.read_step(folder / "step" / f"{part.name}.step").mass
         yield Check(
             f"step/{part.name}.step",

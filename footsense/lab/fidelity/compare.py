@@ -23,15 +23,17 @@ def time_level(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[Le
     return answer, min(taken_s)
 
 
-def reported_force_n(network: ForceEstimator, design: CapacitorDesign, answer: LevelResponse) -> Vector:
+def reported_force_n(
+    network: ForceEstimator, design: CapacitorDesign, level_response: LevelResponse
+) -> Vector:
     """Return the network's force estimate [N], shape (n, 3), from the capacitances of a level's response.
 
     Args:
         network: Makes forces [N] of closures over the gap [1].
         design: Dimensions of the capacitors.
-        answer: Closures and capacitances of the elements.
+        level_response: Closures and capacitances of the elements.
     """
-    closure_um = design.closure_um(answer.capacitance_pf, np.full(9, design.unloaded_pf))
+    closure_um = design.closure_um(level_response.capacitance_pf, np.full(9, design.unloaded_pf))
     return network(closure_um / design.gap_um)
 
 
@@ -59,21 +61,21 @@ class FidelityError:
 
 
 def fidelity_error(
-    answer: LevelResponse, finest: LevelResponse, network: ForceEstimator, design: CapacitorDesign
+    level_response: LevelResponse, finest: LevelResponse, network: ForceEstimator, design: CapacitorDesign
 ) -> FidelityError:
     """Return the error of a level's response against that of a finer level.
 
     Args:
-        answer: To the loads.
+        level_response: To the loads.
         finest: To the same loads.
         network: As in `reported_force_n`.
         design: Dimensions of the capacitors.
     """
-    closure_um = answer.closure_um - finest.closure_um
-    capacitance_pf = answer.capacitance_pf - finest.capacitance_pf
+    closure_um = level_response.closure_um - finest.closure_um
+    capacitance_pf = level_response.capacitance_pf - finest.capacitance_pf
     change_pf = finest.capacitance_pf - design.unloaded_pf
     read = evaluate_force_errors(
-        reported_force_n(network, design, finest), reported_force_n(network, design, answer)
+        reported_force_n(network, design, finest), reported_force_n(network, design, level_response)
     )
     return FidelityError(
         closure_rel=rms(closure_um) / rms(finest.closure_um),

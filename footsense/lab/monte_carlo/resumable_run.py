@@ -82,7 +82,7 @@ Workers = Callable[[Work, Sequence[Job]], Generator[tuple[Job, EstimatorErrors],
 
 
 def run_resumable(
-    about: Mapping[str, str | int],
+    run_description: Mapping[str, str | int],
     jobs: Sequence[Job],
     work: Work,
     *,
@@ -92,7 +92,7 @@ def run_resumable(
     """Evaluate the jobs missing in the result file and append them; return the figures of all jobs.
 
     Args:
-        about: Description of the run, equal for results that belong together: seed, models.
+        run_description: Description of the run, equal for results that belong together: seed, models.
         jobs: The feet; one that comes twice is evaluated once.
         work: Evaluates one.
         workers: Run the jobs.
@@ -104,7 +104,7 @@ def run_resumable(
     Raises:
         FootsenseError: The file holds another run, cannot be read or written, or there are no workers.
     """
-    finished = {} if file is None else _read_finished(file, about)
+    finished = {} if file is None else _read_finished(file, run_description)
     missing = [job for job in dict.fromkeys(jobs) if job not in finished]
     if missing:
         try:
@@ -136,13 +136,13 @@ def _evaluate_unfinished(
             feet_done(len(finished))
 
 
-def _read_finished(file: Path, about: Mapping[str, str | int]) -> dict[Job, EstimatorErrors]:
+def _read_finished(file: Path, run_description: Mapping[str, str | int]) -> dict[Job, EstimatorErrors]:
     """Return the figures of finished jobs from a result file; create or repair the file for appending.
 
     Raises:
         FootsenseError: It holds another run, or cannot be read or written.
     """
-    header = json.dumps({"run": dict(about)}, sort_keys=True).encode()
+    header = json.dumps({"run": dict(run_description)}, sort_keys=True).encode()
     try:
         content = file.read_bytes() if file.exists() else b""
         whole, _, torn = content.rpartition(b"\n")

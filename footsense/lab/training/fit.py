@@ -62,19 +62,19 @@ class Protocol:
 
 
 def whitening_transform(
-    seen: Vector, index: NDArray[np.intp], place: NDArray[np.intp], least_variance: float
+    hidden_inputs: Vector, index: NDArray[np.intp], place: NDArray[np.intp], least_variance: float
 ) -> tuple[jax.Array, jax.Array]:
     """Return whitening matrix (inputs, inputs) and mean (inputs,) of the hidden layer's inputs, symmetrised.
 
     Args:
-        seen: Inputs of the first hidden layer, shape (n, inputs).
+        hidden_inputs: Inputs of the first hidden layer, shape (n, inputs).
         index: Result of `hidden_input_index`, shape (8, inputs).
         place: The inputs to whiten: all but the masks.
         least_variance: Variance along an axis below which the inputs count as constant.
     """
-    covariance = np.cov(seen.T)
+    covariance = np.cov(hidden_inputs.T)
     covariance = np.mean([covariance[np.ix_(row, row)] for row in index], axis=0)
-    mean = np.mean([seen.mean(axis=0)[row] for row in index], axis=0)
+    mean = np.mean([hidden_inputs.mean(axis=0)[row] for row in index], axis=0)
     variance, axes = np.linalg.eigh(covariance[np.ix_(place, place)])
     whiten, shift = np.eye(len(mean)), np.zeros(len(mean))
     whiten[np.ix_(place, place)] = (axes / np.sqrt(np.maximum(variance, least_variance))) @ axes.T

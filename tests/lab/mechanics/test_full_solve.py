@@ -56,7 +56,7 @@ def test_the_spacer_carries_the_prescribed_force() -> None:
     """Statics of the ground side: with open gaps all of a leaning force goes through the bars, to 1e-5."""
     force = 0.5 * UP
     case = LoadCase(FOOT_DESIGN, LEANING, force, 0.7)
-    mesh = build_mesh(FOOT_DESIGN, ROUGH, LEANING, case.hertz_radius_mm, half=case.is_mirrored_at_y0)
+    mesh = build_mesh(FOOT_DESIGN, ROUGH, LEANING, case.hertz_radius_mm, is_half_foot=case.is_mirrored_at_y0)
     body = Body(FOOT_DESIGN, mesh, ROUGH.order, case.floor_axes)
     floor = PlaneFloor(case, body, ROUGH.patch_rel * case.hertz_radius_mm)
     form = body.weak_form(floor, finite_strain=True, gap_contact=False)
@@ -68,7 +68,7 @@ def test_the_spacer_carries_the_prescribed_force() -> None:
     carried = [across[k] * ng.Integrate(jump[k] * ng.ds("bars"), mesh) / case.meshed_share for k in (0, 2)]
     np.testing.assert_allclose(carried, force[[0, 2]], atol=1e-5 * 0.5)
     samples_um = sampled_closure_um(
-        FOOT_DESIGN, mesh, body.ground_displacement_mm, body.leg_displacement_mm, half=True
+        FOOT_DESIGN, mesh, body.ground_displacement_mm, body.leg_displacement_mm, is_half_foot=True
     )
     integral = (
         1000.0

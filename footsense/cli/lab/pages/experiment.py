@@ -93,13 +93,15 @@ class Results:
     refused: dict[str, dict[str, str]]
 
 
-def _progress_line(one: FootResult) -> str:
+def _progress_line(foot_result: FootResult) -> str:
     """Return the progress line of one foot: its errors before and after calibration."""
-    before, after = one.errors["design_only"], one.errors.get(f"calibrated_{N_ALL_LOADS}")
+    before = foot_result.errors["design_only"]
+    after = foot_result.errors.get(f"calibrated_{N_ALL_LOADS}")
     calibrated = "refused" if after is None else f"{after.direction_deg:.2f} deg, {after.magnitude_gf:.2f} gf"
+    n_test = foot_result.n_test + foot_result.n_unread
     return (
-        f"{one.foot}: {one.n_training} loads, design {before.direction_deg:.1f} deg, {before.magnitude_gf:.1f} gf; "
-        f"calibrated {calibrated}, {one.n_unread} of {one.n_test + one.n_unread} not read"
+        f"{foot_result.foot}: {foot_result.n_training} loads, design {before.direction_deg:.1f} deg, "
+        f"{before.magnitude_gf:.1f} gf; calibrated {calibrated}, {foot_result.n_unread} of {n_test} not read"
     )
 
 

@@ -114,27 +114,29 @@ class SensorResults(block.Results):
     arrays: dict[int, ArrayFigures]
 
 
-def max_electrode_mm(like: FootDesign, rows: int) -> float:
+def max_electrode_mm(reference_design: FootDesign, rows: int) -> float:
     """Return the largest electrode side [mm] of an array on the same sheet, with spacer bars of the same width."""
-    return (like.array_mm - (rows - 1) * (like.pitch_mm - like.electrode_mm)) / rows
+    return (
+        reference_design.array_mm - (rows - 1) * (reference_design.pitch_mm - reference_design.electrode_mm)
+    ) / rows
 
 
-def array_design(like: FootDesign, rows: int) -> FootDesign:
+def array_design(reference_design: FootDesign, rows: int) -> FootDesign:
     """Return a foot with another array on the same sheet, electrodes limited by bar width or converter range.
 
     Args:
-        like: The foot.
+        reference_design: The foot.
         rows: Rows of elements, and as many columns.
     """
-    if rows == like.rows:
-        return like
-    half_open_um = 0.5 * like.gap_um + like.capacitor.film_equivalent_um
+    if rows == reference_design.rows:
+        return reference_design
+    half_open_um = 0.5 * reference_design.gap_um + reference_design.capacitor.film_equivalent_um
     read_mm = math.sqrt(fdc1004.capacitance_pf(fdc1004.CODE_MAX) * half_open_um / EPS0_PF_UM_PER_MM2)
     electrode_mm = _SIDE_STEP_MM * math.floor(
-        min(max_electrode_mm(like, rows), read_mm) / _SIDE_STEP_MM + 1e-9
+        min(max_electrode_mm(reference_design, rows), read_mm) / _SIDE_STEP_MM + 1e-9
     )
-    pitch_mm = (like.array_mm - electrode_mm) / (rows - 1)
-    return msgspec.structs.replace(like, rows=rows, electrode_mm=electrode_mm, pitch_mm=pitch_mm)
+    pitch_mm = (reference_design.array_mm - electrode_mm) / (rows - 1)
+    return msgspec.structs.replace(reference_design, rows=rows, electrode_mm=electrode_mm, pitch_mm=pitch_mm)
 
 
 def scan_ms(response: FootResponse) -> float:
@@ -183,19 +185,19 @@ def _rms_bounds(foot: Foot, load_n: float, noise_pf: float) -> tuple[float, floa
 
 
 def array_figures(
-    like: FootDesign, design: FootDesign, response: FootResponse, training: TrainingSize
+    reference_design: FootDesign, design: FootDesign, response: FootResponse, training: TrainingSize
 ) -> ArrayFigures:
     """Return all figures of a foot with one array.
 
     Args:
-        like: The foot that the study is about.
+        reference_design: The foot that the study is about.
         design: The foot with this array.
         response: Its response.
         training: Sizes of the training of its network.
     """
     foot, max_n, capacitor = Foot(response), design.loads.max_n, design.capacitor
     half_pf = float(capacitor.capacitance_pf(np.array([0.5 * design.gap_um]))[0])
-    widest = max_electrode_mm(like, response.rows)
+    widest = max_electrode_mm(reference_design, response.rows)
     boards = [converter(name) for name in ("fdc1004", "ad7746")]
     # As long a scan as of nine elements leaves each conversion another share of the time; the noise is white.
     same_time_pf = NOISE_PF * math.sqrt(response.n_elements / 9.0)

@@ -112,11 +112,11 @@ def shape_of(design: FootDesign) -> Shape:
     )
 
 
-def design_of_shape(shape: Shape, like: FootDesign) -> FootDesign:
+def design_of_shape(shape: Shape, reference_design: FootDesign) -> FootDesign:
     """Return the foot design that is solved for a shape: ball radius 10 mm, the paper's rubber."""
     pitch = float(pitch_mm(shape.fill_rel, RADIUS_MM))
     return msgspec.structs.replace(
-        like,
+        reference_design,
         ball_radius_mm=RADIUS_MM,
         sheet_mm=SHEET_SIDE_OVER_RADIUS * RADIUS_MM,
         pitch_mm=pitch,

@@ -31,22 +31,22 @@ from footsense.lab.response import make_response
 _SOLVED_PAIR_VALUES = {"fill_rel": 0, "plate_rel": 0, "sheet_modulus_rel": 0, "sheet_poisson": 1}
 
 
-def solve_shapes(like: FootDesign, path: Path, report: Callable[[str], None]) -> None:
+def solve_shapes(reference_design: FootDesign, path: Path, report: Callable[[str], None]) -> None:
     """Solve all shapes of the library by finite elements and write their file.
 
     Args:
-        like: Any foot, for what the shape does not contain.
+        reference_design: Any foot, for what the shape does not contain.
         path: File to write.
         report: Receives a line after each shape.
     """
     fine = []
     for shape in solved_shapes():
-        fine.append(make_response(design_of_shape(shape, like), RELEASED_MESH))
+        fine.append(make_response(design_of_shape(shape, reference_design), RELEASED_MESH))
         report(f"{shape}")
 
     def coarse_ln_amplitudes(shape: Shape) -> Vector:
         """Return the logarithms of a shape's response amplitudes on the coarse mesh."""
-        made = make_response(design_of_shape(shape, like), COARSE_MESH)
+        made = make_response(design_of_shape(shape, reference_design), COARSE_MESH)
         report(f"{shape}, coarse")
         return np.log(amplitudes(made.quarter_series, made.quarter_compliance))
 

@@ -27,7 +27,7 @@ def write_documents(
     design: FootDesign,
     assumed: Assumptions,
     flexes: tuple[Flex, Flex],
-    found: list[Check],
+    checks: list[Check],
     tolerances: list[Tolerance],
     elements: dict[tuple[str, str], ExpectedCapacitance],
 ) -> None:
@@ -38,7 +38,7 @@ def write_documents(
         design: The foot.
         assumed: What its design assumed.
         flexes: Row flex and column flex.
-        found: Figures of the files.
+        checks: Figures of the files.
         tolerances: Tolerances of the drawing.
         elements: Expected reading of each element, by row and column net.
     """
@@ -50,7 +50,7 @@ def write_documents(
         "flexes": flexes,
         "GUARD_NET": GUARD_NET,
         "contacts": {flex.kind: connector_contacts(flex) for flex in flexes},
-        "checks": found,
+        "checks": checks,
         "tolerances": tolerances,
         "elements": list(elements.items()),
         "shore": shore_a_from_modulus(design.rubber.youngs_mpa),

@@ -181,10 +181,10 @@ class Flex:
         return [Trace(points=points, width_mm=dimensions.PROFILE_LINE_WIDTH_MM, function="Profile")]
 
 
-def alignment_ear(half: float, hole: Point) -> Any:
+def alignment_ear(half_side_mm: float, hole: Point) -> Any:
     """Return the ear that carries an alignment hole beside a square sheet, a polygon [mm]."""
-    across = (0.0, half) if hole[0] else (half, 0.0)
-    towards = tuple(half * (value > 0) - half * (value < 0) for value in hole)
+    across = (0.0, half_side_mm) if hole[0] else (half_side_mm, 0.0)
+    towards = tuple(half_side_mm * (value > 0) - half_side_mm * (value < 0) for value in hole)
     side = [(towards[0] + s * across[0], towards[1] + s * across[1]) for s in (-1.0, 1.0)]
     round_end = shapely.Point(hole).buffer(dimensions.ALIGNMENT_EAR_RADIUS_MM, quad_segs=16)
     return shapely.union_all([round_end, shapely.MultiPoint([*side, hole])]).convex_hull

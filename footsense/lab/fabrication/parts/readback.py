@@ -77,7 +77,7 @@ def connected_conductors(shapes: Sequence[CopperShape]) -> list[list[CopperShape
     return [[shape for shape in shapes if shape.area.intersects(piece)] for piece in copper]
 
 
-def narrowest_mm(areas: Sequence[Any]) -> float:
+def narrowest_width_mm(areas: Sequence[Any]) -> float:
     """Return the width of a conductor's narrowest part [mm]."""
     whole = shapely.union_all(list(areas)).buffer(_TOUCH_DISTANCE_MM)
     low, high = 0.0, float(whole.length)

@@ -133,14 +133,14 @@ def _estimate_foot(
     return (closure_um / gap_um).max(axis=1), read, load.force_n, load.sigma_n, said
 
 
-def _band_errors(inside: Mask, parts: tuple[Any, ...]) -> BandErrors | None:
+def _band_errors(in_band: Mask, parts: tuple[Any, ...]) -> BandErrors | None:
     """Return the errors of the loads in one closure band; None if it holds no load."""
-    if not inside.any():
+    if not in_band.any():
         return None
-    read, true_n, force_n, sigma_n, said = (part[inside] for part in parts)
+    read, true_n, force_n, sigma_n, said = (part[in_band] for part in parts)
     size_n = np.linalg.norm(true_n, axis=1)
     known = np.flatnonzero(read)
-    share, force_gf = float(inside.mean()), float(size_n.mean() / GRAM_FORCE_N)
+    share, force_gf = float(in_band.mean()), float(size_n.mean() / GRAM_FORCE_N)
     if len(known) == 0:
         return BandErrors(load_share=share, force_gf=force_gf, readable_share=0.0)
     angle_deg = angles_between_deg(true_n[known], force_n[known])

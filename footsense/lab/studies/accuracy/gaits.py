@@ -175,18 +175,20 @@ def estimate_in_batches(context: StudyContext, window: Window) -> Load:
 
 
 def _gait_errors(
-    context: StudyContext, name: str, gaits: GaitReadings, change: _InputFault = _NO_INPUT_FAULT
+    context: StudyContext, name: str, gaits: GaitReadings, input_fault: _InputFault = _NO_INPUT_FAULT
 ) -> GaitErrors:
     """Return the network's force errors on gaits, with an optional input fault."""
     windows = windows_of(gaits)
     closure_rel, force_n, normal = windows.closure_rel, windows.force_n, windows.normal
-    if change.gain_rel:
+    if input_fault.gain_rel:
         # A foot of its own for each gait.
-        gains = change.gain_rel * np.random.default_rng(TEST_GAIT_SEED).normal(size=(len(gaits.order), 9))
+        gains = input_fault.gain_rel * np.random.default_rng(TEST_GAIT_SEED).normal(
+            size=(len(gaits.order), 9)
+        )
         closure_rel = closure_rel * (1.0 + gains[windows.gait])[:, None]
     imputation = Imputation(context.trained_inputs.moments)
-    missing = np.tile(change.missing, (len(closure_rel), 1))
-    closure_rel = closure_rel @ imputation.matrix(change.missing).T
+    missing = np.tile(input_fault.missing, (len(closure_rel), 1))
+    closure_rel = closure_rel @ imputation.matrix(input_fault.missing).T
     load = estimate_in_batches(context, Window(closure_rel, windows.age_s, missing))
     loaded = np.linalg.norm(force_n, axis=1) > MIN_DIRECTION_FORCE_N
     error_n = (load.force_n - force_n)[loaded]

@@ -34,20 +34,20 @@ FOOT_TRAINED_ESTIMATORS = {
 _COLOURS = {"released network": "C0", "linear on ΔC": "C1", "linear on closures": "C2", "network on ΔC": "C3"}
 
 
-def distinct_levels(plan: Plan, some: tuple[Sweep, ...]) -> Iterable[tuple[Sweep, float]]:
+def distinct_levels(plan: Plan, selected_sweeps: tuple[Sweep, ...]) -> Iterable[tuple[Sweep, float]]:
     """Return the distinct (sweep, level) pairs of several sweeps, shared tolerances once."""
     levels: dict[Tolerances, tuple[Sweep, float]] = {}
-    for sweep in some:
+    for sweep in selected_sweeps:
         for level in plan.levels(sweep):
             levels.setdefault(sweep.tolerances_at(level), (sweep, level))
     return levels.values()
 
 
-def _figure(results: SweepResults, some: tuple[Sweep, ...], estimators: dict[str, str]) -> Figure:
+def _figure(results: SweepResults, selected_sweeps: tuple[Sweep, ...], estimators: dict[str, str]) -> Figure:
     """Return the figure of mean direction error over the level of each imperfection, with standard deviations."""
     figure = Figure(figsize=(9.0, 5.8), layout="constrained")
     subplot_row = figure.subplots(2, 3, sharey=True).ravel()
-    for axes, sweep in zip(subplot_row, some, strict=False):
+    for axes, sweep in zip(subplot_row, selected_sweeps, strict=False):
         levels = results.plan.levels(sweep)
         for name, label in estimators.items():
             statistics = [results.over_feet(sweep, level, f"{name}_deg") for level in levels]
@@ -57,7 +57,7 @@ def _figure(results: SweepResults, some: tuple[Sweep, ...], estimators: dict[str
         axes.grid(alpha=0.3)
     for axes in subplot_row[::3]:
         axes.set_ylabel("mean direction error [deg]")
-    if len(some) < len(subplot_row):
+    if len(selected_sweeps) < len(subplot_row):
         subplot_row[-1].axis("off")
         subplot_row[-1].legend(*subplot_row[0].get_legend_handles_labels(), loc="center")
     else:

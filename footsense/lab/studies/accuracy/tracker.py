@@ -163,19 +163,21 @@ def _fit_windows(
     return answers, rest
 
 
-def _run_filter(model: ContactModel, readings: GaitReadings, whole: Mask, network: Load) -> _ForceEstimate:
+def _run_filter(
+    model: ContactModel, readings: GaitReadings, is_complete: Mask, network: Load
+) -> _ForceEstimate:
     """Return the Kalman filter's estimates after every conversion with a complete window."""
-    n_gaits, n = whole.shape
+    n_gaits, n = is_complete.shape
     by_time = [np.zeros((n_gaits, n, part.shape[1])) for part in network]
     for part, values in zip(by_time, network, strict=True):
-        part[whole] = values
+        part[is_complete] = values
     force_n, sigma_n = np.zeros((2, n_gaits, n, 3))
     tracker = ContactFilter(model, n_gaits, STEP_S, NOMINAL_SEND_DELAY_S)
     for k, element in enumerate(conversion_elements(0, n).tolist()):
         tracker.update(element, readings.closure_rel[:, k].astype(np.float64))
-        tracker.seed(Load(*(part[:, k] for part in by_time)), whole[:, k])
+        tracker.seed(Load(*(part[:, k] for part in by_time)), is_complete[:, k])
         force_n[:, k], sigma_n[:, k] = tracker.force()
-    return _ForceEstimate(force_n[whole], sigma_n[whole])
+    return _ForceEstimate(force_n[is_complete], sigma_n[is_complete])
 
 
 def _variance_weighted_mean(filtered: _ForceEstimate, network: Load) -> _ForceEstimate:
@@ -195,21 +197,26 @@ def _n_long_runs(beyond: Mask) -> int:
 
 
 def _method_errors(
-    load: str, method: str, answer: _ForceEstimate, windows: GaitWindows, whole: Mask, judged: Mask
+    load: str,
+    method: str,
+    estimate: _ForceEstimate,
+    windows: GaitWindows,
+    is_complete: Mask,
+    is_evaluated: Mask,
 ) -> MethodErrors:
     """Return the errors of one method over the evaluated windows of one kind of load."""
-    off_n = answer.force_n - windows.force_n
-    sigmas = np.abs(off_n / answer.sigma_n)
-    beyond = np.zeros(whole.shape, bool)
-    beyond[whole] = judged & (sigmas > LARGE_ERROR_SIGMAS).any(axis=1)
-    direction_deg = angles_between_deg(answer.force_n[judged], windows.force_n[judged])
+    off_n = estimate.force_n - windows.force_n
+    sigmas = np.abs(off_n / estimate.sigma_n)
+    beyond = np.zeros(is_complete.shape, bool)
+    beyond[is_complete] = is_evaluated & (sigmas > LARGE_ERROR_SIGMAS).any(axis=1)
+    direction_deg = angles_between_deg(estimate.force_n[is_evaluated], windows.force_n[is_evaluated])
     return MethodErrors(
         load=load,
         method=method,
         direction_deg=float(direction_deg.mean()),
         direction_p95_deg=float(np.percentile(direction_deg, 95)),
-        rms_mn=(1e3 * np.sqrt((off_n[judged] ** 2).mean(axis=0))).tolist(),
-        within_2_sigma=float((sigmas[judged] < 2.0).mean()),
+        rms_mn=(1e3 * np.sqrt((off_n[is_evaluated] ** 2).mean(axis=0))).tolist(),
+        within_2_sigma=float((sigmas[is_evaluated] < 2.0).mean()),
         long_errors=_n_long_runs(beyond),
     )
 
@@ -259,7 +266,7 @@ def long_errors(errors: list[MethodErrors], method: str) -> int:
     return sum(one.long_errors for one in errors if one.method == method and one.load in LOADS)
 
 
-def meets_rule(results: Results, method: str) -> bool:
+def is_worth_adopting(results: Results, method: str) -> bool:
     """Return whether a method improves enough on the network to be adopted."""
     gained = min(error_reductions(results.errors, method)) >= REQUIRED_ERROR_REDUCTION_REL
     return (

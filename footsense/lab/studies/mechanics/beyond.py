@@ -124,7 +124,7 @@ class Results:
     by_contact_angle: dict[str, dict[str, ForceErrors]]
 
 
-def leaning_load_errors(tested: _EstimatorsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
+def leaning_load_errors(estimators: _EstimatorsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
     """Return the force errors at each lean, and the share of loads of `PAPER_GF` within converter range.
 
     108 force directions, the contact to four sides of each.
@@ -136,10 +136,10 @@ def leaning_load_errors(tested: _EstimatorsUnderTest) -> tuple[list[dict[str, Fo
         normal = np.concatenate(
             [inclined_unit_vectors(direction, lean_deg, 90.0 * turn) for turn in range(4)]
         )
-        measured_um, inside = tested.measured_um(tested.response.free_closure_um(normal, truth_n))
-        found.append(tested.errors_by_estimator(measured_um[inside], truth_n[inside]))
+        measured_um, inside = estimators.measured_um(estimators.response.free_closure_um(normal, truth_n))
+        found.append(estimators.errors_by_estimator(measured_um[inside], truth_n[inside]))
         larger_n = truth_n * (PAPER_GF / LEANING_GF)
-        _, inside = tested.measured_um(tested.response.free_closure_um(normal, larger_n))
+        _, inside = estimators.measured_um(estimators.response.free_closure_um(normal, larger_n))
         within.append(float(inside.mean()))
     return found, within
 
@@ -172,7 +172,7 @@ class _SecondLoads:
 
 
 def _errors_by_contact_angle(
-    tested: _EstimatorsUnderTest, second: _SecondLoads
+    estimators: _EstimatorsUnderTest, second: _SecondLoads
 ) -> dict[str, dict[str, ForceErrors]]:
     """Return the force errors by estimator, for each angle between the two contacts."""
     measured_um, truth_n, inside = second.measured(SECOND_FORCE_REL_OVER_ANGLE)
@@ -180,7 +180,7 @@ def _errors_by_contact_angle(
     for low, high in pairwise(CONTACT_ANGLES_DEG):
         here = inside & (second.distance_deg >= low) & (second.distance_deg < high)
         if here.any():
-            found[f"{low:g} to {high:g}"] = tested.errors_by_estimator(measured_um[here], truth_n[here])
+            found[f"{low:g} to {high:g}"] = estimators.errors_by_estimator(measured_um[here], truth_n[here])
     return found
 
 
@@ -209,7 +209,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     return results, figures
 
 
-def _curves(x: Sequence[float], label: str, found: list[dict[str, ForceErrors]]) -> Figure:
+def _curves(x: Sequence[float], label: str, errors: list[dict[str, ForceErrors]]) -> Figure:
     """Return the figure of mean direction and magnitude errors over x, one curve per estimator."""
     figure, row = subplot_row(2, 8.2, 3.9)
     quantities = (
@@ -217,8 +217,8 @@ def _curves(x: Sequence[float], label: str, found: list[dict[str, ForceErrors]])
         ("magnitude_gf", "mean magnitude error [gf]"),
     )
     for axes, (quantity, what) in zip(row, quantities, strict=True):
-        for name in found[0]:
-            axes.plot(x, [getattr(level[name], quantity) for level in found], "o-", ms=4, label=name)
+        for name in errors[0]:
+            axes.plot(x, [getattr(level[name], quantity) for level in errors], "o-", ms=4, label=name)
         axes.set(xlabel=label, ylabel=what, yscale="log")
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("{x:g}")

@@ -30,7 +30,7 @@ _FORWARD_LOADS, _FORWARD_LOADS_QUICK = 12, 2
 ADJOINT_SOLVES = 81 * 3
 
 
-#: Differences between answers, by model.
+#: Differences between level_responses, by model.
 Differences = dict[str, FidelityError]
 
 
@@ -80,21 +80,21 @@ def _time_levels(
     context: StudyContext, names: tuple[str, ...], loads: Loads
 ) -> tuple[dict[str, LevelResponse], dict[str, float]]:
     """Return the responses of the models, and the computing time per load of each [s]."""
-    answers, seconds = {}, {}
+    level_responses, seconds = {}, {}
     for name in names:
         level = fidelity_level(name, context.response, context.foot_design)
-        answers[name], taken_s = time_level(level, loads, repeats=1 if name == "full" else 3)
+        level_responses[name], taken_s = time_level(level, loads, repeats=1 if name == "full" else 3)
         seconds[name] = taken_s / len(loads)
         context.report_progress(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
-    return answers, seconds
+    return level_responses, seconds
 
 
 def _differences_from_finest(
-    context: StudyContext, answers: dict[str, LevelResponse], finest: LevelResponse
+    context: StudyContext, level_responses: dict[str, LevelResponse], finest: LevelResponse
 ) -> Differences:
-    """Return the differences of the models' responses from that of the finest model."""
+    """Return the differences of each model's closures and capacitances from the finest model's."""
     network, design = context.network.force_n, context.response.design
-    return {name: fidelity_error(answer, finest, network, design) for name, answer in answers.items()}
+    return {name: fidelity_error(answer, finest, network, design) for name, answer in level_responses.items()}
 
 
 def _compare_forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
@@ -119,27 +119,31 @@ def _compare_half_space(
         "without statics": alone,
         "with PDMS for the rubber": HalfSpace(replace(foot_design, rubber=foot_design.pdms)),
     }
-    answers = {name: half_space_response(one, loads.normal, loads.force_n) for name, one in variants.items()}
+    level_responses = {
+        name: half_space_response(one, loads.normal, loads.force_n) for name, one in variants.items()
+    }
     edge_mm = (foot_design.sheet_mm - foot_design.pitch_mm) / 2.0
     side_mm = [edge_mm, foot_design.pitch_mm, edge_mm]
     area_mm2 = np.outer(side_mm, side_mm).ravel()
     carried = (alone.pressure_mpa(loads.normal, loads.force_n) @ area_mm2) / loads.force_n[:, 2]
-    return _differences_from_finest(context, answers, contact), (carried.min(), carried.max())
+    return _differences_from_finest(context, level_responses, contact), (carried.min(), carried.max())
 
 
-def _compare_with_full(context: StudyContext, answers: dict[str, LevelResponse]) -> DifferencesFromFullSolve:
+def _compare_with_full(
+    context: StudyContext, level_responses: dict[str, LevelResponse]
+) -> DifferencesFromFullSolve:
     """Return errors against the finite-strain solve, split into mesh and physics at the first load."""
     reduced, taken_s = time_level(
         finite_strain_level(context.foot_design, reduced=True), loads_in_mirror_plane(FULL_CASES[:1])
     )
     context.report_progress(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first, contact = (
-        LevelResponse(answers[name].closure_um[:1], answers[name].capacitance_pf[:1])
+        LevelResponse(level_responses[name].closure_um[:1], level_responses[name].capacitance_pf[:1])
         for name in ("full", "contact")
     )
     return DifferencesFromFullSolve(
         differences=_differences_from_finest(
-            context, {name: answers[name] for name in LEVEL_NAMES[:3]}, answers["full"]
+            context, {name: level_responses[name] for name in LEVEL_NAMES[:3]}, level_responses["full"]
         ),
         mesh_difference_rel=_differences_from_finest(context, {"contact": contact}, reduced)[
             "contact"
@@ -161,12 +165,12 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     )
     shown, finest, full, figures = apart, "contact", None, {}
     if not context.quick:
-        answers, taken = _time_levels(context, LEVEL_NAMES, loads_in_mirror_plane(FULL_CASES))
-        full = _compare_with_full(context, answers)
+        level_responses, taken = _time_levels(context, LEVEL_NAMES, loads_in_mirror_plane(FULL_CASES))
+        full = _compare_with_full(context, level_responses)
         shown, finest, seconds["full"] = full.differences, "full", taken["full"]
         unloaded_pf = context.response.design.unloaded_pf
         figures["fidelity-pattern.png"] = capacitance_pattern_figure(
-            {name: one.capacitance_pf[0].reshape(3, 3) - unloaded_pf for name, one in answers.items()}
+            {name: one.capacitance_pf[0].reshape(3, 3) - unloaded_pf for name, one in level_responses.items()}
         )
     figures["fidelity.png"] = error_over_time_figure(seconds, shown, finest, forward, len(loads))
     formula, carried_rel = _compare_half_space(context, loads, cheap["contact"])

@@ -33,17 +33,21 @@ class Layer(NamedTuple):
 Layers = tuple[Layer, ...]
 
 
-def random_layers(rng: np.random.Generator, widths: Sequence[int], room: Sequence[int] = ()) -> Layers:
+def random_layers(
+    rng: np.random.Generator, widths: Sequence[int], padded_widths: Sequence[int] = ()
+) -> Layers:
     """Return random layers, uniform within 1 / sqrt(inputs), so that no neuron saturates.
 
     Args:
         rng: Source of the numbers.
         widths: Neurons of each layer, inputs and outputs included.
-        room: Neurons that each layer is padded to, as many as the widths; no padding if empty.
+        padded_widths: Neurons that each layer is padded to, as many as the widths; no padding if empty.
     """
-    room = room or widths
+    padded_widths = padded_widths or widths
     layers = []
-    for n_in, n_out, room_in, room_out in zip(widths[:-1], widths[1:], room[:-1], room[1:], strict=True):
+    for n_in, n_out, room_in, room_out in zip(
+        widths[:-1], widths[1:], padded_widths[:-1], padded_widths[1:], strict=True
+    ):
         drawn = rng.uniform(-1.0, 1.0, (n_in + 1, n_out)) / np.sqrt(n_in)
         layer = Layer(np.zeros((room_in, room_out), np.float32), np.zeros(room_out, np.float32))
         layer.weight[:n_in, :n_out], layer.bias[:n_out] = drawn[:-1], drawn[-1]

@@ -34,7 +34,7 @@ SEEDS, QUICK_SEEDS = 20, 3
 
 
 class PaperTraining:
-    """Training set of a plain network, scaled, with its kind of input.
+    """Training set for plain networks: scaled inputs (capacitance changes or closures) and forces.
 
     Args:
         design: Electrical design of the capacitors.

@@ -113,23 +113,23 @@ def _training_constants(
 
 
 def _random_batch(
-    task: _TrainingConstants, protocol: SnapshotProtocol, key: jax.Array
+    data: _TrainingConstants, protocol: SnapshotProtocol, key: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Return noisy closures with missing ones imputed, masks and true forces of a random batch."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
-    chosen = jax.random.randint(k1, (protocol.batch,), 0, len(task.force_n))
-    exact = task.closure_rel[chosen]
-    noisy = exact + task.closure_noise_rel * (1.0 + task.film_thickness_rel - exact) ** 2 * jax.random.normal(
+    chosen = jax.random.randint(k1, (protocol.batch,), 0, len(data.force_n))
+    exact = data.closure_rel[chosen]
+    noisy = exact + data.closure_noise_rel * (1.0 + data.film_thickness_rel - exact) ** 2 * jax.random.normal(
         k2, exact.shape
     )
     if not protocol.masked:
-        return noisy, jnp.zeros_like(noisy), task.force_n[chosen]
-    which = jax.random.randint(k3, (protocol.batch,), 1, len(task.missing_masks))
+        return noisy, jnp.zeros_like(noisy), data.force_n[chosen]
+    which = jax.random.randint(k3, (protocol.batch,), 1, len(data.missing_masks))
     which = jnp.where(jax.random.uniform(k4, which.shape) < _CASES_WITH_MISSING_SHARE, which, 0)
     return (
-        jnp.einsum("nab,nb->na", task.imputation_matrices[which], noisy),
-        task.missing_masks[which],
-        task.force_n[chosen],
+        jnp.einsum("nab,nb->na", data.imputation_matrices[which], noisy),
+        data.missing_masks[which],
+        data.force_n[chosen],
     )
 
 
