@@ -61,7 +61,7 @@ AS_DESIGNED = OtherSolid()
 def solid_response(
     solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path
 ) -> FootResponse:
-    """Return the response table of a solid, from a file or solved and kept there.
+    """Return the response table of a foot with the given solid, read from a cache file or solved.
 
     Args:
         solid: The solid.

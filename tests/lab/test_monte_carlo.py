@@ -26,8 +26,8 @@ from footsense.lab.monte_carlo.sweeps import (
 )
 from footsense.lab.monte_carlo.workers import job_runner
 from footsense.lab.studies.accuracy.tolerance import (
-    DESIGN_TRAINED_READOUTS,
-    FOOT_TRAINED_READOUTS,
+    DESIGN_TRAINED_ESTIMATORS,
+    FOOT_TRAINED_ESTIMATORS,
     STUDY,
     run_study,
 )
@@ -234,7 +234,7 @@ def test_the_page_reports_the_level_of_the_papers_error() -> None:
         for job in jobs:
             yield job, dict.fromkeys(names, 4.0 * job.tolerances.gap_um)
 
-    readouts = (*DESIGN_TRAINED_READOUTS, *FOOT_TRAINED_READOUTS, "reference")
+    readouts = (*DESIGN_TRAINED_ESTIMATORS, *FOOT_TRAINED_ESTIMATORS, "reference")
     names = ["within_1", "within_2", *(f"{name}_{unit}" for name in readouts for unit in ("deg", "gf"))]
     lines: list[str] = []
     study = replace(STUDY, compute=partial(run_study, workers=canned))

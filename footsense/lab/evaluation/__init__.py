@@ -1,1 +1,1 @@
-"""Evaluation of force estimators: error tables, the Cramer-Rao bound, other estimators for comparison."""
+"""Evaluation of force estimators: error tables, Cramer-Rao bound, and reference estimators."""

@@ -38,7 +38,7 @@ _ITERATIONS, _LONGEST = 2, np.array([0.25, 0.25, 0.12, 0.12])
 #: Contact point over which the closures turn by as much as they are [1].
 _CURVATURE_SCALE_REL = 0.25
 #: Probability of a model to stay, and least probability of one.
-_STAY, _LEAST_WEIGHT = 0.97, 1e-4
+_STAY_PROBABILITY, _MIN_WEIGHT = 0.97, 1e-4
 #: Bounds of the normal force [N], and normal force below which the contact is forgotten [N].
 _FORCE_N, _AIR_N = (-0.05, 3.0), 0.01
 #: Innovations beyond this square weigh no more in the likelihood [1].
@@ -113,8 +113,10 @@ class ContactFilter:
         self._state = np.zeros((len(MOTION_MODELS), n, _STATES))
         self._covariance = np.tile(np.diag(_PRIOR_SIGMA**2), (len(MOTION_MODELS), n, 1, 1))
         self._weight = np.full((len(MOTION_MODELS), n), 1.0 / len(MOTION_MODELS))
-        self._switch = np.full((len(MOTION_MODELS),) * 2, (1.0 - _STAY) / (len(MOTION_MODELS) - 1))
-        np.fill_diagonal(self._switch, _STAY)
+        self._switch = np.full(
+            (len(MOTION_MODELS),) * 2, (1.0 - _STAY_PROBABILITY) / (len(MOTION_MODELS) - 1)
+        )
+        np.fill_diagonal(self._switch, _STAY_PROBABILITY)
         self._apart = np.zeros(n, int)
 
     def update(self, element: int, closure_rel: Vector) -> None:
@@ -123,7 +125,7 @@ class ContactFilter:
         self._predict()
         likelihood = self._correct(element, np.tile(closure_rel, len(MOTION_MODELS)))
         weight = self._weight * np.exp(likelihood - likelihood.max(axis=0))
-        weight = np.maximum(weight / weight.sum(axis=0), _LEAST_WEIGHT)
+        weight = np.maximum(weight / weight.sum(axis=0), _MIN_WEIGHT)
         self._weight = weight / weight.sum(axis=0)
         air = (self._weight * self._state[..., 0]).sum(axis=0) < _AIR_N
         self._state[:, air] *= _IS_NORMAL_FORCE_STATE
@@ -204,7 +206,7 @@ class ContactFilter:
         return force_n, np.sqrt((weight * (variances + (forces - force_n) ** 2)).sum(axis=0))
 
     def seed(self, network: Load, valid: Mask) -> None:
-        """Restart the filters of feet whose force has disagreed with the network for some conversions.
+        """Reset the filters to the network's estimate where both have disagreed for several conversions.
 
         Args:
             network: The network's answer at the asked time.

@@ -64,7 +64,7 @@ def error_table(
     counted = np.linalg.norm(held_out.force_n, axis=1) >= loads.min_evaluated_force_n
     noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
     test = Cases(held_out.force_n[counted], noisy_um[counted])
-    readouts: dict[str, tuple[ForceEstimator, Cases]] = {
+    estimators: dict[str, tuple[ForceEstimator, Cases]] = {
         "paper_linear_dc": (capacitance_estimator(response.design, training), verification),
         "paper_linear_elastance": (elastance_estimator(training), verification),
         "paper_network": (released, verification),
@@ -74,10 +74,10 @@ def error_table(
         ),
         "random_network": (released, test),
     }
-    readouts |= {name: (read, verification) for name, read in (alone or {}).items()}
+    estimators |= {name: (read, verification) for name, read in (alone or {}).items()}
     return {
         name: evaluate_force_errors(cases.force_n, read(cases.closure_um))
-        for name, (read, cases) in readouts.items()
+        for name, (read, cases) in estimators.items()
     }
 
 

@@ -67,8 +67,10 @@ def clamp_to_min_elevation(unit: Vector) -> Vector:
     return np.concatenate([unit[:, :2] * np.sqrt(1.0 - z**2) / np.maximum(across, 1e-12), z], axis=1)
 
 
-def ambiguous_loads(foot: Foot, magnitude_gf: float, elevation_deg: Vector) -> tuple[Vector, Vector]:
-    """Find for each centred load another load with nearly the same closures.
+def distance_to_ambiguous_loads(
+    foot: Foot, magnitude_gf: float, elevation_deg: Vector
+) -> tuple[Vector, Vector]:
+    """Return distance [sigma of the noise] and force angle [deg] from centred loads to a most similar other load.
 
     Args:
         foot: The specimen.

@@ -14,7 +14,7 @@ from footsense.lab.fidelity.loads import Loads
 
 
 def time_level(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[LevelResponse, float]:
-    """Return a fidelity level's response to some loads, and its shortest computing time over several runs [s]."""
+    """Return a fidelity level's response to given loads, and its shortest computing time of several runs [s]."""
     taken_s = []
     for _ in range(repeats):
         start = default_timer()

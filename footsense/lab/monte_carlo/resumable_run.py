@@ -36,7 +36,7 @@ class Tolerances(FootTolerances):
     stick_deg: float = 0.0
 
     def plus(self, other: "Tolerances", factor: float) -> Self:
-        """Return these tolerances plus a multiple of others.
+        """Return these tolerances plus a factor times the given ones.
 
         Example:
             >>> Tolerances(gap_um=1.0).plus(Tolerances(gap_um=0.5), 4.0).gap_um

@@ -89,14 +89,14 @@ class _TrainedEstimators:
     Attributes:
         response: The design.
         network: The released network.
-        readouts: By name: `plain`, the paper's kind of network, and `change`, linear in capacitance changes.
+        estimators: By name: `plain`, the paper's kind of network, and `change`, linear in capacitance changes.
         training_n: Forces of the 362 cases [N].
         verification_n: Forces of the 180 cases [N].
     """
 
     response: FootResponse
     network: OnnxNetwork
-    readouts: dict[str, ForceEstimator]
+    estimators: dict[str, ForceEstimator]
     training_n: Vector
     verification_n: Vector
 
@@ -109,7 +109,7 @@ def _open_estimators(models: Path, seed: int, epochs: int) -> _TrainedEstimators
     return _TrainedEstimators(
         response=response,
         network=network,
-        readouts={
+        estimators={
             "plain": _train_plain_network(response.design, training, np.random.default_rng(seed), epochs),
             "change": capacitance_estimator(response.design, training),
         },
@@ -153,7 +153,7 @@ def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Estim
     network_n = network.force_n(closure_rel)
     estimates = {
         "network": network_n,
-        **{name: read(changed_um) for name, read in on_design.readouts.items()},
+        **{name: read(changed_um) for name, read in on_design.estimators.items()},
         "own_closure": elastance_estimator(Cases(training.force_n, training.closure_um))(test.closure_um),
         "own_change": capacitance_estimator(design, own_changes)(changed_um),
         "reference": on_design.verification_n,

@@ -48,7 +48,7 @@ def complete_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
 
 
 class GaitWindows(NamedTuple):
-    """All complete windows of some gaits, with their truth.
+    """All complete windows of simulated gaits, with true loads.
 
     Attributes:
         gait: Row of the gait of each, shape (n,).
@@ -66,7 +66,7 @@ class GaitWindows(NamedTuple):
 
 
 def windows_of(gaits: GaitReadings) -> GaitWindows:
-    """Return all complete windows of some gaits, ordered by gait and time."""
+    """Return all complete windows of simulated gaits, ordered by gait and time."""
     gait, time = np.nonzero(complete_windows(gaits))
     n_elements = gaits.rows**2
     oldest = n_elements * np.arange(READINGS)[:, None]

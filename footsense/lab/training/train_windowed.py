@@ -154,7 +154,7 @@ def _training_constants(
 
 
 def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array, n: int) -> tuple[Any, ...]:
-    """Return closures and ages, shape (n, 3, elements), and the truth of random windows of gaits."""
+    """Return closures and ages, (n, 3, elements), and true loads of random windows from gaits."""
     n_elements = data.missing_masks.shape[1]
     at = data.window_indices[jax.random.randint(key, (n,), 0, len(data.window_indices))]
     gait, time = at // times_per_gait, at % times_per_gait

@@ -15,12 +15,12 @@ from footsense.lab.training.load_cases import Cases
 from footsense.lab.training.paper.mlp import loss, network_outputs, random_layers, stack, train, unstack
 from footsense.lab.training.paper.procedure import Feed, PaperTraining
 from footsense.lab.training.paper.rprop import (
-    FIRST_STEP,
-    GROW,
-    LARGEST_STEP,
-    LEAST_STEP,
+    INITIAL_STEP,
+    MAX_STEP,
+    MIN_STEP,
     RPROP,
-    SHRINK,
+    STEP_GROWTH,
+    STEP_SHRINKAGE,
     RpropState,
 )
 
@@ -56,7 +56,9 @@ def test_rprop_keeps_each_weight_its_own_step() -> None:
     state = RPROP.init(weights)
     weights, state = step(weights, {"a": jnp.array([1.0, 1.0])}, state)
     weights, state = step(weights, {"a": jnp.array([1.0, -1.0])}, state)
-    np.testing.assert_allclose(state.step_size["a"], [FIRST_STEP * GROW, FIRST_STEP * SHRINK], rtol=1e-6)
+    np.testing.assert_allclose(
+        state.step_size["a"], [INITIAL_STEP * STEP_GROWTH, INITIAL_STEP * STEP_SHRINKAGE], rtol=1e-6
+    )
     np.testing.assert_allclose(weights["a"], [-0.22, 0.0], atol=1e-6)
     assert state.gradient["a"].tolist() == [1.0, 0.0]
 
@@ -65,14 +67,14 @@ def test_a_step_stops_at_its_bounds() -> None:
     """Growth ends at 50, shrinkage at 1e-6, exactly."""
     one = jnp.asarray(1.0)
     wide = RpropState(step_size=jnp.asarray(49.0), gradient=one, weight_step=-one)
-    assert float(step(one, one, wide)[1].step_size) == LARGEST_STEP
+    assert float(step(one, one, wide)[1].step_size) == MAX_STEP
     narrow = RpropState(step_size=jnp.asarray(1.5e-6), gradient=one, weight_step=-one)
-    assert float(step(one, -one, narrow)[1].step_size) == pytest.approx(LEAST_STEP, rel=1e-6)
+    assert float(step(one, -one, narrow)[1].step_size) == pytest.approx(MIN_STEP, rel=1e-6)
 
 
 @given(
     gradient=st.lists(st.floats(-1e3, 1e3, width=32, allow_subnormal=False), min_size=1, max_size=12),
-    step_size=st.floats(LEAST_STEP, LARGEST_STEP),
+    step_size=st.floats(MIN_STEP, MAX_STEP),
 )
 def test_steps_stay_within_bounds_and_a_sign_change_halves_them(
     gradient: list[float], step_size: float
@@ -84,9 +86,9 @@ def test_steps_stay_within_bounds_and_a_sign_change_halves_them(
         before, place = state, float(weight)
         weight, state = step(weight, jnp.asarray(g, jnp.float32), state)
         after = float(state.step_size)
-        assert LEAST_STEP * (1 - 1e-6) <= after <= LARGEST_STEP
+        assert MIN_STEP * (1 - 1e-6) <= after <= MAX_STEP
         if g * float(before.gradient) < 0.0:
-            assert after == pytest.approx(max(SHRINK * float(before.step_size), LEAST_STEP), rel=1e-6)
+            assert after == pytest.approx(max(STEP_SHRINKAGE * float(before.step_size), MIN_STEP), rel=1e-6)
             assert float(state.weight_step) == -float(before.weight_step)
             assert float(state.gradient) == 0.0
         else:

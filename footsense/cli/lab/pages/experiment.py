@@ -55,7 +55,7 @@ class MeanStdOverFeet:
 
     @classmethod
     def of_values(cls, values: Sequence[float]) -> "MeanStdOverFeet":
-        """Return the mean and standard deviation of some values, rounded to three decimals."""
+        """Return mean and standard deviation of the values, rounded to three decimals."""
         return cls(round(float(np.mean(values)), 3), round(float(np.std(values)), 3))
 
     def __str__(self) -> str:
@@ -70,7 +70,7 @@ class Results:
         seed: Of the feet and of the test stand.
         foot_type: Type of the feet.
         tolerances: Fabrication tolerances.
-        every: Every how many-th load is applied.
+        load_stride: Every n-th load of the session is applied.
         feet: Feet.
         estimators: By estimator: number of `feet` that it could read, and mean errors as in `FootErrors`.
         training_loads: Accepted loads of the training session.
@@ -83,7 +83,7 @@ class Results:
     seed: int
     foot_type: str
     tolerances: FootTolerances
-    every: int
+    load_stride: int
     feet: int
     estimators: dict[str, dict[str, int | MeanStdOverFeet]]
     training_loads: MeanStdOverFeet
@@ -143,7 +143,7 @@ def compute(
         seed=batch.seed,
         foot_type=batch.foot_type,
         tolerances=PAPER_TOLERANCES,
-        every=every,
+        load_stride=every,
         feet=len(feet),
         estimators=_estimator_errors(feet),
         training_loads=over_feet(lambda one: one.n_training),

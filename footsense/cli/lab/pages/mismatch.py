@@ -57,7 +57,7 @@ class MismatchResults:
         presses: Presses of a calibration.
         mean_over_feet: By row and figure: mean over the feet.
         max_over_feet: By row and figure: the largest over the feet.
-        scatter: By row: distance of each foot's loads, and its mean centred direction error [deg].
+        error_over_distance: By row: distance of each foot's loads, and its mean centred direction error [deg].
         tables_s: Processor time of the tables that this run solved; those that it found are not in it [s].
         full_solve_s: Processor time of one load by the full solve; None if not measured [s].
     """
@@ -66,7 +66,7 @@ class MismatchResults:
     presses: int
     mean_over_feet: dict[str, dict[str, float]]
     max_over_feet: dict[str, dict[str, float]]
-    scatter: dict[str, list[tuple[float, float]]]
+    error_over_distance: dict[str, list[tuple[float, float]]]
     tables_s: float
     full_solve_s: float | None
 
@@ -162,7 +162,7 @@ def run_study(
     }
     work = partial(evaluate_job, models=context.models.resolve(), tables=kept.resolve(), plan=plan)
     run = workers or job_runner(n_workers=1 if context.quick else LOCAL_WORKERS)
-    mean_over_feet, max_over_feet, scatter = {}, {}, {}
+    mean_over_feet, max_over_feet, error_over_distance = {}, {}, {}
     for name in names:
         jobs = [Job(Tolerances(), foot, case=name) for foot in range(n_feet)]
         digest = hashlib.sha256(f"{about} {MISMATCH_ROWS[name]}".encode()).hexdigest()[:12]
@@ -175,7 +175,9 @@ def run_study(
         max_over_feet[name] = {
             figure: round(float(np.nanmax(values)), 3) for figure, values in columns.items()
         }
-        scatter[name] = [(round(one["distance_all"], 2), round(one["centred_all_deg"], 3)) for one in made]
+        error_over_distance[name] = [
+            (round(one["distance_all"], 2), round(one["centred_all_deg"], 3)) for one in made
+        ]
         context.report_progress(f"{name}: {_progress_line(mean_over_feet[name])}")
     presses = len(paper_presses("training")[:: plan.every_nth_press])
     results = MismatchResults(
@@ -183,7 +185,7 @@ def run_study(
         presses=presses,
         mean_over_feet=mean_over_feet,
         max_over_feet=max_over_feet,
-        scatter=scatter,
+        error_over_distance=error_over_distance,
         tables_s=round(tables_s, 1),
         full_solve_s=None
         if context.quick or rows
@@ -217,7 +219,7 @@ def _figure(results: MismatchResults) -> Figure:
 def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
     """Draw each foot's error over the distance of its loads, in zones of trust, with outliers named."""
     marks = {True: ("o", "C0", "a calibration can represent it"), False: ("x", "C3", "it cannot")}
-    for name, feet in results.scatter.items():
+    for name, feet in results.error_over_distance.items():
         marker, color, _ = marks[MISMATCH_ROWS[name].represented]
         distance, error_deg = np.array(feet).T
         dots.scatter(distance, error_deg, s=12, marker=marker, color=color, alpha=0.7, linewidths=1.0)
@@ -228,7 +230,7 @@ def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
     for marker, color, label in marks.values():
         dots.scatter([], [], marker=marker, color=color, label=label)
     last = 1.1 * max(
-        MAX_MAHALANOBIS_DISTANCE, *(foot[0] for feet in results.scatter.values() for foot in feet)
+        MAX_MAHALANOBIS_DISTANCE, *(foot[0] for feet in results.error_over_distance.values() for foot in feet)
     )
     edges = (0.0, TYPICAL_MAHALANOBIS_DISTANCE, MAX_MAHALANOBIS_DISTANCE, last)
     for left, right, color, word in zip(

@@ -66,7 +66,7 @@ class Materials(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sheets: Annotated[tuple[Solid, ...], Meta(min_length=1)]
 
     def select_materials(self, names: tuple[str, ...]) -> "Materials":
-        """Return the named materials; all rubbers if no rubber is named, likewise all sheets.
+        """Return the named materials; all rubbers (or all sheets) if none of them is named.
 
         Raises:
             FootsenseError: A name is not in the table.

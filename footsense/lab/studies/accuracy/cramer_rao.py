@@ -23,8 +23,8 @@ from footsense.lab.evaluation.evaluate import rms
 from footsense.lab.evaluation.maximum_likelihood import (
     AZIMUTH_DEG,
     Fit,
-    ambiguous_loads,
     clamp_to_min_elevation,
+    distance_to_ambiguous_loads,
     maximum_likelihood,
 )
 from footsense.lab.studies.page import Plots, Study, StudyContext
@@ -152,7 +152,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     context.report_progress("cramer-rao: maximum likelihood compared with the bound")
     ambiguous = {}
     for gf in AMBIGUOUS_GF[: 2 if quick else 4]:
-        distance, apart_deg = ambiguous_loads(foot, gf, ELEVATIONS_DEG)
+        distance, apart_deg = distance_to_ambiguous_loads(foot, gf, ELEVATIONS_DEG)
         ambiguous[f"{gf:g}"] = Ambiguity(distance.tolist(), apart_deg.tolist())
     steps = 11 if quick else 37
     azimuth, elevation = np.linspace(0.0, 360.0, 4 * steps + 1), np.linspace(30.0, 90.0, steps)

@@ -60,20 +60,20 @@ class Results:
 
     Attributes:
         noise_draws: Draws of the converter's noise.
-        lowest_deg: Lowest elevation of the map [deg].
+        map_min_elevation_deg: Lowest elevation of the map [deg].
         map_mean_deg: Mean direction error over the map [deg].
         map_max_deg: Largest direction error on the map [deg].
-        worst_azimuth_deg: Azimuth of the force of the largest error [deg].
-        worst_elevation_deg: Elevation of the worst direction [deg].
+        max_error_azimuth_deg: Azimuth of the force of the largest error [deg].
+        max_error_elevation_deg: Elevation of the worst direction [deg].
         verification: Errors on the verification cases, by reading.
     """
 
     noise_draws: int
-    lowest_deg: float
+    map_min_elevation_deg: float
     map_mean_deg: float
     map_max_deg: float
-    worst_azimuth_deg: float
-    worst_elevation_deg: float
+    max_error_azimuth_deg: float
+    max_error_elevation_deg: float
     verification: dict[str, ForceErrors]
 
 
@@ -152,7 +152,7 @@ def _histogram_figure(readings: dict[str, tuple[Vector, Vector]]) -> Figure:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Evaluate the network on centred loads over the whole ball, and on the 180 verification cases."""
+    """Return the network's errors on centred loads over the whole ball and on the 180 cases, with figures."""
     points, draws = (_POINTS_QUICK, _DRAWS_QUICK) if context.quick else (_POINTS, _DRAWS)
     along = np.linspace(-map_radius(_MIN_ELEVATION_DEG), map_radius(_MIN_ELEVATION_DEG), points)
     right, up = np.meshgrid(along, along)
@@ -172,20 +172,22 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         readings[name] = evaluate_force_errors(truth_n, read_n)
         drawn[name] = angles_between_deg(truth_n, read_n), magnitude_errors_gf(truth_n, read_n)
         context.report_progress(f"error-map: {computed.sum()} directions {name}")
-    lowest_deg = context.foot_design.loads.min_elevation_deg
-    exact = np.where(normal[..., 2] >= np.sin(np.radians(lowest_deg)), maps["without noise"], np.nan)
+    map_min_elevation_deg = context.foot_design.loads.min_elevation_deg
+    exact = np.where(
+        normal[..., 2] >= np.sin(np.radians(map_min_elevation_deg)), maps["without noise"], np.nan
+    )
     worst = normal.reshape(-1, 3)[np.nanargmax(exact)]
     results = Results(
         noise_draws=draws,
-        lowest_deg=lowest_deg,
+        map_min_elevation_deg=map_min_elevation_deg,
         map_mean_deg=float(np.nanmean(exact)),
         map_max_deg=float(np.nanmax(exact)),
-        worst_azimuth_deg=float(np.degrees(np.arctan2(worst[1], worst[0]))),
-        worst_elevation_deg=float(np.degrees(np.arcsin(worst[2]))),
+        max_error_azimuth_deg=float(np.degrees(np.arctan2(worst[1], worst[0]))),
+        max_error_elevation_deg=float(np.degrees(np.arcsin(worst[2]))),
         verification=readings,
     )
     return results, {
-        "error-map.png": _map_figure((right, up), maps, lowest_deg),
+        "error-map.png": _map_figure((right, up), maps, map_min_elevation_deg),
         "error-histogram.png": _histogram_figure(drawn),
     }
 

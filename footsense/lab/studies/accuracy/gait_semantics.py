@@ -90,19 +90,19 @@ class Results:
 
 
 class _ReportedEvents(NamedTuple):
-    """Touchdowns and lift-offs: rows of delay, error and sigma [ms], the delay infinite where nothing was reported."""
+    """Reported touchdowns and lift-offs matched with true ones: delay, error and sigma [ms] of each."""
 
     touchdowns: list[tuple[float, float, float]]
     lift_offs: list[tuple[float, float, float]]
-    false: int
+    n_false: int
 
 
 class _SlipReports(NamedTuple):
-    """Slides: distance until each was reported [mm], infinite if never; those beyond range, false, and at the cone."""
+    """Reported slips matched with true slides: sliding distance until the report [mm] (infinite if never)."""
 
     slide_distances_mm: list[float]
-    beyond: int
-    false: int
+    n_beyond_range: int
+    n_false: int
     slips_at_cone: int
 
 
@@ -130,7 +130,7 @@ def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _ReportedEvent
     )
     starts_s, ends_s = walk.stances_s[leg].T
     in_stance = ((down[:, :1] >= starts_s) & (down[:, :1] < ends_s + _REPORT_AFTER_STANCE_S)).any(axis=1)
-    false = int((~in_stance & (down[:, 0] > WARM_UP_S)).sum())
+    n_false = int((~in_stance & (down[:, 0] > WARM_UP_S)).sum())
     for number, start_s, end_s, rows in _evaluated_stances(walk, leg):
         before_s = start_s - (ends_s[number - 1] if number else 0.0)
         if walk.force_n[rows, leg, 2].max(initial=0.0) < PEAK_N or before_s < SWING_S:
@@ -143,7 +143,7 @@ def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _ReportedEvent
             kept = found.touchdowns if reported is down else found.lift_offs
             row = 1e3 * (own[0] - (true_s, true_s, 0.0)) if len(own) else np.array((np.inf, np.nan, np.nan))
             kept.append((float(row[0]), float(row[1]), float(row[2])))
-    return found._replace(false=false)
+    return found._replace(n_false=n_false)
 
 
 def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
@@ -155,27 +155,27 @@ def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
         [row for row, e in walk.reported if e.leg == leg and e.kind is GaitEventKind.SLIP], int
     )
     moving = np.diff(slides.slid_mm, append=0.0) > SLIDING_STEP_MM
-    slide_distances_mm, beyond, false, at_cone = [], 0, 0, 0
+    slide_distances_mm, n_beyond_range, n_false, at_cone = [], 0, 0, 0
     for number, _, _, rows in _evaluated_stances(walk, leg):
         own = reported[slides.stance[reported] == number]
         where = np.flatnonzero(rows)
         for row in own.tolist():
             lately = room[max(row - FALSE_SLIP_CONVERSIONS, where[0]) : row + 1]
             if np.nanmax(lately, initial=-np.inf) < -FALSE_SLIP_MARGIN:
-                false += 1
+                n_false += 1
             elif slides.slid_mm[where[-1]] < STUCK_MM:
                 at_cone += 1
         firm = where[pressing_n[where] > MIN_FRICTION_FORCE_N]
         if len(firm) and slides.slid_mm[firm[-1]] - slides.slid_mm[firm[0]] > SLID_MM:
             if walk.has_estimate[firm[moving[firm]], leg].mean() < MIN_ESTIMATED_SHARE_REL:
-                beyond += 1
+                n_beyond_range += 1
                 continue
             begun_mm = slides.slid_mm[firm[0]]
             in_time = own[own <= firm[-1]]
             slide_distances_mm.append(
                 max(float(slides.slid_mm[in_time[0]] - begun_mm), 0.0) if len(in_time) else np.inf
             )
-    return _SlipReports(slide_distances_mm, beyond, false, at_cone)
+    return _SlipReports(slide_distances_mm, n_beyond_range, n_false, at_cone)
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
@@ -219,7 +219,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         delay_p50_ms=float(np.percentile(downs[:, 0], 50, method="nearest")),
         delay_p95_ms=float(np.percentile(downs[:, 0], 95, method="nearest")),
         missed_touchdowns=float(np.isinf(downs[:, 0]).mean()),
-        false_touchdowns=sum(one.false for one in flanks),
+        false_touchdowns=sum(one.n_false for one in flanks),
         touchdown_time_rms_ms=_rms(down_ms[:, 1]),
         touchdown_time_rms_sigmas=_rms(down_ms[:, 1] / down_ms[:, 2]),
         n_lift_offs=len(up_ms),
@@ -227,12 +227,12 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         contact_right_share=float((np.concatenate(contacts) == stand).mean()),
         friction=float(np.nanmean(np.abs(np.concatenate(frictions)))),
         normal_error_deg=float(np.concatenate(normals_deg).mean()),
-        n_slides_beyond_range=sum(one.beyond for one in slips),
+        n_slides_beyond_range=sum(one.n_beyond_range for one in slips),
         n_slides=len(slide_distances_mm),
         slid_mm=float(reported_mm.mean()) if len(reported_mm) else float("nan"),
         slid_p95_mm=float(np.percentile(reported_mm, 95)) if len(reported_mm) else float("nan"),
         missed_slides=float(np.isinf(slide_distances_mm).mean()) if len(slide_distances_mm) else float("nan"),
-        false_slips=sum(one.false for one in slips),
+        false_slips=sum(one.n_false for one in slips),
         slips_at_cone=sum(one.slips_at_cone for one in slips),
         friction_coefficient_error=_rms(np.array(last)),
     ), {}

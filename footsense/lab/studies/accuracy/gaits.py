@@ -96,7 +96,7 @@ class SteadyLoadErrors:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Results of the study `gaits`: force errors in motion and at rest.
+    """Results of the study `gaits`: force errors in gaits and under steady loads.
 
     Attributes:
         n_gaits: Random gaits.
@@ -121,10 +121,10 @@ _NO_INPUT_FAULT = _InputFault(_NONE_MISSING)
 
 
 def load_function(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
-    """Return a function from times [s] to a leg's loads, made from a source of single contacts."""
+    """Return a function from times [s] to the loads of one leg, built from a source of contacts."""
 
     def loads(t_s: Vector) -> Loads:
-        """Return the leg's loads at some times [s]."""
+        """Return the leg's loads at the given times [s]."""
         contacts = [source.contact(leg, int(t_ns)) for t_ns in (t_s * 1e9).tolist()]
         return Loads(np.array([one.normal for one in contacts]), np.array([one.force_n for one in contacts]))
 
@@ -245,7 +245,7 @@ def _steady_load_errors(context: StudyContext) -> list[SteadyLoadErrors]:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Evaluate the network on random gaits, walks, walks of imperfect feet, and steady loads."""
+    """Return the network's errors on random gaits, walks, walks with imperfect feet, and steady loads."""
     n_gaits = N_QUICK if context.quick else N_GAITS
     random = random_gaits(
         context.response, TEST_GAIT_SEED, n_gaits, CONVERSIONS, context.foot_design.loads.max_n

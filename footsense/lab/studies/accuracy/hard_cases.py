@@ -38,7 +38,7 @@ def _expected_error_case(name: str, error: type[Exception], attempt: Callable[[]
     except Exception as raised:  # noqa: BLE001  any exception is the measured result
         first = re.split(r"[;(]|, got| of \w+\(", str(raised))[0].strip()
         return Case(name, error.__name__, f"{type(raised).__name__}: {first}", isinstance(raised, error))
-    return Case(name, error.__name__, "no error", held=False)
+    return Case(name, error.__name__, "no error", passed=False)
 
 
 def _small_load_cases(response: FootResponse) -> Iterator[Case]:
@@ -177,7 +177,9 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         groups["The solid"] = _hard_material_cases(context.foot_design)
     tried = {heading: list(cases) for heading, cases in groups.items()}
     for heading, cases in tried.items():
-        context.report_progress(f"{heading}: {sum(case.held for case in cases)} of {len(cases)} as expected")
+        context.report_progress(
+            f"{heading}: {sum(case.passed for case in cases)} of {len(cases)} as expected"
+        )
     return Results(groups=tried), {}
 
 

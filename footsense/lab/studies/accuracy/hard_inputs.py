@@ -40,13 +40,13 @@ class Case:
         name: The input.
         expected: The expected result.
         measured: The measured result.
-        held: Whether it is as expected.
+        passed: Whether it is as expected.
     """
 
     name: str
     expected: str
     measured: str
-    held: bool
+    passed: bool
 
 
 def _float64_graph(context: StudyContext) -> ReferenceEvaluator:
@@ -172,8 +172,8 @@ def _leg_state_case(
     force_n, sigma_n = float(frame.force_n[0, 2]), float(frame.sigma_n[0, 2])
     has_value = state in {State.VALID, State.DEGRADED}
     said = f"fz = {force_n:.3f} N, sigma {1e3 * sigma_n:.1f} mN" if np.isfinite(force_n) else "no force"
-    held = found is state and bool(np.isfinite(force_n)) is has_value
-    return Case(name, state.name, f"{found.name}, {said}", held)
+    passed = found is state and bool(np.isfinite(force_n)) is has_value
+    return Case(name, state.name, f"{found.name}, {said}", passed)
 
 
 def pipeline_cases(context: StudyContext) -> Iterator[Case]:

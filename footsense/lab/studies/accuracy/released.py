@@ -61,7 +61,7 @@ class Results:
     Attributes:
         errors: The error table, by read-out and cases.
         weights: Weights of the network.
-        min_judged_n: Smallest held-out load that counts in errors [N].
+        min_evaluated_force_n: Smallest held-out load that counts in errors [N].
         n_feet: Feet of each batch.
         missing: Errors with missing elements.
         missing_coverage: Coverage with missing elements.
@@ -71,7 +71,7 @@ class Results:
 
     errors: dict[str, ForceErrors]
     weights: int
-    min_judged_n: float
+    min_evaluated_force_n: float
     n_feet: int
     missing: dict[str, ForceErrors]
     missing_coverage: dict[str, SigmaCoverage]
@@ -94,7 +94,7 @@ def _coverage_on_feet(context: StudyContext, tolerances: Tolerances, n_feet: int
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Evaluate the network on held-out loads: on the designed foot, with missing elements, and on other feet."""
+    """Return the network's errors and sigma coverage on held-out loads, with missing elements and on other feet."""
     network, loads = context.network, context.foot_design.loads
     cases = random_loads(context.response, loads, 2000 if context.quick else HELD_OUT_CASES, HELD_OUT_SEED)
     rng = np.random.default_rng(HELD_OUT_SEED)
@@ -120,7 +120,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     results = Results(
         errors=evaluate_models(context.models),
         weights=network.card["training"]["weights"],
-        min_judged_n=loads.min_evaluated_force_n,
+        min_evaluated_force_n=loads.min_evaluated_force_n,
         n_feet=n_feet,
         missing=missing,
         missing_coverage=missing_coverage,

@@ -49,7 +49,7 @@ _TRAINING, _TEST = paper_directions("training"), paper_directions("verification"
 
 @dataclass(frozen=True, slots=True)
 class SensorArray:
-    """A sensor array on the block, one of those of the paper's Fig. 6.
+    """Sensor array on the block, as in the paper's Fig. 6: number, side and pitch of the elements.
 
     Attributes:
         name: The paper's letter.

@@ -21,8 +21,12 @@ from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import plot_band
 
 #: Read-outs by the names of `specimens.estimator_errors`: trained on the design, and trained on the foot.
-DESIGN_TRAINED_READOUTS = {"network": "released network", "plain": "network on ΔC", "change": "linear on ΔC"}
-FOOT_TRAINED_READOUTS = {
+DESIGN_TRAINED_ESTIMATORS = {
+    "network": "released network",
+    "plain": "network on ΔC",
+    "change": "linear on ΔC",
+}
+FOOT_TRAINED_ESTIMATORS = {
     "own_network": "network on ΔC",
     "own_change": "linear on ΔC",
     "own_closure": "linear on closures",
@@ -39,13 +43,13 @@ def distinct_levels(plan: Plan, some: tuple[Sweep, ...]) -> Iterable[tuple[Sweep
     return levels.values()
 
 
-def _figure(results: SweepResults, some: tuple[Sweep, ...], readouts: dict[str, str]) -> Figure:
+def _figure(results: SweepResults, some: tuple[Sweep, ...], estimators: dict[str, str]) -> Figure:
     """Return the figure of mean direction error over the level of each imperfection, with standard deviations."""
     figure = Figure(figsize=(9.0, 5.8), layout="constrained")
     subplot_row = figure.subplots(2, 3, sharey=True).ravel()
     for axes, sweep in zip(subplot_row, some, strict=False):
         levels = results.plan.levels(sweep)
-        for name, label in readouts.items():
+        for name, label in estimators.items():
             statistics = [results.over_feet(sweep, level, f"{name}_deg") for level in levels]
             plot_band(axes, levels, statistics, color=_COLOURS[label], label=label)
         axes.axhline(evaluate.MEASURED_DIRECTION_DEG, color="k", ls=":", label="the paper, measured")
@@ -77,8 +81,8 @@ def run_study(
         f"tolerance: {plan.feet} feet at each level of fabrication, {plan.with_network} at each of the test stand"
     )
     figures = {
-        "tolerance-feet.png": _figure(results, sweeps.FOOT_SWEEPS, DESIGN_TRAINED_READOUTS),
-        "tolerance-test-stand.png": _figure(results, sweeps.TEST_STAND_SWEEPS, FOOT_TRAINED_READOUTS),
+        "tolerance-feet.png": _figure(results, sweeps.FOOT_SWEEPS, DESIGN_TRAINED_ESTIMATORS),
+        "tolerance-test-stand.png": _figure(results, sweeps.TEST_STAND_SWEEPS, FOOT_TRAINED_ESTIMATORS),
     }
     return results, figures
 

@@ -113,7 +113,7 @@ def _step_loads(rng: np.random.Generator) -> Callable[[Vector], Loads]:
     around = rng.uniform(0.0, 2.0 * np.pi)
 
     def loads(t_s: Vector) -> Loads:
-        """Return the loads at some times [s]."""
+        """Return the loads at the given times [s]."""
         rise = np.clip((t_s % (2.0 * _ON_S) - _ON_S) / RISE_S, 0.0, 1.0)
         normal, direction = (
             np.array([np.sin(lean) * np.cos(around), np.sin(lean) * np.sin(around), np.cos(lean)])
@@ -197,7 +197,7 @@ def _n_long_runs(beyond: Mask) -> int:
 def _method_errors(
     load: str, method: str, answer: _ForceEstimate, windows: GaitWindows, whole: Mask, judged: Mask
 ) -> MethodErrors:
-    """Return the errors of one method over the judged windows of one kind of load."""
+    """Return the errors of one method over the evaluated windows of one kind of load."""
     off_n = answer.force_n - windows.force_n
     sigmas = np.abs(off_n / answer.sigma_n)
     beyond = np.zeros(whole.shape, bool)
@@ -270,7 +270,7 @@ def meets_rule(results: Results, method: str) -> bool:
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Evaluate network, least-squares fits and Kalman filter on the same windows."""
+    """Return errors and times of network, least-squares fits and Kalman filter on the same windows."""
     model = ContactModel(context.response)
     readings, names = _readings(context)
     windows, whole = windows_of(readings), complete_windows(readings)

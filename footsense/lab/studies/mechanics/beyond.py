@@ -185,7 +185,7 @@ def _errors_by_contact_angle(
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Evaluate the estimators under leaning loads, and with a second contact."""
+    """Return the force errors under leaning loads and with a second contact, with figures."""
     tested = _EstimatorsUnderTest(context)
     lean, within = leaning_load_errors(tested)
     context.report_progress(f"beyond: {len(LEANS_DEG)} leans read")

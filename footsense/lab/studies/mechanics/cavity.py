@@ -246,7 +246,7 @@ def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator)
 
 
 def hand_reading_errors(context: StudyContext, leak_time_s: float, epochs: int) -> ForceErrors:
-    """Return the errors of the paper's procedure on a leaking foot that is read by hand, by leak time [s]."""
+    """Return the errors of the paper's procedure on a leaking foot read by hand, element by element."""
     foot = Foot(replace(context.response, cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
     rng = np.random.default_rng(SEED)
     training, test = (

@@ -56,24 +56,24 @@ class Results:
     Attributes:
         n_loads: The paper's loads.
         seconds_per_load: Time of a load [s], by model.
-        against_contact: Differences from `contact`.
+        differences_from_contact_level: Differences from `contact`.
         formula_variants: Differences of the variants of the formula from `contact`.
         sheet_force_share: Smallest and largest share of the vertical force that the formula puts on the sheet [1].
         modulus_ratio: Contact modulus of the rubber over that of PDMS [1].
         forward: One solve per load, beside the table.
         forward_on_coarse_mesh: Whether those solves are on a coarser mesh than the table's.
-        against_full: The cheap models beside the full solve; None in the quick form.
+        differences_from_finite_strain: The cheap models beside the full solve; None in the quick form.
     """
 
     n_loads: int
     seconds_per_load: dict[str, float]
-    against_contact: Differences
+    differences_from_contact_level: Differences
     formula_variants: Differences
     sheet_force_share: tuple[float, float]
     modulus_ratio: float
     forward: ForwardAgainstTable
     forward_on_coarse_mesh: bool
-    against_full: DifferencesFromFullSolve | None
+    differences_from_finite_strain: DifferencesFromFullSolve | None
 
 
 def _time_levels(
@@ -173,13 +173,13 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     results = Results(
         n_loads=len(loads),
         seconds_per_load=seconds,
-        against_contact=apart,
+        differences_from_contact_level=apart,
         formula_variants=formula,
         sheet_force_share=carried_rel,
         modulus_ratio=foot_design.rubber.hertz_mpa / foot_design.pdms.hertz_mpa,
         forward=forward,
         forward_on_coarse_mesh=context.quick,
-        against_full=full,
+        differences_from_finite_strain=full,
     )
     return results, figures
 

@@ -74,7 +74,7 @@ class SensorDesign:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignFigures:
-    """Capacitance, closure, sensitivity, force range and read-out errors of one foot design.
+    """Capacitance, closure, sensitivity, force range and force errors of one sensor design.
 
     Attributes:
         unloaded_pf: Capacitance of an unloaded element [pF].

@@ -67,14 +67,14 @@ class MeshResult(ComputeTime):
         order: Polynomial order of the elements.
         unknowns: Number of unknowns of the equations.
         corner_closure_um: Closure of a corner under the upright load [um].
-        worst_error_rel: Largest relative error of a closure [1], upright and inclined.
+        max_error_rel: Largest relative error of a closure [1], upright and inclined.
     """
 
     name: str
     order: int
     unknowns: int
     corner_closure_um: float
-    worst_error_rel: list[float]
+    max_error_rel: list[float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,7 +178,7 @@ def _solve_meshes(context: StudyContext) -> list[MeshResult]:
             order=size.order,
             unknowns=found.unknowns,
             corner_closure_um=found.closure_um[0].max(),
-            worst_error_rel=[
+            max_error_rel=[
                 _largest_relative_error(own, of) for own, of in zip(found.closure_um, best, strict=False)
             ],
         )
@@ -268,14 +268,14 @@ def _figure(meshes: Sequence[MeshResult]) -> Figure:
     names = ("upright, 1 N", f"{INCLINED_DEG:g} deg, 1 N")
     for load, (name, marker) in enumerate(zip(names, "os", strict=True)):
         points = [
-            (mesh.processor_s, 100.0 * mesh.worst_error_rel[load])
+            (mesh.processor_s, 100.0 * mesh.max_error_rel[load])
             for mesh in meshes
-            if len(mesh.worst_error_rel) > load and mesh.worst_error_rel[load] > 0.0
+            if len(mesh.max_error_rel) > load and mesh.max_error_rel[load] > 0.0
         ]
         axes.plot(*zip(*sorted(points), strict=True), marker + "-", label=name, alpha=0.8)
     for mesh in meshes:
-        if mesh.worst_error_rel[0] > 0.0:
-            place = (mesh.processor_s, 100.0 * mesh.worst_error_rel[0])
+        if mesh.max_error_rel[0] > 0.0:
+            place = (mesh.processor_s, 100.0 * mesh.max_error_rel[0])
             axes.annotate(mesh.name, place, xytext=(5, 6), textcoords="offset points", fontsize=8)
     axes.axhline(1.0, color="k", lw=0.8, ls="--", label="target")
     axes.set(xscale="log", yscale="log", xlabel="processor time [s]", ylabel="worst error of a closure [%]")

@@ -86,11 +86,11 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
             for n in neurons
             for seed in range(seeds)
         ]
-        readouts = training.train(starts, epochs)
-        at_paper = [evaluate_force_errors(paper.force_n, read(paper.closure_um)) for read in readouts]
+        estimators = training.train(starts, epochs)
+        at_paper = [evaluate_force_errors(paper.force_n, read(paper.closure_um)) for read in estimators]
         at_others = [
             [evaluate_force_errors(cases.force_n, read(cases.closure_um)) for cases in others]
-            for read in readouts
+            for read in estimators
         ]
         figures = (
             [row.direction_deg for row in at_paper],

@@ -111,7 +111,7 @@ def _train_epochs(
 
 
 def _processor_s() -> float:
-    """Return the processor time of this process [s]; other processes do not count."""
+    """Return the CPU time used by this process [s]."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
 

@@ -21,9 +21,9 @@ import jax.numpy as jnp
 import optax
 
 #: Growth and shrinkage of a step [1].
-GROW, SHRINK = 1.2, 0.5
+STEP_GROWTH, STEP_SHRINKAGE = 1.2, 0.5
 #: First, smallest and largest step, in the unit of the weights.
-FIRST_STEP, LEAST_STEP, LARGEST_STEP = 0.1, 1e-6, 50.0
+INITIAL_STEP, MIN_STEP, MAX_STEP = 0.1, 1e-6, 50.0
 
 
 class RpropState(NamedTuple):
@@ -43,14 +43,14 @@ class RpropState(NamedTuple):
 def _initial_state(weights: Any) -> RpropState:
     """Return the optimiser state before the first epoch."""
     zero = jax.tree.map(jnp.zeros_like, weights)
-    return RpropState(jax.tree.map(lambda w: jnp.full_like(w, FIRST_STEP), weights), zero, zero)
+    return RpropState(jax.tree.map(lambda w: jnp.full_like(w, INITIAL_STEP), weights), zero, zero)
 
 
 def _update_array(gradient: Any, step_size: Any, previous_gradient: Any, last_weight_step: Any) -> RpropState:
     """Return the optimiser state of one weight array after an epoch."""
     agreement = jnp.sign(gradient) * jnp.sign(previous_gradient)
-    factor = jnp.where(agreement > 0.0, GROW, jnp.where(agreement < 0.0, SHRINK, 1.0))
-    step_size = jnp.clip(step_size * factor, LEAST_STEP, LARGEST_STEP)
+    factor = jnp.where(agreement > 0.0, STEP_GROWTH, jnp.where(agreement < 0.0, STEP_SHRINKAGE, 1.0))
+    step_size = jnp.clip(step_size * factor, MIN_STEP, MAX_STEP)
     overshot = agreement < 0.0
     weight_step = jnp.where(overshot, -last_weight_step, -jnp.sign(gradient) * step_size)
     return RpropState(step_size, jnp.where(overshot, 0.0, gradient), weight_step)
