@@ -170,7 +170,7 @@ class Pipeline:
         unloaded = baselines.unloaded
         readings = self._window.add(self._distance_pf / pf, scan.t_ns)
         missing = self._missing_elements(elements, unloaded)
-        closure_rel = unloaded.distance_rel[:, None] - readings.distance_rel
+        closure_rel = unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
         measured_rel = closure_rel[:, 0]
         consistency = self._consistency.test(measured_rel, readings.motion_rel, missing, now_ns)
         if not consistency.is_all_ok:

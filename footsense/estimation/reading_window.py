@@ -20,7 +20,7 @@ class Readings(NamedTuple):
     """Last three readings of every element of all legs, newest first.
 
     Attributes:
-        distance_rel: Plate distances over the gap [1], shape (legs, 3, 9), NaN where there is none.
+        plate_distance_rel: Plate distances over the gap [1], shape (legs, 3, 9), NaN where there is none.
         t_ns: Middle of each conversion [ns], same shape; 0 where there is none.
         is_consecutive: Elements whose newest two readings follow on one another, shape (legs, elements).
         newest_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
@@ -28,7 +28,7 @@ class Readings(NamedTuple):
         motion_rel: Second largest change of an element from one reading to the next [1], shape (legs,).
     """
 
-    distance_rel: Vector
+    plate_distance_rel: Vector
     t_ns: Stamps
     is_consecutive: Mask
     newest_ns: Stamps
@@ -50,19 +50,19 @@ class ReadingWindow:
         self._t_ns = np.zeros((n_legs, READINGS, self._n_elements), np.int64)
         self._longest_ns = np.array(round(MAX_READING_INTERVAL_REL * scan_ns))
 
-    def add(self, distance_rel: Vector, t_ns: Stamps) -> Readings:
+    def add(self, plate_distance_rel: Vector, t_ns: Stamps) -> Readings:
         """Add the new readings of a frame; return the last three readings of every element.
 
         If only the newest two readings of an element follow on one another, the second stands for the third as well:
         over random gaits no error exceeds 7 sigma then, and a third on a line with the two gives up to 370 sigma.
 
         Args:
-            distance_rel: Plate distances over the gap [1], shape (legs, elements), NaN where there is none.
+            plate_distance_rel: Plate distances over the gap [1], shape (legs, elements), NaN where there is none.
             t_ns: Middle of each element's conversion [ns], same shape.
         """
         kept_rel, kept_ns = self._distance_rel, self._t_ns
         new = t_ns != kept_ns[:, 0]
-        for kept, now in ((kept_rel, distance_rel), (kept_ns, t_ns)):
+        for kept, now in ((kept_rel, plate_distance_rel), (kept_ns, t_ns)):
             np.copyto(kept[:, 2], kept[:, 1], where=new)
             np.copyto(kept[:, 1], kept[:, 0], where=new)
             np.copyto(kept[:, 0], now)
@@ -100,13 +100,13 @@ class ReadingWindow:
         self._distance_rel[:, 0][elements] = np.nan
 
 
-def _without_spikes(distance_rel: Vector) -> None:
+def _without_spikes(plate_distance_rel: Vector) -> None:
     """Replace, in place, a middle reading that is far from its two agreeing neighbours by their mean.
 
     Args:
-        distance_rel: The readings of each element, newest first [1], shape (legs, 3, 9).
+        plate_distance_rel: The readings of each element, newest first [1], shape (legs, 3, 9).
     """
-    newest, middle, oldest = distance_rel.transpose(1, 0, 2)
+    newest, middle, oldest = plate_distance_rel.transpose(1, 0, 2)
     mean_rel = (newest + oldest) / 2.0
     spike_rel = np.abs(middle - mean_rel)
     wrong = (spike_rel > _SPIKE_THRESHOLD_REL) & (

@@ -65,7 +65,7 @@ def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -
         order=CONVERSION_ORDERS[order],
         t_ns=t_ns,
         sent_ns=t_ns + lead_ns,
-        distance_rel=np.array(values)[:, None],
+        plate_distance_rel=np.array(values)[:, None],
         unloaded_rel=np.zeros((1, 9)),
     )
 

@@ -21,14 +21,14 @@ class FootFault(NamedTuple):
         elements: Flat indices of its elements.
         observation: The fault in words.
         advice: The parts to look at.
-        is_fit: Whether the readings may be those of a sound foot, only of another one than expected.
+        foot_may_be_sound: Whether the readings may be those of a sound foot, only of another one than expected.
     """
 
     cause: Cause
     elements: tuple[int, ...]
     observation: str
     advice: str
-    is_fit: bool = False
+    foot_may_be_sound: bool = False
 
 
 #: Faults of a leg's chips by the readings that show them, the gravest first: of all elements of the foot.
@@ -162,7 +162,7 @@ def foot_faults(
         advice = (
             "that nothing presses the foot; then put its readings below into the configuration as unloaded_pf"
         )
-        broken.append(FootFault(Cause.NONE, _indices(off), observation, advice, is_fit=True))
+        broken.append(FootFault(Cause.NONE, _indices(off), observation, advice, foot_may_be_sound=True))
     return tuple(broken)
 
 

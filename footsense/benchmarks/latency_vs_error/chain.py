@@ -106,14 +106,14 @@ class Readings:
         order: Elements in the order of the scan.
         t_ns: Middle of each conversion [ns], shape (conversions,).
         sent_ns: Time at which a force that ends with it is sent [ns], same shape.
-        distance_rel: Distance of the plates over the gap [1], shape (conversions, feet).
+        plate_distance_rel: Distance of the plates over the gap [1], shape (conversions, feet).
         unloaded_rel: The same at the tare [1], shape (feet, 9).
     """
 
     order: tuple[int, ...]
     t_ns: Stamps
     sent_ns: Stamps
-    distance_rel: Vector
+    plate_distance_rel: Vector
     unloaded_rel: Vector
 
     def latest_by_element(self) -> tuple[Vector, Stamps]:
@@ -123,8 +123,8 @@ class Readings:
             Distances [1] and time stamps [ns], shape (conversions, feet, 9) each.
         """
         numbers = latest_conversion_indices(self.order, len(self.t_ns))
-        distance_rel = self.distance_rel[numbers].swapaxes(1, 2)
-        return distance_rel, np.broadcast_to(self.t_ns[numbers][:, None], distance_rel.shape)
+        plate_distance_rel = self.plate_distance_rel[numbers].swapaxes(1, 2)
+        return plate_distance_rel, np.broadcast_to(self.t_ns[numbers][:, None], plate_distance_rel.shape)
 
 
 def true_loads(feet: Sequence[FootLoad], t_ns: Stamps) -> tuple[Vector, Vector]:
@@ -163,6 +163,6 @@ def simulate_conversions(
         order=order,
         t_ns=t_ns,
         sent_ns=t_ns + send_delay_ns,
-        distance_rel=design.plate_distance_um(read_pf) / design.gap_um,
+        plate_distance_rel=design.plate_distance_um(read_pf) / design.gap_um,
         unloaded_rel=design.plate_distance_um(baseline_pf) / design.gap_um,
     )

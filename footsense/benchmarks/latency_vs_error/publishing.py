@@ -45,11 +45,11 @@ def conversion_windows(readings: Readings) -> Window:
     n_feet = len(readings.unloaded_rel)
     kept = ReadingWindow((n_feet, ELEMENTS), ELEMENTS * int(readings.t_ns[1] - readings.t_ns[0]))
     closure_rel, age_s = [], []
-    for distance_rel, t_ns, now_ns in zip(
+    for plate_distance_rel, t_ns, now_ns in zip(
         *readings.latest_by_element(), readings.sent_ns[ELEMENTS - 1 :], strict=True
     ):
-        last = kept.add(distance_rel, t_ns)
-        closure_rel.append(readings.unloaded_rel[:, None] - last.distance_rel)
+        last = kept.add(plate_distance_rel, t_ns)
+        closure_rel.append(readings.unloaded_rel[:, None] - last.plate_distance_rel)
         age_s.append((now_ns - last.t_ns) * 1e-9)
     closures_rel = np.concatenate(closure_rel[_CONVERSIONS_TO_FILL_WINDOW:])
     return Window(

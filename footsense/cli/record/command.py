@@ -122,7 +122,7 @@ def record(
         )
         guide.report = click.echo  # the picture is not drawn again
         guide.close()
-    _print_session(out, guide, service.reference)
+    _print_session_summary(out, guide, service.reference)
     _write_coverage_figure(out, guide, f"{foot}, session {run.session}")
     if guide.findings:
         raise CalibrationError(f"{out} is kept, but do not calibrate with it: {'; '.join(guide.findings)}")
@@ -166,7 +166,7 @@ def _session_end_s(scene: Scene | None) -> float:
     return load.end_ns / _NS_PER_S + _PAUSE_AFTER_SESSION_S if isinstance(load, PressSequence) else math.inf
 
 
-def _print_session(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
+def _print_session_summary(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
     """Print coverage, rejected presses, next load, and statistics of the reference sensor."""
     click.echo(f"{out}: {guide.coverage.progress_text()}")
     if guide.rejected:

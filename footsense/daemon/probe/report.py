@@ -64,7 +64,7 @@ class ProbedLeg(NamedTuple):
     @property
     def unloaded_pf(self) -> list[float] | None:
         """Mean reading of each element, for `unloaded_pf` of the configuration [pF]; None for a faulty foot."""
-        if self.scans is None or not all(fault.is_fit for fault in self.faults):
+        if self.scans is None or not all(fault.foot_may_be_sound for fault in self.faults):
             return None
         mean_pf = self.scans.mean_pf
         return [round(value, 3) for value in mean_pf.tolist()] if np.isfinite(mean_pf).all() else None

@@ -13,14 +13,14 @@ class UnloadedFeet(NamedTuple):
 
     Attributes:
         baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none.
-        distance_rel: Plate distances over the gap [1], shape (legs, elements).
+        plate_distance_rel: Plate distances over the gap [1], shape (legs, elements).
         untared_legs: Legs without any baseline, shape (legs,).
         untared: Elements without a baseline on legs that have others, shape (legs, elements).
         complete: Whether every element of every leg has a baseline.
     """
 
     baseline_pf: Vector
-    distance_rel: Vector
+    plate_distance_rel: Vector
     untared_legs: Mask
     untared: Mask
     complete: bool
@@ -38,7 +38,7 @@ def unloaded_feet(baseline_pf: Vector, design: CapacitorDesign, gain_rel: Vector
     untared_legs: Mask = np.asarray(missing.all(axis=1))
     return UnloadedFeet(
         baseline_pf=baseline_pf,
-        distance_rel=design.plate_distance_um(baseline_pf) / design.gap_um / gain_rel,
+        plate_distance_rel=design.plate_distance_um(baseline_pf) / design.gap_um / gain_rel,
         untared_legs=untared_legs,
         untared=missing & ~untared_legs[:, None],
         complete=not missing.any(),

@@ -36,7 +36,7 @@ class Signal(msgspec.Struct, frozen=True):
 
 
 def input_signals(rows: int) -> tuple[Signal, ...]:
-    """Return the inputs of the network of a foot with `rows` rows and columns of elements."""
+    """Return name, width, unit and order of each input of the network of a foot with rows x rows elements."""
     elements = f"flat index {rows} * row + column, row 0 most forward, column 0 leftmost"
     readings = f"newest, the one before, the one before that, each by {elements}"
     return (

@@ -104,7 +104,7 @@ class Body:
         return self._relative_to_floor(self.state.components)
 
     @property
-    def floor_mm(self) -> Vector:
+    def floor_position_mm(self) -> Vector:
         """Current position of the floor [mm], shape (3,)."""
         position = np.zeros(3)
         for axis, component in zip(self._axes, self.state.components[3:], strict=True):

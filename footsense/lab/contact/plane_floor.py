@@ -98,7 +98,7 @@ class PlaneFloor:
         for axis, target_n in zip(self._case.floor_axes, self.target_n, strict=True):
             target_n.Set(fraction * self._case.meshed_share * self._case.force_n[axis])
         start, low, high = (
-            self._body.floor_mm,
+            self._body.floor_position_mm,
             0.0,
             self._case.hertz_radius_mm**2 / self._case.design.ball_radius_mm,
         )
@@ -128,6 +128,6 @@ class PlaneFloor:
         pressure.Set(self._contact_pressure_mpa(self._moved), definedon=self._region, bonus_intorder=5)
         return ContactPatch(
             radius_mm=self._equal_area_radius_mm(),
-            approach_mm=float(self._case.normal @ self._body.floor_mm),
+            approach_mm=float(self._case.normal @ self._body.floor_position_mm),
             peak_pressure_mpa=float(pressure.vec.FV().NumPy().max()),
         )

@@ -77,7 +77,7 @@ def _screen_batch(model: ClosureModel, wishes: Wishes, feet: Candidates) -> Scre
     able = np.flatnonzero(range_n >= wishes.max_n)
     if len(able):
         some = Influence(influence.point[able], influence.patch[able])
-        direction[able], magnitude[able] = _mean_bounds(model, some, feet.select(able), wishes)
+        direction[able], magnitude[able] = _mean_error_bounds(model, some, feet.select(able), wishes)
     return ScreeningResult(range_n, limit, direction, magnitude)
 
 
@@ -117,7 +117,7 @@ def closure_sigma_um(board: Converter, feet: Candidates, closure_um: Vector) -> 
     return sigma
 
 
-def _mean_bounds(
+def _mean_error_bounds(
     model: ClosureModel, influence: Influence, feet: Candidates, wishes: Wishes
 ) -> tuple[Vector, Vector]:
     """Return Cramer-Rao bounds of direction [deg] and relative magnitude [1], averaged over loads, (n,) each."""

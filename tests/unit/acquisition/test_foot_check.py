@@ -32,7 +32,7 @@ def test_noise_is_told_by_its_amount_and_judged_by_nothing_else() -> None:
     (noise,) = found(scans)
     assert noise.elements == (4,)
     assert noise.observation.startswith("noise of up to 547.7 fF")
-    assert not noise.is_fit
+    assert not noise.foot_may_be_sound
 
 
 def test_another_foot_than_expected_is_fit_to_be_configured() -> None:
@@ -40,7 +40,7 @@ def test_another_foot_than_expected_is_fit_to_be_configured() -> None:
     scans = foot()
     scans.capacitance_pf[:, 7] = 5.0
     (off,) = found(scans)
-    assert (off.elements, off.is_fit) == ((7,), True)
+    assert (off.elements, off.foot_may_be_sound) == ((7,), True)
     assert "element 7 reads -7.5%" in off.observation
 
 

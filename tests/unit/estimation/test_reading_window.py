@@ -20,14 +20,14 @@ class Leg:
     def __init__(self) -> None:
         self._window = ReadingWindow((1, 9), SCAN_NS)
         self.t_ns = np.zeros((1, ELEMENTS), np.int64)
-        self.distance_rel = np.full((1, ELEMENTS), np.nan)
+        self.plate_distance_rel = np.full((1, ELEMENTS), np.nan)
 
-    def read(self, distance_rel: Vector | float, t_ns: Stamps | int, *elements: int) -> Readings:
+    def read(self, plate_distance_rel: Vector | float, t_ns: Stamps | int, *elements: int) -> Readings:
         """Read some elements anew, all without any named, and return the window."""
         read = np.isin(np.arange(ELEMENTS), elements or range(ELEMENTS))
-        self.distance_rel = np.where(read, distance_rel, self.distance_rel)
+        self.plate_distance_rel = np.where(read, plate_distance_rel, self.plate_distance_rel)
         self.t_ns = np.where(read, t_ns, self.t_ns)
-        return self._window.add(self.distance_rel, self.t_ns)
+        return self._window.add(self.plate_distance_rel, self.t_ns)
 
     def scans(self, n: int = 3, start_ns: int = SCAN_NS) -> Readings:
         """Read n whole scans whose distances are their numbers, and return the last window."""
@@ -47,7 +47,7 @@ def times_ns(readings: Readings) -> tuple[int, int]:
 def test_three_scans_are_a_window() -> None:
     """The newest first, each with its own stamp."""
     readings = Leg().scans(5)
-    np.testing.assert_array_equal(readings.distance_rel[0], np.repeat([[4.0], [3.0], [2.0]], 9, axis=1))
+    np.testing.assert_array_equal(readings.plate_distance_rel[0], np.repeat([[4.0], [3.0], [2.0]], 9, axis=1))
     np.testing.assert_array_equal(readings.t_ns[0], np.repeat([[5], [4], [3]], 9, axis=1) * SCAN_NS)
     assert readings.is_consecutive.all()
     assert times_ns(readings) == (5 * SCAN_NS, 5 * SCAN_NS)
@@ -59,7 +59,7 @@ def test_a_reading_of_one_element_moves_no_other() -> None:
     for n in range(31):
         readings = leg.read(float(n), (n + 1) * STEP_NS, n % ELEMENTS)
     ages = (30 - np.arange(ELEMENTS)) % ELEMENTS + ELEMENTS * np.arange(3)[:, None]
-    np.testing.assert_array_equal(readings.distance_rel[0], 30.0 - ages)
+    np.testing.assert_array_equal(readings.plate_distance_rel[0], 30.0 - ages)
     np.testing.assert_array_equal(readings.t_ns[0], (31 - ages) * STEP_NS)
     assert readings.is_consecutive.all()
     assert times_ns(readings) == (31 * STEP_NS, 23 * STEP_NS)
@@ -71,9 +71,9 @@ def test_an_element_is_whole_with_its_second_reading() -> None:
     assert not leg.read(5.0, SCAN_NS).is_consecutive.any()
     readings = leg.read(7.0, SCAN_NS + 20_000_000)
     assert readings.is_consecutive.all()
-    np.testing.assert_array_equal(readings.distance_rel[0, :, 0], [7.0, 5.0, 5.0])
+    np.testing.assert_array_equal(readings.plate_distance_rel[0, :, 0], [7.0, 5.0, 5.0])
     np.testing.assert_array_equal(readings.t_ns[0, :, 0] - SCAN_NS, [20_000_000, 0, -20_000_000])
-    assert leg.read(8.0, 3 * SCAN_NS).distance_rel[0, :, 0].tolist() == [8.0, 7.0, 5.0]
+    assert leg.read(8.0, 3 * SCAN_NS).plate_distance_rel[0, :, 0].tolist() == [8.0, 7.0, 5.0]
 
 
 @pytest.mark.parametrize(("gap_ns", "whole"), [(SHORT_NS, True), (LONG_NS, False), (0, True), (-1, False)])
@@ -85,7 +85,7 @@ def test_readings_on_both_sides_of_a_stall_make_no_window(gap_ns: int, *, whole:
     after = leg.read(10.0, 4 * SCAN_NS + gap_ns)
     assert after.is_consecutive.all()
     assert (
-        after.distance_rel[0, :, 0].tolist() == [10.0, 9.0, 9.0 if gap_ns in (LONG_NS, -1) else 2.0]
+        after.plate_distance_rel[0, :, 0].tolist() == [10.0, 9.0, 9.0 if gap_ns in (LONG_NS, -1) else 2.0]
         or not gap_ns
     )
 
@@ -97,9 +97,9 @@ def test_a_reading_that_is_no_number_takes_its_element_out_for_one_more(number: 
     leg.scans()
     whole = []
     for n in range(4):
-        distance_rel = np.full(ELEMENTS, 3.0)
-        distance_rel[4] = number if n == 0 else 3.0
-        readings = leg.read(distance_rel, (4 + n) * SCAN_NS)
+        plate_distance_rel = np.full(ELEMENTS, 3.0)
+        plate_distance_rel[4] = number if n == 0 else 3.0
+        readings = leg.read(plate_distance_rel, (4 + n) * SCAN_NS)
         assert np.delete(readings.is_consecutive[0], 4).all()
         whole.append(bool(readings.is_consecutive[0, 4]))
     assert whole == [False, False, True, True]
@@ -117,7 +117,7 @@ def test_a_discarded_reading_is_in_no_later_window() -> None:
     assert np.flatnonzero(~leg.read(3.0, 5 * SCAN_NS).is_consecutive[0]).tolist() == [4]
     readings = leg.read(3.0, 6 * SCAN_NS)
     assert readings.is_consecutive.all()
-    assert readings.distance_rel[0, :, 4].tolist() == [3.0, 3.0, 3.0]
+    assert readings.plate_distance_rel[0, :, 4].tolist() == [3.0, 3.0, 3.0]
     assert readings.motion_rel == 0.0
 
 
@@ -126,7 +126,7 @@ def test_a_frame_of_the_same_stamps_corrects_the_newest_readings() -> None:
     leg = Leg()
     leg.scans()
     readings = leg.read(7.0, 3 * SCAN_NS)
-    assert readings.distance_rel[0, :, 0].tolist() == [7.0, 1.0, 0.0]
+    assert readings.plate_distance_rel[0, :, 0].tolist() == [7.0, 1.0, 0.0]
 
 
 def test_motion_is_that_of_the_second_fastest_element() -> None:
@@ -164,8 +164,8 @@ def test_legs_do_not_mix() -> None:
         t_ns = np.repeat([[n + 1], [0]], ELEMENTS, axis=1) * SCAN_NS
         readings = window.add(np.where(t_ns > 0, float(n), np.nan), t_ns)
     assert readings.is_consecutive.all(axis=1).tolist() == [True, False]
-    np.testing.assert_array_equal(readings.distance_rel[0], np.repeat([[2.0], [1.0], [0.0]], 9, axis=1))
-    assert np.isnan(readings.distance_rel[1]).all()
+    np.testing.assert_array_equal(readings.plate_distance_rel[0], np.repeat([[2.0], [1.0], [0.0]], 9, axis=1))
+    assert np.isnan(readings.plate_distance_rel[1]).all()
 
 
 @pytest.mark.parametrize("beside", [True, False])
@@ -175,12 +175,12 @@ def test_one_wrong_reading_is_replaced_by_those_beside_it(spike: float, *, besid
     window = ReadingWindow((2, 9), SCAN_NS)
     seen = []
     for n in range(7):
-        distance_rel = np.full((2, ELEMENTS), 1.0 - 0.01 * n)
-        distance_rel[0, 4] += spike * (n == 3)
+        plate_distance_rel = np.full((2, ELEMENTS), 1.0 - 0.01 * n)
+        plate_distance_rel[0, 4] += spike * (n == 3)
         t_ns = np.full((2, ELEMENTS), (n + 1) * SCAN_NS)
         if beside:
-            distance_rel[1], t_ns[1] = np.nan, 0
-        seen.append(window.add(distance_rel, t_ns).distance_rel[0, :, 4].copy())
+            plate_distance_rel[1], t_ns[1] = np.nan, 0
+        seen.append(window.add(plate_distance_rel, t_ns).plate_distance_rel[0, :, 4].copy())
     assert seen[3][0] == pytest.approx(0.97 + spike)
     for n in (4, 5, 6):
         np.testing.assert_allclose(seen[n], 1.0 - 0.01 * (n - np.arange(3)))
@@ -192,11 +192,11 @@ def test_a_step_of_the_load_is_no_wrong_reading() -> None:
         leg = Leg()
         leg.scans()
         for n in range(3):
-            distance_rel = np.full(ELEMENTS, 2.0)
-            distance_rel[changed] += size * (n < n_scans)
-            readings = leg.read(distance_rel, (4 + n) * SCAN_NS)
+            plate_distance_rel = np.full(ELEMENTS, 2.0)
+            plate_distance_rel[changed] += size * (n < n_scans)
+            readings = leg.read(plate_distance_rel, (4 + n) * SCAN_NS)
         expected = 2.0 + size * (np.arange(3) < n_scans)
-        np.testing.assert_allclose(readings.distance_rel[0, ::-1, 4], expected)
+        np.testing.assert_allclose(readings.plate_distance_rel[0, ::-1, 4], expected)
 
 
 #: Time since the last frame over a scan, the elements that are read, and whether each gives a number.
@@ -216,19 +216,19 @@ def test_a_window_is_the_last_readings_whatever_comes(
 ) -> None:
     """Against lists: an element is whole if its last two readings are numbers and at most 1.75 scans apart."""
     window, t_now_ns = ReadingWindow((1, 9), SCAN_NS), 10 * SCAN_NS
-    distance_rel, t_ns = np.full((1, ELEMENTS), np.nan), np.zeros((1, ELEMENTS), np.int64)
+    plate_distance_rel, t_ns = np.full((1, ELEMENTS), np.nan), np.zeros((1, ELEMENTS), np.int64)
     lists: list[list[tuple[float, int]]] = [[(np.nan, 0)] * 3 for _ in range(ELEMENTS)]
     for number, (scans, read, holed) in enumerate(told):
         t_now_ns += round(scans * SCAN_NS)
         for element in read:
             value = np.nan if element in holed else float(number + element)
-            distance_rel[0, element] = value
+            plate_distance_rel[0, element] = value
             if t_ns[0, element] == t_now_ns:
                 lists[element][-1] = (value, t_now_ns)
             else:
                 t_ns[0, element] = t_now_ns
                 lists[element].append((value, t_now_ns))
-        readings = window.add(distance_rel, t_ns)
+        readings = window.add(plate_distance_rel, t_ns)
         for element, kept in enumerate(lists):
             (third, third_ns), (second, second_ns), (first, first_ns) = kept[-3:]
             follows = [
@@ -242,7 +242,7 @@ def test_a_window_is_the_last_readings_whatever_comes(
             if not follows[1]:
                 third, third_ns = second, 2 * second_ns - first_ns
             if follows[0]:
-                assert readings.distance_rel[0, :, element].tolist() == [first, second, third]
+                assert readings.plate_distance_rel[0, :, element].tolist() == [first, second, third]
                 assert readings.t_ns[0, :, element].tolist() == [first_ns, second_ns, third_ns]
         assert np.isfinite(readings.motion_rel).all()
         assert (readings.motion_rel >= 0.0).all()

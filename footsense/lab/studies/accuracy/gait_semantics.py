@@ -31,7 +31,7 @@ MIN_ESTIMATED_SHARE_REL = 0.5
 #: A slip is false if friction use stayed so far below the ground's coefficient for the last conversions.
 FALSE_SLIP_MARGIN, FALSE_SLIP_CONVERSIONS = 0.05, 30
 #: Touchdowns that were reported later do not count in the error of the back-dated time [ms].
-_MAX_BACK_DATING_DELAY_MS = 60.0
+_MAX_SCORED_REPORT_DELAY_MS = 60.0
 #: Time after a stance in which a word belongs to it [s].
 _REPORT_AFTER_STANCE_S = 0.08
 
@@ -195,7 +195,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     downs = np.array([row for one in flanks for row in one.touchdowns])
     ups = np.array([row for one in flanks for row in one.lift_offs])
     slide_distances_mm = np.array([way for one in slips for way in one.slide_distances_mm])
-    down_ms, up_ms = downs[downs[:, 0] < _MAX_BACK_DATING_DELAY_MS], ups[np.isfinite(ups[:, 0])]
+    down_ms, up_ms = downs[downs[:, 0] < _MAX_SCORED_REPORT_DELAY_MS], ups[np.isfinite(ups[:, 0])]
     frictions, normals_deg, stands, contacts = [], [], [], []
     for walk in walks:
         use, pressing_n = _friction_use(walk.force_n, walk.normal)

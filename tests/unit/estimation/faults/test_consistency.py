@@ -283,16 +283,16 @@ def test_a_sound_foot_in_motion_is_never_blamed(
 ) -> None:
     """Nine elements read one after the other while a load comes, stays and goes: none is excluded, however fast."""
     window, consistency = ReadingWindow((1, 9), SCAN_NS), ConsistencyTest(1, MOMENTS, SETTLED_NS)
-    distance_rel, t_ns = np.ones((1, 9)), np.zeros((1, 9), np.int64)
+    plate_distance_rel, t_ns = np.ones((1, 9)), np.zeros((1, 9), np.int64)
     none = np.zeros((1, 9), bool)
     for n in range(round(9 * (2 * rise_s + 0.5) / (SCAN_NS * 1e-9))):
         element, now_ns = order[n % 9], (n + 1) * SCAN_NS // 9
         since_s = now_ns * 1e-9 - 0.1
         share = np.clip(min(since_s, 2 * rise_s + 0.2 - since_s) / rise_s, 0.0, 1.0)
         closure_rel = share * np.array([size, size * tilt[0], size * tilt[1]]) @ PATTERNS
-        distance_rel[0, element], t_ns[0, element] = 1.0 - closure_rel[element], now_ns
-        readings = window.add(distance_rel, t_ns)
-        consistency.test(1.0 - readings.distance_rel[:, 0], readings.motion_rel, none, now_ns)
+        plate_distance_rel[0, element], t_ns[0, element] = 1.0 - closure_rel[element], now_ns
+        readings = window.add(plate_distance_rel, t_ns)
+        consistency.test(1.0 - readings.plate_distance_rel[:, 0], readings.motion_rel, none, now_ns)
         assert not consistency.excluded.any()
 
 
