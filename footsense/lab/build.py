@@ -135,9 +135,9 @@ def _paper_only_estimators(
 ) -> dict[str, ForceEstimator]:
     """Return force estimators trained on the paper's 362 cases alone: on elastances, and on inverted closures.
 
-    The response is that in the foot's force unit; the read-outs' forces are in newtons.
+    The response is that in the foot's force unit; the estimators' forces are in newtons.
 
-    If the paper's loads close gaps completely, the inversion has no solution, and its read-out is left out.
+    If the paper's loads close gaps completely, the inversion has no solution, and its estimator is left out.
     """
     training, gap_um = paper_training(response), response.design.gap_um
     plain = train(training, response.design, protocol)

@@ -12,7 +12,7 @@ _REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "optax", "onnx", "sc
 
 
 def _require_extra() -> None:
-    """Exit with a message unless the libraries of the extra `lab` are installed.
+    """Raise FootsenseError unless the libraries of the extra `lab` are installed.
 
     Raises:
         FootsenseError: One is not.

@@ -5,7 +5,7 @@
     body         the weak form: solids, bars, cavities, floor
     floor        the interface of plane_floor (a rigid plane with Coulomb friction) and hertz_floor (a given patch)
     equilibrium  Newton's method for displacement, pressure and position of the floor together
-    readout      closures and capacitances from the displacement
+    element_closures  closures and capacitances from the displacement
     full_solve   a load case from end to end
 
 The most expensive fidelity level: it measures the errors of the cheaper ones.

@@ -120,7 +120,7 @@ def leaning_contacts(loads: LoadRange, rng: np.random.Generator, n: int) -> tupl
 
 def _errors_at_magnitude(
     foot: Foot,
-    force_of: Callable[[Vector], Vector],
+    estimate_force_n: Callable[[Vector], Vector],
     contacts: tuple[Vector, Vector],
     magnitude_gf: float,
     draws: int,
@@ -132,7 +132,9 @@ def _errors_at_magnitude(
     closure_um = sensed_closure_um(foot, normal, force)
     in_range = design.capacitance_pf(closure_um).max(axis=1) < FULL_SCALE_PF
     normal, force, closure_um = normal[in_range], force[in_range], closure_um[in_range]
-    estimate = np.stack([force_of(measured_closure_rel(design, closure_um, rng)) for _ in range(draws)])
+    estimate = np.stack(
+        [estimate_force_n(measured_closure_rel(design, closure_um, rng)) for _ in range(draws)]
+    )
     angle = angles_between_deg(force, estimate)
     excess_gf = np.linalg.norm(estimate, axis=-1) / GRAM_FORCE_N - magnitude_gf
     bound = force_bound(foot, normal, force, Unknowns.LEANING)
@@ -158,7 +160,7 @@ def _errors_at_magnitude(
 def crb_ratio(
     response: FootResponse,
     loads: LoadRange,
-    force_of: Callable[[Vector], Vector],
+    estimate_force_n: Callable[[Vector], Vector],
     *,
     draws: int = 64,
     magnitudes_gf: tuple[float, ...] = MAGNITUDES_GF,
@@ -168,7 +170,7 @@ def crb_ratio(
     Args:
         response: The foot.
         loads: Range of the leaning loads.
-        force_of: The read-out: forces [N], shape (n, 3), of noisy closures over the gap, shape (n, 9).
+        estimate_force_n: Estimator: returns forces [N], shape (n, 3), of noisy closures over the gap, shape (n, 9).
         draws: Draws of the noise per load.
         magnitudes_gf: Magnitudes [gf].
     """
@@ -176,7 +178,7 @@ def crb_ratio(
     direction = paper_directions("verification")
     sets = ((direction, direction), leaning_contacts(loads, rng, N_LEANING_LOADS))
     centred, leaning = (
-        tuple(_errors_at_magnitude(foot, force_of, contacts, gf, draws, rng) for gf in magnitudes_gf)
+        tuple(_errors_at_magnitude(foot, estimate_force_n, contacts, gf, draws, rng) for gf in magnitudes_gf)
         for contacts in sets
     )
     return CrbRatio(centred, leaning)

@@ -1,7 +1,7 @@
 """Cramer-Rao bound: least variance of the force of any unbiased estimator from one scan.
 
-A read-out gets nine closures as the daemon finds them (`load_cases.measured_closure_rel`): from a capacitance with the
-converter's noise sigma_C and a baseline with its own, sigma_B. With the distance D = K / C of the electrodes,
+An estimator gets nine closures as the service measures them (`load_cases.measured_closure_rel`): from a capacitance
+with the converter's noise sigma_C and a baseline with its own, sigma_B. With the distance D = K / C of the electrodes,
 
     sigma_d^2 = (D^2 sigma_C / K)^2 + (D_0^2 sigma_B / K)^2        per element, white
     F = J^T diag(1 / sigma_d^2) J,      cov >= F^-1,      J = d(closure) / d(unknowns)
@@ -9,7 +9,7 @@ converter's noise sigma_C and a baseline with its own, sigma_B. With the distanc
 That sigma_d moves with the load adds information of the order (sigma_d / D)^2, 1e-8 of the rest: left out.
 
 Two sets of unknowns. `Unknowns.CENTRED`: the force alone, its line known to go through the middle of the ball.
-`Unknowns.LEANING`: the force and the two angles of the contact normal. A read-out that has to be right on leaning
+`Unknowns.LEANING`: the force and the two angles of the contact normal. An estimator that has to be right on leaning
 contacts cannot know that a load is centred, so the second is its bound, on centred loads too.
 
 Source:
@@ -155,7 +155,7 @@ def force_bound(
         foot: The specimen.
         normal: Contact normals, shape (n, 3); of centred loads the forces' directions.
         force_n: Forces [N], shape (n, 3), none zero.
-        unknowns: The unknowns of the read-out.
+        unknowns: The unknowns of the estimator.
         step: As for `jacobian_um`.
         noise_pf: Noise of a conversion [pF, rms].
     """

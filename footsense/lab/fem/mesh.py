@@ -95,7 +95,7 @@ class CavityCell:
 
 
 def quarter_cells(design: FootDesign) -> list[CavityCell]:
-    """Return the cavity cells in the quarter x > 0, y > 0 (a quarter, halves and one whole of four elements)."""
+    """Return the cavity cells in the quarter x > 0, y > 0: one whole element, two halves and a quarter."""
     step = design.electrode_mm / CELLS_PER_SIDE
     cells: list[CavityCell] = []
     for element, (x_mm, y_mm) in enumerate(design.centres_mm):

@@ -63,7 +63,7 @@ class Job:
     case: str = ""
 
 
-#: Errors of the read-outs on one foot, by name such as `network_deg`.
+#: Errors of the estimators on one foot, by name such as `network_deg`.
 EstimatorErrors = dict[str, float]
 
 

@@ -1,6 +1,6 @@
 """Fabricated feet measured on an inexact test stand, and the errors of each force estimator on them.
 
-Every foot is reproducible by itself, from its number, the run's seed and the tolerances. Two kinds of read-outs
+Every foot is reproducible by itself, from its number, the run's seed and the tolerances. Two kinds of estimators
 are compared: those trained on the design, and those trained on the foot's own 362 measured cases.
 """
 
@@ -135,9 +135,9 @@ def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Estim
         epochs: Training epochs of plain networks.
 
     Returns:
-        `<read-out>_deg` and `<read-out>_gf` for `network`, `plain` and `change` (trained on the design), `own_closure`
-        and `own_change` (linear, fitted to the foot's own cases), `own_network` if the job asks for it, and
-        `reference`: of the reference sensor itself; shares `within_1` and `within_2` of the force components within 1
+        `<estimator>_deg` and `<estimator>_gf` for `network`, `plain` and `change` (trained on the design),
+        `own_closure` and `own_change` (linear, fitted to the foot's own cases), `own_network` if the job asks
+        for it, and `reference`: of the reference sensor itself; shares `within_1` and `within_2` of the force components within 1
         and 2 sigma of the network.
     """
     on_design = _open_estimators(models, seed, epochs)

@@ -7,7 +7,7 @@ The loss is the likelihood of the error under the network's sigma, so that cases
 ambiguous do not dominate it; tempered, and with a share of the plain squared error over the squared force, so that
 they still count. Inputs of the hidden layers are whitened while training, because the patterns that distinguish
 friction from inclination are a hundred times weaker than those of the force; the whitening is then folded into the
-first layer. The linear path starts at the least-squares read-out.
+first layer. The linear path starts at the least-squares estimator.
 
 Source:
     Seitzer et al., On the pitfalls of heteroscedastic uncertainty estimation with probabilistic neural networks, ICLR

@@ -185,7 +185,7 @@ def measured_closure_rel(design: CapacitorDesign, closure_um: Vector, rng: np.ra
 def closure_of_designed_foot_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
     """Return the closures [um] that cause the given capacitance changes [pF] on the designed foot.
 
-    Read-outs of capacitance changes take closures and the design; these closures give them the measured changes.
+    Estimators of capacitance changes take closures and the design; these closures give them the measured changes.
     """
     unloaded_pf = np.array(design.unloaded_pf)
     return design.closure_um(unloaded_pf + change_pf, unloaded_pf)

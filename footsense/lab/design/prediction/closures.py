@@ -103,7 +103,7 @@ class ClosureModel:
         self.unevenness = cells.var(axis=2) / cells.mean(axis=2) ** 2
 
     def _basis(self) -> Vector:
-        """Return the products at the normals, and their derivatives by two rotations, shape (3 loads, products)."""
+        """Return the response series' products at the normals, and their derivatives, (3 loads, products)."""
         normal = self.loads.normal
         rows = [series_basis(normal, _DEGREE, MIN_FITTED_ELEVATION_DEG)]
         for turn in range(2):

@@ -190,11 +190,11 @@ class ShapeLibrary:
         each: Vector = np.exp(interpolation_weights @ self._ln_amplitudes + pairs)
         return each
 
-    def covers(self, shape: Shape, beyond: float = 0.1) -> NDArray[np.bool_]:
+    def covers(self, shape: Shape, margin_rel: float = 0.1) -> NDArray[np.bool_]:
         """Return which shapes lie within the range of the solved ones, with a relative margin, shape (...)."""
         corners = self._coordinates
         low, high = corners.min(axis=0), corners.max(axis=0)
-        slack = beyond * (high - low)
+        slack = margin_rel * (high - low)
         inside: NDArray[np.bool_] = (
             (shape.coordinates >= low - slack) & (shape.coordinates <= high + slack)
         ).all(axis=-1)

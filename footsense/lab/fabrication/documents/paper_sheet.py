@@ -19,7 +19,7 @@ _MIN_DIMENSION_LINE_MM = 16.0
 
 
 def largest_scale(size_mm: tuple[float, float], room_mm: tuple[float, float]) -> float:
-    """Return the largest standard drawing scale at which a part fits the space.
+    """Return the largest standard drawing scale at which a part fits the available space on the sheet.
 
     Example:
         >>> largest_scale((26.0, 17.0), (150.0, 120.0))

@@ -59,7 +59,7 @@ class Results:
     """Results of the study `released`: force errors and sigma coverage, also with missing elements and on other feet.
 
     Attributes:
-        errors: The error table, by read-out and cases.
+        errors: The error table, by estimator and cases.
         weights: Weights of the network.
         min_evaluated_force_n: Smallest held-out load that counts in errors [N].
         n_feet: Feet of each batch.

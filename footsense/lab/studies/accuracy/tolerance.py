@@ -1,7 +1,7 @@
 """Study `tolerance`: fabrication tolerances that raise the paper's simulated error to its measured error.
 
 The paper measured 15.9 deg and 18.7 gf where it had simulated 2.4 deg and 5.3 gf, and left open why. Here hundreds of
-feet are drawn, and read by read-outs trained on the design and by read-outs trained on their own cases.
+feet are drawn, and estimated by networks and linear fits trained on the design and by those trained on their own cases.
 
 Source:
     Aoyagi et al., section V.
@@ -20,7 +20,7 @@ from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, job_runner
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import plot_band
 
-#: Read-outs by the names of `specimens.estimator_errors`: trained on the design, and trained on the foot.
+#: Estimators by the names of `specimens.estimator_errors`: trained on the design, and trained on the foot.
 DESIGN_TRAINED_ESTIMATORS = {
     "network": "released network",
     "plain": "network on ΔC",

@@ -151,7 +151,7 @@ def _select_rows(parts: _Parts, chosen: NDArray[Any]) -> _Parts:
 def _fit_windows(
     model: ContactModel, window: Window, network: Load
 ) -> tuple[dict[str, _ForceEstimate], Mask]:
-    """Return the estimates of the fits on loaded windows, else the network's; and which loaded windows are steady."""
+    """Return by method the fits' estimates (the network's for unloaded windows), and the mask of steady windows."""
     loaded = np.linalg.norm(network.force_n, axis=1) > _MIN_FIT_FORCE_N
     rest = loaded & is_steady(model, window)
     answers = {}

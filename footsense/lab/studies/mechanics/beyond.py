@@ -44,7 +44,7 @@ SECOND_MIN_ELEVATION_DEG = 30.0
 CONTACT_ANGLES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 #: Second load over that of the floor, in the table by the angle between both contacts [1].
 SECOND_FORCE_REL_OVER_ANGLE = 0.5
-#: Draws of the second load for each floor force; random loads that the second linear read-out is fitted to.
+#: Draws of the second load for each floor force; random loads that the second linear estimator is fitted to.
 DRAWS, QUICK_DRAWS = 6, 1
 RANDOM_LOADS, QUICK_RANDOM_LOADS = 10_000, 1000
 SEED = 31
@@ -67,7 +67,7 @@ def inclined_unit_vectors(force: Vector, lean_deg: float, turn_deg: float) -> Ve
     return inclined
 
 
-#: Read-outs under test.
+#: Estimators under test.
 NETWORK, CENTRED = "released network", "linear, fitted to centred loads"
 LEANING = "linear, fitted to leaning loads"
 
@@ -79,7 +79,7 @@ class _EstimatorsUnderTest:
         self.response, network = context.response, context.network
         self._foot, gap_um = Foot(self.response), self.response.design.gap_um
         n_random = QUICK_RANDOM_LOADS if context.quick else RANDOM_LOADS
-        self._readouts: dict[str, ForceEstimator] = {
+        self._estimators: dict[str, ForceEstimator] = {
             NETWORK: lambda closure_um: network.force_n(closure_um / gap_um),
             CENTRED: elastance_estimator(paper_training(self.response)),
             LEANING: elastance_estimator(
@@ -99,7 +99,7 @@ class _EstimatorsUnderTest:
     def errors_by_estimator(self, measured_um: Vector, truth_n: Vector) -> dict[str, ForceErrors]:
         """Return the force errors of each estimator on measured closures [um], by its name."""
         return {
-            name: evaluate_force_errors(truth_n, read(measured_um)) for name, read in self._readouts.items()
+            name: evaluate_force_errors(truth_n, read(measured_um)) for name, read in self._estimators.items()
         }
 
 
@@ -152,15 +152,15 @@ class _SecondLoads:
         distance_deg: Angle between the contacts [deg], shape (n,).
     """
 
-    def __init__(self, tested: _EstimatorsUnderTest, draws: int) -> None:
+    def __init__(self, estimators: _EstimatorsUnderTest, draws: int) -> None:
         """Draw random second contacts above the lowest elevation."""
-        self._tested = tested
+        self._tested = estimators
         direction = np.tile(paper_directions("verification"), (draws, 1))
         rng = np.random.default_rng(SEED)
         self._normal = random_directions(rng, len(direction), SECOND_MIN_ELEVATION_DEG)
         self._unit_n = FIRST_LOAD_GF * GRAM_FORCE_N * self._normal
         self.floor_n = FIRST_LOAD_GF * GRAM_FORCE_N * direction
-        self._floor_um = tested.response.free_closure_um(direction, self.floor_n)
+        self._floor_um = estimators.response.free_closure_um(direction, self.floor_n)
         self.distance_deg = angles_between_deg(direction, self._normal)
 
     def measured(self, share: float) -> tuple[Vector, Vector, Mask]:
@@ -186,21 +186,21 @@ def _errors_by_contact_angle(
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Return the force errors under leaning loads and with a second contact, with figures."""
-    tested = _EstimatorsUnderTest(context)
-    lean, within = leaning_load_errors(tested)
+    estimators = _EstimatorsUnderTest(context)
+    lean, within = leaning_load_errors(estimators)
     context.report_progress(f"beyond: {len(LEANS_DEG)} leans read")
-    second = _SecondLoads(tested, QUICK_DRAWS if context.quick else DRAWS)
+    second = _SecondLoads(estimators, QUICK_DRAWS if context.quick else DRAWS)
     shared = []
     for share in SECOND_FORCES_REL:
         measured_um, truth_n, inside = second.measured(share)
-        shared.append(tested.errors_by_estimator(measured_um[inside], truth_n[inside]))
+        shared.append(estimators.errors_by_estimator(measured_um[inside], truth_n[inside]))
     results = Results(
         lever_arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
         friction_angle_deg=context.foot_design.loads.friction_angle_deg,
         by_lean=lean,
         in_range_share=within,
         by_second_force=shared,
-        by_contact_angle=_errors_by_contact_angle(tested, second),
+        by_contact_angle=_errors_by_contact_angle(estimators, second),
     )
     figures = {
         "beyond-lean.png": _curves(LEANS_DEG, "lean of the contact normal [deg]", lean),

@@ -71,7 +71,7 @@ class CavityFigures:
         closure_um_per_n: Mean closure of a corner, an edge and the middle under a small upright force [um/N].
         upright_range_n: Largest upright force within the converter's range [N].
         first_contact_force_n: Upright force that closes the first cell [N].
-        linear_change: Errors of a linear read-out of capacitance changes, exact foot, the paper's cases.
+        linear_change: Errors of a linear estimator of capacitance changes, exact foot, the paper's cases.
         linear_elastance: The same of elastance.
         bound_direction_deg: Rms of the least direction error at each of `BOUND_MAGNITUDES_GF` [deg].
         bound_magnitude_gf: Rms of the least magnitude error [gf].

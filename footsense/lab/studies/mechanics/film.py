@@ -82,7 +82,7 @@ class DesignFigures:
         sensitivity_pf_per_n: Mean change of capacitance with it [pF/N].
         upright_range_n: Largest upright force in range [N].
         range_at_45_deg_n: Largest force at an elevation of 45 deg in range [N].
-        linear_errors: Errors of the linear read-out of elastance on the paper's protocol, with noise.
+        linear_errors: Errors of the linear estimator of elastance on the paper's protocol, with noise.
         direction_deg: Direction errors of networks on closures.
         magnitude_gf: Magnitude errors of networks on closures.
     """

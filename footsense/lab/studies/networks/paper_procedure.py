@@ -43,8 +43,8 @@ class FeedErrors:
     Attributes:
         direction_deg: Direction errors of the networks at each magnitude [deg].
         magnitude_gf: Magnitude errors of the networks at each magnitude [gf].
-        linear_direction_deg: Direction error of the linear read-out at 100 gf [deg].
-        linear_magnitude_gf: Magnitude error of the linear read-out [gf].
+        linear_direction_deg: Direction error of the linear estimator at 100 gf [deg].
+        linear_magnitude_gf: Magnitude error of the linear estimator [gf].
     """
 
     direction_deg: list[MeanStd]

@@ -8,7 +8,7 @@ m that explain the measured capacitances:
 
     C(m) = sum over cells of eps0 dA / (g - d + t / eps_r),      d = limited(P m),      C(m) = C measured
 
-m is linear in the load although gaps close, so a read-out fitted at 50 and 150 gf is right at 100 gf too.
+m is linear in the load although gaps close, so an estimator fitted at 50 and 150 gf is right at 100 gf too.
 """
 
 from dataclasses import dataclass
