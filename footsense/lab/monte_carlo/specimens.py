@@ -137,8 +137,8 @@ def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Estim
     Returns:
         `<estimator>_deg` and `<estimator>_gf` for `network`, `plain` and `change` (trained on the design),
         `own_closure` and `own_change` (linear, fitted to the foot's own cases), `own_network` if the job asks
-        for it, and `reference`: of the reference sensor itself; shares `within_1` and `within_2` of the force components
-        within 1 and 2 sigma of the network.
+        for it, and `reference`: of the reference sensor itself; shares `within_1` and `within_2` of the force
+        components within 1 and 2 sigma of the network.
     """
     on_design = _open_estimators(models, seed, epochs)
     design, network = on_design.response.design, on_design.network
