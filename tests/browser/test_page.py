@@ -1,10 +1,7 @@
 """What somebody sees: six feet, a pressed one at once, a broken leg with its remedy, a restart, a recording."""
 
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -14,26 +11,11 @@ from footsense.clock import MonotonicClock
 from footsense.frames import Cause, State
 from tests.browser.chromium import MISSING, Browser
 from tests.support.viewed_service import LEGS, ViewedService, header_of
+from tests.system.command import serving
 
 GOLDEN = Path(__file__).parents[1] / "golden/measured_walk.mcap"
 SIX_FEET = "window.footsense?.robot && document.querySelectorAll('#robot .foot').length === 6"
 pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING)
-
-
-@contextmanager
-def view(*options: str | Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Run `footsense view` on a free port; yield the process and the address of its page."""
-    with subprocess.Popen(
-        [sys.executable, "-m", "footsense", "view", "--port", "0", *options],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        assert process.stdout is not None
-        try:
-            yield process, process.stdout.readline().strip()
-        finally:
-            process.terminate()
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +31,7 @@ def cycles(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def url(cycles: Path) -> Iterator[str]:
-    with view("--cycles", cycles) as (_, url):
+    with serving("view", "--port", "0", "--cycles", cycles) as (_, url):
         yield url
 
 
@@ -187,7 +169,7 @@ def test_a_broken_leg_says_what_to_do(browser: Browser, cycles: Path, url: str) 
 
 def test_the_service_and_the_viewer_start_again(browser: Browser, cycles: Path, tmp_path: Path) -> None:
     """The page says what is missing and what to do, keeps the last values, and goes on by itself."""
-    with view("--cycles", cycles) as (viewer, url):
+    with serving("view", "--port", "0", "--cycles", cycles) as (viewer, url):
         browser.open(url)
         browser.wait("document.querySelector('#banner')?.textContent.includes('No service runs')")
         assert "Start it with footsense run" in browser.text("#banner")
@@ -212,14 +194,8 @@ def test_the_service_and_the_viewer_start_again(browser: Browser, cycles: Path, 
 
 def test_a_run_ends_its_first_line_with_the_page(browser: Browser) -> None:
     """The page shows that run, and both end together."""
-    with subprocess.Popen(
-        [sys.executable, "-m", "footsense", "run", "--realtime", "--duration", "60"],
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as run:
-        assert run.stdout is not None
-        first = run.stdout.readline()
-        assert re.match(r"footsense  tripod, simulated  http://127\.0\.0\.1:\d+\n", first)
+    with serving("run", "--realtime", "--duration", "60") as (run, first):
+        assert re.match(r"footsense  tripod, simulated  http://127\.0\.0\.1:\d+$", first)
         browser.open(first.split()[-1])
         browser.wait(f"{SIX_FEET} && document.querySelectorAll('#robot .valid').length === 6")
         run.kill()
@@ -228,7 +204,7 @@ def test_a_run_ends_its_first_line_with_the_page(browser: Browser) -> None:
 
 def test_a_recording_is_played_and_stepped(browser: Browser) -> None:
     """The golden walk: time bar, speed, events, keys."""
-    with view(GOLDEN) as (_, url):
+    with serving("view", "--port", "0", GOLDEN) as (_, url):
         browser.open(url)
         browser.wait(f"{SIX_FEET} && window.footsense.replay?.t > 0.5 && footsense.replay.done")
         assert browser.text("#title") == "measured_walk.mcap"

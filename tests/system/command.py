@@ -3,6 +3,8 @@
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,23 @@ def footsense(*arguments: str | Path, cwd: Path | None = None) -> subprocess.Com
         check=False,
         cwd=cwd,
     )
+
+
+@contextmanager
+def serving(*arguments: str | Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Run `footsense` with these arguments; yield the process and the address of its page, its first line."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "footsense", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.terminate()
+            process.communicate(timeout=TIMEOUT_S)
 
 
 def run_json(*arguments: str | Path) -> dict[str, Any]:

@@ -6,33 +6,13 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from urllib.request import urlopen
 
 import can
 import pytest
 
-from tests.system.command import TIMEOUT_S, footsense, one_line_error, robot
-
-
-@contextmanager
-def exporting(config: Path, port: int | None = None) -> Iterator[tuple["subprocess.Popen[str]", str]]:
-    """Run `footsense exporter`; yield its process and the address of its page."""
-    options = () if port is None else ("--port", str(port))
-    with subprocess.Popen(
-        [sys.executable, "-m", "footsense", "exporter", "--config", str(config), *options],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        assert process.stdout is not None
-        try:
-            yield process, process.stdout.readline().strip()
-        finally:
-            process.terminate()
-            process.communicate(timeout=TIMEOUT_S)
+from tests.system.command import TIMEOUT_S, footsense, one_line_error, robot, serving
 
 
 def scraped(url: str) -> list[str]:
@@ -59,7 +39,10 @@ def config(tmp_path: Path) -> tuple[Path, int]:
 def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: tuple[Path, int]) -> None:
     """READY after the first forces; SIGTERM gives STOPPING, a last heartbeat `stopped`, a whole recording, exit 0."""
     file, port = config
-    with exporting(file) as (exporter, url), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
+    with (
+        serving("exporter", "--config", file) as (exporter, url),
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify,
+    ):
         assert url == f"http://127.0.0.1:{port}/metrics"
         assert "footsense_up 0.0" in scraped(url)
         notify.bind(str(tmp_path / "notify"))

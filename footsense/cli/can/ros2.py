@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from footsense.cli.can.channel_options import channel_option, force_step_option, interface_option, rows_option
+from footsense.cli.can.can_options import can_options
 from footsense.cli.options import FILE, StopRequest, duration_option
 from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock, wall_time_ns
@@ -21,10 +21,7 @@ _NS_PER_S = 1_000_000_000
 
 
 @click.command()
-@interface_option
-@channel_option
-@force_step_option
-@rows_option
+@can_options
 @click.option(
     "--domain",
     type=click.IntRange(0, 232),

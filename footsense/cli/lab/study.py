@@ -78,11 +78,7 @@ def write_study(
 @click.command()
 @click.option("--rows", help="Names of rows, separated by commas; all without it.")
 @click.option("--feet", "n_feet", type=click.IntRange(min=1), help="Feet of each row; 20, 2 if quick.")
-@click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="Of a dask cluster, such as tcp://host:8786; without it two processes on this machine.",
-)
+@options.scheduler_option
 @click.option(
     "--kept",
     type=click.Path(file_okay=False, path_type=Path),
@@ -187,11 +183,7 @@ def _refuse_former_option(_: click.Context, __: click.Parameter, given: str | No
 
 
 @click.command()
-@click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="Of a dask cluster, such as tcp://host:8786; without it two processes on this machine.",
-)
+@options.scheduler_option
 @click.option("--campaign", hidden=True, expose_value=False, callback=_refuse_former_option)
 @click.option(
     "--file",

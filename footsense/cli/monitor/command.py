@@ -7,7 +7,7 @@ import click
 from rich.console import Console
 from rich.live import Live
 
-from footsense.cli.can.channel_options import channel_option, force_step_option, interface_option, rows_option
+from footsense.cli.can.can_options import can_options
 from footsense.cli.monitor.json_values import snapshot_json
 from footsense.cli.monitor.table import monitor_table
 from footsense.cli.options import StopRequest, duration_option, echo_json
@@ -20,10 +20,7 @@ _REDRAW_PERIOD_NS = 200_000_000
 
 
 @click.command()
-@interface_option
-@channel_option
-@force_step_option
-@rows_option
+@can_options
 @click.option(
     "--max-age-ms",
     type=click.IntRange(1, 10_000),

@@ -7,7 +7,8 @@ Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
 """
 
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,6 +20,44 @@ from footsense.lab.symmetry import SYMMETRIES, element_permutation
 PATTERN_SOFTENING_REL = 2e-3
 #: Symmetries of the square.
 N_SYMMETRIES = len(SYMMETRIES)
+
+
+class SharedWeights(NamedTuple):
+    """Trained weights of a symmetric network, with `c` channels in each hidden layer; one network derives from it.
+
+    Attributes:
+        linear: Linear paths [N], a weight for each map of `linear_basis`.
+        w1: First hidden layer, shape (c, inputs).
+        b1: Offsets of the first layer, shape (c,).
+        w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
+        b2: Offsets of the second layer, shape (c,).
+        out: Output layer, shape (c, outputs).
+        sigma: Output layer of ln sigma, shape (c, outputs).
+        sigma_offset: Offsets of ln sigma; axes that the square exchanges share one.
+    """
+
+    linear: Any
+    w1: Any
+    b1: Any
+    w2: Any
+    b2: Any
+    out: Any
+    sigma: Any
+    sigma_offset: Any
+
+    @property
+    def size(self) -> int:
+        """Number of trained weights."""
+        return sum(int(part.size) for part in self)
+
+    @property
+    def channels(self) -> int:
+        """Number of channels in a hidden layer."""
+        return int(self.b1.size)
+
+    def array_rows(self, n_planes: int, n_scalars: int) -> int:
+        """Return the number of element rows of the foot, equal to that of columns; features as `hidden_input_index`."""
+        return math.isqrt((self.w1.shape[1] - n_scalars) // n_planes)
 
 
 def hidden_input_index(n_planes: int, n_scalars: int, rows: int = 3) -> NDArray[np.intp]:
@@ -70,11 +109,11 @@ def linear_basis(rows: int = 3) -> NDArray[np.float64]:
     return np.stack([*upward, *(part for part in sideways if part.any())])
 
 
-def expand_hidden(weights: Any, n_planes: int, n_scalars: int, rows: int = 3) -> dict[str, Any]:
+def expand_hidden(weights: SharedWeights, n_planes: int, n_scalars: int, rows: int = 3) -> dict[str, Any]:
     """Return the matrices and offsets of both hidden layers by name: unit g * c + i is channel i under symmetry g.
 
     Args:
-        weights: Weights of c channels: `w1` (c, inputs), `b1` (c,), `w2` (c, 8 c), the symmetry slow, and `b2` (c,).
+        weights: Weights of c channels.
         n_planes: As for `hidden_input_index`.
         n_scalars: As for `hidden_input_index`.
         rows: As for `hidden_input_index`.

@@ -19,7 +19,6 @@ Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
 """
 
-import math
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -30,6 +29,7 @@ from footsense.lab.symmetry import SYMMETRIES
 from footsense.lab.training.symmetric_layers import (
     N_SYMMETRIES,
     PATTERN_SOFTENING_REL,
+    SharedWeights,
     expand_hidden,
     hidden_input_index,
     linear_basis,
@@ -54,43 +54,19 @@ LN_SIGMA_BOUNDS = (-8.0, 3.0)
 MIN_INTERVAL_S = 1e-4
 
 
-class Weights(NamedTuple):
-    """Trained weights of a windowed network, with `c` channels in each hidden layer.
+class Weights(SharedWeights):
+    """Trained weights of a windowed network.
 
-    Attributes:
-        linear: Linear paths L and M [N], shape (10,) of nine elements.
-        w1: First hidden layer, shape (c, SEEN).
-        b1: Offsets of the first layer, shape (c,).
-        w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
-        b2: Offsets of the second layer, shape (c,).
-        out: Output layer, shape (c, 7).
-        sigma: The same of ln sigma, shape (c, 7).
-        sigma_offset: Offsets of ln sigma: force sideways, along z, contact point, friction ratio, shape (4,).
+    `linear` holds the paths L, then M. Outputs are force, contact point and friction ratio; `sigma_offset` is of the
+    force sideways, along z, the contact point and the friction ratio, shape (4,).
     """
 
-    linear: Any
-    w1: Any
-    b1: Any
-    w2: Any
-    b2: Any
-    out: Any
-    sigma: Any
-    sigma_offset: Any
-
-    @property
-    def size(self) -> int:
-        """Number of trained weights."""
-        return sum(int(part.size) for part in self)
-
-    @property
-    def channels(self) -> int:
-        """Number of channels in a hidden layer."""
-        return int(self.b1.size)
+    __slots__ = ()
 
     @property
     def rows(self) -> int:
         """Number of element rows of the foot, equal to that of columns."""
-        return math.isqrt((self.w1.shape[1] - FEATURES_PER_FOOT) // FEATURES_PER_ELEMENT)
+        return self.array_rows(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
 
 
 class LayerMatrices(NamedTuple):

@@ -16,9 +16,9 @@ from footsense.recording.recorder import partial_path
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
 from tests.support.cycles import read_until_damage
-from tests.system.command import footsense, robot
+from tests.system.command import footsense, robot, serving
 from tests.system.daemon import SIGN_OF_LIFE_S, Daemon, running
-from tests.system.test_service import exporting, scraped
+from tests.system.test_service import scraped
 
 WRITER = "footsense.recording.writer"
 
@@ -91,10 +91,10 @@ def test_an_exporter_that_is_killed(tmp_path: Path) -> None:
     config = robot(tmp_path, more=f"metrics: {{counters: {tmp_path / 'counters'}}}\n")
     with running(tmp_path, "--config", config) as daemon:
         daemon.wait_until_ready()
-        with exporting(config, port=0) as (process, _):
+        with serving("exporter", "--config", config, "--port", "0") as (process, _):
             process.kill()
         daemon.live_on(5)
-        with exporting(config, port=0) as (_, url):
+        with serving("exporter", "--config", config, "--port", "0") as (_, url):
             assert "footsense_up 1.0" in scraped(url)
         assert daemon.stop()[0] == 0
 

@@ -18,7 +18,6 @@ Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
 """
 
-import math
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -26,49 +25,29 @@ import numpy as np
 
 from footsense.frames import Vector
 from footsense.lab.symmetry import SYMMETRIES
-from footsense.lab.training.symmetric_layers import PATTERN_SOFTENING_REL, expand_hidden, linear_basis
+from footsense.lab.training.symmetric_layers import (
+    PATTERN_SOFTENING_REL,
+    SharedWeights,
+    expand_hidden,
+    linear_basis,
+)
 
 #: Features of an element and of the foot: closure, mask; size.
 FEATURES_PER_ELEMENT, FEATURES_PER_FOOT = 2, 1
 
 
-class Weights(NamedTuple):
-    """Trained weights of a snapshot network, with `c` channels in each hidden layer.
+class Weights(SharedWeights):
+    """Trained weights of a snapshot network.
 
-    Attributes:
-        linear: Linear path [N], a weight for each map of `linear_basis`.
-        w1: First hidden layer, shape (c, inputs).
-        b1: Offsets of the first layer, shape (c,).
-        w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
-        b2: Offsets of the second layer, shape (c,).
-        force: Output layer [N], shape (c, 3).
-        sigma: The same of ln sigma, shape (c, 3).
-        sigma_offset: Offsets of ln sigma, sideways and along z, shape (2,).
+    Its outputs are the force [N]; `sigma_offset` is of the axes sideways and along z, shape (2,).
     """
 
-    linear: Any
-    w1: Any
-    b1: Any
-    w2: Any
-    b2: Any
-    force: Any
-    sigma: Any
-    sigma_offset: Any
-
-    @property
-    def size(self) -> int:
-        """Number of trained weights."""
-        return sum(int(part.size) for part in self)
-
-    @property
-    def channels(self) -> int:
-        """Number of channels in a hidden layer."""
-        return int(self.b1.size)
+    __slots__ = ()
 
     @property
     def rows(self) -> int:
         """Number of element rows of the foot, equal to that of columns."""
-        return math.isqrt((self.w1.shape[1] - FEATURES_PER_FOOT) // FEATURES_PER_ELEMENT)
+        return self.array_rows(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
 
 
 class LayerMatrices(NamedTuple):
@@ -87,7 +66,7 @@ class LayerMatrices(NamedTuple):
 def expand_shared_weights(weights: Weights) -> LayerMatrices:
     """Return the full weight matrices of the shared weights: unit g * c + i is channel i under symmetry g."""
     turns = np.stack(SYMMETRIES)
-    force = jnp.einsum("gab,cb->gca", turns, weights.force)
+    force = jnp.einsum("gab,cb->gca", turns, weights.out)
     sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma)
     return LayerMatrices(
         linear=jnp.tensordot(weights.linear, linear_basis(weights.rows), 1),

@@ -77,7 +77,7 @@ def _random_weights(key: jax.Array, c: int, rows: int) -> Weights:
         b1=0.5 * jax.random.normal(k2, (c,)),
         w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
         b2=jnp.zeros(c),
-        force=0.3 * jax.random.normal(k4, (c, 3)) / np.sqrt(8.0 * c),
+        out=0.3 * jax.random.normal(k4, (c, 3)) / np.sqrt(8.0 * c),
         sigma=jnp.zeros((c, 3)),
         sigma_offset=jnp.array([-3.0, -4.0]),
     )

@@ -1,4 +1,4 @@
-"""Options (interface, channel, force unit) of the commands that receive from CAN."""
+"""Options (interface, channel, force unit, element rows) of the commands that receive from CAN."""
 
 from collections.abc import Callable
 from ipaddress import AddressValueError, IPv4Address
@@ -11,7 +11,7 @@ from firmware_interface.can.force import FORCE_STEPS_MN
 #: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
 _DEFAULT_CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
 
-interface_option = click.option(
+_interface_option = click.option(
     "--interface",
     type=click.Choice(list(_DEFAULT_CHANNELS)),
     default="socketcan",
@@ -37,13 +37,12 @@ def _channel_or_default(ctx: click.Context, param: click.Parameter, value: str |
     return name
 
 
-#: Stands below `interface_option`, whose value it needs.
-channel_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
+_channel_option = click.option(
     "--channel", callback=_channel_or_default, help="Name of the channel. Default: can0, or 239.74.163.2."
 )
 
 #: For robots whose feet carry more than 32 N.
-force_step_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
+_force_step_option = click.option(
     "--force-step-mn",
     type=click.Choice([str(step) for step in FORCE_STEPS_MN]),
     default="1",
@@ -53,7 +52,7 @@ force_step_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.op
 )
 
 #: The frames do not tell the number of elements; those of more than nine have wider masks.
-rows_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
+_rows_option = click.option(
     "--rows",
     "n_elements",
     type=click.Choice(["2", "3", "4"]),
@@ -62,6 +61,13 @@ rows_option: Callable[[Callable[..., Any]], Callable[..., Any]] = click.option(
     callback=lambda _ctx, _param, value: int(value) ** 2,
     help="Rows, and columns, of the array of each foot.",
 )
+
+
+def can_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options `--interface`, `--channel`, `--force-step-mn` and `--rows` (as `n_elements`)."""
+    for option in (_rows_option, _force_step_option, _channel_option, _interface_option):
+        command = option(command)
+    return command
 
 
 def _is_multicast(name: str) -> bool:
