@@ -103,7 +103,7 @@ def _calibration_figures(
         "temperature_c": result.temperature_c,
         **{name: getattr(parameters, name) for name in ("stiffness_rel", "stray_pf", "gap_um", "gain_rel")},
         "corrected": bool(parameters.correction.any()),
-        "distance": result.distance,
+        "distance": result.median_distance,
         "predicted": {"direction_deg": predicted.direction_deg, "magnitude_rel": predicted.magnitude_rel},
         "not_identified": predicted.not_identified,
         "held_out": result.held_out,
@@ -124,11 +124,11 @@ def _calibration_text(calibration: FootCalibration, result: CalibrationResult, t
     ]
     doubt = (
         ""
-        if result.distance <= TYPICAL_MAHALANOBIS_DISTANCE
+        if result.median_distance <= TYPICAL_MAHALANOBIS_DISTANCE
         else "; more than usual: something differs from the design's kind"
     )
     lines.append(
-        f"  median distance of the loads from the fitted foot: {result.distance:.1f}, "
+        f"  median distance of the loads from the fitted foot: {result.median_distance:.1f}, "
         f"usual are 2 to {TYPICAL_MAHALANOBIS_DISTANCE:g}, refused from {MAX_MAHALANOBIS_DISTANCE:g}{doubt}"
     )
     if predicted.not_identified:

@@ -150,4 +150,4 @@ def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLi
         )
     drift_n_per_s = _MIN_LOAD_RISE_OVER_DRIFT * MAX_DRIFT_PF_PER_S * n_per_pf
     limits = ContactLimits(threshold_n=threshold_n)
-    return replace(limits, floor_n_per_s=max(limits.floor_n_per_s, drift_n_per_s))
+    return replace(limits, max_swing_rise_n_per_s=max(limits.max_swing_rise_n_per_s, drift_n_per_s))

@@ -253,8 +253,8 @@ def run_mismatch_trial(
         feet[name] = fit.parameters
         figures |= {
             f"refused_{name}": float(_is_refused(fit)),
-            f"distance_{name}": fit.distance,
-            f"said_{name}": float(fit.distance > TYPICAL_MAHALANOBIS_DISTANCE),
+            f"distance_{name}": fit.median_distance,
+            f"said_{name}": float(fit.median_distance > TYPICAL_MAHALANOBIS_DISTANCE),
         }
     again = with_new_mounting(own, REMOUNT_DEG, plan.seed, number, 2)
     remade = _FootOnTestStand(truth, again, disturbance, np.random.default_rng((plan.seed, number, 5)))

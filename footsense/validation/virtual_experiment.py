@@ -35,16 +35,16 @@ class FootErrors(msgspec.Struct, frozen=True):
     """Mean direction and magnitude errors of one estimator on one foot.
 
     Attributes:
-        direction_deg: Against the reference [deg].
-        magnitude_gf: Against the reference [gf].
-        true_direction_deg: Against the true force [deg].
-        true_magnitude_gf: Against the true force [gf].
+        direction_vs_reference_deg: Mean angle to the reference force [deg].
+        magnitude_vs_reference_gf: Mean magnitude error against it [gf].
+        direction_vs_truth_deg: Mean angle to the true force [deg].
+        magnitude_vs_truth_gf: Mean magnitude error against it [gf].
     """
 
-    direction_deg: float
-    magnitude_gf: float
-    true_direction_deg: float
-    true_magnitude_gf: float
+    direction_vs_reference_deg: float
+    magnitude_vs_reference_gf: float
+    direction_vs_truth_deg: float
+    magnitude_vs_truth_gf: float
 
 
 class FootResult(msgspec.Struct, frozen=True, kw_only=True):

@@ -20,7 +20,7 @@ def test_a_badly_made_foot_is_calibrated_through_bytes_and_files(tmp_path: Path)
     figures = values["estimators"]
     ways = {"design_only", "calibrated_362", "calibrated_20", "linear_per_foot", "network_per_foot"}
     assert ways <= figures.keys()
-    for what in ("direction_deg", "magnitude_gf"):
+    for what in ("direction_vs_reference_deg", "magnitude_vs_reference_gf"):
         assert figures["calibrated_362"][what]["mean"] < 0.5 * figures["design_only"][what]["mean"]
         assert figures["calibrated_362"][what]["mean"] < figures["linear_per_foot"][what]["mean"]
     assert values["refused"] == {}

@@ -29,7 +29,7 @@ SAME_EITHER_WAY = {"pattern"}
 RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
 PAGES = Path(__file__).parents[2] / "docs" / "report"
 #: Errors of an estimator on the page of the experiment, and their units.
-_ERRORS = {"direction_deg": "deg", "magnitude_gf": "gf"}
+_ERRORS = {"direction": "deg", "magnitude": "gf"}
 ALL = STUDIES | DAEMON_STUDIES
 #: Studies whose text is rendered from their JSON.
 RENDERED = list(ALL | EXPERIMENT_STUDIES)
@@ -124,19 +124,19 @@ def test_the_front_page_has_the_figures_of_the_experiment_and_of_the_matrix() ->
         json.loads((PAGES / f"{name}.json").read_text("utf-8")) for name in EXPERIMENT_STUDIES
     )
 
-    def of_estimator(name: str, prefix: str = "") -> str:
+    def of_estimator(name: str, judge: str = "reference") -> str:
         one = experiment["estimators"][name]
-        mean = {unit: one[f"{prefix}{error}"]["mean"] for error, unit in _ERRORS.items()}
+        mean = {unit: one[f"{error}_vs_{judge}_{unit}"]["mean"] for error, unit in _ERRORS.items()}
         return f"{mean['deg']:.2f} deg, {mean['gf']:.2f} gf"
 
-    assert f"{experiment['feet']} feet fabricated as inexactly as the paper's" in front
+    assert f"{experiment['n_feet']} feet fabricated as inexactly as the paper's" in front
     for name in ("design_only", "calibrated_20", "calibrated_362"):
         assert of_estimator(name) in front
     for name in ("calibrated_20", "calibrated_362"):
-        assert of_estimator(name, "true_") in front
+        assert of_estimator(name, "truth") in front
     accepted = {name: row for name, row in matrix["mean_over_feet"].items() if row["refused_all"] <= 0.5}
     assert (
-        f"{matrix['feet']} feet of each of {len(matrix['mean_over_feet']) - 1} other kinds of physics"
+        f"{matrix['n_feet']} feet of each of {len(matrix['mean_over_feet']) - 1} other kinds of physics"
         in front
     )
     for test in ("centred_all", "range_all"):

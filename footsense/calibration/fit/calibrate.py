@@ -65,9 +65,9 @@ class CalibrationResult(NamedTuple):
     temperature_c: float | None = None
 
     @property
-    def distance(self) -> float:
+    def median_distance(self) -> float:
         """Median Mahalanobis distance of the calibration loads from the fitted model [1]."""
-        return float(np.median(self.fit.distance))
+        return float(np.median(self.fit.mahalanobis_distance))
 
 
 def calibrate_sessions(
@@ -133,10 +133,10 @@ def require_plausible(result: CalibrationResult) -> None:
             f"the foot would be {1.0 + stiffness_rel:.2f} times as stiff as designed; check the reference's unit "
             "(1 kgf is 9.81 N), its axes, and that the foot is of this type"
         )
-    if result.distance > MAX_MAHALANOBIS_DISTANCE:
+    if result.median_distance > MAX_MAHALANOBIS_DISTANCE:
         raise CalibrationError(
-            f"half of the loads are {result.distance:.0f} standard deviations or more from any foot of this type, "
-            "about 3 are usual; check the reference's axes, and that the foot is of this type and undamaged"
+            f"half of the loads are {result.median_distance:.0f} standard deviations or more from any foot of this "
+            "type, about 3 are usual; check the reference's axes, and that the foot is of this type and undamaged"
         )
     require_identified(result.predicted_uncertainty, result.n_loads)
 

@@ -74,12 +74,12 @@ class ParameterFit(NamedTuple):
     Attributes:
         parameters: Parameters as in `twin`, shape (parameters,).
         covariance: Their posterior covariance, shape (parameters, parameters).
-        distance: Mahalanobis distance of each load [1], shape (n,); about 3 if the error model holds.
+        mahalanobis_distance: Mahalanobis distance of each load [1], shape (n,); about 3 if the error model holds.
     """
 
     parameters: Vector
     covariance: Vector
-    distance: Vector
+    mahalanobis_distance: Vector
 
     @property
     def contraction(self) -> Vector:
@@ -139,7 +139,7 @@ def _levenberg_marquardt(twin: FootTwin, loads: LoadSet, start: Vector, *, share
             break
     residual_jacobian = state.residual_jacobian(shared_gap=shared_gap)
     covariance = np.asarray(np.linalg.inv(residual_jacobian.T @ residual_jacobian), np.float64)
-    return ParameterFit(state.parameters, covariance, state.distance)
+    return ParameterFit(state.parameters, covariance, state.mahalanobis_distance)
 
 
 class _FitState:
@@ -152,7 +152,7 @@ class _FitState:
         parameters: The parameters.
 
     Attributes:
-        distance: Mahalanobis distance of each load [1], shape (n,).
+        mahalanobis_distance: Mahalanobis distance of each load [1], shape (n,).
         residual: Whitened misfit, weighted down beyond Huber's distance, and parameters over their prior [1].
         cost: Sum of Huber's losses of the distances and of the squared parameters over their prior [1].
     """
@@ -165,14 +165,14 @@ class _FitState:
         self._cells_um = twin.cell_closures_um(parameters, self._contact)
         self._model_pf = twin.reading_pf(parameters, self._cells_um)
         white = np.einsum("nij,nj->ni", whitening, self._model_pf - loads.drift_corrected_pf)
-        self.distance = np.linalg.norm(white, axis=1)
+        self.mahalanobis_distance = np.linalg.norm(white, axis=1)
         huber = _HUBER_DISTANCE[twin.n_elements]
-        within = np.minimum(self.distance, huber)
-        self._weight = np.sqrt(huber / np.maximum(self.distance, huber))
+        within = np.minimum(self.mahalanobis_distance, huber)
+        self._weight = np.sqrt(huber / np.maximum(self.mahalanobis_distance, huber))
         self._prior_sigma = prior_sigma(twin.n_elements)
         prior = parameters / self._prior_sigma
         self.residual = np.concatenate([(self._weight[:, None] * white).ravel(), prior])
-        self.cost = float((within * (2.0 * self.distance - within)).sum() + (prior**2).sum())
+        self.cost = float((within * (2.0 * self.mahalanobis_distance - within)).sum() + (prior**2).sum())
 
     def with_parameters(self, parameters: Vector, whitening: Vector | None = None) -> "_FitState":
         """Return the fit state at other parameter values, with the same whitening unless another is given."""

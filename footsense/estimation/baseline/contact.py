@@ -1,15 +1,16 @@
 """Contact detection of one leg, from the level and the rate of its load.
 
-The load is compared with a floor, not with the baseline. In swing the floor follows the load down once that has been
-low for 50 ms, and up by at most `floor_n_per_s`; in stance it stands still. So drift, which is slow, never makes
-contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is the threshold
-above the floor. The threshold follows from the noise and the shake of earlier swings (`swing_noise.py`). A load that
-rises more slowly than `floor_n_per_s` cannot be told from drift and is not detected.
+The load is compared with the load in swing, not with the baseline. In swing that follows the load down once it has been
+low for 50 ms, and up by at most `max_swing_rise_n_per_s`; in stance it stands still. So drift, which is slow, never
+makes contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is the
+threshold above the load in swing. The threshold follows from the noise and the shake of earlier swings
+(`swing_noise.py`). A load that rises more slowly than `max_swing_rise_n_per_s` cannot be told from drift and is not
+detected.
 
-Contact ends when the load is back within `lift_n` of the floor. After a long stance that may never happen: the baseline
-has drifted meanwhile, and creep of the rubber recovers over minutes. So contact also ends when the load has fallen fast
-to a small part of its recent mean, as soon as drift and creep could explain what is left. A foot that carries little
-without having carried more just before stays in contact indefinitely.
+Contact ends when the load is back within `lift_n` of that in swing. After a long stance that may never happen: the
+baseline has drifted meanwhile, and creep of the rubber recovers over minutes. So contact also ends when the load has
+fallen fast to a small part of its recent mean, as soon as drift and creep could explain what is left. A foot that
+carries little without having carried more just before stays in contact indefinitely.
 
 One element alone makes no contact: the load is a trimmed mean, without the largest and the smallest closure.
 """
@@ -29,8 +30,8 @@ _RECENT_MEAN_S = 1.0
 _CREEP_REL = 0.05
 _CREEP_S = 100.0
 
-#: Time for which a load has to be low before the floor follows it down: a negative glitch must not make contact later.
-_FLOOR_FOLLOWS_AFTER_NS = 50_000_000
+#: Time for which the load has to be low before that in swing follows it: a negative glitch must not make contact later.
+_SWING_LOAD_FOLLOWS_AFTER_NS = 50_000_000
 
 #: A contact as short as this, that never came above so many times the thresholds, was shake.
 _SHAKE_MAX_NS, _SHAKE_MAX_THRESHOLDS = 60_000_000, 2.0
@@ -50,14 +51,15 @@ class ContactLimits:
     """Thresholds for contact and for a confirmed swing.
 
     Attributes:
-        threshold_n: Least load above the floor that is contact [N]; more where swings show more noise and shake.
-        floor_n_per_s: Fastest rise of the floor [N/s]: five times the fastest drift, a fiftieth of a slow load.
+        threshold_n: Least load above that in swing that is contact [N]; more where swings show more noise and shake.
+        max_swing_rise_n_per_s: Fastest rise of the load in swing [N/s]: five times the fastest drift, a
+            fiftieth of a slow load.
         confirmed_s: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick recovery is
             over by then, and half the swing of a fast gait is left.
     """
 
     threshold_n: float
-    floor_n_per_s: float = 0.5e-3
+    max_swing_rise_n_per_s: float = 0.5e-3
     confirmed_s: float = 0.2
 
 
@@ -98,7 +100,7 @@ class ContactDetector:
         load_n: Load along the leg above its baseline [N], NaN where it is not known.
         drift_n: Largest load that drift and creep alone could produce now [N].
         explained_by_drift: Whether drift and creep could explain the whole load; False where the load is not known.
-        floor_n: Load of the foot in swing [N].
+        swing_load_n: Load of the foot in swing [N].
         noise: Threshold of the load.
         predicted_noise: Threshold of the predicted load.
     """
@@ -119,7 +121,7 @@ class ContactDetector:
         self.in_swing = False
         self.load_n = math.nan
         self.explained_by_drift = False
-        self.floor_n = 0.0
+        self.swing_load_n = 0.0
         self._recent_n = 0.0
         self._touched_ns = t_ns
         self._peak_n = self._predicted_peak_n = 0.0
@@ -134,7 +136,7 @@ class ContactDetector:
     def observe(
         self, load_n: float, baseline_error_n: float, t_ns: int, now_ns: int, predicted_n: float = math.nan
     ) -> None:
-        """Process the newest load: update contact, swing, and the load offset in swing (`floor_n`).
+        """Process the newest load: update contact, swing, and the load offset in swing.
 
         Args:
             load_n: Load along the leg above its baseline [N], NaN where it is not known.
@@ -154,19 +156,19 @@ class ContactDetector:
         self._t_ns = t_ns
         self.drift_n = baseline_error_n + _CREEP_REL * self._creep_load_n
         self.explained_by_drift = abs(load_n) <= self._explained_n + self.drift_n
-        floor_n = self.floor_n
-        above_n = load_n - floor_n
-        predicted_above_n = predicted_n - floor_n
+        swing_load_n = self.swing_load_n
+        above_n = load_n - swing_load_n
+        predicted_above_n = predicted_n - swing_load_n
         noise, predicted_noise = self.noise, self.predicted_noise
         overshoots = t_ns - self._lifted_ns <= _OVERSHOOT_NS
         is_predicted = predicted_above_n > predicted_noise.threshold_n and not overshoots
         self.raw = above_n > noise.threshold_n or is_predicted
         if self.in_contact:
             lift_n = 0.5 * noise.threshold_n
-            # Measured above the baseline if the floor is below it: a foot must be able to leave contact.
+            # Measured above the baseline if the load in swing is below it: a foot must be able to leave contact.
             fallen = (
                 load_n < _LIFT_OFF_THRESHOLD_REL * self._recent_n
-                and load_n - max(floor_n, 0.0) < lift_n + self.drift_n
+                and load_n - max(swing_load_n, 0.0) < lift_n + self.drift_n
             )
             if not (fallen or above_n < lift_n):
                 self._loaded_ns = t_ns
@@ -185,15 +187,15 @@ class ContactDetector:
             predicted_noise.block_n.append(math.nan if overshoots else predicted_above_n)
             if t_ns >= predicted_noise.end_ns and not overshoots:
                 predicted_noise.end_block(t_ns)
-            if t_ns - self._window_start_ns > _FLOOR_FOLLOWS_AFTER_NS:
+            if t_ns - self._window_start_ns > _SWING_LOAD_FOLLOWS_AFTER_NS:
                 self._highest_before_n = self._highest_n
                 self._highest_n, self._window_start_ns = load_n, t_ns
             self._highest_n = max(self._highest_n, load_n)
             highest_n = max(self._highest_n, self._highest_before_n)
-            self.floor_n = min(highest_n, floor_n + self.limits.floor_n_per_s * elapsed_s)
+            self.swing_load_n = min(highest_n, swing_load_n + self.limits.max_swing_rise_n_per_s * elapsed_s)
         self.in_swing = (
             not self.in_contact
-            and load_n - self.floor_n < 0.5 * self._explained_n
+            and load_n - self.swing_load_n < 0.5 * self._explained_n
             and (t_ns - self._lifted_ns) * 1e-9 >= self.limits.confirmed_s
         )
         pressing_n = max(load_n, 0.0)
@@ -211,10 +213,10 @@ class ContactDetector:
         self._lifted_ns = self._window_start_ns = t_ns
         self.noise.discard_pending(t_ns)
         self.predicted_noise.discard_pending(t_ns)
-        # A foot can be pressed, not pulled: a floor below the baseline's error would turn the next reading into a
-        # touchdown.
-        self.floor_n = max(load_n, -baseline_error_n)
-        self._highest_before_n = self._highest_n = self.floor_n
+        # A foot can be pressed, not pulled: a load in swing below the baseline's error would turn the next reading
+        # into a touchdown.
+        self.swing_load_n = max(load_n, -baseline_error_n)
+        self._highest_before_n = self._highest_n = self.swing_load_n
 
     def refusal(self, kind: CommandKind) -> str | None:
         """Return why a command is refused at present (foot in contact); None if it may be executed.

@@ -30,9 +30,9 @@ class SwingNoise:
         least_n: Least threshold [N].
 
     Attributes:
-        threshold_n: Load above the floor that is contact [N].
+        threshold_n: Load above that in swing that is contact [N].
         sigma_n: Half of the distance from nothing to the mean peak: about the noise of a reading [N].
-        block_n: Signal of the present block of swing: load above the floor [N], NaN where not known.
+        block_n: Signal of the present block of swing: load above that in swing [N], NaN where not known.
         end_ns: Time from which the block is complete, and `end_block` is to be called [ns].
     """
 

@@ -68,9 +68,9 @@ class GaitTracker:
         """
         above_n, mean_n, states = [], [], []
         for force_n, contact in zip(load.force_n[:, 2].tolist(), contacts, strict=True):
-            floor_n = contact.floor_n
-            above_n.append(force_n - floor_n)
-            mean_n.append(contact.load_n - floor_n)
+            swing_load_n = contact.swing_load_n
+            above_n.append(force_n - swing_load_n)
+            mean_n.append(contact.load_n - swing_load_n)
             states.append((math.isfinite(force_n + contact.load_n), contact.in_contact))
         self._loads.append(LegLoads(now_ns, above_n, mean_n))
         events: list[GaitEvent] = []
@@ -166,10 +166,10 @@ def _contact_probability(contact: ContactDetector, above_n: float) -> float:
 
     Args:
         contact: Contact of the leg.
-        above_n: Estimated load above the floor [N].
+        above_n: Estimated load above that in swing [N].
     """
     noise, predicted = contact.noise, contact.predicted_noise
-    measured = (contact.load_n - contact.floor_n - noise.threshold_n) / noise.sigma_n
+    measured = (contact.load_n - contact.swing_load_n - noise.threshold_n) / noise.sigma_n
     estimated = (above_n - predicted.threshold_n) / predicted.sigma_n
     if not math.isfinite(measured + estimated):
         return math.nan

@@ -98,14 +98,14 @@ class Plan:
     """Sizes of a Monte Carlo run: feet per level, training epochs, thinning of levels.
 
     Attributes:
-        feet: Feet at every level.
-        with_network: Feet at every level of the test stand, each with a network of its own; at least 2.
+        n_feet: Feet at every level.
+        n_feet_with_network: Feet at every level of the test stand, each with a network of its own; at least 2.
         epochs: Training epochs of such a network.
         level_step: Every level_step-th level is done.
     """
 
-    feet: int
-    with_network: int
+    n_feet: int
+    n_feet_with_network: int
     epochs: int
     level_step: int = 1
 
@@ -118,12 +118,12 @@ class Plan:
         with_network = sweep in TEST_STAND_SWEEPS
         return [
             Job(sweep.tolerances_at(level), foot, with_network)
-            for foot in range(self.with_network if with_network else self.feet)
+            for foot in range(self.n_feet_with_network if with_network else self.n_feet)
         ]
 
 
-FULL_PLAN = Plan(feet=40, with_network=20, epochs=EPOCHS)
-QUICK_PLAN = Plan(feet=2, with_network=2, epochs=QUICK_EPOCHS, level_step=4)
+FULL_PLAN = Plan(n_feet=40, n_feet_with_network=20, epochs=EPOCHS)
+QUICK_PLAN = Plan(n_feet=2, n_feet_with_network=2, epochs=QUICK_EPOCHS, level_step=4)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -105,7 +105,7 @@ def test_errors_as_large_as_supposed_lie_as_far_as_supposed() -> None:
     unexplained_pf = 0.005 * (loads.capacitance_pf - loads.unloaded_pf) * rng.normal(size=(len(loads), 9))
     loads = replace(loads, capacitance_pf=loads.capacitance_pf + unexplained_pf)
     found = fit_parameters(FootTwin(design().response, loads.unloaded_pf), loads)
-    assert 6.0 < np.median(np.square(found.distance)) < 7.5
+    assert 6.0 < np.median(np.square(found.mahalanobis_distance)) < 7.5
 
 
 def test_twenty_loads_make_a_foot_several_times_better() -> None:
@@ -139,7 +139,7 @@ def test_an_offset_sheet_and_a_crooked_reference_are_told_from_the_foot() -> Non
     found = fit_parameters(FootTwin(design().response, loads.unloaded_pf), loads)
     np.testing.assert_allclose(found.parameters[OFFSET], offset, atol=0.006)
     np.testing.assert_allclose(reference_gains(found.parameters), [1.0233, 0.9933, 0.9833], atol=0.01)
-    assert np.median(found.distance) < 1.0
+    assert np.median(found.mahalanobis_distance) < 1.0
 
 
 def test_a_foot_as_designed_is_left_as_it_is() -> None:
@@ -206,7 +206,7 @@ def test_loads_of_no_foot_of_the_type_are_refused() -> None:
 def test_firm_loads_that_shut_gaps_lead_nowhere_else(number: int) -> None:
     """All at once end where the light ones point: nothing is far from the twin."""
     found = calibrate(design(), load_set(made(number), _TRAINING[::2], np.random.default_rng(number))).fit
-    assert np.median(found.distance) < 5.0
+    assert np.median(found.mahalanobis_distance) < 5.0
     assert np.abs(found.parameters[STRAY] - made(number).stray_pf).max() < 0.35
 
 

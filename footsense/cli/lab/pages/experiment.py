@@ -71,8 +71,8 @@ class Results:
         foot_type: Type of the feet.
         tolerances: Fabrication tolerances.
         load_stride: Every n-th load of the session is applied.
-        feet: Feet.
-        estimators: By estimator: number of `feet` that it could read, and mean errors as in `FootErrors`.
+        n_feet: Number of feet.
+        estimators: By estimator: number of feet (`n_feet`) that it could read, and mean errors as in `FootErrors`.
         training_loads: Accepted loads of the training session.
         test_loads: Loads of the test session that all estimators can read.
         unread_loads: Loads of the test session that some estimator cannot read.
@@ -84,7 +84,7 @@ class Results:
     foot_type: str
     tolerances: FootTolerances
     load_stride: int
-    feet: int
+    n_feet: int
     estimators: dict[str, dict[str, int | MeanStdOverFeet]]
     training_loads: MeanStdOverFeet
     test_loads: MeanStdOverFeet
@@ -94,14 +94,17 @@ class Results:
 
 
 def _progress_line(foot_result: FootResult) -> str:
-    """Return the progress line of one foot: its errors before and after calibration."""
-    before = foot_result.errors["design_only"]
-    after = foot_result.errors.get(f"calibrated_{N_ALL_LOADS}")
-    calibrated = "refused" if after is None else f"{after.direction_deg:.2f} deg, {after.magnitude_gf:.2f} gf"
+    """Return the progress line of one foot: its errors against the reference before and after calibration."""
+    design, calibrated = (
+        "refused"
+        if errors is None
+        else f"{errors.direction_vs_reference_deg:.2f} deg, {errors.magnitude_vs_reference_gf:.2f} gf"
+        for errors in map(foot_result.errors.get, ("design_only", f"calibrated_{N_ALL_LOADS}"))
+    )
     n_test = foot_result.n_test + foot_result.n_unread
     return (
-        f"{foot_result.foot}: {foot_result.n_training} loads, design {before.direction_deg:.1f} deg, "
-        f"{before.magnitude_gf:.1f} gf; calibrated {calibrated}, {foot_result.n_unread} of {n_test} not read"
+        f"{foot_result.foot}: {foot_result.n_training} loads, design {design}; calibrated {calibrated}, "
+        f"{foot_result.n_unread} of {n_test} not read"
     )
 
 
@@ -146,7 +149,7 @@ def compute(
         foot_type=batch.foot_type,
         tolerances=PAPER_TOLERANCES,
         load_stride=every,
-        feet=len(feet),
+        n_feet=len(feet),
         estimators=_estimator_errors(feet),
         training_loads=over_feet(lambda one: one.n_training),
         test_loads=over_feet(lambda one: one.n_test),
@@ -165,7 +168,7 @@ def _estimator_errors(feet: list[FootResult]) -> dict[str, dict[str, int | MeanS
             means = {
                 error: MeanStdOverFeet.of_values([errors[error] for errors in read]) for error in read[0]
             }
-            found[name] = {"feet": len(read), **means}
+            found[name] = {"n_feet": len(read), **means}
     return found
 
 

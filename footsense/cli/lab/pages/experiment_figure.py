@@ -11,8 +11,8 @@ from footsense.validation.virtual_experiment import CALIBRATION_LOAD_COUNTS, N_A
 
 #: The paper's errors on its fabricated foot.
 _ERROR_PANELS = (
-    ("direction_deg", "direction error [deg]", 15.9),
-    ("magnitude_gf", "magnitude error [gf]", 18.7),
+    ("direction_vs_reference_deg", "direction error [deg]", 15.9),
+    ("magnitude_vs_reference_gf", "magnitude error [gf]", 18.7),
 )
 
 

@@ -53,7 +53,7 @@ class MismatchResults:
     """Results of the study `mismatch`: mean and maximum over the feet, by row of mismatch and figure.
 
     Attributes:
-        feet: Feet of each row.
+        n_feet: Feet of each row.
         presses: Presses of a calibration.
         mean_over_feet: By row and figure: mean over the feet.
         max_over_feet: By row and figure: the largest over the feet.
@@ -62,7 +62,7 @@ class MismatchResults:
         full_solve_s: Processor time of one load by the full solve; None if not measured [s].
     """
 
-    feet: int
+    n_feet: int
     presses: int
     mean_over_feet: dict[str, dict[str, float]]
     max_over_feet: dict[str, dict[str, float]]
@@ -71,9 +71,9 @@ class MismatchResults:
     full_solve_s: float | None
 
     @property
-    def feet_s(self) -> float:
+    def total_cpu_s(self) -> float:
         """Total processor time of all feet, earlier runs included [s]."""
-        return self.feet * sum(row["cpu_s"] for row in self.mean_over_feet.values())
+        return self.n_feet * sum(row["cpu_s"] for row in self.mean_over_feet.values())
 
 
 def test_loads(loads: LoadRange) -> dict[str, TestLoads]:
@@ -181,7 +181,7 @@ def run_study(
         context.report_progress(f"{name}: {_progress_line(mean_over_feet[name])}")
     presses = len(paper_presses("training")[:: plan.every_nth_press])
     results = MismatchResults(
-        feet=n_feet,
+        n_feet=n_feet,
         presses=presses,
         mean_over_feet=mean_over_feet,
         max_over_feet=max_over_feet,

@@ -78,7 +78,8 @@ def run_study(
     plan = sweeps.QUICK_PLAN if context.quick else sweeps.FULL_PLAN
     results = sweep_results(context.models, context.response.design.gap_um, plan, workers, file)
     context.report_progress(
-        f"tolerance: {plan.feet} feet at each level of fabrication, {plan.with_network} at each of the test stand"
+        f"tolerance: {plan.n_feet} feet at each level of fabrication, "
+        f"{plan.n_feet_with_network} at each of the test stand"
     )
     figures = {
         "tolerance-feet.png": _figure(results, sweeps.FOOT_SWEEPS, DESIGN_TRAINED_ESTIMATORS),

@@ -63,12 +63,12 @@ class YardstickResults:
     """Results of the study `yardstick`: force errors with each cause alone, and with each cause left out.
 
     Attributes:
-        feet: Feet of each row.
+        n_feet: Feet of each row.
         alone: By cause: errors with that cause alone; also `none` and `all`.
         without: By cause: errors with all others.
     """
 
-    feet: int
+    n_feet: int
     alone: dict[str, CauseErrors]
     without: dict[str, CauseErrors]
 
@@ -124,7 +124,7 @@ def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
 
     rows = [row(number) for number in range(len(sets))]
     results = YardstickResults(
-        feet=n_feet,
+        n_feet=n_feet,
         alone=dict(zip(alone, rows, strict=False)),
         without=dict(zip(without, rows[len(alone) :], strict=True)),
     )
