@@ -10,7 +10,7 @@ from firmware_interface.chips import ad7746, fdc1004
 from firmware_interface.wire_timing import transaction_bits, wire_time_ns
 
 
-class Traffic(NamedTuple):
+class ConversionTraffic(NamedTuple):
     """Minimal I2C transactions of one scan of a board.
 
     Attributes:
@@ -29,14 +29,14 @@ class Traffic(NamedTuple):
     clock_tolerance_rel: float
 
 
-FDC1004 = Traffic(
+FDC1004_TRAFFIC = ConversionTraffic(
     switches_columns=False,
     n_start=3,
     done=(1, 2),
     result=(1, 2),
     clock_tolerance_rel=fdc1004.CLOCK_TOLERANCE_REL,
 )
-AD7746 = Traffic(
+AD7746_TRAFFIC = ConversionTraffic(
     switches_columns=True,
     n_start=2,
     done=None,
@@ -75,7 +75,7 @@ def scan_lower_bounds(
     host_cost_ns: float,
     n_result_reads: int = 1,
     kernel_mux: bool = False,
-    traffic: Traffic = FDC1004,
+    traffic: ConversionTraffic = FDC1004_TRAFFIC,
     rows: int = 3,
 ) -> ScanLowerBounds:
     """Return the lower bounds of the period of a scan of all elements of all legs on one I2C bus.

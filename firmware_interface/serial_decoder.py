@@ -3,7 +3,7 @@
 from collections import Counter
 
 from firmware_interface.serial_frames import (
-    MOST_BYTES,
+    MAX_STUFFED_BLOCK,
     STUFFED_BYTES,
     Record,
     RecordFlag,
@@ -44,26 +44,26 @@ class SerialDecoder:
     def feed(self, data: bytes) -> list[Record]:
         """Return the records that these bytes complete, in order of arrival."""
         *frames, self._rest = (self._rest + data).split(b"\0")
-        if self._overflowing or len(self._rest) > MOST_BYTES:
-            self._let_overflow(frames)
+        if self._overflowing or len(self._rest) > MAX_STUFFED_BLOCK:
+            self._discard_overlong(frames)
         if frames and self._starting:
             self._starting = False
             if len(frames[0]) != STUFFED_BYTES:
                 del frames[0]
         return [record for frame in frames if frame and (record := self._decode(frame)) is not None]
 
-    def _let_overflow(self, frames: list[bytes]) -> None:
+    def _discard_overlong(self, frames: list[bytes]) -> None:
         """Discard and count bytes when a frame is too long, up to the next zero byte."""
         if self._overflowing and frames:
             self.losses["overflow"] += len(frames.pop(0))
             self._overflowing = False
-        if self._overflowing or len(self._rest) > MOST_BYTES:
+        if self._overflowing or len(self._rest) > MAX_STUFFED_BLOCK:
             self.losses["overflow"] += len(self._rest)
             self._rest, self._overflowing, self._starting = b"", True, False
 
     def _decode(self, frame: bytes) -> Record | None:
         """Return the record of a frame; if it cannot be used, count it and return None."""
-        if len(frame) > MOST_BYTES:
+        if len(frame) > MAX_STUFFED_BLOCK:
             self.losses["overflow"] += len(frame)
             return None
         data = unstuff(frame)

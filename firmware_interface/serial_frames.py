@@ -44,12 +44,12 @@ ELEMENTS = 9
 NO_VALUE = -(2**31)
 N_CODES = 16
 
-_HEADER = struct.Struct("<BBBBHHI")
-_VALUES = struct.Struct(f"<{ELEMENTS}i")
-_CRC = struct.Struct("<H")
+_HEADER_STRUCT = struct.Struct("<BBBBHHI")
+_VALUES_STRUCT = struct.Struct(f"<{ELEMENTS}i")
+_CRC_STRUCT = struct.Struct("<H")
 _CRC_START = 0xFFFF
-_CRC_OFFSET = _HEADER.size + _VALUES.size
-_RECORD_BYTES = _CRC_OFFSET + _CRC.size
+_CRC_OFFSET = _HEADER_STRUCT.size + _VALUES_STRUCT.size
+_RECORD_BYTES = _CRC_OFFSET + _CRC_STRUCT.size
 #: A record on the line without the zero that ends it, and with it.
 STUFFED_BYTES = _RECORD_BYTES + 1
 FRAME_BYTES = STUFFED_BYTES + 1
@@ -57,7 +57,7 @@ FRAME_BYTES = STUFFED_BYTES + 1
 RECORD_BITS = 10 * FRAME_BYTES
 
 #: Longest record of any version, stuffed; more bytes without a zero are no record.
-MOST_BYTES = 255
+MAX_STUFFED_BLOCK = 255
 
 _LEGS = frozenset(NODE_IDS.values())
 
@@ -105,7 +105,7 @@ class Record(NamedTuple):
 
     def values_af(self) -> tuple[int, ...]:
         """Return the capacitances of the nine elements as integers [aF], shape (9,)."""
-        return _VALUES.unpack(self.values)
+        return _VALUES_STRUCT.unpack(self.values)
 
 
 def encode_record(record: Record) -> bytes:
@@ -114,21 +114,21 @@ def encode_record(record: Record) -> bytes:
     Raises:
         ValueError: A field does not fit, or there are not nine values.
     """
-    if len(record.values) != _VALUES.size:
-        raise ValueError(f"a record has {_VALUES.size} bytes of values, not {len(record.values)}")
+    if len(record.values) != _VALUES_STRUCT.size:
+        raise ValueError(f"a record has {_VALUES_STRUCT.size} bytes of values, not {len(record.values)}")
     try:
-        header = _HEADER.pack(
+        header = _HEADER_STRUCT.pack(
             VERSION, record.leg, record.flags, ELEMENTS, record.seq, record.step_us, record.t_us
         )
     except struct.error as error:
         raise ValueError(f"{record[:5]} does not fit into a record: {error}") from error
     body = header + record.values
-    return stuff(body + _CRC.pack(crc_hqx(body, _CRC_START))) + b"\0"
+    return stuff(body + _CRC_STRUCT.pack(crc_hqx(body, _CRC_START))) + b"\0"
 
 
 def pack_values(values_af: Sequence[int]) -> bytes:
     """Return nine capacitances [aF] as the bytes of a record."""
-    return _VALUES.pack(*values_af)
+    return _VALUES_STRUCT.pack(*values_af)
 
 
 def stuff(data: bytes) -> bytes:
@@ -150,7 +150,7 @@ def unstuff(stuffed: bytes) -> bytes | None:
     """
     data, end, at = bytearray(stuffed), len(stuffed), 0
     while at < end:
-        length = data[at] or MOST_BYTES  # a zero is never encoded: it leads past the end
+        length = data[at] or MAX_STUFFED_BLOCK  # a zero is never encoded: it leads past the end
         data[at] = 0
         at += length
     return bytes(data[1:]) if at == end and end else None
@@ -158,8 +158,11 @@ def unstuff(stuffed: bytes) -> bytes | None:
 
 def is_whole(data: bytes) -> bool:
     """Return whether bytes have a header and a correct CRC, as records of all versions do."""
-    end = len(data) - _CRC.size
-    return end >= _HEADER.size and crc_hqx(data[:end], _CRC_START) == _CRC.unpack_from(data, end)[0]
+    end = len(data) - _CRC_STRUCT.size
+    return (
+        end >= _HEADER_STRUCT.size
+        and crc_hqx(data[:end], _CRC_START) == _CRC_STRUCT.unpack_from(data, end)[0]
+    )
 
 
 def decode_record(data: bytes) -> Record | None:
@@ -168,11 +171,11 @@ def decode_record(data: bytes) -> Record | None:
     Raises:
         ValueError: A record of this version has another length.
     """
-    version, leg, flags, n, seq, step_us, t_us = _HEADER.unpack_from(data)
+    version, leg, flags, n, seq, step_us, t_us = _HEADER_STRUCT.unpack_from(data)
     if version != VERSION or leg not in _LEGS or flags & ~_FLAGS:
         return None
     if len(data) != _RECORD_BYTES or n != ELEMENTS:
         raise ValueError(
             f"a record of {len(data)} bytes and {n} elements, not {_RECORD_BYTES} and {ELEMENTS}"
         )
-    return Record(leg, seq, flags, step_us, t_us, data[_HEADER.size : _CRC_OFFSET])
+    return Record(leg, seq, flags, step_us, t_us, data[_HEADER_STRUCT.size : _CRC_OFFSET])

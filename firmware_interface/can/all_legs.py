@@ -46,12 +46,14 @@ from firmware_interface.can.force import FORCE_ID, Force, Quality
 #: The id of `Force` with node 0, which stands for nodes 1 to 6, and with node 9, which stands for nodes 7 and 8.
 FORCES_ID, FORCES4_ID = FORCE_ID, FORCE_ID + 9
 #: Nodes in each of the frames, in its order.
-NODES = {FORCES_ID: range(1, 7), FORCES4_ID: range(7, 9)}
+NODES_OF_FRAME = {FORCES_ID: range(1, 7), FORCES4_ID: range(7, 9)}
 
 _HEADER_STRUCT = struct.Struct("<HBB")
 _LEG_STRUCT = struct.Struct("<Ihhh")
 #: Data bytes of each of the frames.
-N_BYTES = {can_id: _HEADER_STRUCT.size + len(nodes) * _LEG_STRUCT.size for can_id, nodes in NODES.items()}
+DATA_BYTES_OF_FRAME = {
+    can_id: _HEADER_STRUCT.size + len(nodes) * _LEG_STRUCT.size for can_id, nodes in NODES_OF_FRAME.items()
+}
 
 _NO_FORCE = -32768
 _MAX_FORCE = 32767
@@ -98,7 +100,7 @@ def encode_forces(
     across_at = _FIRST_MASK_BIT + layout.mask_bits
     along_at = across_at + layout.sigma_bits
     no_sigmas = layout.no_sigma << across_at | layout.no_sigma << along_at
-    slots = dict.fromkeys(NODES[can_id], (State.ABSENT | no_sigmas, _NO_FORCE, _NO_FORCE, _NO_FORCE))
+    slots = dict.fromkeys(NODES_OF_FRAME[can_id], (State.ABSENT | no_sigmas, _NO_FORCE, _NO_FORCE, _NO_FORCE))
     ages_ns = [0]
     in_air, common = True, 0
     for node, leg_ns, code, leg_n, leg_sigma_n, flag, mask in zip(
@@ -137,7 +139,7 @@ def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
         ValueError: There are more than 16 elements.
     """
     layout = mask_layout(FORCES_LAYOUTS, n_elements)
-    if len(data) != N_BYTES.get(can_id):
+    if len(data) != DATA_BYTES_OF_FRAME.get(can_id):
         raise FrameError(f"frame 0x{can_id:03x} of {len(data)} bytes is no frame of all legs")
     crc, head, age = _HEADER_STRUCT.unpack_from(data)
     if crc != _crc(can_id, data[2:]):
@@ -151,7 +153,7 @@ def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
     age_ns = None if age == _NO_AGE else age * _AGE_STEP_NS
     legs = []
     slots = _LEG_STRUCT.iter_unpack(data[_HEADER_STRUCT.size :])
-    for node, (bits, *codes) in zip(NODES[can_id], slots, strict=True):
+    for node, (bits, *codes) in zip(NODES_OF_FRAME[can_id], slots, strict=True):
         x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _FORCE_CODES_PER_N for code in codes)
         sigmas = bits >> _FIRST_MASK_BIT + layout.mask_bits
         across_n, along_n = (layout.sigma_n(sigmas >> at & layout.no_sigma) for at in (0, layout.sigma_bits))

@@ -40,7 +40,7 @@ class Baseline(NamedTuple):
     age_ns: int | None
 
 
-_BASELINE = struct.Struct("<BhhH")
+_BASELINE_STRUCT = struct.Struct("<BhhH")
 _OFFSET_CODES_PER_PF = 10_000
 _NO_OFFSET = -32768
 _MAX_OFFSET = 32767
@@ -72,7 +72,7 @@ def encode_baseline(
         'f5 10 0c 00 c9 ff 14 00'
     """
     age = _NO_AGE if age_ns is None or age_ns < 0 else min(-(-age_ns // _AGE_STEP_NS), _NO_AGE - 1)
-    payload = _BASELINE.pack(status << 4 | counter, _offset_code(mean_pf), _offset_code(worst_pf), age)
+    payload = _BASELINE_STRUCT.pack(status << 4 | counter, _offset_code(mean_pf), _offset_code(worst_pf), age)
     return protect(BASELINE_ID + node, payload)
 
 
@@ -82,7 +82,7 @@ def decode_baseline(can_id: int, data: bytes) -> Baseline:
     Raises:
         FrameError: The id, length, crc, counter or status is wrong.
     """
-    node, counter, (head, mean, worst, age) = unpack_protected(can_id, data, BASELINE_ID, _BASELINE)
+    node, counter, (head, mean, worst, age) = unpack_protected(can_id, data, BASELINE_ID, _BASELINE_STRUCT)
     status = enum_member(BaselineStatus, head >> 4)
     age_ns = None if age == _NO_AGE else age * _AGE_STEP_NS
     return Baseline(node, counter, status, _offset_pf(mean), _offset_pf(worst), age_ns)

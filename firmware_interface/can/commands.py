@@ -20,10 +20,10 @@ ANSWER_ID = 0x580
 
 #: Word of each command beside its kind, so that no stray frame is a command.
 #: Source: CiA 404 starts an auto-zero by writing "zero" to object 0x6125; the others follow it.
-WORDS = {CommandKind.TARE: b"zero", CommandKind.START: b"strt", CommandKind.STOP: b"stop"}
+COMMAND_WORDS = {CommandKind.TARE: b"zero", CommandKind.START: b"strt", CommandKind.STOP: b"stop"}
 
 #: Stands for the counter of the command in an answer that no command frame asked for.
-UNSOLICITED = COUNTER_PERIOD
+UNSOLICITED_COUNTER = COUNTER_PERIOD
 
 
 class UnknownCommandError(FrameError):
@@ -62,7 +62,7 @@ class Answer(NamedTuple):
         counter: Sequence counter of the frame, 0..14.
         result: DONE, or why it was refused.
         kind: Kind byte of the command, known or not.
-        command_counter: Counter of the command; `UNSOLICITED` for a tare that the service takes by itself.
+        command_counter: Counter of the command; `UNSOLICITED_COUNTER` for a tare that the service takes by itself.
     """
 
     node: int
@@ -72,8 +72,8 @@ class Answer(NamedTuple):
     command_counter: int
 
 
-_COMMAND = struct.Struct("<BBB4s")
-_ANSWER = struct.Struct("<BBB")
+_COMMAND_STRUCT = struct.Struct("<BBB4s")
+_ANSWER_STRUCT = struct.Struct("<BBB")
 
 
 def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
@@ -91,7 +91,7 @@ def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
         >>> encode_command(1, 0, CommandKind.TARE).hex(" ")
         '98 00 01 00 7a 65 72 6f'
     """
-    return protect(COMMAND_ID + node, _COMMAND.pack(counter, kind, 0, WORDS[kind]))
+    return protect(COMMAND_ID + node, _COMMAND_STRUCT.pack(counter, kind, 0, COMMAND_WORDS[kind]))
 
 
 def decode_command(can_id: int, data: bytes) -> Command:
@@ -101,8 +101,8 @@ def decode_command(can_id: int, data: bytes) -> Command:
         UnknownCommandError: The crc is right, but kind and word are those of no command.
         FrameError: The id, length, crc or counter is wrong.
     """
-    node, counter, (_, code, _, word) = unpack_protected(can_id, data, COMMAND_ID, _COMMAND)
-    for kind, known in WORDS.items():
+    node, counter, (_, code, _, word) = unpack_protected(can_id, data, COMMAND_ID, _COMMAND_STRUCT)
+    for kind, known in COMMAND_WORDS.items():
         if code == kind and word == known:
             return Command(node, counter, kind)
     raise UnknownCommandError(code, counter, word)
@@ -123,7 +123,7 @@ def encode_answer(node: int, counter: int, result: int, kind: int, command_count
         >>> encode_answer(1, 3, Result.LOADED, CommandKind.TARE, 0).hex(" ")
         '6a 23 01 00'
     """
-    return protect(ANSWER_ID + node, _ANSWER.pack(result << 4 | counter, kind, command_counter))
+    return protect(ANSWER_ID + node, _ANSWER_STRUCT.pack(result << 4 | counter, kind, command_counter))
 
 
 def decode_answer(can_id: int, data: bytes) -> Answer:
@@ -132,5 +132,5 @@ def decode_answer(can_id: int, data: bytes) -> Answer:
     Raises:
         FrameError: The id, length, crc, counter or result is wrong.
     """
-    node, counter, (head, kind, command_counter) = unpack_protected(can_id, data, ANSWER_ID, _ANSWER)
+    node, counter, (head, kind, command_counter) = unpack_protected(can_id, data, ANSWER_ID, _ANSWER_STRUCT)
     return Answer(node, counter, enum_member(Result, head >> 4), kind, command_counter & 0xF)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 
-from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, N_BYTES, NODES
+from firmware_interface.can.all_legs import DATA_BYTES_OF_FRAME, FORCES4_ID, FORCES_ID, NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.element_mask import FORCES_LAYOUTS, NARROW_ELEMENTS, QUALITY_LAYOUTS, mask_layout
 
@@ -19,16 +19,16 @@ from firmware_interface.can.element_mask import FORCES_LAYOUTS, NARROW_ELEMENTS,
 HEXAPOD_DBC = Path(__file__).with_name("footsense.dbc")
 
 _SIDES, _PLACES = {"l": "left", "r": "right"}, {"f": "front", "m": "middle", "r": "rear", "4": "fourth"}
-_WORDS = {leg: f"{_SIDES[leg[0]]} {_PLACES[leg[1]]}" for leg in NODE_IDS}
-_COUNTS = ("one", "two", "three", "four", "five", "six", "seven", "eight")
-_ID = re.compile(r'(?:BO_|CM_ SG_|CM_ BO_|VAL_|BA_ "\w+" BO_) (\d+) ')
-_NODE = 0x7F
-_FORCE_SIGNAL = re.compile(r"( SG_ (?:Force|Sigma)\w+ : \S+ )\((\S+),0\) \[(\S+)\|(\S+)\] \"N\"")
+_LEG_NAMES = {leg: f"{_SIDES[leg[0]]} {_PLACES[leg[1]]}" for leg in NODE_IDS}
+_NUMBER_WORDS = ("one", "two", "three", "four", "five", "six", "seven", "eight")
+_CAN_ID_PATTERN = re.compile(r'(?:BO_|CM_ SG_|CM_ BO_|VAL_|BA_ "\w+" BO_) (\d+) ')
+_NODE_MASK = 0x7F
+_FORCE_SIGNAL_PATTERN = re.compile(r"( SG_ (?:Force|Sigma)\w+ : \S+ )\((\S+),0\) \[(\S+)\|(\S+)\] \"N\"")
 
-_MASK_OR_SIGMA = re.compile(
+_MASK_OR_SIGMA_PATTERN = re.compile(
     r"^ SG_ (?P<name>FaultMask|Sigma(?P<axis>XY|X|Y|Z))(?P<leg>\w*) : (?P<start>\d+)\|\d+@1\+ \(\S+\) \[\S+\]"
 )
-_VALUES = re.compile(r'^(VAL_ \d+ Sigma(?:XY|X|Y|Z)(\w*)) \d+ "Saturated" \d+')
+_SIGMA_VALUES_PATTERN = re.compile(r'^(VAL_ \d+ Sigma(?:XY|X|Y|Z)(\w*)) \d+ "Saturated" \d+')
 
 
 def make_dbc(legs: Sequence[str], force_step_mn: int = 1, n_elements: int = NARROW_ELEMENTS) -> str:
@@ -48,29 +48,35 @@ def make_dbc(legs: Sequence[str], force_step_mn: int = 1, n_elements: int = NARR
     names = {node: leg for leg, node in NODE_IDS.items()}
     text: list[str] = []
     for can_id, lines in groupby(
-        _with_ids(HEXAPOD_DBC.read_text("utf-8").splitlines()), key=lambda one: one[0]
+        _lines_with_can_ids(HEXAPOD_DBC.read_text("utf-8").splitlines()), key=lambda one: one[0]
     ):
         block = [line for _, line in lines]
         if can_id is None:
-            text += _of_robot(block, [names[node] for node in nodes])
+            text += _general_lines(block, [names[node] for node in nodes])
         elif can_id == FORCES_ID:
             text += block
-            if not set(nodes).isdisjoint(NODES[FORCES4_ID]):
-                text += _fourth_legs(block)
-        elif can_id & _NODE == 1:
+            if not set(nodes).isdisjoint(NODES_OF_FRAME[FORCES4_ID]):
+                text += _forces4_lines(block)
+        elif can_id & _NODE_MASK == 1:
             for node in nodes:
-                text += _of_leg(block, can_id, node, names[node])
+                text += _leg_frame_lines(block, can_id, node, names[node])
     text = [line.replace("e = 3 row", f"e = {math.isqrt(n_elements)} row") for line in text]
     if n_elements > NARROW_ELEMENTS:
-        text = [_VALUES.sub(_wide_values, _MASK_OR_SIGMA.sub(_wide_signal, line)) for line in text]
-    return "\n".join(line if force_step_mn == 1 else _scaled(line, force_step_mn) for line in text) + "\n"
+        text = [
+            _SIGMA_VALUES_PATTERN.sub(_wide_values, _MASK_OR_SIGMA_PATTERN.sub(_wide_signal, line))
+            for line in text
+        ]
+    return (
+        "\n".join(line if force_step_mn == 1 else _with_force_step(line, force_step_mn) for line in text)
+        + "\n"
+    )
 
 
-def _with_ids(lines: Sequence[str]) -> list[tuple[int | None, str]]:
+def _lines_with_can_ids(lines: Sequence[str]) -> list[tuple[int | None, str]]:
     """Return each text line with the CAN id of the frame it describes; None if it describes none."""
     can_id, before, found = None, "", []
     for line in lines:
-        match = _ID.match(line)
+        match = _CAN_ID_PATTERN.match(line)
         if match:
             can_id = int(match[1])
         elif not line.startswith(" SG_") and not (before.startswith(" SG_") and not line):
@@ -80,33 +86,35 @@ def _with_ids(lines: Sequence[str]) -> list[tuple[int | None, str]]:
     return found
 
 
-def _of_robot(lines: list[str], legs: Sequence[str]) -> list[str]:
+def _general_lines(lines: list[str], legs: Sequence[str]) -> list[str]:
     """Return the DBC's general text lines, adapted to the robot's legs."""
     nodes = ", ".join(f"{NODE_IDS[leg]} {leg}" for leg in legs)
     described = re.sub(r"1 lf, .*?\.", f"{nodes}.", "\n".join(lines))
-    return described.replace("six-legged", f"{_COUNTS[len(legs) - 1]}-legged").split("\n")
+    return described.replace("six-legged", f"{_NUMBER_WORDS[len(legs) - 1]}-legged").split("\n")
 
 
-def _of_leg(lines: list[str], can_id: int, node: int, leg: str) -> list[str]:
+def _leg_frame_lines(lines: list[str], can_id: int, node: int, leg: str) -> list[str]:
     """Return the text lines of a left front leg's frame, adapted to another leg."""
     return [
         line.replace(f" {can_id} ", f" {can_id - 1 + node} ", 1)
         .replace("Lf:", f"{leg.capitalize()}:", 1)
-        .replace("left front", _WORDS[leg])
+        .replace("left front", _LEG_NAMES[leg])
         for line in lines
     ]
 
 
-def _fourth_legs(lines: list[str]) -> list[str]:
+def _forces4_lines(lines: list[str]) -> list[str]:
     """Return the text lines of the frame `Forces`, adapted to `Forces4` (the legs l4 and r4)."""
     fourth = []
     for line in lines:
         if re.search(r"\w(Lr|Rf|Rm|Rr) ", line):
             continue
         changed = line.replace(f" {FORCES_ID} ", f" {FORCES4_ID} ", 1)
-        changed = changed.replace(f"Forces: {N_BYTES[FORCES_ID]}", f"Forces4: {N_BYTES[FORCES4_ID]}")
-        changed = re.sub(r"(\w)Lf ", r"\1L4 ", changed).replace("left front", _WORDS["l4"])
-        changed = re.sub(r"(\w)Lm ", r"\1R4 ", changed).replace("left middle", _WORDS["r4"])
+        changed = changed.replace(
+            f"Forces: {DATA_BYTES_OF_FRAME[FORCES_ID]}", f"Forces4: {DATA_BYTES_OF_FRAME[FORCES4_ID]}"
+        )
+        changed = re.sub(r"(\w)Lf ", r"\1L4 ", changed).replace("left front", _LEG_NAMES["l4"])
+        changed = re.sub(r"(\w)Lm ", r"\1R4 ", changed).replace("left middle", _LEG_NAMES["r4"])
         fourth.append(changed.replace("of all legs", "of the fourth legs"))
     return fourth
 
@@ -129,11 +137,11 @@ def _wide_values(match: re.Match[str]) -> str:
     return f'{match[1]} {none - 1} "Saturated" {none}'
 
 
-def _scaled(line: str, step: int) -> str:
+def _with_force_step(line: str, step: int) -> str:
     """Return a text line with the scale of its force signals multiplied by `step`."""
 
     def scale(match: re.Match[str]) -> str:
         factor, least, most = (format(step * float(number), ".6g") for number in match.groups()[1:])
         return f'{match[1]}({factor},0) [{least}|{most}] "N"'
 
-    return _FORCE_SIGNAL.sub(scale, line).replace("+-32.767 N", f"+-{step * 32.767:.6g} N")
+    return _FORCE_SIGNAL_PATTERN.sub(scale, line).replace("+-32.767 N", f"+-{step * 32.767:.6g} N")

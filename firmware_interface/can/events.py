@@ -53,7 +53,7 @@ class Heartbeat(NamedTuple):
     degraded_timing: bool
 
 
-_FAULT = struct.Struct("<BBHB")
+_FAULT_STRUCT = struct.Struct("<BBHB")
 _DEGRADED_TIMING = 0x80
 
 
@@ -72,7 +72,9 @@ def encode_fault(node: int, counter: int, state: int, previous: int, fault_mask:
         >>> encode_fault(2, 7, State.DEGRADED, State.VALID, 0b1_0000_0001, Cause.ELEMENT_OPEN).hex(" ")
         'ff a7 01 01 01 07'
     """
-    return protect(FAULT_ID + node, _FAULT.pack(state << 4 | counter, previous, fault_mask & 0xFFFF, cause))
+    return protect(
+        FAULT_ID + node, _FAULT_STRUCT.pack(state << 4 | counter, previous, fault_mask & 0xFFFF, cause)
+    )
 
 
 def decode_fault(can_id: int, data: bytes) -> Fault:
@@ -81,7 +83,9 @@ def decode_fault(can_id: int, data: bytes) -> Fault:
     Raises:
         FrameError: The id, length, crc, counter, a state or the cause is wrong.
     """
-    node, counter, (head, previous, fault_mask, code) = unpack_protected(can_id, data, FAULT_ID, _FAULT)
+    node, counter, (head, previous, fault_mask, code) = unpack_protected(
+        can_id, data, FAULT_ID, _FAULT_STRUCT
+    )
     state, before = enum_member(State, head >> 4), enum_member(State, previous & 0xF)
     return Fault(node, counter, state, before, fault_mask, enum_member(Cause, code))
 

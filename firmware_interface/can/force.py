@@ -94,12 +94,12 @@ class Quality(NamedTuple):
 #: What a bit of a force may stand for [mN]; a robot with feet for up to 32 N uses the first.
 FORCE_STEPS_MN = (1, 2, 5, 10, 20)
 
-_FORCE = struct.Struct("<Bhhh")
-_QUALITY = struct.Struct("<7s")
+_FORCE_STRUCT = struct.Struct("<Bhhh")
+_QUALITY_STRUCT = struct.Struct("<7s")
 _NO_FORCE = -32768
 _NO_FORCE_N = -32.768
 _MAX_FORCE_N = 32.767
-_FORCE_PER_N = 1000
+_FORCE_CODES_PER_N = 1000
 
 _AGE_STEP_NS = 100_000
 _NO_AGE = 0xFFF
@@ -107,7 +107,7 @@ _MAX_AGE_NS = (_NO_AGE - 1) * _AGE_STEP_NS
 
 _FIRST_MASK_BIT = 20
 # Rounds up, except for the rounding error of a whole number of bits.
-_ROUND_UP = 1 - 1e-6
+_CEILING_OFFSET = 1 - 1e-6
 
 _NAN = float("nan")
 
@@ -193,15 +193,19 @@ class ForceQualityEncoder:
                 and code in USABLE
             ):
                 code, x_n, y_n, z_n = _sendable_force(code, (x_n, y_n, z_n))  # noqa: PLW2901
-            x, y, z = round(x_n * _FORCE_PER_N), round(y_n * _FORCE_PER_N), round(z_n * _FORCE_PER_N)
-            _FORCE.pack_into(frames, at + 1, code << 4 | counter, x, y, z)
+            x, y, z = (
+                round(x_n * _FORCE_CODES_PER_N),
+                round(y_n * _FORCE_CODES_PER_N),
+                round(z_n * _FORCE_CODES_PER_N),
+            )
+            _FORCE_STRUCT.pack_into(frames, at + 1, code << 4 | counter, x, y, z)
             age_ns = t_sent_ns - leg_t_ns
             age = -(-age_ns // _AGE_STEP_NS) if leg_t_ns and 0 <= age_ns <= _MAX_AGE_NS else _NO_AGE
             bits = counter | (flag & 0xF) << 4 | age << 8 | (mask & all_elements) << _FIRST_MASK_BIT
             shift = _FIRST_MASK_BIT + mask_bits
             for component_n in sigmas_n:
                 if 0.0 <= component_n < max_sigma_n:
-                    bits |= int(component_n * per_n + _ROUND_UP) << shift
+                    bits |= int(component_n * per_n + _CEILING_OFFSET) << shift
                 else:
                     bits |= (max_sigma if component_n > 0.0 else no_sigma) << shift
                 shift += sigma_bits
@@ -230,8 +234,8 @@ def decode_force(can_id: int, data: bytes) -> Force:
     Raises:
         FrameError: The id, length, crc, counter or state is wrong.
     """
-    node, counter, (head, *codes) = unpack_protected(can_id, data, FORCE_ID, _FORCE)
-    x_n, y_n, z_n = (_NAN if code == _NO_FORCE else code / _FORCE_PER_N for code in codes)
+    node, counter, (head, *codes) = unpack_protected(can_id, data, FORCE_ID, _FORCE_STRUCT)
+    x_n, y_n, z_n = (_NAN if code == _NO_FORCE else code / _FORCE_CODES_PER_N for code in codes)
     return Force(node, counter, enum_member(State, head >> 4), (x_n, y_n, z_n))
 
 
@@ -243,7 +247,7 @@ def decode_quality(can_id: int, data: bytes, n_elements: int = 9) -> Quality:
         ValueError: There are more than 16 elements.
     """
     layout = mask_layout(QUALITY_LAYOUTS, n_elements)
-    node, counter, (payload,) = unpack_protected(can_id, data, QUALITY_ID, _QUALITY)
+    node, counter, (payload,) = unpack_protected(can_id, data, QUALITY_ID, _QUALITY_STRUCT)
     bits = int.from_bytes(payload, "little")
     age = bits >> 8 & 0xFFF
     sigmas = bits >> _FIRST_MASK_BIT + layout.mask_bits

@@ -88,9 +88,9 @@ class Ground(NamedTuple):
     friction: float
 
 
-_EVENT = struct.Struct("<BHBB")
-_GAIT = struct.Struct("<BBBB")
-_GROUND = struct.Struct("<7s")
+_EVENT_STRUCT = struct.Struct("<BHBB")
+_GAIT_STRUCT = struct.Struct("<BBBB")
+_GROUND_STRUCT = struct.Struct("<7s")
 
 _AGE_STEP_NS = 100_000
 _NO_AGE = 0xFFFF
@@ -135,7 +135,7 @@ def encode_gait_event(
     if not 0 <= age < _NO_AGE:
         age = _NO_AGE
     (sigma,) = _encoded_values(_EVENT_FIELDS, [sigma_s])
-    return protect(GAIT_EVENT_ID + node, _EVENT.pack(kind << 4 | counter, age, sigma, all_in_air))
+    return protect(GAIT_EVENT_ID + node, _EVENT_STRUCT.pack(kind << 4 | counter, age, sigma, all_in_air))
 
 
 def decode_gait_event(can_id: int, data: bytes) -> GaitEvent:
@@ -144,7 +144,7 @@ def decode_gait_event(can_id: int, data: bytes) -> GaitEvent:
     Raises:
         FrameError: The id, length, crc, counter or kind is wrong.
     """
-    node, counter, (head, age, sigma, air) = unpack_protected(can_id, data, GAIT_EVENT_ID, _EVENT)
+    node, counter, (head, age, sigma, air) = unpack_protected(can_id, data, GAIT_EVENT_ID, _EVENT_STRUCT)
     return GaitEvent(
         node,
         counter,
@@ -183,7 +183,7 @@ def encode_gait(
     """
     head = counter | contact << 4 | contact_raw << 5 | all_in_air << 6
     shares = _encoded_values(_GAIT_FIELDS, [probability, load_share])
-    return protect(GAIT_ID + node, _GAIT.pack(head, slip, *shares))
+    return protect(GAIT_ID + node, _GAIT_STRUCT.pack(head, slip, *shares))
 
 
 def decode_gait(can_id: int, data: bytes) -> Gait:
@@ -192,7 +192,7 @@ def decode_gait(can_id: int, data: bytes) -> Gait:
     Raises:
         FrameError: The id, length, crc, counter or slip is wrong.
     """
-    node, counter, (head, slip, *shares) = unpack_protected(can_id, data, GAIT_ID, _GAIT)
+    node, counter, (head, slip, *shares) = unpack_protected(can_id, data, GAIT_ID, _GAIT_STRUCT)
     contact, contact_raw, all_in_air = (bool(head >> bit & 1) for bit in (4, 5, 6))
     probability, load_share = (_decoded_value(code, _SHARE_CODES_PER_UNIT, 0xFF) for code in shares)
     state = enum_member(Slip, slip & 3)
@@ -245,7 +245,7 @@ def decode_ground(can_id: int, data: bytes) -> Ground:
     Raises:
         FrameError: The id, length, crc or counter is wrong.
     """
-    node, counter, (payload,) = unpack_protected(can_id, data, GROUND_ID, _GROUND)
+    node, counter, (payload,) = unpack_protected(can_id, data, GROUND_ID, _GROUND_STRUCT)
     bits = int.from_bytes(payload, "little")
     codes = [(bits >> shift & 0x3FF ^ 0x200) - 0x200 for shift in (4, 14)]
     normal_x, normal_y = (_NAN if _NO_NORMAL in codes else code / _NORMAL_CODES_PER_UNIT for code in codes)

@@ -19,10 +19,10 @@ ADDRESS = 0x49
 COLUMN_ADDRESS = 0x4A
 
 #: Rows of the paper's foot, and its columns.
-LINES = 3
+N_LINES = 3
 
 
-def select_lines(lines: int, n_lines: int = LINES) -> int:
+def select_lines(lines: int, n_lines: int = N_LINES) -> int:
     """Return the data byte that selects the lines of a bit mask and connects all others as waiting.
 
     Args:
@@ -42,11 +42,11 @@ def select_lines(lines: int, n_lines: int = LINES) -> int:
     return lines | (every & ~lines) << n_lines
 
 
-def selected_lines(switches: int, n_lines: int = LINES) -> int:
+def selected_lines(switches: int, n_lines: int = N_LINES) -> int:
     """Return the bit mask of the lines that a data byte selects."""
     return switches & (1 << n_lines) - 1
 
 
-def waiting_lines(switches: int, n_lines: int = LINES) -> int:
+def waiting_lines(switches: int, n_lines: int = N_LINES) -> int:
     """Return the bit mask of the lines that a data byte connects as waiting."""
     return switches >> n_lines & (1 << n_lines) - 1

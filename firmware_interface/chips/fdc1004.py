@@ -128,7 +128,7 @@ CODE_MIN = -0x800000
 #: one capacitor of 18.9 pF read 18.85 to 19.01 pF at codes 1 to 7, and 17.63 pF at code 8 (TI E2E, thread 1178477).
 CAPDAC_STEP_PF = 3.125
 
-SLOTS = 4
+N_SLOTS = 4
 
 
 def measurement_config(cin: int) -> int:
@@ -148,7 +148,7 @@ def slot_bit(slot: int) -> int:
         >>> [slot_bit(s) for s in range(4)]
         [8, 4, 2, 1]
     """
-    return 1 << (SLOTS - 1 - slot)
+    return 1 << (N_SLOTS - 1 - slot)
 
 
 def trigger(rate_sps: int, slot: int) -> int:

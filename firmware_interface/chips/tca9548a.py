@@ -11,7 +11,7 @@ all chips: one that is missing cannot be seen in a broadcast, only by reading it
 #: 7-bit bus address with A2 A1 A0 = 001. Not 0x70: PCA9685 servo boards answer there (ALLCALL).
 ADDRESS = 0x71
 
-CHANNELS = 8
+N_CHANNELS = 8
 
 
 def select(channel: int) -> int:
@@ -24,6 +24,6 @@ def select(channel: int) -> int:
         >>> hex(select(0) | select(5))
         '0x21'
     """
-    if not 0 <= channel < CHANNELS:
-        raise ValueError(f"a TCA9548A has channels 0..{CHANNELS - 1}, got {channel}")
+    if not 0 <= channel < N_CHANNELS:
+        raise ValueError(f"a TCA9548A has channels 0..{N_CHANNELS - 1}, got {channel}")
     return 1 << channel

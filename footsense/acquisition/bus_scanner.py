@@ -15,10 +15,10 @@ import contextlib
 
 import numpy as np
 
-from footsense.acquisition.bus_timing import BusTiming, bus_timing, time_for_checks
+from footsense.acquisition.bus_timing import BusTiming, bus_timing, checks_that_fit
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.leg_group import BusReadings, BusStuckError, LegGroup
-from footsense.acquisition.leg_search import probe, probe_due
+from footsense.acquisition.leg_search import probe_due_legs, probe_leg
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
 from footsense.frames import Reading
@@ -44,7 +44,7 @@ class BusScanner:
         legs: The connections to the legs, in the order of the rows.
         latest: Their latest readings, written over element by element.
         bus_timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
-        late_discards: Number of times that the loop was delayed for so long that conversions were discarded.
+        n_late_discards: Number of times that the loop was delayed for so long that conversions were discarded.
     """
 
     def __init__(self, transport: Transport, clock: Clock, channels: dict[str, int], plan: ScanPlan) -> None:
@@ -70,7 +70,7 @@ class BusScanner:
         self._timed: LegConnection | None = None  # last
         self._last_row = -1  # of the last one that was timed in its turn
         self.bus_timing: BusTiming | None = None
-        self.late_discards = 0
+        self.n_late_discards = 0
 
     @property
     def wait_ns(self) -> int:
@@ -90,7 +90,7 @@ class BusScanner:
             self._late_ns = self.bus_timing.delayed_conversion_age_ns + (
                 0 if broadcasts else self._plan.wait_ns
             )
-            checks, read_back = time_for_checks(costs, self._plan, len(self.legs))
+            checks, read_back = checks_that_fit(costs, self._plan, len(self.legs))
             self._check_all = broadcasts and checks
             if self._transport.reads_back is not None:
                 read_back = self._transport.reads_back
@@ -98,7 +98,7 @@ class BusScanner:
                 group.mux_read_back = self._transport.read_back if read_back else None
         for leg in self.legs:
             leg.retry_at_ns = 0
-            probe(self._transport, leg, self.legs, self._plan, self.clock)
+            probe_leg(self._transport, leg, self.legs, self._plan, self.clock)
             if leg.in_scan:
                 with contextlib.suppress(BusStuckError):  # the leg is left out
                     self._group_of(leg).time_converter(leg)
@@ -140,7 +140,7 @@ class BusScanner:
         now_ns, late = self.clock.now_ns(), False
         for group in self._groups:
             late |= group.running is not None and now_ns > group.running.t_start_ns + self._late_ns
-        self.late_discards += late
+        self.n_late_discards += late
         for group in self._groups:
             if late or group.running is None:
                 group.restart(self._plan.steps[self._position])
@@ -177,7 +177,7 @@ class BusScanner:
                 leg.count_misses(self.latest.reading[leg.row], now_ns)
             missing |= not leg.in_scan
         if missing:
-            probe_due(self._transport, self.legs, self._plan, self.clock)
+            probe_due_legs(self._transport, self.legs, self._plan, self.clock)
         for group in self._groups:
             if group.running is not None and not group.running.legs:
                 # A leg that was found meanwhile begins with a whole conversion, not with the rest of a wait.
@@ -191,7 +191,7 @@ class BusScanner:
         thermometer = self._plan.board.thermometer
         if thermometer is None or self.clock.now_ns() < self._temperature_due_ns:
             return
-        if not any(group.active()[0] for group in self._groups):
+        if not any(group.active_legs()[0] for group in self._groups):
             return
         self._temperature_due_ns = self.clock.now_ns() + _TEMPERATURE_PERIOD_NS
         started = [(group, group.start_temperatures(thermometer)) for group in self._groups]

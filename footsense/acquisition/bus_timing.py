@@ -79,28 +79,28 @@ class BusTiming(NamedTuple):
 
     Attributes:
         costs: Cost of its transactions.
-        limits: The shortest scans that they allow.
+        lower_bounds: The shortest scans that they allow.
         conversions_ns: Time of all conversions without any transaction [ns].
         n_elements: Conversions of a scan.
     """
 
     costs: BusCosts
-    limits: ScanLowerBounds
+    lower_bounds: ScanLowerBounds
     conversions_ns: int
     n_elements: int
 
     @property
     def delayed_conversion_age_ns(self) -> int:
         """Age of a conversion that shows that the loop was delayed [ns]: two conversion steps."""
-        return 2 * self.limits.scan_ns // self.n_elements
+        return 2 * self.lower_bounds.scan_ns // self.n_elements
 
     def __str__(self) -> str:
         """Return the timing as one line of text for the log."""
         rate_hz, host_cost_ns = self.costs
         return (
             f"{rate_hz * 1e-3:.0f} kHz and {host_cost_ns * 1e-3:.0f} us of host per transaction; the best scan takes "
-            f"{self.limits.scan_ns * 1e-6:.1f} ms, {self.limits.scan_ns / self.conversions_ns:.2f} x its conversions; "
-            f"the limit is the {self.limits.limiting_factor}"
+            f"{self.lower_bounds.scan_ns * 1e-6:.1f} ms, {self.lower_bounds.scan_ns / self.conversions_ns:.2f} x its "
+            f"conversions; the limit is the {self.lower_bounds.limiting_factor}"
         )
 
 
@@ -126,7 +126,7 @@ def bus_timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool
     return BusTiming(costs, limits, len(plan.steps) * plan.conversion_ns, len(plan.steps))
 
 
-def time_for_checks(costs: BusCosts, plan: ScanPlan, n_legs: int) -> tuple[bool, bool]:
+def checks_that_fit(costs: BusCosts, plan: ScanPlan, n_legs: int) -> tuple[bool, bool]:
     """Return which read-back checks fit into a conversion beside the read-out of all legs.
 
     Returns:

@@ -90,7 +90,7 @@ class LegGroup:
         self._plan = plan
         self._latest = latest
 
-    def active(self) -> tuple[Legs, int]:
+    def active_legs(self) -> tuple[Legs, int]:
         """Return the legs without a failure in this scan, and the mux selection that connects all of them."""
         active, selection = [], 0
         for leg in self.legs:
@@ -101,7 +101,7 @@ class LegGroup:
 
     def restart(self, step: ConversionStep) -> None:
         """Start a conversion after discarding any old results in the converters."""
-        legs, selection = self.active()
+        legs, selection = self.active_legs()
         if legs:
             self._exchange(selection, self._plan.board.restart)
         self.running = self._start_conversion(legs, selection, step, step.select)
@@ -133,22 +133,22 @@ class LegGroup:
             self._check_lines_of_leg(alone, step)
         if checked:
             self._check_settings(finished, always=in_turn and not self._transport.broadcasts)
-        legs, selection = self.active()
+        legs, selection = self.active_legs()
         failed: dict[LegConnection, Reading] = {}
         if len(legs) < len(self.legs):
             failed = {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
         if failed and ends:
             self._set_up_failed_legs(following)
-            legs, selection = self.active()
+            legs, selection = self.active_legs()
         if legs:
             self._exchange(
                 selection, ()
             )  # connect them while they convert; if that fails, `_start_conversion` tries again
         asks_first = self._wait_until_finished(finished)
         if asks_first:
-            self._leave_unfinished(step, legs, selection)
+            self._mark_unfinished_as_failed(step, legs, selection)
             failed |= {leg: leg.outcome for leg in legs if leg.outcome is not _OK}
-            legs, selection = self.active()
+            legs, selection = self.active_legs()
         select = following.changes if finished.legs else following.select
         running = self._start_conversion(legs, selection, following, select)
         self._latest.discard((self._rows, step.element), Reading.NO_ANSWER)
@@ -175,7 +175,7 @@ class LegGroup:
 
     def start_temperatures(self, thermometer: Thermometer) -> Legs:
         """Start a temperature conversion on all active legs; return these legs (none if the bus failed)."""
-        legs, selection = self.active()
+        legs, selection = self.active_legs()
         if not legs:
             return ()
         self.running = None
@@ -249,7 +249,7 @@ class LegGroup:
             else:
                 leg.outcome = reading
 
-    def _leave_unfinished(self, step: ConversionStep, legs: Legs, selection: int) -> None:
+    def _mark_unfinished_as_failed(self, step: ConversionStep, legs: Legs, selection: int) -> None:
         """Mark each leg as failed whose conversion has not finished, before the next trigger clears its DONE bit."""
         assert step.done is not None
         if legs and not self._all_done(step, selection):
@@ -301,7 +301,7 @@ class LegGroup:
         """
         checks = running.step.select_checks if running.selected or always else ()
         for check in (*checks, *running.step.setting_checks):
-            legs, selection = self.active()
+            legs, selection = self.active_legs()
             if legs and self._read_check(selection, check) is not _OK:
                 for leg in legs:
                     leg.outcome = self._read_check(leg.selection, check)

@@ -10,7 +10,7 @@ from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus
 
 
-def probe(
+def probe_leg(
     transport: Transport, leg: LegConnection, others: Sequence[LegConnection], plan: ScanPlan, clock: Clock
 ) -> None:
     """Search one leg's chips; add the leg to the scan, or delay the next try.
@@ -63,7 +63,7 @@ def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -
             leg.leave_scan(reading, now_ns)
 
 
-def probe_due(transport: Transport, legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock) -> None:
+def probe_due_legs(transport: Transport, legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock) -> None:
     """Search the leg that has waited longest, if one is due; at most one per scan, to keep the scan's pace.
 
     If no leg is in the scan, all that are due are tried, until one finds the bus stuck.
@@ -75,7 +75,7 @@ def probe_due(transport: Transport, legs: Sequence[LegConnection], plan: ScanPla
         transport.free_bus()  # any leg may hold the lines
     for leg in sorted(due, key=lambda leg: leg.retry_at_ns)[: len(due) if alone else 1]:
         outcome = leg.outcome
-        probe(transport, leg, legs, plan, clock)
+        probe_leg(transport, leg, legs, plan, clock)
         if leg.in_scan:
             # It does not take part in the conversion that runs, and joins with the next scan.
             leg.outcome = outcome

@@ -34,7 +34,7 @@ class McuScan(NamedTuple):
     records: dict[int, Record]
 
 
-def difference_us(t_us: int, other_us: int) -> int:
+def wrapped_difference_us(t_us: int, other_us: int) -> int:
     """Return t_us - other_us of a wrapping 32-bit counter [us], -2^31 to 2^31 - 1."""
     return (t_us - other_us + (1 << 31)) % (1 << 32) - (1 << 31)
 
@@ -48,7 +48,7 @@ def readings(scan: McuScan, now_ns: int) -> tuple[Stamps, Vector, Codes]:
     values_af = np.frombuffer(b"".join(record.values for record in records), "<i4").reshape(-1, ELEMENTS)
     after_us, step_us, order = np.array(
         [
-            (difference_us(record.t_us, scan.t_us), record.step_us, record.flags & _LO_SHU)
+            (wrapped_difference_us(record.t_us, scan.t_us), record.step_us, record.flags & _LO_SHU)
             for record in records
         ]
     ).T

@@ -14,7 +14,7 @@ import numpy as np
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.serial_decoder import SerialDecoder
 from firmware_interface.serial_frames import NO_VALUE, Record, pack_values
-from footsense.acquisition.mcu_scan import McuScan, difference_us, readings
+from footsense.acquisition.mcu_scan import McuScan, readings, wrapped_difference_us
 from footsense.clock_map import ClockMap
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, SerialPort
@@ -47,7 +47,7 @@ class McuSource:
         wire_ns: Time of a record on the line [ns].
 
     Attributes:
-        late_discards: Frames that were returned without the record of a leg that had sent before.
+        n_late_discards: Frames that were returned without the record of a leg that had sent before.
         n_unused: Records that fit into no frame: of legs that the robot does not have, of a scan that was returned
             already, or between two scans, which happens if the controller scans at twice the rate or more.
     """
@@ -55,7 +55,7 @@ class McuSource:
     def __init__(
         self, port: SerialPort, clock: Clock, legs: Sequence[str], *, rate_hz: float, wire_ns: int = 0
     ) -> None:
-        self.late_discards = 0
+        self.n_late_discards = 0
         self.n_unused = 0
         self._port = port
         self._clock = clock
@@ -147,14 +147,14 @@ class McuSource:
 
     def _is_near(self, t_us: int, other_us: int) -> bool:
         """Return whether two times of the microcontroller [us] belong to the same scan."""
-        return abs(difference_us(t_us, other_us)) < self._half_scan_us
+        return abs(wrapped_difference_us(t_us, other_us)) < self._half_scan_us
 
     def _record_time_ns(self, record: Record, now_ns: int) -> int:
         """Return the time of a record's first conversion in this machine's clock [ns].
 
         A record cannot be sent before its last conversion: the arrival is compared with that.
         """
-        self._unwrapped_us += difference_us(record.t_us, self._unwrapped_us)
+        self._unwrapped_us += wrapped_difference_us(record.t_us, self._unwrapped_us)
         lasts_ns = (ELEMENTS - 1) * record.step_us * _NS_PER_US
         return self._map.map(self._unwrapped_us * _NS_PER_US + lasts_ns, now_ns - self._wire_ns) - lasts_ns
 
@@ -173,7 +173,7 @@ class McuSource:
             t_ns[rows], capacitance_pf[rows], reading[rows] = readings(self._scan, now_ns)
             self._last_t_us, self._scan = self._scan.t_us, None
             if not sending <= set(rows):
-                self.late_discards += 1
+                self.n_late_discards += 1
         self._expected = sending or frozenset(self._rows.values())
         self._frames.append(CapFrame(self._sequence, t_ns, capacitance_pf, reading))
         self._sequence += 1

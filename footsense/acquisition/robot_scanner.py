@@ -51,9 +51,9 @@ class RobotScanner:
         return [leg for bus in self._buses for leg in bus.legs]
 
     @property
-    def late_discards(self) -> int:
+    def n_late_discards(self) -> int:
         """Number of times that conversions were discarded because the loop was delayed."""
-        return sum(bus.late_discards for bus in self._buses)
+        return sum(bus.n_late_discards for bus in self._buses)
 
     def temperature_c(self) -> Vector:
         """Return the temperature of each leg's converter [degC], shape (legs,), at most ten seconds old.

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from footsense.benchmarks.c_floor import CFloor, converter_codes, has_c_floor
+from footsense.benchmarks.c_program import CProgram, converter_codes, has_c_program
 from footsense.benchmarks.naive import NaiveCycle, has_cantools
 from footsense.benchmarks.our_cycle import (
     N_WARM_UP_CYCLES,
@@ -15,7 +15,7 @@ from footsense.benchmarks.our_cycle import (
     ServiceCycle,
     open_service_cycle,
     send_time_ns,
-    tared_floor,
+    tared_c_program,
 )
 from footsense.clock import fifo_priority, gc_disabled, stopwatch_ns
 from footsense.config import DEFAULT
@@ -25,7 +25,7 @@ from footsense.frames import CapFrame, Mask, State, Vector
 T = TypeVar("T")
 
 #: The programs that are timed.
-_PROGRAM_NAMES = ("ours", "c_floor", "naive")
+_PROGRAM_NAMES = ("ours", "c_program", "naive")
 #: Cycles in a row of one program before the turn of the next.
 _CYCLES_PER_TURN = 25
 #: Largest difference between the floor's forces and ours [N]: half a step of the wire.
@@ -53,26 +53,26 @@ def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | No
     """Return quantiles of the cycle durations of each program [us], and their ratios."""
     naive = NaiveCycle(DEFAULT) if has_cantools() else None
     with TemporaryDirectory() as folder, open_service_cycle() as ours:
-        floor = tared_floor(Path(folder), scans) if has_c_floor() else None
+        floor = tared_c_program(Path(folder), scans) if has_c_program() else None
         with gc_disabled(), fifo_priority(REALTIME_PRIORITY):
             times_ns = _time_programs(scans, run, ours, floor, naive)
     ours_us, floor_us, naive_us = (
         np.array(times_ns[name][N_WARM_UP_CYCLES:]) * 1e-3 for name in _PROGRAM_NAMES
     )
     p50 = float(np.median(ours_us))
-    c_floor_p50, naive_p50 = (float(np.median(us)) if len(us) else None for us in (floor_us, naive_us))
+    c_program_p50, naive_p50 = (float(np.median(us)) if len(us) else None for us in (floor_us, naive_us))
     return {
         "p50": p50,
         "p99": float(np.quantile(ours_us, 0.99)),
-        "c_floor_p50": c_floor_p50,
+        "c_program_p50": c_program_p50,
         "naive_p50": naive_p50,
-        "cycle_over_c_floor": p50 / c_floor_p50 if c_floor_p50 else None,
+        "cycle_over_c_program": p50 / c_program_p50 if c_program_p50 else None,
         "naive_over_cycle": naive_p50 / p50 if naive_p50 else None,
     }
 
 
 def _time_programs(
-    scans: list[CapFrame], run: int, ours: ServiceCycle, floor: CFloor | None, naive: NaiveCycle | None
+    scans: list[CapFrame], run: int, ours: ServiceCycle, floor: CProgram | None, naive: NaiveCycle | None
 ) -> dict[str, list[int]]:
     """Return the cycle durations of three programs [ns], run in turns so that background load affects all equally."""
     times_ns: dict[str, list[int]] = {name: [] for name in _PROGRAM_NAMES}
@@ -100,7 +100,7 @@ def _time_programs(
             codes = converter_codes(scan)
             floor.tare(baseline_pf)
             sinks = loopback.socket.fileno(), loopback.pipe
-            force_n = run_timed("c_floor", floor.run, scan, codes, now_ns, *sinks)
+            force_n = run_timed("c_program", floor.run, scan, codes, now_ns, *sinks)
             if number >= N_WARM_UP_CYCLES:
                 _check_equal_forces(scan, ours_n, force_n, valid)
         for scan, now_ns, *_ in done:

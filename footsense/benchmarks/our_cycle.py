@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from footsense.benchmarks.c_floor import CFloor
+from footsense.benchmarks.c_program import CProgram
 from footsense.can.socketcan import SocketWire
 from footsense.config import DEFAULT
 from footsense.config.sections import Realtime
@@ -158,13 +158,13 @@ def send_time_ns(scan: CapFrame) -> int:
     return int(scan.t_ns.max()) + 2_000_000
 
 
-def tared_floor(folder: Path, scans: list[CapFrame]) -> CFloor:
+def tared_c_program(folder: Path, scans: list[CapFrame]) -> CProgram:
     """Return the C program, tared with the first frames as the daemon is.
 
     Raises:
         FootsenseError: It cannot be compiled.
     """
-    floor = CFloor(folder, DEFAULT, load_models(DEFAULT).network.card.trained_inputs)
+    floor = CProgram(folder, DEFAULT, load_models(DEFAULT).network.card.trained_inputs)
     tared = scans[: DEFAULT.tare.window_scans * ELEMENTS : ELEMENTS]
     floor.tare(np.mean([scan.capacitance_pf for scan in tared], axis=0))
     return floor

@@ -99,7 +99,7 @@ def _min_scan_period_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
         bus_hz=bus.rate_hz,
         host_cost_ns=host_cost_us * 1e3,
         kernel_mux=bool(bus.adapters),
-        traffic=schedule.AD7746 if config.board == "ad7746" else schedule.FDC1004,
+        traffic=schedule.AD7746_TRAFFIC if config.board == "ad7746" else schedule.FDC1004_TRAFFIC,
     ).scan_ns
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from footsense.benchmarks.c_floor import has_c_floor, scan_sequence_duration_ns
+from footsense.benchmarks.c_program import has_c_program, scan_sequence_duration_ns
 from footsense.benchmarks.our_cycle import (
     N_WARM_UP_CYCLES,
     REALTIME_PRIORITY,
@@ -29,7 +29,7 @@ from footsense.benchmarks.our_cycle import (
     ServiceCycle,
     open_service_cycle,
     send_time_ns,
-    tared_floor,
+    tared_c_program,
 )
 from footsense.clock import MonotonicClock, gc_disabled, request_realtime
 from footsense.errors import FootsenseError
@@ -57,7 +57,7 @@ def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
         FootsenseError: A loop ended by itself.
     """
     n = max(1, round(seconds * 1e9 / PERIOD_NS / _N_ALTERNATIONS))
-    serve: dict[str, _Serve] = {"ours": _run_service_loop} | ({"c": _run_c_loop} if has_c_floor() else {})
+    serve: dict[str, _Serve] = {"ours": _run_service_loop} | ({"c": _run_c_loop} if has_c_program() else {})
     figures: dict[str, Any] = {}
     with contextlib.ExitStack() as stack:
         loops = {name: stack.enter_context(run_loop_process(target, scans)) for name, target in serve.items()}
@@ -211,7 +211,7 @@ def answer_paced_cycles(connection: Connection, cycle: ServiceCycle, scans: list
 def _run_c_loop(connection: Connection, scans: list[CapFrame]) -> None:
     """Run the C loop in a child process, and send its wake-up latencies."""
     with TemporaryDirectory() as folder:
-        floor, loopback = tared_floor(Path(folder), scans), Loopback()
+        floor, loopback = tared_c_program(Path(folder), scans), Loopback()
         connection.send((0, request_realtime(REALTIME_PRIORITY, None)))
         played = [(scan, send_time_ns(scan)) for scan in scans[N_WARM_UP_CYCLES:]]
         for n in _requested_cycle_counts(connection):

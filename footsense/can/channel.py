@@ -65,19 +65,19 @@ class _OpenAttempt(threading.Thread):
     Args:
         old: The last socket; None if it is closed.
         connect: Opens the interface.
-        beside: Whether that may wait, and is therefore done in this thread; otherwise it is done here.
+        in_thread: Whether that may wait, and is therefore done in this thread; otherwise it is done here.
 
     Attributes:
         wire: The open interface; None as long as it is not open.
         error: Why it is not.
     """
 
-    def __init__(self, old: CanWire | None, connect: Callable[[], CanWire], *, beside: bool) -> None:
+    def __init__(self, old: CanWire | None, connect: Callable[[], CanWire], *, in_thread: bool) -> None:
         super().__init__(name="can", daemon=True)
         self._old, self._connect = old, connect
         self.wire: CanWire | None = None
         self.error = ""
-        if beside:
+        if in_thread:
             self.start()
         else:
             self.run()
@@ -98,7 +98,7 @@ class CanChannel:
     Args:
         settings: Its settings.
         accept: CAN ids that `receive` returns.
-        greeting: First frames, by CAN id; sending them also tests whether the channel is up.
+        first_frames: First frames, by CAN id; sending them also tests whether the channel is up.
         stats: Statistics of the channel.
 
     Raises:
@@ -111,7 +111,7 @@ class CanChannel:
         self,
         settings: ChannelSettings,
         accept: Collection[int],
-        greeting: Mapping[int, bytes],
+        first_frames: Mapping[int, bytes],
         stats: CanStatistics,
     ) -> None:
         log_file, place = settings.log_file, (settings.interface, settings.channel, settings.bitrate)
@@ -137,7 +137,7 @@ class CanChannel:
         try:
             # Sent before the log is open, and before the first force defines the time.
             self._unlogged = self._send_first_frames(
-                b"".join(pack_frame(*frame) for frame in greeting.items())
+                b"".join(pack_frame(*frame) for frame in first_frames.items())
             )
             if log_file is not None:
                 self._log = CanFrameLog(log_file, settings.channel, stats, waits=settings.log_waits)
@@ -239,7 +239,7 @@ class CanChannel:
     def _reopened(self) -> CanWire | None:
         """Start an attempt to reopen the interface, or return a finished one's socket; None while there is none."""
         if self._opening is None:
-            self._opening = _OpenAttempt(self._gone, self._connect, beside=self._is_real)
+            self._opening = _OpenAttempt(self._gone, self._connect, in_thread=self._is_real)
             self._gone = None
         if self._opening.is_alive():
             return None

@@ -8,7 +8,7 @@ from firmware_interface.can.codes import Result
 from firmware_interface.can.commands import (
     ANSWER_ID,
     COMMAND_ID,
-    UNSOLICITED,
+    UNSOLICITED_COUNTER,
     UnknownCommandError,
     decode_command,
     encode_answer,
@@ -121,11 +121,11 @@ class CanCommands:
             self.unsolicited[row] = (outcome.result, kind)
         del pending_counters[:n_ended]
 
-    def unsolicited_frames(self, room: int) -> list[bytes]:
-        """Return the frames of at most `room` results that no command asked for, and remove these results."""
+    def unsolicited_frames(self, max_frames: int) -> list[bytes]:
+        """Return the frames of at most `max_frames` results that no command asked for, and remove these results."""
         return [
-            self._legs[row].answer_frame(*self.unsolicited.pop(row), UNSOLICITED)
-            for row in list(self.unsolicited)[:room]
+            self._legs[row].answer_frame(*self.unsolicited.pop(row), UNSOLICITED_COUNTER)
+            for row in list(self.unsolicited)[:max_frames]
         ]
 
     def _answer(self, leg: _LegCommands, result: int, kind: int, command_counter: int) -> None:

@@ -115,16 +115,16 @@ class GaitFrames:
             self._gait = gait
             self.waiting = deque(range(len(self._nodes)))
 
-    def event_frames(self, now_ns: int, room: int) -> list[bytes]:
-        """Return the oldest unsent events, at most `room`, as CAN frames; call `set_sent` for those accepted.
+    def event_frames(self, now_ns: int, max_frames: int) -> list[bytes]:
+        """Return the oldest unsent events as CAN frames; call `drop_sent_events` for those accepted.
 
         Args:
             now_ns: Time of sending [ns].
-            room: Number of frames.
+            max_frames: Most frames to return.
         """
         counters = self._event_counters.copy()
         frames = []
-        for event, all_in_air in list(self.events)[:room]:
+        for event, all_in_air in list(self.events)[:max_frames]:
             node, counter = self._nodes[event.leg], counters[event.leg]
             counters[event.leg] = next_counter(counter)
             data = encode_gait_event(
@@ -133,20 +133,20 @@ class GaitFrames:
             frames.append(pack_frame(GAIT_EVENT_ID + node, data))
         return frames
 
-    def set_sent(self, n: int) -> None:
+    def drop_sent_events(self, n: int) -> None:
         """Remove the `n` oldest events from the queue, after they were sent."""
         for _ in range(n):
             event, _ = self.events.popleft()
             self._event_counters[event.leg] = next_counter(self._event_counters[event.leg])
 
-    def slow_frames(self, room: int) -> list[bytes]:
-        """Return queued periodic `Gait` and `Ground` frames, at most `room`, and remove them from the queue."""
+    def periodic_frames(self, max_frames: int) -> list[bytes]:
+        """Return queued periodic `Gait` and `Ground` frames, at most `max_frames`, and remove them from the queue."""
         frames: list[bytes] = []
-        for _ in range(min(len(self.waiting), room // 2)):
-            frames += self._of_leg(self.waiting.popleft())
+        for _ in range(min(len(self.waiting), max_frames // 2)):
+            frames += self._leg_frames(self.waiting.popleft())
         return frames
 
-    def _of_leg(self, row: int) -> tuple[bytes, bytes]:
+    def _leg_frames(self, row: int) -> tuple[bytes, bytes]:
         """Return the `Gait` and the `Ground` frame of a leg."""
         gait, node, counter = self._gait, self._nodes[row], self._counters[row]
         assert gait is not None

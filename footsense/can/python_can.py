@@ -24,7 +24,7 @@ from firmware_interface.can.socketcan import (
     pack_frame,
     split_frames,
 )
-from footsense.can.socketcan import MAX_DRAINED, SocketWire
+from footsense.can.socketcan import MAX_RECEIVED_PER_CALL, SocketWire
 from footsense.errors import CanError
 from footsense.ports import CanWire
 
@@ -41,7 +41,7 @@ CHANNEL_MISSING_ERRNOS = frozenset(
 NETWORK_DEVICES_FOLDER = Path("/sys/class/net")
 
 #: Most bytes of data of a classic frame.
-_CLASSIC_DATA = 8
+_CLASSIC_DATA_BYTES = 8
 
 
 def open_wire(
@@ -81,7 +81,7 @@ def open_wire(
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
         raise CanError(error_text(interface, channel, bitrate, error)) from error
     if interface == "udp_multicast":
-        _keep_local(bus.fileno(), channel)
+        _keep_multicast_local(bus.fileno(), channel)
     if interface == "socketcan":
         return SocketWire(bus.socket, bus.shutdown)  # type: ignore[attr-defined]
     return _BusWire(bus)
@@ -105,7 +105,7 @@ def _require_fd(channel: str, bitrate: int) -> None:
         )
 
 
-def _keep_local(descriptor: int, group: str) -> None:
+def _keep_multicast_local(descriptor: int, group: str) -> None:
     """Restrict a multicast socket to the loopback interface, as python-can would receive from any network."""
     with socket.socket(fileno=os.dup(descriptor)) as local:
         local.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo")
@@ -153,7 +153,7 @@ class _BusWire:
             OSError: The interface is down or gone.
         """
         arrived = []
-        for _ in range(MAX_DRAINED):
+        for _ in range(MAX_RECEIVED_PER_CALL):
             try:
                 # Its recv() measures even a zero timeout with the wall clock, and hangs if that is set back.
                 message, _ = self._bus._recv_internal(timeout=0)  # noqa: SLF001
@@ -185,8 +185,8 @@ def data_messages(frames: bytes, t_ns: int) -> "list[can.Message]":
             is_extended_id=False,
             data=data,
             is_rx=False,
-            is_fd=len(data) > _CLASSIC_DATA,
-            bitrate_switch=len(data) > _CLASSIC_DATA,
+            is_fd=len(data) > _CLASSIC_DATA_BYTES,
+            bitrate_switch=len(data) > _CLASSIC_DATA_BYTES,
         )
         for can_id, data in split_frames(frames)
     ]

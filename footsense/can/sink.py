@@ -20,7 +20,7 @@ which is their purpose.
 
 from heapq import heapify, heapreplace
 
-from firmware_interface.can.all_legs import NODES, encode_forces
+from firmware_interface.can.all_legs import NODES_OF_FRAME, encode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, NmtState
 from firmware_interface.can.commands import COMMAND_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
@@ -88,14 +88,14 @@ class CanSink:
         self._channel = CanChannel(
             settings,
             accept=[COMMAND_ID + node for node in nodes],
-            greeting={HEARTBEAT_ID + node: boot for node in nodes},
+            first_frames={HEARTBEAT_ID + node: boot for node in nodes},
             stats=self.stats,
         )
         self._obeys = settings.commands
         #: Ids of the CAN FD frames with the forces of this robot's legs; none with classic CAN.
         self._fd_ids = [
             can_id
-            for can_id, of_frame in NODES.items()
+            for can_id, of_frame in NODES_OF_FRAME.items()
             if settings.fd and not set(nodes).isdisjoint(of_frame)
         ]
         self._nodes = nodes
@@ -142,19 +142,19 @@ class CanSink:
             n_before += len(self._fd_ids) or FRAMES_PER_LEG * len(self._legs)
         for leg, report in reports:
             frames.append(leg.fault_frame(*report))
-        room = _MAX_EXTRA_FRAMES - len(reports) - n_events
+        max_frames = _MAX_EXTRA_FRAMES - len(reports) - n_events
         if t_ns >= self._due[0][0]:
-            room = self._add_periodic(frames, frame, present[0], room)
+            max_frames = self._add_periodic(frames, frame, present[0], max_frames)
         if self._commands.unsolicited:
-            unsolicited = self._commands.unsolicited_frames(room)
-            room -= len(unsolicited)
+            unsolicited = self._commands.unsolicited_frames(max_frames)
+            max_frames -= len(unsolicited)
             frames += unsolicited
         if gait.waiting:
-            frames += gait.slow_frames(room)
+            frames += gait.periodic_frames(max_frames)
         if not frames:
             return
         taken = self._channel.send(b"".join(frames), t_ns)
-        gait.set_sent(min(n_events, taken))
+        gait.drop_sent_events(min(n_events, taken))
         n_reported = min(len(reports), max(0, taken - n_before))
         for leg, report in reports[:n_reported]:
             leg.set_reported(report)
@@ -239,13 +239,15 @@ class CanSink:
             if leg.reported != (state, mask, cause)
         ]
 
-    def _add_periodic(self, frames: list[bytes], frame: ContactFrame, states: list[int], room: int) -> int:
-        """Append the heartbeats and baselines that are due, as far as there is room; return the room left.
+    def _add_periodic(
+        self, frames: list[bytes], frame: ContactFrame, states: list[int], max_frames: int
+    ) -> int:
+        """Append the heartbeats and baselines that are due, at most `max_frames`; return how many more there may be.
 
         Missed ones are not made up for.
         """
         now_ns, due = frame.t_sent_ns, self._due
-        while room and now_ns >= due[0][0]:
+        while max_frames and now_ns >= due[0][0]:
             due_ns, period_ns, row = due[0]
             if period_ns == _HEARTBEAT_PERIOD_NS:
                 degraded_timing = bool(self._flags[row] & _DEGRADED_TIMING)
@@ -253,5 +255,5 @@ class CanSink:
             else:
                 frames.append(self._legs[row].baseline_frame(frame))
             heapreplace(due, (due_ns + (1 + (now_ns - due_ns) // period_ns) * period_ns, period_ns, row))
-            room -= 1
-        return room
+            max_frames -= 1
+        return max_frames

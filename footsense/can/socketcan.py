@@ -22,7 +22,7 @@ QUEUE_FULL_ERRNOS = frozenset({errno.ENOBUFS, errno.EAGAIN})
 MAX_FRAMES_PER_CALL = 64
 
 #: Most frames of one `receive`; a full bus of 1 Mbit/s carries fewer in a cycle.
-MAX_DRAINED = 1000
+MAX_RECEIVED_PER_CALL = 1000
 
 
 class _IoVec(ctypes.Structure):
@@ -130,7 +130,7 @@ class SocketWire:
             OSError: The interface is down or gone.
         """
         arrived = []
-        for _ in range(MAX_DRAINED):
+        for _ in range(MAX_RECEIVED_PER_CALL):
             try:
                 frame = self._socket.recv(FD_FRAME_BYTES, socket.MSG_DONTWAIT)
             except BlockingIOError:

@@ -67,7 +67,7 @@ def _measure_all(n_cycles: int, *, quick: bool) -> dict[str, Any]:
     cycle = compare_cycle_durations(scans)
     return figures | {
         "cycle_us": cycle,
-        "cycle_over_c_floor": cycle.pop("cycle_over_c_floor"),
+        "cycle_over_c_program": cycle.pop("cycle_over_c_program"),
         "naive_over_cycle": cycle.pop("naive_over_cycle"),
         "wakeup_latency_us": wakeup_latency_figures(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
         "viewed_latency_us": viewed_latency_figures(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
@@ -107,7 +107,7 @@ def _number_text(value: float | None, digits: int) -> str:
 def _print_figures(figures: dict[str, Any]) -> None:
     """Print the benchmark figures as tables."""
     cycle, wakeup = figures["cycle_us"], figures["wakeup_latency_us"]
-    c_floor, naive = figures["cycle_over_c_floor"], figures["naive_over_cycle"]
+    c_program, naive = figures["cycle_over_c_program"], figures["naive_over_cycle"]
     console = Console(highlight=False)
     console.print(
         _table(
@@ -130,16 +130,16 @@ def _print_figures(figures: dict[str, Any]) -> None:
                 ("ours", _number_text(cycle["p50"], 0), _number_text(cycle["p99"], 0), ""),
                 (
                     "one C call",
-                    _number_text(cycle["c_floor_p50"], 0),
+                    _number_text(cycle["c_program_p50"], 0),
                     "",
-                    f"ours / C {_number_text(c_floor, 1)}",
+                    f"ours / C {_number_text(c_program, 1)}",
                 ),
                 ("naive", _number_text(cycle["naive_p50"], 0), "", f"naive / ours {_number_text(naive, 1)}"),
             ),
         ),
         sep="\n",
     )
-    if c_floor is None:
+    if c_program is None:
         console.print("no C compiler (cc, gcc or clang) or no onnx here: no comparison with C")
     if naive is None:
         console.print("cantools is not installed: no comparison with a naive program")

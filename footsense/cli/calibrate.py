@@ -104,7 +104,10 @@ def _calibration_figures(
         **{name: getattr(parameters, name) for name in ("stiffness_rel", "stray_pf", "gap_um", "gain_rel")},
         "corrected": bool(parameters.correction.any()),
         "distance": result.median_distance,
-        "predicted": {"direction_deg": predicted.direction_deg, "magnitude_rel": predicted.magnitude_rel},
+        "predicted": {
+            "direction_deg": predicted.median_direction_error_deg,
+            "magnitude_rel": predicted.median_magnitude_error_rel,
+        },
         "not_identified": predicted.not_identified,
         "held_out": result.held_out,
     }
@@ -120,7 +123,10 @@ def _calibration_text(calibration: FootCalibration, result: CalibrationResult, t
     lines = [
         f"{calibration.folder}: {origin}, {took_s:.1f} s",
         f"  stiffness {1.0 + parameters.stiffness_rel:.3f} of the design's, {strays}, {gaps}",
-        f"  predicted uncertainty: {predicted.direction_deg:.2f} deg, {predicted.magnitude_rel:.1%} of the force",
+        (
+            f"  predicted uncertainty: {predicted.median_direction_error_deg:.2f} deg, "
+            f"{predicted.median_magnitude_error_rel:.1%} of the force"
+        ),
     ]
     doubt = (
         ""

@@ -12,14 +12,14 @@ from enum import IntEnum
 from functools import partial
 from typing import NamedTuple
 
-from firmware_interface.can.all_legs import N_BYTES, NODES, decode_forces
+from firmware_interface.can.all_legs import DATA_BYTES_OF_FRAME, NODES_OF_FRAME, decode_forces
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
 from firmware_interface.can.element_mask import QUALITY_LAYOUTS, mask_layout
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
 
 #: CAN ids of the accepted frames.
-LINK_IDS = (*(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values()), *NODES)
+LINK_IDS = (*(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values()), *NODES_OF_FRAME)
 
 _NAN = float("nan")
 _NO_FORCE = (_NAN, _NAN, _NAN)
@@ -118,7 +118,7 @@ class Link:
         Returns:
             Whether it was a `Force` or `Quality` of a leg, or the `Forces` of all, valid or not.
         """
-        if len(data) == N_BYTES.get(can_id):  # a classic frame with this id is somebody else's
+        if len(data) == DATA_BYTES_OF_FRAME.get(can_id):  # a classic frame with this id is somebody else's
             self._feed_all(can_id, data, now_ns)
             return True
         for base, decode in self._decoders:
@@ -138,7 +138,7 @@ class Link:
         try:
             forces = decode_forces(can_id, data, self._n_elements)
         except FrameError:
-            for node in NODES[can_id]:
+            for node in NODES_OF_FRAME[can_id]:
                 self._legs[node].process_corrupt_frame(now_ns)
             return
         for force, quality in forces.legs:

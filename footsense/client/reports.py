@@ -48,9 +48,9 @@ class LegReport(NamedTuple):
         cause: Cause of its state. Sent on change alone, so unknown to a client that started later.
         cause_state: The state sent with the cause.
         baseline: Status of the baseline tracking.
-        mean_pf: Offset of the baseline since the last tare, mean over the elements [pF].
-        worst_pf: Offset of the element with the largest [pF].
-        moved_ago_ns: Time since the baseline last moved [ns].
+        baseline_mean_pf: Offset of the baseline since the last tare, mean over the elements [pF].
+        baseline_worst_pf: Offset of the element with the largest [pF].
+        baseline_moved_ago_ns: Time since the baseline last moved [ns].
         node_state: NMT state of the heartbeat; None also without heartbeats.
         degraded_timing: Whether the service runs without the scheduling that it asked for.
         gait: Its contact.
@@ -60,9 +60,9 @@ class LegReport(NamedTuple):
     cause: Cause | None
     cause_state: State | None
     baseline: BaselineStatus | None
-    mean_pf: float
-    worst_pf: float
-    moved_ago_ns: int | None
+    baseline_mean_pf: float
+    baseline_worst_pf: float
+    baseline_moved_ago_ns: int | None
     node_state: NmtState | None
     degraded_timing: bool | None
     gait: Gait | None = None
@@ -111,16 +111,16 @@ class Reports:
         beat, _ = self._recent(node, Heartbeat, now_ns)
         gait, _ = self._recent(node, Gait, now_ns)
         ground, _ = self._recent(node, Ground, now_ns)
-        moved_ago_ns = None
+        baseline_moved_ago_ns = None
         if baseline is not None and baseline.age_ns is not None:
-            moved_ago_ns = baseline.age_ns + since_ns
+            baseline_moved_ago_ns = baseline.age_ns + since_ns
         return LegReport(
             cause=fault.cause if fault else None,
             cause_state=fault.state if fault else None,
             baseline=baseline.status if baseline else None,
-            mean_pf=baseline.mean_pf if baseline else float("nan"),
-            worst_pf=baseline.worst_pf if baseline else float("nan"),
-            moved_ago_ns=moved_ago_ns,
+            baseline_mean_pf=baseline.mean_pf if baseline else float("nan"),
+            baseline_worst_pf=baseline.worst_pf if baseline else float("nan"),
+            baseline_moved_ago_ns=baseline_moved_ago_ns,
             node_state=beat.state if beat else None,
             degraded_timing=beat.degraded_timing if beat else None,
             gait=gait,

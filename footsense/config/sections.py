@@ -12,7 +12,7 @@ Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
 #: PCA9685 servo boards answer to it beside their own address unless MODE1.ALLCALL is cleared.
 PCA9685_ALLCALL = 0x70
 
-Channel = Annotated[int, Meta(ge=0, le=tca9548a.CHANNELS - 1, description="a channel of the TCA9548A")]
+Channel = Annotated[int, Meta(ge=0, le=tca9548a.N_CHANNELS - 1, description="a channel of the TCA9548A")]
 Device = Annotated[str, Meta(pattern=r"^(/dev/[^\s]+|sim[0-9]?)$", description="such as /dev/i2c-1, or sim")]
 StrayPf = tuple[Annotated[float, Meta(ge=0.0, le=20.0)], ...]
 UnloadedPf = tuple[Annotated[float, Meta(ge=0.1, le=15.0)], ...]

@@ -18,7 +18,7 @@ Rate = Annotated[float, Meta(ge=10.0, le=10_000.0)]
 Range = Annotated[float, Meta(gt=0.0, le=1e9)]
 
 
-class Lines(Section, frozen=True, kw_only=True, tag="lines", tag_field="kind"):
+class LineFraming(Section, frozen=True, kw_only=True, tag="lines", tag_field="kind"):
     """Framing of a sensor that sends records as lines of text.
 
     Attributes:
@@ -30,7 +30,7 @@ class Lines(Section, frozen=True, kw_only=True, tag="lines", tag_field="kind"):
     separator: Annotated[str, Meta(max_length=3)] = ","
 
 
-class Binary(Section, frozen=True, kw_only=True, tag="binary", tag_field="kind"):
+class BinaryFraming(Section, frozen=True, kw_only=True, tag="binary", tag_field="kind"):
     """Framing of a sensor that sends binary records of fixed length: sync bytes, values, checksum.
 
     Attributes:
@@ -61,7 +61,7 @@ class Serial(Section, frozen=True, kw_only=True, tag="serial", tag_field="kind")
     device: Annotated[
         str, Meta(pattern=r"^/dev/[^\s]+$", description="such as /dev/serial/by-id/usb-FTDI_...")
     ]
-    framing: Lines | Binary
+    framing: LineFraming | BinaryFraming
     rate_hz: Rate
     baud: Annotated[int, Meta(ge=1200, le=12_000_000)] = 115_200
     start: Annotated[str, Meta(max_length=60)] = ""
@@ -170,7 +170,7 @@ def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
     return None
 
 
-def _framing_contradiction(framing: Lines | Binary) -> strict_yaml.Problem | None:
+def _framing_contradiction(framing: LineFraming | BinaryFraming) -> strict_yaml.Problem | None:
     """Return the first contradiction in a sensor's framing; None if there is none."""
     where = "sensor.framing"
     named = [column for column in framing.columns if column != "-"]
@@ -179,7 +179,7 @@ def _framing_contradiction(framing: Lines | Binary) -> strict_yaml.Problem | Non
             return strict_yaml.Problem(f"{where}.columns", f"no column is {axis}; a force has fx, fy and fz")
     if len(set(named)) < len(named) or len(set(named) & set(NS_PER_TIME_UNIT)) > 1:
         return strict_yaml.Problem(f"{where}.columns", "name one thing twice; call an unused column -")
-    if isinstance(framing, Lines):
+    if isinstance(framing, LineFraming):
         return None
     try:
         n = len(integer_widths_bits(framing.layout))

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from firmware_interface.can.all_legs import NODES
+from firmware_interface.can.all_legs import NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
 from firmware_interface.can.socketcan import split_frames
@@ -104,8 +104,8 @@ class Listener:
                 raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
             for can_id, data in split_frames(b"".join(frames)):
                 if self._link.feed(can_id, data, self._last_poll_ns):
-                    if can_id in NODES:
-                        for node in NODES[can_id]:
+                    if can_id in NODES_OF_FRAME:
+                        for node in NODES_OF_FRAME[can_id]:
                             self._n_force_frames[node] += 1
                     elif can_id & ~0xF == FORCE_ID:
                         self._n_force_frames[can_id & 0xF] += 1

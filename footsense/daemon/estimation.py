@@ -140,7 +140,9 @@ def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLi
     Raises:
         ConfigError: The configured threshold is within the noise of these feet.
     """
-    n_per_pf = force_sensitivity.load_n * _closure_rel_per_pf(models.network.card.trained_inputs.design)
+    n_per_pf = force_sensitivity.load_n_per_rel * _closure_rel_per_pf(
+        models.network.card.trained_inputs.design
+    )
     threshold_n = contact_threshold_n(models)
     least_n = _MIN_THRESHOLD_OVER_NOISE * models.config.rate.noise_ff * 1e-3 * n_per_pf
     if threshold_n < least_n:

@@ -198,7 +198,7 @@ def _open_metrics(
             sink.stats,
             Path(config.metrics.counters),
             wakeups=wakeups,
-            late_discards=lambda: scan.source.late_discards,
+            n_late_discards=lambda: scan.source.n_late_discards,
             n_lost_cycles=lambda: recorder.n_lost if recorder else 0,
             n_lost_log_lines=n_lost_log_lines,
         )

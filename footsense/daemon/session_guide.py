@@ -21,14 +21,14 @@ from footsense.sim.test_stand.press_sequence import paper_presses
 
 
 def session_guide(
-    test_stand: StandConfig, row: int, wanted: int, network: Network, report: Callable[[str], None]
+    test_stand: StandConfig, row: int, n_wanted: int, network: Network, report: Callable[[str], None]
 ) -> SessionGuide:
     """Return the observer that guides a calibration session, with force estimates by the foot type's network.
 
     Args:
         test_stand: Its force sensor.
         row: Row of the leg in the frames.
-        wanted: Number of loads of a complete set.
+        n_wanted: Number of loads of a complete set.
         network: Network of the design, whose forces check those of the sensor.
         report: Takes each message, one line.
     """
@@ -39,7 +39,7 @@ def session_guide(
         force_n: Vector = estimates.force_n[0]
         return force_n
 
-    return SessionGuide(row, wanted, estimate, partial(reference_findings, test_stand), report)
+    return SessionGuide(row, n_wanted, estimate, partial(reference_findings, test_stand), report)
 
 
 class _SingleFootNetwork:

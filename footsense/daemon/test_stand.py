@@ -7,7 +7,15 @@ import msgspec
 
 from footsense.acquisition.linux.serial_port import SerialLink
 from footsense.calibration.loads.detection import join_references
-from footsense.config.test_stand import Binary, FileSensor, Lines, NetFt, Serial, Simulated, StandConfig
+from footsense.config.test_stand import (
+    BinaryFraming,
+    FileSensor,
+    LineFraming,
+    NetFt,
+    Serial,
+    Simulated,
+    StandConfig,
+)
 from footsense.daemon.acquisition import ScanSource
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import Reference
@@ -109,9 +117,9 @@ def _sensor_mounting(test_stand: StandConfig, unit_per_count: float) -> SensorMo
     return SensorMounting(axes, test_stand.mount_deg, test_stand.units, unit_per_count, test_stand.rated)
 
 
-def _record_decoder(framing: Lines | Binary) -> RecordDecoder:
+def _record_decoder(framing: LineFraming | BinaryFraming) -> RecordDecoder:
     """Return the decoder for a sensor's records."""
-    if isinstance(framing, Lines):
+    if isinstance(framing, LineFraming):
         return TextLineDecoder(framing.columns, framing.separator)
     return BinaryDecoder(framing.columns, framing.layout, bytes.fromhex(framing.sync), framing.checksum)
 

@@ -186,7 +186,7 @@ class Pipeline:
             lost,
             measured_rel,
             consistency,
-            unloaded.untared,
+            unloaded.untared_elements,
             baselines.untared_legs,
             baselines.drift_cause,
             now_ns,
@@ -217,7 +217,7 @@ class Pipeline:
             self._consistency.reset(unloaded.untared_legs)
         elif elements.is_all_ok:
             return elements.missing
-        return missing_elements(elements.faulty | unloaded.untared)
+        return missing_elements(elements.faulty | unloaded.untared_elements)
 
     def _estimate_loads(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus

@@ -78,7 +78,7 @@ class ReadingWindow:
         moved_rel.partition(self._n_elements - 2, axis=1)
         # One element that moved far alone: a load moves several.
         if (moved_rel[:, -1] > _SPIKE_THRESHOLD_REL + 3.0 * moved_rel[:, -2]).any():
-            _without_spikes(kept_rel)
+            _replace_spikes(kept_rel)
         of_whole_ns = kept_ns[:, 0]
         newest_ns = of_whole_ns.max(axis=1)
         if not all_in_order:
@@ -100,7 +100,7 @@ class ReadingWindow:
         self._distance_rel[:, 0][elements] = np.nan
 
 
-def _without_spikes(plate_distance_rel: Vector) -> None:
+def _replace_spikes(plate_distance_rel: Vector) -> None:
     """Replace, in place, a middle reading that is far from its two agreeing neighbours by their mean.
 
     Args:

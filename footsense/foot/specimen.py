@@ -85,7 +85,7 @@ class Foot:
         unloaded_um = self._limited_closures_um(np.zeros((1, len(self._gap_of_cell_um))), None)
         self.unloaded_pf = self._capacitance_pf(unloaded_um)[0]
 
-    def cells_um(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
+    def cell_closures_um(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
         """Return the closure of each cell under n loads [um], shape (n, 324), limited to the cell's gap.
 
         Args:
@@ -146,20 +146,20 @@ class Foot:
         return gap_contact.contact_closures_um(free_um, self._gap_of_cell_um, self._compliance_um_per_n)
 
     def capacitance_pf(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
-        """Return the capacitances under n loads [pF], shape (n, elements), with stray; arguments as of `cells_um`."""
+        """Return the capacitances under n loads [pF], shape (n, elements), with stray; as `cell_closures_um`."""
         if gas is None and not force_n.any():  # a foot in swing costs nothing
             return np.tile(self.unloaded_pf, (len(force_n), 1))
-        return self._capacitance_pf(self.cells_um(normal, force_n, gas))
+        return self._capacitance_pf(self.cell_closures_um(normal, force_n, gas))
 
     def capacitance_of_free_closures_pf(self, free_um: Vector) -> Vector:
         """Return the capacitances [pF], shape (n, elements), from free cell closures [um], shape (n, cells)."""
         return self._capacitance_pf(self._limited_closures_um(free_um, None))
 
-    def _capacitance_pf(self, cells_um: Vector) -> Vector:
+    def _capacitance_pf(self, cell_closures_um: Vector) -> Vector:
         """Return the capacitances, stray included [pF], from cell closures limited to the gaps [um]."""
-        distance_um = self._gap_of_cell_um - cells_um + self._film_of_cell_um
+        distance_um = self._gap_of_cell_um - cell_closures_um + self._film_of_cell_um
         capacitance_pf = gap_contact.capacitance_pf(self.response.design, distance_um) + self._stray_pf
         if self._film_um is not None:
-            spacing_um = self._gap_of_cell_um - cells_um + self._film_um
+            spacing_um = self._gap_of_cell_um - cell_closures_um + self._film_um
             capacitance_pf += fringe_pf(self.response.design, spacing_um)
         return capacitance_pf

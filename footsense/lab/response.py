@@ -25,7 +25,7 @@ from footsense.frames import Vector
 from footsense.lab.fem.adjoint import AdjointField, solve_adjoint_fields
 from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_grid
-from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import (
     SOLVED_CLASSES,
     Parity,
@@ -133,7 +133,7 @@ def make_response(
     mesh = build_mesh(foot_design, size)
     fields = {}
     for parity in SOLVED_CLASSES:
-        quarter = Quarter(foot_design, size, parity, mesh, layer)
+        quarter = QuarterFoot(foot_design, size, parity, mesh, layer)
         fields[parity] = solve_adjoint_fields(quarter)
         report(
             f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, "

@@ -90,8 +90,8 @@ class SampleStream:
                 self._name,
                 _SILENCE_WARNING_NS * 1e-9,
             )
-        if times.n_jumps > counts.n_jumps:
-            counts.n_jumps = times.n_jumps
+        if times.n_clock_jumps > counts.n_clock_jumps:
+            counts.n_clock_jumps = times.n_clock_jumps
             _log.warning("%s: its clock has jumped; the clock map restarts", self._name)
 
     def _check_first_record(self, waited_ns: int, example: bytes) -> None:

@@ -44,7 +44,7 @@ class SampleTimes:
         self.n_missing = 0
 
     @property
-    def n_jumps(self) -> int:
+    def n_clock_jumps(self) -> int:
         """Number of jumps of the sensor's clock."""
         return self._n_jumps_before + self._map.restarts
 
@@ -55,7 +55,7 @@ class SampleTimes:
 
     def restart(self) -> None:
         """Restart the clock synchronisation: the port was reopened, the sensor may have been restarted."""
-        self._n_jumps_before = self.n_jumps
+        self._n_jumps_before = self.n_clock_jumps
         self._map = ClockMap()
         self._restarted = True
         self._late_ns.clear()

@@ -52,7 +52,7 @@ class MetricsObserver(Observer):
         can: Counts of the CAN channel.
         path: File of the counters, from which `footsense exporter` reads them.
         wakeups: Wake-up latency of each thread's clock; none in virtual time, and then no metrics of it.
-        late_discards: Returns how often readings were discarded since start, as the loop or a record came too late.
+        n_late_discards: Returns how often readings were discarded since start, as the loop or a record came too late.
         n_lost_cycles: Returns how many cycles are missing in the recording, since start.
         n_lost_log_lines: Returns how many lines the log has dropped, since start.
 
@@ -70,7 +70,7 @@ class MetricsObserver(Observer):
         path: Path,
         *,
         wakeups: Sequence[WakeupLatency] = (),
-        late_discards: Callable[[], int] = int,
+        n_late_discards: Callable[[], int] = int,
         n_lost_cycles: Callable[[], int] = int,
         n_lost_log_lines: Callable[[], int] = int,
     ) -> None:
@@ -78,7 +78,7 @@ class MetricsObserver(Observer):
         self._first = self._counters.first_cell
         self._can = can
         self._wakeups = wakeups
-        self._late_discards = late_discards
+        self._late_discards = n_late_discards
         self._n_lost_cycles = n_lost_cycles
         self._n_lost_log_lines = n_lost_log_lines
         self._t_sent_ns: int | None = None

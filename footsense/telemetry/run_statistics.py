@@ -118,13 +118,13 @@ class Histogram:
     """Histogram with bins of equal width from 0; the last bin also counts all larger values.
 
     Args:
-        cells_per_label_set: Width of a bin.
+        bin_width: Width of a bin.
         end: Upper end of the last one.
     """
 
-    def __init__(self, cells_per_label_set: float, end: float) -> None:
-        self._width = cells_per_label_set
-        self._counts = np.zeros(round(end / cells_per_label_set), np.int64)
+    def __init__(self, bin_width: float, end: float) -> None:
+        self._width = bin_width
+        self._counts = np.zeros(round(end / bin_width), np.int64)
         self._sum = 0.0
 
     def add(self, values: Vector) -> None:

@@ -139,12 +139,12 @@ class Invariants(Observer):
                 self._add_violation("the other legs go on", t_s, name, detail)
         self._check_errors(frame, np.flatnonzero(usable).tolist())
 
-    def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
+    def on_delivered(self, t_ns: int, queued_ns: int, frame: bytes) -> None:
         """Check a CAN frame that other nodes received.
 
         Args:
             t_ns: Time of its end on the wire [ns].
-            handed_ns: Time at which it was handed to the kernel [ns].
+            queued_ns: Time at which it was handed to the kernel [ns].
             frame: The frame, as in `firmware_interface.can.socketcan`.
         """
         can_id, data = next(split_frames(frame))
@@ -152,7 +152,7 @@ class Invariants(Observer):
         kind, node = can_id & ~0x7F, can_id & 0x7F
         if kind not in {FORCE_ID, QUALITY_ID}:
             return
-        wait_ns = t_ns - handed_ns
+        wait_ns = t_ns - queued_ns
         if wait_ns > self._longest_wait_s * _NS_PER_S:
             detail = f"0x{can_id:03x} {wait_ns / 1e6:.1f} ms"
             self._add_violation("no frame waits longer than in a full queue", t_s, _LEG_OF_NODE[node], detail)

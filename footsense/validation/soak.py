@@ -49,8 +49,8 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
         n_violations: Violations by invariant.
         violations: The first violations.
         longest_gap_s: Longest time between two cycles [s].
-        beyond_rel: Share of the usable forces with an error beyond 5 sigma, by axis [1].
-        calibrated_rel: The same of the walk without faults.
+        beyond_5_sigma_share: Share of the usable forces with an error beyond 5 sigma, by axis [1].
+        fault_free_beyond_5_sigma_share: The same of the walk without faults.
         n_received: Frames of `Force` that arrived on CAN.
         n_missed: Frames of `Force` that were lost while CAN was broken.
         resident_mib: Memory after the first minutes, and at the end [MiB].
@@ -66,8 +66,8 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
     n_violations: dict[str, int]
     violations: list[Violation]
     longest_gap_s: float
-    beyond_rel: tuple[float, ...]
-    calibrated_rel: tuple[float, ...]
+    beyond_5_sigma_share: tuple[float, ...]
+    fault_free_beyond_5_sigma_share: tuple[float, ...]
     n_received: int
     n_missed: int
     resident_mib: tuple[float, float]
@@ -120,8 +120,8 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         ),
         violations=with_faults.violations + violations,
         longest_gap_s=with_faults.longest_gap_s,
-        beyond_rel=tuple((with_faults.n_beyond / with_faults.n_checked).tolist()),
-        calibrated_rel=tuple((fault_free.n_beyond / fault_free.n_checked).tolist()),
+        beyond_5_sigma_share=tuple((with_faults.n_beyond / with_faults.n_checked).tolist()),
+        fault_free_beyond_5_sigma_share=tuple((fault_free.n_beyond / fault_free.n_checked).tolist()),
         n_received=with_faults.n_received,
         n_missed=with_faults.n_missed,
         resident_mib=(warm_mib, end_mib),

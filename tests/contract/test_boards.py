@@ -127,7 +127,7 @@ def test_the_timing_of_a_converter_costs_two_conversions_and_no_reading(board: B
             slow_ns.append(lasted_ns - period_ns)
     assert len(slow_ns) in {2, 3, 4, 5}
     assert max(slow_ns) < 6 * board.conversion_ns
-    assert robot.buses[0].late_discards == 0
+    assert robot.buses[0].n_late_discards == 0
 
 
 @pytest.mark.parametrize(("host_cost_us", "limit_rel"), [(0, 1.07), (40, 1.07), (100, 1.07)])
@@ -376,7 +376,7 @@ def test_a_temperature_costs_no_reading_and_is_no_stall(rate_sps: int) -> None:
         assert robot.is_right(frame).all()
     assert np.isfinite(robot.scanner.temperature_c()).all()
     assert n_asked in {2, 3}
-    assert [bus.late_discards for bus in robot.buses] == [0]
+    assert [bus.n_late_discards for bus in robot.buses] == [0]
 
 
 @pytest.mark.parametrize(

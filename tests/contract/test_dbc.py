@@ -9,7 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, NODES, decode_forces, encode_forces
+from firmware_interface.can.all_legs import (
+    FORCES4_ID,
+    FORCES_ID,
+    NODES_OF_FRAME,
+    decode_forces,
+    encode_forces,
+)
 from firmware_interface.can.baseline import BASELINE_ID, decode_baseline, encode_baseline
 from firmware_interface.can.codes import (
     NODE_IDS,
@@ -27,8 +33,8 @@ from firmware_interface.can.codes import (
 from firmware_interface.can.commands import (
     ANSWER_ID,
     COMMAND_ID,
-    UNSOLICITED,
-    WORDS,
+    COMMAND_WORDS,
+    UNSOLICITED_COUNTER,
     decode_answer,
     decode_command,
     encode_answer,
@@ -177,7 +183,7 @@ def test_flags_are_single_bits_and_the_words_are_the_commands() -> None:
         assert (1 << (signal.start - 12), signal.length) == (bit, 1)
     words = DBC.get_message_by_name("CommandLf").get_signal_by_name("Word").choices
     assert {code: str(name) for code, name in words.items()} == {
-        int.from_bytes(word, "little"): kind.name.title() for kind, word in WORDS.items()
+        int.from_bytes(word, "little"): kind.name.title() for kind, word in COMMAND_WORDS.items()
     }
 
 
@@ -229,9 +235,9 @@ def test_forces_of_all_legs(can_id: int, robot: tuple[list[int], list[Any]], cou
     assert signals["AllInAir"] == ours.all_in_air
     usable = [code in USABLE for code in state]
     assert ours.all_in_air == (all(usable) and not any(flag & Flag.CONTACT for flag in flags))
-    shown = [code for node, code in zip(nodes, usable, strict=True) if node in NODES[can_id]]
+    shown = [code for node, code in zip(nodes, usable, strict=True) if node in NODES_OF_FRAME[can_id]]
     assert signals["Age"] == (age / 2 if any(shown) else 127.5)
-    of_frame = [LEGS[node - 1] for node in NODES[can_id]]
+    of_frame = [LEGS[node - 1] for node in NODES_OF_FRAME[can_id]]
     for leg, (force, quality) in zip(of_frame, ours.legs, strict=True):
         read = [signals[f"Force{axis}{leg}"] for axis in "XYZ"]
         assert read == pytest.approx([-32.768 if math.isnan(f) else f for f in force.force_n])
@@ -488,7 +494,9 @@ def test_command(leg: str, counter: int, kind: CommandKind) -> None:
     assert theirs == encode_command(node, counter, kind)
 
 
-@given(legs, counters, st.sampled_from(Result), st.sampled_from(CommandKind), st.integers(0, UNSOLICITED))
+@given(
+    legs, counters, st.sampled_from(Result), st.sampled_from(CommandKind), st.integers(0, UNSOLICITED_COUNTER)
+)
 def test_answer(leg: str, counter: int, result: Result, kind: CommandKind, asked: int) -> None:
     """Each reads what the other writes."""
     node = NODE_IDS[leg]

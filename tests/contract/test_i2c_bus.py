@@ -12,10 +12,10 @@ import smbus2
 from footsense.acquisition.linux import linux_i2c
 from footsense.acquisition.linux.linux_i2c import (
     LinuxI2cBus,
+    adapter_and_parents,
     adapters,
     kernel_drivers,
     shorten_timeout,
-    with_parents,
 )
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.ports import I2cBus, Transaction
@@ -144,8 +144,8 @@ def test_behind_a_mux_of_the_kernel_the_outer_adapters_are_found(tmp_path: Path)
     inner = tmp_path / "sys" / "i2c-1" / "i2c-11" / "i2c-12"
     inner.mkdir(parents=True)
     (tmp_path / "i2c-12").symlink_to(inner)
-    assert with_parents("/dev/i2c-12", tmp_path) == ["/dev/i2c-1", "/dev/i2c-11", "/dev/i2c-12"]
-    assert with_parents("/dev/i2c-7", tmp_path) == ["/dev/i2c-7"]
+    assert adapter_and_parents("/dev/i2c-12", tmp_path) == ["/dev/i2c-1", "/dev/i2c-11", "/dev/i2c-12"]
+    assert adapter_and_parents("/dev/i2c-7", tmp_path) == ["/dev/i2c-7"]
 
 
 def test_an_adapter_that_is_opened_shortens_the_timeouts_of_those_it_is_behind(
@@ -153,7 +153,7 @@ def test_an_adapter_that_is_opened_shortens_the_timeouts_of_those_it_is_behind(
 ) -> None:
     """The child of a mux of the kernel waits as long as its parent: a second, and the watchdog ends the service."""
     node, outer, shortened = Node(tmp_path / "i2c-11", monkeypatch), "/dev/i2c-1", list[str]()
-    monkeypatch.setattr(linux_i2c, "with_parents", lambda device: [outer, device])
+    monkeypatch.setattr(linux_i2c, "adapter_and_parents", lambda device: [outer, device])
     monkeypatch.setattr(linux_i2c, "shorten_timeout", shortened.append)
     LinuxI2cBus.open(str(node.path)).close()
     assert shortened == [outer, str(node.path)]

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, NODES, encode_forces
+from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, NODES_OF_FRAME, encode_forces
 from firmware_interface.can.baseline import BASELINE_ID, decode_baseline
 from firmware_interface.can.codes import (
     BaselineStatus,
@@ -74,7 +74,7 @@ def test_both_see_what_the_vectors_say(case: dict[str, Any]) -> None:
 def fd_frames(draw: st.DrawFn, counter: int) -> tuple[int, bytes]:
     """Return a CAN FD frame of nodes 1 and 2, or of 7 and 8, sometimes with a wrong bit."""
     can_id = draw(st.sampled_from([FORCES_ID, FORCES_ID, FORCES4_ID]))
-    nodes = NODES[can_id][:2]
+    nodes = NODES_OF_FRAME[can_id][:2]
     states = draw(st.tuples(*[st.sampled_from([State.VALID, State.VALID, State.DEGRADED, State.STALE])] * 2))
     t_sent_ns = draw(st.sampled_from([15_000_001, 200_000_001]))
     sigma_n = [(0.01, float("nan"), 2.0), (float("nan"), 0.1, 0.2)]

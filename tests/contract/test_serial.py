@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from firmware_interface.serial_decoder import SerialDecoder
 from firmware_interface.serial_frames import (
     FRAME_BYTES,
-    MOST_BYTES,
+    MAX_STUFFED_BLOCK,
     NoValue,
     Record,
     RecordFlag,
@@ -151,7 +151,7 @@ def test_harm_never_makes_a_record_and_ends_at_the_next_zero(sent: list[Record],
     line = b"".join(map(encode_record, sent))
     start = data.draw(st.integers(0, len(line)))
     end = data.draw(st.integers(start, min(start + 60, len(line))))
-    put_in = data.draw(st.binary(max_size=2 * MOST_BYTES))
+    put_in = data.draw(st.binary(max_size=2 * MAX_STUFFED_BLOCK))
     harmed = b"\0" + line[:start] + put_in + line[end:]
     decoder = SerialDecoder()
     read: list[Record] = []
@@ -172,7 +172,7 @@ def test_garbage_is_never_held_nor_read(pieces: list[bytes]) -> None:
     decoder = SerialDecoder()
     for piece in pieces:
         assert decoder.feed(piece) == []
-        assert len(decoder._rest) <= MOST_BYTES
+        assert len(decoder._rest) <= MAX_STUFFED_BLOCK
 
 
 def test_a_line_that_was_interrupted_begins_anew() -> None:

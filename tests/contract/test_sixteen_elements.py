@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.all_legs import FORCES4_ID, NODES, decode_forces, encode_forces
+from firmware_interface.can.all_legs import FORCES4_ID, NODES_OF_FRAME, decode_forces, encode_forces
 from firmware_interface.can.codes import NODE_IDS, State
 from firmware_interface.can.dbc import make_dbc
 from firmware_interface.can.force import (
@@ -60,7 +60,8 @@ def test_every_reader_has_what_was_sent(robot: Robot, counter: int) -> None:
     sigma_n, masks = legs[3], legs[5]
     single = list(split_frames(ForceQualityEncoder(nodes, 16).encode(counter, 1_000_001, *legs)))
     fd = [
-        (can_id, encode_forces(can_id, counter, 1_000_001, nodes, *legs, n_elements=16)) for can_id in NODES
+        (can_id, encode_forces(can_id, counter, 1_000_001, nodes, *legs, n_elements=16))
+        for can_id in NODES_OF_FRAME
     ]
     for frames, most_n, step_n in ((single, 0.992, 0.016), (fd, 0.96, 0.032)):
         ours, theirs = Link(LIMITS, n_elements=16), CLink(LIMITS, 16)
@@ -89,7 +90,7 @@ def test_every_reader_has_what_was_sent(robot: Robot, counter: int) -> None:
 
 def names(can_id: int) -> list[str]:
     """Return the legs of a CAN FD frame as the DBC says them."""
-    return [leg.capitalize() for leg, node in NODE_IDS.items() if node in NODES[can_id]]
+    return [leg.capitalize() for leg, node in NODE_IDS.items() if node in NODES_OF_FRAME[can_id]]
 
 
 def assert_equal(told_n: list[float], sigma_n: tuple[float, ...], none_n: float) -> None:

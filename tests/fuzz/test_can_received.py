@@ -22,7 +22,7 @@ from firmware_interface.can.socketcan import (
     split_frames,
 )
 from footsense.can.channel import ChannelSettings
-from footsense.can.python_can import _keep_local, open_wire
+from footsense.can.python_can import _keep_multicast_local, open_wire
 from footsense.can.sink import CanSink
 from footsense.can.socketcan import SocketWire
 from footsense.ports import CanWire
@@ -95,7 +95,7 @@ def loopback() -> Iterator[tuple[CanWire, socket.socket]]:
     """Yield an interface on the loopback, and a socket of another program there."""
     wire = open_wire("udp_multicast", GROUP, 500_000, ())
     with can.Bus(interface="udp_multicast", channel=GROUP, hop_limit=0, fd=False) as other:
-        _keep_local(other.fileno(), GROUP)
+        _keep_multicast_local(other.fileno(), GROUP)
         with socket.socket(fileno=os.dup(other.fileno())) as raw:
             yield wire, raw
     wire.close()

@@ -8,7 +8,7 @@ import pytest
 if TYPE_CHECKING:
     from footsense.foot.response_table import FootResponse
     from footsense.lab.fem.adjoint import AdjointField
-    from footsense.lab.fem.quarter import Quarter
+    from footsense.lab.fem.quarter import QuarterFoot
     from footsense.lab.fem.symmetry_classes import Parity
 
 collect_ignore_glob = [] if importlib.util.find_spec("ngsolve") else ["test_*.py", "*/test_*.py"]
@@ -27,18 +27,18 @@ def mesh() -> Any:
 
 
 @pytest.fixture(scope="session")
-def quarters(mesh: Any) -> "dict[Parity, Quarter]":
+def quarters(mesh: Any) -> "dict[Parity, QuarterFoot]":
     """Return the factorised symmetry classes of the coarse foot."""
     from footsense.lab.fem.mesh import COARSE_MESH
-    from footsense.lab.fem.quarter import Quarter
+    from footsense.lab.fem.quarter import QuarterFoot
     from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES
     from tests.lab.released import FOOT_DESIGN
 
-    return {parity: Quarter(FOOT_DESIGN, COARSE_MESH, parity, mesh) for parity in SOLVED_CLASSES}
+    return {parity: QuarterFoot(FOOT_DESIGN, COARSE_MESH, parity, mesh) for parity in SOLVED_CLASSES}
 
 
 @pytest.fixture(scope="session")
-def fields(quarters: "dict[Parity, Quarter]") -> "dict[Parity, AdjointField]":
+def fields(quarters: "dict[Parity, QuarterFoot]") -> "dict[Parity, AdjointField]":
     """Return their adjoint fields."""
     from footsense.lab.fem.adjoint import solve_adjoint_fields
 

@@ -1,4 +1,4 @@
-"""`footsense lab design`: similarity, prediction against solved tables, the paper's foot, and wishes that conflict."""
+"""`footsense lab design`: similarity, prediction against solved tables, the paper's foot, conflicting requirements."""
 
 import msgspec
 import numpy as np
@@ -12,7 +12,7 @@ from footsense.lab.design.foot_files import foot_text
 from footsense.lab.design.inputs.boards import converter
 from footsense.lab.design.inputs.materials import load_materials
 from footsense.lab.design.inputs.processes import load_processes
-from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.inputs.requirements import Requirements
 from footsense.lab.design.prediction.assess import assess_foot
 from footsense.lab.design.prediction.shapes import ShapeLibrary
 from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
@@ -25,14 +25,14 @@ from tests.lab.released import FOOT_DESIGN, RELEASED
 pytestmark = pytest.mark.lab
 
 
-def wishes(
+def requirements(
     max_n: float, ball_mm: tuple[float, float], *material: str, process: str = "flex", board: str = "fdc1004"
-) -> Wishes:
-    """Return the wishes of a robot, with few materials."""
-    return Wishes(
+) -> Requirements:
+    """Return the requirements of a robot, with few materials."""
+    return Requirements(
         max_n=max_n,
         min_n=max_n / 20.0,
-        reach_deg=30.0,
+        max_lean_deg=30.0,
         error_deg=1.0,
         ball_mm=ball_mm,
         materials=load_materials().select_materials(material),
@@ -96,7 +96,7 @@ def test_a_force_unit_leaves_closures_alone() -> None:
 
 def paper_design(library: ShapeLibrary) -> FootDesign:
     """Return the most accurate foot for the paper's own numbers: its ball, materials, process and forces."""
-    asked = wishes(1.0, (20.0, 20.0), "butadiene-paper", "pdms-paper", process="paper")
+    asked = requirements(1.0, (20.0, 20.0), "butadiene-paper", "pdms-paper", process="paper")
     choice = choose_candidates(library, asked, 1)
     return load_foot(
         foot_text("again", "The paper's numbers", choice.feet, int(choice.ranked[0][0]), asked).encode()
@@ -123,7 +123,7 @@ def test_the_papers_foot_comes_out_of_its_own_numbers(library: ShapeLibrary) -> 
 
 def test_the_outer_elements_end_with_the_sheet(library: ShapeLibrary) -> None:
     """A strip beside them, were it of rounding alone, would join the plates and take a quarter off the closures."""
-    asked = wishes(12.0, (30.0, 30.0), "urethane-90a", "tpu-80a")
+    asked = requirements(12.0, (30.0, 30.0), "urethane-90a", "tpu-80a")
     choice = choose_candidates(library, asked, 1)
     found = load_foot(foot_text("again", "Thirty", choice.feet, int(choice.ranked[0][0]), asked).encode())
     assert found.sheet_mm == pytest.approx(2.0 * found.pitch_mm + found.electrode_mm, abs=1e-9)
@@ -134,30 +134,33 @@ def test_a_released_foot_is_as_predicted(library: ShapeLibrary, foot_type: str) 
     """Range and errors of the solved table are within 4 % of the prediction without a mesh, and it carries its load."""
     folder = RELEASED.parent / foot_type
     design, built = load_foot(folder / "foot.yaml"), FootResponse.load(folder / "response.npz")
-    asked = wishes(design.loads.max_n / TRAINED_RANGE_FACTOR, (20.0, 60.0))
+    asked = requirements(design.loads.max_n / TRAINED_RANGE_FACTOR, (20.0, 60.0))
     predicted, measured = (assess_foot(response, asked) for response in (library.response(design), built))
     for name, value in predicted._asdict().items():
         np.testing.assert_allclose(value, getattr(measured, name), rtol=0.04, err_msg=name)
-    assert measured.reach_n >= asked.max_n
+    assert measured.all_directions_range_n >= asked.max_n
 
 
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
         (
-            wishes(50.0, (20.0, 20.0), "urethane-80a"),
+            requirements(50.0, (20.0, 20.0), "urethane-80a"),
             r"--max-force 50 and --ball 20 conflict.*nearest that works: --ball",
         ),
-        (wishes(1.5, (3.0, 3.0)), r"--ball 3 and bars of at least 0\.8 mm conflict.*use a ball from"),
-        (wishes(1.5, (110.0, 120.0), process="paper"), r"--ball 110 120 and --board fdc1004 conflict.*up to"),
+        (requirements(1.5, (3.0, 3.0)), r"--ball 3 and bars of at least 0\.8 mm conflict.*use a ball from"),
         (
-            wishes(12.0, (20.0, 30.0), "urethane-90a")._replace(min_n=1e-3),
+            requirements(1.5, (110.0, 120.0), process="paper"),
+            r"--ball 110 120 and --board fdc1004 conflict.*up to",
+        ),
+        (
+            requirements(12.0, (20.0, 30.0), "urethane-90a")._replace(min_n=1e-3),
             r"--min-force 0\.001 and --max-force 12 conflict at --error 1:.*process makes 20 um.*--min-force",
         ),
     ],
     ids=["load", "bars", "board", "noise"],
 )
-def test_wishes_that_conflict_are_named(library: ShapeLibrary, asked: Wishes, message: str) -> None:
+def test_wishes_that_conflict_are_named(library: ShapeLibrary, asked: Requirements, message: str) -> None:
     """One line: which wish conflicts with which, and the nearest design that works."""
     with pytest.raises(FootsenseError, match=message) as refused:
         choose_candidates(library, asked, 1)

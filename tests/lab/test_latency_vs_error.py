@@ -147,13 +147,13 @@ def test_late_forces_are_found_to_be_late() -> None:
         latency_and_errors(published_late(truth, 0), truth),
         latency_and_errors(published_late(truth, 20 * MS), truth),
     )
-    assert right.error_norm_mn == right.held_error_norm_mn == 0.0
-    assert right.share_within_sigma == (1.0, 1.0, 1.0, 1.0)
+    assert right.error_norm_rms_mn == right.held_error_norm_rms_mn == 0.0
+    assert right.share_within_sigmas == (1.0, 1.0, 1.0, 1.0)
     assert right.lag_ms == pytest.approx(0.0, abs=0.1)
     assert late.lag_ms == pytest.approx(20.0, abs=0.1)
-    assert late.age_held_ms[0] == 20.0
-    assert late.error_norm_mn > 30.0
-    assert late.share_within_sigma[-1] < 0.6
+    assert late.held_age_ms[0] == 20.0
+    assert late.error_norm_rms_mn > 30.0
+    assert late.share_within_sigmas[-1] < 0.6
 
 
 def test_a_step_is_settled_when_the_last_wrong_force_is_replaced() -> None:

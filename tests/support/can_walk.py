@@ -59,9 +59,9 @@ class CanWalk:
         self._force_n = np.full((n, 3), 0.5)
         self._n = n
 
-    def _hear(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
+    def _hear(self, t_ns: int, queued_ns: int, frame: bytes) -> None:
         can_id, data = next(split_frames(frame))
-        self.heard.append(Heard(t_ns, t_ns - handed_ns, can_id, data))
+        self.heard.append(Heard(t_ns, t_ns - queued_ns, can_id, data))
 
     def walk(self, until_s: float) -> None:
         """Publish scan after scan up to a time."""

@@ -62,7 +62,7 @@ def pipeline(
         ),
         np.full((n_legs, 9), stray_pf),
         np.full((n_legs, 9), DESIGN.unloaded_pf),
-        sensitivity=Sensitivity(load_n=9.0, baseline_n=BASELINE_N),
+        sensitivity=Sensitivity(load_n_per_rel=9.0, force_sigma_n_per_rel=BASELINE_N),
         tare=TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
         contact=ContactLimits(threshold_n=0.03),
         scan_ns=SCAN_NS,

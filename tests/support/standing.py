@@ -21,7 +21,7 @@ WINDOW = 8
 NOISE_FF = 0.47
 #: Closures that 1 N makes on the elements, over the gap [1]; their trimmed mean is 0.4.
 PER_NEWTON = 0.4 * np.array([0.9, 1.05, 0.9, 1.05, 1.2, 1.05, 0.9, 1.05, 0.9])
-SENSITIVITY = Sensitivity(load_n=2.5, baseline_n=np.array([1.0, 1.0, 2.7]))
+SENSITIVITY = Sensitivity(load_n_per_rel=2.5, force_sigma_n_per_rel=np.array([1.0, 1.0, 2.7]))
 #: What an even drift does to the force along the leg [mN/fF]; HARDWARE's 1.5 fF/K are 1 mN/K.
 MN_PER_FF = 0.66
 #: Rubber that goes on giving way for minutes: share and time constant [s].

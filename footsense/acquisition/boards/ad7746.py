@@ -231,5 +231,5 @@ def board(rows: int = 3) -> Board:
             read=read_registers(Register.STATUS, 7),
             decode=decode_temperature,
         ),
-        traffic=schedule.AD7746,
+        traffic=schedule.AD7746_TRAFFIC,
     )

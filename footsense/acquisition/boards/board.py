@@ -7,7 +7,7 @@ foot: `fdc1004.board` and `ad7746.board`.
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from firmware_interface.schedule import Traffic
+from firmware_interface.schedule import ConversionTraffic
 from footsense.errors import WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -139,7 +139,7 @@ class Board(NamedTuple):
     setting_check: ReadBackCheck
     range_end_pf: float
     thermometer: Thermometer | None
-    traffic: Traffic
+    traffic: ConversionTraffic
 
     def wait_ns(self, rate_sps: int) -> int:
         """Return the conversion time of the slowest chip within its clock tolerance [ns]."""

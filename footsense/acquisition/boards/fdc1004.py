@@ -168,5 +168,5 @@ def board(rows: int = 3) -> Board:
         ),
         range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
         thermometer=None,
-        traffic=schedule.FDC1004,
+        traffic=schedule.FDC1004_TRAFFIC,
     )

@@ -134,7 +134,7 @@ def _open(device: str) -> smbus2.SMBus:
         raise HardwareError(
             f"{device}: another process has locked it, most often the service: systemctl stop footsense"
         ) from None
-    for each in with_parents(device):
+    for each in adapter_and_parents(device):
         shorten_timeout(each)
     return adapter
 
@@ -145,7 +145,7 @@ def adapters(folder: Path = Path("/dev")) -> list[str]:
     return [str(folder / f"i2c-{number}") for number in sorted(map(int, filter(str.isdecimal, numbers)))]
 
 
-def with_parents(device: str, folder: Path = _ADAPTERS) -> list[str]:
+def adapter_and_parents(device: str, folder: Path = _ADAPTERS) -> list[str]:
     """Return the device files of an adapter and of the adapters that its mux is behind, the outermost first.
 
     A transfer through a multiplexer of the kernel waits as long as the adapter does that moves the lines.

@@ -85,7 +85,7 @@ def scan_bus(
     )
     known = {*claimed, *upstream.answering, *upstream.not_probed}
     channels = {}
-    for channel in range(tca9548a.CHANNELS):
+    for channel in range(tca9548a.N_CHANNELS):
         try:
             if not _holds_selection(bus, tca9548a.select(channel)):
                 return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)

@@ -93,8 +93,8 @@ def operating_points_figure(points: Sequence[OperatingPoint]) -> Figure:
     figure, (axes,) = subplot_row(1, 6.4, 4.4)
     for rate in sorted({p.rate_sps for p in points}, reverse=True):
         of_rate = [p for p in points if p.rate_sps == rate]
-        ages_ms = [p.walk.age_held_ms[0] for p in of_rate]
-        errors_mn = [p.walk.held_error_norm_mn for p in of_rate]
+        ages_ms = [p.walk.held_age_ms[0] for p in of_rate]
+        errors_mn = [p.walk.held_error_norm_rms_mn for p in of_rate]
         axes.plot(ages_ms, errors_mn, "o-", label=f"{rate} S/s")
         for p, age_ms, error_mn in zip(of_rate, ages_ms, errors_mn, strict=True):
             axes.annotate(

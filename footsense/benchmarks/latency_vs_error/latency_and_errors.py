@@ -25,24 +25,24 @@ class LatencyAndErrors:
     """Latency and force errors of one method under one load; *held*: of the last force sent, at any time.
 
     Attributes:
-        age_held_ms: Age of the newest reading in the held force, median and 99th percentile [ms].
+        held_age_ms: Age of the newest reading in the held force, median and 99th percentile [ms].
         error_mn: Error of fx, fy, fz at the time of sending, rms [mN].
-        error_norm_mn: Length of that error, rms [mN].
+        error_norm_rms_mn: Length of that error, rms [mN].
         direction_deg: Angle to the true force at the time of sending, mean and 95th percentile, loaded feet [deg].
-        held_error_norm_mn: Length of the error of the held force, rms [mN].
-        held_direction_deg: Angle of the held force to the true one, mean [deg].
-        share_within_sigma: Share of force components, feet in contact, with an error within each of `SIGMA_MULTIPLES`
+        held_error_norm_rms_mn: Length of the error of the held force, rms [mN].
+        held_direction_error_deg: Angle of the held force to the true one, mean [deg].
+        share_within_sigmas: Share of force components, feet in contact, with an error within each of `SIGMA_MULTIPLES`
             at the time of sending [1].
         lag_ms: Shift of the truth that fits the held force best [ms].
     """
 
-    age_held_ms: tuple[float, float]
+    held_age_ms: tuple[float, float]
     error_mn: tuple[float, float, float]
-    error_norm_mn: float
+    error_norm_rms_mn: float
     direction_deg: tuple[float, float]
-    held_error_norm_mn: float
-    held_direction_deg: float
-    share_within_sigma: tuple[float, ...]
+    held_error_norm_rms_mn: float
+    held_direction_error_deg: float
+    share_within_sigmas: tuple[float, ...]
     lag_ms: float
 
 
@@ -87,17 +87,17 @@ def latency_and_errors(published: PublishedForces, truth: TrueLoads) -> LatencyA
     true_n = true_loads(truth.feet, published.sent_ns[counts])[1]
     force_n = published.force_n[counts]
     angle_deg = _angles_deg(true_n, force_n)
-    read_ms, held_n, age_held_ms = _held_forces(published, truth)
+    read_ms, held_n, held_age_ms = _held_forces(published, truth)
     first = round(read_ms[0])
     true_read_n = truth.sampled_n[first : first + len(read_ms)]
     return LatencyAndErrors(
-        age_held_ms=(float(np.median(age_held_ms)), float(np.percentile(age_held_ms, 99))),
+        held_age_ms=(float(np.median(held_age_ms)), float(np.percentile(held_age_ms, 99))),
         error_mn=tuple((1e3 * np.sqrt(((force_n - true_n) ** 2).mean(axis=(0, 1)))).tolist()),
-        error_norm_mn=rms_mn(force_n - true_n),
+        error_norm_rms_mn=rms_mn(force_n - true_n),
         direction_deg=(float(angle_deg.mean()), float(np.percentile(angle_deg, 95))),
-        held_error_norm_mn=rms_mn(held_n - true_read_n),
-        held_direction_deg=float(_angles_deg(true_read_n, held_n).mean()),
-        share_within_sigma=_share_within_sigmas(true_n, force_n, published.sigma_n[counts]),
+        held_error_norm_rms_mn=rms_mn(held_n - true_read_n),
+        held_direction_error_deg=float(_angles_deg(true_read_n, held_n).mean()),
+        share_within_sigmas=_share_within_sigmas(true_n, force_n, published.sigma_n[counts]),
         lag_ms=_lag_ms(held_n, truth.sampled_n, first),
     )
 

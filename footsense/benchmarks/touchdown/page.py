@@ -35,14 +35,14 @@ class Latencies:
     """Touchdown latencies (median, 99th percentile) and force error, for one type of touchdown.
 
     Attributes:
-        contact_ms: Latency of the flag CONTACT, from a load of `CONTACT_THRESHOLD_N` on [ms].
-        force_ms: Latency of the first force above `CONTACT_THRESHOLD_N` [ms].
-        error_mn: Error of the force along the leg in the time after a touchdown, rms [mN].
+        contact_latency_ms: Latency of the flag CONTACT, from a load of `CONTACT_THRESHOLD_N` on [ms].
+        force_latency_ms: Latency of the first force above `CONTACT_THRESHOLD_N` [ms].
+        force_rms_error_mn: Error of the force along the leg in the time after a touchdown, rms [mN].
     """
 
-    contact_ms: _P50P99
-    force_ms: _P50P99
-    error_mn: float
+    contact_latency_ms: _P50P99
+    force_latency_ms: _P50P99
+    force_rms_error_mn: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,17 +51,17 @@ class FalseReports:
 
     Attributes:
         minutes: Time in swing of all feet [min].
-        contact: False flags CONTACT.
-        force: Forces above `CONTACT_THRESHOLD_N` without load.
-        bound_per_h: Upper bound of a rate of which no case occurred, at 95 % [1/h].
-        largest_mn: Largest force along the leg in swing [mN].
+        false_contacts: False flags CONTACT.
+        false_forces: Forces above `CONTACT_THRESHOLD_N` without load.
+        rate_bound_per_h: Upper bound of a rate of which no case occurred, at 95 % [1/h].
+        max_swing_force_mn: Largest force along the leg in swing [mN].
     """
 
     minutes: float
-    contact: tuple[int, int]
-    force: tuple[int, int]
-    bound_per_h: float
-    largest_mn: float
+    false_contacts: tuple[int, int]
+    false_forces: tuple[int, int]
+    rate_bound_per_h: float
+    max_swing_force_mn: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,13 +71,13 @@ class TouchdownResults:
     Attributes:
         n_touchdowns: Touchdowns of each manner.
         latencies: Latencies by manner of touchdown.
-        median_ms: Median latency over all manners, of the flag (`contact`) and of the force (`force`) [ms].
+        median_latency_ms: Median latency over all manners, of the flag (`contact`) and of the force (`force`) [ms].
         false_reports: False reports.
     """
 
     n_touchdowns: int
     latencies: dict[str, Latencies]
-    median_ms: dict[str, float]
+    median_latency_ms: dict[str, float]
     false_reports: FalseReports
 
 
@@ -96,18 +96,20 @@ def _latencies(
     result: PublishedRun, steps: RandomTouchdowns, until_s: float, kind: int
 ) -> tuple[_LatenciesMs, float]:
     """Return all touchdown latencies of one type [ms], and the rms force error after touchdown [mN]."""
-    contact_ms, force_ms, squares_n2 = [], [], []
+    contact_latency_ms, force_latency_ms, squares_n2 = [], [], []
     for foot in np.flatnonzero(steps.kind == kind).tolist():
         complete = steps.crossed_s[foot] < until_s - 2 * _FORCE_ERROR_WINDOW_S
         times = result.sent_s, steps.starts_s[foot, complete], steps.crossed_s[foot, complete]
-        contact_ms.append(_first_report_latency_ms(result.contact[:, foot], *times))
-        force_ms.append(_first_report_latency_ms(result.force_n[:, foot] > CONTACT_THRESHOLD_N, *times))
+        contact_latency_ms.append(_first_report_latency_ms(result.contact[:, foot], *times))
+        force_latency_ms.append(
+            _first_report_latency_ms(result.force_n[:, foot] > CONTACT_THRESHOLD_N, *times)
+        )
         error_n = result.force_n[:, foot] - result.true_force_n[:, foot]
         for crossed_s in times[2].tolist():
             after = (result.sent_s > crossed_s) & (result.sent_s < crossed_s + _FORCE_ERROR_WINDOW_S)
             squares_n2.append(np.nanmean(error_n[after] ** 2))
-    error_mn = 1e3 * float(np.sqrt(np.mean(squares_n2)))
-    return (np.concatenate(contact_ms), np.concatenate(force_ms)), error_mn
+    force_rms_error_mn = 1e3 * float(np.sqrt(np.mean(squares_n2)))
+    return (np.concatenate(contact_latency_ms), np.concatenate(force_latency_ms)), force_rms_error_mn
 
 
 def _p50_p99(values_ms: Vector) -> _P50P99:
@@ -127,10 +129,10 @@ def _false_reports(result: PublishedRun) -> FalseReports:
 
     return FalseReports(
         minutes=60 * hours,
-        contact=count_false_reports(result.contact),
-        force=count_false_reports(result.force_n > CONTACT_THRESHOLD_N),
-        bound_per_h=_POISSON_UPPER_95_FOR_ZERO_EVENTS / hours,
-        largest_mn=1e3 * float(np.nanmax(result.force_n[result.is_swing])),
+        false_contacts=count_false_reports(result.contact),
+        false_forces=count_false_reports(result.force_n > CONTACT_THRESHOLD_N),
+        rate_bound_per_h=_POISSON_UPPER_95_FOR_ZERO_EVENTS / hours,
+        max_swing_force_mn=1e3 * float(np.nanmax(result.force_n[result.is_swing])),
     )
 
 
@@ -161,14 +163,18 @@ def compute(context: StudyContext) -> tuple[TouchdownResults, Plots]:
     latencies: dict[str, Latencies] = {}
     every: dict[str, _LatenciesMs] = {}
     for kind, name in enumerate(TOUCHDOWNS):
-        every[name], error_mn = _latencies(result, steps, until_s, kind)
-        contact_ms, force_ms = map(_p50_p99, every[name])
-        latencies[name] = Latencies(contact_ms=contact_ms, force_ms=force_ms, error_mn=error_mn)
+        every[name], force_rms_error_mn = _latencies(result, steps, until_s, kind)
+        contact_latency_ms, force_latency_ms = map(_p50_p99, every[name])
+        latencies[name] = Latencies(
+            contact_latency_ms=contact_latency_ms,
+            force_latency_ms=force_latency_ms,
+            force_rms_error_mn=force_rms_error_mn,
+        )
     reports = zip(("contact", "force"), zip(*every.values(), strict=True), strict=True)
     results = TouchdownResults(
         n_touchdowns=len(every[next(iter(TOUCHDOWNS))][0]),
         latencies=latencies,
-        median_ms={report: float(np.median(np.concatenate(kinds))) for report, kinds in reports},
+        median_latency_ms={report: float(np.median(np.concatenate(kinds))) for report, kinds in reports},
         false_reports=_false_reports(result),
     )
     return results, {_FIGURE_FILE: _figure(every)}

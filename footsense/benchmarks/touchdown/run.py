@@ -41,8 +41,10 @@ def readings_pf(foot: Foot, steps: RandomTouchdowns, t_ns: Stamps, rng: np.rando
     drift_pf_per_s = _DRIFT_PF_PER_S * spread
     # No gap closes, so that closures are proportional to the force.
     normals = steps.normals.reshape(-1, 3)
-    cells_um = foot.cells_um(normals, normals * _SENSITIVITY_PROBE_N).reshape(*steps.normals.shape[:2], -1)
-    cells_um_per_n = cells_um / _SENSITIVITY_PROBE_N
+    cell_closures_um = foot.cell_closures_um(normals, normals * _SENSITIVITY_PROBE_N).reshape(
+        *steps.normals.shape[:2], -1
+    )
+    cells_um_per_n = cell_closures_um / _SENSITIVITY_PROBE_N
     up_n = np.array([[0.0, 0.0, _SENSITIVITY_PROBE_N]])
     pf_per_n = (
         foot.capacitance_pf(up_n / _SENSITIVITY_PROBE_N, up_n)[0] - foot.unloaded_pf

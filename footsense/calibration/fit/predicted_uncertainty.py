@@ -27,14 +27,14 @@ class PredictedUncertainty(NamedTuple):
     """Force errors to expect over all load directions, predicted from the parameters' posterior covariance.
 
     Attributes:
-        direction_deg: Median angle [deg].
-        magnitude_rel: Median relative error of the magnitude [1].
+        median_direction_error_deg: Median angle [deg].
+        median_magnitude_error_rel: Median relative error of the magnitude [1].
         dominant_parameter: Kind of parameter that causes most of the angle.
         not_identified: Names of the parameters that stay near the design's value, for lack of data.
     """
 
-    direction_deg: float
-    magnitude_rel: float
+    median_direction_error_deg: float
+    median_magnitude_error_rel: float
     dominant_parameter: str
     not_identified: tuple[str, ...]
 
@@ -98,10 +98,13 @@ def require_identified(predicted: PredictedUncertainty, n_loads: int) -> None:
     Raises:
         CalibrationError: The predicted errors are larger than those of a calibrated foot may be.
     """
-    if predicted.direction_deg > _MAX_DIRECTION_DEG or predicted.magnitude_rel > _MAX_MAGNITUDE_REL:
+    if (
+        predicted.median_direction_error_deg > _MAX_DIRECTION_DEG
+        or predicted.median_magnitude_error_rel > _MAX_MAGNITUDE_REL
+    ):
         raise CalibrationError(
-            f"{n_loads} loads leave half of all forces uncertain by {predicted.direction_deg:.1f} deg and "
-            f"{predicted.magnitude_rel:.0%} or more, at most {_MAX_DIRECTION_DEG:g} deg and {_MAX_MAGNITUDE_REL:.0%} "
-            f"make a calibration; least is known of the {predicted.dominant_parameter}; press from more sides, "
-            "at two magnitudes"
+            f"{n_loads} loads leave half of all forces uncertain by {predicted.median_direction_error_deg:.1f} deg and "
+            f"{predicted.median_magnitude_error_rel:.0%} or more, at most {_MAX_DIRECTION_DEG:g} deg and "
+            f"{_MAX_MAGNITUDE_REL:.0%} make a calibration; least is known of the {predicted.dominant_parameter}; "
+            "press from more sides, at two magnitudes"
         )

@@ -50,17 +50,17 @@ class Coverage:
     """Counts the accepted calibration loads and tracks which force directions they cover.
 
     Args:
-        wanted: Number of loads of a complete set.
+        n_wanted: Number of loads of a complete set.
 
     Attributes:
         reach_deg: Angle up to which a load covers a direction [deg].
         counts: Loads in each band.
     """
 
-    def __init__(self, wanted: int) -> None:
-        self._wanted = wanted
+    def __init__(self, n_wanted: int) -> None:
+        self._wanted = n_wanted
         self._directions = spiral_directions(_N_DIRECTIONS, MIN_ELEVATION_DEG)
-        per_band = max(wanted / N_BANDS_TO_COVER, 1.0)
+        per_band = max(n_wanted / N_BANDS_TO_COVER, 1.0)
         cap_sr = 2 * math.pi * (1 - math.sin(math.radians(MIN_ELEVATION_DEG)))
         self.reach_deg = math.degrees(
             _LOAD_RADIUS_FACTOR * math.sqrt(_HEXAGONAL_DENSITY * cap_sr / (math.pi * per_band))

@@ -21,7 +21,7 @@ class SessionGuide:
 
     Args:
         row: Row of the leg in the frames.
-        wanted: Number of loads of a complete set.
+        n_wanted: Number of loads of a complete set.
         estimate: Force of a load by the foot's network [N], shape (3,), NaN where it has none.
         check: Returns findings, one line each, of the reference's forces and those estimates [N], shapes (n, 3).
         report: Takes each message, one line.
@@ -36,7 +36,7 @@ class SessionGuide:
     def __init__(
         self,
         row: int,
-        wanted: int,
+        n_wanted: int,
         estimate: Callable[[CalibrationLoad], Vector],
         check: Callable[[Vector, Vector], list[str]],
         report: Callable[[str], None],
@@ -49,12 +49,12 @@ class SessionGuide:
         self._estimate_n: list[Vector] = []
         self._shown: deque[tuple[int, Vector]] = deque()
         self._lag_reported = False
-        self.coverage = Coverage(wanted)
+        self.coverage = Coverage(n_wanted)
         self.rejected: Counter[Rejection] = Counter()
         self.findings: list[str] = []
 
     @property
-    def loads_n(self) -> Vector:
+    def forces_n(self) -> Vector:
         """Forces of the accepted loads [N], shape (n, 3)."""
         return np.array([load.force_n for load in self._loads]).reshape(-1, 3)
 
@@ -105,7 +105,7 @@ class SessionGuide:
         if not self._lag_reported and (lag := lag_message([one.lag_s for one in self._loads])):
             self._lag_reported = True
             self.report(f"warning: {lag}")
-        findings = self._check(self.loads_n, np.array(self._estimate_n))
+        findings = self._check(self.forces_n, np.array(self._estimate_n))
         # The same finding with a slightly different figure is not reported again.
         if [line.partition(":")[2] for line in findings] != [
             line.partition(":")[2] for line in self.findings

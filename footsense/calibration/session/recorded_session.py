@@ -34,7 +34,7 @@ class RecordedSession:
         temperature_c: Mean temperature of the foot's converter [degC]; None if it has no sensor.
         loads: The accepted loads, in their order.
         rejected: Number of rejected presses by reason.
-        n_lost: Cycles that the recorder lost.
+        n_lost_cycles: Cycles that the recorder lost.
         damage: Why the recording ends early; empty if it is whole.
     """
 
@@ -47,7 +47,7 @@ class RecordedSession:
     temperature_c: float | None
     loads: tuple[CalibrationLoad, ...]
     rejected: Counter[Rejection]
-    n_lost: int
+    n_lost_cycles: int
     damage: str
 
     @property
@@ -63,8 +63,8 @@ class RecordedSession:
             warnings.append(
                 f"{self.path}: does not describe its test stand; units and axes cannot be checked"
             )
-        if self.n_lost:
-            warnings.append(f"{self.path}: {self.n_lost} cycles were lost when it was recorded")
+        if self.n_lost_cycles:
+            warnings.append(f"{self.path}: {self.n_lost_cycles} cycles were lost when it was recorded")
         if self.damage:
             warnings.append(f"{self.damage}; the {len(self.loads)} loads before that are used")
         return tuple(warnings)
@@ -132,12 +132,12 @@ def read_session(path: Path, foot: str, on_read: Callable[[int], None] | None = 
         )
     row = recording.legs.index(leg_of[foot])
     detector, presses = LoadDetector(row), list[CalibrationLoad | RejectedPress | None]()
-    n_samples = n_lost = 0
+    n_samples = n_lost_cycles = 0
     now_c, temperatures_c, damage = math.nan, list[float](), ""
     try:
         for entry in recording.entries():
             if isinstance(entry, LostCycles):
-                n_lost += entry.n_cycles
+                n_lost_cycles += entry.n_cycles
                 continue
             if entry.cycle.reference is not None:
                 n_samples += len(entry.cycle.reference.t_ns)
@@ -164,7 +164,7 @@ def read_session(path: Path, foot: str, on_read: Callable[[int], None] | None = 
         temperature_c=fmean(temperatures_c) if temperatures_c else None,
         loads=tuple(press for press in presses if isinstance(press, CalibrationLoad)),
         rejected=Counter(press.rejection for press in presses if isinstance(press, RejectedPress)),
-        n_lost=n_lost,
+        n_lost_cycles=n_lost_cycles,
         damage=damage,
     )
 

@@ -104,7 +104,7 @@ def design(
     from footsense.lab.design.inputs import processes as process_table
     from footsense.lab.design.inputs.boards import converter
     from footsense.lab.design.inputs.recorded import largest_recorded_n
-    from footsense.lab.design.inputs.wishes import Wishes, largest_force_n
+    from footsense.lab.design.inputs.requirements import Requirements, largest_force_n
 
     given = {"--mass": mass, "--max-force": max_force, "--recorded": recorded}
     if sum(value is not None for value in given.values()) != 1:
@@ -124,7 +124,7 @@ def design(
         raise FootsenseError(f"--ball {ball[0]:g} {ball[1]:g}: the least diameter comes first")
     folder = out or Path("design")
     options.require_writable(folder)
-    wishes = Wishes(
+    requirements = Requirements(
         largest_n,
         least_n,
         reach,
@@ -134,7 +134,7 @@ def design(
         known[process],
         converter(board),
     )
-    designed = design_feet(wishes, name, keep, folder)
+    designed = design_feet(requirements, name, keep, folder)
     if as_json:
         echo_json(designed.json_values())
         return
@@ -163,11 +163,11 @@ def _print(designed: "DesignResult") -> None:
 
     console = Console()
     console.width = max(console.width, 22 + 24 * len(designed.feet))  # a table that is cut off is of no use
-    wishes = designed.wishes
-    board = wishes.board
+    requirements = designed.requirements
+    board = requirements.board
     click.echo(
-        f"{designed.choice.n_tried} feet compared for {wishes.min_n:.3g} to {wishes.max_n:.3g} N "
-        f"up to {wishes.reach_deg:g} deg from the leg"
+        f"{designed.choice.n_tried} feet compared for {requirements.min_n:.3g} to {requirements.max_n:.3g} N "
+        f"up to {requirements.max_lean_deg:g} deg from the leg"
     )
     click.echo(
         f"board {board.name}: {1e3 * board.noise_pf:.2g} fF of noise, {1e3 * board.scan_s:.1f} ms for a scan"

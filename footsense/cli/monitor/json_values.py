@@ -29,9 +29,11 @@ def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
         "elements_out": [e for e in range(mask.bit_length()) if mask >> e & 1] if known else None,
         "baseline": {
             "status": None if report.baseline is None else report.baseline.name.lower(),
-            "mean_ff": round(report.mean_pf * 1e3, 1),
-            "worst_ff": round(report.worst_pf * 1e3, 1),
-            "moved_s_ago": None if report.moved_ago_ns is None else round(report.moved_ago_ns * 1e-9, 1),
+            "mean_ff": round(report.baseline_mean_pf * 1e3, 1),
+            "worst_ff": round(report.baseline_worst_pf * 1e3, 1),
+            "moved_s_ago": None
+            if report.baseline_moved_ago_ns is None
+            else round(report.baseline_moved_ago_ns * 1e-9, 1),
         },
         **_gait_json(snapshot),
         "heartbeat": None if report.node_state is None else report.node_state.name.lower(),

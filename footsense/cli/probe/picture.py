@@ -134,7 +134,7 @@ def _bus_lines(report: ProbedBus) -> Iterator[Text]:
     if scan.bus_timing is None:
         yield Text.assemble(device, f"   {bus.rate_hz / 1e3:.0f} kHz configured, could not be timed")
     else:
-        (rate_hz, host_cost_ns), limits = scan.bus_timing.costs, scan.bus_timing.limits
+        (rate_hz, host_cost_ns), limits = scan.bus_timing.costs, scan.bus_timing.lower_bounds
         yield Text.assemble(
             device, f"   {rate_hz / 1e3:.0f} kHz, {host_cost_ns / 1e3:.0f} us of host per transaction"
         )

@@ -182,8 +182,8 @@ def _print_session_summary(out: Path, guide: SessionGuide, sensor: StandSensor |
         counts = sensor.statistics
         click.echo(
             f"reference: {counts.n_samples} samples, {counts.n_missing} missing, {counts.n_bad} unreadable, "
-            f"{counts.n_saturated} saturated, clock jumped {counts.n_jumps} times, opened {counts.n_opened} times, "
-            f"times to {counts.residual_ms:.1f} ms"
+            f"{counts.n_saturated} saturated, clock jumped {counts.n_clock_jumps} times, opened {counts.n_opened} "
+            f"times, times to {counts.residual_ms:.1f} ms"
         )
 
 
@@ -198,5 +198,5 @@ def _write_coverage_figure(out: Path, guide: SessionGuide, title: str) -> None:
     if picture.exists():
         click.echo(f"{picture}: exists and is not overwritten; the coverage is not drawn")
         return
-    draw_coverage(picture, guide.coverage, guide.loads_n, title)
+    draw_coverage(picture, guide.coverage, guide.forces_n, title)
     click.echo(f"{picture}: the coverage")

@@ -44,12 +44,12 @@ PLAIN_GLYPHS = Glyphs(".", ":", "o", "X")
 _GLYPH_STYLES = Glyphs("dim", "green", "bold green", "bold yellow")
 
 
-def coverage_discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs: Glyphs) -> list[Text]:
+def coverage_discs(coverage: Coverage, forces_n: Vector, target: NextLoad, glyphs: Glyphs) -> list[Text]:
     """Return the text lines of three discs of covered directions, side by side.
 
     Args:
         coverage: Coverage of the loads.
-        loads_n: Their forces [N], shape (n, 3).
+        forces_n: Their forces [N], shape (n, 3).
         target: The next load.
         glyphs: Characters to draw with.
     """
@@ -58,7 +58,7 @@ def coverage_discs(coverage: Coverage, loads_n: Vector, target: NextLoad, glyphs
             nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N),
             *_disc_cell(*azimuth_and_elevation_deg(force_n)),
         )
-        for force_n in loads_n
+        for force_n in forces_n
     }
     next_cell = (nearest_band(target.magnitude_gf), *_disc_cell(target.azimuth_deg, target.elevation_deg))
     titles = [

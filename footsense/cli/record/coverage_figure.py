@@ -13,19 +13,19 @@ from footsense.frames import Vector
 _ELEVATION_RINGS_DEG = (40.0, 50.0, 60.0, 70.0, 80.0)
 
 
-def draw_coverage(path: Path, coverage: Coverage, loads_n: Vector, title: str) -> None:
+def draw_coverage(path: Path, coverage: Coverage, forces_n: Vector, title: str) -> None:
     """Write a figure of the loads of each magnitude band and the directions they cover, seen from above.
 
     Args:
         path: PNG to write.
         coverage: Coverage of the loads.
-        loads_n: Their forces [N], shape (n, 3).
+        forces_n: Their forces [N], shape (n, 3).
         title: Foot and session.
     """
     figure = Figure(figsize=(4.2 * len(MAGNITUDE_BANDS_GF), 4.9), layout="constrained")
-    magnitude_gf = np.linalg.norm(loads_n, axis=1) / GRAM_FORCE_N
+    magnitude_gf = np.linalg.norm(forces_n, axis=1) / GRAM_FORCE_N
     band_of = np.argmin(np.abs(magnitude_gf[:, None] - np.array(MAGNITUDE_BANDS_GF)), axis=1)
-    azimuth_deg, elevation_deg = azimuth_elevation_deg(loads_n)
+    azimuth_deg, elevation_deg = azimuth_elevation_deg(forces_n)
     panels = figure.subplots(1, len(MAGNITUDE_BANDS_GF), subplot_kw={"projection": "polar"})
     for band, (axes, band_gf) in enumerate(zip(panels, MAGNITUDE_BANDS_GF, strict=True)):
         axes.set_theta_zero_location("N")

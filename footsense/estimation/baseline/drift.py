@@ -27,13 +27,13 @@ MAX_DRIFT_PF_PER_S = 0.15e-3
 #: Largest distance of a baseline from its anchor [pF]: a few times the noise of a filtered reading.
 MAX_ANCHOR_DISTANCE_PF = 1e-3
 #: Growth of the variance [pF^2/s]: 20 K in ten minutes, which are 30 fF, are two standard deviations.
-DRIFT_PF2_PER_S = 15e-3**2 / 600
+DRIFT_VARIANCE_PF2_PER_S = 15e-3**2 / 600
 #: Largest drift by temperature [pF]: 20 K.
 MAX_DRIFT_PF = 30e-3
 #: Variance of one reading [pF^2]: twice the noise of the fastest conversion, for what moves a foot in swing.
-_READING_PF2 = 1e-3**2
+_READING_VARIANCE_PF2 = 1e-3**2
 #: Variance of a tare's mean [pF^2].
-_TARE_PF2 = 0.2e-3**2
+_TARE_VARIANCE_PF2 = 0.2e-3**2
 #: Share of the newest step in the mean square of the steps, by which a quiet foot is recognised [1].
 _NEWEST_STEP_WEIGHT = 0.2
 
@@ -46,7 +46,9 @@ def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, no
         updated_ns: Time of that update [ns].
         now_ns: The time [ns].
     """
-    sigma_pf: Vector = np.sqrt(variance_pf2 + DRIFT_PF2_PER_S * np.maximum(now_ns - updated_ns, 0) * 1e-9)
+    sigma_pf: Vector = np.sqrt(
+        variance_pf2 + DRIFT_VARIANCE_PF2_PER_S * np.maximum(now_ns - updated_ns, 0) * 1e-9
+    )
     return sigma_pf
 
 
@@ -90,7 +92,7 @@ class LegBaseline:
         self._tared_pf = self._anchor_pf = self.baseline_pf
         self.moved_ns = self.updated_ns = t_ns
         self.offset_pf = (0.0, 0.0)
-        self.variance_pf2 = _TARE_PF2
+        self.variance_pf2 = _TARE_VARIANCE_PF2
         self.pause_tracking()
 
     def pause_tracking(self, reason: BaselineStatus = BaselineStatus.HELD) -> None:
@@ -142,8 +144,8 @@ class LegBaseline:
         elapsed_s = max(t_ns - self.updated_ns, 0) * 1e-9
         reach_pf = MAX_DRIFT_PF_PER_S * elapsed_s
         anchor_pf = self._anchor_pf + _clip(self.baseline_pf - self._anchor_pf, -reach_pf, reach_pf)
-        variance_pf2 = self.variance_pf2 + DRIFT_PF2_PER_S * elapsed_s
-        gain = variance_pf2 / (variance_pf2 + _READING_PF2)
+        variance_pf2 = self.variance_pf2 + DRIFT_VARIANCE_PF2_PER_S * elapsed_s
+        gain = variance_pf2 / (variance_pf2 + _READING_VARIANCE_PF2)
         innovation_pf = reading_pf - self.baseline_pf
         wanted_pf = _clip(
             self.baseline_pf + gain * innovation_pf,
@@ -165,7 +167,7 @@ class LegBaseline:
         # The margin cuts the step, not the uncertainty: the variance shrinks by the share that was really moved.
         moved_sum_pf = float(np.abs(moved_pf).sum())
         share = moved_sum_pf / innovation_sum_pf if innovation_sum_pf > 0.0 else gain * followed.any()
-        self.variance_pf2 = (1.0 - share) ** 2 * variance_pf2 + share**2 * _READING_PF2
+        self.variance_pf2 = (1.0 - share) ** 2 * variance_pf2 + share**2 * _READING_VARIANCE_PF2
         if share > 0.0:
             self.moved_ns = t_ns
 

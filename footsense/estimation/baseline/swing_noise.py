@@ -13,7 +13,7 @@ _PEAK_BLOCK_NS = 25_000_000
 #: Blocks that wait at least, as the rise of a slow touchdown is not noise, and in which shake has to come back.
 _HELD_BACK_BLOCKS, _MAX_SHAKE_BLOCKS = 2, 12
 #: Share of the threshold below which the signal has come back [1].
-_BACK_REL = 1 / 3
+_RETURN_THRESHOLD_REL = 1 / 3
 #: Blocks after which the measured threshold applies, and over which peaks are averaged.
 _MIN_BLOCKS, _AVERAGED_BLOCKS = 20, 400.0
 #: Standard deviations of the peaks above their mean; the same at most, however high one peak was.
@@ -27,7 +27,7 @@ class SwingNoise:
 
     Args:
         threshold_n: Threshold until enough of the swing was seen [N].
-        least_n: Least threshold [N].
+        min_threshold_n: Least threshold [N].
 
     Attributes:
         threshold_n: Load above that in swing that is contact [N].
@@ -36,10 +36,10 @@ class SwingNoise:
         end_ns: Time from which the block is complete, and `end_block` is to be called [ns].
     """
 
-    def __init__(self, threshold_n: float, least_n: float) -> None:
+    def __init__(self, threshold_n: float, min_threshold_n: float) -> None:
         self.threshold_n = threshold_n
         self.sigma_n = threshold_n / _THRESHOLD_SIGMAS
-        self._least_n = least_n
+        self._least_n = min_threshold_n
         self._n = 0
         self._mean_n = self._variance_n2 = self._highest_n = 0.0
         self.discard_pending(0)
@@ -55,7 +55,7 @@ class SwingNoise:
         known_n = [above_n for above_n in self.block_n if not math.isnan(above_n)]
         self.block_n, self.end_ns = [], t_ns + _PEAK_BLOCK_NS
         waiting = self._waiting
-        is_back = min(known_n, default=math.inf) < _BACK_REL * self.threshold_n
+        is_back = min(known_n, default=math.inf) < _RETURN_THRESHOLD_REL * self.threshold_n
         if known_n:
             waiting.append(max(*known_n, 0.0))
         while is_back and len(waiting) > _HELD_BACK_BLOCKS:

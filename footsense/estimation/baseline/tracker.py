@@ -186,7 +186,7 @@ class BaselineTracker:
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         swung, swinging = self._swinging, []
         flags = []
-        n_per_rel, track = self._sensitivity.load_n, self._track
+        n_per_rel, track = self._sensitivity.load_n_per_rel, self._track
         refused, untared = self._tares.refused, self._tares.untared
         legs = zip(
             self._baselines,
@@ -240,9 +240,9 @@ class BaselineTracker:
         """
         self._sigma_due_ns = (now_ns // _SIGMA_PERIOD_NS + 1) * _SIGMA_PERIOD_NS
         sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self._sigma_due_ns)
-        n_per_pf = self._closure_per_pf * self._sensitivity.load_n
+        n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_rel
         self._max_errors_n = [n_per_pf * min(3.0 * sigma, MAX_DRIFT_PF) for sigma in sigma_pf.tolist()]
-        self.sigma_n = (sigma_pf * self._closure_per_pf)[:, None] * self._sensitivity.baseline_n
+        self.sigma_n = (sigma_pf * self._closure_per_pf)[:, None] * self._sensitivity.force_sigma_n_per_rel
 
     def _copy_changed_baselines(self) -> None:
         """Update the arrays of all legs after the baseline of a leg has changed."""

@@ -15,14 +15,14 @@ class UnloadedFeet(NamedTuple):
         baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none.
         plate_distance_rel: Plate distances over the gap [1], shape (legs, elements).
         untared_legs: Legs without any baseline, shape (legs,).
-        untared: Elements without a baseline on legs that have others, shape (legs, elements).
+        untared_elements: Elements without a baseline on legs that have others, shape (legs, elements).
         complete: Whether every element of every leg has a baseline.
     """
 
     baseline_pf: Vector
     plate_distance_rel: Vector
     untared_legs: Mask
-    untared: Mask
+    untared_elements: Mask
     complete: bool
 
 
@@ -40,6 +40,6 @@ def unloaded_feet(baseline_pf: Vector, design: CapacitorDesign, gain_rel: Vector
         baseline_pf=baseline_pf,
         plate_distance_rel=design.plate_distance_um(baseline_pf) / design.gap_um / gain_rel,
         untared_legs=untared_legs,
-        untared=missing & ~untared_legs[:, None],
+        untared_elements=missing & ~untared_legs[:, None],
         complete=not missing.any(),
     )

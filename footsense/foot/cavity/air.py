@@ -14,7 +14,7 @@ CavityKind = Literal["vented", "sealed", "leaking"]
 AMBIENT_KPA = 101.325
 AMBIENT_MPA = 1e-3 * AMBIENT_KPA
 #: Room temperature [K], at which a foot's `gas_kpa` is stated.
-ROOM_K = 296.15
+ROOM_TEMPERATURE_K = 296.15
 #: How long a load at rest has lasted when it is read [s]: half of a dwell on the test stand, and its rise.
 SUSTAINED_LOAD_S = 0.3
 #: Exponent n of the gas law: walls and air at one temperature, and no heat exchanged (air).

@@ -34,8 +34,8 @@ class FullSolution:
     Attributes:
         closure_um: Mean closure of each gap [um], shape (9,).
         capacitance_pf: Capacitance of each element without stray [pF], shape (9,).
-        cells_um: Mean closures of 6 x 6 square cells of each element [um], shape (9, 36): flat index 6 ix + iy, cell 0
-            the most forward and leftmost.
+        cell_closures_um: Mean closures of 6 x 6 square cells of each element [um], shape (9, 36): flat index 6 ix + iy,
+            cell 0 the most forward and leftmost.
         penetration_rel: Deepest penetration of a closed gap, over the gap [1]; below 0 while all are open.
         patch: Contact between floor and ball.
         newton_steps: Newton steps of all load steps, each one factorisation.
@@ -44,7 +44,7 @@ class FullSolution:
 
     closure_um: Vector
     capacitance_pf: Vector
-    cells_um: Vector
+    cell_closures_um: Vector
     penetration_rel: float
     patch: ContactPatch
     newton_steps: int
@@ -113,11 +113,11 @@ class FullFoot:
             body.leg_displacement_mm,
             is_half_foot=case.is_mirrored_at_y0,
         )
-        cells_um = cell_means(samples_um)
+        cell_closures_um = cell_means(samples_um)
         return FullSolution(
-            closure_um=cells_um.mean(axis=1),
+            closure_um=cell_closures_um.mean(axis=1),
             capacitance_pf=capacitance_pf(self.design, samples_um),
-            cells_um=cells_um,
+            cell_closures_um=cell_closures_um,
             penetration_rel=body.penetration_rel(),
             patch=floor.patch(),
             newton_steps=newton_steps,

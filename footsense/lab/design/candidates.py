@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.frames import Vector
-from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.inputs.requirements import Requirements
 from footsense.lab.design.prediction.shapes import Shape, pitch_mm
 from footsense.lab.geometry import UM_PER_MM
 
@@ -98,11 +98,11 @@ class Candidates(NamedTuple):
         )
 
 
-def all_candidates(wishes: Wishes) -> Candidates:
+def all_candidates(requirements: Requirements) -> Candidates:
     """Return every combination of available dimensions, materials and films, feasible or not."""
-    low_mm, high_mm = wishes.ball_mm
+    low_mm, high_mm = requirements.ball_mm
     radii = np.unique(np.round(np.linspace(low_mm, high_mm, _N_BALL_DIAMETERS) * 2.0) / 2.0) / 2.0
-    process, materials = wishes.process, wishes.materials
+    process, materials = requirements.process, requirements.materials
     axes = (
         radii,
         np.array(process.fill_rel, float),

@@ -10,7 +10,7 @@ from footsense.errors import FootsenseError
 from footsense.frames import Vector
 from footsense.lab.design.candidates import Candidates, all_candidates
 from footsense.lab.design.inputs.materials import load_materials
-from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.inputs.requirements import Requirements
 from footsense.lab.design.prediction.shapes import ShapeLibrary
 from footsense.lab.design.screen import LIMIT_NAMES, ScreeningResult, screen_candidates
 
@@ -38,24 +38,24 @@ class Choice(NamedTuple):
     n_tried: int
 
 
-def choose_candidates(library: ShapeLibrary, wishes: Wishes, keep: int) -> Choice:
+def choose_candidates(library: ShapeLibrary, requirements: Requirements, keep: int) -> Choice:
     """Return the Pareto-optimal feet to assess, after screening all candidates.
 
     Args:
         library: The solved shapes.
-        wishes: The input.
+        requirements: The input.
         keep: Number of feet to choose at most.
 
     Raises:
-        FootsenseError: No candidate works; the message names the wishes that conflict and the nearest that do not.
+        FootsenseError: No candidate works; the message names the conflicting requirements and the nearest that do not.
     """
-    everything = all_candidates(wishes)
-    feet = _manufacturable_candidates(library, wishes, everything)
-    screened = screen_candidates(library, wishes, feet)
-    works = np.flatnonzero(screened.direction_deg <= wishes.error_deg)
+    everything = all_candidates(requirements)
+    feet = _manufacturable_candidates(library, requirements, everything)
+    screened = screen_candidates(library, requirements, feet)
+    works = np.flatnonzero(screened.direction_bound_deg <= requirements.error_deg)
     if not len(works):
-        raise FootsenseError(_conflict_message(library, wishes, feet, screened))
-    error = screened.direction_deg
+        raise FootsenseError(_conflict_message(library, requirements, feet, screened))
+    error = screened.direction_bound_deg
     pareto_front = works[
         _pareto_rows(np.stack([-screened.range_n[works], error[works], feet.ball_radius_mm[works]], axis=1))
     ]
@@ -66,31 +66,33 @@ def choose_candidates(library: ShapeLibrary, wishes: Wishes, keep: int) -> Choic
     return Choice(feet, screened, pareto_front, ranked, len(everything.gap_um))
 
 
-def _manufacturable_candidates(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> Candidates:
+def _manufacturable_candidates(
+    library: ShapeLibrary, requirements: Requirements, feet: Candidates
+) -> Candidates:
     """Return the candidates that can be fabricated, read by the board and predicted by the shape library.
 
     Raises:
         FootsenseError: There is none.
     """
     bar_mm = feet.pitch_mm - feet.electrode_mm
-    bars, widest_mm = bar_mm >= wishes.process.bar_mm - 1e-9, float(bar_mm.max())
+    bars, widest_mm = bar_mm >= requirements.process.bar_mm - 1e-9, float(bar_mm.max())
     if not bars.any():
         raise FootsenseError(
-            f"--ball {wishes.ball_mm[1]:g} and bars of at least {wishes.process.bar_mm:g} mm conflict: the widest bar "
-            f"of such a ball has {widest_mm:.2f} mm; use a ball from "
-            f"{math.ceil(wishes.ball_mm[1] * wishes.process.bar_mm / widest_mm):.0f} mm"
+            f"--ball {requirements.ball_mm[1]:g} and bars of at least {requirements.process.bar_mm:g} mm conflict: "
+            f"the widest bar of such a ball has {widest_mm:.2f} mm; use a ball from "
+            f"{math.ceil(requirements.ball_mm[1] * requirements.process.bar_mm / widest_mm):.0f} mm"
         )
-    board, unloaded = wishes.board, feet.unloaded_pf
+    board, unloaded = requirements.board, feet.unloaded_pf
     read = (unloaded >= board.range_begin_pf) & (feet.half_closed_pf <= board.range_end_pf)
     if not (bars & read).any():
         low, high = unloaded[bars].min(), unloaded[bars].max()
         most = low >= board.range_end_pf
         share = (board.range_end_pf / low) ** 0.5 if most else (board.range_begin_pf / high) ** 0.5
         raise FootsenseError(
-            f"--ball {wishes.ball_mm[0]:g} {wishes.ball_mm[1]:g} and --board {board.name} conflict: elements of such "
-            f"balls have {low:.1f} to {high:.1f} pF, the board reads {board.range_begin_pf:g} to "
+            f"--ball {requirements.ball_mm[0]:g} {requirements.ball_mm[1]:g} and --board {board.name} conflict: "
+            f"elements of such balls have {low:.1f} to {high:.1f} pF, the board reads {board.range_begin_pf:g} to "
             f"{board.range_end_pf:.1f} pF; use a ball {'up to' if most else 'from'} "
-            f"{share * wishes.ball_mm[0 if most else 1]:.0f} mm"
+            f"{share * requirements.ball_mm[0 if most else 1]:.0f} mm"
         )
     known = library.covers(feet.shape)
     if not (bars & read & known).any():
@@ -112,51 +114,55 @@ def _pareto_rows(costs: Vector) -> NDArray[np.intp]:
 
 
 def _conflict_message(
-    library: ShapeLibrary, wishes: Wishes, feet: Candidates, screened: ScreeningResult
+    library: ShapeLibrary, requirements: Requirements, feet: Candidates, screened: ScreeningResult
 ) -> str:
     """Return the message naming the requirements that no candidate meets, and the nearest design that works."""
-    able = screened.range_n >= wishes.max_n
+    able = screened.range_n >= requirements.max_n
     if able.any():
-        best = int(np.nanargmin(screened.direction_deg))
-        thinnest = min(wishes.process.gap_um)
+        best = int(np.nanargmin(screened.direction_bound_deg))
+        thinnest = min(requirements.process.gap_um)
         return (
-            f"--min-force {wishes.min_n:g} and --max-force {wishes.max_n:g} conflict at --error {wishes.error_deg:g}: "
-            f"the noise of board {wishes.board.name} alone gives {screened.direction_deg[best]:.2g} deg over this "
-            f"range, with the gap of {feet.gap_um[best]:g} um (the process makes {thinnest:g} um and more); "
-            f"nearest that works: --min-force {_nearest_min_force_n(library, wishes, feet):.2g}"
+            f"--min-force {requirements.min_n:g} and --max-force {requirements.max_n:g} conflict at --error "
+            f"{requirements.error_deg:g}: the noise of board {requirements.board.name} alone gives "
+            f"{screened.direction_bound_deg[best]:.2g} deg over this range, "
+            f"with the gap of {feet.gap_um[best]:g} um (the process makes {thinnest:g} um and more); "
+            f"nearest that works: --min-force {_nearest_min_force_n(library, requirements, feet):.2g}"
         )
     best = int(np.argmax(screened.range_n))
-    rubbers = wishes.materials.rubbers
+    rubbers = requirements.materials.rubbers
     text = (
-        f"--max-force {wishes.max_n:g} and --ball {wishes.ball_mm[1]:g} conflict: no rubber and gap at hand carry more "
-        f"than {screened.range_n[best]:.3g} N on such a ball ({rubbers[int(feet.rubber[best])].name}, gap "
-        f"{feet.gap_um[best]:g} um, ends by the {LIMIT_NAMES[int(screened.limit[best])]})"
+        f"--max-force {requirements.max_n:g} and --ball {requirements.ball_mm[1]:g} conflict: no rubber and gap at "
+        f"hand carry more than {screened.range_n[best]:.3g} N on such a ball "
+        f"({rubbers[int(feet.rubber[best])].name}, gap {feet.gap_um[best]:g} um, ends "
+        f"by the {LIMIT_NAMES[int(screened.limiting_factor[best])]})"
     )
-    larger = wishes._replace(ball_mm=(wishes.ball_mm[1], _LARGEST_BALL_MM))
+    larger = requirements._replace(ball_mm=(requirements.ball_mm[1], _LARGEST_BALL_MM))
     try:
         others = _manufacturable_candidates(library, larger, all_candidates(larger))
     except FootsenseError:
         others = feet
-    carries = screen_candidates(library, larger, others).range_n >= wishes.max_n
+    carries = screen_candidates(library, larger, others).range_n >= requirements.max_n
     nearest = f"--max-force {0.99 * screened.range_n[best]:.3g}"
-    harder = wishes._replace(materials=load_materials())
+    harder = requirements._replace(materials=load_materials())
     if carries.any():
-        nearest = f"--ball {wishes.ball_mm[0]:g} {2.0 * others.ball_radius_mm[carries].min():g}, or {nearest}"
+        nearest = (
+            f"--ball {requirements.ball_mm[0]:g} {2.0 * others.ball_radius_mm[carries].min():g}, or {nearest}"
+        )
     else:
         others = _manufacturable_candidates(library, harder, all_candidates(harder))
-        carries = screen_candidates(library, harder, others).range_n >= wishes.max_n
+        carries = screen_candidates(library, harder, others).range_n >= requirements.max_n
         if carries.any():
             nearest = f"a rubber of {others.rubber_mpa[carries].min():g} MPa, or {nearest}"
     return f"{text}; nearest that works: {nearest}"
 
 
-def _nearest_min_force_n(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> float:
+def _nearest_min_force_n(library: ShapeLibrary, requirements: Requirements, feet: Candidates) -> float:
     """Return the lowest minimum force at which some candidate meets the required error [N]."""
-    low, high = np.log(wishes.min_n), np.log(wishes.max_n)
+    low, high = np.log(requirements.min_n), np.log(requirements.max_n)
     for _ in range(8):
         middle = (low + high) / 2.0
-        n_tried = wishes._replace(min_n=float(np.exp(middle)))
-        if np.nanmin(screen_candidates(library, n_tried, feet).direction_deg) <= wishes.error_deg:
+        trial = requirements._replace(min_n=float(np.exp(middle)))
+        if np.nanmin(screen_candidates(library, trial, feet).direction_bound_deg) <= requirements.error_deg:
             high = middle
         else:
             low = middle

@@ -8,7 +8,7 @@ import msgspec
 from footsense.errors import FootsenseError
 from footsense.lab.design.choice import Choice, choose_candidates
 from footsense.lab.design.foot_files import foot_text, write_foot
-from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.inputs.requirements import Requirements
 from footsense.lab.design.prediction.assess import ELEVATIONS_DEG, Assessment, assess_foot
 from footsense.lab.design.prediction.shapes import ShapeLibrary
 from footsense.lab.design.screen import LIMIT_NAMES
@@ -24,32 +24,32 @@ class DesignedFoot(NamedTuple):
 
     Attributes:
         name: Its foot type.
-        row: Its row among the candidates.
+        candidate_row: Its row among the candidates.
         path: Its description.
         design: The foot.
         figures: Its predicted figures.
-        limit: What ends its range.
+        limiting_factor: What ends its range.
     """
 
     name: str
-    row: int
+    candidate_row: int
     path: Path
     design: FootDesign
     figures: Assessment
-    limit: str
+    limiting_factor: str
 
 
 class DesignResult(NamedTuple):
     """Result of a design: requirements, candidates, chosen feet and picture.
 
     Attributes:
-        wishes: The input.
+        requirements: The input.
         choice: All candidates.
         feet: The chosen ones.
         picture: The picture's file.
     """
 
-    wishes: Wishes
+    requirements: Requirements
     choice: Choice
     feet: list[DesignedFoot]
     picture: Path
@@ -58,8 +58,8 @@ class DesignResult(NamedTuple):
         """Return the rows of the printed table of chosen feet: one formatted cell per foot, by row name."""
         table_rows: dict[str, list[str]] = {}
         for foot in self.feet:
-            one, design, row = foot.figures, foot.design, foot.row
-            materials = self.wishes.materials
+            one, design, row = foot.figures, foot.design, foot.candidate_row
+            materials = self.requirements.materials
             cells = {
                 "ball [mm]": f"{2.0 * design.ball_radius_mm:g}",
                 "rubber": materials.rubbers[int(self.choice.feet.rubber[row])].name,
@@ -73,14 +73,19 @@ class DesignResult(NamedTuple):
                 "electrode [mm]": f"{design.electrode_mm:g}",
                 "cavity": design.cavity,
                 "unloaded [pF]": f"{one.unloaded_pf:.2f}",
-                f"range to {self.wishes.reach_deg:g} deg [N]": f"{one.reach_n:.3g}",
+                f"range to {self.requirements.max_lean_deg:g} deg [N]": f"{one.all_directions_range_n:.3g}",
                 **{f"  at {e} deg [N]": f"{n:.3g}" for e, n in zip(ELEVATIONS_DEG, one.range_n, strict=True)},
-                "limited by": foot.limit,
+                "limited by": foot.limiting_factor,
                 **{
                     f"noise at {size:.3g} N": f"{deg:.2g} deg, {100.0 * rel:.2g} %"
-                    for size, deg, rel in zip(one.force_n, one.direction_deg, one.magnitude_rel, strict=True)
+                    for size, deg, rel in zip(
+                        one.force_n, one.direction_bound_deg, one.magnitude_bound_rel, strict=True
+                    )
                 },
-                "made, calibrated": f"{one.calibrated_deg:.2g} deg, {100.0 * one.calibrated_rel:.2g} %",
+                "made, calibrated": (
+                    f"{one.calibrated_direction_error_deg:.2g} deg, "
+                    f"{100.0 * one.calibrated_magnitude_error_rel:.2g} %"
+                ),
             }
             for title, cell in cells.items():
                 table_rows.setdefault(title, []).append(cell)
@@ -89,15 +94,15 @@ class DesignResult(NamedTuple):
     def json_values(self) -> dict[str, Any]:
         """Return the predicted figures of the chosen feet as JSON values."""
         return {
-            "max_n": self.wishes.max_n,
-            "min_n": self.wishes.min_n,
+            "max_n": self.requirements.max_n,
+            "min_n": self.requirements.min_n,
             "candidates": self.choice.n_tried,
-            "scan_s": self.wishes.board.scan_s,
+            "scan_s": self.requirements.board.scan_s,
             "feet": [
                 {
                     "name": foot.name,
                     "foot": msgspec.to_builtins(foot.design),
-                    "limit": foot.limit,
+                    "limit": foot.limiting_factor,
                     **foot.figures._asdict(),
                 }
                 for foot in self.feet
@@ -105,11 +110,11 @@ class DesignResult(NamedTuple):
         }
 
 
-def design(wishes: Wishes, name: str, keep: int, folder: Path) -> DesignResult:
+def design(requirements: Requirements, name: str, keep: int, folder: Path) -> DesignResult:
     """Find feet that meet the requirements; write their `foot.yaml` files and the Pareto plot.
 
     Args:
-        wishes: The input.
+        requirements: The input.
         name: Beginning of the foot types' names; the diameter of the ball follows.
         keep: Number of feet at most.
         folder: Existing folder; each foot gets one of its own in it.
@@ -120,25 +125,30 @@ def design(wishes: Wishes, name: str, keep: int, folder: Path) -> DesignResult:
     from footsense.lab.design.drawing import draw_design
 
     library = ShapeLibrary()
-    choice = choose_candidates(library, wishes, keep)
+    choice = choose_candidates(library, requirements, keep)
     feet = []
     for table_rows in choice.ranked:
         own = f"{name}-{2.0 * choice.feet.ball_radius_mm[table_rows[0]]:g}mm".replace(".", "-")
         for row in map(int, table_rows):
-            text = foot_text(own, f"A foot for forces up to {wishes.max_n:.3g} N", choice.feet, row, wishes)
+            text = foot_text(
+                own, f"A foot for forces up to {requirements.max_n:.3g} N", choice.feet, row, requirements
+            )
             made = load_foot(text.encode())
-            figures = assess_foot(library.response(made), wishes)
-            if figures.reach_n >= _RANGE_RESERVE_FACTOR * wishes.max_n:
+            figures = assess_foot(library.response(made), requirements)
+            if figures.all_directions_range_n >= _RANGE_RESERVE_FACTOR * requirements.max_n:
                 path = write_foot(folder / own, text)
                 feet.append(
-                    DesignedFoot(own, row, path, made, figures, LIMIT_NAMES[int(choice.screened.limit[row])])
+                    DesignedFoot(
+                        own, row, path, made, figures, LIMIT_NAMES[int(choice.screened.limiting_factor[row])]
+                    )
                 )
                 break
     if not feet:
         raise FootsenseError(
-            f"--max-force {wishes.max_n:g} and --ball conflict: feet of these sizes come near and do not reach it; "
-            f"nearest that works: --max-force {0.95 * wishes.max_n:.3g}"
+            f"--max-force {requirements.max_n:g} and --ball conflict: feet of these sizes come near and do not reach "
+            f"it; "
+            f"nearest that works: --max-force {0.95 * requirements.max_n:.3g}"
         )
     picture = folder / "design.png"
-    draw_design(picture, choice, feet, wishes)
-    return DesignResult(wishes, choice, feet, picture)
+    draw_design(picture, choice, feet, requirements)
+    return DesignResult(requirements, choice, feet, picture)

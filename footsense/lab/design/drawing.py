@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter
 
 from footsense.lab.design.choice import Choice
-from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.inputs.requirements import Requirements
 from footsense.lab.design.prediction.assess import ELEVATIONS_DEG
 from footsense.lab.studies.plots import subplot_row
 
@@ -21,23 +21,25 @@ PLAIN_NUMBER_FORMATTER = FuncFormatter(lambda value, _: f"{value:g}" if f"{value
 _MAX_DRAWN_POINTS = 6000
 
 
-def draw_design(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wishes: Wishes) -> None:
+def draw_design(
+    path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], requirements: Requirements
+) -> None:
     """Save the plot of range, error and size of all candidates, with the chosen feet marked.
 
     Args:
         path: PNG to write.
         choice: The candidates.
         chosen: The chosen feet.
-        wishes: The input.
+        requirements: The input.
     """
     figure, (cloud, directions) = subplot_row(2, 10.0, 4.4)
     feet, screened = choice.feet, choice.screened
-    works = np.flatnonzero(np.isfinite(screened.direction_deg))
+    works = np.flatnonzero(np.isfinite(screened.direction_bound_deg))
     shown = np.random.default_rng(1).permutation(works)[:_MAX_DRAWN_POINTS]
     diameter = 2.0 * feet.ball_radius_mm
     colour = cloud.scatter(
         screened.range_n[shown],
-        screened.direction_deg[shown],
+        screened.direction_bound_deg[shown],
         c=diameter[shown],
         s=3,
         alpha=0.35,
@@ -45,7 +47,7 @@ def draw_design(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wi
         cmap="viridis",
     )
     cloud.scatter(
-        *(screened.range_n[choice.pareto_front], screened.direction_deg[choice.pareto_front]),
+        *(screened.range_n[choice.pareto_front], screened.direction_bound_deg[choice.pareto_front]),
         c=diameter[choice.pareto_front],
         s=14,
         edgecolors="black",
@@ -56,11 +58,11 @@ def draw_design(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wi
         label="Pareto front",
     )
     for number, foot in enumerate(chosen):
-        at = screened.range_n[foot.row], screened.direction_deg[foot.row]
+        at = screened.range_n[foot.candidate_row], screened.direction_bound_deg[foot.candidate_row]
         cloud.plot(*at, "*", ms=13, mec="black", color=f"C{number}", label=foot.name, ls="none")
         directions.plot(ELEVATIONS_DEG, foot.figures.range_n, "o-", ms=4, color=f"C{number}", label=foot.name)
-    cloud.axvline(wishes.max_n, color="grey", ls=":", lw=1)
-    cloud.axhline(wishes.error_deg, color="grey", ls=":", lw=1)
+    cloud.axvline(requirements.max_n, color="grey", ls=":", lw=1)
+    cloud.axhline(requirements.error_deg, color="grey", ls=":", lw=1)
     cloud.set(
         xscale="log", yscale="log", xlabel="range [N]", ylabel="direction, Cramer-Rao bound, mean [deg rms]"
     )
@@ -72,7 +74,7 @@ def draw_design(path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], wi
     bar = figure.colorbar(colour, ax=cloud, label="diameter of the ball [mm]")
     if bar.solids is not None:
         bar.solids.set_alpha(1.0)
-    directions.axhline(wishes.max_n, color="grey", ls=":", lw=1)
+    directions.axhline(requirements.max_n, color="grey", ls=":", lw=1)
     directions.set(xlabel="elevation of the force [deg]", ylabel="range [N]", ylim=(0.0, None))
     directions.legend()
     figure.savefig(path, dpi=110)

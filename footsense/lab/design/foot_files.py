@@ -5,7 +5,7 @@ from typing import Any
 
 from footsense.errors import FootsenseError
 from footsense.lab.design.candidates import Candidates
-from footsense.lab.design.inputs.wishes import Wishes
+from footsense.lab.design.inputs.requirements import Requirements
 from footsense.lab.design.prediction.shapes import SHEET_SIDE_OVER_RADIUS
 from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.foot_file import FOOT_FILE
@@ -20,7 +20,7 @@ _DEFAULT_LOAD_RANGE = {
 }
 
 
-def foot_text(name: str, description: str, feet: Candidates, row: int, wishes: Wishes) -> str:
+def foot_text(name: str, description: str, feet: Candidates, row: int, requirements: Requirements) -> str:
     """Return the content of `foot.yaml` for a chosen candidate.
 
     Args:
@@ -28,17 +28,17 @@ def foot_text(name: str, description: str, feet: Candidates, row: int, wishes: W
         description: Short description.
         feet: The candidates.
         row: The chosen one.
-        wishes: The input, for materials and loads.
+        requirements: The input, for materials and loads.
     """
     foot = {field: float(getattr(feet, field)[row]) for field in ("ball_radius_mm", "plate_mm", "gap_um")}
     # The outer elements end where the sheet does, open to its edge: a strip beside them, however narrow, would join the
     # plates there and take a quarter off the closures.
     sheet_mm = round(SHEET_SIDE_OVER_RADIUS * foot["ball_radius_mm"], 2)
     pitch_mm = round(float(feet.pitch_mm[row]), 2)
-    film = wishes.process.film[int(feet.film[row])]
+    film = requirements.process.film[int(feet.film[row])]
     rubber, sheet = (
-        wishes.materials.rubbers[int(feet.rubber[row])],
-        wishes.materials.sheets[int(feet.sheet[row])],
+        requirements.materials.rubbers[int(feet.rubber[row])],
+        requirements.materials.sheets[int(feet.sheet[row])],
     )
     lengths: dict[str, Any] = {
         "ball_radius_mm": foot["ball_radius_mm"],
@@ -52,10 +52,10 @@ def foot_text(name: str, description: str, feet: Candidates, row: int, wishes: W
         "film_eps_r": film.eps_r,
     }
     solids = {"rubber": rubber, "pdms": sheet}
-    loads = {"max_n": float(f"{TRAINED_RANGE_FACTOR * wishes.max_n:.3g}"), **_DEFAULT_LOAD_RANGE}
+    loads = {"max_n": float(f"{TRAINED_RANGE_FACTOR * requirements.max_n:.3g}"), **_DEFAULT_LOAD_RANGE}
     title = (
-        f"# Designed for {wishes.min_n:.3g} to {wishes.max_n:.3g} N up to {wishes.reach_deg:g} deg from the leg, "
-        f"board {wishes.board.name}."
+        f"# Designed for {requirements.min_n:.3g} to {requirements.max_n:.3g} N up to {requirements.max_lean_deg:g} "
+        f"deg from the leg, board {requirements.board.name}."
     )
     lines = [
         title,

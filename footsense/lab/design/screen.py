@@ -16,7 +16,7 @@ from footsense.foot.directions import tangent_frame
 from footsense.frames import Vector
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.inputs.boards import Converter
-from footsense.lab.design.inputs.wishes import MAX_READABLE_CLOSURE_REL, Wishes
+from footsense.lab.design.inputs.requirements import MAX_READABLE_CLOSURE_REL, Requirements
 from footsense.lab.design.prediction.closures import ClosureModel, Influence, design_loads
 from footsense.lab.design.prediction.shapes import RUBBER_POISSON, ShapeLibrary
 from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG
@@ -36,16 +36,16 @@ class ScreeningResult(NamedTuple):
 
     Attributes:
         range_n: Largest force in every direction of the design [N], shape (n,).
-        limit: What ends it, a number in `LIMIT_NAMES`, shape (n,).
-        direction_deg: Cramer-Rao bound of the direction, mean over loads [deg rms], shape (n,); NaN if the largest
-            force is beyond the range.
-        magnitude_rel: The same of the magnitude over the force [1].
+        limiting_factor: What ends it, a number in `LIMIT_NAMES`, shape (n,).
+        direction_bound_deg: Cramer-Rao bound of the direction, mean over loads [deg rms], shape (n,); NaN if the
+            largest force is beyond the range.
+        magnitude_bound_rel: The same of the magnitude over the force [1].
     """
 
     range_n: Vector
-    limit: NDArray[np.intp]
-    direction_deg: Vector
-    magnitude_rel: Vector
+    limiting_factor: NDArray[np.intp]
+    direction_bound_deg: Vector
+    magnitude_bound_rel: Vector
 
 
 def patch_limit_n(feet: Candidates) -> Vector:
@@ -55,29 +55,29 @@ def patch_limit_n(feet: Candidates) -> Vector:
     return limit
 
 
-def screen_candidates(library: ShapeLibrary, wishes: Wishes, feet: Candidates) -> ScreeningResult:
+def screen_candidates(library: ShapeLibrary, requirements: Requirements, feet: Candidates) -> ScreeningResult:
     """Return force range and error bounds of every candidate."""
-    model = ClosureModel(library, design_loads(wishes.reach_deg))
+    model = ClosureModel(library, design_loads(requirements.max_lean_deg))
     parts = [
-        _screen_batch(model, wishes, feet.select(slice(first, first + _FEET_PER_CALL)))
+        _screen_batch(model, requirements, feet.select(slice(first, first + _FEET_PER_CALL)))
         for first in range(0, len(feet.gap_um), _FEET_PER_CALL)
     ]
     return ScreeningResult(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
 
-def _screen_batch(model: ClosureModel, wishes: Wishes, feet: Candidates) -> ScreeningResult:
+def _screen_batch(model: ClosureModel, requirements: Requirements, feet: Candidates) -> ScreeningResult:
     """Return force range and error bounds of one batch of candidates."""
     influence = model.influence(feet)
     by_gap = _force_at_closure_n(model, influence, feet, MAX_READABLE_CLOSURE_REL * feet.gap_um)
-    readable = feet.unloaded_distance_um - feet.eps0_area_pf_um / wishes.board.range_end_pf
+    readable = feet.unloaded_distance_um - feet.eps0_area_pf_um / requirements.board.range_end_pf
     by_converter = _force_at_closure_n(model, influence, feet, np.maximum(readable, 1e-9))
     limits = np.stack([by_gap, by_converter, patch_limit_n(feet) / TRAINED_RANGE_FACTOR])
     range_n, limit = limits.min(axis=0), limits.argmin(axis=0)
     direction, magnitude = np.full((2, len(range_n)), np.nan)
-    able = np.flatnonzero(range_n >= wishes.max_n)
+    able = np.flatnonzero(range_n >= requirements.max_n)
     if len(able):
         some = Influence(influence.point[able], influence.patch[able])
-        direction[able], magnitude[able] = _mean_error_bounds(model, some, feet.select(able), wishes)
+        direction[able], magnitude[able] = _mean_error_bounds(model, some, feet.select(able), requirements)
     return ScreeningResult(range_n, limit, direction, magnitude)
 
 
@@ -118,18 +118,18 @@ def closure_sigma_um(board: Converter, feet: Candidates, closure_um: Vector) -> 
 
 
 def _mean_error_bounds(
-    model: ClosureModel, influence: Influence, feet: Candidates, wishes: Wishes
+    model: ClosureModel, influence: Influence, feet: Candidates, requirements: Requirements
 ) -> tuple[Vector, Vector]:
     """Return Cramer-Rao bounds of direction [deg] and relative magnitude [1], averaged over loads, (n,) each."""
     direction = model.loads.direction
     across = np.stack(tangent_frame(direction), axis=1)
     angles, sizes = [], []
-    for force_n in np.geomspace(wishes.min_n, wishes.max_n, _N_FORCE_LEVELS):
+    for force_n in np.geomspace(requirements.min_n, requirements.max_n, _N_FORCE_LEVELS):
         closure, slopes = model.closures_um(influence, np.full((len(feet.gap_um), len(direction)), force_n))
-        whitened = slopes / closure_sigma_um(wishes.board, feet, closure)[..., None]
+        whitened = slopes / closure_sigma_um(requirements.board, feet, closure)[..., None]
         information = np.einsum("nmei,nmej->nmij", whitened, whitened)
         covariance = np.linalg.inv(information)[..., :3, :3]  # over the squared force
         angles.append(np.einsum("mtc,nmcd,mtd->nm", across, covariance, across))
         sizes.append(np.einsum("mc,nmcd,md->nm", direction, covariance, direction))
-    direction_deg = np.degrees(np.sqrt(np.array(angles)).mean(axis=(0, 2)))
-    return direction_deg, np.sqrt(np.array(sizes)).mean(axis=(0, 2))
+    direction_bound_deg = np.degrees(np.sqrt(np.array(angles)).mean(axis=(0, 2)))
+    return direction_bound_deg, np.sqrt(np.array(sizes)).mean(axis=(0, 2))

@@ -52,7 +52,7 @@ class ErrorSummary:
             rms(bound.direction_rms_deg),
             float(bound.direction_mean_deg.mean()),
             rms(bound.magnitude_rms_gf),
-            [rms(component_n) for component_n in bound.component_n.T],
+            [rms(component_sigma_n) for component_sigma_n in bound.component_sigma_n.T],
         )
 
 
@@ -67,7 +67,7 @@ class MagnitudeBin:
         estimator: Errors of the force estimator.
         bound_five_unknowns: The Cramer-Rao bound with five unknowns.
         bound_three_unknowns: The bound with three unknowns; None where the loads lean.
-        typical_ratio: Median over the loads of the rms angle over the bound's, load by load.
+        median_direction_ratio: Median over the loads of the rms angle over the bound's, load by load.
     """
 
     magnitude_gf: float
@@ -76,7 +76,7 @@ class MagnitudeBin:
     estimator: ErrorSummary
     bound_five_unknowns: ErrorSummary
     bound_three_unknowns: ErrorSummary | None
-    typical_ratio: float
+    median_direction_ratio: float
 
     @property
     def direction_ratio(self) -> float:
@@ -153,7 +153,7 @@ def _errors_at_magnitude(
         bound_three_unknowns=ErrorSummary.of_bound(force_bound(foot, normal, force, Unknowns.CENTRED))
         if centred
         else None,
-        typical_ratio=float(np.median(np.sqrt((angle**2).mean(axis=0)) / bound.direction_rms_deg)),
+        median_direction_ratio=float(np.median(np.sqrt((angle**2).mean(axis=0)) / bound.direction_rms_deg)),
     )
 
 

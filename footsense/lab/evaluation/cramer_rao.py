@@ -53,7 +53,7 @@ class Bound:
     covariance_n2: Vector
 
     @property
-    def component_n(self) -> Vector:
+    def component_sigma_n(self) -> Vector:
         """Least standard deviation of each force component [N], shape (n, 3)."""
         sigma: Vector = np.sqrt(np.diagonal(self.covariance_n2, axis1=1, axis2=2))
         return sigma

@@ -166,7 +166,7 @@ def paper_protocol(folder: Path) -> dict[str, float]:
         "paper_procedure_direction_deg": float(np.mean([row.direction_deg for row in rows])),
         "paper_procedure_magnitude_gf": float(np.mean([row.magnitude_gf for row in rows])),
         "crb_ratio": ratio.worst_direction_ratio,
-        "crb_ratio_typical": max(one.typical_ratio for one in ratio.centred),
+        "crb_ratio_typical": max(one.median_direction_ratio for one in ratio.centred),
     }
 
 

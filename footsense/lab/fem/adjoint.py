@@ -21,7 +21,7 @@ import numpy as np
 from footsense.foot.directions import normalized
 from footsense.frames import Vector
 from footsense.lab.fem.mesh import quarter_cells
-from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import UM_PER_MM
 
@@ -48,13 +48,13 @@ class AdjointField:
     compliance: Vector
 
 
-def solve_adjoint_fields(quarter: Quarter) -> AdjointField:
+def solve_adjoint_fields(quarter: QuarterFoot) -> AdjointField:
     """Return the adjoint fields of one symmetry class on the ground-side surface, from one solve per gap cell."""
     faces = [(cell.name, quarter.design.cell_mm2) for cell in quarter_cells(quarter.design)]
     return solve_face_closure_fields(quarter, faces)
 
 
-def solve_face_closure_fields(quarter: Quarter, faces: Sequence[tuple[str, float]]) -> AdjointField:
+def solve_face_closure_fields(quarter: QuarterFoot, faces: Sequence[tuple[str, float]]) -> AdjointField:
     """Return the adjoint fields of the mean closure [um] of each named face, sampled on the surface.
 
     Args:
@@ -64,7 +64,9 @@ def solve_face_closure_fields(quarter: Quarter, faces: Sequence[tuple[str, float
     return solve_functional_fields(quarter, [quarter.closure_functional(*face) for face in faces], UM_PER_MM)
 
 
-def solve_functional_fields(quarter: Quarter, functionals: Sequence[Any], scale: float = 1.0) -> AdjointField:
+def solve_functional_fields(
+    quarter: QuarterFoot, functionals: Sequence[Any], scale: float = 1.0
+) -> AdjointField:
     """Return the adjoint field of each linear functional of the displacement, sampled on the surface.
 
     Args:

@@ -11,7 +11,7 @@ from footsense.foot.directions import directions
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import solve_face_closure_fields
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
-from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import fit_series, mean_over_patch
@@ -59,7 +59,7 @@ def solve_centred_closures(
     faces = [("|".join(names), design.cell_mm2 * len(names)) for names in parts]
     total = np.zeros((len(force), 9))
     for parity in (Parity(1, 1),) if upright else (Parity(1, 1), Parity(-1, 1)):
-        quarter = Quarter(design, size, parity, mesh)
+        quarter = QuarterFoot(design, size, parity, mesh)
         field = solve_face_closure_fields(quarter, faces)
         series = fit_series(field)
         per_newton = mean_over_patch(

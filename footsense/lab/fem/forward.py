@@ -19,7 +19,7 @@ from footsense.foot.symmetry import flat_of_grid
 from footsense.frames import Vector
 from footsense.lab.fem.elasticity import hertz_pressure_shape
 from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells, quarter_grid
-from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES, Parity
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
@@ -47,21 +47,21 @@ class _HertzLoad:
         return _HertzLoad(matrix @ self.centre_mm, matrix @ self.force_n, self.radius_mm)
 
 
-class _FactorisedClass:
+class _FactorisedQuarterFoot:
     """Factorised stiffness matrix of one symmetry class, with the mean closure of each cell as a linear functional.
 
     Attributes:
         quarter: The class.
     """
 
-    def __init__(self, quarter: Quarter) -> None:
+    def __init__(self, quarter: QuarterFoot) -> None:
         self.quarter = quarter
         cells, area_mm2 = quarter_cells(quarter.design), quarter.design.cell_mm2
         rows = np.stack([quarter.closure_functional(cell.name, area_mm2).vec.FV().NumPy() for cell in cells])
         self._used = np.flatnonzero(rows.any(axis=0))
         self._rows = rows[:, self._used]
 
-    def cells_um(self, load: _HertzLoad) -> Vector:
+    def cell_closures_um(self, load: _HertzLoad) -> Vector:
         """Return the quarter's cell closures [um] under the load's part in this symmetry class, shape (9, 9)."""
         quarter, parity = self.quarter, self.quarter.parity
         parts = []
@@ -95,15 +95,16 @@ class ForwardFoot:
         self._design = design
         mesh = build_mesh(design, size)
         self._classes = {
-            parity: _FactorisedClass(Quarter(design, size, parity, mesh)) for parity in SOLVED_CLASSES
+            parity: _FactorisedQuarterFoot(QuarterFoot(design, size, parity, mesh))
+            for parity in SOLVED_CLASSES
         }
 
     @property
-    def quarters(self) -> list[Quarter]:
+    def quarters(self) -> list[QuarterFoot]:
         """Factorised finite element systems of the three symmetry classes."""
         return [solved.quarter for solved in self._classes.values()]
 
-    def cells_um(self, normal: Vector, force_n: Vector) -> Vector:
+    def cell_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the linear closure of every cell [um], gap contact ignored, shape (324,), by four solves.
 
         Args:
@@ -117,9 +118,9 @@ class ForwardFoot:
             force_n=force_n,
             radius_mm=design.hertz_patch_radius_mm(pressing_n),
         )
-        parts = {parity: solved.cells_um(load) for parity, solved in self._classes.items()}
+        parts = {parity: solved.cell_closures_um(load) for parity, solved in self._classes.items()}
         swapped = load.transformed(np.eye(3)[[1, 0, 2]])
-        parts[Parity(-1, 1)] = self._classes[Parity(1, -1)].cells_um(swapped).T
+        parts[Parity(-1, 1)] = self._classes[Parity(1, -1)].cell_closures_um(swapped).T
         whole = np.sum([parity.unfold(part) for parity, part in parts.items()], axis=0)
         flat = np.empty(whole.size)
         flat[flat_of_grid(len(whole))] = whole

@@ -45,7 +45,7 @@ def _check_materials(design: FootDesign) -> None:
             )
 
 
-class Quarter:
+class QuarterFoot:
     """Factorised finite element problem of one symmetry class; each further load costs one back-substitution.
 
     Attributes:

@@ -42,21 +42,21 @@ class FidelityError:
     """Errors of one fidelity level against the finest on the same loads.
 
     Attributes:
-        closure_rel: Difference of the closures, rms over rms of the reference [1].
+        closure_rms_rel: Difference of the closures, rms over rms of the reference [1].
         closure_max_um: The largest difference of a closure [um].
-        capacitance_rel: Difference of the capacitance changes, rms over rms of the reference [1].
+        capacitance_rms_rel: Difference of the capacitance changes, rms over rms of the reference [1].
         capacitance_max_pf: The largest difference of a capacitance [pF].
-        direction_deg: Mean angle between the forces that the network reads from both [deg].
-        magnitude_gf: Mean difference of their magnitudes [gf].
+        direction_difference_deg: Mean angle between the forces that the network reads from both [deg].
+        magnitude_difference_gf: Mean difference of their magnitudes [gf].
         n: Loads.
     """
 
-    closure_rel: float
+    closure_rms_rel: float
     closure_max_um: float
-    capacitance_rel: float
+    capacitance_rms_rel: float
     capacitance_max_pf: float
-    direction_deg: float
-    magnitude_gf: float
+    direction_difference_deg: float
+    magnitude_difference_gf: float
     n: int
 
 
@@ -78,11 +78,11 @@ def fidelity_error(
         reported_force_n(network, design, finest), reported_force_n(network, design, level_response)
     )
     return FidelityError(
-        closure_rel=rms(closure_um) / rms(finest.closure_um),
+        closure_rms_rel=rms(closure_um) / rms(finest.closure_um),
         closure_max_um=float(np.abs(closure_um).max()),
-        capacitance_rel=rms(capacitance_pf) / rms(change_pf),
+        capacitance_rms_rel=rms(capacitance_pf) / rms(change_pf),
         capacitance_max_pf=float(np.abs(capacitance_pf).max()),
-        direction_deg=read.direction_deg,
-        magnitude_gf=read.magnitude_gf,
+        direction_difference_deg=read.direction_deg,
+        magnitude_difference_gf=read.magnitude_gf,
         n=len(closure_um),
     )

@@ -24,7 +24,7 @@ class ForwardAgainstTable:
         forward_s: One load by four solves [s].
         adjoint_s: One adjoint solve, of which a table takes one per cell of the quarter and class [s].
         table_s: One load by the table, many at once [s].
-        closure_rel: Difference of the closures of cells, rms over rms [1].
+        closure_rms_rel: Difference of the closures of cells, rms over rms [1].
         closure_max_um: The largest difference of an element's closure [um].
         n: Loads that were solved.
     """
@@ -33,12 +33,12 @@ class ForwardAgainstTable:
     forward_s: float
     adjoint_s: float
     table_s: float
-    closure_rel: float
+    closure_rms_rel: float
     closure_max_um: float
     n: int
 
     @property
-    def ratio(self) -> float:
+    def forward_over_table_time(self) -> float:
         """Time of one solve over the time of one table look-up [1]."""
         return self.forward_s / self.table_s
 
@@ -67,7 +67,7 @@ def forward_against_table(
         quarter.solve(functional)
     adjoint_s = (default_timer() - start) / len(functionals)
     start = default_timer()
-    solved = np.stack([foot.cells_um(loads.normal[load], loads.force_n[load]) for load in some])
+    solved = np.stack([foot.cell_closures_um(loads.normal[load], loads.force_n[load]) for load in some])
     forward_s = (default_timer() - start) / n
     difference = solved - tabled[some]
     by_element = difference.reshape(n, 9, -1).mean(axis=-1)
@@ -76,7 +76,7 @@ def forward_against_table(
         forward_s=forward_s,
         adjoint_s=adjoint_s,
         table_s=table_s,
-        closure_rel=rms(difference) / rms(tabled[some]),
+        closure_rms_rel=rms(difference) / rms(tabled[some]),
         closure_max_um=float(np.abs(by_element).max()),
         n=n,
     )

@@ -98,7 +98,7 @@ class SimulatedBus:
         """Return all connected chips at `address`, the mux included; cached per mux selection."""
         behind = [
             chip
-            for channel in range(tca9548a.CHANNELS)
+            for channel in range(tca9548a.N_CHANNELS)
             if self.mux.control >> channel & 1
             for chip in self._legs.get(channel, ())
         ]

@@ -59,7 +59,7 @@ class CanController:
         settings: Settings of the interface.
         bitrate: Bit rate of the bus [bit/s].
         others: The other nodes on the bus.
-        tell: Receives the error frames that it reports.
+        report_error: Receives the error frames that it reports.
 
     Attributes:
         running: Whether the interface is up.
@@ -78,13 +78,13 @@ class CanController:
         settings: CanSettings,
         bitrate: int,
         others: Sequence[OtherSender],
-        tell: Callable[[bytes], None],
+        report_error: Callable[[bytes], None],
     ) -> None:
         self._queue = queue
         self._settings = settings
         self._bit_ns = _NS_PER_S / bitrate
         self._others = others
-        self._tell = tell
+        self._report_error = report_error
         self._mailboxes: deque[QueuedFrame] = deque()
         self._passed: Callable[[int], None] | None = None  # called when our frame has passed
         self._free_ns = math.inf
@@ -111,7 +111,7 @@ class CanController:
             self._flush_mailboxes()
             self._error_count = 0
             self._queue.regain_carrier()
-            self._tell(error_frame(ErrorClass.RESTARTED))
+            self._report_error(error_frame(ErrorClass.RESTARTED))
             self._occupy_wire(t_ns, _BUS_OFF_RECOVERY_BITS, None)
 
     def stop(self) -> None:
@@ -171,7 +171,7 @@ class CanController:
         if self._error_count:
             self._count_errors(-1)
         if frame.from_socket and self.on_delivered is not None:
-            self.on_delivered(t_ns, frame.handed_ns, frame.data)
+            self.on_delivered(t_ns, frame.queued_ns, frame.data)
 
     def _miss_ack(self, t_ns: int) -> None:
         """Count a missing acknowledgement; alone it takes no controller beyond error passive."""
@@ -197,8 +197,8 @@ class CanController:
         before, after = self._error_count, max(0, self._error_count + change)
         self._error_count = after
         if after >= _BUS_OFF_COUNT:
-            self._tell(error_frame(ErrorClass.BUS_OFF))
+            self._report_error(error_frame(ErrorClass.BUS_OFF))
         elif before < _ERROR_PASSIVE_COUNT <= after:
-            self._tell(error_frame(ErrorClass.CONTROLLER, _TX_PASSIVE))
+            self._report_error(error_frame(ErrorClass.CONTROLLER, _TX_PASSIVE))
         elif after < _ERROR_PASSIVE_COUNT <= before:
-            self._tell(error_frame(ErrorClass.CONTROLLER, CONTROLLER_ACTIVE))
+            self._report_error(error_frame(ErrorClass.CONTROLLER, CONTROLLER_ACTIVE))

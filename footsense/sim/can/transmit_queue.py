@@ -16,12 +16,12 @@ class QueuedFrame(NamedTuple):
     """One CAN frame in the transmit queue or in a controller mailbox.
 
     Attributes:
-        handed_ns: Time at which it was handed to the kernel [ns].
+        queued_ns: Time at which it was handed to the kernel [ns].
         data: The frame, as in `firmware_interface.can.socketcan`.
         from_socket: Whether it came from a socket, and not from another program.
     """
 
-    handed_ns: int
+    queued_ns: int
     data: bytes
     from_socket: bool
 
@@ -30,7 +30,7 @@ class TransmitQueue:
     """Simulated transmit queue of a CAN interface, with the drop and carrier rules of the Linux kernel.
 
     Args:
-        room: Capacity in frames.
+        capacity: Capacity in frames.
         head_drop: Whether a full queue drops its oldest frame (`pfifo_head_drop`) or refuses the newest (`pfifo`).
 
     Attributes:
@@ -39,9 +39,9 @@ class TransmitQueue:
         carrier_check_ns: Next look of the kernel at the carrier [ns]; infinite without a reason.
     """
 
-    def __init__(self, room: int, *, head_drop: bool) -> None:
+    def __init__(self, capacity: int, *, head_drop: bool) -> None:
         self.frames: deque[QueuedFrame] = deque()
-        self._room = room
+        self._capacity = capacity
         self._head_drop = head_drop
         self._active = self._carrier = True
         self._next_check_ns = 0
@@ -56,7 +56,7 @@ class TransmitQueue:
         """
         if not self._active:
             return True
-        if len(self.frames) >= self._room:
+        if len(self.frames) >= self._capacity:
             if not self._head_drop:
                 return False
             self.frames.popleft()

@@ -51,7 +51,7 @@ def _conversion_of_word(word: int) -> _Conversion | None:
     rate = _RATE_OF_CODE.get(chip.CONF_RATE.decode(word))
     if not one_shot or rate is None:
         return None
-    return _Conversion(chip.SLOTS - triggers.bit_length(), rate.conversion_ns, rate.noise_ff * 1e-3)
+    return _Conversion(chip.N_SLOTS - triggers.bit_length(), rate.conversion_ns, rate.noise_ff * 1e-3)
 
 
 @cache
@@ -99,7 +99,7 @@ class SimulatedFdc1004(LegChip):
     def power_up(self, t_ns: int) -> None:
         """Reset registers, results and conversion to their power-up state."""
         self._registers = dict(chip.RESET_VALUES)
-        self._results = [chip.CODE_MAX] * chip.SLOTS
+        self._results = [chip.CODE_MAX] * chip.N_SLOTS
         self._conf = 0
         self._done = 0
         self._running: _Conversion | None = None

@@ -35,7 +35,7 @@ class SimulatedLineSwitch(LegChip):
         stuck_closed: Bits that are set whatever is written.
     """
 
-    def __init__(self, address: int = adg715.ADDRESS, n_lines: int = adg715.LINES) -> None:
+    def __init__(self, address: int = adg715.ADDRESS, n_lines: int = adg715.N_LINES) -> None:
         super().__init__(address)
         self._n_lines = n_lines
         self.ignores_writes_ns: list[Span] = []

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footsense.foot.cavity.air import AMBIENT_KPA, ROOM_K, Gas
+from footsense.foot.cavity.air import AMBIENT_KPA, ROOM_TEMPERATURE_K, Gas
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 
@@ -43,7 +43,7 @@ class CavityAir:
         """
         elapsed_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
         self._t_ns = t_ns
-        warmth = 1.0 + kelvin / ROOM_K
+        warmth = 1.0 + kelvin / ROOM_TEMPERATURE_K
         leak_step_rel = elapsed_s / self._foot.cavity.leak_time_s
         # A softer solid closes as far as the given one under a smaller load and smaller pressures.
         gas = Gas(warmth * self._amount_mpa, self._ambient_mpa, leak_step_rel=leak_step_rel).scaled(softness)

@@ -22,21 +22,21 @@ class CanFigures(NamedTuple):
     """Effect of one CAN fault on a consumer: fraction of frames received, silences, delays, recovery time.
 
     Attributes:
-        received_rel: Share of all Force frames that it received [1].
+        received_share: Share of all Force frames that it received [1].
         longest_silence_s: Longest time between two of one leg [s].
         recovery_s: Time from the end of the fault until it received every leg again [s]; None if the fault stays, or
             if a leg stays silent.
         longest_delay_s: Longest time of a frame from the kernel to the consumer [s].
-        oldest_s: Largest age of a measurement on its arrival [s].
+        max_age_on_arrival_s: Largest age of a measurement on its arrival [s].
         n_dropped: Frames that the sink could not hand over.
         n_bus_off: Times that the controller went bus-off.
     """
 
-    received_rel: float
+    received_share: float
     longest_silence_s: float
     recovery_s: float | None
     longest_delay_s: float
-    oldest_s: float
+    max_age_on_arrival_s: float
     n_dropped: int
     n_bus_off: int
 
@@ -55,13 +55,13 @@ class _Consumer(Observer):
         forces = cycle.forces
         self.measured_ns[forces.t_sent_ns] = dict(zip(self.received_ns, forces.t_ns.tolist(), strict=True))
 
-    def on_delivered(self, t_ns: int, handed_ns: int, frame: bytes) -> None:
+    def on_delivered(self, t_ns: int, queued_ns: int, frame: bytes) -> None:
         """Record the arrival of a frame."""
         node = next(split_frames(frame))[0] - FORCE_ID
         if node in self.received_ns:
             self.received_ns[node].append(t_ns)
-            self.longest_delay_ns = max(self.longest_delay_ns, t_ns - handed_ns)
-            if measured_ns := self.measured_ns[handed_ns][node]:
+            self.longest_delay_ns = max(self.longest_delay_ns, t_ns - queued_ns)
+            if measured_ns := self.measured_ns[queued_ns][node]:
                 self.oldest_ns = max(self.oldest_ns, t_ns - measured_ns)
 
 
@@ -91,11 +91,11 @@ def can_trial(fault: CanFault, *, duration_s: float) -> CanFigures:
     ]
     silences_ns = [after - before for of_leg in received_ns for before, after in itertools.pairwise(of_leg)]
     return CanFigures(
-        received_rel=sum(map(len, received_ns)) / (stats.published * len(received_ns)),
+        received_share=sum(map(len, received_ns)) / (stats.published * len(received_ns)),
         longest_silence_s=max(silences_ns) / 1e9,
         recovery_s=(max(again_ns) - fault.until_ns) / 1e9 if math.isfinite(max(again_ns)) else None,
         longest_delay_s=consumer.longest_delay_ns / 1e9,
-        oldest_s=consumer.oldest_ns / 1e9,
+        max_age_on_arrival_s=consumer.oldest_ns / 1e9,
         n_dropped=stats.dropped,
         n_bus_off=controller.n_bus_off,
     )

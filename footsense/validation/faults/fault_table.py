@@ -164,7 +164,7 @@ def _fault_free_figures(whole: PublishedWalk) -> FaultFigures:
     row = whole.legs.index(FAULTY_LEG)
     late = whole.t_sent_ns > BREAKS_AT_S * 1e9
     over_sigma = np.abs(whole.force_n - whole.true_force_n)[late, row] / whole.sigma_n[late, row]
-    return fault_figures(whole, whole, BREAKS_AT_S, None)._replace(worst_error_sigma=float(over_sigma.max()))
+    return fault_figures(whole, whole, BREAKS_AT_S, None)._replace(max_error_sigmas=float(over_sigma.max()))
 
 
 def can_rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, CanFigures]:

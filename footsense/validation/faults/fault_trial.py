@@ -115,10 +115,10 @@ class FaultFigures(NamedTuple):
         recovery_s: Time from its end until the forces of the leg stay valid [s]; None if they do not, or if it never
             showed.
         longest_gap_s: Longest time between two forces of any other leg from the fault on [s].
-        lost_frames: Frames that the other legs lost.
-        worst_error_sigma: Largest error of the leg's forces over their sigma while the fault shows [1]; None without a
+        n_other_legs_lost_frames: Frames that the other legs lost.
+        max_error_sigmas: Largest error of the leg's forces over their sigma while the fault shows [1]; None without a
             force.
-        others_error_n: Largest error of the forces of the other legs from the fault on [N].
+        other_legs_max_error_n: Largest error of the forces of the other legs from the fault on [N].
     """
 
     state: State
@@ -127,9 +127,9 @@ class FaultFigures(NamedTuple):
     detection_s: float | None
     recovery_s: float | None
     longest_gap_s: float
-    lost_frames: int
-    worst_error_sigma: float | None
-    others_error_n: float
+    n_other_legs_lost_frames: int
+    max_error_sigmas: float | None
+    other_legs_max_error_n: float
 
 
 def fault_figures(
@@ -166,9 +166,9 @@ def fault_figures(
         detection_s=float(t_s[showing[0]] - start_s) if len(showing) else None,
         recovery_s=max(float(t_s[showing[-1] + 1] - over_s), 0.0) if recovered else None,
         longest_gap_s=max(_longest_gap_s(faulty, number, start_s) for number in others),
-        lost_frames=len(fault_free.t_sent_ns) - len(t_s),
-        worst_error_sigma=float(over_sigma.max()) if affected.any() else None,
-        others_error_n=float(np.nanmax(error_n[t_s > start_s][:, others])),
+        n_other_legs_lost_frames=len(fault_free.t_sent_ns) - len(t_s),
+        max_error_sigmas=float(over_sigma.max()) if affected.any() else None,
+        other_legs_max_error_n=float(np.nanmax(error_n[t_s > start_s][:, others])),
     )
 
 

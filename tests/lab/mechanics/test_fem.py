@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from footsense.errors import ModelError
 from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
-from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign, Material
 from tests.lab.released import FOOT_DESIGN
@@ -100,13 +100,13 @@ def test_a_foot_that_cannot_be_meshed_says_so(foot_design: FootDesign) -> None:
 def test_a_material_that_is_none_is_refused(rubber: Material) -> None:
     """No stiffness, a negative one, none at all, or a volume that cannot change: a ModelError before any work."""
     with pytest.raises(ModelError, match="rubber needs"):
-        Quarter(replace(FOOT_DESIGN, rubber=rubber), COARSE_MESH, Parity(1, 1))
+        QuarterFoot(replace(FOOT_DESIGN, rubber=rubber), COARSE_MESH, Parity(1, 1))
 
 
 def test_a_foot_that_nothing_holds_is_singular(mesh: Any) -> None:
     """A spacer without stiffness leaves the lower half afloat: a ModelError, not a displacement of 1e15 mm."""
     with pytest.raises(ModelError, match="singular"):
-        Quarter(replace(FOOT_DESIGN, spacer_mm=1e30), COARSE_MESH, Parity(1, 1), mesh)
+        QuarterFoot(replace(FOOT_DESIGN, spacer_mm=1e30), COARSE_MESH, Parity(1, 1), mesh)
 
 
 @pytest.mark.parametrize(("rows", "electrode_mm"), [(2, 6.5), (4, 2.75)])

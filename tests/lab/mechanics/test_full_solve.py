@@ -120,7 +120,7 @@ def test_a_closed_gap_is_entered_by_less_than_a_hundredth() -> None:
         LEANING, 200.0 * GRAM_FORCE_N * UP
     )
     assert 0.0 < closed.penetration_rel <= 0.01
-    assert FOOT_DESIGN.gap_um < closed.cells_um.max() <= 1.01 * FOOT_DESIGN.gap_um
+    assert FOOT_DESIGN.gap_um < closed.cell_closures_um.max() <= 1.01 * FOOT_DESIGN.gap_um
     assert closed.closure_um.argmax() in {6, 8}
     film_pf = 8.8541878128 * 16.0 / (17.0 / 2.7)
     assert FOOT_DESIGN.capacitor.unloaded_pf < closed.capacitance_pf.max() < film_pf

@@ -154,7 +154,7 @@ def test_from_no_load_to_everything_shut_without_a_jump(released: FootResponse) 
     """Closures never fall, never leap by more than the load's step could move them, and end at the gap."""
     foot, gap_um = Foot(released), released.design.gap_um
     steps_n = np.concatenate([np.linspace(0.0, 5.0, 101), np.geomspace(5.0, 200.0, 60)[1:]])
-    closure_um = foot.cells_um(np.repeat(UP, len(steps_n), 0), UP * steps_n[:, None])
+    closure_um = foot.cell_closures_um(np.repeat(UP, len(steps_n), 0), UP * steps_n[:, None])
     rise_um = np.diff(closure_um, axis=0)
     assert (closure_um[0] == 0.0).all()
     assert rise_um.min() > -1e-9
@@ -167,8 +167,8 @@ def test_a_tenth_of_a_gram_keeps_its_relative_accuracy(released: FootResponse) -
     """0.1 gf and a millionth of it: closures per newton differ by the patch alone, which is below 1e-3."""
     foot = Foot(released)
     small_n = 0.1 * GRAM_FORCE_N
-    loads_n = np.array([small_n, 1e-6 * small_n])
-    per_newton = foot.cells_um(np.repeat(UP, 2, 0), UP * loads_n[:, None]) / loads_n[:, None]
+    forces_n = np.array([small_n, 1e-6 * small_n])
+    per_newton = foot.cell_closures_um(np.repeat(UP, 2, 0), UP * forces_n[:, None]) / forces_n[:, None]
     np.testing.assert_allclose(per_newton[0], per_newton[1], rtol=0.0, atol=1e-3 * per_newton[1].max())
     sensed_um = released.design.closure_um(foot.capacitance_pf(UP, small_n * UP), foot.unloaded_pf)
     np.testing.assert_allclose(sensed_um[0], released.closure_um(UP[0], small_n * UP[0]), rtol=2e-3)

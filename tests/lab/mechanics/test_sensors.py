@@ -11,7 +11,7 @@ from footsense.foot.response_table import series_basis
 from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
 from footsense.lab.fem.other_sensors.block import COARSE_BLOCK_MESH
 from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
-from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, Material
 from footsense.lab.response import SERIES_DEGREE
@@ -58,7 +58,7 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
     """Finite, symmetric, in balance: what the film carries is a quarter's share of a load of one newton."""
     film = GelLayerDesign(layer_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, poisson))
     mesh = build_mesh(FOOT_DESIGN, FILM_SIZE)
-    quarter = Quarter(FOOT_DESIGN, FILM_SIZE, Parity(1, 1), mesh, film.layer)
+    quarter = QuarterFoot(FOOT_DESIGN, FILM_SIZE, Parity(1, 1), mesh, film.layer)
     area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), quarter.mesh)
     load = quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / area_mm2)))
     moved = quarter.solve(load)

@@ -16,7 +16,7 @@ from footsense.lab.fem.adjoint import AdjointField
 from footsense.lab.fem.centred import solve_centred_closures
 from footsense.lab.fem.elasticity import membrane_energy
 from footsense.lab.fem.mesh import MeshSize, quarter_cells
-from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import UM_PER_MM, Material, ThinFilm
 from footsense.lab.response import mean_over_patch
@@ -25,7 +25,7 @@ from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
 
-Quarters = dict[Parity, Quarter]
+Quarters = dict[Parity, QuarterFoot]
 
 #: Quadratic elements without layers at the edges: a tenth of a second per class, for what holds on any mesh.
 PLAIN = MeshSize(layers=0, order=2, bar_mm=1.0)
@@ -33,7 +33,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def hertz_load(
-    quarter: Quarter, normal: NDArray[np.float64], radius_mm: float, force_n: NDArray[np.float64]
+    quarter: QuarterFoot, normal: NDArray[np.float64], radius_mm: float, force_n: NDArray[np.float64]
 ) -> ng.CF:
     """Return the traction [MPa] of a Hertz patch, whose part in the quarter carries the force."""
     centre = -quarter.design.ball_radius_mm * normal - [0.0, 0.0, quarter.design.plate_mm]
@@ -44,7 +44,7 @@ def hertz_load(
     return ng.CF(tuple(force_n)) * pressure / total
 
 
-def element_closures(quarter: Quarter, moved: Any) -> NDArray[np.float64]:
+def element_closures(quarter: QuarterFoot, moved: Any) -> NDArray[np.float64]:
     """Return the mean closure [um] over what lies in the quarter of each element, shape (9,), NaN elsewhere."""
     ground, leg, *_ = moved.components
     found: NDArray[np.float64] = np.full(9, np.nan)
@@ -212,11 +212,11 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
 def test_a_sheet_of_another_stiffness_is_solved_as_exactly(softer: float) -> None:
     """PDMS 1/150 and 150 times as stiff as it is, around 37 um in 20 mm: rounding stays at 1e-8."""
     sheet = Material(FOOT_DESIGN.pdms.youngs_mpa / softer, FOOT_DESIGN.pdms.poisson)
-    quarter = Quarter(replace(FOOT_DESIGN, pdms=sheet), PLAIN, Parity(1, 1))
+    quarter = QuarterFoot(replace(FOOT_DESIGN, pdms=sheet), PLAIN, Parity(1, 1))
     load = quarter.traction_load(ng.CF((0.0, 0.0, 1.0 / 50.0 / np.pi)))
     moved = quarter.solve(load)
     assert quarter.residual_rel(load, moved) < 1e-8
-    usual = Quarter(FOOT_DESIGN, PLAIN, Parity(1, 1), quarter.mesh)
+    usual = QuarterFoot(FOOT_DESIGN, PLAIN, Parity(1, 1), quarter.mesh)
     closures = [
         element_closures(q, q.solve(q.traction_load(ng.CF((0, 0, 0.0064)))))[0] for q in (quarter, usual)
     ]
@@ -244,14 +244,16 @@ def test_gold_stores_the_energy_of_plane_stress_and_takes_little_off_the_closure
 
     The plates lie on rubber and bend little on the whole: gold, five times as stiff as a plate, takes some per cent.
     """
-    plain = Quarter(FOOT_DESIGN, PLAIN, Parity(1, 1))
-    gilded = Quarter(replace(FOOT_DESIGN, gold=GOLD), PLAIN, Parity(1, 1), plain.mesh)
+    plain = QuarterFoot(FOOT_DESIGN, PLAIN, Parity(1, 1))
+    gilded = QuarterFoot(replace(FOOT_DESIGN, gold=GOLD), PLAIN, Parity(1, 1), plain.mesh)
     moved = ng.GridFunction(plain.space).components[0]
     a, b, c = 0.010, -0.004, 0.003
     moved.Set(ng.CF((a * ng.x + c * ng.y, c * ng.x + b * ng.y, 0.5 * ng.x)))
     stored = ng.Integrate(membrane_energy(GOLD, moved) * ng.ds("cell.*"), plain.mesh)
-    by_hand = 0.5 * 7.9 / (1.0 - 0.42**2) * (a * a + b * b + 2 * 0.42 * a * b + 2 * (1 - 0.42) * c * c)
-    assert stored == pytest.approx(36.0 * by_hand, rel=1e-6)
+    hand_reading_errors = (
+        0.5 * 7.9 / (1.0 - 0.42**2) * (a * a + b * b + 2 * 0.42 * a * b + 2 * (1 - 0.42) * c * c)
+    )
+    assert stored == pytest.approx(36.0 * hand_reading_errors, rel=1e-6)
     without_um, with_um = (
         np.nanmean(element_closures(quarter, quarter.solve(quarter.traction_load(ng.CF((0.0, 0.0, 1e-3))))))
         for quarter in (plain, gilded)

@@ -178,7 +178,7 @@ def test_a_leg_that_holds_the_bus_costs_the_others_two_timeouts(whole: Published
     assert seen.recovery_s is not None
     assert seen.recovery_s < TARED_S
     assert seen.longest_gap_s < 0.07
-    assert seen.lost_frames <= 18
+    assert seen.n_other_legs_lost_frames <= 18
     others = [row for row, leg in enumerate(whole.legs) if leg != FAULTY_LEG]
     # After the stall each element is read three times before its readings make a window again.
     assert (broken.state[broken.t_sent_ns > (BREAKS_AT_S + 0.12) * 1e9][:, others] == State.VALID).all()
@@ -215,7 +215,7 @@ def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: PublishedWa
 def test_what_a_second_try_mends_is_never_seen(fault: Fault, whole: PublishedWalk) -> None:
     """A mux that forgot its channels, a transaction that another master took: no frame is lost or held up."""
     seen = trial(fault, whole)[1]
-    assert (seen.state, seen.cause, seen.lost_frames) == (State.VALID, Cause.NONE, 0)
+    assert (seen.state, seen.cause, seen.n_other_legs_lost_frames) == (State.VALID, Cause.NONE, 0)
     assert seen.longest_gap_s < 0.004
 
 

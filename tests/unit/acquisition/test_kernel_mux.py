@@ -108,11 +108,11 @@ def test_the_period_is_near_the_best(board: Board, host_cost_us: int) -> None:
         bus_hz=400_000,
         host_cost_ns=host_cost_us * 1000,
         kernel_mux=True,
-        traffic=schedule.FDC1004 if board is FDC1004 else schedule.AD7746,
+        traffic=schedule.FDC1004_TRAFFIC if board is FDC1004 else schedule.AD7746_TRAFFIC,
     )
     assert (robot.clock.now_ns() - start_ns) / 18 < 1.03 * limits.scan_ns
     assert robot.bus.bus_timing is not None
-    assert math.isclose(robot.bus.bus_timing.limits.scan_ns, limits.scan_ns, rel_tol=1e-3)
+    assert math.isclose(robot.bus.bus_timing.lower_bounds.scan_ns, limits.scan_ns, rel_tol=1e-3)
 
 
 def test_each_leg_has_stamps_of_its_own() -> None:
@@ -195,7 +195,7 @@ def test_conversions_are_discarded_after_a_delay_of_the_loop_and_not_before() ->
     for delay_ns, missed in ((5_000_000, 0), (200_000_000, 1)):
         robot.clock.advance_ns(delay_ns)
         frame = robot.read()
-        assert robot.scanner.late_discards == missed
+        assert robot.scanner.n_late_discards == missed
         assert (frame.reading == Reading.OK).all()
 
 

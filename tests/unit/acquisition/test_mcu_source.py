@@ -194,7 +194,7 @@ def test_a_leg_that_stops_delays_the_others_no_longer_than_it_is_waited_for() ->
         Reading.OK,
     ]
     assert len(frames) == 39
-    assert source.late_discards == 3
+    assert source.n_late_discards == 3
     assert source.n_unused == 1  # that of scan 30, which had gone out
 
 

@@ -2,14 +2,14 @@
 
 import pytest
 
-from footsense.benchmarks.c_floor import has_c_floor
+from footsense.benchmarks.c_program import has_c_program
 from footsense.benchmarks.cycle import compare_cycle_durations
 from footsense.benchmarks.our_cycle import N_WARM_UP_CYCLES, recorded_frames
 from footsense.benchmarks.viewed_latency import viewed_latency_figures
 from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
 from footsense.frames import CapFrame
 
-needs_c = pytest.mark.skipif(not has_c_floor(), reason="no C compiler or no onnx here")
+needs_c = pytest.mark.skipif(not has_c_program(), reason="no C compiler or no onnx here")
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def scans() -> list[CapFrame]:
 def test_floor_and_naive_give_our_forces(scans: list[CapFrame]) -> None:
     """Every cycle is compared while it is timed; with something to compare there is a ratio."""
     figures = compare_cycle_durations(scans)
-    assert all(figures[name] is not None for name in ("p50", "p99", "c_floor_p50", "naive_p50"))
+    assert all(figures[name] is not None for name in ("p50", "p99", "c_program_p50", "naive_p50"))
 
 
 @needs_c

@@ -119,7 +119,7 @@ def test_twenty_loads_make_a_foot_several_times_better() -> None:
         assert after.direction_deg < 0.25 * before.direction_deg
         assert after.direction_deg < 3.0
         assert after.magnitude_gf < 4.0
-        assert found.predicted_uncertainty.direction_deg < 1.5
+        assert found.predicted_uncertainty.median_direction_error_deg < 1.5
 
 
 def test_an_offset_sheet_and_a_crooked_reference_are_told_from_the_foot() -> None:
@@ -225,10 +225,10 @@ def test_a_gap_is_identified_only_by_loads_that_close_it() -> None:
     loads = load_set(own, _TRAINING[::6], np.random.default_rng(0))
     twin = FootTwin(design().response, loads.unloaded_pf)
     found = fit_parameters(twin, loads)
-    cells_um = twin.cell_closures_um(found.parameters, ContactLoads.centred(loads.force_n)).reshape(
+    cell_closures_um = twin.cell_closures_um(found.parameters, ContactLoads.centred(loads.force_n)).reshape(
         len(loads), 9, -1
     )
-    shuts = (cells_um >= twin.gap_um(found.parameters)[:, None] - 1e-6).any(axis=(0, 2))
+    shuts = (cell_closures_um >= twin.gap_um(found.parameters)[:, None] - 1e-6).any(axis=(0, 2))
     assert not shuts.all()
     np.testing.assert_allclose(found.parameters[GAP][~shuts], 0.0, atol=1.0)
     assert (found.contraction[GAP][~shuts] < 0.01).all()

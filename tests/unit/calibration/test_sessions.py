@@ -37,7 +37,7 @@ def session(name: str, number: int) -> RecordedSession:
         temperature_c=None,
         loads=tuple(one),
         rejected=Counter(),
-        n_lost=0,
+        n_lost_cycles=0,
         damage="",
     )
 

@@ -23,7 +23,7 @@ from firmware_interface.can.events import decode_heartbeat
 from firmware_interface.can.socketcan import pack_frame
 from footsense.can.channel import CanChannel, ChannelSettings
 from footsense.can.frame_log import CanFrameLog, check_log_target
-from footsense.can.python_can import _keep_local
+from footsense.can.python_can import _keep_multicast_local
 from footsense.can.sink import CanSink
 from footsense.errors import CanError, ConfigError, RecordingError
 from footsense.frames import BaselineDrift, CanStatistics, ContactFrame
@@ -301,7 +301,7 @@ def test_a_local_socket_commands_nothing_and_kills_nothing() -> None:
     settings = ChannelSettings(interface="udp_multicast", channel=group, commands=False)
     sink = CanSink(settings, ("lf",), FakeClock())
     with can.Bus(interface="udp_multicast", channel=group, hop_limit=0, fd=False) as other:
-        _keep_local(other.fileno(), group)
+        _keep_multicast_local(other.fileno(), group)
         raw = socket.socket(fileno=os.dup(other.fileno()))
         raw.sendto(b"no frame at all", (group, port))
         raw.close()

@@ -50,8 +50,8 @@ def test_whatever_breaks_no_old_force_arrives_and_all_come_back(
     walk.walk(3.7)
     assert walk.worst_wait_ms <= 2 * period_ns / MS + DRAIN_MS * 500_000 / bitrate
     assert walk.worst_wait_ms + 12 < MAX_AGE_NS / MS
-    handed_ns = [h.t_ns - h.wait_ns for h in walk.heard]
-    assert handed_ns == sorted(handed_ns)
+    queued_ns = [h.t_ns - h.wait_ns for h in walk.heard]
+    assert queued_ns == sorted(queued_ns)
     for node in range(1, 7):
         counters = [h.data[1] & 0xF for h in walk.forces(node) if h.t_ns > 3.7e9 - 10 * period_ns]
         assert len(counters) >= 9

@@ -20,7 +20,7 @@ from firmware_interface.can.codes import (
     Result,
     State,
 )
-from firmware_interface.can.commands import UNSOLICITED, decode_answer, encode_command
+from firmware_interface.can.commands import UNSOLICITED_COUNTER, decode_answer, encode_command
 from firmware_interface.can.crc8 import protect
 from firmware_interface.can.events import decode_fault, decode_heartbeat
 from firmware_interface.can.force import decode_force, decode_quality
@@ -258,7 +258,7 @@ def test_a_command_arrives_and_its_answer_names_its_counter(robot: Robot) -> Non
     answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
     assert answers == [
         (1, 0, Result.LOADED, CommandKind.TARE, 7),
-        (1, 1, Result.DONE, CommandKind.TARE, UNSOLICITED),
+        (1, 1, Result.DONE, CommandKind.TARE, UNSOLICITED_COUNTER),
     ]
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.baseline.drift import DRIFT_PF2_PER_S
+from footsense.estimation.baseline.drift import DRIFT_VARIANCE_PF2_PER_S
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import USABLE, Cause, Command, CommandKind, Flag, Reading, Result, State
@@ -365,9 +365,11 @@ def test_whatever_the_converters_say_a_value_is_usable_or_missing(
 def test_sigma_grows_while_the_baseline_is_held() -> None:
     """After 100 s without a reading in the air, what drift may have done since is part of it."""
     feet = Feet(n_legs=1).tared()
-    feet.pipeline._baselines._sensitivity = Sensitivity(load_n=9.0, baseline_n=np.array([1.0, 1.0, 9.0]))
+    feet.pipeline._baselines._sensitivity = Sensitivity(
+        load_n_per_rel=9.0, force_sigma_n_per_rel=np.array([1.0, 1.0, 9.0])
+    )
     feet.sequence += 100_000_000_000 // SCAN_NS
     for _ in range(3):
         forces = feet.feed(feet.scan(5.0))
-    drift_n = np.sqrt(100 * DRIFT_PF2_PER_S) * 0.2442 * np.array([1.0, 1.0, 9.0])
+    drift_n = np.sqrt(100 * DRIFT_VARIANCE_PF2_PER_S) * 0.2442 * np.array([1.0, 1.0, 9.0])
     np.testing.assert_allclose(forces.sigma_n[0], np.hypot(SIGMA_N, drift_n), rtol=1e-3)

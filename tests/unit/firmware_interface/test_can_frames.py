@@ -22,7 +22,7 @@ from firmware_interface.can.codes import (
 from firmware_interface.can.commands import (
     ANSWER_ID,
     COMMAND_ID,
-    UNSOLICITED,
+    UNSOLICITED_COUNTER,
     UnknownCommandError,
     decode_answer,
     decode_command,
@@ -174,7 +174,7 @@ def test_a_command_comes_back(node: int, counter: int, kind: CommandKind) -> Non
     assert decode_command(COMMAND_ID + node, encode_command(node, counter, kind)) == (node, counter, kind)
 
 
-@given(nodes, counters, st.sampled_from(Result), st.integers(0, 255), st.integers(0, UNSOLICITED))
+@given(nodes, counters, st.sampled_from(Result), st.integers(0, 255), st.integers(0, UNSOLICITED_COUNTER))
 def test_an_answer_comes_back(node: int, counter: int, result: Result, kind: int, asked: int) -> None:
     """decode(encode(x)) is x, for an unknown kind of command too."""
     expected = (node, counter, result, kind, asked)

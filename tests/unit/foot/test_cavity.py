@@ -106,19 +106,19 @@ def foot(cavity: Cavity) -> Foot:
 def test_a_leak_goes_from_sealed_to_vented() -> None:
     """At once as a sealed foot, later as a vented one, between them with the time constant tau (1 + p0 K / g)."""
     leaking, up, force_n = foot(Cavity(kind="leaking", leak_time_s=2.0)), UP[None], 0.02 * UP[None]
-    vented_um, sealed_um = (foot(kind).cells_um(up, force_n).mean() for kind in (Cavity(), SEALED))
+    vented_um, sealed_um = (foot(kind).cell_closures_um(up, force_n).mean() for kind in (Cavity(), SEALED))
     gas = leaking.cavity.gas
     assert gas is not None
-    assert leaking.cells_um(up, force_n, gas).mean() == pytest.approx(sealed_um, rel=1e-12)
+    assert leaking.cell_closures_um(up, force_n, gas).mean() == pytest.approx(sealed_um, rel=1e-12)
     step_s = 0.005
     tau_s = 2.0 * (1.0 + AMBIENT_MPA * OWN_UM_PER_MPA / GAP_UM)
     for number in range(1, 601):
         _, gas = leaking.after_step(up, force_n, gas._replace(leak_step_rel=step_s / 2.0))
         if number in (100, 600):
-            left = (vented_um - leaking.cells_um(up, force_n, gas).mean()) / (vented_um - sealed_um)
+            left = (vented_um - leaking.cell_closures_um(up, force_n, gas).mean()) / (vented_um - sealed_um)
             assert left == pytest.approx(np.exp(-number * step_s / tau_s), rel=0.02)
     _, gas = leaking.after_step(up, force_n, gas._replace(leak_step_rel=1e9))
-    assert leaking.cells_um(up, force_n, gas).mean() == pytest.approx(vented_um, rel=1e-6)
+    assert leaking.cell_closures_um(up, force_n, gas).mean() == pytest.approx(vented_um, rel=1e-6)
 
 
 def test_a_softer_solid_is_a_smaller_load_under_smaller_pressures() -> None:

@@ -28,7 +28,9 @@ def test_a_foot_as_designed_is_the_design() -> None:
     """Unloaded it reads the designed capacitance, and under a light load it closes as the table says."""
     foot = Foot(RESPONSE)
     np.testing.assert_allclose(foot.unloaded_pf, DESIGN.unloaded_pf, rtol=1e-12)
-    np.testing.assert_array_equal(foot.cells_um(NORMAL, LIGHT_N), RESPONSE.free_closure_um(NORMAL, LIGHT_N))
+    np.testing.assert_array_equal(
+        foot.cell_closures_um(NORMAL, LIGHT_N), RESPONSE.free_closure_um(NORMAL, LIGHT_N)
+    )
 
 
 def test_rest_is_each_element_s_own() -> None:
@@ -48,19 +50,21 @@ def test_no_cell_closes_beyond_its_gap(*, contact: bool) -> None:
     """With contact or with a plain limit; the gap is the specimen's own, and some cells do reach it."""
     steps = np.linspace(-1.0, 1.0, 9)
     gap_um = np.repeat(20.0 + steps, CELLS)
-    cells_um = Foot(RESPONSE, Deviations(gap_um=steps), contact=contact).cells_um(NORMAL, HEAVY_N)
+    cell_closures_um = Foot(RESPONSE, Deviations(gap_um=steps), contact=contact).cell_closures_um(
+        NORMAL, HEAVY_N
+    )
     assert (RESPONSE.free_closure_um(NORMAL, HEAVY_N) > gap_um).any()
-    assert (cells_um <= gap_um).all()
-    assert (cells_um == gap_um).any()
+    assert (cell_closures_um <= gap_um).all()
+    assert (cell_closures_um == gap_um).any()
 
 
 def test_contact_is_what_a_limit_leaves_out() -> None:
     """Cells that yield each for itself feel nothing of a neighbour's contact; those that share a solid do."""
-    limited = Foot(RESPONSE, contact=False).cells_um(NORMAL, HEAVY_N)
-    np.testing.assert_allclose(Foot(RESPONSE).cells_um(NORMAL, HEAVY_N), limited, atol=1e-9)
+    limited = Foot(RESPONSE, contact=False).cell_closures_um(NORMAL, HEAVY_N)
+    np.testing.assert_allclose(Foot(RESPONSE).cell_closures_um(NORMAL, HEAVY_N), limited, atol=1e-9)
     shared = made_up()
     shared.compliance_um_per_n[...] += 5.0
-    touched = Foot(shared).cells_um(NORMAL, HEAVY_N)
+    touched = Foot(shared).cell_closures_um(NORMAL, HEAVY_N)
     inside = limited < DESIGN.gap_um
     assert (touched[inside] < limited[inside] - 1e-3).all()
 
@@ -78,21 +82,23 @@ def test_a_shut_element_shows_its_film() -> None:
 def test_a_stiffer_foot_closes_less() -> None:
     """By the stiffness; in contact too, where the gaps push back on a solid that yields less."""
     plain, stiff = Foot(RESPONSE), Foot(RESPONSE, Deviations(stiffness_rel=0.25))
-    np.testing.assert_allclose(stiff.cells_um(NORMAL, LIGHT_N), plain.cells_um(NORMAL, LIGHT_N) / 1.25)
+    np.testing.assert_allclose(
+        stiff.cell_closures_um(NORMAL, LIGHT_N), plain.cell_closures_um(NORMAL, LIGHT_N) / 1.25
+    )
     gap_um = np.full(ALL_CELLS, DESIGN.gap_um)
     for load, free_um in enumerate(RESPONSE.free_closure_um(NORMAL, HEAVY_N) / 1.25):
         # Softness scales load and compliance alike, so the closures are those of the plain foot under less load.
         expected_um = solve_contact_lcp(free_um, gap_um, RESPONSE.compliance_um_per_n).closure_um
-        np.testing.assert_allclose(stiff.cells_um(NORMAL, HEAVY_N)[load], expected_um, atol=1e-9)
+        np.testing.assert_allclose(stiff.cell_closures_um(NORMAL, HEAVY_N)[load], expected_um, atol=1e-9)
 
 
 def test_a_turned_mount_feels_a_turned_load() -> None:
     """A foot that sits 10 deg about z on its leg reads what a straight one reads of the load turned by 10 deg."""
     turn = rotation_about_z(10.0)
-    turned = Foot(RESPONSE, Deviations(mount=turn)).cells_um(NORMAL, LIGHT_N)
-    straight = Foot(RESPONSE).cells_um(NORMAL @ turn.T, LIGHT_N @ turn.T)
+    turned = Foot(RESPONSE, Deviations(mount=turn)).cell_closures_um(NORMAL, LIGHT_N)
+    straight = Foot(RESPONSE).cell_closures_um(NORMAL @ turn.T, LIGHT_N @ turn.T)
     np.testing.assert_allclose(turned, straight, rtol=1e-12)
-    assert np.abs(turned - Foot(RESPONSE).cells_um(NORMAL, LIGHT_N)).max() > 1e-3
+    assert np.abs(turned - Foot(RESPONSE).cell_closures_um(NORMAL, LIGHT_N)).max() > 1e-3
 
 
 @pytest.mark.parametrize(

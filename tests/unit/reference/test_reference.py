@@ -222,7 +222,7 @@ def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCa
         mapped.append(int(said.t_ns[-1]) - now_ns)
     assert max(map(abs, mapped)) < 1_000_000
     assert (stream.statistics.n_samples, stream.statistics.n_missing) == (1200, 0)
-    assert times.n_jumps == 1
+    assert times.n_clock_jumps == 1
     assert [record.getMessage() for record in caplog.records] == [
         "sensor: its clock has jumped; the clock map restarts"
     ]

@@ -176,7 +176,7 @@ def test_what_the_clocks_count_is_one_histogram_of_all_threads(
     """Two buses add up; what happens between two copies is shown by the next, a tenth of a second later."""
     wakeups = (WakeupLatency(), WakeupLatency())
     metrics = MetricsObserver(
-        LEGS, CanStatistics(), tmp_path / "counters", wakeups=wakeups, late_discards=lambda: 3
+        LEGS, CanStatistics(), tmp_path / "counters", wakeups=wakeups, n_late_discards=lambda: 3
     )
     both = (State.VALID, State.VALID)
     metrics.observe(cycle(1000, both))

@@ -205,9 +205,10 @@ def array_figures(
         foot, BOUND_LOAD_REL * max_n, NOISE_PF
     )
     same_centred_deg, same_leaning_deg, _ = _rms_bounds(foot, BOUND_LOAD_REL * max_n, same_time_pf)
-    reach_n = range_n(foot, max_n)
+    all_directions_range_n = range_n(foot, max_n)
     own_deg, same_own_deg = (
-        _rms_bounds(foot, BOUND_LOAD_REL * min(reach_n), pf)[1] for pf in (NOISE_PF, same_time_pf)
+        _rms_bounds(foot, BOUND_LOAD_REL * min(all_directions_range_n), pf)[1]
+        for pf in (NOISE_PF, same_time_pf)
     )
     return ArrayFigures(
         electrode_mm=design.electrode_mm,
@@ -217,7 +218,7 @@ def array_figures(
         boards=[
             b.name for b in boards if b.range_begin_pf <= capacitor.unloaded_pf and half_pf <= b.range_end_pf
         ],
-        range_n=reach_n,
+        range_n=all_directions_range_n,
         scan_ms=scan_ms(response),
         centred_bound_deg=centred_bound_deg,
         leaning_bound_deg=leaning_bound_deg,

@@ -1,1 +1,1 @@
-"""Inputs of a design: requirements (`wishes`), materials, converter boards and fabrication processes."""
+"""Inputs of a design: requirements (`requirements`), materials, converter boards and fabrication processes."""

@@ -29,19 +29,19 @@ _AZIMUTHS_DEG, _ELEVATIONS_DEG, _SIZES_REL = tuple(range(0, 360, 30)), (55.0, 75
 
 
 def calibrated_errors(
-    response: FootResponse, process: Process, reach_deg: float, max_n: float
+    response: FootResponse, process: Process, max_lean_deg: float, max_n: float
 ) -> tuple[float, float]:
     """Return rms direction [deg] and relative magnitude errors [1] after calibration, over the design loads.
 
     Args:
         response: Response table of the foot.
         process: Its tolerances.
-        reach_deg: Largest angle between a force and the leg's axis [deg].
+        max_lean_deg: Largest angle between a force and the leg's axis [deg].
         max_n: Largest force [N].
     """
     presses = direction_grid(list(map(float, _AZIMUTHS_DEG)), list(_ELEVATIONS_DEG))
     pressed_n = np.concatenate([size * max_n * presses for size in _SIZES_REL])
-    test = direction_grid([0.0, 22.5, 45.0], [90.0 - reach_deg / 2.0, 90.0 - reach_deg])
+    test = direction_grid([0.0, 22.5, 45.0], [90.0 - max_lean_deg / 2.0, 90.0 - max_lean_deg])
     tested_n = 0.6 * max_n * test
     slopes = _closure_jacobians_um(response, np.concatenate([pressed_n, tested_n]))
     by_deviation, by_force, by_normal, closure = slopes

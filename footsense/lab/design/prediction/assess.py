@@ -15,7 +15,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.design.inputs.boards import Converter
-from footsense.lab.design.inputs.wishes import MAX_READABLE_CLOSURE_REL, Wishes
+from footsense.lab.design.inputs.requirements import MAX_READABLE_CLOSURE_REL, Requirements
 from footsense.lab.design.prediction.after_calibration import calibrated_errors
 from footsense.lab.design.prediction.closures import Loads, design_loads
 from footsense.lab.evaluation.cramer_rao import Unknowns, jacobian_um
@@ -33,46 +33,47 @@ class Assessment(NamedTuple):
     Attributes:
         unloaded_pf: Capacitance of an unloaded element [pF].
         range_n: Largest centred force at each of `ELEVATIONS_DEG` [N].
-        reach_n: Largest force in every direction of the design, leaning contacts included [N].
+        all_directions_range_n: Largest force in every direction of the design, leaning contacts included [N].
         force_n: Forces of the following errors [N], shape (levels,).
-        direction_deg: Cramer-Rao bound of the direction, mean over directions [deg rms], shape (levels,).
-        magnitude_rel: The same of the magnitude over the force [1].
-        calibrated_deg: Error of the direction from the fabrication tolerances that calibration leaves [deg rms].
-        calibrated_rel: The same of the magnitude over the force [1].
+        direction_bound_deg: Cramer-Rao bound of the direction, mean over directions [deg rms], shape (levels,).
+        magnitude_bound_rel: The same of the magnitude over the force [1].
+        calibrated_direction_error_deg: Error of the direction from the fabrication tolerances that calibration leaves
+            [deg rms].
+        calibrated_magnitude_error_rel: The same of the magnitude over the force [1].
     """
 
     unloaded_pf: float
     range_n: Vector
-    reach_n: float
+    all_directions_range_n: float
     force_n: Vector
-    direction_deg: Vector
-    magnitude_rel: Vector
-    calibrated_deg: float
-    calibrated_rel: float
+    direction_bound_deg: Vector
+    magnitude_bound_rel: Vector
+    calibrated_direction_error_deg: float
+    calibrated_magnitude_error_rel: float
 
 
-def assess_foot(response: FootResponse, wishes: Wishes) -> Assessment:
+def assess_foot(response: FootResponse, requirements: Requirements) -> Assessment:
     """Return predicted range and force errors of a foot from its response table."""
-    foot, board = Foot(response), wishes.board
+    foot, board = Foot(response), requirements.board
     grids = [direction_grid(list(_AZIMUTHS_DEG), [float(elevation)]) for elevation in ELEVATIONS_DEG]
     by_elevation = [_max_readable_force_n(foot, board, Loads(grid, grid)) for grid in grids]
-    loads = design_loads(wishes.reach_deg)
-    reach_n = _max_readable_force_n(foot, board, loads)
-    force_n = np.geomspace(wishes.min_n, wishes.max_n, LEVELS)
+    loads = design_loads(requirements.max_lean_deg)
+    all_directions_range_n = _max_readable_force_n(foot, board, loads)
+    force_n = np.geomspace(requirements.min_n, requirements.max_n, LEVELS)
     rows = [_cramer_rao_bound(foot, board, loads.normal, size * loads.direction) for size in force_n]
-    direction_deg, magnitude_rel = np.array(rows).T
-    calibrated_deg, calibrated_rel = calibrated_errors(
-        response, wishes.process, wishes.reach_deg, float(force_n[-1])
+    direction_bound_deg, magnitude_bound_rel = np.array(rows).T
+    calibrated_direction_error_deg, calibrated_magnitude_error_rel = calibrated_errors(
+        response, requirements.process, requirements.max_lean_deg, float(force_n[-1])
     )
     return Assessment(
         response.design.unloaded_pf,
         np.array(by_elevation),
-        reach_n,
+        all_directions_range_n,
         force_n,
-        direction_deg,
-        magnitude_rel,
-        calibrated_deg,
-        calibrated_rel,
+        direction_bound_deg,
+        magnitude_bound_rel,
+        calibrated_direction_error_deg,
+        calibrated_magnitude_error_rel,
     )
 
 

@@ -42,7 +42,7 @@ class Loads(NamedTuple):
     normal: Vector
 
 
-def design_loads(reach_deg: float) -> Loads:
+def design_loads(max_lean_deg: float) -> Loads:
     """Return the loads used to judge a design: up to an angle from the leg's axis, centred and leaning."""
 
     def toward(angle_deg: float, azimuth_deg: float) -> Vector:
@@ -50,10 +50,17 @@ def design_loads(reach_deg: float) -> Loads:
         angle, azimuth = np.radians(angle_deg), np.radians(azimuth_deg)
         return np.array([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)])
 
-    half = reach_deg / 2.0
-    polar = [(0.0, 0.0), (half, 0.0), (half, 45.0), (reach_deg, 0.0), (reach_deg, 22.5), (reach_deg, 45.0)]
+    half = max_lean_deg / 2.0
+    polar = [
+        (0.0, 0.0),
+        (half, 0.0),
+        (half, 45.0),
+        (max_lean_deg, 0.0),
+        (max_lean_deg, 22.5),
+        (max_lean_deg, 45.0),
+    ]
     centred = np.stack([toward(*one) for one in polar])
-    leaning = np.stack([toward(half, 0.0), toward(reach_deg, 45.0)])
+    leaning = np.stack([toward(half, 0.0), toward(max_lean_deg, 45.0)])
     lean = np.radians(CONTACT_LEAN_DEG)
     directions, normals = [centred], [centred]
     for across in tangent_frame(leaning):

@@ -24,7 +24,7 @@ from netgen.meshing import MeshingParameters
 from footsense.lab.fem.adjoint import AdjointField, solve_functional_fields
 from footsense.lab.fem.elasticity import mixed_strain_energy, strain_energy
 from footsense.lab.fem.mesh import MeshSize, name_mirror_faces
-from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.solids import BODY_SIDES, curved_mesh, hemisphere, plate
 from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES, Parity
 from footsense.lab.geometry import FootDesign
@@ -86,7 +86,7 @@ def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_MESH) -> Any:
     return curved_mesh(shape, MeshingParameters(maxh=size.ball_mm, grading=size.grading), size.order)
 
 
-class Block(Quarter):
+class Block(QuarterFoot):
     """Factorised finite element problem of the foot with the plain block, in one symmetry class.
 
     Attributes:

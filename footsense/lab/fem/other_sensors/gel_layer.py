@@ -23,7 +23,7 @@ import numpy as np
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import MeshSize, build_mesh
-from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import UM_PER_MM, FootDesign, Material
 
@@ -69,7 +69,7 @@ def upright_closure_um(design: FootDesign, size: MeshSize, films: Sequence[GelLa
     ball_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), mesh)
     closures = []
     for film in films:
-        quarter = Quarter(design, size, Parity(1, 1), mesh, film.layer)
+        quarter = QuarterFoot(design, size, Parity(1, 1), mesh, film.layer)
         moved = quarter.solve(quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / ball_mm2))))
         ground, leg, *_ = moved.components
         closures.append(UM_PER_MM * ng.Integrate((ground[2] - leg[2]) * electrodes, mesh) / electrodes_mm2)

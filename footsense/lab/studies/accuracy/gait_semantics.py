@@ -44,48 +44,48 @@ class Results:
         leg_hours: Time of all legs together [h].
         swing_hours: Part of it in swing [h].
         n_touchdowns: Touchdowns that count.
-        delay_p50_ms: From the first load to the word, median [ms].
-        delay_p95_ms: The same, 95th percentile [ms].
-        missed_touchdowns: Share never reported [1].
-        false_touchdowns: In swing, in all.
+        touchdown_delay_p50_ms: From the first load to the word, median [ms].
+        touchdown_delay_p95_ms: The same, 95th percentile [ms].
+        missed_touchdown_share: Share never reported [1].
+        n_false_touchdowns: In swing, in all.
         touchdown_time_rms_ms: Error of the back-dated time of those reported promptly, rms [ms].
         touchdown_time_rms_sigmas: The same over its sigma, rms [1].
         n_lift_offs: Lift-offs that were reported.
         lift_off_time_rms_ms: Error of the back-dated time, rms [ms].
-        contact_right_share: Share of the conversions whose contact is right [1].
+        contact_correct_share: Share of the conversions whose contact is right [1].
         friction: Error of friction use, mean [1].
         normal_error_deg: Error of the normal, mean [deg].
         n_slides_beyond_range: Slides that drive the foot beyond the converter's range, where no force is known.
         n_slides: Slides that have to be reported.
-        slid_mm: Way until they are, mean [mm].
-        slid_p95_mm: The same, 95th percentile [mm].
-        missed_slides: Share never reported [1].
-        false_slips: Reported far below the cone, in all.
-        slips_at_cone: Said at the cone without a way worth the name, in all.
+        slide_before_report_mm: Way until they are, mean [mm].
+        slide_before_report_p95_mm: The same, 95th percentile [mm].
+        missed_slide_share: Share never reported [1].
+        n_false_slips: Reported far below the cone, in all.
+        n_slips_at_friction_limit: Said at the cone without a way worth the name, in all.
         friction_coefficient_error: Error of the learnt coefficient at the end of a walk, rms [1].
     """
 
     leg_hours: float
     swing_hours: float
     n_touchdowns: int
-    delay_p50_ms: float
-    delay_p95_ms: float
-    missed_touchdowns: float
-    false_touchdowns: int
+    touchdown_delay_p50_ms: float
+    touchdown_delay_p95_ms: float
+    missed_touchdown_share: float
+    n_false_touchdowns: int
     touchdown_time_rms_ms: float
     touchdown_time_rms_sigmas: float
     n_lift_offs: int
     lift_off_time_rms_ms: float
-    contact_right_share: float
+    contact_correct_share: float
     friction: float
     normal_error_deg: float
     n_slides_beyond_range: int
     n_slides: int
-    slid_mm: float
-    slid_p95_mm: float
-    missed_slides: float
-    false_slips: int
-    slips_at_cone: int
+    slide_before_report_mm: float
+    slide_before_report_p95_mm: float
+    missed_slide_share: float
+    n_false_slips: int
+    n_slips_at_friction_limit: int
     friction_coefficient_error: float
 
 
@@ -103,7 +103,7 @@ class _SlipReports(NamedTuple):
     slide_distances_mm: list[float]
     n_beyond_range: int
     n_false: int
-    slips_at_cone: int
+    n_slips_at_friction_limit: int
 
 
 def _friction_use(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
@@ -180,7 +180,7 @@ def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Simulate walks on rough ground; return the errors of the estimated events, contacts and slips."""
-    n_per_rel = sensitivity(context.network, 1, context.trained_inputs.moments).load_n
+    n_per_rel = sensitivity(context.network, 1, context.trained_inputs.moments).load_n_per_rel
     n = QUICK_CONVERSIONS if context.quick else CONVERSIONS
     walks = []
     for number in range(1 if context.quick else N_WALKS):
@@ -216,24 +216,28 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         leg_hours=hours,
         swing_hours=hours * float((~stand).mean()),
         n_touchdowns=len(downs),
-        delay_p50_ms=float(np.percentile(downs[:, 0], 50, method="nearest")),
-        delay_p95_ms=float(np.percentile(downs[:, 0], 95, method="nearest")),
-        missed_touchdowns=float(np.isinf(downs[:, 0]).mean()),
-        false_touchdowns=sum(one.n_false for one in flanks),
+        touchdown_delay_p50_ms=float(np.percentile(downs[:, 0], 50, method="nearest")),
+        touchdown_delay_p95_ms=float(np.percentile(downs[:, 0], 95, method="nearest")),
+        missed_touchdown_share=float(np.isinf(downs[:, 0]).mean()),
+        n_false_touchdowns=sum(one.n_false for one in flanks),
         touchdown_time_rms_ms=_rms(down_ms[:, 1]),
         touchdown_time_rms_sigmas=_rms(down_ms[:, 1] / down_ms[:, 2]),
         n_lift_offs=len(up_ms),
         lift_off_time_rms_ms=_rms(up_ms[:, 1]),
-        contact_right_share=float((np.concatenate(contacts) == stand).mean()),
+        contact_correct_share=float((np.concatenate(contacts) == stand).mean()),
         friction=float(np.nanmean(np.abs(np.concatenate(frictions)))),
         normal_error_deg=float(np.concatenate(normals_deg).mean()),
         n_slides_beyond_range=sum(one.n_beyond_range for one in slips),
         n_slides=len(slide_distances_mm),
-        slid_mm=float(reported_mm.mean()) if len(reported_mm) else float("nan"),
-        slid_p95_mm=float(np.percentile(reported_mm, 95)) if len(reported_mm) else float("nan"),
-        missed_slides=float(np.isinf(slide_distances_mm).mean()) if len(slide_distances_mm) else float("nan"),
-        false_slips=sum(one.n_false for one in slips),
-        slips_at_cone=sum(one.slips_at_cone for one in slips),
+        slide_before_report_mm=float(reported_mm.mean()) if len(reported_mm) else float("nan"),
+        slide_before_report_p95_mm=float(np.percentile(reported_mm, 95))
+        if len(reported_mm)
+        else float("nan"),
+        missed_slide_share=float(np.isinf(slide_distances_mm).mean())
+        if len(slide_distances_mm)
+        else float("nan"),
+        n_false_slips=sum(one.n_false for one in slips),
+        n_slips_at_friction_limit=sum(one.n_slips_at_friction_limit for one in slips),
         friction_coefficient_error=_rms(np.array(last)),
     ), {}
 

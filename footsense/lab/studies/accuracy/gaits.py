@@ -61,8 +61,8 @@ class GaitErrors:
         direction_deg: Direction error from `MIN_DIRECTION_FORCE_N` on, mean [deg].
         direction_p95_deg: The same, 95th percentile [deg].
         rms_mn: Error of the force's components, rms [mN], shape (3,).
-        within_2_sigma: Share of the components within two sigma [1].
-        beyond_5_sigma: Share beyond five [1].
+        within_2_sigma_share: Share of the components within two sigma [1].
+        beyond_5_sigma_share: Share beyond five [1].
         friction_ratio_error: Error of the friction ratio's size from `MIN_FRICTION_FORCE_N` on, mean [1].
         normal_error_deg: Error of the contact normal from `MIN_NORMAL_FORCE_N` on, mean [deg].
     """
@@ -71,8 +71,8 @@ class GaitErrors:
     direction_deg: float
     direction_p95_deg: float
     rms_mn: list[float]
-    within_2_sigma: float
-    beyond_5_sigma: float
+    within_2_sigma_share: float
+    beyond_5_sigma_share: float
     friction_ratio_error: float
     normal_error_deg: float
 
@@ -205,8 +205,8 @@ def _gait_errors(
         direction_deg=float(direction_deg.mean()),
         direction_p95_deg=float(np.percentile(direction_deg, 95)),
         rms_mn=(1e3 * np.sqrt((error_n**2).mean(axis=0))).tolist(),
-        within_2_sigma=float((off < 2.0).mean()),
-        beyond_5_sigma=float((off > 5.0).mean()),
+        within_2_sigma_share=float((off < 2.0).mean()),
+        beyond_5_sigma_share=float((off > 5.0).mean()),
         friction_ratio_error=float(np.abs(friction[firm]).mean()),
         normal_error_deg=float(angles_between_deg(found[firmer], normal[firmer]).mean()),
     )

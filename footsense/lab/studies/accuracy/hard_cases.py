@@ -19,7 +19,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.fem.centred import solve_centred_closures
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_mesh
-from footsense.lab.fem.quarter import Quarter
+from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
@@ -44,10 +44,12 @@ def _expected_error_case(name: str, error: type[Exception], attempt: Callable[[]
 def _small_load_cases(response: FootResponse) -> Iterator[Case]:
     """Yield the cases of zero load and of a tenth of a gram-force."""
     foot = Foot(response)
-    none_um = float(np.abs(foot.cells_um(_UPWARD, 0.0 * _UPWARD)).max())
+    none_um = float(np.abs(foot.cell_closures_um(_UPWARD, 0.0 * _UPWARD)).max())
     yield Case("no load", "0 um, exactly", f"{none_um:g} um", none_um == 0.0)
     small_n = 0.1 * GRAM_FORCE_N
-    per_newton = [foot.cells_um(_UPWARD, load * _UPWARD)[0] / load for load in (small_n, 1e-6 * small_n)]
+    per_newton = [
+        foot.cell_closures_um(_UPWARD, load * _UPWARD)[0] / load for load in (small_n, 1e-6 * small_n)
+    ]
     apart = float(np.abs(per_newton[0] - per_newton[1]).max() / np.abs(per_newton[1]).max())
     yield Case("0.1 gf", "closure per newton as at 1e-7 gf, to 1e-3", f"{apart:.1e}", apart < 1e-3)
 
@@ -56,10 +58,10 @@ def _gap_closing_cases(response: FootResponse) -> Iterator[Case]:
     """Yield the cases of loads that close gaps, and of the contact solver's accuracy."""
     foot, gap_um = Foot(response), response.design.gap_um
     loads_n = np.linspace(0.0, 200.0, 801)
-    cells_um = foot.cells_um(np.repeat(_UPWARD, len(loads_n), 0), loads_n[:, None] * _UPWARD)
-    shut = (cells_um >= gap_um).sum(axis=1)
+    cell_closures_um = foot.cell_closures_um(np.repeat(_UPWARD, len(loads_n), 0), loads_n[:, None] * _UPWARD)
+    shut = (cell_closures_um >= gap_um).sum(axis=1)
     first_n = float(loads_n[np.argmax(shut > 0)])
-    steady = float(np.diff(cells_um, axis=0).min())
+    steady = float(np.diff(cell_closures_um, axis=0).min())
     yield Case("first cell closes, upright", "above 1 N", f"{first_n:g} N", first_n > 1.0)
     yield Case("closures from 0 to 200 N", "never fall", f"least step {steady:.1e} um", steady > -1e-9)
     n_cells = response.n_cells
@@ -114,7 +116,9 @@ def _impossible_design_cases(foot_design: FootDesign) -> Iterator[Case]:
     for poisson in (0.5, 0.0):
         other = replace(foot_design, rubber=replace(foot_design.rubber, poisson=poisson))
         yield _expected_error_case(
-            f"rubber of nu = {poisson:g}", ModelError, partial(Quarter, other, _UNREFINED_MESH, Parity(1, 1))
+            f"rubber of nu = {poisson:g}",
+            ModelError,
+            partial(QuarterFoot, other, _UNREFINED_MESH, Parity(1, 1)),
         )
 
 
@@ -143,13 +147,13 @@ def _hard_material_cases(foot_design: FootDesign) -> Iterator[Case]:
         (f"{spacer_um:g} um spacer in a ball of {ball_mm:g} mm", foot_design),
         ("sheet 1/150 as stiff as the rubber", soft),
     ):
-        quarter = Quarter(foot, _UNREFINED_MESH, Parity(1, 1))
+        quarter = QuarterFoot(foot, _UNREFINED_MESH, Parity(1, 1))
         load = quarter.traction_load(ng.CF((0.0, 0.0, 1.0)))
         rest = quarter.residual_rel(load, quarter.solve(load))
         yield Case(name, "residual below 1e-8", f"{rest:.1e}", rest < 1e-8)
     loose = replace(foot_design, spacer_mm=1e30)
     yield _expected_error_case(
-        "a half that nothing holds", ModelError, lambda: Quarter(loose, _UNREFINED_MESH, Parity(1, 1))
+        "a half that nothing holds", ModelError, lambda: QuarterFoot(loose, _UNREFINED_MESH, Parity(1, 1))
     )
 
 

@@ -71,8 +71,8 @@ class MethodErrors:
         direction_deg: Direction error, mean [deg].
         direction_p95_deg: The same, 95th percentile [deg].
         rms_mn: Error of the force's components, rms [mN], shape (3,).
-        within_2_sigma: Share of the components within two sigma [1].
-        long_errors: Errors over five sigma that last longer than 30 ms.
+        within_2_sigma_share: Share of the components within two sigma [1].
+        n_long_errors: Errors over five sigma that last longer than 30 ms.
     """
 
     load: str
@@ -80,8 +80,8 @@ class MethodErrors:
     direction_deg: float
     direction_p95_deg: float
     rms_mn: list[float]
-    within_2_sigma: float
-    long_errors: int
+    within_2_sigma_share: float
+    n_long_errors: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,8 +216,8 @@ def _method_errors(
         direction_deg=float(direction_deg.mean()),
         direction_p95_deg=float(np.percentile(direction_deg, 95)),
         rms_mn=(1e3 * np.sqrt((off_n[is_evaluated] ** 2).mean(axis=0))).tolist(),
-        within_2_sigma=float((sigmas[is_evaluated] < 2.0).mean()),
-        long_errors=_n_long_runs(beyond),
+        within_2_sigma_share=float((sigmas[is_evaluated] < 2.0).mean()),
+        n_long_errors=_n_long_runs(beyond),
     )
 
 
@@ -261,9 +261,9 @@ def error_reductions(errors: list[MethodErrors], method: str) -> list[float]:
     return [1.0 - found[load, method] / found[load, NETWORK] for load in LOADS]
 
 
-def long_errors(errors: list[MethodErrors], method: str) -> int:
+def n_long_errors(errors: list[MethodErrors], method: str) -> int:
     """Return the number of long-lasting errors of a method over all of `LOADS`."""
-    return sum(one.long_errors for one in errors if one.method == method and one.load in LOADS)
+    return sum(one.n_long_errors for one in errors if one.method == method and one.load in LOADS)
 
 
 def is_worth_adopting(results: Results, method: str) -> bool:
@@ -272,7 +272,7 @@ def is_worth_adopting(results: Results, method: str) -> bool:
     return (
         gained
         and results.six_legs_us[method] <= MAX_CONVERSION_US
-        and not long_errors(results.errors, method)
+        and not n_long_errors(results.errors, method)
     )
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.foot.cavity.air import ADIABATIC, AMBIENT_KPA, AMBIENT_MPA, ROOM_K, VENTED, Cavity, Gas
-from footsense.foot.cavity.venting import CHANNEL_MM, channel_s, parylene_s, sorption_s
+from footsense.foot.cavity import air, venting
+from footsense.foot.cavity.air import VENTED, Cavity, Gas
 from footsense.foot.direction_sets import paper_directions
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
@@ -75,12 +75,12 @@ class CavityFigures:
         linear_elastance: The same of elastance.
         bound_direction_deg: Rms of the least direction error at each of `BOUND_MAGNITUDES_GF` [deg].
         bound_magnitude_gf: Rms of the least magnitude error [gf].
-        exact_feet_deg: Direction errors of the paper's procedure on exact feet, each with a network of its own.
-        exact_feet_gf: Magnitude errors of it.
-        fabricated_feet_deg: The same on feet of the paper's fabrication tolerances on a careful test stand.
-        fabricated_feet_gf: Magnitude errors of it.
-        read_as_vented_deg: Errors of a network trained on the design, vented, on such a foot without deviations.
-        read_as_vented_gf: Magnitude errors of it.
+        exact_feet_direction_error_deg: Direction errors of the paper's procedure on exact feet, a network for each.
+        exact_feet_magnitude_error_gf: Magnitude errors of it.
+        fabricated_feet_direction_error_deg: The same with the paper's tolerances and a careful test stand.
+        fabricated_feet_magnitude_error_gf: Magnitude errors of it.
+        read_as_vented_direction_error_deg: Errors of the vented design's network on such an exact foot.
+        read_as_vented_magnitude_error_gf: Magnitude errors of it.
     """
 
     closure_um_per_n: tuple[float, float, float]
@@ -90,12 +90,12 @@ class CavityFigures:
     linear_elastance: ForceErrors
     bound_direction_deg: list[float]
     bound_magnitude_gf: list[float]
-    exact_feet_deg: MeanStd
-    exact_feet_gf: MeanStd
-    fabricated_feet_deg: MeanStd
-    fabricated_feet_gf: MeanStd
-    read_as_vented_deg: float
-    read_as_vented_gf: float
+    exact_feet_direction_error_deg: MeanStd
+    exact_feet_magnitude_error_gf: MeanStd
+    fabricated_feet_direction_error_deg: MeanStd
+    fabricated_feet_magnitude_error_gf: MeanStd
+    read_as_vented_direction_error_deg: float
+    read_as_vented_magnitude_error_gf: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +103,8 @@ class Results:
     """Results of the study `cavity`: stiffness of the air, errors, drift and leaks.
 
     Attributes:
-        kinds: Figures by kind.
-        by_hand: Errors of the paper's procedure on a leaking foot whose elements are read one by one, by leak [s].
+        by_cavity_kind: Figures by kind.
+        hand_reading_errors: Errors of the paper's procedure on a leaking foot read element by element, by leak time.
         adiabatic_um_per_n: Closures of a sealed foot whose air keeps its heat [um/N].
         air_over_solid_stiffness: Stiffness of the air over that of the solid, smallest and largest over the patterns of
             closures [1].
@@ -114,12 +114,12 @@ class Results:
         hot_sealed_closure_um: Mean closure at rest of a foot whose air was sealed in at 100 degC [um].
         sorption_half_time_s: Time in which the bare plates take up half of a cavity's excess air [s].
         parylene_time_constant_s: Time constant of a wall of parylene as large as the cavity [s].
-        channel_time_constant_s: Time constant of a channel of `CHANNEL_MM` through a bar [s].
+        channel_time_constant_s: Time constant of a channel of `VENT_CHANNEL_MM` through a bar [s].
         relaxation_factor: By how much closures relax slower than pressures, softest and stiffest pattern [1].
     """
 
-    kinds: dict[str, CavityFigures]
-    by_hand: dict[str, ForceErrors]
+    by_cavity_kind: dict[str, CavityFigures]
+    hand_reading_errors: dict[str, ForceErrors]
     adiabatic_um_per_n: tuple[float, float, float]
     air_over_solid_stiffness: tuple[float, float]
     drift_ff_per_kpa: float
@@ -132,9 +132,9 @@ class Results:
     relaxation_factor: tuple[float, float]
 
 
-def _corner_edge_middle_means_um(cells_um: Vector) -> tuple[float, float, float]:
+def _corner_edge_middle_means_um(cell_closures_um: Vector) -> tuple[float, float, float]:
     """Return the mean closures of elements 0, 1 and 4 [um] of one load's cells, shape (1, 324)."""
-    corner, edge, middle = element_means(cells_um)[0, [0, 1, 4]].tolist()
+    corner, edge, middle = element_means(cell_closures_um)[0, [0, 1, 4]].tolist()
     return corner, edge, middle
 
 
@@ -163,11 +163,11 @@ def paper_procedure_errors(
 
 
 def errors_over_feet(
-    response: FootResponse, tolerances: FootTolerances, stand: Tolerances, feet: int, epochs: int
+    response: FootResponse, tolerances: FootTolerances, stand: Tolerances, n_feet: int, epochs: int
 ) -> tuple[MeanStd, MeanStd]:
     """Return direction [deg] and magnitude errors [gf] of the paper's procedure, statistics over random feet."""
     rows = []
-    for number in range(feet):
+    for number in range(n_feet):
         own = fabricate(response, tolerances, SEED, number)
         rows.append(paper_procedure_errors(Foot(response, own), own.mount, stand, number, epochs))
     return MeanStd.of_values(row.direction_deg for row in rows), MeanStd.of_values(
@@ -179,29 +179,29 @@ def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
     """Return sensitivity, range and errors of the released foot with one kind of cavity."""
     response = replace(context.response, cavity=cavity)
     foot, design = Foot(response), response.design
-    feet, epochs = (QUICK_FEET, QUICK_EPOCHS) if context.quick else (FEET, EPOCHS)
+    n_feet, epochs = (QUICK_FEET, QUICK_EPOCHS) if context.quick else (FEET, EPOCHS)
     training, test = paper_training(response), paper_verification(response)
     small_n = 0.05 * _UPWARD
     up, loads_n = (
         np.repeat(_UPWARD, len(RANGE_SEARCH_LOADS_N), axis=0),
         RANGE_SEARCH_LOADS_N[:, None] * _UPWARD,
     )
-    cells_um = foot.cells_um(up, loads_n)
+    cell_closures_um = foot.cell_closures_um(up, loads_n)
     beyond = foot.capacitance_pf(up, loads_n).max(axis=1) >= FULL_SCALE_PF
-    closed = cells_um.max(axis=1) >= design.gap_um
+    closed = cell_closures_um.max(axis=1) >= design.gap_um
     direction = paper_directions("verification")
     bounds = [
         force_bound(foot, direction, gf * GRAM_FORCE_N * direction, Unknowns.LEANING)
         for gf in BOUND_MAGNITUDES_GF
     ]
-    own_deg, own_gf = errors_over_feet(response, FootTolerances(), Tolerances(), feet, epochs)
-    made_deg, made_gf = errors_over_feet(response, PAPER_TOLERANCES, CAREFUL_TEST_STAND, feet, epochs)
+    own_deg, own_gf = errors_over_feet(response, FootTolerances(), Tolerances(), n_feet, epochs)
+    made_deg, made_gf = errors_over_feet(response, PAPER_TOLERANCES, CAREFUL_TEST_STAND, n_feet, epochs)
     vented = replace(context.response, cavity=VENTED)
     designed = PaperTraining(design, paper_training(vented)).train(start_weights_by_seed(1), epochs)[0]
     misread = evaluate_force_errors(test.force_n, designed(test.closure_um))
     context.report_progress(f"cavity: {cavity.kind} measured")
     return CavityFigures(
-        closure_um_per_n=_corner_edge_middle_means_um(foot.cells_um(_UPWARD, small_n) / 0.05),
+        closure_um_per_n=_corner_edge_middle_means_um(foot.cell_closures_um(_UPWARD, small_n) / 0.05),
         upright_range_n=float(
             RANGE_SEARCH_LOADS_N[beyond.argmax()] if beyond.any() else RANGE_SEARCH_LOADS_N[-1]
         ),
@@ -214,12 +214,12 @@ def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
         linear_elastance=evaluate_force_errors(test.force_n, elastance_estimator(training)(test.closure_um)),
         bound_direction_deg=[float(np.sqrt(np.mean(bound.direction_rms_deg**2))) for bound in bounds],
         bound_magnitude_gf=[float(np.sqrt(np.mean(bound.magnitude_rms_gf**2))) for bound in bounds],
-        exact_feet_deg=own_deg,
-        exact_feet_gf=own_gf,
-        fabricated_feet_deg=made_deg,
-        fabricated_feet_gf=made_gf,
-        read_as_vented_deg=misread.direction_deg,
-        read_as_vented_gf=misread.magnitude_gf,
+        exact_feet_direction_error_deg=own_deg,
+        exact_feet_magnitude_error_gf=own_gf,
+        fabricated_feet_direction_error_deg=made_deg,
+        fabricated_feet_magnitude_error_gf=made_gf,
+        read_as_vented_direction_error_deg=misread.direction_deg,
+        read_as_vented_magnitude_error_gf=misread.magnitude_gf,
     )
 
 
@@ -229,7 +229,7 @@ def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator)
     first_s = rng.uniform(*FIRST_S, size=len(force_n))
     read_s = first_s[:, None] + EACH_S * np.arange(ELEMENTS)
     times_s = np.concatenate([[0.0], np.geomspace(1e-2, read_s.max(), 60)])
-    gas, sampled = Gas(np.full((len(force_n), ELEMENTS), AMBIENT_MPA)), []
+    gas, sampled = Gas(np.full((len(force_n), ELEMENTS), air.AMBIENT_MPA)), []
     for step_s in np.diff(times_s, prepend=0.0).tolist():
         element_pf, gas = foot.after_step(
             normal, force_n, gas._replace(leak_step_rel=step_s / foot.cavity.leak_time_s)
@@ -260,41 +260,46 @@ def hand_reading_errors(context: StudyContext, leak_time_s: float, epochs: int) 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Return the figures of vented, sealed and leaking cavities of the released foot."""
     response, design, made = context.response, context.response.design, context.foot_design
-    kinds = {name: cavity_figures(context, cavity) for name, cavity in CAVITIES_BY_NAME.items()}
+    by_cavity_kind = {name: cavity_figures(context, cavity) for name, cavity in CAVITIES_BY_NAME.items()}
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
     leaks_s = HAND_READ_LEAK_TIMES_S[1:2] if context.quick else HAND_READ_LEAK_TIMES_S
     read = {f"{leak_s:g}": hand_reading_errors(context, leak_s, epochs) for leak_s in leaks_s}
     context.report_progress("cavity: holds read by hand")
     sealed = Foot(replace(response, cavity=SEALED))
-    rest = Gas(np.full(ELEMENTS, AMBIENT_MPA))
+    rest = Gas(np.full(ELEMENTS, air.AMBIENT_MPA))
     area_mm2 = design.electrode_area_mm2 / CELLS
     by_element = response.compliance_um_per_n.reshape(ELEMENTS, CELLS, ELEMENTS, CELLS)
     stiffness = (
-        np.linalg.eigvalsh(by_element.mean(axis=1).sum(axis=2) * area_mm2) * AMBIENT_MPA / design.gap_um
+        np.linalg.eigvalsh(by_element.mean(axis=1).sum(axis=2) * area_mm2) * air.AMBIENT_MPA / design.gap_um
     )
-    air = CavityAir(sealed, AMBIENT_KPA - 1.0)
-    thin_pf = float((air.capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0]) - sealed.unloaded_pf).mean())
+    low_pressure = CavityAir(sealed, air.AMBIENT_KPA - 1.0)
+    thin_pf = float(
+        (low_pressure.capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0]) - sealed.unloaded_pf).mean()
+    )
     warm_pf = float(
         (
             CavityAir(sealed).capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0], kelvin=1.0) - sealed.unloaded_pf
         ).mean()
     )
     small_pf = float((sealed.capacitance_pf(_UPWARD, GRAM_FORCE_N * _UPWARD) - sealed.unloaded_pf).mean())
-    hot = Foot(response, Deviations(cavity=Cavity(kind="sealed", gas_kpa=AMBIENT_KPA * ROOM_K / 373.15)))
+    hot_kpa = air.AMBIENT_KPA * air.ROOM_TEMPERATURE_K / 373.15
+    hot = Foot(response, Deviations(cavity=Cavity(kind="sealed", gas_kpa=hot_kpa)))
     results = Results(
-        kinds=kinds,
-        by_hand=read,
+        by_cavity_kind=by_cavity_kind,
+        hand_reading_errors=read,
         adiabatic_um_per_n=_corner_edge_middle_means_um(
-            sealed.cells_um(_UPWARD, 0.05 * _UPWARD, rest._replace(exponent=ADIABATIC)) / 0.05
+            sealed.cell_closures_um(_UPWARD, 0.05 * _UPWARD, rest._replace(exponent=air.ADIABATIC)) / 0.05
         ),
         air_over_solid_stiffness=(float(stiffness.min()), float(stiffness.max())),
         drift_ff_per_kpa=1e3 * thin_pf,
         drift_gf_per_kpa=thin_pf / small_pf,
         drift_ff_per_k=1e3 * warm_pf,
-        hot_sealed_closure_um=float(hot.cells_um(_UPWARD, 0.0 * _UPWARD).mean()),
-        sorption_half_time_s=sorption_s(made.gap_um),
-        parylene_time_constant_s=parylene_s(made.gap_um),
-        channel_time_constant_s=channel_s(made.gap_um, made.electrode_mm, made.pitch_mm - made.electrode_mm),
+        hot_sealed_closure_um=float(hot.cell_closures_um(_UPWARD, 0.0 * _UPWARD).mean()),
+        sorption_half_time_s=venting.sorption_half_time_s(made.gap_um),
+        parylene_time_constant_s=venting.parylene_time_constant_s(made.gap_um),
+        channel_time_constant_s=venting.channel_time_constant_s(
+            made.gap_um, made.electrode_mm, made.pitch_mm - made.electrode_mm
+        ),
         relaxation_factor=(1.0 + float(stiffness.min()), 1.0 + float(stiffness.max())),
     )
     return results, {"cavity.png": _figure(response)}
@@ -303,10 +308,10 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 def leaking_closure_um(response: FootResponse, leak_time_s: float, times_s: Vector) -> Vector:
     """Return the mean closure of a leaking foot over time after a vertical load is applied [um], shape (n,)."""
     foot = Foot(response, Deviations(cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
-    air, unloaded_um = CavityAir(foot), response.design.plate_distance_um(foot.unloaded_pf)
+    leaking, unloaded_um = CavityAir(foot), response.design.plate_distance_um(foot.unloaded_pf)
     closures = []
     for t_s in times_s.tolist():
-        pf = air.capacitance_pf(round(1e9 * t_s), _UPWARD[0], HOLD_N * _UPWARD[0])
+        pf = leaking.capacitance_pf(round(1e9 * t_s), _UPWARD[0], HOLD_N * _UPWARD[0])
         closures.append(float((unloaded_um - response.design.plate_distance_um(pf)).mean()))
     return np.array(closures)
 
@@ -317,18 +322,16 @@ def _figure(response: FootResponse) -> Figure:
     loads_n = np.linspace(0.02, 3.0, 40)
     normal = normalized(np.repeat(_UPWARD, len(loads_n), axis=0))
     for colour, (name, cavity) in zip(("C0", "C1"), CAVITIES_BY_NAME.items(), strict=True):
-        means_um = element_means(
-            Foot(response, Deviations(cavity=cavity)).cells_um(normal, loads_n[:, None] * normal)
-        )
+        foot = Foot(response, Deviations(cavity=cavity))
+        means_um = element_means(foot.cell_closures_um(normal, loads_n[:, None] * normal))
         for element, style, where in ((0, "-", "corner"), (4, "--", "middle")):
             over_load.plot(loads_n, means_um[:, element], style, color=colour, label=f"{name}, {where}")
     over_load.set(xlabel="upright force [N]", ylabel="mean closure [um]")
     over_load.legend(fontsize=8)
     times_s = np.concatenate([[0.0], np.geomspace(1e-3, HOLD_S, 200)])
     for leak_s in LEAK_TIMES_S:
-        over_time.semilogx(
-            times_s[1:], leaking_closure_um(response, leak_s, times_s)[1:], label=f"leak of {leak_s:g} s"
-        )
+        closure_um = leaking_closure_um(response, leak_s, times_s)
+        over_time.semilogx(times_s[1:], closure_um[1:], label=f"leak of {leak_s:g} s")
     over_time.set(
         xlabel=f"time under {HOLD_N:g} N [s]", ylabel="mean closure by elastance [um]", ylim=(0.0, None)
     )
@@ -341,7 +344,7 @@ STUDY = Study(
     title="Air in the cavities",
     compute=compute,
     names={
-        "CHANNEL_MM": CHANNEL_MM,
+        "VENT_CHANNEL_MM": venting.VENT_CHANNEL_MM,
         "MEASURED_DIRECTION_DEG": MEASURED_DIRECTION_DEG,
         "MEASURED_MAGNITUDE_GF": MEASURED_MAGNITUDE_GF,
     },

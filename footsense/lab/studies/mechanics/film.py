@@ -83,8 +83,8 @@ class DesignFigures:
         upright_range_n: Largest upright force in range [N].
         range_at_45_deg_n: Largest force at an elevation of 45 deg in range [N].
         linear_errors: Errors of the linear estimator of elastance on the paper's protocol, with noise.
-        direction_deg: Direction errors of networks on closures.
-        magnitude_gf: Magnitude errors of networks on closures.
+        direction_error_deg: Direction errors of networks on closures.
+        magnitude_error_gf: Magnitude errors of networks on closures.
     """
 
     unloaded_pf: float
@@ -93,8 +93,8 @@ class DesignFigures:
     upright_range_n: float
     range_at_45_deg_n: float
     linear_errors: ForceErrors
-    direction_deg: MeanStd
-    magnitude_gf: MeanStd
+    direction_error_deg: MeanStd
+    magnitude_error_gf: MeanStd
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,8 +210,8 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures
         upright_range_n=_max_force_in_range_n(sensor, _UPWARD),
         range_at_45_deg_n=_max_force_in_range_n(sensor, directions(0.0, 45.0)[None]),
         linear_errors=evaluate_force_errors(test.force_n, elastance_estimator(training)(test.closure_um)),
-        direction_deg=MeanStd.of_values(answer.direction_deg for answer in answers),
-        magnitude_gf=MeanStd.of_values(answer.magnitude_gf for answer in answers),
+        direction_error_deg=MeanStd.of_values(answer.direction_deg for answer in answers),
+        magnitude_error_gf=MeanStd.of_values(answer.magnitude_gf for answer in answers),
     )
 
 

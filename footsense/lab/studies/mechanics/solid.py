@@ -222,8 +222,8 @@ def _closure_variation_inside_cells(response: FootResponse) -> tuple[float, floa
     1/D by s^2/D^2; s^2 = (slope x step)^2 / 12 per direction, the slope by differences of neighbouring cells.
     """
     force = directions(0.0, [90.0, INCLINED_DEG])
-    cells_um = np.minimum(response.free_closure_um(force, force), response.design.gap_um)
-    grid = cells_um.reshape(2, -1, CELLS_PER_SIDE, CELLS_PER_SIDE)
+    cell_closures_um = np.minimum(response.free_closure_um(force, force), response.design.gap_um)
+    grid = cell_closures_um.reshape(2, -1, CELLS_PER_SIDE, CELLS_PER_SIDE)
     variance = sum(np.gradient(grid, axis=axis) ** 2 for axis in (2, 3)) / 12.0
     distance_um = response.design.gap_um + response.design.film_equivalent_um - grid
     lost = (variance / distance_um**3).sum(axis=(2, 3)) / (1.0 / distance_um).sum(axis=(2, 3))

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.estimation.baseline.drift import (
-    DRIFT_PF2_PER_S,
+    DRIFT_VARIANCE_PF2_PER_S,
     MAX_ANCHOR_DISTANCE_PF,
     MAX_DRIFT_PF_PER_S,
     LegBaseline,
@@ -140,4 +140,4 @@ def test_variance_grows_with_time_only() -> None:
     """The stated rate, in pF^2/s."""
     foot = Swinging()
     at_once, later = (foot.sigma_pf(foot.t_ns + t_ns) ** 2 for t_ns in (0, 100 * S))
-    assert later - at_once == pytest.approx(100 * DRIFT_PF2_PER_S)
+    assert later - at_once == pytest.approx(100 * DRIFT_VARIANCE_PF2_PER_S)

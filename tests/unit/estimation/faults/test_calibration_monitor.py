@@ -47,12 +47,12 @@ class Walking:
             residual_rel: Residuals over the closures [1].
             stays: Whether the last leg is in contact for the whole stride; None: it steps as the others do.
         """
-        loads_n = np.broadcast_to(USUAL_N * reads_rel, 6)
+        forces_n = np.broadcast_to(USUAL_N * reads_rel, 6)
         residual2 = np.broadcast_to(np.square(residual_rel), 6)
         for sample in range(SAMPLES):
             phase = (sample / SAMPLES + TRIPOD / 2) % 1.0
             down = phase < 0.6
-            load_n = np.where(down, loads_n / 0.6, 0.0)
+            load_n = np.where(down, forces_n / 0.6, 0.0)
             squares = np.where(down, (residual2, np.ones(6)), 0.0).T
             down[-1] = down[-1] if stays is None else stays
             self.monitor.observe(load_n, down, squares, self._t_ns)

@@ -110,11 +110,11 @@ def test_a_force_that_is_not_known_is_no_event() -> None:
     """A leg that falls silent in stance loses its contact and regains it without an event; its lift-off is one."""
     robot = Robot()
     robot.step(np.zeros(LEGS), 100)
-    loads_n = np.full(LEGS, 1.0)
-    robot.step(loads_n, 20)
+    forces_n = np.full(LEGS, 1.0)
+    robot.step(forces_n, 20)
     robot.events.clear()
-    loads_n[2] = np.nan
-    frame = robot.step(loads_n, 200)
+    forces_n[2] = np.nan
+    frame = robot.step(forces_n, 200)
     assert not robot.events
     assert not frame.contact[2]
     assert np.isnan(frame.probability[2])

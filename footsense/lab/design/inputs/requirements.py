@@ -13,13 +13,13 @@ GRAVITY_M_S2 = 9.80665
 MAX_READABLE_CLOSURE_REL = 0.8
 
 
-class Wishes(NamedTuple):
+class Requirements(NamedTuple):
     """Requirements of a design: forces [N], lean [deg], error [deg], ball sizes, materials, process, board.
 
     Attributes:
         max_n: Largest force on a foot [N].
         min_n: Smallest force whose direction matters [N].
-        reach_deg: Largest angle between a force and the leg's axis [deg].
+        max_lean_deg: Largest angle between a force and the leg's axis [deg].
         error_deg: Largest error of the direction that the converter's noise may cause, mean over the range [deg].
         ball_mm: Least and largest diameter of the ball [mm].
         materials: At hand.
@@ -29,7 +29,7 @@ class Wishes(NamedTuple):
 
     max_n: float
     min_n: float
-    reach_deg: float
+    max_lean_deg: float
     error_deg: float
     ball_mm: tuple[float, float]
     materials: Materials

@@ -1,4 +1,4 @@
-"""Lower bound for the cycle time: the same cycle written in C (`c_floor.c`), compiled and loaded by ctypes."""
+"""Lower bound for the cycle time: the same cycle written in C (`c_program.c`), compiled and loaded by ctypes."""
 
 import ctypes
 import importlib.util
@@ -20,7 +20,7 @@ from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, CapFrame, Stamps, Vector
 
-_C_SOURCE_FILE = Path(__file__).with_name("c_floor.c")
+_C_SOURCE_FILE = Path(__file__).with_name("c_program.c")
 _LEGS = 6
 
 
@@ -29,7 +29,7 @@ def compiler() -> str | None:
     return next((found for name in ("cc", "gcc", "clang") if (found := shutil.which(name))), None)
 
 
-def has_c_floor() -> bool:
+def has_c_program() -> bool:
     """Return whether a C compiler and the package `onnx` are installed, both needed for the C program."""
     return compiler() is not None and importlib.util.find_spec("onnx") is not None
 
@@ -69,7 +69,7 @@ def _layer_matrices(model: bytes) -> dict[str, NDArray[np.float32]]:
     }
 
 
-class CFloor:
+class CProgram:
     """The daemon's cycle as a C program, as a lower bound for the cycle time.
 
     Args:
