@@ -1,4 +1,4 @@
-"""The arrays of a cycle, by which the pipe and the recording store them: one table for both."""
+"""Table of the arrays of a cycle, by which the recorder's pipe and the recording store them."""
 
 from collections.abc import Mapping
 from enum import IntEnum
@@ -31,7 +31,7 @@ NOT_RECORDED = 255
 
 
 class CycleField(NamedTuple):
-    """One array of a cycle's frames, with a row for each leg.
+    """One array of a cycle's frames, with one row per leg: type, shape, keys in JSON.
 
     Attributes:
         kind: Type of its entries, as numpy calls it.
@@ -50,7 +50,7 @@ class CycleField(NamedTuple):
 
 @cache
 def cycle_fields(n_elements: int) -> Mapping[str, CycleField]:
-    """Return the arrays of feet with so many elements, by their place in a cycle."""
+    """Return the arrays of a cycle by their path (such as `forces.force_n`), for feet with `n_elements` elements."""
     shape, all_set = (n_elements,), (1 << n_elements) - 1
     return {
         "scan.t_ns": CycleField("<i8", shape, ("t_ns",)),
@@ -94,12 +94,12 @@ GAIT_FIELDS = {
 
 
 def scan_from_arrays(sequence: int, arrays: Mapping[str, NDArray[Any]]) -> CapFrame:
-    """Return the scan with these arrays, by their places in `CYCLE_FIELDS`."""
+    """Return the capacitance frame made of arrays by their paths in `CYCLE_FIELDS`."""
     return CapFrame(sequence, **_frame_arrays("scan", arrays))
 
 
 def forces_from_arrays(sequence: int, t_sent_ns: int, arrays: Mapping[str, NDArray[Any]]) -> ContactFrame:
-    """Return the forces with these arrays, by their places in `CYCLE_FIELDS`."""
+    """Return the force frame made of arrays by their paths in `CYCLE_FIELDS`."""
     baseline = BaselineDrift(**_frame_arrays("forces.baseline", arrays))
     return ContactFrame(sequence, t_sent_ns, **_frame_arrays("forces", arrays), baseline=baseline)
 
@@ -111,7 +111,7 @@ def gait_from_arrays(
     events: tuple[GaitEvent, ...],
     arrays: Mapping[str, NDArray[Any]],
 ) -> GaitFrame:
-    """Return the gait with these arrays, by their places in `GAIT_FIELDS`."""
+    """Return the gait frame made of arrays by their paths in `GAIT_FIELDS`."""
     values = {path.partition(".")[2]: arrays[path] for path in GAIT_FIELDS}
     for name in ("contact", "contact_raw"):
         values[name] = values[name].astype(np.bool_)

@@ -1,4 +1,4 @@
-"""The writing end of the pipe that carries cycles out of the loop's process, as records of `cycle_records`.
+"""Write end of the pipe that carries cycles from the main loop to the recorder's child process.
 
 In virtual time the loop waits for room and nothing is lost. In real time it never waits: a cycle that finds the pipe
 full is lost, counted, and its loss recorded before the next cycle that finds room.
@@ -25,7 +25,7 @@ _gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in GAIT_ARRAY_ORD
 
 
 class CyclePipe:
-    """The writing end of a pipe of cycles.
+    """Write end of a pipe of cycles; counts the cycles that are lost while the pipe is full.
 
     Args:
         fd: The descriptor, nothing written to it yet; closed by `close`.
@@ -61,7 +61,7 @@ class CyclePipe:
         os.set_blocking(fd, blocking)
 
     def send(self, cycle: Cycle) -> None:
-        """Copy one cycle into the pipe; never fails, even without a reader.
+        """Write one cycle into the pipe; never fails, even if the reader has ended.
 
         Timing:
             3 us for six legs, unless `blocking`.
@@ -78,11 +78,11 @@ class CyclePipe:
             self.lost += 1
 
     def _loss_record(self) -> bytes:
-        """Return the record of the cycles that were lost since the last one that found room."""
+        """Return the record that counts the cycles lost since the last one written."""
         return pack_loss(LostCycles(self.n_cycles, self._t_ns, self._unreported))
 
     def _write(self, record: bytes) -> bool:
-        """Write a record, and return whether it was accepted; the unsent rest of the previous one goes first."""
+        """Write the unsent rest of the previous record, then this one; return whether it was accepted."""
         try:
             if self._rest:
                 self._rest = self._rest[os.write(self._fd, self._rest) :]
@@ -100,7 +100,7 @@ class CyclePipe:
         return True
 
     def close(self, timeout_s: float) -> None:
-        """Write the rest, a last loss included, and close the pipe; a rest without room for `timeout_s` is lost."""
+        """Write the unsent rest and a last loss record within `timeout_s`, and close the pipe."""
         left = memoryview(self._rest + (self._loss_record() if self._unreported else b""))
         os.set_blocking(self._fd, False)
         room = select.poll()
@@ -114,17 +114,17 @@ class CyclePipe:
 
 
 def pack_header(header: Mapping[str, str]) -> bytes:
-    """Return the recording's header, with an entry `legs`, as the first record."""
+    """Return the recording's header as the first record of the pipe."""
     return _with_length(_encode(Header(dict(header))))
 
 
 def pack_loss(loss: LostCycles) -> bytes:
-    """Return the pipe record that counts lost cycles."""
+    """Return a count of lost cycles as a record of the pipe."""
     return _with_length(_encode(loss))
 
 
 def pack_cycle(counter: int, cycle: Cycle) -> bytes:
-    """Return one cycle as a msgpack record for the pipe.
+    """Return one cycle as a msgpack record of the pipe.
 
     Args:
         counter: Number of the cycle since the recording began.

@@ -1,4 +1,4 @@
-"""The records on the pipe between the loop and the writer: their layout, and the reader's end; `cycle_pipe` packs them.
+"""Records in the pipe from the main loop to the recorder's child process: format and decoder; see `cycle_pipe`.
 
 Each record is its length (u32, little-endian) and one msgpack array: the header first, then cycles, and a loss before
 the cycle that follows a gap. The arrays of a cycle's frames stand in one binary field, in the order of
@@ -33,7 +33,7 @@ _MAX_RECORD_BYTES = 1 << 24
 
 
 class NumberedCycle(NamedTuple):
-    """One recorded cycle, with its number in the recording.
+    """One cycle with its number in the recording.
 
     Attributes:
         counter: Number of the cycle since the recording began, lost ones counted.
@@ -45,7 +45,7 @@ class NumberedCycle(NamedTuple):
 
 
 class LostCycles(msgspec.Struct, frozen=True, array_like=True, tag="loss"):
-    """Cycles that found the pipe full.
+    """Number of cycles lost in a row because the pipe was full, with the place and time of the loss.
 
     Attributes:
         counter: Number of the next recorded cycle.
@@ -59,7 +59,7 @@ class LostCycles(msgspec.Struct, frozen=True, array_like=True, tag="loss"):
 
 
 class Header(msgspec.Struct, array_like=True, tag="header"):
-    """Entries of the recording's header: `legs` names the rows of the frames, `n_elements` a number beside nine."""
+    """Header record: entries of the recording's header, among them leg names and number of elements."""
 
     entries: dict[str, str]
 
@@ -97,7 +97,7 @@ GAIT_ARRAY_ORDER = sorted(
 def unpack_records(
     buffer: bytearray, shape: FrameShape | None
 ) -> Iterator[dict[str, str] | NumberedCycle | LostCycles]:
-    """Remove every complete record from the front of a buffer, and decode it.
+    """Remove all complete records from the front of a buffer, and yield them decoded.
 
     Args:
         buffer: Bytes as they arrived; yielded records are removed, an incomplete one stays.
@@ -130,7 +130,7 @@ def unpack_records(
 
 
 def require_valid(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
-    """Raise an error with these words if a field of a record is invalid.
+    """Raise an error with the message `words` unless a condition on a record's field holds.
 
     Raises:
         ValueError: It does not hold.
@@ -160,7 +160,7 @@ def _decode_cycle(record: _Cycle, shape: FrameShape) -> NumberedCycle:
 def _decode_arrays(
     data: bytes, fields: Mapping[str, CycleField], order: list[str], n_legs: int
 ) -> Mapping[str, NDArray[Any]]:
-    """Return the arrays in a binary field by their places, checked.
+    """Return the arrays in a binary field by their paths, after checking the length.
 
     Args:
         data: The binary field.
@@ -190,7 +190,7 @@ def _decode_gait(record: _Gait, n_legs: int) -> GaitFrame:
 
 
 def _decode_reference(times: bytes, forces: bytes, saturations: bytes) -> Reference:
-    """Return the samples of a test stand's force sensor from recorded bytes, which may hold no sample."""
+    """Return the force-sensor samples in a record's binary fields; there may be none."""
     t_ns, saturated = np.frombuffer(times, "<i8"), np.frombuffer(saturations, "u1")
     force_n = np.frombuffer(forces, "<f8").reshape(len(t_ns), 3)
     meant = len(saturated) == len(t_ns) and t_ns.min(initial=0) >= 0 and saturated.max(initial=0) <= 1

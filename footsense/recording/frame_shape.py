@@ -1,4 +1,4 @@
-"""Legs and elements of a recording, as its header names them: the shape of all arrays that follow."""
+"""Array shape of a recording's frames (legs, elements), as given by its header."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -13,7 +13,7 @@ _ARRAY_SIZES = (4, 9, 16)
 
 
 class FrameShape(NamedTuple):
-    """Numbers of legs and of elements of each foot, by which the arrays of a cycle are read.
+    """Number of legs, and of elements per foot, of a recording's frames.
 
     Attributes:
         n_legs: Rows of every array.
@@ -25,7 +25,7 @@ class FrameShape(NamedTuple):
 
 
 def frame_shape(header: Mapping[str, str]) -> FrameShape:
-    """Return the shape of the frames that follow a header.
+    """Return the array shape of the frames of a recording from its header.
 
     Raises:
         ValueError: Its legs are not some of a robot's, or its feet have no such array.
@@ -38,7 +38,7 @@ def frame_shape(header: Mapping[str, str]) -> FrameShape:
 
 
 def header_elements(header: Mapping[str, str]) -> int:
-    """Return the number of elements of a foot that a header names, nine without an entry.
+    """Return the number of elements per foot from a recording's header; 9 if there is no entry.
 
     Raises:
         ValueError: No foot has such an array.
@@ -50,5 +50,5 @@ def header_elements(header: Mapping[str, str]) -> int:
 
 
 def elements_entry(n_elements: int) -> dict[str, str]:
-    """Return the header's entry of a number of elements: none for nine, so that their recordings keep their bytes."""
+    """Return the header entry for the number of elements; empty for 9, the number without an entry."""
     return {} if n_elements == ELEMENTS else {N_ELEMENTS_KEY: str(n_elements)}

@@ -1,4 +1,4 @@
-"""Processor and library versions, which decide whether the same computation gives the same bits."""
+"""Processor and library versions of this machine, on which the exact bits of the forces depend."""
 
 import platform
 import zlib
@@ -13,7 +13,7 @@ _FEATURE_KEYS = ("flags", "Features")
 
 
 def platform_versions(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, str]:
-    """Return the header entries `processor`, `python`, `numpy` and `onnxruntime` for this process."""
+    """Return the header entries `processor`, `python`, `numpy` and `onnxruntime` of this process."""
     return {
         "processor": _processor_description(cpuinfo),
         "python": platform.python_version(),

@@ -1,4 +1,4 @@
-"""The recorder in the loop's process: starts the writer's process and copies cycles into its pipe.
+"""Recorder in the main loop's process: starts the child process that writes the file, and sends it the cycles.
 
 An MCAP writer in the loop's process, in a thread or not, costs the loop milliseconds now and then; a pipe costs
 microseconds.
@@ -34,12 +34,12 @@ FINISH_TIMEOUT_S = 30.0
 
 
 def partial_path(path: Path) -> Path:
-    """Return the path under which a recording is written until it is complete."""
+    """Return the path of a recording while it is being written: the final path with `.partial` appended."""
     return path.with_name(path.name + ".partial")
 
 
 def check_recording_target(path: Path) -> None:
-    """Check, before anything is started, that a recording may be written to `path`.
+    """Raise an error unless a recording can be written to `path`; starts nothing.
 
     Raises:
         ConfigError: The name does not end in .mcap.
@@ -57,7 +57,7 @@ def check_recording_target(path: Path) -> None:
 
 
 def check_not_being_written(partial: Path) -> None:
-    """Check that an unfinished recording is not still being written.
+    """Raise an error if another process is still writing an unfinished recording.
 
     Raises:
         RecordingError: Its writer, which holds a lock on it, runs.
@@ -75,7 +75,7 @@ def check_not_being_written(partial: Path) -> None:
 
 
 class Recorder:
-    """An observer that records every cycle.
+    """Observer that records every cycle to an MCAP file, through a child process.
 
     The writer's process gives up the real-time scheduling that it inherits.
 
@@ -112,7 +112,7 @@ class Recorder:
         )
 
     def _log_failure(self) -> None:
-        """Log why the writer has ended, from the report that it left."""
+        """Log why the child process has ended, from its error report."""
         assert self._writer.stderr is not None
         os.set_blocking(self._writer.stderr.fileno(), False)
         with contextlib.suppress(BlockingIOError):
@@ -121,7 +121,7 @@ class Recorder:
         _log.error("%s: %s; the run goes on without its recording", self._path, failure)
 
     def close(self) -> None:
-        """End the recording and wait until it is complete.
+        """End the recording, and wait until its file is complete.
 
         Raises:
             RecordingError: It is incomplete; what was written is in `FILE.partial`.
@@ -146,7 +146,7 @@ class Recorder:
 
 
 def _parse_report(report: bytes) -> dict[str, Any]:
-    """Return the writer's report: the number of written cycles, and the failure that ended it, if any."""
+    """Return the child process's report: number of cycles written, and the error that ended it, if any."""
     last = report.decode(errors="replace").strip().rpartition("\n")[2]
     try:
         parsed: dict[str, Any] = json.loads(last)
@@ -156,7 +156,7 @@ def _parse_report(report: bytes) -> dict[str, Any]:
 
 
 def _start_writer(path: Path) -> tuple[subprocess.Popen[bytes], int]:
-    """Start the process that writes `path`.
+    """Start the child process that writes `path`; return it and the write end of its pipe.
 
     Returns:
         The process, and the end of the pipe that feeds it.

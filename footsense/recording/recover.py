@@ -1,4 +1,4 @@
-"""Recovery of a recording that was cut short."""
+"""Recover a truncated recording."""
 
 import os
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from footsense.recording.replay import Replay
 
 
 class RecoveryResult(NamedTuple):
-    """Result of a recovery: number of cycles, and the damage that ended the recording.
+    """Result of a recovery: number of cycles recovered, and the damage that ended the recording.
 
     Attributes:
         n_cycles: Cycles in the new file.
@@ -25,7 +25,7 @@ class RecoveryResult(NamedTuple):
 
 
 def recovered_path(path: Path) -> Path:
-    """Return the name of the recovered file: without `.partial`, else with `.recovered` in it.
+    """Return the default path of a recovered recording: without `.partial`, else with `.recovered` inserted.
 
     Example:
         >>> recovered_path(Path("walk.mcap.partial")).name, recovered_path(Path("walk.mcap")).name
@@ -35,7 +35,7 @@ def recovered_path(path: Path) -> Path:
 
 
 def recover(path: Path, target: Path, on_read: Callable[[int], None] | None = None) -> RecoveryResult:
-    """Copy the complete cycles of a recording to a new one, with its index.
+    """Copy the complete cycles of a truncated recording to a new file with an index.
 
     Args:
         path: The recording that was cut short; not changed.

@@ -1,4 +1,4 @@
-"""A recording as an iterable of its cycles, and as source of frames and clock for the loop of the service."""
+"""Replay of a recording: iterable of its cycles, and frame source and clock for the main loop."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,7 +12,7 @@ from footsense.recording.frame_shape import header_elements
 
 
 class Replay:
-    """A recording; each iteration reads it from its beginning.
+    """Iterable of a recording's cycles; each iteration reads the file from the beginning.
 
     Args:
         path: The recording, finished or not.
@@ -36,7 +36,7 @@ class Replay:
         self.n_elements = header_elements(self.header)
 
     def entries(self) -> Iterator[NumberedCycle | LostCycles]:
-        """Return complete cycles and recorded losses in file order.
+        """Return an iterator over complete cycles and recorded losses, in file order.
 
         Returns:
             An iterator that reads the file as it goes.
@@ -59,7 +59,7 @@ class Replay:
 
 
 class ReplaySource:
-    """The readings of a recording, as a `FrameSource`.
+    """Frame source that plays the capacitance frames of a recording.
 
     Args:
         replay: The recording.
@@ -78,7 +78,7 @@ class ReplaySource:
         self.damage: RecordingError | None = None
 
     def read(self) -> CapFrame | None:
-        """Return the next frame; None at the end, and where the recording is damaged (see `damage`)."""
+        """Return the next capacitance frame; None at the end or at damage (see `damage`)."""
         try:
             for entry in self._entries:
                 if isinstance(entry, NumberedCycle):
@@ -91,16 +91,16 @@ class ReplaySource:
         return None
 
     def commands(self) -> list[Command]:
-        """Return the commands executed before the last frame, once."""
+        """Return the commands that were executed in the cycle of the last frame; a second call returns none."""
         commands, self._commands = list(self._commands), ()
         return commands
 
     def close(self) -> None:
-        """Do nothing: the file closes with its iterator."""
+        """Do nothing: the file is closed when its iterator ends."""
 
 
 class ReplayClock:
-    """The time at which the recorded loop sent its forces, as a `Clock` that never waits.
+    """Clock that shows the recorded sending time of the current cycle, and never waits.
 
     Args:
         source: Source of the current cycle.
@@ -110,8 +110,8 @@ class ReplayClock:
         self._source = source
 
     def now_ns(self) -> int:
-        """Return the recorded time of sending of the current cycle [ns]; 0 before the first."""
+        """Return the recorded sending time of the current cycle [ns]; 0 before the first cycle."""
         return self._source.cycle.forces.t_sent_ns if self._source.cycle else 0
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        """Return at once: a replay runs as fast as it can."""
+        """Return at once, as a replay runs as fast as possible."""

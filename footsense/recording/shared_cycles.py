@@ -1,4 +1,4 @@
-"""The last cycles of the loop in shared memory, for viewers in processes of their own.
+"""Ring buffer of the latest cycles in shared memory, written by the service and read by viewer processes.
 
 The loop copies each cycle into the next slot of a ring and waits for nobody: a reader that is too slow finds newer
 cycles in the slots, and counts those that it missed. There is one writer, and any number of readers.
@@ -48,7 +48,7 @@ _COPY_PERIOD_NS = 100_000_000
 
 
 class SharedCycles(Observer):
-    """An observer that copies every cycle into shared memory.
+    """Observer that copies every cycle into the ring buffer in shared memory.
 
     Args:
         path: The file, in memory.
@@ -91,7 +91,7 @@ class SharedCycles(Observer):
         self._n = 0
 
     def observe(self, cycle: Cycle) -> None:
-        """Copy one cycle into the next slot."""
+        """Copy one cycle into the next slot of the ring buffer."""
         baseline = self._baseline_pf()
         if baseline is not self._baseline:
             self._baseline = baseline
@@ -118,7 +118,7 @@ class SharedCycles(Observer):
 
 
 class NewCycles(NamedTuple):
-    """Cycles since the last reading of the ring buffer, and how many were missed.
+    """Cycles read from the ring buffer since the last call, and the number of those overwritten before.
 
     Attributes:
         cycles: The cycles, oldest first.
@@ -130,7 +130,7 @@ class NewCycles(NamedTuple):
 
 
 class CycleReader:
-    """A reader of the shared cycles of a running service.
+    """Reader of the ring buffer of a running service.
 
     Args:
         path: The file.
@@ -160,7 +160,7 @@ class CycleReader:
         self._next = max(0, self._n_written - N_SLOTS // 2)
 
     def _open(self) -> int:
-        """Map the file, read its header, and return the length of the header.
+        """Map the shared-memory file, and read its header; return the header's length [bytes].
 
         Raises:
             FootsenseError: Its service has ended, or it holds something else.
@@ -191,13 +191,13 @@ class CycleReader:
         return number
 
     def is_current(self) -> bool:
-        """Return whether its writer lives, and the file is still the one of its path."""
+        """Return whether the service still runs and its file has not been replaced."""
         with suppress(OSError):
             return self._path.stat().st_ino == os.fstat(self._file.fileno()).st_ino and is_locked(self._file)
         return False
 
     def read(self) -> NewCycles:
-        """Return the cycles since the last call, those in the ring at first.
+        """Return the cycles since the last call; at the first call, all in the ring buffer.
 
         Raises:
             FootsenseError: A record is damaged.
@@ -234,7 +234,7 @@ class CycleReader:
 
     @property
     def can(self) -> CanStatistics:
-        """Counts of the CAN channel, at most 0.1 s old while cycles come."""
+        """CAN statistics of the service, at most 0.1 s old while cycles arrive."""
         return CanStatistics(*map(int, np.nan_to_num(self._float64_values()[-_N_COUNTS:]).tolist()))
 
     def _float64_values(self) -> Vector:
@@ -243,6 +243,6 @@ class CycleReader:
         ).copy()
 
     def close(self) -> None:
-        """Release the shared-memory file."""
+        """Unmap the shared-memory file."""
         self._map.close()
         self._file.close()

@@ -1,4 +1,4 @@
-"""The process that turns the loop's pipe into an MCAP file: `python -m footsense.recording.writer FILE`.
+"""Child process that writes a recording from the pipe of cycles: `python -m footsense.recording.writer FILE`.
 
 Its standard input is the pipe, its standard output the open `FILE.partial`, which it renames to FILE at the end of
 the pipe, and its standard error one line of JSON: the number of written cycles, and the failure that stopped it, if
@@ -28,7 +28,7 @@ _MAX_WAITING_BATCHES = 100
 
 
 class PipeWriter:
-    """Writes the records of the pipe to an MCAP file.
+    """Decodes the records received from the pipe, and writes them to an MCAP file.
 
     Args:
         fd: The open file.
@@ -47,7 +47,7 @@ class PipeWriter:
         self.n_cycles = 0
 
     def feed(self, data: bytes) -> None:
-        """Write the complete records among bytes from the pipe; keep the rest.
+        """Write the complete records in the bytes received; keep an incomplete rest.
 
         Raises:
             RecordingError: The bytes are damaged.
@@ -61,7 +61,7 @@ class PipeWriter:
                 self._add(self._file, entry)
 
     def _add(self, file: McapFile, entry: NumberedCycle | LostCycles) -> None:
-        """Write a cycle or a loss; close the chunk where it is due."""
+        """Write a cycle or a loss of cycles, and close the MCAP chunk if that is due."""
         n_bytes_written = file.n_bytes_written
         file.add_entry(entry)
         if isinstance(entry, LostCycles):
@@ -78,13 +78,13 @@ class PipeWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Hand every complete cycle to the kernel."""
+        """Write all complete cycles to the file."""
         if self._file is not None:
             self._file.flush()
             self.n_cycles = self._n_added
 
     def finish(self) -> None:
-        """Write the last chunk and the index.
+        """Write the last MCAP chunk and the index.
 
         Raises:
             RecordingError: The pipe ended before the header.
@@ -117,7 +117,7 @@ def _write_until_end(writer: PipeWriter, pipe: int) -> None:
 
 
 def _remove_partial_suffix(path: Path) -> None:
-    """Turn `FILE.partial` into FILE.
+    """Rename the complete recording from `FILE.partial` to `FILE`.
 
     Raises:
         RecordingError: FILE exists by now.
@@ -128,7 +128,7 @@ def _remove_partial_suffix(path: Path) -> None:
 
 
 def main(path: Path, pipe: int = 0, fd: int = 1, report: int = 2) -> int:
-    """Write a recording until the pipe ends.
+    """Write a recording until the pipe ends; return the exit code.
 
     Args:
         path: Name of the file once it is complete.

@@ -1,4 +1,4 @@
-"""A folder that `ros2 bag play` takes: one MCAP file of CDR messages, and `metadata.yaml`.
+"""Writer of a ROS 2 bag: a folder with an MCAP file of CDR messages and `metadata.yaml`, for `ros2 bag play`.
 
 Version 5 of the metadata, which Humble writes and later distributions read. A bag never mixes JSON and CDR: rosbag2
 takes the encoding of the first topic for that of all (ros2/rosbag2#1245).
@@ -25,7 +25,7 @@ _INFINITE_DURATION = {"sec": 9223372036, "nsec": 854775807}
 
 
 def qos_profile(topic: str) -> str:
-    """Return the quality of service that a topic was offered with, as rosbag2 writes it."""
+    """Return the QoS profile of a topic as YAML text, as rosbag2 stores it."""
     profile = {
         "history": _KEEP_LAST,
         "depth": 1 if topic == TF_STATIC else 10,
@@ -41,7 +41,7 @@ def qos_profile(topic: str) -> str:
 
 
 class Bag:
-    """A bag that is being written; see `create_bag`."""
+    """ROS 2 bag that is being written; see `create_bag`."""
 
     def __init__(self, folder: Path, name: str, topics: Topics) -> None:
         self._folder, self._file_name = folder, f"{name}_0.mcap"
@@ -84,7 +84,7 @@ class Bag:
         self._span_ns = (t_ns if self._span_ns is None else self._span_ns[0], t_ns)
 
     def close(self) -> None:
-        """Write the index and the metadata."""
+        """Write the index of the MCAP file, and `metadata.yaml`."""
         self._writer.finish()
         self._file.close()
         text = yaml.safe_dump({"rosbag2_bagfile_information": self._metadata()}, sort_keys=False)
@@ -127,7 +127,7 @@ class Bag:
 
 @contextmanager
 def create_bag(folder: Path, topics: Topics) -> Iterator[Bag]:
-    """Create a bag; it has its name only once it is complete.
+    """Create a ROS 2 bag during a `with` block; the folder gets its name once it is complete.
 
     Args:
         folder: The new folder.

@@ -1,4 +1,4 @@
-"""A recording as a bag."""
+"""Export of a recording as a ROS 2 bag."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from footsense.ros2.topics import DIAGNOSTICS_PERIOD_NS, FootFrame, Topics
 
 
 def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None = None) -> int:
-    """Write a recording as a folder that `ros2 bag play` takes; return the number of cycles.
+    """Write a recording as a ROS 2 bag; return the number of cycles.
 
     A wrench for each new force, a contact state ten times a second and with each event, diagnostics once a second and
     with each change of a state.
@@ -41,7 +41,7 @@ def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None 
 
 
 class _CycleWriter:
-    """Writes the messages of cycles to a bag."""
+    """Writes the ROS 2 messages of each cycle to a bag."""
 
     def __init__(self, bag: Bag, topics: Topics) -> None:
         self._bag, self._topics = bag, topics
@@ -50,7 +50,7 @@ class _CycleWriter:
         self._diagnosed_ns: int | None = None
 
     def add(self, cycle: RecordedSamples) -> None:
-        """Write the ROS 2 messages of a cycle to the bag."""
+        """Write the ROS 2 messages of one cycle to the bag."""
         t_ns, samples, has_gait = cycle
         if self._diagnosed_ns is None:
             for message in self._topics.transforms(t_ns):

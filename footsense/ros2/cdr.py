@@ -1,4 +1,4 @@
-"""Messages as bytes: CDR, little-endian, as ROS 2 and its bags carry them.
+"""Encoder of ROS 2 messages as CDR bytes, little-endian.
 
 Every number stands at a multiple of its size, counted from behind the four bytes of the header. A string is its length
 with the ending 0, then its bytes; a list is its length, then its entries.
@@ -23,7 +23,7 @@ _Write = Callable[[bytearray, Any], None]
 
 
 def encode(message: Message) -> bytes:
-    """Return a message with its header of four bytes."""
+    """Return a ROS 2 message as CDR bytes, after the encapsulation header of 4 bytes."""
     out, kind = bytearray(), _message_class(message)
     _value_writer(kind)(out, message)
     return _CDR_HEADER + out
@@ -35,7 +35,7 @@ def _message_class(message: Message) -> type:
 
 @cache
 def _value_writer(kind: type | str) -> _Write:
-    """Return the function that appends a value of a type."""
+    """Return the function that appends values of a type to CDR bytes."""
     if kind == "string":
         return _write_string
     if isinstance(kind, str):

@@ -1,4 +1,4 @@
-"""Fields of the messages, and their definitions as text, as MCAP files carry them."""
+"""Definitions of the ROS 2 messages: field lists, type names, and `ros2msg` text for MCAP files."""
 
 from dataclasses import fields
 from functools import cache
@@ -10,7 +10,7 @@ _DEFINITION_SEPARATOR = "=" * 80
 
 
 class Field(NamedTuple):
-    """One field of a message.
+    """One field of a ROS 2 message type: name and type.
 
     Attributes:
         name: Its name.
@@ -25,7 +25,7 @@ class Field(NamedTuple):
 
 @cache
 def fields_of(message: type) -> tuple[Field, ...]:
-    """Return the fields of a class of messages in their order."""
+    """Return the fields of a ROS 2 message class, in their order."""
     hints = get_type_hints(message, include_extras=True)
     return tuple(_field_from_hint(one.name, hints[one.name]) for one in fields(message))
 
@@ -37,7 +37,7 @@ def _field_from_hint(name: str, hint: Any) -> Field:  # noqa: ANN401 - a type
 
 
 def ros_name(message: type, middle: str = "/msg/") -> str:
-    """Return the ROS 2 name of a message type, such as `geometry_msgs/msg/Wrench`.
+    """Return the ROS 2 type name of a message class, such as `geometry_msgs/msg/Wrench`.
 
     Example:
         >>> from footsense.ros2.messages import Wrench
@@ -48,7 +48,7 @@ def ros_name(message: type, middle: str = "/msg/") -> str:
 
 
 def message_definition(message: type) -> str:
-    """Return the definition of a type and of all types within, in the form `ros2msg` of MCAP.
+    """Return the `ros2msg` definition text of a message class and of the classes it contains.
 
     Example:
         >>> from footsense.ros2.messages import Header
@@ -70,7 +70,7 @@ def message_definition(message: type) -> str:
 
 
 def nested_types(message: type) -> list[type]:
-    """Return the types within a type, each once, in the order in which they are met."""
+    """Return the message classes that a message class contains, each once, in the order of their occurrence."""
     types_found: dict[type, None] = {}
     for field in fields_of(message):
         if isinstance(field.kind, type):

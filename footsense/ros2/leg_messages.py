@@ -1,4 +1,4 @@
-"""A leg's state as ROS 2 messages.
+"""ROS 2 messages of a leg: wrench, contact state, diagnostics.
 
 A value that is not known is never a plausible number. A leg without a usable force sends no wrench, as a filter that
 received NaN would not recover: its last stamp ages. Its contact state has the status unknown and NaN for the force.
@@ -43,7 +43,7 @@ _WARNING_STATES = {
 
 
 class LegSample(NamedTuple):
-    """One leg at one time, from a recording or from CAN.
+    """State, force and contact of one leg at one time, from a recording or from CAN.
 
     Attributes:
         leg: Name of the leg.
@@ -79,7 +79,7 @@ class LegSample(NamedTuple):
 
 
 def wrench(sample: LegSample, frame: str) -> WrenchStamped | None:
-    """Return a leg's force, stamped with the time of its newest reading; None if there is no usable force.
+    """Return a leg's force as a ROS 2 message, stamped with its newest reading's time; None without a usable force.
 
     Args:
         sample: The leg.
@@ -110,7 +110,7 @@ def contact_state(sample: LegSample, frame: str) -> ContactState:
 
 
 def diagnostics(samples: Sequence[LegSample], t_ns: int) -> DiagnosticArray:
-    """Return the health of all legs as a ROS 2 diagnostic message.
+    """Return the states of all legs as a ROS 2 diagnostic message.
 
     Args:
         samples: The legs.

@@ -1,4 +1,4 @@
-"""The legs on CAN as messages for ROS 2, in the time of the wall clock."""
+"""Live ROS 2 messages of the legs received from CAN, in wall-clock time."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ _CONTACT_PERIOD_NS = 100_000_000
 
 
 def live_sample(snapshot: LegSnapshot, wall_ns: int) -> LegSample:
-    """Return a leg as its CAN frames show it.
+    """Return a leg's state, force and contact as a sample, from the values received on CAN.
 
     Args:
         snapshot: The leg.
@@ -44,7 +44,7 @@ def live_sample(snapshot: LegSnapshot, wall_ns: int) -> LegSample:
 
 
 class LiveMessages:
-    """Decides which ROS 2 messages of the legs on CAN are due, and builds them.
+    """Decides which ROS 2 messages of the legs are due, and builds them.
 
     Args:
         topics: The messages of the legs.
@@ -58,7 +58,7 @@ class LiveMessages:
         self._contact_ns = self._diagnosed_ns = -math.inf
 
     def due_messages(self, snapshots: Sequence[LegSnapshot], wall_ns: int, now_ns: int) -> list[TopicMessage]:
-        """Return the messages that are due: a wrench for each new force, the rest as `write_bag` has it.
+        """Return the messages due now: a wrench for each new force, contact and diagnostics periodically.
 
         Args:
             snapshots: The legs.

@@ -1,4 +1,4 @@
-"""The ROS 2 messages that are written, each field with the name of its ROS type.
+"""Dataclasses of the ROS 2 message types that are published, with ROS field names and types.
 
 Source:
     The interface packages builtin_interfaces, std_msgs, geometry_msgs, diagnostic_msgs and tf2_msgs of ROS 2 Humble
@@ -21,20 +21,20 @@ _NS_PER_S = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Time:
-    """A time since 1970."""
+    """ROS 2 time since 1970."""
 
     sec: Int32
     nanosec: UInt32
 
     @classmethod
     def from_ns(cls, t_ns: int) -> "Time":
-        """Return a time in nanoseconds since 1970."""
+        """Return the ROS 2 time of nanoseconds since 1970."""
         return cls(*divmod(t_ns, _NS_PER_S))
 
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Time and frame of a message."""
+    """Time stamp and frame of a message."""
 
     stamp: Time
     frame_id: String
@@ -42,7 +42,7 @@ class Header:
 
 @dataclass(frozen=True, slots=True)
 class Vector3:
-    """A vector; every entry NaN if unknown."""
+    """3D vector; every component NaN if unknown."""
 
     x: Float64 = _NAN
     y: Float64 = _NAN
@@ -51,12 +51,12 @@ class Vector3:
 
 @dataclass(frozen=True, slots=True)
 class Point(Vector3):
-    """A position [m]."""
+    """Position [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Quaternion:
-    """A rotation."""
+    """Rotation as a quaternion."""
 
     x: Float64 = _NAN
     y: Float64 = _NAN
@@ -66,7 +66,7 @@ class Quaternion:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A position and an orientation."""
+    """Position and orientation."""
 
     position: Point
     orientation: Quaternion
@@ -74,7 +74,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """A velocity [m/s] and an angular velocity [rad/s]."""
+    """Linear velocity [m/s] and angular velocity [rad/s]."""
 
     linear: Vector3
     angular: Vector3
@@ -82,7 +82,7 @@ class Twist:
 
 @dataclass(frozen=True, slots=True)
 class Wrench:
-    """A force [N] and a torque [Nm]."""
+    """Force [N] and torque [Nm]."""
 
     force: Vector3
     torque: Vector3
@@ -90,7 +90,7 @@ class Wrench:
 
 @dataclass(frozen=True, slots=True)
 class WrenchStamped:
-    """A wrench with its time and frame."""
+    """Force and torque, with time stamp and frame."""
 
     header: Header
     wrench: Wrench
@@ -98,7 +98,7 @@ class WrenchStamped:
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """A translation [m] and a rotation."""
+    """Translation [m] and rotation."""
 
     translation: Vector3
     rotation: Quaternion
@@ -106,7 +106,7 @@ class Transform:
 
 @dataclass(frozen=True, slots=True)
 class TransformStamped:
-    """The pose of a child frame in the frame of the header."""
+    """Pose of a child frame in the frame of the header, with time stamp."""
 
     header: Header
     child_frame_id: String
@@ -115,14 +115,14 @@ class TransformStamped:
 
 @dataclass(frozen=True, slots=True)
 class TFMessage:
-    """A list of coordinate transforms."""
+    """List of coordinate transforms."""
 
     transforms: list[TransformStamped]
 
 
 @dataclass(frozen=True, slots=True)
 class KeyValue:
-    """A named value."""
+    """Named value of a diagnostic status."""
 
     key: String
     value: String
@@ -130,7 +130,7 @@ class KeyValue:
 
 @dataclass(frozen=True, slots=True)
 class DiagnosticStatus:
-    """The health of one part: level 0 OK, 1 warning, 2 error, 3 stale."""
+    """Health of one component: level 0 OK, 1 warning, 2 error, 3 stale."""
 
     level: Byte
     name: String
@@ -141,7 +141,7 @@ class DiagnosticStatus:
 
 @dataclass(frozen=True, slots=True)
 class DiagnosticArray:
-    """The health of several parts."""
+    """Health of several components at one time."""
 
     header: Header
     status: list[DiagnosticStatus]
@@ -149,7 +149,7 @@ class DiagnosticArray:
 
 @dataclass(frozen=True, slots=True)
 class ContactState:
-    """A contact: type 0 locomotion; status 0 unknown, 1 inactive, 2 active, 3 slipping."""
+    """Contact of a foot: type 0 locomotion; status 0 unknown, 1 inactive, 2 active, 3 slipping."""
 
     name: String
     type: UInt8

@@ -1,4 +1,4 @@
-"""A DDS participant that ROS 2 nodes see as publishers of their own; needs the extra `ros2`.
+"""DDS participant that publishes topics to ROS 2 nodes; needs the extra `ros2`.
 
 A topic `/a` of ROS 2 is `rt/a` in DDS, and a type `p/msg/T` is `p::msg::dds_::T_`; since Iron a writer names the hash
 of its type, and rmw warns of one that does not.
@@ -42,7 +42,7 @@ TYPE_HASHES = {
 
 @cache
 def dds_type(message: type) -> Any:  # noqa: ANN401 - a class of the library, which is not typed
-    """Return the DDS type of a class of messages."""
+    """Return the DDS type of a ROS 2 message class."""
     plain = {"string": str} | {
         name: getattr(types, name) for name in ("byte", "uint8", "int32", "uint32", "float64")
     }
@@ -55,7 +55,7 @@ def dds_type(message: type) -> Any:  # noqa: ANN401 - a class of the library, wh
 
 
 def dds_value(value: Any) -> Any:  # noqa: ANN401 - messages of any type
-    """Return a message, or a value within, as one of its DDS type."""
+    """Return a ROS 2 message, or a value in it, as an instance of its DDS type."""
     if isinstance(value, list):
         return [dds_value(one) for one in value]
     if isinstance(value, str | int | float):
@@ -65,7 +65,7 @@ def dds_value(value: Any) -> Any:  # noqa: ANN401 - messages of any type
 
 
 class Participant:
-    """Publishers of topics in a domain.
+    """DDS participant with one publisher per topic.
 
     Args:
         domain: The domain, 0 to 232; nodes hear each other if their ROS_DOMAIN_ID is equal.
@@ -96,7 +96,7 @@ class Participant:
         return DataWriter(self._participant, Topic(self._participant, f"rt{topic}", dds_type(kind)), qos=qos)
 
     def publish(self, message: TopicMessage) -> None:
-        """Publish a message on its topic.
+        """Publish a ROS 2 message on its topic.
 
         Raises:
             FootsenseError: It cannot be sent.

@@ -1,4 +1,4 @@
-"""The legs of a recording as samples for ROS 2, in the time of the wall clock."""
+"""Samples of the legs from a recording, for ROS 2 messages, in wall-clock time."""
 
 from collections.abc import Iterator
 from datetime import datetime
@@ -14,7 +14,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class RecordedSamples(NamedTuple):
-    """State and force of all legs in one recorded cycle.
+    """Samples of all legs in one recorded cycle.
 
     Attributes:
         t_sent_ns: Time of sending, since 1970 [ns].
@@ -28,7 +28,7 @@ class RecordedSamples(NamedTuple):
 
 
 def recorded_samples(replay: Replay) -> Iterator[RecordedSamples]:
-    """Return the cycles of a recording as samples for ROS 2.
+    """Yield the samples of all legs for each cycle of a recording.
 
     Args:
         replay: The recording.
@@ -50,7 +50,7 @@ def recorded_samples(replay: Replay) -> Iterator[RecordedSamples]:
 
 
 def _wall_offset_ns(replay: Replay, t_first_ns: int) -> int:
-    """Return wall clock less recorded time [ns]; of a recording without it, as if the first cycle was at its start.
+    """Return wall-clock time minus recorded time [ns], from the header's start time and the first cycle.
 
     Raises:
         RecordingError: The header's times are not times.

@@ -1,4 +1,4 @@
-"""Topics of the messages, and the frames of the feet."""
+"""ROS 2 topics of the robot's legs, and the coordinate frames of the feet."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,7 +33,7 @@ _Part = Annotated[float, msgspec.Meta(ge=-1, le=1, description="-1 to 1")]
 
 
 class FootFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a foot's frame is on the robot.
+    """Coordinate frame of a foot on the robot: name, parent frame, position, rotation.
 
     Attributes:
         frame: Name of the foot's frame.
@@ -49,14 +49,14 @@ class FootFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TopicMessage(NamedTuple):
-    """A ROS 2 message and the topic that it is published on."""
+    """ROS 2 message with the topic on which it is published."""
 
     topic: str
     message: Message
 
 
 class Topics:
-    """Builds the ROS 2 messages of a robot's legs.
+    """Builds the ROS 2 messages of a robot's legs, with their topics.
 
     Args:
         legs: Names of the legs.
@@ -76,7 +76,7 @@ class Topics:
             self.types[TF_STATIC] = TFMessage
 
     def wrench(self, sample: LegSample) -> list[TopicMessage]:
-        """Return the message of a leg's force; none if it is not usable."""
+        """Return the message of a leg's force; an empty list without a usable force."""
         message = wrench(sample, self._frames[sample.leg].frame)
         return [] if message is None else [TopicMessage(f"/footsense/{sample.leg}/wrench", message)]
 
@@ -87,11 +87,11 @@ class Topics:
 
     @staticmethod
     def diagnostics(samples: Sequence[LegSample], t_ns: int) -> TopicMessage:
-        """Return the message of all legs' health."""
+        """Return the diagnostic message of all legs."""
         return TopicMessage(DIAGNOSTICS, diagnostics(samples, t_ns))
 
     def transforms(self, t_ns: int) -> list[TopicMessage]:
-        """Return the message of the feet's poses; none if no parent was given."""
+        """Return the message of the feet's poses; an empty list if no frame has a parent."""
         stamp = Time.from_ns(t_ns)
         transforms = [
             TransformStamped(
@@ -106,7 +106,7 @@ class Topics:
 
 
 def load_foot_frames(path: Path) -> dict[str, FootFrame]:
-    """Return the frames of the feet in a YAML file, by leg.
+    """Return the coordinate frames of the feet from a YAML file, by leg.
 
     Raises:
         ConfigError: The file is missing or wrong; the message names the line.

@@ -16,7 +16,7 @@ def run_in_processes(
     n_processes: int,
     max_parts_per_process: int | None = None,
 ) -> Iterator[PartResult]:
-    """Yield `work(part)` for every part, computed in child processes, in any order; warnings are suppressed.
+    """Yield `work(part)` for every part, computed in child processes, in order of completion; warnings are suppressed.
 
     Args:
         work: Works on one part; picklable.

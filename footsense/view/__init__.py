@@ -1,4 +1,4 @@
-"""The page of a robot, and the same data by Foxglove's protocol: a process of its own beside the service.
+"""Web page of a robot, and the same data by Foxglove's protocol; runs in a process beside the service.
 
     the loop ─ recording.shared_cycles ─▶ live ─┐                       ┌─▶ page_session ─▶ assets/ in a browser
                                                 ├─▶ signals, events ─ server

@@ -1,4 +1,4 @@
-"""Who may connect: names in Host, origins, and the number of connections."""
+"""Access rules of the page's server: Host names, origins, number of connections."""
 
 import ipaddress
 import socket
@@ -15,13 +15,13 @@ MAX_CLIENTS = 16
 
 
 def own_host_names() -> frozenset[str]:
-    """Return the names under which this computer may be addressed."""
+    """Return the host names by which this computer may be addressed."""
     name = socket.gethostname().lower()
     return frozenset({"localhost", name, f"{name}.local", name.partition(".")[0] + ".local"})
 
 
 def is_own_host(host: str | None, names: Iterable[str]) -> bool:
-    """Return whether a Host header names this computer: an address, or one of its names.
+    """Return whether a Host header names this computer, by IP address or host name.
 
     Another name would be that of a web site whose owner points it at this address, to read the page with the scripts of
     the site (DNS rebinding).
@@ -42,7 +42,7 @@ def is_own_host(host: str | None, names: Iterable[str]) -> bool:
 
 
 def is_allowed_origin(origin: str | None, host: str | None, allowed: Iterable[str] = ()) -> bool:
-    """Return whether a page of this origin may connect: our own, or an allowed one; programs have no origin.
+    """Return whether a web page of this origin may connect: own or allowed; clients without origin may.
 
     Args:
         origin: The Origin header.

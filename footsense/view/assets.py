@@ -1,4 +1,4 @@
-"""Files of the page, and the answers to HTTP requests for them."""
+"""Static files of the web page, and the HTTP responses that serve them."""
 
 import json
 from http import HTTPStatus
@@ -26,7 +26,7 @@ _SECURITY_HEADERS = {
 
 
 class PageFiles:
-    """The files of the page by their paths."""
+    """Static files of the web page, by path."""
 
     def __init__(self) -> None:
         self._files: dict[str, tuple[str, bytes]] = {}
@@ -37,7 +37,7 @@ class PageFiles:
         self._files["/"] = self._files["/index.html"]
 
     def response(self, path: str) -> Response:
-        """Return the answer to a request: the file, or 404."""
+        """Return the HTTP response to a request for a path: the file, or 404."""
         path = path.partition("?")[0]
         if path not in self._files:
             return text_response(HTTPStatus.NOT_FOUND, "footsense view: no such file; the page is /")
@@ -46,12 +46,12 @@ class PageFiles:
 
 
 def text_response(status: HTTPStatus, text: str) -> Response:
-    """Return an HTTP response of one line of text."""
+    """Return an HTTP response with one line of text."""
     return _response(status, _CONTENT_TYPES[".txt"], f"{text}\n".encode())
 
 
 def json_response(values: object) -> Response:
-    """Return an HTTP response in JSON."""
+    """Return an HTTP response with a JSON value."""
     return _response(HTTPStatus.OK, "application/json", json.dumps(values).encode())
 
 

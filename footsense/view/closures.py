@@ -1,4 +1,4 @@
-"""Closure of each gap from the readings and the baseline, as the estimation computes it."""
+"""Gap closures of all elements from readings and baselines, as the estimation computes them."""
 
 from collections import deque
 
@@ -9,7 +9,7 @@ from footsense.frames import CommandKind, Cycle, Result, Vector
 
 
 class ClosureConverter:
-    """Converts readings and baselines of legs into the closure of each gap.
+    """Converts readings and baselines of all legs into gap closures.
 
     Args:
         elements: What turns their readings into closures.
@@ -21,7 +21,7 @@ class ClosureConverter:
 
     @np.errstate(divide="ignore", invalid="ignore")
     def closure_rel(self, cycle: Cycle, baseline_pf: Vector) -> Vector:
-        """Return the closures over the gap [1], shape (legs, elements), NaN without a reading or a baseline.
+        """Return the closures over the gap [1], shape (legs, elements); NaN without reading or baseline.
 
         Args:
             cycle: The cycle with the readings.
@@ -33,7 +33,7 @@ class ClosureConverter:
 
 
 class RecordedBaselines:
-    """Baselines of a recording, which holds tares and the mean drift since, but not the baselines themselves.
+    """Baselines of a recording, reconstructed from tares and mean drift, as recordings do not contain them.
 
     A tare is the mean of the scans before its result. Drift tracking moves the elements of a leg nearly alike: its
     mean is added to each.
@@ -50,7 +50,7 @@ class RecordedBaselines:
         self._newest_ns = [0] * len(stray_pf)
 
     def baseline_pf(self, cycle: Cycle) -> Vector:
-        """Return the baselines after the next cycle, without stray [pF].
+        """Return the baselines after the next cycle, without stray [pF], shape (legs, elements).
 
         Returns:
             The baselines, shape (legs, elements), NaN before the first tare.

@@ -1,4 +1,4 @@
-"""Events of a robot in words: gait events, changes of state, results of commands, lost cycles."""
+"""Events of a robot as text for the page: gait events, state changes, command results, lost cycles."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ from footsense.frames import (
 
 
 class Event(msgspec.Struct, frozen=True):
-    """An event of a leg or of the service, in words, with its time and level.
+    """Event of a leg or of the service, as text, with time and severity.
 
     Attributes:
         t_ns: When it happened, in the time of the frames [ns].
@@ -43,7 +43,7 @@ _GAIT_TEXTS = {
 
 
 class EventLog:
-    """Derives events from successive cycles: gait events, state changes, command results.
+    """Derives the events from successive cycles.
 
     Args:
         n_legs: Rows of the frames.
@@ -77,7 +77,7 @@ class EventLog:
         return events
 
     def _state_changes(self, now_ns: int, present: Sequence[bytes]) -> list[Event]:
-        """Return the changes of states and causes, and of the scheduling; none in the first cycle."""
+        """Return the changes of leg states, causes and timing flags; none in the first cycle."""
         if not self._present[0]:
             return []
         events = []
@@ -100,5 +100,5 @@ class EventLog:
 
 
 def enum_words(name: str) -> str:
-    """Return the name of an enum's member as words."""
+    """Return an enumeration member's name as lower-case words."""
     return name.lower().replace("_", " ")

@@ -1,4 +1,4 @@
-"""The running service as a source of the page: follows its shared cycles, over its restarts."""
+"""Live data source of the page: reads the running service's shared cycles, also after its restarts."""
 
 from collections import deque
 from contextlib import suppress
@@ -24,7 +24,7 @@ _SEARCH_PERIOD_NS = 250_000_000
 
 
 class ViewedCycle(NamedTuple):
-    """One live cycle with its number, time and table of signals.
+    """One live cycle with its number, time, and table of signals.
 
     Attributes:
         number: Its number since this process began.
@@ -40,7 +40,7 @@ class ViewedCycle(NamedTuple):
 
 
 class LiveSource:
-    """Follows the cycles of the running service.
+    """Reads the shared cycles of the running service, and keeps the latest cycles and events.
 
     Args:
         path: File of the shared cycles.
@@ -76,7 +76,7 @@ class LiveSource:
         self.can = CanStatistics()
 
     def poll(self) -> None:
-        """Read the new cycles; look for a service from time to time."""
+        """Read the new cycles; without a service, look for one from time to time."""
         now_ns = self._clock.now_ns()
         if now_ns >= self._look_ns:
             self._look_ns = now_ns + _SEARCH_PERIOD_NS
@@ -103,11 +103,11 @@ class LiveSource:
                 self._n_events += 1
 
     def event_time_s(self, event: Event) -> float:
-        """Return the time of an event in the time of the cycles [s]."""
+        """Return the time of an event on the time axis of the cycles [s]."""
         return (event.t_ns - self._first_ns) * 1e-9
 
     def _find_service(self) -> None:
-        """Open the file of a service, or notice its end."""
+        """Open the shared-memory file of a service; notice if the service has ended."""
         if self._reader is not None and self._reader.is_current():
             with suppress(ValueError):
                 self.can = self._reader.can
@@ -140,7 +140,7 @@ class LiveSource:
             self._reader = None
 
     def status(self) -> dict[str, Any]:
-        """Return what a viewer has to know beside the cycles."""
+        """Return the status that the page shows beside the cycles, as JSON values."""
         can = self.can
         return {
             "problem": self.problem,
@@ -154,5 +154,5 @@ class LiveSource:
         }
 
     def close(self) -> None:
-        """Release the file."""
+        """Close the shared-memory file."""
         self._close()

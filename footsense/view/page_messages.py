@@ -1,4 +1,4 @@
-"""Messages between the server and the page: JSON in text messages, cycles in binary ones.
+"""WebSocket messages between server and page: JSON as text, cycles as binary.
 
 server -> page   hello, status, events, progress, answer    JSON objects with `type`
                  cycles                                      binary, see `encode_cycles`
@@ -22,17 +22,17 @@ _CYCLES_HEADER_STRUCT = struct.Struct("<IIII")
 
 
 class Drawn(msgspec.Struct, tag="drawn", tag_field="type", forbid_unknown_fields=True):
-    """The page has drawn a message of cycles, and is ready for another."""
+    """Message from the page: a message of cycles has been drawn, the next may be sent."""
 
 
 class ChunkRequest(msgspec.Struct, tag="chunk", tag_field="type", forbid_unknown_fields=True):
-    """The page asks for a second of a recording, by its number."""
+    """Message from the page: request for one second of a recording, by number."""
 
     number: int
 
 
 class TareRequest(msgspec.Struct, tag="tare", tag_field="type", forbid_unknown_fields=True):
-    """The page asks for a tare of a leg, with the token that was printed at start."""
+    """Message from the page: request to tare a leg, with the access token printed at start."""
 
     leg: str
     token: str
@@ -43,7 +43,7 @@ _decoder: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
 
 
 def decode_request(message: str | bytes) -> Request:
-    """Return the decoded request of a page.
+    """Return a message of the page decoded to its type.
 
     Raises:
         ValueError: It is none of this protocol.
@@ -62,7 +62,7 @@ def hello_message(
     simulated: bool,
     commands: bool,
 ) -> str:
-    """Return the first message: what is shown, the signals, and the words.
+    """Return the first message to a page: mode, title, legs, signals, and texts of the codes.
 
     Args:
         mode: Whether a service or a recording is shown.
@@ -106,12 +106,12 @@ def events_message(events: Sequence[tuple[float, Event]], legs: Sequence[str]) -
 
 
 def message(kind: str, values: dict[str, Any]) -> str:
-    """Return a JSON message of a type."""
+    """Return a JSON message of the given kind."""
     return msgspec.json.encode({"type": kind, **values}).decode()
 
 
 def encode_cycles(kind: int, times_s: Sequence[float], tables: Sequence[Table]) -> bytes:
-    """Return cycles as one binary message.
+    """Return several cycles as one binary message: header, times, tables.
 
     Four little-endian u32: `kind`, cycles, legs, signals; then the time of each cycle as float64; then the tables as
     float32.

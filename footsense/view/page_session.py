@@ -1,4 +1,4 @@
-"""One browser on the live page: sends it the newest cycles, as fast as it draws them.
+"""Session of one browser page: live cycles, sent as fast as the page draws them, or seconds of a recording.
 
 A page acknowledges each message of cycles when it has drawn it, and at most two are unacknowledged: a slow or hidden
 page is sent little or nothing, and then the newest cycles. Nothing waits for it, and no backlog grows.
@@ -31,7 +31,7 @@ _STATUS_PERIOD_S = 0.5
 
 
 class Connection(Protocol):
-    """The sending side of a WebSocket."""
+    """Interface of the sending side of a WebSocket."""
 
     async def send(self, message: str | bytes) -> None:
         """Send a message; wait while the peer does not read."""
@@ -39,7 +39,7 @@ class Connection(Protocol):
 
 
 class LivePageSession:
-    """State of one browser page that follows the live cycles.
+    """Session of one browser page that shows live cycles.
 
     Args:
         live: The followed service.
@@ -57,7 +57,7 @@ class LivePageSession:
         self._status_due_s = 0.0
 
     def request(self, text: str | bytes) -> list[str | bytes]:
-        """Process a message of the page, and return the answers.
+        """Process a message of the page; return the answers.
 
         Raises:
             ValueError: It is none of this protocol.
@@ -105,7 +105,7 @@ class LivePageSession:
 
 
 class RecordingPageSession:
-    """The state of one page that shows a recording; the page asks for each second of it.
+    """Session of one browser page that shows a recording, and requests it second by second.
 
     Args:
         recorded: The recording.
@@ -138,7 +138,7 @@ class RecordingPageSession:
             await connection.send(text)
 
     def request(self, text: str | bytes) -> list[str | bytes]:
-        """Process a message of the page, and return the answers: the second that it asks for, if there is one.
+        """Process a message of the page; return the requested second of the recording, if any.
 
         Raises:
             ValueError: It is none of this protocol.
@@ -150,7 +150,7 @@ class RecordingPageSession:
 
 
 def recording_hello(recorded: RecordingSource) -> str:
-    """Return the first message of the page of a recording."""
+    """Return the first message to a page that shows a recording."""
     is_simulated = bool(recorded.header.get("scene"))
     return hello_message(
         "replay",
@@ -163,20 +163,20 @@ def recording_hello(recorded: RecordingSource) -> str:
 
 
 def live_hello(live: LiveSource, *, commands: bool) -> str:
-    """Return the first message of the page of a service."""
+    """Return the first message to a page that shows a running service."""
     scene = msgspec.json.decode(live.header.get("scene") or "{}")
     title = scene.get("description", "") if scene else "on the robot" if live.legs else "no service"
     return hello_message("live", title, live.legs, live.n_elements, simulated=bool(scene), commands=commands)
 
 
 class WakeUpSignal:
-    """Wakes all waiting tasks again and again."""
+    """Repeatable signal that wakes all waiting asyncio tasks."""
 
     def __init__(self) -> None:
         self._event = asyncio.Event()
 
     def wake_all(self) -> None:
-        """Wake every task that waits."""
+        """Wake every task that waits for the signal."""
         self._event.set()
         self._event = asyncio.Event()
 

@@ -1,4 +1,4 @@
-"""A recording as a source of the page: read once from its begin, and kept as compressed seconds in a temporary file."""
+"""Recording as data source of the page: read once, stored as compressed seconds in a temporary file."""
 
 import math
 import tempfile
@@ -34,7 +34,7 @@ _MAX_EVENTS = 100_000
 
 
 class RecordingSource:
-    """A recording for viewers; `read` fills it, in a thread of its own.
+    """Recording as data source of the page; `read` fills it, in a thread of its own.
 
     Args:
         path: The recording.
@@ -79,7 +79,7 @@ class RecordingSource:
         self._stopped = False
 
     def _closure_conversion(self, config: Config) -> ClosureConversion:
-        """Return the element values of the header; those of the models for recordings from before these were stored."""
+        """Return the closure parameters from the header, or from the models for old recordings."""
         if ELEMENTS_KEY in self.header:
             with suppress(msgspec.MsgspecError):
                 return msgspec.json.decode(self.header[ELEMENTS_KEY], type=ClosureConversion)
@@ -91,7 +91,7 @@ class RecordingSource:
             return ClosureConversion(np.zeros_like(unknown).tolist(), unknown.tolist())
 
     def read(self, on_progress: Callable[[float], None] = lambda _: None) -> None:
-        """Read the recording to its end, or its first damage.
+        """Read the recording to its end or first damage.
 
         Args:
             on_progress: Called with the length of the part that has been read [s], once a recorded second.
@@ -141,7 +141,7 @@ class RecordingSource:
         self._times_s, self._tables = [], []
 
     def encoded_second(self, number: int) -> bytes:
-        """Return the cycles of a second of the recording as a message for the page; empty if it has no such second."""
+        """Return one second of the recording as a binary message; empty if there is none."""
         if not 0 <= number < len(self._places):
             return b""
         place, length = self._places[number]
@@ -152,18 +152,18 @@ class RecordingSource:
 
     @property
     def n_seconds(self) -> int:
-        """Number of seconds of the recording that can be shown."""
+        """Number of seconds of the recording read so far."""
         return len(self._places)
 
     def close(self) -> None:
-        """Stop reading, and remove the temporary file."""
+        """Stop reading, and delete the temporary file."""
         with self._lock:
             self._stopped = True
             self._file.close()
 
 
 def _recording_duration_s(path: Path) -> float:
-    """Return the length of a recording by its index [s]; 0 without one, as in a recording that was cut short."""
+    """Return the duration of a recording from its MCAP index [s]; 0 for a truncated one without index."""
     try:
         with path.open("rb") as file:
             summary = make_reader(file).get_summary()

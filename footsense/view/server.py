@@ -1,4 +1,4 @@
-"""One port for the page and for Foxglove: HTTP, WebSockets, and the checks of who connects.
+"""Web server of page and Foxglove clients on one port: HTTP, WebSockets, access checks.
 
 All runs in one thread. The cycles are polled; nothing in the service wakes, waits or knows of it.
 """
@@ -52,7 +52,7 @@ PAGE_PROTOCOL = Subprotocol("footsense.view.v1")
 
 
 class ViewServer:
-    """The server of one service or recording.
+    """Web server for one running service or one recording.
 
     Args:
         source: The followed service, or a recording.
@@ -132,7 +132,7 @@ class ViewServer:
             await asyncio.sleep(_POLL_PERIOD_S)
 
     def _answer_http(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer a request: a file, a refusal, or None to go on with a WebSocket."""
+        """Return the HTTP response to a request: a file or a refusal; None to accept a WebSocket."""
         del connection
         host = request.headers.get("Host")
         if not is_own_host(host, self._names):
@@ -204,10 +204,10 @@ class ViewServer:
 
 
 class Client(Protocol):
-    """The state of one client: a page, or a program that speaks Foxglove's protocol."""
+    """Interface of a client session: a page, or a Foxglove client."""
 
     def request(self, text: str | bytes) -> Sequence[str | bytes]:
-        """Process a message of the client, and return the answers.
+        """Process a message of the client; return the answers.
 
         Raises:
             ValueError: It is none of its protocol.

@@ -1,4 +1,4 @@
-"""Signals of a cycle as one table of numbers, legs by signals: what the page draws and plots."""
+"""Signals of a cycle as one numeric table (legs by signals), which the page draws and plots."""
 
 import math
 from collections.abc import Callable
@@ -16,7 +16,7 @@ _MAX_GAIT_AGE_NS = 300_000_000
 
 
 class Signal(NamedTuple):
-    """One signal of a leg, a column of the table: name and unit.
+    """One signal of a leg (a column of the table): name and unit.
 
     Attributes:
         name: Its name, the same in JSON and on the page.
@@ -72,12 +72,12 @@ _GAIT_COLUMNS = {
 
 
 def signals(n_elements: int = ELEMENTS) -> tuple[Signal, ...]:
-    """Return the columns of the table in their order, the closures of the elements last."""
+    """Return the columns of the signal table, in order; the closures of the elements come last."""
     return (*_SIGNALS, *(Signal(f"closure_{element}", "") for element in range(n_elements)))
 
 
 def middle_closure_rel(closure_rel: Vector) -> Vector:
-    """Return the closure in the middle of each foot: of the middle element, or the mean of the four around the middle.
+    """Return each foot's closure in the middle [1]: of the middle element, or mean of the middle four.
 
     Args:
         closure_rel: Closure of each gap over the gap [1], shape (legs, elements), in rows and columns of equal number.
@@ -96,7 +96,7 @@ def middle_closure_rel(closure_rel: Vector) -> Vector:
 
 
 class SignalTable:
-    """Turns cycles into tables; remembers what not every cycle carries: gait and temperature.
+    """Converts cycles to signal tables; keeps the last gait and temperature, which not every cycle has.
 
     Args:
         n_legs: Rows of the frames.
@@ -108,7 +108,7 @@ class SignalTable:
         self._temperature_c = np.full(n_legs, np.nan)
 
     def table(self, cycle: Cycle, closure_rel: Vector) -> Table:
-        """Return the signals of the next cycle, shape (legs, signals), NaN where unknown.
+        """Return the signal table of the next cycle, shape (legs, signals); NaN where unknown.
 
         Args:
             cycle: The cycle.

@@ -1,4 +1,4 @@
-"""Tares that a page may command: by CAN, as a gait controller does, and only with the token printed at start."""
+"""Tare commands from the page, sent over CAN as a gait controller would; require the token printed at start."""
 
 import hmac
 import secrets
@@ -18,7 +18,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class TareCommands:
-    """Sends tare commands to the service by CAN.
+    """Sends tare commands to the service over CAN.
 
     Args:
         wire: The CAN channel of the service.
@@ -36,7 +36,7 @@ class TareCommands:
         self.token = secrets.token_urlsafe(12)
 
     def send_tare(self, leg: str, token: str) -> str:
-        """Send a tare, and return the answer in words; the result of the tare is an event of the service."""
+        """Send a tare command; return the answer as text (the tare's result arrives later as an event)."""
         if not hmac.compare_digest(token.encode(), self.token.encode()):
             return "no tare: the token is not the one that was printed at start"
         if leg not in NODE_IDS:
@@ -49,12 +49,12 @@ class TareCommands:
         return "" if n_sent else "no tare: CAN takes no frame; is the interface up?"
 
     def close(self) -> None:
-        """Release the channel."""
+        """Close the CAN interface."""
         self._wire.close()
 
 
 def open_tare_commands(config: Config, clock: Clock) -> TareCommands:
-    """Open the CAN channel of a robot for commands.
+    """Open the CAN interface of a robot for tare commands.
 
     Raises:
         ConfigError: The robot executes no commands, or has no channel that another process can reach.

@@ -1,4 +1,4 @@
-"""States and causes in words for the page: what they mean, and what to do."""
+"""Texts for the page: meaning and remedy of each state and cause."""
 
 from typing import Any
 
@@ -86,7 +86,7 @@ _CAUSE_TEXTS = {
 
 
 def code_texts() -> dict[str, Any]:
-    """Return codes in words: states with phase, meaning and remedy; causes with both; baseline statuses and slips."""
+    """Return the texts of all codes: meaning and remedy of states and causes, names of baseline statuses and slips."""
     return {
         "states": [
             {

@@ -55,15 +55,15 @@ _REWHITENING_ITERATION = 3
 _MIN_LIGHT_LOADS, _MAX_LIGHT_LOADS = 15, 40
 
 
-def _of_each_parameter(of_kind: Sequence[float], n_elements: int) -> Vector:
-    """Return values of the kinds of parameters as one of each parameter, shape (parameters,)."""
+def _expanded_to_parameters(of_kind: Sequence[float], n_elements: int) -> Vector:
+    """Return one value per kind of parameter, expanded to one value per parameter, shape (parameters,)."""
     return np.repeat(of_kind, [n_elements, n_elements, n_elements, *FOOT_PARAMETER_COUNTS])
 
 
 @cache
 def prior_sigma(n_elements: int) -> Vector:
     """Return the prior standard deviation of each parameter, shape (parameters,); read-only."""
-    sigma = _of_each_parameter(_PRIOR_SIGMA_OF_KIND, n_elements)
+    sigma = _expanded_to_parameters(_PRIOR_SIGMA_OF_KIND, n_elements)
     sigma.flags.writeable = False
     return sigma
 
@@ -161,7 +161,7 @@ class _FitState:
         self._twin, self._loads, self._whitening_matrices = twin, loads, whitening
         self._contact = ContactLoads.centred(loads.force_n)
         self.parameters = parameters
-        self._steps = _of_each_parameter(_DIFFERENCE_STEP_OF_KIND, twin.n_elements)
+        self._steps = _expanded_to_parameters(_DIFFERENCE_STEP_OF_KIND, twin.n_elements)
         self._cells_um = twin.cell_closures_um(parameters, self._contact)
         self._model_pf = twin.reading_pf(parameters, self._cells_um)
         white = np.einsum("nij,nj->ni", whitening, self._model_pf - loads.drift_corrected_pf)

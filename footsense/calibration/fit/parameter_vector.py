@@ -27,7 +27,7 @@ class ElementSlices(NamedTuple):
 
 @cache
 def element_slices(n_elements: int) -> ElementSlices:
-    """Return the slices of the parameters of single elements of a foot with so many elements."""
+    """Return the slices of the per-element parameters (stray, gain, gap) in the parameter vector."""
     return ElementSlices(*(slice(kind * n_elements, (kind + 1) * n_elements) for kind in range(3)))
 
 
@@ -37,7 +37,7 @@ def n_parameters(n_elements: int) -> int:
 
 
 def slice_of_kind(n_elements: int) -> dict[str, slice]:
-    """Return the slices of the kinds of parameters of the foot itself, by their names in messages."""
+    """Return the slice of each kind of parameter in the parameter vector, by the kind's name in messages."""
     kinds = {"stiffness": STIFFNESS, "mount": MOUNT, "sheet's offset": OFFSET}
     return {**element_slices(n_elements)._asdict(), **kinds}
 

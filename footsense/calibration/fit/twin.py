@@ -159,7 +159,7 @@ class FootTwin:
         return self._response.free_closure_um(self._clamped_to_min_elevation(normalized(moved)), force_n)
 
     def effective_stiffness_rel(self, stiffness_rel: float) -> float:
-        """Return the relative excess of the upright load that closes the gaps as far as in the design [1].
+        """Return the stiffness under an upright load over the design's, minus one, air in the cavities included [1].
 
         It is the stiffness where the solid alone resists; air that resists is as stiff in every foot.
 

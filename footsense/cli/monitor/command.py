@@ -72,7 +72,7 @@ def monitor(
 def _listening_periods(
     listener: Listener, start_ns: int, end_ns: float, period_ns: int, stop: StopRequest
 ) -> Iterator[int]:
-    """Listen until the end or a signal.
+    """Receive from CAN in periods of `period_ns`, until the end or a signal; yield the time after each period.
 
     Yields:
         Time at the end of each period [ns].

@@ -1,4 +1,4 @@
-"""The monitor's picture: the forces that a consumer may use, contact and ground below the feet, the legs' reports."""
+"""Table of `footsense monitor`: forces that a consumer may use, contact and ground of each foot, the legs' reports."""
 
 import math
 from collections.abc import Callable
@@ -85,12 +85,12 @@ def _slip_cell(leg: LegSnapshot) -> str | Text:
 
 
 def _gait_number_cell(value: Callable[[Gait], float], form: str) -> Callable[[LegSnapshot], str | Text]:
-    """Return the cell of a number of the contact."""
+    """Return a function from a leg to the table cell of one number of its `Gait` report; empty without a report."""
     return lambda leg: EMPTY_CELL if leg.report.gait is None else number_cell(value(leg.report.gait), form)
 
 
 def _ground_number_cell(value: Callable[[Ground], float], form: str) -> Callable[[LegSnapshot], str | Text]:
-    """Return the cell of a number of the ground."""
+    """Return a function from a leg to the table cell of one number of its `Ground` report; empty without a report."""
     return lambda leg: (
         EMPTY_CELL if leg.report.ground is None else number_cell(value(leg.report.ground), form)
     )

@@ -1,4 +1,4 @@
-"""Reading of a container whose bytes may be damaged."""
+"""File wrapper for reading MCAP files that may be damaged."""
 
 import os
 import struct
@@ -26,7 +26,7 @@ class BoundedFile:
         self.size = os.fstat(file.fileno()).st_size
 
     def read(self, n: int) -> bytes:
-        """Return `n` bytes, fewer at the end.
+        """Return `n` bytes; fewer at the end of the file.
 
         Raises:
             ValueError: No written record is so large.

@@ -1,4 +1,4 @@
-"""Cycles out of the messages of a recording."""
+"""Assembly of complete cycles from the MCAP messages of a recording."""
 
 import json
 from collections import defaultdict
@@ -17,7 +17,7 @@ from footsense.recording.cycle_records import LostCycles, NumberedCycle, require
 
 @dataclass(slots=True)
 class _CycleMessages:
-    """The messages of a cycle read so far."""
+    """Messages read so far of a cycle that is not complete yet."""
 
     scan: CapFrame | None = None
     commands: list[Command] = field(default_factory=list)
@@ -50,7 +50,7 @@ class CycleAssembly:
         self._t_first_ns: int | None = None
 
     def add_record(self, record: Any) -> NumberedCycle | LostCycles | None:  # noqa: ANN401 - the library is not typed
-        """Return the cycle or the loss that a record of the container completes, if any; raise errors on damage."""
+        """Add one MCAP record; return the cycle, or the lost cycles, that it completes, else None."""
         if isinstance(record, Channel):
             self._topics[record.id] = record.topic
         return (
@@ -86,7 +86,7 @@ class CycleAssembly:
         return None
 
     def _completed_cycle(self, forces: ContactFrame) -> NumberedCycle:
-        """Return the cycle that its forces complete.
+        """Return the cycle that the given force frame completes.
 
         Raises:
             ValueError: Its scan is missing.

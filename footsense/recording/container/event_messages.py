@@ -1,4 +1,4 @@
-"""Messages beside scans and forces, as JSON: commands, their results, losses, temperatures, reference samples, gait.
+"""JSON messages of a recording besides scans and forces: commands, losses, temperatures, reference samples, gait.
 
 Commands, results, losses and temperatures are objects with the kind of the event. Each sample of a reference and each
 event of the gait is a message of its own, so that they can be plotted.
@@ -27,12 +27,12 @@ from footsense.recording.cycle_fields import GAIT_FIELDS, Count, gait_from_array
 
 
 def command_event(command: Command, legs: Sequence[str]) -> bytes:
-    """Return the event of an executed command."""
+    """Return the JSON message of an executed command."""
     return json.dumps({"event": "command", **_command_entries(command, legs)}).encode()
 
 
 def outcome_event(outcome: CommandResult, legs: Sequence[str]) -> bytes:
-    """Return the event of a command's result."""
+    """Return the JSON message of a command's result."""
     result = {"result": outcome.result.name, "reason": outcome.reason}
     return json.dumps({"event": "outcome", **_command_entries(outcome.command, legs), **result}).encode()
 
@@ -42,30 +42,30 @@ def _command_entries(command: Command, legs: Sequence[str]) -> dict[str, str]:
 
 
 def loss_event(n_cycles: int) -> bytes:
-    """Return the event of cycles that found no room."""
+    """Return the JSON message that `n_cycles` cycles were lost because the pipe was full."""
     return json.dumps({"event": "loss", "n_cycles": n_cycles}).encode()
 
 
 def temperature_event(temperature_c: Vector, legs: Sequence[str]) -> bytes:
-    """Return the event of changed converter temperatures [degC], shape (legs,)."""
+    """Return the JSON message of changed converter temperatures [degC], shape (legs,)."""
     return encode_json(
         {"event": "temperature", "temperature_c": dict(zip(legs, temperature_c.tolist(), strict=True))}
     )
 
 
 def decode_temperature(event: Mapping[str, Any], legs: Sequence[str]) -> Vector:
-    """Return the temperatures of a temperature event [degC], shape (legs,)."""
+    """Return the temperatures in a temperature message [degC], shape (legs,)."""
     values = [event["temperature_c"][leg] for leg in legs]
     return np.array(msgspec.convert(values, list[float | None]), np.float64)
 
 
 def decode_command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
-    """Return the command of a command or outcome event."""
+    """Return the command in a command or result message."""
     return Command(CommandKind[event["command"]], legs.index(event["leg"]))
 
 
 def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResult:
-    """Decode an event message into the result of a command."""
+    """Return the command result in a result message."""
     reason = msgspec.convert(event["reason"], str)
     return CommandResult(decode_command(event, legs), Result[event["result"]], reason)
 
@@ -82,7 +82,7 @@ class _ReferenceSample(msgspec.Struct):
 
 
 def encode_reference(reference: Reference) -> list[tuple[int, bytes]]:
-    """Return each sample of a test stand's force sensor as a JSON object, with its time [ns]."""
+    """Return time [ns] and JSON message of each sample of the test stand's force sensor."""
     rows = zip(reference.t_ns.tolist(), reference.force_n.tolist(), reference.saturated.tolist(), strict=True)
     return [
         (
@@ -96,7 +96,7 @@ def encode_reference(reference: Reference) -> list[tuple[int, bytes]]:
 
 
 def decode_reference(samples: Sequence[bytes]) -> Reference:
-    """Return the samples that `encode_reference` wrote."""
+    """Return the force-sensor samples decoded from JSON messages."""
     rows = msgspec.convert([json.loads(sample) for sample in samples], list[_ReferenceSample])
     return Reference(
         np.array([row.t_ns for row in rows], np.int64),
@@ -106,7 +106,7 @@ def decode_reference(samples: Sequence[bytes]) -> Reference:
 
 
 def reference_schema() -> bytes:
-    """Return the JSON schema of a sample."""
+    """Return the JSON schema of a force-sensor sample."""
     properties = {
         "t_ns": {"type": "integer"},
         **{key: {"type": ["number", "null"]} for key in _FORCE_KEYS},
@@ -129,13 +129,13 @@ class _Event(msgspec.Struct):
 
 
 def encode_gait(gait: GaitFrame, legs: Sequence[str]) -> bytes:
-    """Return a gait without its events as a JSON object with one entry per leg."""
+    """Return a gait frame, without its events, as a JSON message with one entry per leg."""
     whole = {"t_ns": gait.t_ns, "friction": gait.friction, "all_in_air": gait.all_in_air}
     return encode_json({**whole, **leg_objects(gait, legs, GAIT_FIELDS)})
 
 
 def encode_gait_events(gait: GaitFrame, legs: Sequence[str]) -> list[bytes]:
-    """Return the events of a gait as JSON objects."""
+    """Return the events of a gait frame as one JSON message each."""
     return [
         encode_json(
             {
@@ -150,7 +150,7 @@ def encode_gait_events(gait: GaitFrame, legs: Sequence[str]) -> list[bytes]:
 
 
 def decode_gait(data: bytes, events: Sequence[bytes], legs: Sequence[str]) -> GaitFrame:
-    """Return the gait that `encode_gait` and `encode_gait_events` wrote."""
+    """Return the gait frame decoded from its JSON message and those of its events."""
     message: Mapping[str, Any] = json.loads(data)
     whole = msgspec.convert(message, _Gait)
     rows = [message[leg] for leg in legs]

@@ -1,4 +1,4 @@
-"""The header of a recording within its MCAP container."""
+"""Header of a recording: a metadata record of the MCAP file, with a checksum."""
 
 import json
 import zlib
@@ -24,13 +24,13 @@ HEADER_CRC_KEY = "crc32"
 
 
 def header_crc(header: Mapping[str, str]) -> str:
-    """Return the checksum of a header, without the checksum entry."""
+    """Return the CRC-32 of a header's entries, except that of the checksum itself."""
     entries = sorted((key, value) for key, value in header.items() if key != HEADER_CRC_KEY)
     return f"{zlib.crc32(json.dumps(entries).encode()):08x}"
 
 
 def read_header(path: Path) -> dict[str, str]:
-    """Return the header entries of a recording file, checked.
+    """Return the header entries of a recording file, after checking checksum and frame shape.
 
     Args:
         path: The recording.
@@ -60,7 +60,7 @@ def read_header(path: Path) -> dict[str, str]:
 
 
 def _check_frame_shape(path: Path, header: Mapping[str, str]) -> None:
-    """Check the legs and the number of elements of a header.
+    """Raise an error unless a header names valid legs and a valid number of elements.
 
     Raises:
         RecordingError: They are none of a robot's.

@@ -1,4 +1,4 @@
-"""Cycles out of an MCAP container, in file order, up to the first damage.
+"""Reader of the cycles in an MCAP file, in file order, up to the first damage.
 
 The library's indexed readers return nothing of a file without its end, and its stream reader accepts short reads,
 missing checksums and lost chunks; so everything is counted and checked here, and reading stops at the first doubtful
@@ -24,7 +24,7 @@ _Record = Any  # the library is not typed
 def read_entries(
     path: Path, legs: tuple[str, ...], n_elements: int, on_read: Callable[[int], None]
 ) -> Iterator[NumberedCycle | LostCycles]:
-    """Yield every complete cycle and every recorded loss, in file order.
+    """Yield every complete cycle and every recorded loss of cycles, in file order.
 
     Args:
         path: The recording.
@@ -62,7 +62,7 @@ def read_entries(
 
 
 def _damage_text(assembly: CycleAssembly, good: int, size: int, error: Exception) -> str:
-    """Return a message that says where a recording is damaged and how much is intact."""
+    """Return the error message of a damaged recording: where the damage is, and how much is intact."""
     why = " ".join(str(error).split())[:80] or "the file ends there"
     return (
         f"cut short or damaged at byte {good} of {size} ({why}): {assembly.n_cycles} cycles are whole, up to "

@@ -1,4 +1,4 @@
-"""Cycles into an MCAP container.
+"""Writer of cycles to an MCAP file.
 
 Chunks are small and carry checksums, so that a killed process loses little and damage is detected; the data section
 has a checksum of its own, and so has footsense's header, which stands outside the chunks. A cycle's force is written
@@ -29,14 +29,14 @@ CHUNK_BYTES = 65_536
 
 
 class _UnbufferedFile:
-    """An unbuffered file: a full disk raises in the write that meets it."""
+    """Unbuffered file for the MCAP writer: a full disk raises an error in the write that hits it."""
 
     def __init__(self, fd: int) -> None:
         self._fd = fd
         self.n_bytes_written = 0
 
     def write(self, data: bytes) -> int:
-        """Write all of `data` and return the number of bytes."""
+        """Write all of `data`; return the number of bytes."""
         rest = memoryview(data)
         while rest:
             n = os.write(self._fd, rest)
@@ -45,7 +45,7 @@ class _UnbufferedFile:
         return len(data)
 
     def tell(self) -> int:
-        """Return the number of written bytes."""
+        """Return the number of bytes written so far."""
         return self.n_bytes_written
 
     def flush(self) -> None:
@@ -53,7 +53,7 @@ class _UnbufferedFile:
 
 
 class McapFile:
-    """MCAP file of one recording in progress.
+    """MCAP file of a recording that is being written.
 
     Args:
         fd: Descriptor of the empty file.
@@ -76,11 +76,11 @@ class McapFile:
 
     @property
     def n_bytes_written(self) -> int:
-        """Number of bytes handed to the kernel."""
+        """Number of bytes passed to the kernel so far."""
         return self._stream.n_bytes_written
 
     def add_entry(self, entry: NumberedCycle | LostCycles) -> None:
-        """Write the messages of one cycle, or that cycles are missing at this place."""
+        """Write the messages of one cycle, or of a loss of cycles."""
         if isinstance(entry, LostCycles):
             self._add_message(
                 messages.EVENT, entry.counter, entry.t_ns, event_messages.loss_event(entry.n_cycles)
@@ -124,10 +124,10 @@ class McapFile:
         )
 
     def flush(self) -> None:
-        """Close the chunk, and write all buffered data to the file."""
+        """Close the current MCAP chunk, and write all buffered data to the file."""
         self._writer.flush()
 
     def finish(self) -> None:
-        """Write the index of the file."""
+        """Write the last chunk and the index of the MCAP file."""
         self._writer.finish()
         self._writer.flush()

@@ -1,4 +1,4 @@
-"""Scans and forces as JSON, and the schemas of all messages, by which Foxglove and PlotJuggler show them.
+"""JSON messages of scans and forces in a recording, and the JSON schemas of all its topics.
 
 A float is written with the fewest digits that give the same 64 bits back; NaN is null, and infinity, for
 which JSON has no word, is the number 1e999.
@@ -91,12 +91,12 @@ _FIRST_FORCE_FIELDS = {
 
 
 def encode_scan(scan: CapFrame, legs: Sequence[str]) -> bytes:
-    """Return a scan as a JSON object with one entry per leg."""
+    """Return a capacitance frame as a JSON message with one entry per leg."""
     return encode_json({"sequence": scan.sequence, **leg_objects(scan, legs, _scan_fields())})
 
 
 def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
-    """Return forces as a JSON object with one entry per leg."""
+    """Return a force frame as a JSON message with one entry per leg."""
     is_old = (forces.cause == NOT_RECORDED).all()
     rows = leg_objects(forces, legs, _FIRST_FORCE_FIELDS if is_old else _force_fields())
     return encode_json({"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
@@ -105,7 +105,7 @@ def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
 def leg_objects(
     frame: CapFrame | ContactFrame | GaitFrame, legs: Sequence[str], fields: Mapping[str, CycleField]
 ) -> dict[str, dict[str, Any]]:
-    """Return the fields of each leg by their keys."""
+    """Return the values of each leg in a frame as a dict by field key, ready for JSON."""
     objects: dict[str, dict[str, Any]] = {leg: {} for leg in legs}
     for path, field in fields.items():
         column = attrgetter(path.partition(".")[2])(frame).astype(field.kind, copy=False).tolist()
@@ -118,7 +118,7 @@ def leg_objects(
 
 
 def decode_scan(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) -> CapFrame:
-    """Return the scan that `encode_scan` wrote."""
+    """Return the capacitance frame decoded from its JSON message."""
     message = json.loads(data)
     rows = [message[leg] for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in _scan_fields(n_elements).items()}
@@ -126,7 +126,7 @@ def decode_scan(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) ->
 
 
 def decode_force(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) -> ContactFrame:
-    """Return the forces that `encode_force` wrote."""
+    """Return the force frame decoded from its JSON message."""
     message = json.loads(data)
     rows = [{**_DEFAULTS_OF_OLD_RECORDINGS, **_with_current_names(message[leg])} for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in _force_fields(n_elements).items()}
@@ -135,7 +135,7 @@ def decode_force(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) -
 
 
 def field_array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
-    """Return a field of all legs as an array, null as NaN.
+    """Return one field of all legs as an array; JSON null becomes NaN.
 
     Raises:
         MsgspecError: An entry is no such number.
@@ -152,7 +152,7 @@ def field_array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
 
 @cache
 def _decoded_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
-    """Return the type that a field must have in decoded JSON, by leg and key."""
+    """Return the Python type that a field must have in decoded JSON, for validation."""
     entry: Any = float | None
     if field.max_value is not None:
         entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.max_value))]
@@ -164,7 +164,7 @@ def _decoded_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
 
 
 def _with_current_names(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a leg's entries with the present names for the older ones."""
+    """Return a leg's entries with former enumeration names and missing fields of old recordings updated."""
     if "zero_status" not in row:
         return row
     row = {key.replace("zero_", "baseline_", 1): value for key, value in row.items()}
@@ -172,7 +172,7 @@ def _with_current_names(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def encode_json(message: dict[str, Any]) -> bytes:
-    """Return a message as JSON."""
+    """Return a message as JSON bytes."""
     # Only numbers and the names of legs and states stand in these messages, so no text can be hit.
     return (
         json.dumps(message, separators=(",", ":"))
@@ -183,7 +183,7 @@ def encode_json(message: dict[str, Any]) -> bytes:
 
 
 def topic_schemas(legs: Sequence[str], n_elements: int = ELEMENTS) -> dict[str, bytes]:
-    """Return the JSON schema of each topic, for feet of so many elements."""
+    """Return the JSON schema of each MCAP topic, for feet with `n_elements` elements."""
     number, whole, text = {"type": ["number", "null"]}, {"type": "integer"}, {"type": "string"}
 
     def leg_schema(fields: Mapping[str, CycleField]) -> dict[str, Any]:

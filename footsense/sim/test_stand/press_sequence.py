@@ -35,7 +35,7 @@ def paper_presses(protocol: Literal["training", "verification"]) -> Vector:
 
 
 class PressSequence:
-    """True load of a sequence of presses, the same on every leg.
+    """Contact source of a sequence of presses on a test stand, the same on every leg.
 
     Args:
         force_n: Force of each press [N], shape (n, 3), leg's frame, none of them zero.

@@ -1,4 +1,4 @@
-"""The live cycles by Foxglove's WebSocket protocol, for Foxglove, Lichtblick and PlotJuggler.
+"""Server side of Foxglove's WebSocket protocol for live cycles (Foxglove, Lichtblick, PlotJuggler).
 
     scene     forces as arrows, closures as grids, places of the feet: Foxglove's own schemas
     channels  all topics: those of `scene`, and those of a recording, each with its schema

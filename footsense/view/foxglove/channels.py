@@ -1,4 +1,4 @@
-"""The topics of a service: name, schema, and the messages of a cycle."""
+"""Topics offered by Foxglove's protocol: names, schemas, and the messages of each cycle."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +18,7 @@ PICTURE_PERIOD_NS = 33_000_000
 
 
 class TopicChannel(NamedTuple):
-    """One topic of Foxglove's protocol, with its schema and its messages of a cycle.
+    """One topic of Foxglove's protocol: name, schema, and encoder of its messages.
 
     Attributes:
         topic: Its name.
@@ -36,12 +36,12 @@ class TopicChannel(NamedTuple):
 
 
 def topic_channels(legs: Sequence[str], n_elements: int) -> list[TopicChannel]:
-    """Return the topics of a robot with these legs and elements of a foot, those of a recording first."""
+    """Return the topics of a robot: those of a recording first, then the picture topics."""
     return [*_recording_channels(legs, n_elements), *_picture_channels(legs)]
 
 
 def _recording_channels(legs: Sequence[str], n_elements: int) -> Iterator[TopicChannel]:
-    """Yield the topics of a recording, with the same messages and schemas."""
+    """Yield the topics that a recording has, with the same messages and schemas."""
     encoders: dict[str, Callable[[ViewedCycle], list[bytes]]] = {
         messages.SCAN: lambda viewed: [messages.encode_scan(viewed.cycle.scan, legs)],
         messages.FORCE: lambda viewed: [messages.encode_force(viewed.cycle.forces, legs)],
@@ -73,7 +73,7 @@ def _event_messages(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
 
 
 def _picture_channels(legs: Sequence[str]) -> Iterator[TopicChannel]:
-    """Yield the topics in Foxglove's own schemas."""
+    """Yield the topics with Foxglove's own schemas: force arrows, closure grids, foot poses."""
     topic_schemas = json.loads(files(__package__).joinpath("schemas.json").read_bytes())
 
     def picture(

@@ -1,4 +1,4 @@
-"""Forces as arrows, closures of the gaps as grids, and the places of the feet, in Foxglove's own schemas.
+"""Messages in Foxglove's own schemas: forces as arrows, gap closures as grids, poses of the feet.
 
 The feet stand where they do in the page's picture, not where the robot puts them: their places are not known here.
 """
@@ -37,7 +37,7 @@ _FAULT_COLOUR = (0.75, 0.15, 0.1)
 
 
 def scene_update(forces: ContactFrame, legs: Sequence[str]) -> dict[str, Any]:
-    """Return a `foxglove.SceneUpdate`: the force on each foot as an arrow, and its name with state or load."""
+    """Return a `foxglove.SceneUpdate`: an arrow for the force on each foot, and a label with name and state."""
     stamp = _time_json(forces.t_sent_ns)
     entities = []
     for row, leg in enumerate(legs):
@@ -87,7 +87,7 @@ def _arrow_json(leg: str, force_n: Vector, colour: dict[str, float]) -> dict[str
 
 
 def orientation(direction: Vector) -> dict[str, float]:
-    """Return the quaternion that turns the x axis into a direction, shape (3,), not zero.
+    """Return the quaternion that rotates the x axis to a direction, shape (3,), not zero.
 
     Example:
         >>> {axis: round(part, 3) for axis, part in orientation(np.array([0.0, 0.0, 2.0])).items()}
@@ -105,7 +105,7 @@ def orientation(direction: Vector) -> dict[str, float]:
 
 
 def closure_grid(closure_rel: Vector, leg: str, t_ns: int) -> dict[str, Any]:
-    """Return a `foxglove.Grid` of the closures of a foot over the gap [1], shape (elements,), NaN where unknown.
+    """Return a `foxglove.Grid` of a foot's closures over the gap [1], shape (elements,); NaN where unknown.
 
     A grid's columns go along x, forward, and its rows along y, to the left; ours run the other way.
     """
@@ -127,7 +127,7 @@ def closure_grid(closure_rel: Vector, leg: str, t_ns: int) -> dict[str, Any]:
 
 
 def foot_transforms(legs: Sequence[str], t_ns: int) -> dict[str, Any]:
-    """Return `foxglove.FrameTransforms` from the robot to each foot."""
+    """Return `foxglove.FrameTransforms` from the robot frame to each foot frame."""
     return {
         "transforms": [
             {

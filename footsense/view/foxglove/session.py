@@ -1,4 +1,4 @@
-"""One client of Foxglove's protocol: what it may ask for, and what it is sent."""
+"""Session of one client of Foxglove's protocol: subscriptions, requests, and messages to send."""
 
 import json
 import struct
@@ -47,7 +47,7 @@ _decode_other = msgspec.json.Decoder(_OtherRequest).decode
 
 
 class FoxgloveClient:
-    """State of one client of Foxglove's protocol.
+    """Session of one client of Foxglove's protocol on live cycles.
 
     Args:
         live: The followed service.
@@ -67,7 +67,7 @@ class FoxgloveClient:
         self.n_skipped = 0
 
     def request(self, text: str | bytes) -> list[str]:
-        """Process a client's message, and return the answers.
+        """Process a client's message; return the answers.
 
         Raises:
             ValueError: It is none of this protocol.
@@ -171,7 +171,7 @@ class FoxgloveClient:
 
 
 class FoxgloveRefusal:
-    """The answer to a client where a recording is shown: Foxglove opens the file itself.
+    """Session of a client while a recording is shown: tells it to open the file itself.
 
     Args:
         path: The recording.
@@ -182,7 +182,7 @@ class FoxgloveRefusal:
         self._sent = False
 
     def request(self, text: str | bytes) -> list[str]:
-        """Answer any request with a refusal."""
+        """Answer any request with the refusal."""
         del text
         return [_status_json(_WARNING, self._text)]
 
