@@ -46,7 +46,7 @@ class BinaryFraming(Section, frozen=True, kw_only=True, tag="binary", tag_field=
     checksum: Literal["none", "sum8", "xor8", "crc16"] = "none"
 
 
-class Serial(Section, frozen=True, kw_only=True, tag="serial", tag_field="kind"):
+class SerialSensor(Section, frozen=True, kw_only=True, tag="serial", tag_field="kind"):
     """Force sensor on a serial port.
 
     Attributes:
@@ -131,7 +131,7 @@ class StandConfig(Section, frozen=True, kw_only=True):
         description: One line for people.
     """
 
-    sensor: Serial | NetFt | FileSensor | Simulated
+    sensor: SerialSensor | NetFt | FileSensor | Simulated
     axes: Axes
     units: Literal["N", "mN", "kgf", "gf", "lbf"]
     rated: tuple[Range, Range, Range]
@@ -165,7 +165,7 @@ def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
         return strict_yaml.Problem(
             "axes", f"{names} names an axis of the sensor twice; each belongs to one of x, y, z"
         )
-    if isinstance(test_stand.sensor, Serial):
+    if isinstance(test_stand.sensor, SerialSensor):
         return _framing_contradiction(test_stand.sensor.framing)
     return None
 

@@ -12,7 +12,7 @@ from footsense.config.test_stand import (
     FileSensor,
     LineFraming,
     NetFt,
-    Serial,
+    SerialSensor,
     Simulated,
     StandConfig,
 )
@@ -62,7 +62,7 @@ class StandSession:
 
 def is_live(test_stand: StandConfig) -> bool:
     """Return whether the sensor delivers data in real time (neither simulated nor a file)."""
-    return isinstance(test_stand.sensor, Serial | NetFt)
+    return isinstance(test_stand.sensor, SerialSensor | NetFt)
 
 
 def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> StandSensor:
@@ -79,7 +79,7 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
         RecordingError: The recording to play has no reference.
     """
     match test_stand.sensor:
-        case Serial() as sensor:
+        case SerialSensor() as sensor:
             link = SerialLink(sensor.device, sensor.baud, scan_source.clock)
             stream = _sample_stream(sensor.device, test_stand, sensor.rate_hz, sensor.unit_per_count)
             return SerialReference(link, _record_decoder(sensor.framing), stream, sensor.start.encode())

@@ -1,10 +1,11 @@
-"""One fabricated foot (specimen): the response of its type with its deviations from the design.
+"""One fabricated foot (specimen), its loads, and its response: that of its type with its deviations from the design.
 
 The solid is the designed one but for its stiffness; gaps, films, strays, the mounting and, where named, the cavities
 are each foot's own.
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -12,8 +13,26 @@ from footsense.foot import gap_contact
 from footsense.foot.cavity.air import Cavity, Gas
 from footsense.foot.cavity.fringe import fringe_pf
 from footsense.foot.cavity.pressures import CavityPressures
+from footsense.foot.directions import normalized
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Mask, Vector
+
+
+class ContactLoads(NamedTuple):
+    """Loads of a foot, or of one foot at n times: contact normals and forces [N], in the foot's or the leg's frame.
+
+    Attributes:
+        normal: Inward unit normal of the ball at the contact, shape (n, 3).
+        force_n: Ground reaction on the foot [N], shape (n, 3); zero in the air.
+    """
+
+    normal: Vector
+    force_n: Vector
+
+    @classmethod
+    def centred(cls, force_n: Vector) -> Self:
+        """Return loads through the centre of the ball, where the contact normal is parallel to the force."""
+        return cls(normalized(force_n), force_n)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

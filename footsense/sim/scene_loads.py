@@ -58,7 +58,7 @@ class Constant(_Load, frozen=True, kw_only=True, tag="constant"):
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load as a function of time, starting at `from_ns` [ns]."""
-        return ground_load.Ramp(self.force_n, from_ns)
+        return ground_load.RampContact(self.force_n, from_ns)
 
 
 class Ramp(Constant, frozen=True, kw_only=True, tag="ramp"):
@@ -72,7 +72,7 @@ class Ramp(Constant, frozen=True, kw_only=True, tag="ramp"):
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load as a function of time, starting at `from_ns` [ns]."""
-        return ground_load.Ramp(self.force_n, from_ns, _nanoseconds(self.rise_s))
+        return ground_load.RampContact(self.force_n, from_ns, _nanoseconds(self.rise_s))
 
 
 class Stand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

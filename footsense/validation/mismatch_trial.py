@@ -25,7 +25,7 @@ from footsense.estimation.faults.consistency import ConsistencyTest
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import ContactLoads, Deviations, Foot
 from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.sim.foot.fabrication import REMOUNT_DEG, FootTolerances, fabricate, with_new_mounting
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
@@ -80,17 +80,6 @@ class Disturbance:
 UNDISTURBED = Disturbance()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TestLoads:
-    """Test loads of a calibrated foot: contact normals and forces [N], shape (n, 3) each, leg's frame."""
-
-    normal: Vector
-    force_n: Vector
-
-    #: No test class for pytest.
-    __test__ = False
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialPlan:
     """Fabrication tolerances, seed, calibration presses and test loads of the mismatch trials.
@@ -107,7 +96,7 @@ class TrialPlan:
     seed: int
     every_nth_press: int = 3
     n_few_loads: int = 20
-    test_loads_by_name: dict[str, TestLoads] = field(default_factory=dict)
+    test_loads_by_name: dict[str, ContactLoads] = field(default_factory=dict)
 
 
 class _FootOnTestStand:
@@ -136,7 +125,7 @@ class _FootOnTestStand:
             disturbance.max_ground_capacitance_pf * rng.uniform(0.25, 1.0) * rng.uniform(0.7, 1.0, ELEMENTS)
         )
 
-    def press(self, loads: TestLoads, noise_pf: float, *, on_floor: bool) -> LoadSet:
+    def press(self, loads: ContactLoads, noise_pf: float, *, on_floor: bool) -> LoadSet:
         """Return the readings under loads, each pressed for a dwell and released.
 
         Args:
@@ -238,7 +227,7 @@ def run_mismatch_trial(
         * np.sqrt(0.5)
         * np.cross(rng.normal(size=direction.shape), direction)
     )
-    pressed = foot.press(TestLoads(normalized(direction + lean), force_n), _MEAN_PF, on_floor=False)
+    pressed = foot.press(ContactLoads(normalized(direction + lean), force_n), _MEAN_PF, on_floor=False)
     rested = remove_rubber_memory(models.response, pressed)
     loads = rested.subset(_is_in_converter_range(rested))
     feet: dict[str, FootParameters | None] = {"design": None}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from firmware_interface.chips import fdc1004
 from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.benchmarks.latency_vs_error.chain import (
-    Readings,
+    SimulatedReadings,
     conversion_timing,
     simulate_conversions,
     true_loads,
@@ -30,7 +30,7 @@ from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.ports import Load, Window
-from footsense.sim.loads.ground_load import Ramp
+from footsense.sim.loads.ground_load import RampContact
 from tests.system.command import run_json
 
 pytestmark = pytest.mark.lab
@@ -53,7 +53,7 @@ class FirstThree:
         return Load(force_n, np.ones_like(force_n), *np.zeros((2, len(force_n), 4)))
 
 
-def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -> Readings:
+def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -> SimulatedReadings:
     """Return readings of one foot whose elements follow polynomials of time [s], shape (9, coefficients)."""
     step_ns, lead_ns = conversion_timing(400)
     t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
@@ -61,7 +61,7 @@ def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -
     values = [
         np.polyval(distance_of_time_s[e], t * 1e-9) for e, t in zip(element, t_ns.tolist(), strict=True)
     ]
-    return Readings(
+    return SimulatedReadings(
         order=CONVERSION_ORDERS[order],
         t_ns=t_ns,
         sent_ns=t_ns + lead_ns,
@@ -117,7 +117,7 @@ def test_every_fourth_force_is_one_of_all() -> None:
 def test_a_converted_foot_reads_its_load() -> None:
     """At rest the tare; under a load every element is pressed, by what the foot says to noise and step."""
     response, _ = open_models(RELEASED)
-    foot, load = Foot(response), Ramp((0.0, 0.0, 0.5), 100 * MS)
+    foot, load = Foot(response), RampContact((0.0, 0.0, 0.5), 100 * MS)
     said = simulate_conversions(
         foot, [partial(load.contact, "lf")], CONVERSION_ORDERS["lo_shu"], 100, 400 * MS, seed=1
     )
@@ -141,7 +141,7 @@ def published_late(truth: TrueLoads, late_ns: int, every_ns: int = MS) -> Publis
 
 def test_late_forces_are_found_to_be_late() -> None:
     """By how much; and a force that was right for its newest reading is wrong when it is sent."""
-    feet = [partial(Ramp((0.1, 0.0, 0.8), 700 * MS, 200 * MS).contact, "lf")]
+    feet = [partial(RampContact((0.1, 0.0, 0.8), 700 * MS, 200 * MS).contact, "lf")]
     truth = TrueLoads.sample(feet, 650 * MS, 1000 * MS)
     right, late = (
         latency_and_errors(published_late(truth, 0), truth),
@@ -159,7 +159,7 @@ def test_late_forces_are_found_to_be_late() -> None:
 def test_a_step_is_settled_when_the_last_wrong_force_is_replaced() -> None:
     """A force sent every 10 ms, 20 ms late, is right 20 to 30 ms after a step."""
     starts_ns = (700 * MS, 704 * MS)
-    feet = [partial(Ramp((0.0, 0.0, 0.8), at_ns).contact, "lf") for at_ns in starts_ns]
+    feet = [partial(RampContact((0.0, 0.0, 0.8), at_ns).contact, "lf") for at_ns in starts_ns]
     truth = TrueLoads.sample(feet, 650 * MS, 1000 * MS)
     found_ms = settling_ms(published_late(truth, 20 * MS, every_ns=10 * MS), truth, starts_ns)
     np.testing.assert_allclose(found_ms, [20.0, 26.0])

@@ -99,7 +99,7 @@ def distance_noise_rel(design: CapacitorDesign, rate_sps: int) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Readings:
+class SimulatedReadings:
     """Simulated readings of some feet, one row per conversion.
 
     Attributes:
@@ -136,7 +136,7 @@ def true_loads(feet: Sequence[FootLoad], t_ns: Stamps) -> tuple[Vector, Vector]:
 
 def simulate_conversions(
     foot: Foot, feet: Sequence[FootLoad], order: tuple[int, ...], rate_sps: int, until_ns: int, seed: int
-) -> Readings:
+) -> SimulatedReadings:
     """Return simulated readings of several feet of one type, from time 0 on.
 
     Args:
@@ -159,7 +159,7 @@ def simulate_conversions(
     scanned = np.resize(order, n)[:, None, None]
     read_pf = quantized_capacitance_pf(np.take_along_axis(all_pf, scanned, axis=2)[..., 0], rate_sps, rng)
     design = foot.response.design
-    return Readings(
+    return SimulatedReadings(
         order=order,
         t_ns=t_ns,
         sent_ns=t_ns + send_delay_ns,

@@ -22,7 +22,7 @@ from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, LEGS
 from footsense.lab.studies.page import StudyContext
 from footsense.lab.studies.plots import subplot_row
-from footsense.sim.loads.ground_load import Ramp
+from footsense.sim.loads.ground_load import RampContact
 
 #: Load of the standing feet of which the noise is measured [N].
 STANDING_FORCE_N = (0.1, 0.05, 0.5)
@@ -32,7 +32,7 @@ _SEED = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OperatingPoint:
+class OperatingPointResult:
     """Latency, noise and errors of one combination of conversion rate and publishing interval.
 
     Attributes:
@@ -52,7 +52,9 @@ class OperatingPoint:
     walk: LatencyAndErrors
 
 
-def measure_operating_points(rate_sps: int, truth: TrueLoads, context: StudyContext) -> list[OperatingPoint]:
+def measure_operating_points(
+    rate_sps: int, truth: TrueLoads, context: StudyContext
+) -> list[OperatingPointResult]:
     """Return the operating points at one conversion rate, one per publishing interval.
 
     Args:
@@ -60,7 +62,9 @@ def measure_operating_points(rate_sps: int, truth: TrueLoads, context: StudyCont
         truth: True loads of the walking feet.
         context: Response table and network.
     """
-    standing_feet: Sequence[FootLoad] = [partial(Ramp(STANDING_FORCE_N, 0).contact, leg) for leg in LEGS]
+    standing_feet: Sequence[FootLoad] = [
+        partial(RampContact(STANDING_FORCE_N, 0).contact, leg) for leg in LEGS
+    ]
     foot, order = Foot(context.response), CONVERSION_ORDERS["lo_shu"]
     walk, standing = (
         estimate_forces(
@@ -76,7 +80,7 @@ def measure_operating_points(rate_sps: int, truth: TrueLoads, context: StudyCont
     for every in PUBLISH_INTERVALS:
         forces_hz = 1e9 / conversion_timing(rate_sps).step_ns / every
         points.append(
-            OperatingPoint(
+            OperatingPointResult(
                 rate_sps=rate_sps,
                 publish_every=every,
                 forces_hz=forces_hz,
@@ -88,7 +92,7 @@ def measure_operating_points(rate_sps: int, truth: TrueLoads, context: StudyCont
     return points
 
 
-def operating_points_figure(points: Sequence[OperatingPoint]) -> Figure:
+def operating_points_figure(points: Sequence[OperatingPointResult]) -> Figure:
     """Return a figure of the force error on the walk over the age of the force: one curve per rate."""
     figure, (axes,) = subplot_row(1, 6.4, 4.4)
     for rate in sorted({p.rate_sps for p in points}, reverse=True):

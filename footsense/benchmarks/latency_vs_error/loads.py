@@ -10,7 +10,7 @@ import numpy as np
 from footsense.benchmarks.latency_vs_error.chain import FootLoad, conversion_timing
 from footsense.benchmarks.latency_vs_error.latency_and_errors import TrueLoads
 from footsense.frames import ELEMENTS, LEGS
-from footsense.sim.loads.ground_load import GroundContact, Ramp
+from footsense.sim.loads.ground_load import GroundContact, RampContact
 from footsense.sim.loads.measured_walk import measured_walk
 from footsense.sim.loads.walk import Walk, smooth_stance
 
@@ -29,7 +29,7 @@ _DUTY_FACTOR = 0.6
 _ROTATION_90_DEG = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
-class LoadCase(NamedTuple):
+class TradeoffLoad(NamedTuple):
     """True loads of some feet, with title and start times of the loads.
 
     Attributes:
@@ -59,15 +59,15 @@ def _contact_turned_left(contact: FootLoad, t_ns: int) -> GroundContact:
     return GroundContact(*(_ROTATION_90_DEG @ vector for vector in contact(t_ns)))
 
 
-def _press_case(title: str, rise_ns: int, n_phases: int) -> LoadCase:
+def _press_case(title: str, rise_ns: int, n_phases: int) -> TradeoffLoad:
     """Return the true loads of feet pressed in several directions, at several phases of the scan."""
     scan_ns = ELEMENTS * conversion_timing(400).step_ns
     cases = [
         (force_n, _PRESS_NS + phase * scan_ns // n_phases)
         for force_n, phase in product(PRESS_FORCES_N, range(n_phases))
     ]
-    feet = [partial(Ramp(force_n, start_ns, rise_ns).contact, LEGS[0]) for force_n, start_ns in cases]
-    return LoadCase(
+    feet = [partial(RampContact(force_n, start_ns, rise_ns).contact, LEGS[0]) for force_n, start_ns in cases]
+    return TradeoffLoad(
         title, TrueLoads.sample(feet, _COUNT_FROM_NS, _COUNT_TO_NS), tuple(start_ns for _, start_ns in cases)
     )
 
@@ -77,7 +77,7 @@ def measured_walk_truth(strides: int, *, sideways: bool = False) -> TrueLoads:
     return _walk_loads(partial(measured_walk, PEAK_N, PITCH_DEG), _MEASURED_NS, strides, sideways=sideways)
 
 
-def load_cases(strides: int, phases: int) -> dict[str, LoadCase]:
+def load_cases(strides: int, phases: int) -> dict[str, TradeoffLoad]:
     """Return the load cases of the study's main tables, by name.
 
     Args:
@@ -88,9 +88,9 @@ def load_cases(strides: int, phases: int) -> dict[str, LoadCase]:
     tripod = partial(Walk, reactions, _TRIPOD_NS, _DUTY_FACTOR, PITCH_DEG)
     sideways = measured_walk_truth(strides, sideways=True)
     return {
-        "measured_walk": LoadCase("Measured walk", measured_walk_truth(strides)),
-        "sideways": LoadCase("Measured walk to the left: legs lean along the columns", sideways),
-        "tripod": LoadCase("Tripod gait with rounded stances", _walk_loads(tripod, _TRIPOD_NS, strides)),
+        "measured_walk": TradeoffLoad("Measured walk", measured_walk_truth(strides)),
+        "sideways": TradeoffLoad("Measured walk to the left: legs lean along the columns", sideways),
+        "tripod": TradeoffLoad("Tripod gait with rounded stances", _walk_loads(tripod, _TRIPOD_NS, strides)),
         "step": _press_case("A step: full load within 5 ms", STEP_NS, phases),
         "ramp": _press_case("A ramp: full load within 200 ms", RAMP_NS, phases),
     }

@@ -15,7 +15,7 @@ from footsense.benchmarks.latency_vs_error.chain import (
 )
 from footsense.benchmarks.latency_vs_error.grid import (
     PUBLISH_INTERVALS,
-    OperatingPoint,
+    OperatingPointResult,
     measure_operating_points,
     operating_points_figure,
 )
@@ -25,7 +25,7 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     latency_and_errors,
     settling_ms,
 )
-from footsense.benchmarks.latency_vs_error.loads import LoadCase, load_cases, measured_walk_truth
+from footsense.benchmarks.latency_vs_error.loads import TradeoffLoad, load_cases, measured_walk_truth
 from footsense.benchmarks.latency_vs_error.publishing import estimate_forces
 from footsense.foot.specimen import Foot
 from footsense.lab.studies.page import Plots, Study, StudyContext
@@ -97,7 +97,7 @@ class TradeoffResults:
     lead_ms: float
     size: StudySize
     loads: dict[str, LoadResult]
-    points: list[OperatingPoint]
+    points: list[OperatingPointResult]
 
 
 FULL_SIZE = StudySize(strides=4, phases=6, rates_sps=(400, 200, 100))
@@ -115,7 +115,7 @@ _METHODS: dict[str, tuple[int | None, int, tuple[str, ...]]] = {
 }
 
 
-def _load_result(load: LoadCase, context: StudyContext) -> LoadResult:
+def _load_result(load: TradeoffLoad, context: StudyContext) -> LoadResult:
     """Return latency and errors of every publishing method under one load case."""
     foot, truth = Foot(context.response), load.truth
     readings = {

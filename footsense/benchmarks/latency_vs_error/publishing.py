@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.benchmarks.latency_vs_error.chain import Readings
+from footsense.benchmarks.latency_vs_error.chain import SimulatedReadings
 from footsense.estimation.reading_window import READINGS, ReadingWindow
 from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.network_card import TrainedInputs
@@ -37,7 +37,7 @@ class PublishedForces(NamedTuple):
         )
 
 
-def conversion_windows(readings: Readings) -> Window:
+def conversion_windows(readings: SimulatedReadings) -> Window:
     """Return the network inputs of all feet after each conversion, from the third full scan on.
 
     One row for each conversion and foot, the foot fast; no element is missing.
@@ -78,7 +78,7 @@ def extrapolate_closures(window: Window, degree: int) -> Vector:
 
 
 def estimate_forces(
-    readings: Readings, network: Estimator, trained: TrainedInputs, degree: int | None = None
+    readings: SimulatedReadings, network: Estimator, trained: TrainedInputs, degree: int | None = None
 ) -> PublishedForces:
     """Return the forces estimated after each conversion, from the third full scan on.
 

@@ -24,9 +24,10 @@ from footsense.calibration.fit.parameter_vector import (
     FOOT_PARAMETER_COUNTS,
     n_parameters,
 )
-from footsense.calibration.fit.twin import ContactLoads, FootTwin
+from footsense.calibration.fit.twin import FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.foot.directions import normalized
+from footsense.foot.specimen import ContactLoads
 from footsense.frames import Vector
 
 #: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers

@@ -6,12 +6,13 @@ import numpy as np
 
 from footsense.calibration.fit.parameter_fit import ParameterFit, prior_sigma
 from footsense.calibration.fit.parameter_vector import REFERENCE, parameter_names, slice_of_kind
-from footsense.calibration.fit.twin import ContactLoads, FootTwin
+from footsense.calibration.fit.twin import FootTwin
 from footsense.errors import CalibrationError
 from footsense.foot.direction_sets import direction_grid
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import element_means
+from footsense.foot.specimen import ContactLoads
 
 #: Largest predicted errors with which a calibration is made: an uncalibrated, carelessly made foot is not much worse.
 _MAX_DIRECTION_DEG, _MAX_MAGNITUDE_REL = 4.0, 0.1

@@ -20,12 +20,13 @@ from dataclasses import replace
 import numpy as np
 
 from footsense.calibration.fit.parameter_vector import n_parameters
-from footsense.calibration.fit.twin import ContactLoads, FootTwin
+from footsense.calibration.fit.twin import FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.foot.directions import normalized
 from footsense.foot.gap_contact import element_means
 from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import ContactLoads
 from footsense.frames import Vector
 
 #: Weight of the newest press in the mean of the last ones [1]: creep of ten seconds, presses of one.

@@ -11,7 +11,6 @@ reads (1 + r) f of a force f. The film does not appear: the unloaded distance D 
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from footsense.foot import gap_contact
 from footsense.foot.cavity.pressures import CavityPressures
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import ContactLoads
 from footsense.frames import Mask, Vector
 
 #: Smallest distance of the electrodes [um]; the designed film is as thick as 6.3 um of air.
@@ -46,18 +46,6 @@ def reference_gains(parameters: Vector) -> Vector:
 def _compliance_factor(parameters: Vector) -> float:
     """Return the compliance of the foot over that of the design [1]."""
     return 1.0 / (1.0 + float(parameters[STIFFNESS][0]))
-
-
-class ContactLoads(NamedTuple):
-    """Loads in the leg's frame: contact normals and reference forces [N], shape (n, 3) each."""
-
-    normal: Vector
-    force_n: Vector
-
-    @classmethod
-    def centred(cls, force_n: Vector) -> "ContactLoads":
-        """Return loads through the centre of the ball, where the contact normal is parallel to the force."""
-        return cls(force_n / np.linalg.norm(force_n, axis=1, keepdims=True), force_n)
 
 
 class FootTwin:

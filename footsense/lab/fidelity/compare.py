@@ -7,13 +7,13 @@ import numpy as np
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.force_errors import evaluate_force_errors
+from footsense.foot.specimen import ContactLoads
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import ForceEstimator, rms
 from footsense.lab.fidelity.levels import FidelityLevel, LevelResponse
-from footsense.lab.fidelity.loads import Loads
 
 
-def time_level(level: FidelityLevel, loads: Loads, repeats: int = 1) -> tuple[LevelResponse, float]:
+def time_level(level: FidelityLevel, loads: ContactLoads, repeats: int = 1) -> tuple[LevelResponse, float]:
     """Return a fidelity level's response to given loads, and its shortest computing time of several runs [s]."""
     taken_s = []
     for _ in range(repeats):

@@ -8,10 +8,10 @@ from timeit import default_timer
 import numpy as np
 
 from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import ContactLoads
 from footsense.lab.evaluation.evaluate import rms
 from footsense.lab.fem.forward import ForwardFoot
 from footsense.lab.fem.mesh import MeshSize
-from footsense.lab.fidelity.loads import Loads
 from footsense.lab.geometry import FootDesign
 
 
@@ -44,7 +44,7 @@ class ForwardAgainstTable:
 
 
 def forward_against_table(
-    foot_design: FootDesign, size: MeshSize, response: FootResponse, loads: Loads, n: int
+    foot_design: FootDesign, size: MeshSize, response: FootResponse, loads: ContactLoads, n: int
 ) -> ForwardAgainstTable:
     """Return times of direct solves and of the adjoint table, and the difference of their closures.
 
@@ -52,15 +52,15 @@ def forward_against_table(
         foot_design: The foot.
         size: Resolution of the mesh of the solves.
         response: The table.
-        loads: Loads on which the table is timed.
+        loads: ContactLoads on which the table is timed.
         n: How many of them, evenly spread, are solved.
     """
     start = default_timer()
     foot = ForwardFoot(foot_design, size)
     factorise_s = default_timer() - start
     once = functools.partial(response.free_closure_um, loads.normal, loads.force_n)
-    tabled, table_s = once(), min(timeit.repeat(once, repeat=3, number=1)) / len(loads)
-    some = np.linspace(0, len(loads) - 1, n).round().astype(int)
+    tabled, table_s = once(), min(timeit.repeat(once, repeat=3, number=1)) / len(loads.force_n)
+    some = np.linspace(0, len(loads.force_n) - 1, n).round().astype(int)
     functionals = [quarter.closure_functional("cell0", 1.0) for quarter in foot.quarters]
     start = default_timer()
     for quarter, functional in zip(foot.quarters, functionals, strict=True):

@@ -1,41 +1,23 @@
 """Loads on which fidelity levels are compared: the paper's centred loads, and loads in the mirror plane."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.foot.directions import directions, normalized
+from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
-from footsense.frames import Vector
+from footsense.foot.specimen import ContactLoads
 from footsense.lab.training.load_cases import paper_training, paper_verification
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Loads:
-    """Contact normals and forces [N] on which fidelity levels are compared.
-
-    Attributes:
-        normal: Inward unit normals, shape (n, 3).
-        force_n: Forces [N], shape (n, 3).
-    """
-
-    normal: Vector
-    force_n: Vector
-
-    def __len__(self) -> int:
-        """Return the number of loads."""
-        return len(self.normal)
-
-
-def paper_loads(response: FootResponse) -> Loads:
+def paper_loads(response: FootResponse) -> ContactLoads:
     """Return the paper's 362 + 180 centred loads (section III F)."""
     force_n = np.concatenate([paper_training(response).force_n, paper_verification(response).force_n])
-    return Loads(normalized(force_n), force_n)
+    return ContactLoads.centred(force_n)
 
 
-def loads_in_mirror_plane(cases: Sequence[tuple[float, float, float]]) -> Loads:
+def loads_in_mirror_plane(cases: Sequence[tuple[float, float, float]]) -> ContactLoads:
     """Return loads in the plane y = 0, for which the finite-strain model meshes half the foot.
 
     Args:
@@ -43,4 +25,4 @@ def loads_in_mirror_plane(cases: Sequence[tuple[float, float, float]]) -> Loads:
     """
     normal_deg, force_deg, magnitude_gf = np.array(cases, dtype=np.float64).T
     force_n = directions(0.0, force_deg) * magnitude_gf[:, None] * GRAM_FORCE_N
-    return Loads(directions(0.0, normal_deg), force_n)
+    return ContactLoads(directions(0.0, normal_deg), force_n)

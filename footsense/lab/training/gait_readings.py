@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from firmware_interface.conversion_order import conversion_order
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import ContactLoads, Foot
 from footsense.frames import Mask, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.progress import progress_bar
 from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.viscoelastic import ViscoelasticElement
-from footsense.sim.loads.random_gait import Loads, RandomGait
+from footsense.sim.loads.random_gait import RandomGait
 
 #: Orders of the conversions that a window may come from; almost all robots use the first.
 CONVERSION_ORDERS = ("lo_shu", "raster")
@@ -124,7 +124,7 @@ class ReadingConditions(NamedTuple):
 
 def read_gait(
     response: FootResponse,
-    loads: Callable[[Vector], Loads],
+    loads: Callable[[Vector], ContactLoads],
     conditions: ReadingConditions,
     rng: np.random.Generator,
     n: int,

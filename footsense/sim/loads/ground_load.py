@@ -37,7 +37,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 IN_THE_AIR = GroundContact(_UP, np.zeros(3))
 
 
-class Ramp:
+class RampContact:
     """The same force on every foot, through the centre of its ball: rises linearly from zero, then stays constant.
 
     Args:

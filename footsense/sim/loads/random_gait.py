@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.foot.specimen import ContactLoads
 from footsense.frames import Vector
 from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 
@@ -28,18 +29,6 @@ _PEAK_REL, _LIGHT_REL = (0.03, 0.6), (0.005, 0.1)
 _LEAN_DEG, _STEEP_DEG, _LARGEST_LEAN_DEG = 15.0, 26.0, 50.0
 #: Largest tangential over normal force [1].
 MAX_FRICTION_REL = 0.65
-
-
-class Loads(NamedTuple):
-    """True loads of one foot at n times: contact normals and forces [N].
-
-    Attributes:
-        normal: Inward unit normal of the ball at the contact, foot frame, shape (n, 3).
-        force_n: Ground reaction on the foot [N], foot frame, shape (n, 3); zero in the air.
-    """
-
-    normal: Vector
-    force_n: Vector
 
 
 class _SuddenChange(NamedTuple):
@@ -139,7 +128,7 @@ class RandomStance:
             for _ in range(rng.integers(1, 3))
         ]
 
-    def loads(self, t_s: Vector) -> Loads:
+    def loads(self, t_s: Vector) -> ContactLoads:
         """Return the loads at n times since touchdown [s]."""
         normal = _normals(self._lean_at(t_s))
         shear = self._shear_at(t_s)
@@ -148,7 +137,7 @@ class RandomStance:
         tangential = np.hstack([shear, along])
         length = np.linalg.norm(tangential, axis=1, keepdims=True)
         tangential *= np.minimum(1.0, MAX_FRICTION_REL / np.maximum(length, 1e-9))
-        return Loads(normal, self._pressing_n(t_s)[:, None] * (normal + tangential))
+        return ContactLoads(normal, self._pressing_n(t_s)[:, None] * (normal + tangential))
 
     def _pressing_n(self, t_s: Vector) -> Vector:
         """Return the normal force at n times since touchdown [N]."""
@@ -209,7 +198,7 @@ class RandomGait:
             start_s += stance.duration_s + rng.uniform(*SWING_S)
         self._starts_s = np.array([start for start, _ in self._stances])
 
-    def loads(self, t_s: Vector) -> Loads:
+    def loads(self, t_s: Vector) -> ContactLoads:
         """Return the loads at n times [s]; in swing the normal points up and the force is zero."""
         normal = np.tile([0.0, 0.0, 1.0], (len(t_s), 1))
         force_n = np.zeros((len(t_s), 3))
@@ -217,7 +206,7 @@ class RandomGait:
             on = (t_s >= start_s) & (t_s < start_s + stance.duration_s)
             if on.any():
                 normal[on], force_n[on] = stance.loads(t_s[on] - start_s)
-        return Loads(normal, force_n)
+        return ContactLoads(normal, force_n)
 
     def contact_at(self, t_s: float) -> GroundContact:
         """Return the true ground contact at one time [s]."""

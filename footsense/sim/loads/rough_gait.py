@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.foot.specimen import ContactLoads
 from footsense.frames import Vector
-from footsense.sim.loads.random_gait import SWING_S, Loads, RandomStance
+from footsense.sim.loads.random_gait import SWING_S, RandomStance
 from footsense.sim.loads.sliding_ground import STEP_S, SlidingGround
 from footsense.sim.loads.swing_shake import SwingShake
 
@@ -88,10 +89,10 @@ class RoughStance:
         around = rng.uniform(0.0, 2.0 * np.pi)
         return np.asarray(np.outer(drag_mm, [np.cos(around), np.sin(around)]), np.float64)
 
-    def loads(self, t_s: Vector) -> Loads:
+    def loads(self, t_s: Vector) -> ContactLoads:
         """Return the loads at n times since touchdown [s]."""
         normal = _interpolate_rows(t_s, self._t_s, self._normal)
-        return Loads(
+        return ContactLoads(
             normal / np.linalg.norm(normal, axis=1, keepdims=True),
             _interpolate_rows(t_s, self._t_s, self._force_n),
         )
@@ -149,7 +150,7 @@ class RoughGait:
             [0.0, *(at for start, stance in self.stances for at in (start, start + stance.duration_s))]
         )
 
-    def loads(self, t_s: Vector) -> Loads:
+    def loads(self, t_s: Vector) -> ContactLoads:
         """Return the loads at n times [s]; in swing the normal points up and the force is the inertial shake."""
         place = np.searchsorted(self._bounds_s, t_s, "right") - 1
         first = self._bounds_s[place]
@@ -161,7 +162,7 @@ class RoughGait:
             on = (t_s >= start_s) & (t_s < start_s + stance.duration_s)
             if on.any():
                 normal[on], force_n[on] = stance.loads(t_s[on] - start_s)
-        return Loads(normal, force_n)
+        return ContactLoads(normal, force_n)
 
     def slides(self, t_s: Vector) -> Slides:
         """Return true stance number, slid distance and friction coefficient at n times [s]."""

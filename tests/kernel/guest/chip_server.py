@@ -27,7 +27,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import LEGS
 from footsense.ports import Transaction
 from footsense.sim.clock import VirtualClock
-from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact, Ramp
+from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact, RampContact
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene_files import load_scene
 
@@ -119,7 +119,7 @@ class ChipServer:
         """Execute a command and return its answer."""
         match command.split():
             case ["press", leg, newton]:
-                self._robot.legs[leg]._load = Ramp((0.05, 0.0, float(newton)), self._clock.now_ns())
+                self._robot.legs[leg]._load = RampContact((0.05, 0.0, float(newton)), self._clock.now_ns())
             case ["lift"]:
                 for simulated in self._robot.legs.values():
                     simulated._load = InTheAir()

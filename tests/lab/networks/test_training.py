@@ -5,7 +5,7 @@ import pytest
 
 from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import ContactLoads, Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.training.gait_readings import (
@@ -24,7 +24,6 @@ from footsense.lab.training.snapshot.train import closure_moments
 from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
-from footsense.sim.loads.random_gait import Loads
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -45,10 +44,10 @@ def gaits(response: FootResponse) -> GaitReadings:
     return random_gaits(response, 3, 24, N, MAX_N)
 
 
-def rising(t_s: Vector) -> Loads:
+def rising(t_s: Vector) -> ContactLoads:
     """Return a load that leans, from nothing to 0.8 N in a second."""
     normal = np.tile([np.sin(0.1), 0.0, np.cos(0.1)], (len(t_s), 1))
-    return Loads(normal, np.clip(t_s, 0.0, 1.0)[:, None] * np.array([0.05, 0.1, 0.8]))
+    return ContactLoads(normal, np.clip(t_s, 0.0, 1.0)[:, None] * np.array([0.05, 0.1, 0.8]))
 
 
 @pytest.mark.parametrize("order", range(len(CONVERSION_ORDERS)))
@@ -85,7 +84,9 @@ def test_a_reading_beyond_the_range_is_its_end(response: FootResponse) -> None:
     """It is marked, and no window begins with it."""
     gait = read_gait(
         response,
-        lambda t_s: Loads(*(part * scale for part, scale in zip(rising(t_s), (1.0, 3.0), strict=True))),
+        lambda t_s: ContactLoads(
+            *(part * scale for part, scale in zip(rising(t_s), (1.0, 3.0), strict=True))
+        ),
         ReadingConditions(),
         np.random.default_rng(3),
         N,

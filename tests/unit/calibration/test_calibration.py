@@ -16,7 +16,7 @@ from footsense.calibration.fit.parameter_vector import (
     element_slices,
     n_parameters,
 )
-from footsense.calibration.fit.twin import ContactLoads, FootTwin, reference_gains
+from footsense.calibration.fit.twin import FootTwin, reference_gains
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
@@ -26,7 +26,7 @@ from footsense.foot.correction_terms import correction_terms
 from footsense.foot.directions import angles_between_deg, normalized, rotation
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import ContactLoads, Deviations, Foot
 from footsense.sim.foot.fabrication import fabricate
 from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.arrays import response

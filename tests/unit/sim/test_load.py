@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from footsense.frames import LEGS
-from footsense.sim.loads.ground_load import Ramp
+from footsense.sim.loads.ground_load import RampContact
 from footsense.sim.loads.measured_walk import measured_strides, measured_walk
 from footsense.sim.loads.walk import Walk, smooth_stance
 
@@ -60,14 +60,14 @@ def test_the_measured_walk_is_what_was_measured_scaled() -> None:
 
 def test_a_constant_load_acts_through_the_centre() -> None:
     """Its normal is its direction."""
-    normal, force_n = Ramp((0.3, 0.0, 0.4), 0).contact("lf", 0)
+    normal, force_n = RampContact((0.3, 0.0, 0.4), 0).contact("lf", 0)
     np.testing.assert_allclose(normal, [0.6, 0, 0.8])
     np.testing.assert_allclose(force_n, [0.3, 0, 0.4])
 
 
 def test_a_ramp_grows_evenly_and_stays() -> None:
     """In the air before it begins, half of the force at half of the time, all of it from its end on."""
-    ramp = Ramp((0.0, 0.6, 0.8), from_ns=S, rise_ns=S // 5)
+    ramp = RampContact((0.0, 0.6, 0.8), from_ns=S, rise_ns=S // 5)
     shares = [
         np.linalg.norm(ramp.contact("lf", t_ns).force_n) for t_ns in (S - 1, S + S // 10, S + S // 5, 9 * S)
     ]

@@ -9,12 +9,12 @@ from footsense.foot.cavity.air import Cavity
 from footsense.foot.direction_sets import random_directions
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.specimen import ContactLoads
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES
 from footsense.sim.test_stand.press_sequence import paper_presses
 from footsense.validation.mismatch_trial import (
     UNDISTURBED,
     Disturbance,
-    TestLoads,
     TrialPlan,
     run_mismatch_trial,
 )
@@ -27,8 +27,8 @@ def _plan() -> TrialPlan:
     centred = 0.6 * paper_presses("verification")[::5]
     direction = random_directions(rng, 60, 50.0)
     normal = normalized(direction + np.radians(12.0) * rng.normal(size=direction.shape))
-    leaning = TestLoads(normal, 60.0 * GRAM_FORCE_N * direction)
-    tests = {"centred": TestLoads(normalized(centred), centred), "leaning": leaning}
+    leaning = ContactLoads(normal, 60.0 * GRAM_FORCE_N * direction)
+    tests = {"centred": ContactLoads.centred(centred), "leaning": leaning}
     return TrialPlan(tolerances=PAPER_TOLERANCES, seed=8, every_nth_press=6, test_loads_by_name=tests)
 
 

@@ -18,8 +18,8 @@ from footsense.calibration.fit.calibrate import MAX_MAHALANOBIS_DISTANCE, TYPICA
 from footsense.cli.lab.pages.mismatch_rows import MISMATCH_ROWS
 from footsense.errors import FootsenseError
 from footsense.foot.direction_sets import random_directions
-from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.specimen import ContactLoads
 from footsense.lab.fidelity.levels import finite_strain_level
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
@@ -31,7 +31,7 @@ from footsense.lab.training.load_cases import leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES
 from footsense.sim.test_stand.press_sequence import paper_presses
 from footsense.validation.code_digest import code_digest
-from footsense.validation.mismatch_trial import TestLoads, TrialPlan, run_mismatch_trial
+from footsense.validation.mismatch_trial import TrialPlan, run_mismatch_trial
 
 #: Feet, presses used and rows of a full run and of a quick one.
 N_FEET, QUICK_N_FEET, EVERY, QUICK_EVERY = 20, 2, 2, 6
@@ -76,7 +76,7 @@ class MismatchResults:
         return self.n_feet * sum(row["cpu_s"] for row in self.mean_over_feet.values())
 
 
-def test_loads(loads: LoadRange) -> dict[str, TestLoads]:
+def test_loads(loads: LoadRange) -> dict[str, ContactLoads]:
     """Return the test loads by name: the paper's centred ones, leaning ones of 100 gf, leaning ones of all sizes."""
     centred_n = paper_presses("verification")
     rng = np.random.default_rng(SEED)
@@ -86,9 +86,9 @@ def test_loads(loads: LoadRange) -> dict[str, TestLoads]:
     direction, normal = direction[reached][:_N_LEANING], normal[reached][:_N_LEANING]
     sizes_gf = rng.uniform(*FULL_RANGE_GF, (_N_LEANING, 1))
     return {
-        "centred": TestLoads(normalized(centred_n), centred_n),
-        "leaning": TestLoads(normal, 100.0 * GRAM_FORCE_N * direction),
-        "range": TestLoads(normal, sizes_gf * GRAM_FORCE_N * direction),
+        "centred": ContactLoads.centred(centred_n),
+        "leaning": ContactLoads(normal, 100.0 * GRAM_FORCE_N * direction),
+        "range": ContactLoads(normal, sizes_gf * GRAM_FORCE_N * direction),
     }
 
 
@@ -251,7 +251,7 @@ def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
     dots.legend(fontsize="small", loc="lower right")
 
 
-def _full_solve_s(context: StudyContext, loads: TestLoads, kept: Path) -> float:
+def _full_solve_s(context: StudyContext, loads: ContactLoads, kept: Path) -> float:
     """Return the processor time of one finite-strain solve with frictional ground contact, for the first load [s].
 
     It is measured once, and kept.

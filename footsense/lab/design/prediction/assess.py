@@ -17,7 +17,7 @@ from footsense.frames import Vector
 from footsense.lab.design.inputs.boards import Converter
 from footsense.lab.design.inputs.requirements import MAX_READABLE_CLOSURE_REL, Requirements
 from footsense.lab.design.prediction.after_calibration import calibrated_errors
-from footsense.lab.design.prediction.closures import Loads, design_loads
+from footsense.lab.design.prediction.closures import LoadDirections, design_loads
 from footsense.lab.evaluation.cramer_rao import Unknowns, jacobian_um
 from footsense.lab.training.load_cases import sensed_closure_um
 
@@ -56,7 +56,7 @@ def assess_foot(response: FootResponse, requirements: Requirements) -> Assessmen
     """Return predicted range and force errors of a foot from its response table."""
     foot, board = Foot(response), requirements.board
     grids = [direction_grid(list(_AZIMUTHS_DEG), [float(elevation)]) for elevation in ELEVATIONS_DEG]
-    by_elevation = [_max_readable_force_n(foot, board, Loads(grid, grid)) for grid in grids]
+    by_elevation = [_max_readable_force_n(foot, board, LoadDirections(grid, grid)) for grid in grids]
     loads = design_loads(requirements.max_lean_deg)
     all_directions_range_n = _max_readable_force_n(foot, board, loads)
     force_n = np.geomspace(requirements.min_n, requirements.max_n, LEVELS)
@@ -77,7 +77,7 @@ def assess_foot(response: FootResponse, requirements: Requirements) -> Assessmen
     )
 
 
-def _max_readable_force_n(foot: Foot, board: Converter, loads: Loads) -> float:
+def _max_readable_force_n(foot: Foot, board: Converter, loads: LoadDirections) -> float:
     """Return the largest force readable in every given load direction [N], by bisection."""
     design = foot.response.design
     readable_um = (

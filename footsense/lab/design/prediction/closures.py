@@ -35,14 +35,14 @@ _STEP, _DEGREE = 1e-3, 12
 CONTACT_LEAN_DEG = 5.0
 
 
-class Loads(NamedTuple):
-    """Force directions and contact normals, each of shape (loads, 3)."""
+class LoadDirections(NamedTuple):
+    """Loads without their magnitude: force directions and contact normals, shape (loads, 3) each."""
 
     direction: Vector
     normal: Vector
 
 
-def design_loads(max_lean_deg: float) -> Loads:
+def design_loads(max_lean_deg: float) -> LoadDirections:
     """Return the loads used to judge a design: up to an angle from the leg's axis, centred and leaning."""
 
     def toward(angle_deg: float, azimuth_deg: float) -> Vector:
@@ -67,7 +67,7 @@ def design_loads(max_lean_deg: float) -> Loads:
         for sign in (1.0, -1.0):
             directions.append(leaning)
             normals.append(np.cos(lean) * leaning + sign * np.sin(lean) * across)
-    return Loads(np.concatenate(directions), np.concatenate(normals))
+    return LoadDirections(np.concatenate(directions), np.concatenate(normals))
 
 
 class Influence(NamedTuple):
@@ -94,7 +94,7 @@ class ClosureModel:
         unevenness: Variance of an electrode's cell closures over their squared mean, paper's shape, shape (m, 9).
     """
 
-    def __init__(self, library: ShapeLibrary, loads: Loads) -> None:
+    def __init__(self, library: ShapeLibrary, loads: LoadDirections) -> None:
         """Create the model: evaluate the solved shapes at the loads."""
         self._library, self.loads = library, loads
         self._across = np.stack(tangent_frame(loads.normal), axis=1)

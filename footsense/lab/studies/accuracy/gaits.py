@@ -14,6 +14,7 @@ import numpy as np
 from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.specimen import ContactLoads
 from footsense.frames import LEGS, Mask, Vector
 from footsense.lab.evaluation.contact_model import unit_normals
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_SEED
@@ -30,9 +31,8 @@ from footsense.lab.training.gait_readings import (
 from footsense.lab.training.gait_windows import contact_and_normal_force, windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, paper_verification, random_loads
 from footsense.ports import Load, Window
-from footsense.sim.loads.ground_load import ContactSource, Ramp
+from footsense.sim.loads.ground_load import ContactSource, RampContact
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.random_gait import Loads
 from footsense.sim.loads.walk import Walk, smooth_stance
 
 #: Seed of the gaits that judge; training uses another.
@@ -120,13 +120,15 @@ _NONE_MISSING = np.zeros(9, bool)
 _NO_INPUT_FAULT = _InputFault(_NONE_MISSING)
 
 
-def load_function(source: ContactSource, leg: str) -> Callable[[Vector], Loads]:
+def load_function(source: ContactSource, leg: str) -> Callable[[Vector], ContactLoads]:
     """Return a function from times [s] to the loads of one leg, built from a source of contacts."""
 
-    def loads(t_s: Vector) -> Loads:
+    def loads(t_s: Vector) -> ContactLoads:
         """Return the leg's loads at the given times [s]."""
         contacts = [source.contact(leg, int(t_ns)) for t_ns in (t_s * 1e9).tolist()]
-        return Loads(np.array([one.normal for one in contacts]), np.array([one.force_n for one in contacts]))
+        return ContactLoads(
+            np.array([one.normal for one in contacts]), np.array([one.force_n for one in contacts])
+        )
 
     return loads
 
@@ -229,7 +231,9 @@ def _steady_load_errors(context: StudyContext) -> list[SteadyLoadErrors]:
         judged = np.linalg.norm(cases.force_n, axis=1) >= loads.min_evaluated_force_n
         force_n, closure_um = cases.force_n[judged], cases.closure_um[judged]
         readings = [measured_closure_rel(response.design, closure_um, rng) for _ in range(3)]
-        timing = windows_of(_walk_readings(context, Ramp((0.0, 0.0, 0.5), 0), ("rf",), ReadingConditions()))
+        timing = windows_of(
+            _walk_readings(context, RampContact((0.0, 0.0, 0.5), 0), ("rf",), ReadingConditions())
+        )
         age_s = timing.age_s[np.arange(len(force_n)) % len(timing.age_s)]
         window = Window(np.stack(readings, axis=1), age_s, np.zeros((len(force_n), 9), bool))
         found_n = estimate_in_batches(context, window).force_n

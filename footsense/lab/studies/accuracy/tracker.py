@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
 from footsense.foot.directions import angles_between_deg
+from footsense.foot.specimen import ContactLoads
 from footsense.frames import LEGS, Mask, Vector
 from footsense.lab.evaluation.contact_filter import ContactFilter
 from footsense.lab.evaluation.contact_model import ContactModel
@@ -36,7 +37,7 @@ from footsense.lab.training.gait_readings import (
 )
 from footsense.lab.training.gait_windows import GaitWindows, complete_windows, windows_of
 from footsense.ports import Load, Window
-from footsense.sim.loads.random_gait import Loads, RandomGait
+from footsense.sim.loads.random_gait import RandomGait
 
 #: Random gaits, rows of steps, and conversions of each gait.
 N_RANDOM, N_STEPS, CONVERSIONS = 80, 8, 600
@@ -108,18 +109,18 @@ class _ForceEstimate(NamedTuple):
     sigma_n: Vector
 
 
-def _step_loads(rng: np.random.Generator) -> Callable[[Vector], Loads]:
+def _step_loads(rng: np.random.Generator) -> Callable[[Vector], ContactLoads]:
     """Return a function from times [s] to random loads that switch on and off."""
     around = rng.uniform(0.0, 2.0 * np.pi)
 
-    def loads(t_s: Vector) -> Loads:
+    def loads(t_s: Vector) -> ContactLoads:
         """Return the loads at the given times [s]."""
         rise = np.clip((t_s % (2.0 * _ON_S) - _ON_S) / RISE_S, 0.0, 1.0)
         normal, direction = (
             np.array([np.sin(lean) * np.cos(around), np.sin(lean) * np.sin(around), np.cos(lean)])
             for lean in np.radians([10.0, 20.0])
         )
-        return Loads(np.tile(normal, (len(t_s), 1)), STEP_N * rise[:, None] * direction)
+        return ContactLoads(np.tile(normal, (len(t_s), 1)), STEP_N * rise[:, None] * direction)
 
     return loads
 
@@ -127,7 +128,7 @@ def _step_loads(rng: np.random.Generator) -> Callable[[Vector], Loads]:
 def _readings(context: StudyContext) -> tuple[GaitReadings, list[str]]:
     """Return the readings of all gaits, with the index of each gait's kind of load."""
     n_random, n = (_N_QUICK, _QUICK_CONVERSIONS) if context.quick else (N_RANDOM, CONVERSIONS)
-    sources: list[tuple[str, Callable[[Vector], Loads], np.random.Generator]] = []
+    sources: list[tuple[str, Callable[[Vector], ContactLoads], np.random.Generator]] = []
     for own in np.random.SeedSequence(TEST_GAIT_SEED).spawn(n_random):
         rng = np.random.default_rng(own)
         sources.append((LOADS[0], RandomGait(rng, context.foot_design.loads.max_n, n * STEP_S).loads, rng))

@@ -6,6 +6,7 @@ import ngsolve as ng
 import numpy as np
 from msgspec.structs import replace
 
+from footsense.foot.specimen import ContactLoads
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize
 from footsense.lab.fidelity.compare import FidelityError, fidelity_error, time_level
 from footsense.lab.fidelity.drawing import capacitance_pattern_figure, error_over_time_figure
@@ -18,7 +19,7 @@ from footsense.lab.fidelity.levels import (
     finite_strain_level,
     half_space_response,
 )
-from footsense.lab.fidelity.loads import Loads, loads_in_mirror_plane, paper_loads
+from footsense.lab.fidelity.loads import loads_in_mirror_plane, paper_loads
 from footsense.lab.studies.page import Plots, Study, StudyContext
 
 #: Loads of the full solve: elevation of contact normal and of force [deg], magnitude [gf]. The load of the
@@ -77,15 +78,15 @@ class Results:
 
 
 def _time_levels(
-    context: StudyContext, names: tuple[str, ...], loads: Loads
+    context: StudyContext, names: tuple[str, ...], loads: ContactLoads
 ) -> tuple[dict[str, LevelResponse], dict[str, float]]:
     """Return the responses of the models, and the computing time per load of each [s]."""
     level_responses, seconds = {}, {}
     for name in names:
         level = fidelity_level(name, context.response, context.foot_design)
         level_responses[name], taken_s = time_level(level, loads, repeats=1 if name == "full" else 3)
-        seconds[name] = taken_s / len(loads)
-        context.report_progress(f"fidelity: {name}, {len(loads)} loads in {taken_s:.2g} s")
+        seconds[name] = taken_s / len(loads.force_n)
+        context.report_progress(f"fidelity: {name}, {len(loads.force_n)} loads in {taken_s:.2g} s")
     return level_responses, seconds
 
 
@@ -97,7 +98,7 @@ def _differences_from_finest(
     return {name: fidelity_error(answer, finest, network, design) for name, answer in level_responses.items()}
 
 
-def _compare_forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable:
+def _compare_forward(context: StudyContext, loads: ContactLoads) -> ForwardAgainstTable:
     """Return times and errors of direct solves against the table, on its mesh (quick: a coarse one)."""
     size = COARSE_MESH if context.quick else MeshSize(**context.response.provenance["mesh"])
     n = _FORWARD_LOADS_QUICK if context.quick else _FORWARD_LOADS
@@ -109,7 +110,7 @@ def _compare_forward(context: StudyContext, loads: Loads) -> ForwardAgainstTable
 
 
 def _compare_half_space(
-    context: StudyContext, loads: Loads, contact: LevelResponse
+    context: StudyContext, loads: ContactLoads, contact: LevelResponse
 ) -> tuple[Differences, tuple[float, float]]:
     """Return errors of the formula's variants against the contact level, and the sheet's share of the force [1]."""
     foot_design = context.foot_design
@@ -172,10 +173,10 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         figures["fidelity-pattern.png"] = capacitance_pattern_figure(
             {name: one.capacitance_pf[0].reshape(3, 3) - unloaded_pf for name, one in level_responses.items()}
         )
-    figures["fidelity.png"] = error_over_time_figure(seconds, shown, finest, forward, len(loads))
+    figures["fidelity.png"] = error_over_time_figure(seconds, shown, finest, forward, len(loads.force_n))
     formula, carried_rel = _compare_half_space(context, loads, cheap["contact"])
     results = Results(
-        n_loads=len(loads),
+        n_loads=len(loads.force_n),
         seconds_per_load=seconds,
         differences_from_contact_level=apart,
         formula_variants=formula,
