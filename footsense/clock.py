@@ -150,7 +150,7 @@ def wall_time_iso() -> str:
 
 
 def wall_time_ns() -> int:
-    """Return the wall-clock time since 1970 [ns]; it may step."""
+    """Return the wall-clock time since 1970 [ns]; it jumps when the clock is set."""
     return time.time_ns()
 
 

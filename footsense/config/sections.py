@@ -13,7 +13,9 @@ Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
 PCA9685_ALLCALL = 0x70
 
 Channel = Annotated[int, Meta(ge=0, le=tca9548a.N_CHANNELS - 1, description="a channel of the TCA9548A")]
-Device = Annotated[str, Meta(pattern=r"^(/dev/[^\s]+|sim[0-9]?)$", description="such as /dev/i2c-1, or sim")]
+AdapterPath = Annotated[
+    str, Meta(pattern=r"^(/dev/[^\s]+|sim[0-9]?)$", description="such as /dev/i2c-1, or sim")
+]
 StrayPf = tuple[Annotated[float, Meta(ge=0.0, le=20.0)], ...]
 UnloadedPf = tuple[Annotated[float, Meta(ge=0.1, le=15.0)], ...]
 
@@ -91,8 +93,8 @@ class Bus(Section, frozen=True, kw_only=True):
         pull_ups: Its pull-up resistors, to check them; None if they are not known.
     """
 
-    device: Device
-    legs: Annotated[dict[Leg, Channel | Device], Meta(min_length=1)]
+    device: AdapterPath
+    legs: Annotated[dict[Leg, Channel | AdapterPath], Meta(min_length=1)]
     rate_hz: Annotated[
         int, Meta(ge=10_000, le=400_000, description="FDC1004 and TCA9548A are 400 kHz parts")
     ] = 400_000

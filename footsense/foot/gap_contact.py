@@ -59,12 +59,12 @@ class ContactSolution:
     Attributes:
         closure_um: Closure of each cell [um], shape (324,), at most its gap.
         force_n: Contact force on each cell [N], shape (324,), at least zero.
-        pivots: Linear systems solved.
+        n_pivots: Number of linear systems solved.
     """
 
     closure_um: Vector
     force_n: Vector
-    pivots: int
+    n_pivots: int
 
 
 def kkt_residual(

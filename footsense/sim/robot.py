@@ -130,7 +130,7 @@ class SimulatedRobot:
                 mux=SimulatedMux(wiring.mux_address),
                 legs={channel: self.legs[leg].chips for leg, channel in wiring.channels.items()},
                 faults=WireFaults(
-                    broken, wiring.channels, timeout_ns, rng, compares=scene.effects.adapter_compares
+                    broken, wiring.channels, timeout_ns, rng, adapter_compares=scene.effects.adapter_compares
                 )
                 if broken
                 else None,

@@ -9,7 +9,7 @@ from footsense.frames import ALL_LEGS
 from footsense.sim.faults.scene_faults import Leg
 from footsense.sim.loads import ground_load
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import SECOND_TRIPOD, Walk, smooth_stance
+from footsense.sim.loads.walk import SECOND_LEG_GROUP, Walk, smooth_stance
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 Force = Annotated[float, Meta(ge=0.0, le=500.0)]
@@ -107,7 +107,7 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
     friction_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
     pitch_deg: Pitch = 0.0
     stands: tuple[Stand, ...] = ()
-    second: tuple[Leg, ...] = SECOND_TRIPOD
+    second: tuple[Leg, ...] = SECOND_LEG_GROUP
 
     def build(self, from_ns: int) -> Walk:
         """Return the walk, starting at `from_ns` [ns]."""

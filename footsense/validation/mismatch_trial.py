@@ -185,11 +185,11 @@ class _FootOnTestStand:
         lowered[low, 2] = self._min_sine
         return normalized(lowered) @ self._mount
 
-    def _reference_reading_n(self, force_n: Vector, noise: Vector) -> Vector:
-        """Return the reference sensor's readings under forces [N], shape (n, 3), with its errors."""
+    def _reference_reading_n(self, force_n: Vector, unit_noise: Vector) -> Vector:
+        """Return the reference sensor's readings under forces [N], shape (n, 3), with nonlinearity and noise."""
         load_gf = -force_n / GRAM_FORCE_N
         read_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf)
-        read_gf += self._disturbance.reference_noise_steps * RESOLUTION_GF * noise
+        read_gf += self._disturbance.reference_noise_steps * RESOLUTION_GF * unit_noise
         return -read_gf * GRAM_FORCE_N
 
 

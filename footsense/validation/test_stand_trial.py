@@ -24,7 +24,7 @@ from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads, Unloaded
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
-from footsense.sim.test_stand.reference_sensor import RATED_GF, TRANSMISSION_NS
+from footsense.sim.test_stand.reference_sensor import LINE_TRANSMISSION_NS, RATED_GF
 
 #: Twenty feet of this seed have errors near the mean of 160.
 _TYPICAL_FOOT_SEED = 8
@@ -133,7 +133,7 @@ def _record_session(
         axes=Axes(x="-x", y="-y", z="-z"),
         units="gf",
         rated=(x_gf, y_gf, z_gf),
-        latency_ms=TRANSMISSION_NS / 1e6,
+        latency_ms=LINE_TRANSMISSION_NS / 1e6,
     )
     run = StandSession(test_stand=test_stand, leg=TRIAL_LEG, foot=foot, session=protocol)
     path = folder / f"{foot}-{protocol}.mcap"

@@ -27,7 +27,7 @@ from footsense.estimation.faults.causes import SILENT_READINGS
 from footsense.sim.scene import Scene
 
 #: Scans for the noise: they give its standard deviation to a sixth.
-_N_SCANS = 20
+_N_FOOT_SCANS = 20
 #: Scans before them: converters that were just set up may still settle, and legs that fail are left out.
 _N_DISCARDED_SCANS = 4
 
@@ -106,7 +106,7 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
 def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[ChipTiming | None] | None]:
     """Return the readings of each foot over some scans, and its converter's timing; None with a microcontroller."""
     with open_scan_source(config, scene) as started:
-        frames = started.read_whole_scans(_N_DISCARDED_SCANS + _N_SCANS)[_N_DISCARDED_SCANS:]
+        frames = started.read_whole_scans(_N_DISCARDED_SCANS + _N_FOOT_SCANS)[_N_DISCARDED_SCANS:]
         timings = None
         if isinstance(started.source, RobotScanner):
             timings = [leg.timing if leg.is_timed else None for leg in started.source.legs]

@@ -133,13 +133,13 @@ class Friction:
             self._kinks = deque((kink for kink in self._kinks if kink >= held), _MAX_KINKS)
             self._update_coefficient(tolerance)
 
-    def _update_coefficient(self, tolerance: float) -> None:
+    def _update_coefficient(self, ratio_tolerance: float) -> None:
         """Estimate the coefficient as the median of the highest cluster of ratios; NaN without one."""
         ordered = sorted(self._kinks, reverse=True)
         self.exceeding_ratio = _STATIC_OVER_KINETIC * min(ordered, default=math.inf)
         self.coefficient = math.nan
         for first in range(len(ordered) - _MIN_CLUSTER + 1):
-            cluster = [kink for kink in ordered[first:] if kink > ordered[first] - 2.0 * tolerance]
+            cluster = [kink for kink in ordered[first:] if kink > ordered[first] - 2.0 * ratio_tolerance]
             if len(cluster) >= _MIN_CLUSTER:
                 self.coefficient = cluster[len(cluster) // 2]
                 return

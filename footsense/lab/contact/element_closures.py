@@ -38,7 +38,7 @@ def sample_points_mm(design: FootDesign) -> tuple[Vector, Vector]:
 
 
 def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, is_half_foot: bool) -> Vector:
-    """Return the gap closure [um] at the sample points, shape (9, 6, 3, 6, 3).
+    """Return the gap closure at the sample points [um]: axes element, x cell, Gauss point, y cell, Gauss point.
 
     Args:
         design: The foot.

@@ -44,7 +44,7 @@ class FabricationPackage:
 
 
 def fabricate(design: FootDesign, folder: Path, process: str | None = None) -> FabricationPackage:
-    """Write the fabrication files and documents of a foot; arguments and errors as of `write_parts`.
+    """Write all fabrication files of a foot: the part files as `write_parts`, and the documents.
 
     Raises:
         FootsenseError: A written file is not as it should be.

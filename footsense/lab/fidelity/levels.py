@@ -54,7 +54,7 @@ def half_space_response(model: HalfSpace, normal: Vector, force_n: Vector) -> Le
     return LevelResponse(closure_um, capacitor.capacitance_pf(np.minimum(closure_um, capacitor.gap_um)))
 
 
-def _response_of_cells(capacitor: CapacitorDesign, cell_closures_um: Vector) -> LevelResponse:
+def _response_from_cell_closures(capacitor: CapacitorDesign, cell_closures_um: Vector) -> LevelResponse:
     """Return closures and capacitances of the elements from the closures of their cells [um], shape (n, cells)."""
     distance_um = np.maximum(capacitor.gap_um - cell_closures_um, 0.0) + capacitor.film_equivalent_um
     return LevelResponse(element_means(cell_closures_um), capacitance_pf(capacitor, distance_um))
@@ -62,12 +62,12 @@ def _response_of_cells(capacitor: CapacitorDesign, cell_closures_um: Vector) -> 
 
 def linear_response(response: FootResponse, normal: Vector, force_n: Vector) -> LevelResponse:
     """Return closures and capacitances by the linear response table, without gap contact."""
-    return _response_of_cells(response.design, response.free_closure_um(normal, force_n))
+    return _response_from_cell_closures(response.design, response.free_closure_um(normal, force_n))
 
 
 def gap_contact_response(foot: Foot, normal: Vector, force_n: Vector) -> LevelResponse:
     """Return closures and capacitances of the simulated foot: response table plus contact in closed gaps."""
-    return _response_of_cells(foot.response.design, foot.cell_closures_um(normal, force_n))
+    return _response_from_cell_closures(foot.response.design, foot.cell_closures_um(normal, force_n))
 
 
 def finite_strain_level(foot_design: FootDesign, *, reduced: bool = False) -> FidelityLevel:

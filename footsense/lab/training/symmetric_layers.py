@@ -94,19 +94,19 @@ def linear_basis(rows: int = 3) -> NDArray[np.float64]:
         rows: Rows of elements, and as many columns.
     """
     images = np.stack([element_permutation(g, rows) for g in SYMMETRIES])
-    upward: list[NDArray[np.float64]] = []
-    sideways: list[NDArray[np.float64]] = []
+    fz_maps: list[NDArray[np.float64]] = []
+    fxy_maps: list[NDArray[np.float64]] = []
     for first in np.unique(images.min(axis=0)):
         basis = np.zeros((3, rows**2, 3))
         basis[2, images[:, first], 2] = 1.0
-        upward.append(basis[2])
+        fz_maps.append(basis[2])
         for g, image in zip(
             SYMMETRIES, images, strict=True
         ):  # fx and fy from one element, turned in all directions
             basis[:2, image[first]] += 0.5 * g[:, :2].T
         one, other = basis[:2]
-        sideways.extend([one] if np.array_equal(one, other) else [one, other])
-    return np.stack([*upward, *(part for part in sideways if part.any())])
+        fxy_maps.extend([one] if np.array_equal(one, other) else [one, other])
+    return np.stack([*fz_maps, *(part for part in fxy_maps if part.any())])
 
 
 def expand_hidden(weights: SharedWeights, n_planes: int, n_scalars: int, rows: int = 3) -> dict[str, Any]:

@@ -57,20 +57,22 @@ class McapFile:
 
     Args:
         fd: Descriptor of the empty file.
-        header: Entries of the recording's header; `legs` names the rows of the frames, `n_elements` a number of
-            elements beside nine.
+        recording_header: Entries of the recording's header; `legs` names the rows of the frames, `n_elements` a number
+            of elements beside nine.
     """
 
-    def __init__(self, fd: int, header: Mapping[str, str]) -> None:
-        self._legs = header["legs"].split(",")
+    def __init__(self, fd: int, recording_header: Mapping[str, str]) -> None:
+        self._legs = recording_header["legs"].split(",")
         self._stream = _UnbufferedFile(fd)
         self._writer = Writer(
             self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
         )
         self._writer.start(profile=MCAP_PROFILE)
-        self._writer.add_metadata(METADATA_NAME, {**header, HEADER_CRC_KEY: header_crc(header)})
+        self._writer.add_metadata(
+            METADATA_NAME, {**recording_header, HEADER_CRC_KEY: header_crc(recording_header)}
+        )
         self._channels: dict[str, int] = {}
-        for topic, schema in messages.topic_schemas(self._legs, header_elements(header)).items():
+        for topic, schema in messages.topic_schemas(self._legs, header_elements(recording_header)).items():
             self._register_topic(topic, schema)
         self.flush()
 

@@ -37,8 +37,8 @@ class WireFaults:
         channels: Mux channel of each leg.
         timeout_ns: Timeout of the adapter for a held line [ns].
         rng: Source of lost arbitrations.
-        compares: Whether the adapter compares SDA with what it sends, and times out where it is held. Another one, as
-            that of a Raspberry Pi 0 to 4, goes on: it reads acknowledges and zeros.
+        adapter_compares: Whether the adapter compares SDA with what it sends, and times out where it is held. Another
+            one, as that of a Raspberry Pi 0 to 4, goes on: it reads acknowledges and zeros.
     """
 
     def __init__(
@@ -48,9 +48,9 @@ class WireFaults:
         timeout_ns: int,
         rng: np.random.Generator,
         *,
-        compares: bool = True,
+        adapter_compares: bool = True,
     ) -> None:
-        self._compares = compares
+        self._adapter_compares = adapter_compares
         self._released: list[OnWires] = []
         self._channels = dict(channels)
         self._timeout_ns = timeout_ns
@@ -81,7 +81,7 @@ class WireFaults:
             return True
         lost = [fault.rate_rel for fault in acting if isinstance(fault, ArbitrationLost)]
         holding = [fault for fault in acting if self._holds_sda_low(fault, mux.control)]
-        if holding and not self._compares:
+        if holding and not self._adapter_compares:
             if address == _ALL_ONES:
                 self._released += [f for f in holding if isinstance(f, StuckSda) and f.within_byte]
             return False

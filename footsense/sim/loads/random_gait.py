@@ -115,7 +115,7 @@ class RandomStance:
         self._shear_steps = self._sudden_changes(rng, 0.0 if still else 0.3)
 
     def _sudden_changes(self, rng: np.random.Generator, probability: float) -> list[_SuddenChange]:
-        """Return random sudden changes of the load; a list that may be empty."""
+        """Return random sudden changes of the load, often none."""
         if rng.random() >= probability:
             return []
         return [

@@ -10,7 +10,7 @@ from footsense.sim.faults.scene_faults import Leg
 from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 
 #: Legs that step half a period later than the others in a tripod gait of six legs, and a tetrapod gait of eight.
-SECOND_TRIPOD: tuple[Leg, ...] = ("rf", "lm", "rr", "l4")
+SECOND_LEG_GROUP: tuple[Leg, ...] = ("rf", "lm", "rr", "l4")
 
 #: Ground reaction in the world frame [N] over the phase of the gait cycle, 0 at touchdown, in [0, 1).
 Reaction = Callable[[float], Vector]
@@ -45,7 +45,7 @@ class Walk:
         pitch_deg: float,
         from_ns: int,
         standstills_ns: Sequence[tuple[int, int]] = (),
-        second: Sequence[str] = SECOND_TRIPOD,
+        second: Sequence[str] = SECOND_LEG_GROUP,
     ) -> None:
         self.reaction = reaction
         self.period_ns = period_ns

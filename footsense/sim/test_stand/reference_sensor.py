@@ -30,7 +30,7 @@ _PERIOD_NS = 1_000_000_000 // RATE_HZ
 #: Columns of a line: the sensor's time, and the forces in whole gf.
 COLUMNS = ("time_us", "fx", "fy", "fz")
 #: Duration of a line of 24 characters at 115200 baud [ns].
-TRANSMISSION_NS = 2_083_000
+LINE_TRANSMISSION_NS = 2_083_000
 #: Noise that dithers the quantisation, so that averaging helps [steps].
 _NOISE_STEPS = 0.5
 #: Largest offset of the unloaded sensor [steps], and largest error of its clock [1].
@@ -104,7 +104,7 @@ class SimulatedSensor:
         lines: list[bytes] = []
         while True:
             taken_ns = self._started_ns + round((self._n_sent + 1) * self._period_ns)
-            if taken_ns + TRANSMISSION_NS > now_ns:
+            if taken_ns + LINE_TRANSMISSION_NS > now_ns:
                 return b"".join(lines)
             self._n_sent += 1
             sensor_us = self._t_first_us + self._n_sent * _PERIOD_NS // 1000

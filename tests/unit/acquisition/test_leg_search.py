@@ -52,7 +52,7 @@ class Robot:
             own = [f for f in script if isinstance(f, OnChips) and f.leg == leg]
             chips[channel] = failing_chips(converter, (switch,), own, rng)
         faults = WireFaults(
-            [f for f in script if isinstance(f, OnWires)], LEGS, TIMEOUT_NS, rng, compares=compares
+            [f for f in script if isinstance(f, OnWires)], LEGS, TIMEOUT_NS, rng, adapter_compares=compares
         )
         bus = SimulatedBus(self.clock, 400_000, 0, mux, chips, faults)
         plan = scan_plan("lo_shu", 400)

@@ -23,8 +23,8 @@ from footsense.reference.serial_sensor import SerialReference
 from footsense.sim.clock import VirtualClock
 from footsense.sim.test_stand.reference_sensor import (
     COLUMNS,
+    LINE_TRANSMISSION_NS,
     RATE_HZ,
-    TRANSMISSION_NS,
     SimulatedSensor,
 )
 
@@ -150,7 +150,7 @@ def simulated_stand(
     clock.sleep_until_ns(10**12)
     port = UnpluggableSensor(lambda _: np.array([0.0, 0.0, 1.0]), clock, 3, 0.0)
     reference = SerialReference(
-        port, TextLineDecoder(columns, ","), stream_of(SampleTimes(RATE_HZ, TRANSMISSION_NS)), b"S"
+        port, TextLineDecoder(columns, ","), stream_of(SampleTimes(RATE_HZ, LINE_TRANSMISSION_NS)), b"S"
     )
     return clock, port, reference
 
@@ -200,7 +200,7 @@ def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
         "sensor: no sample for 0.5 s;",
         "sensor: sends again; " + caplog.records[-1].getMessage()[21:28],
     ]
-    true_ns = clock.now_ns() - TRANSMISSION_NS - samples[-1, 0]
+    true_ns = clock.now_ns() - LINE_TRANSMISSION_NS - samples[-1, 0]
     assert -1e6 < true_ns < 1.2 * PERIOD_NS
 
 

@@ -66,7 +66,8 @@ class ArrayFigures:
         unloaded_pf: Capacitance of an unloaded element [pF].
         half_closed_pf: The same with its gap half closed [pF].
         boards: Boards that read both.
-        range_n: Least force over the azimuth at which a gap or the converter is at its end, at each elevation [N].
+        max_force_per_elevation_n: Least force over the azimuth at which a gap or the converter is at its end, at each
+            elevation [N].
         scan_ms: Time of a scan of six legs [ms].
         centred_bound_deg: Least rms direction error of one scan, known to be centred [deg].
         leaning_bound_deg: The same for five unknowns; None where there are fewer elements.
@@ -86,7 +87,7 @@ class ArrayFigures:
     unloaded_pf: float
     half_closed_pf: float
     boards: list[str]
-    range_n: list[float]
+    max_force_per_elevation_n: list[float]
     scan_ms: float
     centred_bound_deg: float
     leaning_bound_deg: float | None
@@ -154,7 +155,7 @@ def scan_ms(response: FootResponse) -> float:
     return (bus.clock.now_ns() - start_ns) * 1e-6 / N_SIMULATED_SCANS
 
 
-def range_n(foot: Foot, max_n: float) -> list[float]:
+def max_force_per_elevation_n(foot: Foot, max_n: float) -> list[float]:
     """Return the force at which a gap or the converter's range ends, least over azimuth, per elevation [N]."""
     direction = direction_grid(AZIMUTHS_DEG, ELEVATIONS_DEG)
     design = foot.response.design
@@ -205,10 +206,9 @@ def array_figures(
         foot, BOUND_LOAD_REL * max_n, NOISE_PF
     )
     same_centred_deg, same_leaning_deg, _ = _rms_bounds(foot, BOUND_LOAD_REL * max_n, same_time_pf)
-    all_directions_range_n = range_n(foot, max_n)
+    max_force_n = max_force_per_elevation_n(foot, max_n)
     own_deg, same_own_deg = (
-        _rms_bounds(foot, BOUND_LOAD_REL * min(all_directions_range_n), pf)[1]
-        for pf in (NOISE_PF, same_time_pf)
+        _rms_bounds(foot, BOUND_LOAD_REL * min(max_force_n), pf)[1] for pf in (NOISE_PF, same_time_pf)
     )
     return ArrayFigures(
         electrode_mm=design.electrode_mm,
@@ -218,7 +218,7 @@ def array_figures(
         boards=[
             b.name for b in boards if b.range_begin_pf <= capacitor.unloaded_pf and half_pf <= b.range_end_pf
         ],
-        range_n=all_directions_range_n,
+        max_force_per_elevation_n=max_force_n,
         scan_ms=scan_ms(response),
         centred_bound_deg=centred_bound_deg,
         leaning_bound_deg=leaning_bound_deg,
@@ -266,7 +266,12 @@ def arrays_figure(arrays: dict[int, ArrayFigures]) -> Figure:
     error.set(xlabel="elements", ylabel="least rms direction error [deg]", ylim=(0.0, None))
     error.legend(fontsize=8)
     for place, elevation in enumerate(ELEVATIONS_DEG):
-        reach.plot(number, [one.range_n[place] for one in arrays.values()], "o-", label=f"{elevation:g} deg")
+        reach.plot(
+            number,
+            [one.max_force_per_elevation_n[place] for one in arrays.values()],
+            "o-",
+            label=f"{elevation:g} deg",
+        )
     reach.set(xlabel="elements", ylabel="largest force [N]", ylim=(0.0, None))
     reach.legend(fontsize=8, title="elevation")
     for axes in (error, reach):

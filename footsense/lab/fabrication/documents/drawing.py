@@ -37,12 +37,12 @@ def write_drawing(folder: Path, name: str, pages: list[PaperSheet]) -> None:
 
 
 def drawing_sheets(
-    folder: Path, design: FootDesign, flexes: tuple[Flex, Flex], tolerances: list[Tolerance]
+    files_folder: Path, design: FootDesign, flexes: tuple[Flex, Flex], tolerances: list[Tolerance]
 ) -> list[PaperSheet]:
     """Return the A3 sheets of the drawing, drawn from a foot's fabrication files.
 
     Args:
-        folder: Folder of the files.
+        files_folder: Folder of the fabrication files to read.
         design: The foot.
         flexes: Row flex and column flex.
         tolerances: Tolerances of the drawing.
@@ -52,7 +52,7 @@ def drawing_sheets(
         "All dimensions in mm unless stated. Where no limit is given: ISO 2768-m.",
         "Foot frame: x forward, y left, z up the leg.",
     ]
-    parts = {path.stem: solids.read_step(path) for path in sorted((folder / "step").glob("*.step"))}
+    parts = {path.stem: solids.read_step(path) for path in sorted((files_folder / "step").glob("*.step"))}
     name = design.foot_type
     return [
         _draw_assembly(PaperSheet(f"{name}: assembly", [*about, "Sheet 1 of 3"]), design, parts, tolerances),
@@ -60,7 +60,7 @@ def drawing_sheets(
             PaperSheet(f"{name}: mould and socket", [*about, "Sheet 2 of 3"]), design, parts
         ),
         _draw_flexes_and_sheets(
-            PaperSheet(f"{name}: flexes and layers", [*about, "Sheet 3 of 3"]), folder, design, flexes
+            PaperSheet(f"{name}: flexes and layers", [*about, "Sheet 3 of 3"]), files_folder, design, flexes
         ),
     ]
 

@@ -67,7 +67,7 @@ class MethodErrors:
     """Force errors of one method on one kind of load, from `MIN_DIRECTION_FORCE_N` on.
 
     Attributes:
-        load: The load.
+        load_name: The load.
         method: The method.
         direction_deg: Direction error, mean [deg].
         direction_p95_deg: The same, 95th percentile [deg].
@@ -76,7 +76,7 @@ class MethodErrors:
         n_long_errors: Errors over five sigma that last longer than 30 ms.
     """
 
-    load: str
+    load_name: str
     method: str
     direction_deg: float
     direction_p95_deg: float
@@ -212,7 +212,7 @@ def _method_errors(
     beyond[is_complete] = is_evaluated & (sigmas > LARGE_ERROR_SIGMAS).any(axis=1)
     direction_deg = angles_between_deg(estimate.force_n[is_evaluated], windows.force_n[is_evaluated])
     return MethodErrors(
-        load=load,
+        load_name=load,
         method=method,
         direction_deg=float(direction_deg.mean()),
         direction_p95_deg=float(np.percentile(direction_deg, 95)),
@@ -258,13 +258,13 @@ def _six_leg_times_us(
 
 def error_reductions(errors: list[MethodErrors], method: str) -> list[float]:
     """Return by what share a method lowers the network's direction error on each of `LOADS` [1]."""
-    found = {(one.load, one.method): one.direction_deg for one in errors}
+    found = {(one.load_name, one.method): one.direction_deg for one in errors}
     return [1.0 - found[load, method] / found[load, NETWORK] for load in LOADS]
 
 
 def n_long_errors(errors: list[MethodErrors], method: str) -> int:
     """Return the number of long-lasting errors of a method over all of `LOADS`."""
-    return sum(one.n_long_errors for one in errors if one.method == method and one.load in LOADS)
+    return sum(one.n_long_errors for one in errors if one.method == method and one.load_name in LOADS)
 
 
 def is_worth_adopting(results: Results, method: str) -> bool:

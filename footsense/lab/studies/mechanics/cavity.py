@@ -170,9 +170,8 @@ def errors_over_feet(
     for number in range(n_feet):
         own = fabricate(response, tolerances, SEED, number)
         rows.append(paper_procedure_errors(Foot(response, own), own.mount, stand, number, epochs))
-    return MeanStd.of_values(row.direction_deg for row in rows), MeanStd.of_values(
-        row.magnitude_gf for row in rows
-    )
+    direction_deg, magnitude_gf = zip(*((row.direction_deg, row.magnitude_gf) for row in rows), strict=True)
+    return MeanStd.of_values(direction_deg), MeanStd.of_values(magnitude_gf)
 
 
 def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
@@ -282,7 +281,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         ).mean()
     )
     small_pf = float((sealed.capacitance_pf(_UPWARD, GRAM_FORCE_N * _UPWARD) - sealed.unloaded_pf).mean())
-    hot_kpa = air.AMBIENT_KPA * air.ROOM_TEMPERATURE_K / 373.15
+    bar_mm, hot_kpa = made.pitch_mm - made.electrode_mm, air.AMBIENT_KPA * air.ROOM_TEMPERATURE_K / 373.15
     hot = Foot(response, Deviations(cavity=Cavity(kind="sealed", gas_kpa=hot_kpa)))
     results = Results(
         by_cavity_kind=by_cavity_kind,
@@ -297,9 +296,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         hot_sealed_closure_um=float(hot.cell_closures_um(_UPWARD, 0.0 * _UPWARD).mean()),
         sorption_half_time_s=venting.sorption_half_time_s(made.gap_um),
         parylene_time_constant_s=venting.parylene_time_constant_s(made.gap_um),
-        channel_time_constant_s=venting.channel_time_constant_s(
-            made.gap_um, made.electrode_mm, made.pitch_mm - made.electrode_mm
-        ),
+        channel_time_constant_s=venting.channel_time_constant_s(made.gap_um, made.electrode_mm, bar_mm),
         relaxation_factor=(1.0 + float(stiffness.min()), 1.0 + float(stiffness.max())),
     )
     return results, {"cavity.png": _figure(response)}

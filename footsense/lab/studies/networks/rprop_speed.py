@@ -16,7 +16,7 @@ from footsense.frames import Vector
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import paper_training
-from footsense.lab.training.paper.mlp import Layers, Trained, stack, train
+from footsense.lab.training.paper.mlp import Layers, TrainedNetworks, stack, train
 from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining, start_weights_by_seed
 from footsense.lab.training.paper.rprop import RPROP
 
@@ -80,7 +80,7 @@ class Results:
 
 def _train_gradient_descent(
     training: PaperTraining, starts: list[Layers], momentum: float, epochs: int
-) -> tuple[float, Trained]:
+) -> tuple[float, TrainedNetworks]:
     """Return the learning rate with the lowest median final loss, and the networks trained with it."""
     rule = optax.inject_hyperparams(optax.sgd)(learning_rate=0.0, momentum=momentum)
     layers, rates = (
@@ -106,7 +106,7 @@ def _epochs_to_loss(losses: Vector, goal: Vector) -> Vector:
     return np.asarray(epochs, dtype=np.float64)
 
 
-def _compare_with_rprop(rate: float, descent: Trained, rprop: Trained) -> RpropComparison:
+def _compare_with_rprop(rate: float, descent: TrainedNetworks, rprop: TrainedNetworks) -> RpropComparison:
     """Return epochs and time of gradient descent and RPROP to the same loss, from equal start weights."""
     goal = descent.losses[:, -1]
     slow, fast = _epochs_to_loss(descent.losses, goal), _epochs_to_loss(rprop.losses, goal)
@@ -124,7 +124,7 @@ def _compare_with_rprop(rate: float, descent: Trained, rprop: Trained) -> RpropC
     )
 
 
-def _epoch_s(trained: Trained) -> float:
+def _epoch_s(trained: TrainedNetworks) -> float:
     """Return the processor time per epoch of one network [s]."""
     return trained.processor_s / trained.losses.size
 
@@ -148,7 +148,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     }
 
 
-def _figure(runs: dict[str, Trained]) -> Figure:
+def _figure(runs: dict[str, TrainedNetworks]) -> Figure:
     """Return the figure of loss over epochs: median, and range over the seeds."""
     figure, (axes,) = subplot_row(1, 7.6, 4.4)
     for name, run in runs.items():

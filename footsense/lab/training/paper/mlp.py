@@ -79,7 +79,7 @@ def loss(layers: Layers, inputs: Any, targets: Any) -> jax.Array:
     return jnp.mean(jnp.sum((network_outputs(layers, inputs) - targets) ** 2, axis=-1))
 
 
-class Trained(NamedTuple):
+class TrainedNetworks(NamedTuple):
     """Trained networks with their losses and processor time.
 
     Attributes:
@@ -127,7 +127,7 @@ def train(
     targets: NDArray[np.float64],
     epochs: int,
     state: Any = None,
-) -> Trained:
+) -> TrainedNetworks:
     """Train networks by full-batch epochs; return weights, losses and processor time.
 
     Args:
@@ -144,4 +144,4 @@ def train(
     compiled = _train_epochs.lower(rule, epochs, layers, state, *cases).compile()
     started_s = _processor_s()
     after, losses = jax.block_until_ready(compiled(layers, state, *cases))
-    return Trained(after, np.asarray(losses, dtype=np.float64), _processor_s() - started_s)
+    return TrainedNetworks(after, np.asarray(losses, dtype=np.float64), _processor_s() - started_s)
