@@ -16,7 +16,7 @@ from footsense.errors import NackError
 from footsense.ports import Clock, I2cBus, Transaction
 
 _SHORT_READ_BYTES, _LONG_READ_BYTES = 1, 33  # bytes read
-_N_TRIES = 9
+_N_TIMED_READS = 9
 
 
 class BusCosts(NamedTuple):
@@ -55,7 +55,7 @@ def measure_bus_costs(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
         transaction = Transaction(address, b"", n_read)
         durations_ns = []
         lost = None
-        for _ in range(_N_TRIES):
+        for _ in range(_N_TIMED_READS):
             start_ns = clock.now_ns()
             try:
                 bus.transfer(transaction)

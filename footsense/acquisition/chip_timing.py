@@ -15,7 +15,7 @@ from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus
 
 #: Halvings of the range of a slow chip: to a hundredth.
-_N_HALVINGS = 5
+_N_BISECTIONS = 5
 #: What the clock of a slow chip may drift until it is measured again [1].
 _TIMING_DRIFT_REL = 0.01
 
@@ -73,7 +73,7 @@ def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
     if not keeps_done_bit and finishes_in_time(1.0, next_started=False):
         return ChipTiming(keeps_done_bit=False)
     low, high = 1.0, MAX_WAIT_FACTOR
-    for _ in range(_N_HALVINGS):
+    for _ in range(_N_BISECTIONS):
         middle = (low + high) / 2
         low, high = (low, middle) if finishes_in_time(middle, next_started=keeps_done_bit) else (middle, high)
     return ChipTiming(high * (1 + _TIMING_DRIFT_REL), keeps_done_bit)

@@ -25,7 +25,7 @@ from footsense.ports import Clock, Transaction
 
 _NAN, _OK = float("nan"), Reading.OK
 #: Attempts of a transaction before it counts as failed.
-_N_TRIES = 2
+_MAX_ATTEMPTS = 2
 
 Legs = tuple[LegConnection, ...]
 
@@ -221,7 +221,7 @@ class LegGroup:
         self, legs: Legs, selection: int, step: ConversionStep, select: tuple[Transaction, ...]
     ) -> Conversion:
         """Select lines and trigger a conversion on all given legs at once; return the running conversion."""
-        for _ in range(_N_TRIES if legs else 0):
+        for _ in range(_MAX_ATTEMPTS if legs else 0):
             try:
                 bus = self._transport.connect(selection)
                 for write in (*select, step.trigger):
@@ -271,7 +271,7 @@ class LegGroup:
     def _read_leg(self, leg: LegConnection, step: ConversionStep, *, all_done: bool) -> tuple[Reading, float]:
         """Return reading and capacitance [pF] of a leg's finished conversion."""
         reading = Reading.NO_ANSWER
-        for _ in range(_N_TRIES):
+        for _ in range(_MAX_ATTEMPTS):
             try:
                 bus = self._transport.connect(leg.selection)
                 if step.done and not all_done:

@@ -25,7 +25,7 @@ _NS_PER_S = 1_000_000_000
 #: Silence after which a leg counts as absent: three scans, and longer than an FTDI adapter holds bytes back.
 _SILENT_SCANS, _MIN_SILENT_NS = 3, 25_000_000
 #: Time in which the buffers between port and reader are emptied after the start.
-_BACKLOG_NS = 50_000_000
+_BUFFER_DRAIN_TIME_NS = 50_000_000
 #: A record whose conversions last for more scans than this is corrupt: the next scan would have begun.
 _MAX_RECORD_DURATION_SCANS = 1.5
 #: Shortest time between two log lines about losses, and between two looks for them.
@@ -101,7 +101,7 @@ class McuSource:
 
     def _drop_buffered_bytes(self) -> None:
         """Discard the bytes buffered before the port was opened, whose age is unknown."""
-        until_ns = self._clock.now_ns() + _BACKLOG_NS
+        until_ns = self._clock.now_ns() + _BUFFER_DRAIN_TIME_NS
         while self._clock.now_ns() < until_ns:
             self._port.wait_until_ns(until_ns)
             self._port.read()

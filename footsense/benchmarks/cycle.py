@@ -27,7 +27,7 @@ T = TypeVar("T")
 #: The programs that are timed.
 _PROGRAM_NAMES = ("ours", "c_program", "naive")
 #: Cycles in a row of one program before the turn of the next.
-_CYCLES_PER_TURN = 25
+_CYCLES_BEFORE_NEXT_PROGRAM = 25
 #: Largest difference between the floor's forces and ours [N]: half a step of the wire.
 _MAX_FORCE_DIFFERENCE_N = 1e-3
 
@@ -46,7 +46,7 @@ def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, Any]:
     Raises:
         FootsenseError: The forces of the C floor are not ours.
     """
-    return {**_duration_quantiles(scans, _CYCLES_PER_TURN), "cold": _duration_quantiles(scans, 1)}
+    return {**_duration_quantiles(scans, _CYCLES_BEFORE_NEXT_PROGRAM), "cold": _duration_quantiles(scans, 1)}
 
 
 def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | None]:

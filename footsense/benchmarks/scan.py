@@ -24,7 +24,7 @@ from footsense.sim.scene_files import load_scene
 _N_SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)
 #: Forces of each leg of which the age is measured, after the tare.
-_N_AGES = 120
+_N_AGE_SAMPLES = 120
 
 _TWO_BUSES = replace(
     DEFAULT,
@@ -110,7 +110,7 @@ def newest_reading_age_ms() -> dict[str, float]:
     ages_ns: list[int] = []
     with open_scan_source(config, scene) as scan_source:
         pipeline = pipeline_for(load_models(config), Flag.SIMULATED)
-        while len(ages_ns) < _N_AGES * len(config.legs):
+        while len(ages_ns) < _N_AGE_SAMPLES * len(config.legs):
             forces, _ = pipeline.process(scan_source.source.read(), scan_source.clock.now_ns())
             ages_ns += forces.age_ns[IS_USABLE[forces.state]].tolist()
     return {"p50": float(np.median(ages_ns)) * 1e-6, "p99": float(np.quantile(ages_ns, 0.99)) * 1e-6}

@@ -21,7 +21,7 @@ from footsense.frames import ELEMENT_COUNTS, ELEMENTS
 from footsense.ports import Load, Window
 
 #: Largest file that is read [bytes]; the released network has 80 thousand.
-MAX_BYTES = 1 << 24
+MAX_FILE_BYTES = 1 << 24
 
 #: Shares of the trained range of the inputs at which a network is tested before use [1].
 _TEST_CLOSURE_LEVELS_REL = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -122,8 +122,10 @@ def _read_file(path: Path) -> bytes:
     """
     try:
         size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise ModelError(f"{path}: has {size} bytes, at most {MAX_BYTES} are read; not a network of feet")
+        if size > MAX_FILE_BYTES:
+            raise ModelError(
+                f"{path}: has {size} bytes, at most {MAX_FILE_BYTES} are read; not a network of feet"
+            )
         if not (path.is_file() or path.is_dir()):
             raise ModelError(f"{path}: not a file; name the network itself")
         return path.read_bytes()

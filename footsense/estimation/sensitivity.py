@@ -11,7 +11,7 @@ from footsense.ports import Estimator
 
 #: Largest closures of the loads at which the sensitivity is taken [1], and the step of the differences [1].
 _CLOSURE_LEVELS_REL = (0.02, 0.2)
-_STEP_REL = 1e-3
+_DIFFERENCE_STEP_REL = 1e-3
 
 #: Share of a drift that differs between the elements; the rest is common to all. An assumption: no foot was heated.
 _UNEVEN_DRIFT_SHARE = 0.2
@@ -39,11 +39,11 @@ def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector
         closure_rel: Closures over the gap at which it is taken [1], shape (elements,).
     """
     n = len(closure_rel)
-    steps = _STEP_REL * np.concatenate((np.eye(n), -np.eye(n)))
+    steps = _DIFFERENCE_STEP_REL * np.concatenate((np.eye(n), -np.eye(n)))
     forces_n = np.array(
         [estimator.estimate(steady_windows(np.tile(row, (n_rows, 1)))).force_n for row in closure_rel + steps]
     )
-    slopes_n: Vector = (forces_n[:n] - forces_n[n:]) / (2 * _STEP_REL)
+    slopes_n: Vector = (forces_n[:n] - forces_n[n:]) / (2 * _DIFFERENCE_STEP_REL)
     return slopes_n
 
 

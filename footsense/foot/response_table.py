@@ -34,10 +34,10 @@ from footsense.frames import Vector
 FORMAT = 2
 
 #: Largest file that is read, and most that its arrays unpack to [bytes]; the released one has 0.6 million.
-MAX_BYTES = 1 << 26
+MAX_FILE_BYTES = 1 << 26
 
 #: Largest deviation of a unit vector from length 1 [1].
-UNIT_TOLERANCE = 1e-6
+UNIT_LENGTH_TOLERANCE = 1e-6
 
 #: Arrays of the file, by the names of the fields.
 _ARRAY_NAMES = ("quarter_series", "quarter_compliance")
@@ -55,8 +55,8 @@ def _unpack(content: bytes) -> dict[str, Any]:
         ValueError: It unpacks to too much, or is of another format.
     """
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        if sum(info.file_size for info in archive.infolist()) > MAX_BYTES:
-            raise ValueError(f"it unpacks to more than {MAX_BYTES} bytes")
+        if sum(info.file_size for info in archive.infolist()) > MAX_FILE_BYTES:
+            raise ValueError(f"it unpacks to more than {MAX_FILE_BYTES} bytes")
     with np.load(io.BytesIO(content), allow_pickle=False) as stored:
         about = json.loads(str(stored["description"]))
         arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in _ARRAY_NAMES}
@@ -191,7 +191,7 @@ class FootResponse:
         rebuild = "rebuild it with `footsense lab build`"
         try:
             with path.open("rb") as file:
-                content = file.read(MAX_BYTES + 1)
+                content = file.read(MAX_FILE_BYTES + 1)
         except OSError as error:
             raise ModelError(f"cannot read the foot response {path}: {error.strerror}; {rebuild}") from error
         try:
@@ -236,9 +236,9 @@ class FootResponse:
         """
         length_squared = np.einsum("...i,...i", normal, normal)
         # min and max of one number pass the NaN through, and a NaN fails both comparisons.
-        if not (np.abs(length_squared - 1.0).max(initial=0.0) <= 2.0 * UNIT_TOLERANCE):
+        if not (np.abs(length_squared - 1.0).max(initial=0.0) <= 2.0 * UNIT_LENGTH_TOLERANCE):
             raise ValueError(f"a contact normal has length 1, got {np.sqrt(length_squared)}")
-        lowest = math.sin(math.radians(self.min_elevation_deg)) - UNIT_TOLERANCE
+        lowest = math.sin(math.radians(self.min_elevation_deg)) - UNIT_LENGTH_TOLERANCE
         if not (normal[..., 2].min(initial=1.0) >= lowest):
             raise ValueError(
                 f"the response reaches down to an elevation of {self.min_elevation_deg:g} deg of the contact "

@@ -44,7 +44,7 @@ N_SLOTS = 512
 #: Bytes of a slot: twice a cycle of eight legs of 16 elements with its gait.
 SLOT_BYTES = 8192
 _N_COUNTS = len(fields(CanStatistics))
-_COPY_PERIOD_NS = 100_000_000
+_STATISTICS_COPY_PERIOD_NS = 100_000_000
 
 
 class SharedCycles(Observer):
@@ -97,7 +97,7 @@ class SharedCycles(Observer):
             self._baseline = baseline
             self._float64_values[: baseline.size] = baseline.ravel().data
         if cycle.forces.t_sent_ns >= self._copy_due_ns:
-            self._copy_due_ns = cycle.forces.t_sent_ns + _COPY_PERIOD_NS
+            self._copy_due_ns = cycle.forces.t_sent_ns + _STATISTICS_COPY_PERIOD_NS
             self._float64_values[-_N_COUNTS:] = array("d", astuple(self._can))
         record = pack_cycle(self._n, cycle)
         if len(record) > SLOT_BYTES - _COUNTER_STRUCT.size:  # a burst of a test stand's samples

@@ -11,7 +11,7 @@ from footsense.sim.robot import SimulatedRobot
 from footsense.sim.scene import Scene
 
 #: Share of a scan's time in which the elements are converted, one after the other.
-_CONVERTING_REL = 0.9
+_CONVERSION_TIME_SHARE = 0.9
 _ROWS = _COLUMNS = 3
 #: One row selected, the others waiting.
 _SINGLE_ROW_STATES = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(_ROWS)]
@@ -30,7 +30,7 @@ def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> Simula
     noise = np.random.default_rng((scene.seed, _NOISE_SEED)) if scene.effects.converter_noise else None
     return SimulatedRobotMcu(
         {name: _measured_elements(leg.wired, scene.effects.stray_pf) for name, leg in robot.legs.items()},
-        step_us=round(_CONVERTING_REL * 1e6 / rate_hz / ELEMENTS),
+        step_us=round(_CONVERSION_TIME_SHARE * 1e6 / rate_hz / ELEMENTS),
         noise=noise,
     )
 

@@ -26,7 +26,7 @@ _N_FAULT_FREE_GAIT_PERIODS = 200
 #: Time of the first look at the memory [s]: everything has been used once by then.
 _FIRST_MEMORY_CHECK_AFTER_S = 120.0
 #: Standard deviations of a count that are chance.
-_CHANCE_LIMIT_SIGMAS = 5.0
+_MAX_CHANCE_EXCESS_SIGMAS = 5.0
 #: Frames that count as one: an error lasts for a few frames, and recurs in every step.
 _N_CORRELATED_FRAMES = 20
 #: Growth of memory within the variation of the allocator, over an hour at least [MiB/h].
@@ -133,7 +133,7 @@ def _too_frequent_errors(fault_free: Invariants, with_faults: Invariants, ends_s
     """Return a violation for each force axis with significantly more errors beyond 5 sigma than without faults."""
     # Both shares are counts; the shorter walk may have met no rare error.
     both_rel = (fault_free.n_beyond + with_faults.n_beyond) / (fault_free.n_checked + with_faults.n_checked)
-    chance_rel = _CHANCE_LIMIT_SIGMAS * np.sqrt(
+    chance_rel = _MAX_CHANCE_EXCESS_SIGMAS * np.sqrt(
         _N_CORRELATED_FRAMES * both_rel * (1.0 / fault_free.n_checked + 1.0 / with_faults.n_checked)
     )
     allowed = with_faults.n_checked * (fault_free.n_beyond / fault_free.n_checked + chance_rel)

@@ -33,7 +33,7 @@ from footsense.lab.studies.accuracy.tolerance import (
 )
 from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
-from footsense.sim.foot.fabrication import MIN_DRAWN_REL, fabricate
+from footsense.sim.foot.fabrication import MIN_DRAWN_OVER_DESIGN, fabricate
 
 pytestmark = pytest.mark.lab
 
@@ -178,7 +178,7 @@ def test_feet_have_the_stated_distribution(released: FootResponse) -> None:
     turned_deg = np.degrees(np.arccos([(np.trace(f.mount) - 1.0) / 2.0 for f in feet]))
     np.testing.assert_allclose(np.sqrt(np.mean(turned_deg**2)), 2.0, rtol=0.05)
     wild = [fabricate(released, Tolerances(gap_um=20.0, mount_deg=20.0), 1, foot) for foot in range(20)]
-    assert min(f.gap_um.min() for f in wild) >= (MIN_DRAWN_REL - 1.0) * released.design.gap_um
+    assert min(f.gap_um.min() for f in wild) >= (MIN_DRAWN_OVER_DESIGN - 1.0) * released.design.gap_um
     assert min(f.mount[2, 2] for f in wild) >= np.cos(np.radians(15.0))
 
 

@@ -28,12 +28,12 @@ from footsense.ports import Clock, I2cBus, Transaction
 
 #: Steps of the CAPDAC: 6.6 pF nominal, so that 2.5 to 10.7 pF are in range. With the largest steps of a chip the range
 #: begins at 4.0 pF, the least of an unloaded element; with the smallest it ends at 9.3 pF.
-CAPDAC = 40
+SCAN_CAPDAC = 40
 #: Steps that any chip has in range with no line selected: at most 4 pF.
-_IN_RANGE_CAPDAC = 20
+_CAPDAC_WITHOUT_LINES = 20
 #: Largest deviation of a chip's step from the nominal one [1]: 17 pF of full scale are guaranteed instead of 21 pF; as
 #: much more is assumed to be possible.
-_STEP_ERROR_REL = 0.22
+_CAPDAC_STEP_TOLERANCE_REL = 0.22
 
 _NAN = float("nan")
 
@@ -141,7 +141,7 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
     for write in _SELECT_NO_LINES:
         bus.transfer(write)
     levels_pf = []
-    for capdac in (0, _IN_RANGE_CAPDAC):
+    for capdac in (0, _CAPDAC_WITHOUT_LINES):
         bus.transfer(_write_settings(capdac))
         bus.transfer(_trigger_transaction(_FASTEST_SPS))
         start_ns, conversion_ns = clock.now_ns(), chip.RATES[_FASTEST_SPS].conversion_ns
@@ -157,11 +157,11 @@ def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
         if reading is not Reading.OK or answer[1:] != bus.transfer(READ_RESULT)[1:]:
             return Reading.CORRUPT, _NAN
         levels_pf.append(level_pf)
-    bus.transfer(_write_settings(CAPDAC))
-    step_pf = (levels_pf[0] - levels_pf[1]) / _IN_RANGE_CAPDAC
-    if abs(step_pf / chip.CAPDAC_STEP_PF - 1) > _STEP_ERROR_REL:
+    bus.transfer(_write_settings(SCAN_CAPDAC))
+    step_pf = (levels_pf[0] - levels_pf[1]) / _CAPDAC_WITHOUT_LINES
+    if abs(step_pf / chip.CAPDAC_STEP_PF - 1) > _CAPDAC_STEP_TOLERANCE_REL:
         return Reading.CORRUPT, _NAN
-    return Reading.OK, CAPDAC * step_pf
+    return Reading.OK, SCAN_CAPDAC * step_pf
 
 
 _FASTEST_SPS = max(chip.RATES)
@@ -216,12 +216,14 @@ def board(rows: int = 3) -> Board:
         identify=identify,
         configure=configure,
         decode_result=decode_result,
-        restart=(_write_settings(CAPDAC), READ_RESULT),
+        restart=(_write_settings(SCAN_CAPDAC), READ_RESULT),
         # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
         setting_check=ReadBackCheck(
-            read_registers(Register.CAPDAC_A, 4), bytes((chip.capdac(CAPDAC), 0)) + chip.RESET_VALUES[-2:]
+            read_registers(Register.CAPDAC_A, 4),
+            bytes((chip.capdac(SCAN_CAPDAC), 0)) + chip.RESET_VALUES[-2:],
         ),
-        range_end_pf=CAPDAC * chip.CAPDAC_STEP_PF * (1 - _STEP_ERROR_REL) + chip.FULL_SCALE_PF,
+        range_end_pf=SCAN_CAPDAC * chip.CAPDAC_STEP_PF * (1 - _CAPDAC_STEP_TOLERANCE_REL)
+        + chip.FULL_SCALE_PF,
         thermometer=Thermometer(
             start=(
                 write_registers(Register.CAP_SETUP, 0, chip.TEMPERATURE_ENABLE),

@@ -25,7 +25,7 @@ FootLoad = Callable[[int], GroundContact]
 #: Bus clock [Hz], and cost of a transaction on the host [ns]: planning value of a Raspberry Pi 4.
 BUS_HZ, HOST_COST_NS = 400_000, 40_000
 #: Scans that a tare averages.
-_TARE_SCANS = 8
+_N_TARE_SCANS = 8
 #: At 400 S/s the noise exceeds the lower register of a result, which is then not read.
 _SINGLE_REGISTER_RATE_SPS = 400
 
@@ -154,7 +154,7 @@ def simulate_conversions(
     all_pf = foot.capacitance_pf(normal, force_n).reshape(n, len(feet), ELEMENTS)
     rng = np.random.default_rng(seed)
     baseline_pf = quantized_capacitance_pf(
-        np.tile(foot.unloaded_pf, (_TARE_SCANS, len(feet), 1)), rate_sps, rng
+        np.tile(foot.unloaded_pf, (_N_TARE_SCANS, len(feet), 1)), rate_sps, rng
     ).mean(axis=0)
     scanned = np.resize(order, n)[:, None, None]
     read_pf = quantized_capacitance_pf(np.take_along_axis(all_pf, scanned, axis=2)[..., 0], rate_sps, rng)

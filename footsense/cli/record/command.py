@@ -29,7 +29,7 @@ _NS_PER_S = 1_000_000_000
 #: Time that a simulated test stand runs on after its last press, for the offset of the reference [s].
 _PAUSE_AFTER_SESSION_S = 0.5
 #: Limit of the unloaded readings of a foot that is not calibrated, over the designed ones minus one [1].
-_UNCALIBRATED_REL = 0.5
+_UNCALIBRATED_UNLOADED_LIMIT_REL = 0.5
 
 _FILE_PATH_TYPE = click.Path(dir_okay=False, path_type=Path)
 
@@ -153,7 +153,7 @@ def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
         raise ConfigError(f"--foot {foot}: the configuration says that it is on another leg than {leg}")
     plain = msgspec.to_builtins(config)
     # A foot that is not calibrated may read far from its design; its tare is accepted.
-    tare = plain["tare"] | {"unloaded_limit_rel": _UNCALIBRATED_REL}
+    tare = plain["tare"] | {"unloaded_limit_rel": _UNCALIBRATED_UNLOADED_LIMIT_REL}
     try:
         return msgspec.convert(plain | {"feet": feet, "calibrations": None, "tare": tare}, Config)
     except msgspec.ValidationError:

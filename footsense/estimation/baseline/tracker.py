@@ -39,10 +39,10 @@ _MAX_SILENCE_NS = 250_000_000
 _MAX_SILENCE_STUCK_BUS_NS = 3_000_000_000
 
 #: Frames in which every leg gets its turn to follow: two of six legs in one frame, of opposite tripods.
-_FRAMES_PER_ROUND = 3
+_FRAMES_PER_TRACKING_ROUND = 3
 
 #: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
-_SIGMA_PERIOD_NS = 100_000_000
+_SIGMA_UPDATE_PERIOD_NS = 100_000_000
 
 _status_of = attrgetter("status")
 
@@ -220,10 +220,10 @@ class BaselineTracker:
 
     def _track_drift(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
         """Update the baselines of those legs in swing whose turn it is; arguments as of `observe`."""
-        self._turn = (self._turn + 1) % _FRAMES_PER_ROUND
+        self._turn = (self._turn + 1) % _FRAMES_PER_TRACKING_ROUND
         moved = False
         for leg in self._swinging:
-            if leg % _FRAMES_PER_ROUND == self._turn:
+            if leg % _FRAMES_PER_TRACKING_ROUND == self._turn:
                 baseline = self._baselines[leg]
                 # An element that is missing only for want of a baseline gets one.
                 ignored = missing[leg] & np.isfinite(baseline.baseline_pf)
@@ -238,7 +238,7 @@ class BaselineTracker:
 
         The period ends at a time that does not depend on the legs.
         """
-        self._sigma_due_ns = (now_ns // _SIGMA_PERIOD_NS + 1) * _SIGMA_PERIOD_NS
+        self._sigma_due_ns = (now_ns // _SIGMA_UPDATE_PERIOD_NS + 1) * _SIGMA_UPDATE_PERIOD_NS
         sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self._sigma_due_ns)
         n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_rel
         self._max_errors_n = [n_per_pf * min(3.0 * sigma, MAX_DRIFT_PF) for sigma in sigma_pf.tolist()]

@@ -35,7 +35,7 @@ READMITTED_AFTER_NS = 300_000_000
 #: The same where the load does not change, or is too small to tell [ns].
 READMITTED_ALONE_AFTER_NS = 10_000_000_000
 #: Rate at which it loses that time while it is inconsistent [1].
-READMISSION_LOSS_RATE = 4
+READMISSION_TIME_LOSS_RATE = 4
 #: Time for which residuals have to have the same cause before it is acted on, over the time of a step [1].
 CAUSE_CONFIRMATION_TIME_REL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
@@ -218,7 +218,7 @@ class ConsistencyTest:
         if self._residual_over_limit(closure_rel, missing & ~excluded, motion_rel) > 1.0:
             # Not all at once: a load in motion is not over at once.
             self._consistent_ns[leg] = np.maximum(
-                self._consistent_ns[leg] - READMISSION_LOSS_RATE * elapsed_ns, 0
+                self._consistent_ns[leg] - READMISSION_TIME_LOSS_RATE * elapsed_ns, 0
             )
         elif self._residual_over_limit(closure_rel, missing & ~excluded) <= 1.0:
             largest = np.abs(self._predict(closure_rel, missing)[excluded]).max()

@@ -42,7 +42,7 @@ _STATIC_OVER_KINETIC = 1.2
 #: Checks at the cone until a slip is reported, and away from it until it is over.
 _SLIP_STARTS_AFTER, _SLIP_ENDS_AFTER = 2, 3
 #: Normal force from which friction is learnt [N].
-_MIN_LEARNT_N = 0.15
+_MIN_LEARNING_FORCE_N = 0.15
 #: From the beginning or end of a slip to the first estimate that shows it [ns].
 _DETECTION_LAG_NS = 9_600_000
 #: Standard deviation of the time of a slip [s].
@@ -176,7 +176,7 @@ class SlipDetector:
             now_ns: Current time [ns].
         """
         use = ground.friction_use
-        if not ground.pressing_n > _MIN_LEARNT_N or math.isnan(use):
+        if not ground.pressing_n > _MIN_LEARNING_FORCE_N or math.isnan(use):
             was_slipping = self.state is Slip.SLIPPING
             self.state, self._run = Slip.UNKNOWN, 0
             return BackDated(now_ns - _DETECTION_LAG_NS, _TIME_SIGMA_S) if was_slipping else None

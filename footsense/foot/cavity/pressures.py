@@ -25,7 +25,7 @@ from footsense.foot.gap_contact import CELLS, element_means, solve_contact_lcp
 from footsense.frames import Vector
 
 #: Newton steps at most; six are usual, eight with gaps in contact.
-_MAX_STEPS = 60
+_MAX_NEWTON_STEPS = 60
 #: Steps of time in which air leaks from a foot under a load that stays.
 _N_SUSTAINED_STEPS = 6
 #: Largest rest of a mean closure over the gap [1].
@@ -105,7 +105,7 @@ class CavityPressures:
             ArithmeticError: Newton's method does not converge.
         """
         excess_mpa = np.zeros_like(free_um)
-        for _ in range(_MAX_STEPS):
+        for _ in range(_MAX_NEWTON_STEPS):
             volume, slope = self._volume_and_slope(excess_mpa, gas)
             rest_um = free_um - excess_mpa @ self._mean_opening.T - self._gap_um * (1.0 - volume)
             if (np.abs(rest_um) <= _TOLERANCE_REL * self._gap_um).all():
@@ -125,7 +125,7 @@ class CavityPressures:
         """
         largest_um, share = math.inf, 1.0
         step_mpa = np.zeros(len(self._gap_um))
-        for _ in range(_MAX_STEPS):
+        for _ in range(_MAX_NEWTON_STEPS):
             pressed_um = free_um - self._opening @ excess_mpa
             closure_um = solve_contact_lcp(pressed_um, self._gap_of_cell_um, self._compliance).closure_um
             volume, slope = self._volume_and_slope(excess_mpa, gas)

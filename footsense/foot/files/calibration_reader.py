@@ -25,7 +25,7 @@ from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
 from footsense.frames import Vector
 
 #: Largest file that is read [bytes]; a network has 18 thousand.
-MAX_BYTES = 1 << 24
+MAX_FILE_BYTES = 1 << 24
 
 _Struct = TypeVar("_Struct", Manifest, Parameters)
 
@@ -135,15 +135,15 @@ def _read_file(path: Path) -> bytes:
     """
     try:
         with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
+            content = file.read(MAX_FILE_BYTES + 1)
     except FileNotFoundError:
         raise ModelError(
             f"{path}: missing; a calibration is used whole or not at all, copy it again"
         ) from None
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
-    if len(content) > MAX_BYTES:
-        raise ModelError(f"{path}: has more than the {MAX_BYTES} bytes that are read")
+    if len(content) > MAX_FILE_BYTES:
+        raise ModelError(f"{path}: has more than the {MAX_FILE_BYTES} bytes that are read")
     return content
 
 

@@ -30,7 +30,7 @@ from footsense.frames import Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, sensed_closure_um
 
 #: Step of the central differences: of the force relative to its magnitude, of the normal in radians.
-RELATIVE_STEP = 1e-4
+DIFFERENCE_STEP_REL = 1e-4
 
 
 class Unknowns(Enum):
@@ -108,7 +108,7 @@ def closure_sigma_um(design: CapacitorDesign, closure_um: Vector, noise_pf: floa
 
 
 def jacobian_um(
-    foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = RELATIVE_STEP
+    foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = DIFFERENCE_STEP_REL
 ) -> Vector:
     """Return the Jacobian of the measured closures by the unknowns, by central differences, gap contact included.
 
@@ -145,7 +145,7 @@ def force_bound(
     normal: Vector,
     force_n: Vector,
     unknowns: Unknowns,
-    step: float = RELATIVE_STEP,
+    step: float = DIFFERENCE_STEP_REL,
     *,
     noise_pf: float = NOISE_PF,
 ) -> Bound:

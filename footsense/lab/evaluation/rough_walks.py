@@ -23,7 +23,7 @@ from footsense.sim.loads.rough_gait import FRICTION, RoughGait, Slides
 #: Threshold of contact before swings have shown their noise, and error of a baseline [N].
 _THRESHOLD_N, _BASELINE_N = 0.03, 4e-3
 #: Windows of one call.
-_ROWS_PER_CALL = 20_000
+_WINDOWS_PER_CALL = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,8 +145,8 @@ def _estimate_loads(readings: GaitReadings, estimator: Estimator) -> tuple[Load,
     windows = windows_of(readings)
     gait, time = np.nonzero(complete_windows(readings))
     loads = Load(*(np.full((n, n_legs, width), np.nan) for width in (3, 3, 4, 4)))
-    for first in range(0, len(gait), _ROWS_PER_CALL):
-        some = slice(first, first + _ROWS_PER_CALL)
+    for first in range(0, len(gait), _WINDOWS_PER_CALL):
+        some = slice(first, first + _WINDOWS_PER_CALL)
         missing = np.zeros(windows.closure_rel[some, 0].shape, bool)
         load = estimator.estimate(Window(windows.closure_rel[some], windows.age_s[some], missing))
         for whole, part in zip(loads, load, strict=True):

@@ -26,7 +26,7 @@ from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import UM_PER_MM
 
 #: Order of the quadrature rule whose points on the ground-side surface are the samples.
-SAMPLE_ORDER = 5
+SURFACE_QUADRATURE_ORDER = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +74,7 @@ def solve_functional_fields(
         functionals: Assembled linear forms.
         scale: Factor on influence and compliance, for their units.
     """
-    mesh, rule = quarter.mesh, ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER)
+    mesh, rule = quarter.mesh, ng.IntegrationRule(ng.TRIG, SURFACE_QUADRATURE_ORDER)
     points = mesh.MapToAllElements(rule, mesh.Boundaries("curved_ground"))
     radial = np.asarray((ng.CF((ng.x, ng.y, ng.z + quarter.sphere_centre_depth_mm)))(points))
     # The area element of the curved map: norm of the cross product of its two columns.

@@ -17,7 +17,7 @@ from footsense.lab.geometry import FootDesign
 #: Layers of thin elements around the corner of the bar, thickness of each over the next, order of the displacement.
 _LAYERS, _LAYER_REL, _ORDER = 4, 0.15, 5
 #: Pressure on top of the rubber [MPa].
-_PRESSURE_MPA = 0.01
+_UNIFORM_PRESSURE_MPA = 0.01
 
 
 def _mesh(design: FootDesign, *, solid: bool) -> Any:
@@ -72,7 +72,7 @@ def cavity_strip_closure_um(design: FootDesign, *, solid: bool) -> float:
     )
     if not solid:  # the jump is twice the displacement of one side
         form += 2.0 * design.pdms.confined_mpa / design.spacer_mm * u[1] * v[1] * ng.ds("bar")
-    load = ng.LinearForm(-_PRESSURE_MPA * v[1] * ng.ds("pressed")).Assemble()
+    load = ng.LinearForm(-_UNIFORM_PRESSURE_MPA * v[1] * ng.ds("pressed")).Assemble()
     form.Assemble()
     moved = ng.GridFunction(space)
     moved.vec.data = form.mat.Inverse(space.FreeDofs(), "sparsecholesky") * load.vec

@@ -22,7 +22,7 @@ from footsense.foot.gap_contact import CELLS, CELLS_PER_SIDE
 from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.symmetry import flat_of_grid
 from footsense.frames import Vector
-from footsense.lab.fem.adjoint import SAMPLE_ORDER
+from footsense.lab.fem.adjoint import SURFACE_QUADRATURE_ORDER
 from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy, strain_energy
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, is_bar_edge, name_bar_faces
 from footsense.lab.fem.solids import BODY_SIDES, curved_mesh, hemisphere, plate, square
@@ -137,9 +137,9 @@ def solve_whole_foot(
     bonded = 1.0 - (1.0 - imperfection.bonded_rel) * in_bar
     form += bonded * layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(layer.face_name)
     points = mesh.MapToAllElements(
-        ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER), mesh.Boundaries("curved_ground")
+        ng.IntegrationRule(ng.TRIG, SURFACE_QUADRATURE_ORDER), mesh.Boundaries("curved_ground")
     )
-    rule = ng.IntegrationRule(ng.TRIG, SAMPLE_ORDER)
+    rule = ng.IntegrationRule(ng.TRIG, SURFACE_QUADRATURE_ORDER)
     centre = ng.CF((-imperfection.sheet_offset_mm[0], -imperfection.sheet_offset_mm[1], -design.plate_mm))
     normal = -normalized(np.asarray((ng.CF((ng.x, ng.y, ng.z)) - centre)(points)))
     jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)

@@ -24,7 +24,7 @@ from footsense.sim.faults.schedule import Schedule
 #: Retries that `footsense/acquisition/linux/linux_i2c.py` sets.
 KERNEL_RETRIES = 3
 #: Address whose bits, with that to read, release SDA for nine clocks.
-_ALL_ONES = 0x7F
+_ADDRESS_OF_ONES = 0x7F
 #: Time in a transaction until arbitration is lost: that of the address, at 400 kHz [ns].
 _ARBITRATION_LOST_AFTER_NS = 25_000
 
@@ -82,7 +82,7 @@ class WireFaults:
         lost = [fault.rate_rel for fault in acting if isinstance(fault, ArbitrationLost)]
         holding = [fault for fault in acting if self._holds_sda_low(fault, mux.control)]
         if holding and not self._adapter_compares:
-            if address == _ALL_ONES:
+            if address == _ADDRESS_OF_ONES:
                 self._released += [f for f in holding if isinstance(f, StuckSda) and f.within_byte]
             return False
         if holding:

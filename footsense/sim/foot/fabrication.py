@@ -13,7 +13,7 @@ from footsense.foot.specimen import Deviations
 from footsense.frames import Vector
 
 #: Smallest drawn gap, film and stiffness, relative to the designed one [1]; a smaller draw is repeated.
-MIN_DRAWN_REL = 0.25
+MIN_DRAWN_OVER_DESIGN = 0.25
 #: Lowest elevation of the paper's loads [deg].
 MIN_LOAD_ELEVATION_DEG = 40.0
 
@@ -59,7 +59,7 @@ def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foo
     gap, film, stray, stiffness, mount = (
         np.random.default_rng(stream) for stream in np.random.SeedSequence((seed, foot)).spawn(5)
     )
-    design, n, min_deviation_rel = response.design, response.n_elements, MIN_DRAWN_REL - 1.0
+    design, n, min_deviation_rel = response.design, response.n_elements, MIN_DRAWN_OVER_DESIGN - 1.0
     return Deviations(
         gap_um=_draw_at_least(gap, tolerances.gap_um, n, min_deviation_rel * design.gap_um),
         film_um=_draw_at_least(film, tolerances.film_um, n, min_deviation_rel * design.film_um),

@@ -23,8 +23,8 @@ from footsense.frames import Vector
 CREEP_REL = np.array([0.03, 0.02, 0.02])
 CREEP_TIME_S = np.array([0.1, 1.0, 10.0])
 #: Weight [1] and width [N] of each play operator.
-PLAY_REL = np.array([0.05, 0.05, 0.05])
-PLAY_N = np.array([0.02, 0.06, 0.12])
+PLAY_OPERATOR_WEIGHTS = np.array([0.05, 0.05, 0.05])
+PLAY_OPERATOR_WIDTHS_N = np.array([0.02, 0.06, 0.12])
 
 #: A load below this is none [N].
 _MIN_LOAD_N = 1e-6
@@ -39,10 +39,10 @@ class ViscoelasticElement:
     """
 
     def __init__(self, creep: float = 1.0, play: float = 1.0) -> None:
-        self._creep_rel, self._play_rel = creep * CREEP_REL, play * PLAY_REL
+        self._creep_rel, self._play_rel = creep * CREEP_REL, play * PLAY_OPERATOR_WEIGHTS
         self._elastic_rel = 1.0 - self._play_rel.sum()
         self._crept_n = np.zeros((len(CREEP_REL), 3))
-        self._played_n = np.zeros((len(PLAY_REL), 3))
+        self._played_n = np.zeros((len(PLAY_OPERATOR_WEIGHTS), 3))
         self._normal = np.array([0.0, 0.0, 1.0])
         self._t_ns: int | None = None
 
@@ -60,7 +60,7 @@ class ViscoelasticElement:
         self._t_ns = t_ns
         behind_n = force_n - self._played_n
         distance_n = np.sqrt((behind_n * behind_n).sum(axis=1))
-        moved = np.maximum(distance_n - PLAY_N, 0.0) / np.maximum(distance_n, _MIN_LOAD_N)
+        moved = np.maximum(distance_n - PLAY_OPERATOR_WIDTHS_N, 0.0) / np.maximum(distance_n, _MIN_LOAD_N)
         self._played_n += moved[:, None] * behind_n
         if force_n @ force_n > _MIN_LOAD_N**2:  # the memory of a load stays at its contact
             self._normal = normal

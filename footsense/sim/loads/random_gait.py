@@ -22,7 +22,7 @@ from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 #: Duration of a stance, and of its rise and its fall [s]: bounds of draws that are uniform in the logarithm.
 STANCE_S, FLANK_S = (0.06, 2.0), (0.005, 0.15)
 #: Time in the air between two stances [s].
-SWING_S = (0.04, 0.4)
+SWING_DURATION_RANGE_S = (0.04, 0.4)
 #: Peak of the normal force, usual and of a light touch, over the foot's full load [1].
 _PEAK_REL, _LIGHT_REL = (0.03, 0.6), (0.005, 0.1)
 #: Largest lean of the contact's normal, usual and of one stance in three [deg], and largest lean with all motion [deg].
@@ -195,7 +195,7 @@ class RandomGait:
         while start_s < duration_s:
             stance = RandomStance(rng, max_n)
             self._stances.append((start_s, stance))
-            start_s += stance.duration_s + rng.uniform(*SWING_S)
+            start_s += stance.duration_s + rng.uniform(*SWING_DURATION_RANGE_S)
         self._starts_s = np.array([start for start, _ in self._stances])
 
     def loads(self, t_s: Vector) -> ContactLoads:

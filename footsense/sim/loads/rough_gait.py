@@ -11,7 +11,7 @@ import numpy as np
 
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import Vector
-from footsense.sim.loads.random_gait import SWING_S, RandomStance
+from footsense.sim.loads.random_gait import SWING_DURATION_RANGE_S, RandomStance
 from footsense.sim.loads.sliding_ground import STEP_S, SlidingGround
 from footsense.sim.loads.swing_shake import SwingShake
 
@@ -145,7 +145,7 @@ class RoughGait:
             own = friction * (1.0 + _FRICTION_SPREAD_REL * rng.normal())
             stance = RoughStance(rng, max_n, own, is_soft=is_soft)
             self.stances.append((start_s, stance))
-            start_s += stance.duration_s + rng.uniform(*SWING_S)
+            start_s += stance.duration_s + rng.uniform(*SWING_DURATION_RANGE_S)
         self._bounds_s = np.array(
             [0.0, *(at for start, stance in self.stances for at in (start, start + stance.duration_s))]
         )

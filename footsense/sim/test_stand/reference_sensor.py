@@ -32,17 +32,17 @@ COLUMNS = ("time_us", "fx", "fy", "fz")
 #: Duration of a line of 24 characters at 115200 baud [ns].
 LINE_TRANSMISSION_NS = 2_083_000
 #: Noise that dithers the quantisation, so that averaging helps [steps].
-_NOISE_STEPS = 0.5
+_DITHER_NOISE_STEPS = 0.5
 #: Largest offset of the unloaded sensor [steps], and largest error of its clock [1].
 _MAX_OFFSET_STEPS = 10.0
 _MAX_CLOCK_ERROR_REL = 50e-6
 #: Largest value of u - u^3, at u = 1 / sqrt(3).
-_BOW = 2.0 / (3.0 * math.sqrt(3.0))
+_MAX_CUBIC_BOW = 2.0 / (3.0 * math.sqrt(3.0))
 
 
 def drawn_bow_gf(random: np.random.Generator, linearity_rel: float) -> Vector:
     """Return a random nonlinearity amplitude per axis [gf], shape (3,), of one sensor specimen."""
-    bow_gf: Vector = linearity_rel / _BOW * RATED_GF * random.uniform(-1, 1, 3)
+    bow_gf: Vector = linearity_rel / _MAX_CUBIC_BOW * RATED_GF * random.uniform(-1, 1, 3)
     return bow_gf
 
 
@@ -113,7 +113,7 @@ class SimulatedSensor:
     def _quantized_reading_gf(self, t_ns: int) -> list[int]:
         """Return the sensor's output per axis at a time, in steps of its resolution [gf]."""
         load_gf = -self._true_force_n_at(t_ns) / GRAM_FORCE_N
-        noise_gf = _NOISE_STEPS * RESOLUTION_GF * self._random.normal(size=3)
+        noise_gf = _DITHER_NOISE_STEPS * RESOLUTION_GF * self._random.normal(size=3)
         reading_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf) + self._offset_gf + noise_gf
         counted_gf = RESOLUTION_GF * np.rint(reading_gf / RESOLUTION_GF)
         return [int(value) for value in np.clip(counted_gf, -RATED_GF, RATED_GF)]

@@ -11,7 +11,13 @@ from hypothesis import strategies as st
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
-from footsense.sim.foot.viscoelastic import CREEP_REL, CREEP_TIME_S, PLAY_N, PLAY_REL, ViscoelasticElement
+from footsense.sim.foot.viscoelastic import (
+    CREEP_REL,
+    CREEP_TIME_S,
+    PLAY_OPERATOR_WEIGHTS,
+    PLAY_OPERATOR_WIDTHS_N,
+    ViscoelasticElement,
+)
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_files import load_scene
@@ -68,7 +74,7 @@ def test_rubber_creeps_as_its_chain_says_whatever_the_sampling() -> None:
         rubber.effective_load(0, _UP, load_n)
         for t_ns in range(step_ns, 3400 * _MS + 1, step_ns):
             true_force_n = rubber.effective_load(t_ns, _UP, load_n)[1]
-        loop_n = PLAY_REL @ PLAY_N
+        loop_n = PLAY_OPERATOR_WEIGHTS @ PLAY_OPERATOR_WIDTHS_N
         crept = CREEP_REL @ (1.0 - np.exp(-3.4 / CREEP_TIME_S))
         assert true_force_n[2] == pytest.approx(1.0 - loop_n + crept, rel=1e-12)
 
@@ -78,7 +84,9 @@ def test_the_loop_is_as_wide_as_its_plays_and_the_rubber_is_at_rest_at_first() -
     rubber = ViscoelasticElement()
     np.testing.assert_array_equal(rubber.effective_load(0, _UP, np.zeros(3))[1], np.zeros(3))
     true_force_n = [rubber.effective_load(0, _UP, size_n * _UP)[1][2] for size_n in (0.5, 1.0, 0.5)]
-    assert true_force_n[2] - true_force_n[0] == pytest.approx(2 * PLAY_REL @ PLAY_N)
+    assert true_force_n[2] - true_force_n[0] == pytest.approx(
+        2 * PLAY_OPERATOR_WEIGHTS @ PLAY_OPERATOR_WIDTHS_N
+    )
 
 
 def test_made_feet_differ_and_are_the_same_each_time() -> None:

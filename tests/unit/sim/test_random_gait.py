@@ -10,7 +10,7 @@ from footsense.sim.loads.random_gait import (
     FLANK_S,
     MAX_FRICTION_REL,
     STANCE_S,
-    SWING_S,
+    SWING_DURATION_RANGE_S,
     RandomGait,
     RandomStance,
 )
@@ -117,5 +117,5 @@ def test_stances_follow_on_one_another(seed: int) -> None:
     n = min(len(touchdowns) - 1, len(lift_offs))
     swings_s = touchdowns[1 : n + 1] - lift_offs[:n]
     # A load of exactly nothing within a stance would be a swing as well.
-    assert np.median(swings_s) > SWING_S[0]
-    assert swings_s.max() < SWING_S[1] + STANCE_S[1]
+    assert np.median(swings_s) > SWING_DURATION_RANGE_S[0]
+    assert swings_s.max() < SWING_DURATION_RANGE_S[1] + STANCE_S[1]

@@ -6,7 +6,7 @@ from footsense.foot.cavity.air import VENTED, Cavity
 from footsense.lab.fem.whole import Imperfection
 from footsense.lab.geometry import ThinFilm
 from footsense.lab.monte_carlo.sweeps import PAPER_LIKE_TOLERANCES
-from footsense.lab.other_solids import AS_DESIGNED, OTHER_MESH, OtherSolid
+from footsense.lab.other_solids import AS_DESIGNED, MISMATCH_MESH, OtherSolid
 from footsense.sim.test_stand.reference_sensor import LINEARITY_REL
 from footsense.validation.mismatch_trial import UNDISTURBED, Disturbance
 
@@ -38,7 +38,7 @@ def _assembly_row(title: str, imperfection: Imperfection, *, represented: bool =
 #: The rows by name; the first is the foot that the calibration supposes.
 MISMATCH_ROWS = {
     "none": MismatchRow(title="none: the foot that the calibration supposes"),
-    "mesh": MismatchRow(title="solved on another mesh", solid=OtherSolid(mesh_size=OTHER_MESH)),
+    "mesh": MismatchRow(title="solved on another mesh", solid=OtherSolid(mesh_size=MISMATCH_MESH)),
     "plate": MismatchRow(title="plates 10 % thicker", solid=OtherSolid(plate_thickness_factor=1.1)),
     "pdms": MismatchRow(title="PDMS 30 % stiffer", solid=OtherSolid(sheet_modulus_factor=1.3)),
     "poisson": MismatchRow(title="Poisson's ratio of the rubber 0.47", solid=OtherSolid(poisson=0.47)),

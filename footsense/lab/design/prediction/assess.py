@@ -24,7 +24,7 @@ from footsense.lab.training.load_cases import sensed_closure_um
 #: Elevations at which the range is stated [deg], and azimuths over which the least counts [deg].
 ELEVATIONS_DEG, _AZIMUTHS_DEG = (90, 75, 60, 45, 35), (0.0, 22.5, 45.0)
 #: Bisections of the range, and forces at which the errors are stated, between the smallest and the largest.
-_BISECTIONS, LEVELS = 14, 5
+_BISECTIONS, N_FORCE_LEVELS = 14, 5
 
 
 class Assessment(NamedTuple):
@@ -59,7 +59,7 @@ def assess_foot(response: FootResponse, requirements: Requirements) -> Assessmen
     by_elevation = [_max_readable_force_n(foot, board, LoadDirections(grid, grid)) for grid in grids]
     loads = design_loads(requirements.max_lean_deg)
     all_directions_range_n = _max_readable_force_n(foot, board, loads)
-    force_n = np.geomspace(requirements.min_n, requirements.max_n, LEVELS)
+    force_n = np.geomspace(requirements.min_n, requirements.max_n, N_FORCE_LEVELS)
     rows = [_cramer_rao_bound(foot, board, loads.normal, size * loads.direction) for size in force_n]
     direction_bound_deg, magnitude_bound_rel = np.array(rows).T
     calibrated_direction_error_deg, calibrated_magnitude_error_rel = calibrated_errors(

@@ -19,7 +19,7 @@ N_WALKS, CONVERSIONS, QUICK_CONVERSIONS = 8, 22_000, 7_000
 #: Time at the begin of each walk in which thresholds and friction are learnt [s].
 WARM_UP_S = 10.0
 #: Peak of the stances, and swing before them, whose touchdowns count [N], [s].
-PEAK_N, SWING_S = 0.1, 0.1
+PEAK_N, SWING_DURATION_RANGE_S = 0.1, 0.1
 #: Normal force from which friction use, and from which normals count [N].
 MIN_FRICTION_FORCE_N, MIN_NORMAL_FORCE_N = 0.3, 0.5
 #: Way of a slide that has to be reported [mm], and way below which nothing has slid.
@@ -133,7 +133,7 @@ def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _ReportedEvent
     n_false = int((~in_stance & (down[:, 0] > WARM_UP_S)).sum())
     for number, start_s, end_s, rows in _evaluated_stances(walk, leg):
         before_s = start_s - (ends_s[number - 1] if number else 0.0)
-        if walk.force_n[rows, leg, 2].max(initial=0.0) < PEAK_N or before_s < SWING_S:
+        if walk.force_n[rows, leg, 2].max(initial=0.0) < PEAK_N or before_s < SWING_DURATION_RANGE_S:
             continue
         for reported, true_s, first_s, last_s in (
             (down, start_s, start_s, end_s),

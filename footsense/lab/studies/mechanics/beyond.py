@@ -27,23 +27,23 @@ from footsense.lab.training.load_cases import (
 )
 
 #: Leaning force [gf]: at a lean of 40 deg its moment makes one newton close gaps on half the sheet.
-LEANING_GF = 20.0
+LEANING_FORCE_GF = 20.0
 #: Force of the share of leaning loads within the converter's range [gf]: the paper's.
-PAPER_GF = 100.0
+PAPER_FORCE_GF = 100.0
 #: Force of the floor beside a second load [gf].
-FIRST_LOAD_GF = 50.0
+FLOOR_FORCE_GF = 50.0
 #: Angles between force and contact normal [deg].
 LEANS_DEG = tuple(np.arange(0.0, 41.0, 5.0).tolist())
 #: Elevations of the leaning forces [deg]: at a lean of 40 deg the table still reaches the contact.
 LEANING_ELEVATIONS_DEG = (65.0, 75.0, 85.0)
 #: The second load over that of the floor [1].
-SECOND_FORCES_REL = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
+SECOND_OVER_FLOOR_FORCE = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 #: Lowest contact of the second load, as elevation of its normal [deg].
 SECOND_MIN_ELEVATION_DEG = 30.0
 #: Angle between both contacts, seen from the centre [deg]: borders of the classes.
 CONTACT_ANGLES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 #: Second load over that of the floor, in the table by the angle between both contacts [1].
-SECOND_FORCE_REL_OVER_ANGLE = 0.5
+SECOND_OVER_FLOOR_FORCE_BY_ANGLE = 0.5
 #: Draws of the second load for each floor force; random loads that the second linear estimator is fitted to.
 DRAWS, QUICK_DRAWS = 6, 1
 RANDOM_LOADS, QUICK_RANDOM_LOADS = 10_000, 1000
@@ -69,7 +69,7 @@ def inclined_unit_vectors(force: Vector, lean_deg: float, turn_deg: float) -> Ve
 
 #: Estimators under test.
 NETWORK, CENTRED = "released network", "linear, fitted to centred loads"
-LEANING = "linear, fitted to leaning loads"
+LEANING_ESTIMATOR = "linear, fitted to leaning loads"
 
 
 class _EstimatorsUnderTest:
@@ -82,7 +82,7 @@ class _EstimatorsUnderTest:
         self._estimators: dict[str, ForceEstimator] = {
             NETWORK: lambda closure_um: network.force_n(closure_um / gap_um),
             CENTRED: elastance_estimator(paper_training(self.response)),
-            LEANING: elastance_estimator(
+            LEANING_ESTIMATOR: elastance_estimator(
                 random_loads(self.response, context.foot_design.loads, n_random, SEED)
             ),
         }
@@ -111,9 +111,9 @@ class Results:
         lever_arm_mm: Distance of the force's line from the middle at the smallest lean [mm].
         friction_angle_deg: Largest lean in the network's training [deg].
         by_lean: At each of `LEANS_DEG`.
-        in_range_share: Share of the loads of `PAPER_GF` within the converter's range at each lean [1].
-        by_second_force: At each of `SECOND_FORCES_REL`.
-        by_contact_angle: At `SECOND_FORCE_REL_OVER_ANGLE`, by the angle between the contacts [deg].
+        in_range_share: Share of the loads of `PAPER_FORCE_GF` within the converter's range at each lean [1].
+        by_second_force: At each of `SECOND_OVER_FLOOR_FORCE`.
+        by_contact_angle: At `SECOND_OVER_FLOOR_FORCE_BY_ANGLE`, by the angle between the contacts [deg].
     """
 
     lever_arm_mm: float
@@ -125,12 +125,12 @@ class Results:
 
 
 def leaning_load_errors(estimators: _EstimatorsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
-    """Return the force errors at each lean, and the share of loads of `PAPER_GF` within converter range.
+    """Return the force errors at each lean, and the share of loads of `PAPER_FORCE_GF` within converter range.
 
     108 force directions, the contact to four sides of each.
     """
     direction = direction_grid(5.0 + 10.0 * np.arange(36), list(LEANING_ELEVATIONS_DEG))
-    truth_n = np.tile(LEANING_GF * GRAM_FORCE_N * direction, (4, 1))
+    truth_n = np.tile(LEANING_FORCE_GF * GRAM_FORCE_N * direction, (4, 1))
     found, within = [], []
     for lean_deg in LEANS_DEG:
         normal = np.concatenate(
@@ -138,7 +138,7 @@ def leaning_load_errors(estimators: _EstimatorsUnderTest) -> tuple[list[dict[str
         )
         measured_um, inside = estimators.measured_um(estimators.response.free_closure_um(normal, truth_n))
         found.append(estimators.errors_by_estimator(measured_um[inside], truth_n[inside]))
-        larger_n = truth_n * (PAPER_GF / LEANING_GF)
+        larger_n = truth_n * (PAPER_FORCE_GF / LEANING_FORCE_GF)
         _, inside = estimators.measured_um(estimators.response.free_closure_um(normal, larger_n))
         within.append(float(inside.mean()))
     return found, within
@@ -158,8 +158,8 @@ class _SecondLoads:
         direction = np.tile(paper_directions("verification"), (draws, 1))
         rng = np.random.default_rng(SEED)
         self._normal = random_directions(rng, len(direction), SECOND_MIN_ELEVATION_DEG)
-        self._unit_n = FIRST_LOAD_GF * GRAM_FORCE_N * self._normal
-        self.floor_n = FIRST_LOAD_GF * GRAM_FORCE_N * direction
+        self._unit_n = FLOOR_FORCE_GF * GRAM_FORCE_N * self._normal
+        self.floor_n = FLOOR_FORCE_GF * GRAM_FORCE_N * direction
         self._floor_um = estimators.response.free_closure_um(direction, self.floor_n)
         self.distance_deg = angles_between_deg(direction, self._normal)
 
@@ -175,7 +175,7 @@ def _errors_by_contact_angle(
     estimators: _EstimatorsUnderTest, second: _SecondLoads
 ) -> dict[str, dict[str, ForceErrors]]:
     """Return the force errors by estimator, for each angle between the two contacts."""
-    measured_um, truth_n, inside = second.measured(SECOND_FORCE_REL_OVER_ANGLE)
+    measured_um, truth_n, inside = second.measured(SECOND_OVER_FLOOR_FORCE_BY_ANGLE)
     found = {}
     for low, high in pairwise(CONTACT_ANGLES_DEG):
         here = inside & (second.distance_deg >= low) & (second.distance_deg < high)
@@ -191,7 +191,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     context.report_progress(f"beyond: {len(LEANS_DEG)} leans read")
     second = _SecondLoads(estimators, QUICK_DRAWS if context.quick else DRAWS)
     shared = []
-    for share in SECOND_FORCES_REL:
+    for share in SECOND_OVER_FLOOR_FORCE:
         measured_um, truth_n, inside = second.measured(share)
         shared.append(estimators.errors_by_estimator(measured_um[inside], truth_n[inside]))
     results = Results(
@@ -204,7 +204,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     )
     figures = {
         "beyond-lean.png": _curves(LEANS_DEG, "lean of the contact normal [deg]", lean),
-        "beyond-second.png": _curves(SECOND_FORCES_REL, "second load over the floor's", shared),
+        "beyond-second.png": _curves(SECOND_OVER_FLOOR_FORCE, "second load over the floor's", shared),
     }
     return results, figures
 

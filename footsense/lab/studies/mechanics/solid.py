@@ -29,7 +29,7 @@ Measured = TypeVar("Measured")
 #: The paper's floor (section III A).
 CEMENT = Material(25_000.0, 0.15)
 #: The inclined load: the lowest of the paper's.
-INCLINED_DEG = 40.0
+INCLINED_LOAD_ELEVATION_DEG = 40.0
 #: Elements that close less than this share of the most closed one are left out of relative errors.
 MIN_COUNTED_CLOSURE_REL = 0.05
 _UNREFINED_MESH = MeshSize(bar_mm=0.67, layers=0, order=2)
@@ -165,7 +165,9 @@ def _solve_meshes(context: StudyContext) -> list[MeshResult]:
     for name, size in _MESH_SIZES.items():
         if context.quick and name not in _QUICK_MESH_NAMES:
             continue
-        elevation_deg = (90.0,) if context.quick or size is FINEST_MESH else (90.0, INCLINED_DEG)
+        elevation_deg = (
+            (90.0,) if context.quick or size is FINEST_MESH else (90.0, INCLINED_LOAD_ELEVATION_DEG)
+        )
         found, taken = _timed(partial(solve_centred_closures, context.foot_design, size, elevation_deg))
         solved.append((name, size, found, taken))
         context.report_progress(f"solid: {name}, {found.unknowns} unknowns, {taken.processor_s:.1f} s")
@@ -221,7 +223,7 @@ def _closure_variation_inside_cells(response: FootResponse) -> tuple[float, floa
     Upright and inclined loads of 1 N. A closure that varies by a standard deviation s inside a cell raises the mean of
     1/D by s^2/D^2; s^2 = (slope x step)^2 / 12 per direction, the slope by differences of neighbouring cells.
     """
-    force = directions(0.0, [90.0, INCLINED_DEG])
+    force = directions(0.0, [90.0, INCLINED_LOAD_ELEVATION_DEG])
     cell_closures_um = np.minimum(response.free_closure_um(force, force), response.design.gap_um)
     grid = cell_closures_um.reshape(2, -1, CELLS_PER_SIDE, CELLS_PER_SIDE)
     variance = sum(np.gradient(grid, axis=axis) ** 2 for axis in (2, 3)) / 12.0
@@ -265,7 +267,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 def _figure(meshes: Sequence[MeshResult]) -> Figure:
     """Return the figure of mesh error over processor time."""
     figure, (axes,) = subplot_row(1, 7.0, 4.2)
-    names = ("upright, 1 N", f"{INCLINED_DEG:g} deg, 1 N")
+    names = ("upright, 1 N", f"{INCLINED_LOAD_ELEVATION_DEG:g} deg, 1 N")
     for load, (name, marker) in enumerate(zip(names, "os", strict=True)):
         points = [
             (mesh.processor_s, 100.0 * mesh.max_error_rel[load])

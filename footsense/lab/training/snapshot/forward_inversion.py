@@ -22,7 +22,7 @@ from footsense.frames import Vector
 from footsense.lab.response import cap_normals
 
 #: Lowest elevation of the centred loads that the profile is fitted on [deg]: a little below the paper's lowest.
-_PROFILE_MIN_DEG = 38.0
+_MIN_FITTED_ELEVATION_DEG = 38.0
 #: Rounds of Newton's method; six bring 1 um to 1e-6 um with gaps closed.
 _NEWTON_ROUNDS = 8
 #: Largest step of a round over the gap [1], and the step of the differences [um].
@@ -74,7 +74,7 @@ class ForwardModel:
 
 def forward_model(response: FootResponse) -> ForwardModel:
     """Return the forward model of a foot under centred loads."""
-    direction = cap_normals(_PROFILE_MIN_DEG, rings=24, spokes=72)
+    direction = cap_normals(_MIN_FITTED_ELEVATION_DEG, rings=24, spokes=72)
     cells = response.free_closure_um(direction, direction)
     closure_per_mean = np.asarray(
         np.linalg.lstsq(gap_contact.element_means(cells), cells, rcond=None)[0], np.float64
