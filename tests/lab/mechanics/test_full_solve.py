@@ -27,7 +27,7 @@ COARSE = ContactMeshSize(ball_mm=4.5, plate_mm=2.5, bar_mm=2.0, patch_rel=0.5)
 ROUGH = ContactMeshSize(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8)
 UP = np.array([0.0, 0.0, 1.0])
 #: A contact behind the middle: the normal tilts forward, the force stays upright.
-LEANING_ESTIMATOR = np.array([np.sin(0.35), 0.0, np.cos(0.35)])
+LEANING = np.array([np.sin(0.35), 0.0, np.cos(0.35)])
 #: Newtons in a gram-force.
 GRAM_FORCE_N = 9.80665e-3
 
@@ -55,10 +55,8 @@ def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
 def test_the_spacer_carries_the_prescribed_force() -> None:
     """Statics of the ground side: with open gaps all of a leaning force goes through the bars, to 1e-5."""
     force = 0.5 * UP
-    case = LoadCase(FOOT_DESIGN, LEANING_ESTIMATOR, force, 0.7)
-    mesh = build_mesh(
-        FOOT_DESIGN, ROUGH, LEANING_ESTIMATOR, case.hertz_radius_mm, is_half_foot=case.is_mirrored_at_y0
-    )
+    case = LoadCase(FOOT_DESIGN, LEANING, force, 0.7)
+    mesh = build_mesh(FOOT_DESIGN, ROUGH, LEANING, case.hertz_radius_mm, is_half_foot=case.is_mirrored_at_y0)
     body = Body(FOOT_DESIGN, mesh, ROUGH.order, case.floor_axes)
     floor = PlaneFloor(case, body, ROUGH.patch_rel * case.hertz_radius_mm)
     form = body.weak_form(floor, finite_strain=True, gap_contact=False)
@@ -119,7 +117,7 @@ def test_a_homogeneous_stretch_is_exact(material: Material) -> None:
 def test_a_closed_gap_is_entered_by_less_than_a_hundredth() -> None:
     """200 gf on a contact far behind: rear gaps close, no point is deeper than 20 um and 1 %."""
     closed = FullFoot(FOOT_DESIGN, size=ROUGH, finite_strain=False, floor="hertz").solve(
-        LEANING_ESTIMATOR, 200.0 * GRAM_FORCE_N * UP
+        LEANING, 200.0 * GRAM_FORCE_N * UP
     )
     assert 0.0 < closed.penetration_rel <= 0.01
     assert FOOT_DESIGN.gap_um < closed.cell_closures_um.max() <= 1.01 * FOOT_DESIGN.gap_um
@@ -131,7 +129,7 @@ def test_a_closed_gap_is_entered_by_less_than_a_hundredth() -> None:
 def test_a_force_outside_the_cone_of_friction_is_refused() -> None:
     """The tangent of 20 deg is more than 0.3, and no floor pulls."""
     with pytest.raises(ValueError, match=r"friction 0\.3 .* holds less than"):
-        FullFoot(FOOT_DESIGN, size=ROUGH, friction=0.3).solve(LEANING_ESTIMATOR, UP)
+        FullFoot(FOOT_DESIGN, size=ROUGH, friction=0.3).solve(LEANING, UP)
     with pytest.raises(ValueError, match="pressed with -1 N"):
         FullFoot(FOOT_DESIGN, size=ROUGH).solve(UP, -UP)
     with pytest.raises(ValueError, match="length 1"):
@@ -151,8 +149,8 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
 def test_half_and_whole_foot_agree() -> None:
     """A load turned by 90 deg, meshed half and whole: rows become columns, within a rough mesh's noise of 10 %."""
     leaning = FullFoot(FOOT_DESIGN, size=ROUGH, finite_strain=False, floor="hertz", gaps="open")
-    forward = leaning.solve(LEANING_ESTIMATOR, UP).closure_um.reshape(3, 3)
-    sideways = leaning.solve(LEANING_ESTIMATOR[[1, 0, 2]], UP).closure_um.reshape(3, 3)
+    forward = leaning.solve(LEANING, UP).closure_um.reshape(3, 3)
+    sideways = leaning.solve(LEANING[[1, 0, 2]], UP).closure_um.reshape(3, 3)
     np.testing.assert_allclose(sideways, forward.T, atol=0.1 * forward.max())
 
 

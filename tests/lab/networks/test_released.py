@@ -47,7 +47,7 @@ def test_sigma_is_honest_whatever_is_missing(mask: NDArray[np.bool_]) -> None:
     imputation = Imputation(np.array(network.card["moments"]))
     force_n, sigma_n, *_ = network.estimate(steady_windows(imputation.impute(measured, missing), missing))
     shares = sigma_coverage_shares(cases.force_n, force_n, sigma_n)
-    assert min(shares["within_2_sigma_share"]) > 0.87
+    assert min(shares["within_2_sigma"]) > 0.87
     assert max(shares["within_1_sigma"]) < 0.9
 
 
