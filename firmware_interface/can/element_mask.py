@@ -1,4 +1,4 @@
-"""Bit layout of fault mask and standard deviations: 9 mask bits for feet of up to nine elements, else 16.
+"""How fault mask and standard deviations share the bits of a CAN frame: 9 mask bits for up to nine elements, else 16.
 
 The wider mask takes its bits from the standard deviations, which are then sent in coarser steps. Sender and receiver
 have the number of elements from their configuration; feet of up to nine elements share one layout.

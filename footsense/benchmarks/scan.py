@@ -78,7 +78,8 @@ def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float 
         "period_ms": period_ns * 1e-6,
         "rate_hz": 1e9 / period_ns,
         "over_limit": period_ns * 1e-6 / config.shortest_scan_ms,
-        "over_best": period_ns / max(_min_scan_period_ns(config, bus, host_cost_us) for bus in config.buses),
+        "over_best": period_ns
+        / max(_scan_period_bound_ns(config, bus, host_cost_us) for bus in config.buses),
         "naive_period_ms": naive_ns * 1e-6 if naive_ns else None,
         "naive_over_ours": naive_ns / period_ns if naive_ns else None,
     }
@@ -91,7 +92,7 @@ def _naive_scan_period_ns(config: Config, scene: Scene) -> int:
     return bus.clock.now_ns()
 
 
-def _min_scan_period_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
+def _scan_period_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
     """Return the lower bound of the scan period on a bus for any program [ns]."""
     return scan_lower_bounds(
         n_legs=len(bus.legs),

@@ -18,7 +18,7 @@ def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None 
     Args:
         replay: The recording.
         folder: The new folder.
-        frames: Frames of the feet by leg, see `load_frames`.
+        frames: Frames of the feet by leg, see `load_foot_frames`.
 
     Raises:
         RecordingError: The folder exists or cannot be written, or the recording is cut short; then what is whole was

@@ -10,7 +10,7 @@ from footsense.benchmarks.touchdown.run import PublishedRun, simulate_touchdowns
 from footsense.benchmarks.touchdown.touchdowns import (
     CONTACT_THRESHOLD_N,
     TOUCHDOWNS,
-    TREMOR_N,
+    VIBRATION_N,
     RandomTouchdowns,
 )
 from footsense.frames import Mask, Vector
@@ -187,7 +187,7 @@ STUDY = Study(
     names={
         "TOUCHDOWNS": TOUCHDOWNS,
         "contact_mn": 1e3 * CONTACT_THRESHOLD_N,
-        "tremor_mn": 1e3 * TREMOR_N,
+        "tremor_mn": 1e3 * VIBRATION_N,
         "after_ms": 1e3 * _FORCE_ERROR_WINDOW_S,
         "step_ms": conversion_timing(400).step_ns * 1e-6,
         "lead_ms": conversion_timing(400).send_delay_ns * 1e-6,

@@ -56,7 +56,10 @@ def readings_pf(foot: Foot, steps: RandomTouchdowns, t_ns: Stamps, rng: np.rando
         closure_um = cells_um_per_n[feet, step[at, feet]] * force_n[at, feet][:, None]
         distance_um = design.gap_um - closure_um + design.film_equivalent_um
         all_pf[at, feet] = capacitance_pf(design, distance_um)[np.arange(len(at)), element[at]]
-    all_pf += drift_pf_per_s.T[element] * t_s[:, None] + steps.tremor_n(t_s) * pf_per_n[element][:, None]
+    all_pf += (
+        drift_pf_per_s.T[element] * t_s[:, None]
+        + steps.vibration_after_neighbour_n(t_s) * pf_per_n[element][:, None]
+    )
     return quantized_capacitance_pf(all_pf, RATE_SPS, rng)
 
 

@@ -39,7 +39,7 @@ _LIFT_S, _SETTLED_S = 0.05, 0.1
 #: Rise time up to which a load rises evenly [s], else rounded like a step of the walk.
 _MAX_LINEAR_RISE_S = 0.01
 #: Tremor of a foot in the air after a step of its neighbour [N, Hz, s]: an assumption, a quarter of a contact.
-TREMOR_N, _TREMOR_HZ, _TREMOR_S = CONTACT_THRESHOLD_N / 4, 25.0, 0.05
+VIBRATION_N, _VIBRATION_HZ, _VIBRATION_DECAY_S = CONTACT_THRESHOLD_N / 4, 25.0, 0.05
 
 
 class RandomTouchdowns:
@@ -92,12 +92,12 @@ class RandomTouchdowns:
         is_swing: Mask = self._time_since_touchdown_s(t_s) > _STANCE_S + _SETTLED_S
         return is_swing
 
-    def tremor_n(self, t_s: Vector) -> Vector:
+    def vibration_after_neighbour_n(self, t_s: Vector) -> Vector:
         """Return the decaying vibration force on each foot after a neighbour's touchdown [N], shape (times, feet)."""
         since_s = np.roll(self._time_since_touchdown_s(t_s), len(TOUCHDOWNS) // 2 + 1, axis=1)
-        wave = np.sin(2 * np.pi * _TREMOR_HZ * np.minimum(since_s, 1.0))
-        tremor_n: Vector = TREMOR_N * np.exp(-since_s / _TREMOR_S) * wave
-        return tremor_n
+        wave = np.sin(2 * np.pi * _VIBRATION_HZ * np.minimum(since_s, 1.0))
+        vibration_after_neighbour_n: Vector = VIBRATION_N * np.exp(-since_s / _VIBRATION_DECAY_S) * wave
+        return vibration_after_neighbour_n
 
     def _time_since_touchdown_s(self, t_s: Vector) -> Vector:
         """Return the time since each foot's latest touchdown [s], shape (times, feet); infinite before the first."""

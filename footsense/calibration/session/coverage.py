@@ -25,7 +25,7 @@ N_BANDS_TO_COVER = 2
 #: Lowest elevation of the protocol [deg].
 MIN_ELEVATION_DEG = 40.0
 #: Share of the directions to cover [1]; the last 5 % cost as many loads as all others.
-COMPLETE_COVERAGE_REL = 0.95
+MIN_COVERED_DIRECTIONS_REL = 0.95
 
 _HEXAGONAL_DENSITY = 2 * math.pi / math.sqrt(27)
 _LOAD_RADIUS_FACTOR = 1.6
@@ -94,7 +94,7 @@ class Coverage:
     def is_complete(self) -> bool:
         """Whether there are enough loads, covering the directions in two magnitude bands."""
         fullest = sorted(self.covered_directions_rel)[-N_BANDS_TO_COVER:]
-        return self.n_loads >= self._wanted and min(fullest) >= COMPLETE_COVERAGE_REL
+        return self.n_loads >= self._wanted and min(fullest) >= MIN_COVERED_DIRECTIONS_REL
 
     @property
     def next_load(self) -> NextLoad:

@@ -29,7 +29,7 @@ _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
 
 
-class FirstFrameAge(Observer):
+class ProcessAgeAtFirstFrame(Observer):
     """Observer that stores how long the process took from its start to the first published frame [s]."""
 
     process_age_s: float | None = None
@@ -104,7 +104,7 @@ def run(
         )
         statistics = RunStatistics(service.legs, service.true_force_n_at, service.network.card.max_n)
         service.observers.append(statistics)
-        first = FirstFrameAge()
+        first = ProcessAgeAtFirstFrame()
         service.observers.append(first)
         title = f"{scene_name}, simulated" if scene else "on the robot"
         url = page.url if page is not None else ""

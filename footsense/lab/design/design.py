@@ -79,7 +79,7 @@ class DesignResult(NamedTuple):
                 **{
                     f"noise at {size:.3g} N": f"{deg:.2g} deg, {100.0 * rel:.2g} %"
                     for size, deg, rel in zip(
-                        one.force_n, one.direction_bound_deg, one.magnitude_bound_rel, strict=True
+                        one.force_levels_n, one.direction_bound_deg, one.magnitude_bound_rel, strict=True
                     )
                 },
                 "made, calibrated": (

@@ -60,7 +60,7 @@ def transposed_series(series: Vector, degree: int) -> Vector:
 
 
 def single_cell_series(classes: dict[Parity, Vector], degree: int) -> Vector:
-    """Return the response series of single cells, superposed from the symmetry classes, (products, 9, 9, 3).
+    """Return the closure series of single cells, superposed from the symmetry classes, shape (products, 9, 9, 3).
 
     A load on a single cell is a quarter of the sum of the four loads that put it and its mirror images together with
     the signs of each class.

@@ -25,7 +25,7 @@ Probability = Annotated[float, Meta(gt=0.0, le=1.0)]
 #: Index of one of the robot's buses, in the order of its configuration.
 BusIndex = Annotated[int, Meta(ge=0, le=5)]
 
-_RENAMED = {
+_PRESENT_NAME_OF_FORMER = {
     "garbled": "corrupt_reads",
     "deaf_switch": "switch_ignores_writes",
     "stuck_trunk": "stuck_upstream_bus",
@@ -33,7 +33,7 @@ _RENAMED = {
     "gap_shut": "gap_closed",
 }
 #: Names of faults in earlier versions, each with what replaces it.
-FORMER_FAULTS = {name: f"now called {present}" for name, present in _RENAMED.items()}
+FORMER_FAULTS = {name: f"now called {present}" for name, present in _PRESENT_NAME_OF_FORMER.items()}
 
 
 def _tag(name: str) -> str:

@@ -107,11 +107,11 @@ class SensorResults(block.Results):
     """Results of the study `sensors`: errors on the block, and figures of the arrays on the whole chain.
 
     Attributes:
-        load_n: Load of the bounds [N].
+        bound_load_n: Load at which the Cramer-Rao bounds are computed [N].
         arrays: Figures by rows.
     """
 
-    load_n: float
+    bound_load_n: float
     arrays: dict[int, ArrayFigures]
 
 
@@ -284,8 +284,8 @@ def compute(context: StudyContext) -> tuple[SensorResults, Plots]:
     """Return the errors of every sensor on the block, and the figures of every array on the foot."""
     on_block, plots = block.compute(context)
     arrays = compute_arrays(context)
-    load_n = BOUND_LOAD_REL * context.foot_design.loads.max_n
-    results = SensorResults(**vars(on_block), load_n=load_n, arrays=arrays)
+    bound_load_n = BOUND_LOAD_REL * context.foot_design.loads.max_n
+    results = SensorResults(**vars(on_block), bound_load_n=bound_load_n, arrays=arrays)
     return results, plots | {"sensors-arrays.png": arrays_figure(arrays)}
 
 

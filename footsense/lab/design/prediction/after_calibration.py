@@ -97,14 +97,16 @@ def _closure_jacobians_um(response: FootResponse, force_n: Vector) -> tuple[Vect
     normal = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
     one = np.eye(ELEMENTS)
 
-    def sensed_um(deviations: Deviations, normal: Vector = normal, force_n: Vector = force_n) -> Vector:
+    def sensed_closure_um(
+        deviations: Deviations, normal: Vector = normal, force_n: Vector = force_n
+    ) -> Vector:
         """Return the sensed closures [um] of a deviating foot under given loads."""
         foot = Foot(response, deviations)
         return design.closure_um(foot.capacitance_pf(normal, force_n), foot.unloaded_pf)
 
     def slope(ahead: Deviations, behind: Deviations, step: float) -> Vector:
         """Return the central difference quotient of two closure arrays."""
-        return (sensed_um(ahead) - sensed_um(behind)) / (2.0 * step)
+        return (sensed_closure_um(ahead) - sensed_closure_um(behind)) / (2.0 * step)
 
     gap, stray, stiff, turn = _GAP_STEP_REL * design.gap_um, _STRAY_STEP_PF, _STIFFNESS_STEP, _MOUNT_STEP
     columns = [slope(Deviations(gap_um=gap * unit), Deviations(gap_um=-gap * unit), gap) for unit in one]
@@ -121,18 +123,18 @@ def _closure_jacobians_um(response: FootResponse, force_n: Vector) -> tuple[Vect
     forces = []
     for axis in np.eye(3):
         ahead, behind = (
-            sensed_um(designed, normal, force_n + sign * 1e-3 * size * axis) for sign in (1.0, -1.0)
+            sensed_closure_um(designed, normal, force_n + sign * 1e-3 * size * axis) for sign in (1.0, -1.0)
         )
         forces.append((ahead - behind) / (2e-3 * size))
     turns = []
     for across in tangent_frame(normal):
         ahead, behind = (
-            sensed_um(
+            sensed_closure_um(
                 designed,
                 (moved := normal + sign * 1e-3 * across) / np.linalg.norm(moved, axis=1, keepdims=True),
             )
             for sign in (1.0, -1.0)
         )
         turns.append((ahead - behind) / 2e-3)
-    closure = sensed_um(designed)
+    closure = sensed_closure_um(designed)
     return np.stack(columns, 2), np.stack(forces, 2), np.stack(turns, 2), closure

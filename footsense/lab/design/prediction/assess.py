@@ -34,7 +34,7 @@ class Assessment(NamedTuple):
         unloaded_pf: Capacitance of an unloaded element [pF].
         range_n: Largest centred force at each of `ELEVATIONS_DEG` [N].
         all_directions_range_n: Largest force in every direction of the design, leaning contacts included [N].
-        force_n: Forces of the following errors [N], shape (levels,).
+        force_levels_n: Force magnitudes of the following errors [N], shape (levels,).
         direction_bound_deg: Cramer-Rao bound of the direction, mean over directions [deg rms], shape (levels,).
         magnitude_bound_rel: The same of the magnitude over the force [1].
         calibrated_direction_error_deg: Error of the direction from the fabrication tolerances that calibration leaves
@@ -45,7 +45,7 @@ class Assessment(NamedTuple):
     unloaded_pf: float
     range_n: Vector
     all_directions_range_n: float
-    force_n: Vector
+    force_levels_n: Vector
     direction_bound_deg: Vector
     magnitude_bound_rel: Vector
     calibrated_direction_error_deg: float

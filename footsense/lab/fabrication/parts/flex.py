@@ -53,7 +53,7 @@ class Flex:
 
     @property
     def to_foot(self) -> Callable[[Point], Point]:
-        """Convert artwork coordinates (u, v) to foot coordinates (x, y) [mm]."""
+        """Function that converts artwork coordinates (u, v) to foot coordinates (x, y) [mm]."""
         if self.kind == "row":
             return lambda point: (-point[1], point[0])
         return lambda point: (point[0], -point[1])

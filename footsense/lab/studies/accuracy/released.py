@@ -66,7 +66,7 @@ class Results:
         missing: Errors with missing elements.
         missing_coverage: Coverage with missing elements.
         coverage_by_force_n: Coverage on the designed foot, by ranges of the force [N].
-        coverage_on_deviating_feet: Coverage on feet that differ from the design, by batch.
+        coverage_by_foot_batch: Coverage on feet that differ from the design, by batch.
     """
 
     errors: dict[str, ForceErrors]
@@ -76,7 +76,7 @@ class Results:
     missing: dict[str, ForceErrors]
     missing_coverage: dict[str, SigmaCoverage]
     coverage_by_force_n: dict[str, SigmaCoverage]
-    coverage_on_deviating_feet: dict[str, SigmaCoverage]
+    coverage_by_foot_batch: dict[str, SigmaCoverage]
 
 
 def _coverage_on_feet(context: StudyContext, tolerances: Tolerances, n_feet: int) -> SigmaCoverage:
@@ -125,7 +125,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         missing=missing,
         missing_coverage=missing_coverage,
         coverage_by_force_n=by_force,
-        coverage_on_deviating_feet={
+        coverage_by_foot_batch={
             name: _coverage_on_feet(context, deviations, n_feet) for name, deviations in FOOT_BATCHES.items()
         },
     )

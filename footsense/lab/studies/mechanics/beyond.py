@@ -41,7 +41,7 @@ SECOND_OVER_FLOOR_FORCE = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 #: Lowest contact of the second load, as elevation of its normal [deg].
 SECOND_MIN_ELEVATION_DEG = 30.0
 #: Angle between both contacts, seen from the centre [deg]: borders of the classes.
-CONTACT_ANGLES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
+ANGLES_BETWEEN_CONTACTS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 #: Second load over that of the floor, in the table by the angle between both contacts [1].
 SECOND_OVER_FLOOR_FORCE_BY_ANGLE = 0.5
 #: Draws of the second load for each floor force; random loads that the second linear estimator is fitted to.
@@ -113,7 +113,7 @@ class Results:
         by_lean: At each of `LEANS_DEG`.
         in_range_share: Share of the loads of `PAPER_FORCE_GF` within the converter's range at each lean [1].
         by_second_force: At each of `SECOND_OVER_FLOOR_FORCE`.
-        by_contact_angle: At `SECOND_OVER_FLOOR_FORCE_BY_ANGLE`, by the angle between the contacts [deg].
+        by_angle_between_contacts: At `SECOND_OVER_FLOOR_FORCE_BY_ANGLE`, by the angle between the contacts [deg].
     """
 
     lever_arm_mm: float
@@ -121,7 +121,7 @@ class Results:
     by_lean: list[dict[str, ForceErrors]]
     in_range_share: list[float]
     by_second_force: list[dict[str, ForceErrors]]
-    by_contact_angle: dict[str, dict[str, ForceErrors]]
+    by_angle_between_contacts: dict[str, dict[str, ForceErrors]]
 
 
 def leaning_load_errors(estimators: _EstimatorsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
@@ -171,13 +171,13 @@ class _SecondLoads:
         return measured_um, self.floor_n + second_n, inside
 
 
-def _errors_by_contact_angle(
+def _errors_by_angle_between_contacts(
     estimators: _EstimatorsUnderTest, second: _SecondLoads
 ) -> dict[str, dict[str, ForceErrors]]:
     """Return the force errors by estimator, for each angle between the two contacts."""
     measured_um, truth_n, inside = second.measured(SECOND_OVER_FLOOR_FORCE_BY_ANGLE)
     found = {}
-    for low, high in pairwise(CONTACT_ANGLES_DEG):
+    for low, high in pairwise(ANGLES_BETWEEN_CONTACTS_DEG):
         here = inside & (second.distance_deg >= low) & (second.distance_deg < high)
         if here.any():
             found[f"{low:g} to {high:g}"] = estimators.errors_by_estimator(measured_um[here], truth_n[here])
@@ -200,7 +200,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         by_lean=lean,
         in_range_share=within,
         by_second_force=shared,
-        by_contact_angle=_errors_by_contact_angle(estimators, second),
+        by_angle_between_contacts=_errors_by_angle_between_contacts(estimators, second),
     )
     figures = {
         "beyond-lean.png": _curves(LEANS_DEG, "lean of the contact normal [deg]", lean),
