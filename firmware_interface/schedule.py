@@ -101,7 +101,7 @@ def scan_lower_bounds(
         >>> limits.limiting_factor, round(limits.scan_ns / 22.5e6, 3)
         ('read-out', 1.298)
         >>> limits = scan_lower_bounds(
-        ...     n_legs=6, conversion_ns=11_000_000, bus_hz=400_000, host_cost_ns=40_000, traffic=AD7746
+        ...     n_legs=6, conversion_ns=11_000_000, bus_hz=400_000, host_cost_ns=40_000, traffic=AD7746_TRAFFIC
         ... )
         >>> limits.limiting_factor, round(limits.scan_ns * 1e-6, 1)
         ('conversion', 102.8)
