@@ -198,6 +198,9 @@ def test_an_output_that_cannot_be_written_is_one_line(arguments: tuple[str, ...]
 
 def test_ctrl_c_ends_a_command_without_a_traceback(tmp_path: Path) -> None:
     """Exit 130, as shells have it; the command here waits for its file."""
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a child of tests in the background would ignore it
     fifo = tmp_path / "robot.yaml"
     os.mkfifo(fifo)
     with (
