@@ -7,7 +7,7 @@ compares the measured scan with them.
 from typing import NamedTuple
 
 from firmware_interface.chips import ad7746, fdc1004
-from firmware_interface.wire_timing import transaction_bits, wire_time_ns
+from firmware_interface.wire_timing import i2c_bus_time_ns, transaction_bits
 
 
 class ConversionTraffic(NamedTuple):
@@ -108,7 +108,7 @@ def scan_lower_bounds(
     """
 
     def transaction_ns(n_write: int, n_read: int = 0) -> int:
-        return round(wire_time_ns(transaction_bits(n_write, n_read), round(bus_hz)) + host_cost_ns)
+        return round(i2c_bus_time_ns(transaction_bits(n_write, n_read), round(bus_hz)) + host_cost_ns)
 
     select, start = transaction_ns(1), transaction_ns(traffic.n_start)
     ask = transaction_ns(*traffic.done) if traffic.done else 0

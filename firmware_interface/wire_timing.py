@@ -36,11 +36,11 @@ def nack_bits() -> int:
     return 2 + 9
 
 
-def wire_time_ns(bits: int, rate_hz: int) -> int:
+def i2c_bus_time_ns(bits: int, rate_hz: int) -> int:
     """Return the duration of `bits` I2C clock cycles and of the bus free time after them [ns].
 
     Example:
-        >>> wire_time_ns(transaction_bits(1), 400_000)
+        >>> i2c_bus_time_ns(transaction_bits(1), 400_000)
         51300
     """
     return bits * 1_000_000_000 // rate_hz + BUS_FREE_NS

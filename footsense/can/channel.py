@@ -60,7 +60,7 @@ class ChannelSettings:
 
 
 class _OpenAttempt(threading.Thread):
-    """Thread that closes the old socket of an interface and tries once to open a new one.
+    """One try to close the old socket of an interface and open a new one, in a thread of its own if that may wait.
 
     Args:
         old: The last socket; None if it is closed.

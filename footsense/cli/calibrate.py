@@ -58,8 +58,8 @@ def calibrate(
     """
     began_ns = stopwatch_ns()
     check_calibration_target(folder / foot, replace=replace)
-    with file_progress_bar("read", *recordings) as on_read:
-        sessions = read_sessions(recordings, foot, on_read)
+    with file_progress_bar("read", *recordings) as on_bytes_read:
+        sessions = read_sessions(recordings, foot, on_bytes_read)
     for session in sessions:
         for line in session.warnings:
             click.echo(f"warning: {line}", err=True)

@@ -129,14 +129,14 @@ def unpack_records(
         raise RecordingError(f"the cycles of the loop arrive damaged ({error})") from None
 
 
-def require_valid(holds: bool, words: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
-    """Raise an error with the message `words` unless a condition on a record's field holds.
+def require_valid(holds: bool, error_text: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
+    """Raise an error with the message `error_text` unless a condition on a record's field holds.
 
     Raises:
         ValueError: It does not hold.
     """
     if not holds:
-        raise ValueError(words)
+        raise ValueError(error_text)
 
 
 def _decode_cycle(record: _Cycle, shape: FrameShape) -> NumberedCycle:

@@ -34,13 +34,13 @@ def recovered_path(path: Path) -> Path:
     return path.with_suffix("") if path.suffix == ".partial" else path.with_suffix(f".recovered{path.suffix}")
 
 
-def recover(path: Path, target: Path, on_read: Callable[[int], None] | None = None) -> RecoveryResult:
+def recover(path: Path, target: Path, on_bytes_read: Callable[[int], None] | None = None) -> RecoveryResult:
     """Copy the complete cycles of a truncated recording to a new file with an index.
 
     Args:
         path: The recording that was cut short; not changed.
         target: The file to write.
-        on_read: Receives the number of bytes read so far; None for nobody.
+        on_bytes_read: Receives the number of bytes read so far; None for nobody.
 
     Returns:
         The number of copied cycles and the damage.
@@ -50,7 +50,7 @@ def recover(path: Path, target: Path, on_read: Callable[[int], None] | None = No
         RecordingError: `path` is no recording or is still being written, or `target` cannot be created.
     """
     check_not_being_written(path)
-    replay = Replay(path, on_read)
+    replay = Replay(path, on_bytes_read)
     # The unfinished form of the target may be the very file that is recovered.
     unfinished = target.with_name(target.name + ".recovering")
     if target.exists() or partial_path(target) != path:

@@ -16,7 +16,7 @@ class Replay:
 
     Args:
         path: The recording, finished or not.
-        on_read: Receives the number of bytes read so far; None for nobody.
+        on_bytes_read: Receives the number of bytes read so far; None for nobody.
 
     Attributes:
         path: The recording.
@@ -28,9 +28,9 @@ class Replay:
         RecordingError: The file is missing, or not a recording, or its header is damaged.
     """
 
-    def __init__(self, path: Path, on_read: Callable[[int], None] | None = None) -> None:
+    def __init__(self, path: Path, on_bytes_read: Callable[[int], None] | None = None) -> None:
         self.path = path
-        self._on_read = on_read or (lambda _: None)
+        self._on_read = on_bytes_read or (lambda _: None)
         self.header = read_header(path)
         self.legs = tuple(self.header["legs"].split(","))
         self.n_elements = header_elements(self.header)

@@ -30,7 +30,7 @@ _MAX_CYCLES_PER_MESSAGE = 256
 _STATUS_PERIOD_S = 0.5
 
 
-class Connection(Protocol):
+class MessageSender(Protocol):
     """Interface of the sending side of a WebSocket."""
 
     async def send(self, message: str | bytes) -> None:
@@ -73,7 +73,7 @@ class LivePageSession:
             return [message("answer", {"text": answer})]
         return []
 
-    async def send_new(self, connection: Connection, now_s: float) -> None:
+    async def send_new(self, connection: MessageSender, now_s: float) -> None:
         """Send what is new and fits the credits.
 
         Args:
@@ -116,7 +116,7 @@ class RecordingPageSession:
         self._n_events = 0
         self._progress = ""
 
-    async def send_new(self, connection: Connection, now_s: float) -> None:
+    async def send_new(self, connection: MessageSender, now_s: float) -> None:
         """Send how much has been read, and its events."""
         del now_s
         recorded = self._recorded

@@ -34,7 +34,7 @@ _MAX_EVENTS = 100_000
 
 
 class RecordingSource:
-    """Recording as data source of the page; `read` fills it, in a thread of its own.
+    """Recording as data source of the page, filled by `read`, which blocks: the caller runs it in a thread.
 
     Args:
         path: The recording.

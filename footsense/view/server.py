@@ -33,7 +33,7 @@ from footsense.view.foxglove.session import (
     FoxgloveRefusal,
 )
 from footsense.view.live import LiveSource
-from footsense.view.page_session import Connection, LivePageSession, RecordingPageSession, WakeUpSignal
+from footsense.view.page_session import LivePageSession, MessageSender, RecordingPageSession, WakeUpSignal
 from footsense.view.recorded import RecordingSource
 from footsense.view.tares import TareCommands
 
@@ -214,7 +214,7 @@ class Client(Protocol):
         """
         ...
 
-    async def send_new(self, connection: Connection, now_s: float) -> None:
+    async def send_new(self, connection: MessageSender, now_s: float) -> None:
         """Send what is new.
 
         Args:

@@ -170,7 +170,7 @@ def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResul
     limit_rel = 5.0 * np.median(np.abs(correction.residual_rel)) + 1e-9
     unexplained_rel2 = np.minimum(correction.residual_rel**2, limit_rel**2).mean()
     error_rel = np.sqrt(unexplained_rel2 + np.diag(fit.covariance)[REFERENCE].mean())
-    parameters = replace(physical, correction=correction.correction_matrix, error_rel=float(error_rel))
+    parameters = replace(physical, correction=correction.term_coefficients, error_rel=float(error_rel))
     return CalibrationResult(parameters, fit, predicted_uncertainty, len(loads))
 
 

@@ -34,12 +34,12 @@ class Correction(NamedTuple):
     """Fitted linear correction of the estimated force, with its residuals.
 
     Attributes:
-        correction_matrix: C above, shape (3, N_CORRECTION_TERMS); zeros for none.
+        term_coefficients: C above, shape (3, N_CORRECTION_TERMS); zeros for none.
         residual_rel: Cross-validated error of each load over its magnitude [1], shape (n, 3), its part along the force
             included.
     """
 
-    correction_matrix: Vector
+    term_coefficients: Vector
     residual_rel: Vector
 
 

@@ -69,7 +69,7 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
     force_per_pf = np.linalg.pinv(np.stack(by_force, axis=2))
     rng, prior = np.random.default_rng(_SEED), prior_sigma(twin.n_elements)
 
-    def median_errors_from(which: slice, n_draws: int) -> tuple[float, float]:
+    def median_errors_if_uncertain(which: slice, n_draws: int) -> tuple[float, float]:
         """Return median angle [deg] and relative magnitude error [1] if only these parameters are uncertain."""
         root = np.linalg.cholesky(fit.covariance[which, which])
         angles_deg, magnitudes_rel = [], []
@@ -84,9 +84,9 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
             magnitudes_rel.append(np.abs(np.linalg.norm(estimate_n, axis=1) / magnitude_n - 1.0))
         return float(np.median(angles_deg)), float(np.median(magnitudes_rel))
 
-    direction_deg, magnitude_rel = median_errors_from(slice(None), _DRAWS)
+    direction_deg, magnitude_rel = median_errors_if_uncertain(slice(None), _DRAWS)
     kinds = slice_of_kind(twin.n_elements)
-    by_kind = {kind: median_errors_from(which, _DRAWS_OF_KIND)[0] for kind, which in kinds.items()}
+    by_kind = {kind: median_errors_if_uncertain(which, _DRAWS_OF_KIND)[0] for kind, which in kinds.items()}
     contractions = zip(parameter_names(twin.n_elements), fit.contraction, strict=True)
     not_identified = tuple(name for name, value in contractions if value < IDENTIFIED_CONTRACTION)
     dominant_parameter = max(by_kind, key=by_kind.__getitem__)

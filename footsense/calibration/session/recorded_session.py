@@ -71,14 +71,14 @@ class RecordedSession:
 
 
 def read_sessions(
-    paths: Sequence[Path], foot: str, on_read: Callable[[int], None] | None = None
+    paths: Sequence[Path], foot: str, on_bytes_read: Callable[[int], None] | None = None
 ) -> list[RecordedSession]:
     """Read several recordings; return the sessions of one foot.
 
     Args:
         paths: The recordings, at least one.
         foot: The foot that they have to be of.
-        on_read: Receives the number of bytes read so far, of all recordings; None for nobody.
+        on_bytes_read: Receives the number of bytes read so far, of all recordings; None for nobody.
 
     Raises:
         RecordingError: One is no recording.
@@ -87,7 +87,9 @@ def read_sessions(
     sessions: list[RecordedSession] = []
     n_before = 0
     for path in paths:
-        session = read_session(path, foot, on_read and partial(_report_bytes_read, on_read, n_before))
+        session = read_session(
+            path, foot, on_bytes_read and partial(_report_bytes_read, on_bytes_read, n_before)
+        )
         n_before += path.stat().st_size
         for other in sessions:
             if session.sha256 == other.sha256:
@@ -105,24 +107,26 @@ def read_sessions(
     return sessions
 
 
-def _report_bytes_read(on_read: Callable[[int], None], n_before: int, n_read: int) -> None:
+def _report_bytes_read(on_bytes_read: Callable[[int], None], n_before: int, n_read: int) -> None:
     """Report the total number of bytes read so far."""
-    on_read(n_before + n_read)
+    on_bytes_read(n_before + n_read)
 
 
-def read_session(path: Path, foot: str, on_read: Callable[[int], None] | None = None) -> RecordedSession:
+def read_session(
+    path: Path, foot: str, on_bytes_read: Callable[[int], None] | None = None
+) -> RecordedSession:
     """Read one recording as a session; of a truncated recording, its intact part.
 
     Args:
         path: The recording.
         foot: The foot that it has to be of.
-        on_read: Receives the number of bytes read so far; None for nobody.
+        on_bytes_read: Receives the number of bytes read so far; None for nobody.
 
     Raises:
         RecordingError: It is no recording.
         CalibrationError: It is of another foot, or has no reference.
     """
-    recording = Replay(path, on_read)
+    recording = Replay(path, on_bytes_read)
     header = recording.header
     leg_of = _leg_of_foot(header)
     if foot not in leg_of:

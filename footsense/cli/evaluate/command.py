@@ -46,8 +46,8 @@ def evaluate(
     """Compare a foot's forces with the reference of the test stand, with its calibration and without."""
     if out is not None:
         _require_writable_page(out)
-    with file_progress_bar("read", *recordings) as on_read:
-        sessions = read_sessions(recordings, foot, on_read)
+    with file_progress_bar("read", *recordings) as on_bytes_read:
+        sessions = read_sessions(recordings, foot, on_bytes_read)
     foot_type = sessions[0].foot_type
     models, _ = design_models(foot_type, foot_type_folder)
     parameters = None

@@ -75,9 +75,9 @@ def _convert(file: Path, target: Path, write: _Write) -> None:
     Raises:
         RecordingError: It cannot be written, or the recording is cut short.
     """
-    with file_progress_bar(target.name, file) as on_read:
+    with file_progress_bar(target.name, file) as on_bytes_read:
         try:
-            n_cycles = write(Replay(file, on_read), target)
+            n_cycles = write(Replay(file, on_bytes_read), target)
         except RecordingError:
             raise
         except BaseException as error:

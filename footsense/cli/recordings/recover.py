@@ -16,8 +16,8 @@ from footsense.recording.recover import recovered_path
 def recover(file: Path, output: Path | None) -> None:
     """Rewrite the intact part of the recording FILE, with an index."""
     target = output or recovered_path(file)
-    with file_progress_bar("recover", file) as on_read:
-        recovered = rewrite(file, target, on_read)
+    with file_progress_bar("recover", file) as on_bytes_read:
+        recovered = rewrite(file, target, on_bytes_read)
     click.echo(f"{target}: {recovered.n_cycles} cycles")
     if recovered.damage is not None:
         click.echo(f"footsense: {recovered.damage}", err=True)

@@ -48,8 +48,8 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
         check_log_target(can_log)
     with ExitStack() as showing:
         # At the speed of the recording there is nothing to wait for.
-        on_read = None if realtime else showing.enter_context(file_progress_bar("replay", file))
-        _run_replay(Replay(file, on_read), folder, can_log, check=check, realtime=realtime)
+        on_bytes_read = None if realtime else showing.enter_context(file_progress_bar("replay", file))
+        _run_replay(Replay(file, on_bytes_read), folder, can_log, check=check, realtime=realtime)
 
 
 def _run_replay(

@@ -34,12 +34,12 @@ class ExpectedCapacitance:
         return self.plate_formula_pf + self.fringe_pf
 
     @property
-    def min_reading_pf(self) -> float:
+    def min_unloaded_pf(self) -> float:
         """Lowest reading within the fabrication tolerances [pF]."""
         return self.unloaded_pf - self.plate_formula_pf * self.tolerance_rel - self.stray_pf
 
     @property
-    def max_reading_pf(self) -> float:
+    def max_unloaded_pf(self) -> float:
         """Highest reading within the fabrication tolerances [pF]."""
         return self.unloaded_pf + self.plate_formula_pf * self.tolerance_rel + self.stray_pf
 

@@ -22,7 +22,7 @@ _Record = Any  # the library is not typed
 
 
 def read_entries(
-    path: Path, legs: tuple[str, ...], n_elements: int, on_read: Callable[[int], None]
+    path: Path, legs: tuple[str, ...], n_elements: int, on_bytes_read: Callable[[int], None]
 ) -> Iterator[NumberedCycle | LostCycles]:
     """Yield every complete cycle and every recorded loss of cycles, in file order.
 
@@ -30,7 +30,7 @@ def read_entries(
         path: The recording.
         legs: Name of each row of the frames.
         n_elements: Elements of each foot.
-        on_read: Receives the number of bytes read so far, after each chunk.
+        on_bytes_read: Receives the number of bytes read so far, after each chunk.
 
     Yields:
         Cycles and losses up to the end of the file or its first damage.
@@ -53,7 +53,7 @@ def read_entries(
                     require_valid(record.data_section_crc != 0, "the checksum of the file is missing")
                     return
                 good = file.tell()
-                on_read(good)
+                on_bytes_read(good)
         except DAMAGE_ERRORS as error:
             raise RecordingError(f"{path}: {_damage_text(assembly, good, bounded.size, error)}") from None
         raise RecordingError(

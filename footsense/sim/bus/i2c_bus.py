@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 
 from firmware_interface.chips import tca9548a
-from firmware_interface.wire_timing import nack_bits, transaction_bits, wire_time_ns
+from firmware_interface.wire_timing import i2c_bus_time_ns, nack_bits, transaction_bits
 from footsense.errors import NackError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.chips.chip import SimulatedChip
@@ -22,9 +22,9 @@ from footsense.sim.faults.wire_faults import WireFaults
 
 
 @cache
-def _wire_time_ns(n_written: int, n_read: int, rate_hz: int) -> int:
+def _i2c_bus_time_ns(n_written: int, n_read: int, rate_hz: int) -> int:
     """Return the duration of a transaction on the wire [ns], from its numbers of written and read bytes."""
-    return wire_time_ns(transaction_bits(n_written, n_read), rate_hz)
+    return i2c_bus_time_ns(transaction_bits(n_written, n_read), rate_hz)
 
 
 class SimulatedBus:
@@ -72,7 +72,7 @@ class SimulatedBus:
         if self._faults is not None and not self._faults.apply_faults(
             self.clock, self.mux, self._host_cost_ns, address
         ):
-            self.clock.advance_ns(self._host_cost_ns + _wire_time_ns(len(data), n_read, self._rate_hz))
+            self.clock.advance_ns(self._host_cost_ns + _i2c_bus_time_ns(len(data), n_read, self._rate_hz))
             return bytes(n_read)
         t_start_ns = self.clock.now_ns() + self._host_cost_ns
         connected = self._connected.get((self.mux.control, address))
@@ -80,9 +80,9 @@ class SimulatedBus:
             connected = self._connect(address)
         chips = [chip for chip in connected if chip.acknowledges(t_start_ns)]
         if not chips:
-            self.clock.sleep_until_ns(t_start_ns + wire_time_ns(nack_bits(), self._rate_hz))
+            self.clock.sleep_until_ns(t_start_ns + i2c_bus_time_ns(nack_bits(), self._rate_hz))
             raise NackError(f"no acknowledge from {address:#04x}")
-        t_end_ns = t_start_ns + _wire_time_ns(len(data), n_read, self._rate_hz)
+        t_end_ns = t_start_ns + _i2c_bus_time_ns(len(data), n_read, self._rate_hz)
         self.clock.sleep_until_ns(t_end_ns)
         if data:
             for chip in chips:

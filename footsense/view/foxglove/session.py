@@ -11,7 +11,7 @@ from websockets.typing import Subprotocol
 from footsense import __version__
 from footsense.view.foxglove.channels import PICTURE_PERIOD_NS, TopicChannel, topic_channels
 from footsense.view.live import LiveSource, ViewedCycle
-from footsense.view.page_session import Connection
+from footsense.view.page_session import MessageSender
 
 #: Both names of the protocol: that of Lichtblick and PlotJuggler, and that of Foxglove since 2025.
 FOXGLOVE_PROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
@@ -111,7 +111,7 @@ class FoxgloveClient:
     def _newest_cycle_number(self) -> int:
         return self._live.cycles[-1].number if self._live.cycles else -1
 
-    async def send_new(self, connection: Connection, now_s: float) -> None:
+    async def send_new(self, connection: MessageSender, now_s: float) -> None:
         """Send what is new; wait while the client does not read, and leave out what has become old meanwhile."""
         del now_s
         if not self._greeted:
@@ -132,7 +132,7 @@ class FoxgloveClient:
             self._next += 1
             await self._send_cycle(connection, viewed)
 
-    async def _send_cycle(self, connection: Connection, viewed: ViewedCycle) -> None:
+    async def _send_cycle(self, connection: MessageSender, viewed: ViewedCycle) -> None:
         t_ns = viewed.cycle.forces.t_sent_ns
         is_due = not 0 <= t_ns - self._picture_ns < PICTURE_PERIOD_NS
         if is_due:
@@ -146,7 +146,7 @@ class FoxgloveClient:
                     _MESSAGE_HEADER_STRUCT.pack(_MESSAGE_DATA, subscription, t_ns) + message
                 )
 
-    async def _advertise(self, connection: Connection) -> None:
+    async def _advertise(self, connection: MessageSender) -> None:
         """Announce the channels of the service; anew if another service has other legs or elements."""
         if (self._live.legs, self._live.n_elements) == (self._legs, self._n_elements):
             return
@@ -186,7 +186,7 @@ class FoxgloveRefusal:
         del text
         return [_status_json(_WARNING, self._text)]
 
-    async def send_new(self, connection: Connection, now_s: float) -> None:
+    async def send_new(self, connection: MessageSender, now_s: float) -> None:
         """Send the refusal, once."""
         del now_s
         if not self._sent:

@@ -51,7 +51,7 @@ def test_the_files_of_the_released_foot_pass_every_check(package: FabricationPac
     # Plates of 5.387 pF, as the daemon assumes, and the fringe field beside them.
     element = package.elements["row1", "col1"]
     assert element.plate_formula_pf == pytest.approx(FOOT_DESIGN.capacitor.unloaded_pf, rel=1e-4)
-    assert element.min_reading_pf < element.plate_formula_pf + element.fringe_pf < element.max_reading_pf
+    assert element.min_unloaded_pf < element.plate_formula_pf + element.fringe_pf < element.max_unloaded_pf
 
 
 def test_the_command_gives_the_same_bytes(package: FabricationPackage, folder: Path, tmp_path: Path) -> None:
@@ -78,7 +78,7 @@ def test_most_fabricated_elements_read_within_the_limits(package: FabricationPac
         for foot in range(60)
     ]
     readings = np.array([Foot(response, deviations).unloaded_pf for deviations in own])
-    within = (element.min_reading_pf < readings) & (readings < element.max_reading_pf)
+    within = (element.min_unloaded_pf < readings) & (readings < element.max_unloaded_pf)
     assert 0.95 < within.mean() < 1.0
 
 

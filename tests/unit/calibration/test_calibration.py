@@ -169,10 +169,10 @@ def test_the_correction_learns_what_is_there_and_nothing_else() -> None:
     skew = np.array([[1.0, 0.05, 0.0], [0.0, 1.0, 0.0], [0.08, 0.0, 1.0]])
     skewed = force_n @ skew + noise_n
     layer = fit_correction(force_n, force_n, skewed)
-    corrected_n = force_n + correction_terms(force_n) @ layer.correction_matrix.T
+    corrected_n = force_n + correction_terms(force_n) @ layer.term_coefficients.T
     assert angles_between_deg(corrected_n, force_n @ skew).max() < 1.0  # of 4.6
-    assert not fit_correction(force_n, force_n, force_n + noise_n).correction_matrix.any()
-    assert not fit_correction(force_n[::20], force_n[::20], skewed[::20]).correction_matrix.any()
+    assert not fit_correction(force_n, force_n, force_n + noise_n).term_coefficients.any()
+    assert not fit_correction(force_n[::20], force_n[::20], skewed[::20]).term_coefficients.any()
 
 
 def test_loads_from_one_side_are_refused_by_what_they_do_not_tell() -> None:

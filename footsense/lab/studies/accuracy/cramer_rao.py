@@ -66,11 +66,11 @@ class Ambiguity:
     """Distance [sigma] and force angle [deg] of ambiguous load pairs, at each of `ELEVATIONS_DEG`.
 
     Attributes:
-        distance_sigma: Distance of the closures in standard deviations of the noise.
+        distance_in_noise_sigmas: Distance of the closures in standard deviations of the noise.
         force_angle_deg: Angle between the two forces [deg].
     """
 
-    distance_sigma: list[float]
+    distance_in_noise_sigmas: list[float]
     force_angle_deg: list[float]
 
 
@@ -209,7 +209,7 @@ def _bound_map_figure(
     figure.colorbar(filled, ax=polar, label="[deg]", shrink=0.8)
     axes = figure.add_subplot(1, 2, 2)
     for gf, found in ambiguous.items():
-        axes.semilogy(ELEVATIONS_DEG, np.maximum(found.distance_sigma, 0.1), ".-", label=f"{gf} gf")
+        axes.semilogy(ELEVATIONS_DEG, np.maximum(found.distance_in_noise_sigmas, 0.1), ".-", label=f"{gf} gf")
     axes.axhline(4.0, color="k", ls=":", lw=1)
     axes.set(
         xlabel=f"elevation of a centred load, azimuth {AZIMUTH_DEG:g} deg [deg]",

@@ -43,7 +43,7 @@ class BandErrors:
     """Errors of the loads whose largest relative closure lies in one band.
 
     Attributes:
-        load_share: Of all loads [1].
+        share_of_loads: Of all loads [1].
         force_gf: Mean force [gf].
         readable_share: Share of them with a force [1].
         direction_deg: Mean direction error of those [deg].
@@ -54,7 +54,7 @@ class BandErrors:
         reported_large_error_share: Share of these that the residual test finds inconsistent [1]; None without any.
     """
 
-    load_share: float
+    share_of_loads: float
     force_gf: float
     readable_share: float
     direction_deg: float = 0.0
@@ -142,12 +142,12 @@ def _band_errors(in_band: Mask, parts: tuple[Any, ...]) -> BandErrors | None:
     known = np.flatnonzero(read)
     share, force_gf = float(in_band.mean()), float(size_n.mean() / GRAM_FORCE_N)
     if len(known) == 0:
-        return BandErrors(load_share=share, force_gf=force_gf, readable_share=0.0)
+        return BandErrors(share_of_loads=share, force_gf=force_gf, readable_share=0.0)
     angle_deg = angles_between_deg(true_n[known], force_n[known])
     sigma_deg = np.degrees(np.linalg.norm(sigma_n[known], axis=1) / size_n[known])
     large = angle_deg > TOO_LARGE_DEG
     return BandErrors(
-        load_share=share,
+        share_of_loads=share,
         force_gf=force_gf,
         readable_share=len(known) / len(read),
         direction_deg=float(angle_deg.mean()),

@@ -267,7 +267,7 @@ def n_long_errors(errors: list[MethodErrors], method: str) -> int:
     return sum(one.n_long_errors for one in errors if one.method == method and one.load_name in LOADS)
 
 
-def is_worth_adopting(results: Results, method: str) -> bool:
+def meets_adoption_criteria(results: Results, method: str) -> bool:
     """Return whether a method improves enough on the network to be adopted."""
     gained = min(error_reductions(results.errors, method)) >= REQUIRED_ERROR_REDUCTION_REL
     return (
