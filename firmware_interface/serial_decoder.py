@@ -8,7 +8,7 @@ from firmware_interface.serial_frames import (
     Record,
     RecordFlag,
     decode_record,
-    is_whole,
+    has_valid_crc,
     unstuff,
 )
 
@@ -67,7 +67,7 @@ class SerialDecoder:
             self.losses["overflow"] += len(frame)
             return None
         data = unstuff(frame)
-        if data is None or not is_whole(data):
+        if data is None or not has_valid_crc(data):
             self.losses["crc" if len(frame) == STUFFED_BYTES else "length"] += 1
             return None
         try:

@@ -156,7 +156,7 @@ def unstuff(stuffed: bytes) -> bytes | None:
     return bytes(data[1:]) if at == end and end else None
 
 
-def is_whole(data: bytes) -> bool:
+def has_valid_crc(data: bytes) -> bool:
     """Return whether bytes have a header and a correct CRC, as records of all versions do."""
     end = len(data) - _CRC_STRUCT.size
     return (

@@ -44,14 +44,14 @@ def check_new_file(name: str, path: Path) -> None:
 
 
 def start_writer(
-    module: str, arguments: list[str], file: int, pipe_bytes: int
+    module: str, arguments: list[str], output_fd: int, pipe_bytes: int
 ) -> tuple[subprocess.Popen[bytes], int]:
     """Start a footsense module that writes a file from a pipe; return the process and the pipe's write end.
 
     Args:
         module: Name of the module.
         arguments: Its command line.
-        file: Descriptor of the open file, its standard output; closed here.
+        output_fd: Descriptor of the open file, its standard output; closed here.
         pipe_bytes: Size of the pipe that is its standard input [bytes]; the kernel may grant less.
 
     Returns:
@@ -69,14 +69,14 @@ def start_writer(
         writer = subprocess.Popen(  # noqa: S603 - our own module
             [sys.executable, "-P", "-m", module, *arguments],
             stdin=read_end,
-            stdout=file,
+            stdout=output_fd,
             stderr=subprocess.PIPE,
         )
     finally:
         os.sched_setaffinity(0, of_loop)
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         os.close(read_end)
-        os.close(file)
+        os.close(output_fd)
     return writer, write_end
 
 

@@ -50,7 +50,7 @@ def _section(topic: str, words: str, fields: Mapping[str, CycleField], start: st
     for path, field in fields.items():
         if path.startswith(start):
             parent, _, name = path.rpartition(".")
-            keys = ", ".join(f"`{key}`" for key in field.keys)
+            keys = ", ".join(f"`{key}`" for key in field.json_keys)
             rows.append([keys, _kind(field), _meaning(attributes(_FRAMES[parent])[name])])
     return f"## `{topic}`\n\n{words}.\n\n{table(['key', 'type', 'meaning'], rows)}"
 
@@ -62,7 +62,7 @@ def _meaning(words: str) -> str:
 
 
 def _kind(field: CycleField) -> str:
-    if field.names is not None:
-        return "one of " + ", ".join(f"`{code.name}`" for code in field.names)
-    kind = {"<f8": "number or null", "<i8": "integer"}.get(field.kind, f"0 to {field.max_value}")
-    return f"list, an entry for each element: {kind}" if field.shape and len(field.keys) == 1 else kind
+    if field.code_names is not None:
+        return "one of " + ", ".join(f"`{code.name}`" for code in field.code_names)
+    kind = {"<f8": "number or null", "<i8": "integer"}.get(field.dtype, f"0 to {field.max_code}")
+    return f"list, an entry for each element: {kind}" if field.shape and len(field.json_keys) == 1 else kind

@@ -62,7 +62,7 @@ class Field:
             ValueError: The value does not fit into the field.
 
         Example:
-            >>> hex(CONF_CHB.encode(CHB_DISABLED))
+            >>> hex(MEAS_CHB.encode(CHB_DISABLED))
             '0x1c00'
         """
         if not 0 <= value < 1 << self.width:
@@ -80,9 +80,9 @@ class Field:
 
 
 # CONF_MEASn (section 8.6.1.2): what measurement n measures.
-CONF_CHA = Field(shift=13, width=3)  #: positive input, 0..3 = CIN1..CIN4
-CONF_CHB = Field(shift=10, width=3)  #: negative input, 4 = CAPDAC, 7 = disabled
-CONF_CAPDAC = Field(shift=5, width=5)
+MEAS_CHA = Field(shift=13, width=3)  #: positive input, 0..3 = CIN1..CIN4
+MEAS_CHB = Field(shift=10, width=3)  #: negative input, 4 = CAPDAC, 7 = disabled
+MEAS_CAPDAC = Field(shift=5, width=5)
 CHB_CAPDAC = 4
 CHB_DISABLED = 7
 
@@ -138,7 +138,7 @@ def measurement_config(cin: int) -> int:
         >>> [hex(measurement_config(cin)) for cin in range(3)]
         ['0x1c00', '0x3c00', '0x5c00']
     """
-    return CONF_CHA.encode(cin) | CONF_CHB.encode(CHB_DISABLED)
+    return MEAS_CHA.encode(cin) | MEAS_CHB.encode(CHB_DISABLED)
 
 
 def slot_bit(slot: int) -> int:

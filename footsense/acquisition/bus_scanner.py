@@ -101,7 +101,7 @@ class BusScanner:
             probe_leg(self._transport, leg, self.legs, self._plan, self.clock)
             if leg.in_scan:
                 with contextlib.suppress(BusStuckError):  # the leg is left out
-                    self._group_of(leg).time_converter(leg)
+                    self._group_of(leg).measure_conversion_time(leg)
         # Half a period beside the temperatures.
         self._timing_due_ns = self.clock.now_ns() + _TIMING_PERIOD_NS * 3 // 2
 
@@ -217,7 +217,7 @@ class BusScanner:
         self._timed = untimed[0] if untimed else others[0]
         if not untimed:
             self._last_row = self._timed.row
-        self._group_of(self._timed).time_converter(self._timed)
+        self._group_of(self._timed).measure_conversion_time(self._timed)
 
     def _group_of(self, leg: LegConnection) -> LegGroup:
         """Return the group of legs to which a leg belongs."""

@@ -193,7 +193,7 @@ class LegGroup:
                 return
             leg.temperature_c = thermometer.decode(*answers)
 
-    def time_converter(self, leg: LegConnection) -> None:
+    def measure_conversion_time(self, leg: LegConnection) -> None:
         """Measure the conversion time of a leg's converter; it stays unchanged if the conversion does not end."""
         self.running = None
         try:

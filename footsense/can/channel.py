@@ -44,7 +44,7 @@ class ChannelSettings:
         commands: Whether commands are executed.
         fd: Whether frames of CAN FD are sent.
         log_file: File for every frame sent, its format by suffix: candump `.log`, `.asc` or `.blf`; None for none.
-        log_waits: Whether the log may make the loop wait, as in virtual time.
+        log_may_wait: Whether the log may make the loop wait, as in virtual time.
         connect: Opens another interface than the named one, such as a simulated one, and does not wait; None for
             python-can's way.
     """
@@ -55,7 +55,7 @@ class ChannelSettings:
     commands: bool = True
     fd: bool = False
     log_file: Path | None = None
-    log_waits: bool = False
+    log_may_wait: bool = False
     connect: Callable[[], CanWire] | None = None
 
 
@@ -140,7 +140,7 @@ class CanChannel:
                 b"".join(pack_frame(*frame) for frame in first_frames.items())
             )
             if log_file is not None:
-                self._log = CanFrameLog(log_file, settings.channel, stats, waits=settings.log_waits)
+                self._log = CanFrameLog(log_file, settings.channel, stats, waits=settings.log_may_wait)
         except BaseException:
             self._close_socket()
             raise

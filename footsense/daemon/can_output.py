@@ -20,7 +20,7 @@ def can_sink(
     clock: Clock,
     log_file: Path | None,
     *,
-    real_time: bool = False,
+    log_may_wait: bool = True,
     force_step_mn: int = 1,
     connect: Callable[[], CanWire] | None = None,
 ) -> Iterator[CanSink]:
@@ -41,7 +41,7 @@ def can_sink(
         commands=config.can.executes_commands,
         fd=config.can.fd,
         log_file=log_file,
-        log_waits=not real_time,
+        log_may_wait=log_may_wait,
         connect=connect,
     )
     sink = CanSink(

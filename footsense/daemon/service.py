@@ -143,7 +143,7 @@ def open_service(
                 config,
                 scan.clock,
                 can_log,
-                real_time=real_time,
+                log_may_wait=not real_time,
                 force_step_mn=force_step_mn(models.network.card.max_n),
                 connect=connect,
             )

@@ -14,7 +14,7 @@ _CLOSURE_LEVELS_REL = (0.02, 0.2)
 _DIFFERENCE_STEP_REL = 1e-3
 
 #: Share of a drift that differs between the elements; the rest is common to all. An assumption: no foot was heated.
-_UNEVEN_DRIFT_SHARE = 0.2
+_ASSUMED_UNEVEN_DRIFT_SHARE = 0.2
 
 
 class Sensitivity(NamedTuple):
@@ -69,7 +69,7 @@ def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivi
         for pattern in (stance_rel, np.ones(len(moments))):
             slopes_n = jacobian_n(estimator, n_rows, level * pattern)[:, 0]
             errors_n.append(
-                np.hypot(slopes_n.sum(axis=0), _UNEVEN_DRIFT_SHARE * np.linalg.norm(slopes_n, axis=0))
+                np.hypot(slopes_n.sum(axis=0), _ASSUMED_UNEVEN_DRIFT_SHARE * np.linalg.norm(slopes_n, axis=0))
             )
     stance_rel = _CLOSURE_LEVELS_REL[-1] * stance_rel
     rows = np.tile(stance_rel, (n_rows, 1))

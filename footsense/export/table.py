@@ -37,7 +37,9 @@ def _column_names(fields: Mapping[str, CycleField]) -> list[str]:
     for field in fields.values():
         n_values = int(np.prod(field.shape))
         names += (
-            field.keys if len(field.keys) == n_values else [f"{field.keys[0]}_{e}" for e in range(n_values)]
+            field.json_keys
+            if len(field.json_keys) == n_values
+            else [f"{field.json_keys[0]}_{e}" for e in range(n_values)]
         )
     return names
 
@@ -92,9 +94,9 @@ def _leg_columns(frame: Any, fields: Mapping[str, CycleField]) -> list[Column]: 
     for path, field in fields.items():
         array = attrgetter(path)(frame)
         flat = array.reshape(len(array), -1).T.tolist()
-        if field.names is not None:
-            flat = [[_code_name(field.names, code) for code in one] for one in flat]
-        elif field.kind == "<i8":  # times, 0 for none
+        if field.code_names is not None:
+            flat = [[_code_name(field.code_names, code) for code in one] for one in flat]
+        elif field.dtype == "<i8":  # times, 0 for none
             flat = [[t_ns or None for t_ns in one] for one in flat]
         columns += flat
     return [list(row) for row in zip(*columns, strict=True)]

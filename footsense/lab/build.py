@@ -41,9 +41,9 @@ from footsense.lab.training.export import OnnxNetwork, library_versions, load_we
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import Cases, paper_training, random_loads
 from footsense.lab.training.snapshot.forward_inversion import forward_model
-from footsense.lab.training.snapshot.train import SnapshotProtocol, closure_moments, train
+from footsense.lab.training.snapshot.train import SnapshotTrainingSettings, closure_moments, train
 from footsense.lab.training.snapshot.train import predict as predict_alone
-from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
+from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import Weights, predict
 from footsense.progress import timed_bar
 
@@ -75,8 +75,8 @@ class BuildSettings:
     mesh: MeshSize
     random_loads: int
     gaits: int
-    released: WindowProtocol
-    paper_cases_only: SnapshotProtocol
+    released: WindowTrainingSettings
+    paper_cases_only: SnapshotTrainingSettings
     quick: bool = False
     start: Path | None = None
 
@@ -86,20 +86,20 @@ FULL_BUILD = BuildSettings(
     mesh=RELEASED_MESH,
     random_loads=200_000,
     gaits=5_000,
-    released=WindowProtocol(),
-    paper_cases_only=SnapshotProtocol(steps=6_000, batch=128, masked=False),
+    released=WindowTrainingSettings(),
+    paper_cases_only=SnapshotTrainingSettings(steps=6_000, batch=128, masked=False),
 )
 #: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
 SIMILAR_FOOT_BUILD = replace(
-    FULL_BUILD, random_loads=60_000, gaits=2_500, released=WindowProtocol(steps=40_000, rate=3e-3)
+    FULL_BUILD, random_loads=60_000, gaits=2_500, released=WindowTrainingSettings(steps=40_000, rate=3e-3)
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK_BUILD = BuildSettings(
     mesh=COARSE_MESH,
     random_loads=10_000,
     gaits=60,
-    released=WindowProtocol(channels=8, steps=1_500, batch=256, rate=1e-2),
-    paper_cases_only=SnapshotProtocol(steps=1_000, batch=128, masked=False),
+    released=WindowTrainingSettings(channels=8, steps=1_500, batch=256, rate=1e-2),
+    paper_cases_only=SnapshotTrainingSettings(steps=1_000, batch=128, masked=False),
     quick=True,
 )
 
@@ -131,7 +131,7 @@ def _force_estimator(weights: Weights, gap_um: float, unit: float) -> ForceEstim
 
 
 def _paper_only_estimators(
-    response: FootResponse, unit: float, protocol: SnapshotProtocol, report: Callable[[str], None]
+    response: FootResponse, unit: float, settings: SnapshotTrainingSettings, report: Callable[[str], None]
 ) -> dict[str, ForceEstimator]:
     """Return force estimators trained on the paper's 362 cases alone: on elastances, and on inverted closures.
 
@@ -140,7 +140,7 @@ def _paper_only_estimators(
     If the paper's loads close gaps completely, the inversion has no solution, and its estimator is left out.
     """
     training, gap_um = paper_training(response), response.design.gap_um
-    plain = train(training, response.design, protocol)
+    plain = train(training, response.design, settings)
     alone: dict[str, ForceEstimator] = {
         f"{PAPER_NETWORK_362}_elastance": lambda closure_um: (
             unit * predict_alone(plain, closure_um / gap_um)[0]
@@ -152,7 +152,7 @@ def _paper_only_estimators(
     except ArithmeticError as error:
         report(f"no {PAPER_NETWORK_362}: the paper's loads are too large for this foot: {error}")
         return alone
-    inverted = train(Cases(training.force_n, inverted_um), response.design, protocol)
+    inverted = train(Cases(training.force_n, inverted_um), response.design, settings)
     return {
         PAPER_NETWORK_362: lambda closure_um: (
             unit * predict_alone(inverted, model.mean_um(closure_um) / gap_um)[0]

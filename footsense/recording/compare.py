@@ -81,19 +81,20 @@ def _leg_difference(
         same = _is_close(then, now, 0.0 if exact else _field_tolerance(path, field))
         for k in np.flatnonzero(~same).tolist():
             words = [
-                str(value) if field.names is None else field.names(value).name for value in (then[k], now[k])
+                str(value) if field.code_names is None else field.code_names(value).name
+                for value in (then[k], now[k])
             ]
-            return f"{field.keys[k]} was {words[0]}, is now {words[1]}"
+            return f"{field.json_keys[k]} was {words[0]}, is now {words[1]}"
     return None
 
 
 def _field_tolerance(path: str, field: CycleField) -> float:
     """Return the largest difference of a field on another machine."""
     if path.startswith("gait."):
-        return {"<f8": TOLERANCE_REL, "<i8": TOLERANCE_NS}.get(field.kind, 0.0)
-    if field.kind != "<f8":
+        return {"<f8": TOLERANCE_REL, "<i8": TOLERANCE_NS}.get(field.dtype, 0.0)
+    if field.dtype != "<f8":
         return 0.0
-    return TOLERANCE_PF if field.keys[0].endswith("_pf") else TOLERANCE_N
+    return TOLERANCE_PF if field.json_keys[0].endswith("_pf") else TOLERANCE_N
 
 
 def _is_close(then: NDArray[Any], now: NDArray[Any], tolerance: float) -> Mask:

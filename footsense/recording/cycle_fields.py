@@ -34,18 +34,18 @@ class CycleField(NamedTuple):
     """One array of a cycle's frames, with one row per leg: type, shape, keys in JSON.
 
     Attributes:
-        kind: Type of its entries, as numpy calls it.
+        dtype: Type of its entries, as numpy calls it.
         shape: Shape of a leg's row.
-        keys: Keys of a leg's row in JSON: one, or one for each component.
-        max_value: Largest code or mask with a meaning; None for numbers.
-        names: Enumeration by whose names JSON calls the codes; None for numbers.
+        json_keys: Keys of a leg's row in JSON: one, or one for each component.
+        max_code: Largest code or mask with a meaning; None for numbers.
+        code_names: Enumeration by whose names JSON calls the codes; None for numbers.
     """
 
-    kind: str
+    dtype: str
     shape: tuple[int, ...]
-    keys: tuple[str, ...]
-    max_value: int | None = None
-    names: type[IntEnum] | None = None
+    json_keys: tuple[str, ...]
+    max_code: int | None = None
+    code_names: type[IntEnum] | None = None
 
 
 @cache

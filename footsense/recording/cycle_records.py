@@ -88,9 +88,9 @@ class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
 _decode = msgspec.msgpack.Decoder(Header | _Cycle | LostCycles).decode
 
 #: The fields of a record in their order, wide entries first so that all are aligned.
-ARRAY_ORDER = sorted(CYCLE_FIELDS, key=lambda path: np.dtype(CYCLE_FIELDS[path].kind).itemsize, reverse=True)
+ARRAY_ORDER = sorted(CYCLE_FIELDS, key=lambda path: np.dtype(CYCLE_FIELDS[path].dtype).itemsize, reverse=True)
 GAIT_ARRAY_ORDER = sorted(
-    GAIT_FIELDS, key=lambda path: np.dtype(GAIT_FIELDS[path].kind).itemsize, reverse=True
+    GAIT_FIELDS, key=lambda path: np.dtype(GAIT_FIELDS[path].dtype).itemsize, reverse=True
 )
 
 
@@ -168,15 +168,13 @@ def _decode_arrays(
         order: Their places in the order of the field.
         n_legs: Rows of each array.
     """
-    layout = np.dtype([(path, fields[path].kind, (n_legs, *fields[path].shape)) for path in order])
+    layout = np.dtype([(path, fields[path].dtype, (n_legs, *fields[path].shape)) for path in order])
     require_valid(len(data) == layout.itemsize, f"arrays of {len(data)} bytes")
     entry: Mapping[str, NDArray[Any]] = np.frombuffer(data, dtype=layout)[0]
     for path, field in fields.items():
-        if field.max_value is not None:
+        if field.max_code is not None:
             found = entry[path].max()
-            require_valid(
-                found <= field.max_value, f"{path} {found}, at most {field.max_value} has a meaning"
-            )
+            require_valid(found <= field.max_code, f"{path} {found}, at most {field.max_code} has a meaning")
     return entry
 
 

@@ -95,7 +95,7 @@ class PipeWriter:
         self._file.finish()
 
 
-def _write_until_end(writer: PipeWriter, pipe: int) -> None:
+def _write_until_eof(writer: PipeWriter, pipe: int) -> None:
     # A disk may hang for longer than the pipe has room, so a thread of its own empties the pipe.
     batches: queue.Queue[bytes] = queue.Queue(_MAX_WAITING_BATCHES)
 
@@ -143,7 +143,7 @@ def main(path: Path, pipe: int = 0, fd: int = 1, report: int = 2) -> int:
     writer = PipeWriter(fd)
     failure = ""
     try:
-        _write_until_end(writer, pipe)
+        _write_until_eof(writer, pipe)
         writer.finish()
         os.fsync(fd)
         _remove_partial_suffix(path)

@@ -21,7 +21,7 @@ from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
 #: Bits of FDC_CONF that read as zero without REPEAT, which is never used here (section 8.6.1.3).
-_CONF_BITS_NEVER_SET = 0x7300
+_CONF_BITS_ALWAYS_ZERO = 0x7300
 #: Upper words of a result at the ends of the range.
 _RANGE_END_CODES = {b"\x7f\xff", b"\x80\x00"}
 _NAN = float("nan")
@@ -115,7 +115,7 @@ def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:
     Bits that no FDC1004 sends, reserved ones and REPEAT, which is never asked for, make it CORRUPT.
     """
     word = conf_answer[0] << 8 | conf_answer[1]
-    if word & _CONF_BITS_NEVER_SET:
+    if word & _CONF_BITS_ALWAYS_ZERO:
         return Reading.CORRUPT
     return Reading.OK if word & done_bit else Reading.NOT_READY
 

@@ -22,11 +22,11 @@ _PRESS_THRESHOLD_REL = 0.005
 #: Share of the largest change below which the foot is released: rubber keeps some hundredths for a while.
 _RELEASE_THRESHOLD_REL = 0.15
 #: Unloaded span before a press, and its distance from a press that begins slowly [ns].
-_UNLOADED_BEFORE_SPAN_NS = 500 * _NS_PER_MS
+_UNLOADED_SPAN_BEFORE_PRESS_NS = 500 * _NS_PER_MS
 _UNLOADED_TO_PRESS_MARGIN_NS = 100 * _NS_PER_MS
 #: Most of the rubber's recovery after a release, and the unloaded span that follows it [ns].
 _RECOVERY_WAIT_NS = 100 * _NS_PER_MS
-_UNLOADED_AFTER_SPAN_NS = 200 * _NS_PER_MS
+_UNLOADED_SPAN_AFTER_PRESS_NS = 200 * _NS_PER_MS
 #: Age up to which unloaded spans contribute to the offset of the reference [ns].
 _OFFSET_MAX_AGE_NS = 10_000 * _NS_PER_MS
 #: Longest press [ns]; a longer load has changed the unloaded reading.
@@ -116,7 +116,7 @@ class LoadDetector:
         """Update the baseline while unloaded, and switch to pressed once a press begins."""
         if self._n_agreeing == 0:
             self._before_ns = (
-                t_ns - _UNLOADED_TO_PRESS_MARGIN_NS - _UNLOADED_BEFORE_SPAN_NS,
+                t_ns - _UNLOADED_TO_PRESS_MARGIN_NS - _UNLOADED_SPAN_BEFORE_PRESS_NS,
                 t_ns - _UNLOADED_TO_PRESS_MARGIN_NS,
             )
             self._baseline_pf = self._mean_pf(self._before_ns)
@@ -164,7 +164,7 @@ class LoadDetector:
                 self._before_ns, self._baseline_pf = between_ns, between_pf
             self._begin_press()
             return load
-        if t_ns < recovered_ns + _UNLOADED_AFTER_SPAN_NS:
+        if t_ns < recovered_ns + _UNLOADED_SPAN_AFTER_PRESS_NS:
             return None
         load = reduce_press(self._recorded_press((recovered_ns, t_ns)))
         self._end_press(recovered_ns)

@@ -82,7 +82,7 @@ def _run_replay(
                 config,
                 clock,
                 can_log,
-                real_time=realtime,
+                log_may_wait=not realtime,
                 force_step_mn=force_step_mn(models.network.card.max_n),
             )
         )

@@ -38,7 +38,7 @@ def scan_adapters() -> list[ProbedAdapter]:
     Raises:
         HardwareError: There is no adapter.
     """
-    found = [_scan_adapter(device) for device in adapters()]
+    found = [_probe_adapter(device) for device in adapters()]
     if not found:
         raise HardwareError(
             "no I2C adapter: there is no /dev/i2c-*; enable I2C (on a Raspberry Pi dtparam=i2c_arm=on, and the module "
@@ -47,7 +47,7 @@ def scan_adapters() -> list[ProbedAdapter]:
     return found
 
 
-def _scan_adapter(device: str) -> ProbedAdapter:
+def _probe_adapter(device: str) -> ProbedAdapter:
     """Return the I2C addresses that answer on one adapter."""
     drivers = kernel_drivers(device)
     with ExitStack() as stack:

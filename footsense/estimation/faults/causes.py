@@ -47,7 +47,7 @@ class ElementFaults(NamedTuple):
         return self.opened | self.shorted | self.stuck | self.drifting
 
 
-def converter_states(state: Codes, reading: Codes, faulty: Mask, closed: Mask) -> None:
+def set_states_without_force(state: Codes, reading: Codes, faulty: Mask, closed: Mask) -> None:
     """Set, in `state`, shape (legs,), the states of legs whose readings forbid any force, the most severe last.
 
     Args:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
-from footsense.estimation.faults.causes import ElementFaults, converter_states, leg_causes
+from footsense.estimation.faults.causes import ElementFaults, leg_causes, set_states_without_force
 from footsense.estimation.faults.consistency import ConsistencyResult
 from footsense.estimation.faults.missing_sets import fault_mask, missing_elements
 from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL, floating_row_crosstalk_pf
@@ -200,7 +200,9 @@ class LegClassifier:
         for leg, untared_state in untared_legs.items():
             state[leg] = untared_state
         state[(state == State.TARING) & lost] = State.STARTING
-        converter_states(state, reading, faulty & kept, closed & kept | elements.over_range & ~shorted)
+        set_states_without_force(
+            state, reading, faulty & kept, closed & kept | elements.over_range & ~shorted
+        )
         state[self.stopped] = State.STOPPED
         faults = ElementFaults(elements.opened, shorted, consistency.stuck, consistency.drifting)
         return LegStatus(

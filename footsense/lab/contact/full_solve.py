@@ -10,7 +10,7 @@ from footsense.lab.contact.body import MAX_PENETRATION_REL, Body
 from footsense.lab.contact.element_closures import capacitance_pf, cell_means, sampled_closure_um
 from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
 from footsense.lab.contact.floor import ContactPatch, FloorModel
-from footsense.lab.contact.hertz_floor import HertzFloor
+from footsense.lab.contact.hertz_floor import PrescribedHertzFloor
 from footsense.lab.contact.load_case import LoadCase
 from footsense.lab.contact.mesh import ContactMeshSize, build_mesh
 from footsense.lab.contact.plane_floor import PlaneFloor
@@ -93,7 +93,7 @@ class FullFoot:
         solved = self.floor == "solved"
         body = Body(self.design, mesh, self.size.order, case.floor_axes if solved else ())
         element_mm = self.size.patch_rel * case.hertz_radius_mm
-        floor: FloorModel = PlaneFloor(case, body, element_mm) if solved else HertzFloor(case, body)
+        floor: FloorModel = PlaneFloor(case, body, element_mm) if solved else PrescribedHertzFloor(case, body)
         contact = self.gaps == "contact"
         weak_form = body.weak_form(floor, finite_strain=self.finite_strain, gap_contact=contact)
         equations = Equilibrium(body, weak_form, float(np.linalg.norm(force_n)))

@@ -11,7 +11,7 @@ from footsense.lab.contact.load_case import LoadCase
 from footsense.lab.fem.elasticity import hertz_pressure_shape
 
 
-class HertzFloor:
+class PrescribedHertzFloor:
     """Ground model that exerts a Hertz pressure p ~ sqrt(1 - r^2/a^2) along the force.
 
     Attributes:

@@ -29,7 +29,7 @@ class ContactMeshSize:
         ball_mm: Largest edge in the hemispheres [mm].
         plate_mm: Largest edge in the plates [mm].
         bar_mm: Largest edge along the edges of the bars [mm].
-        layer_rel: Where the hp refinement cuts the elements at a bar's edge, over their size [1].
+        edge_layer_rel: Where the hp refinement cuts the elements at a bar's edge, over their size [1].
         patch_rel: Edge where the floor touches, over the Hertz radius [1].
         order: Polynomial order of displacement and geometry; the pressure has one less.
     """
@@ -37,7 +37,7 @@ class ContactMeshSize:
     ball_mm: float = 2.5
     plate_mm: float = 1.5
     bar_mm: float = 0.5
-    layer_rel: float = 0.15
+    edge_layer_rel: float = 0.15
     patch_rel: float = 0.3
     order: int = 2
 
@@ -72,7 +72,7 @@ def _name_faces(shape: Any, design: FootDesign) -> None:
             face.name = "mirror"
 
 
-def _mark_bar_edges(shape: Any, design: FootDesign, size: ContactMeshSize) -> None:
+def _refine_at_bar_edges(shape: Any, design: FootDesign, size: ContactMeshSize) -> None:
     """Mark the edges between cavities and bars for hp refinement, except on the sheet's border."""
     inside = design.sheet_mm / 2.0 - EQUAL_WITHIN_MM
     for edge in shape.edges:
@@ -125,7 +125,7 @@ def build_mesh(
         shapes = [part for shape in shapes for part in _cut_at_y0(shape)]
     shape = occ.Glue(shapes)
     _name_faces(shape, design)
-    _mark_bar_edges(shape, design, size)
+    _refine_at_bar_edges(shape, design, size)
     parameters = MeshingParameters(maxh=size.ball_mm, grading=0.4)
     _refine_patch(parameters, design, normal, size.patch_rel * patch_mm, PATCH_REFINEMENT_FACTOR * patch_mm)
-    return curved_mesh(shape, parameters, size.order, layers=1, layer_rel=size.layer_rel)
+    return curved_mesh(shape, parameters, size.order, edge_layers=1, edge_layer_rel=size.edge_layer_rel)

@@ -12,7 +12,7 @@ from footsense.lab.design.prediction.shapes import Shape, pitch_mm
 from footsense.lab.geometry import UM_PER_MM
 
 #: Steps of the ball's diameter.
-_N_BALL_DIAMETERS = 9
+_N_BALL_DIAMETERS_TRIED = 9
 
 
 class Candidates(NamedTuple):
@@ -101,7 +101,7 @@ class Candidates(NamedTuple):
 def all_candidates(requirements: Requirements) -> Candidates:
     """Return every combination of available dimensions, materials and films, feasible or not."""
     low_mm, high_mm = requirements.ball_mm
-    radii = np.unique(np.round(np.linspace(low_mm, high_mm, _N_BALL_DIAMETERS) * 2.0) / 2.0) / 2.0
+    radii = np.unique(np.round(np.linspace(low_mm, high_mm, _N_BALL_DIAMETERS_TRIED) * 2.0) / 2.0) / 2.0
     process, materials = requirements.process, requirements.materials
     axes = (
         radii,

@@ -80,7 +80,7 @@ class _FactorisedQuarterFoot:
         return quarter_grid(closure_um, quarter.design, 0)
 
 
-class ForwardFoot:
+class DirectSolveFoot:
     """Finite element model of the foot that is solved once per load, without a response table.
 
     Args:

@@ -37,8 +37,8 @@ class MeshSize:
         surface_mm: On the curved surface that touches the ground, where the response is read.
         bar_mm: Along the edges of the spacer's bars.
         grading: How fast elements may grow [1], smaller is finer.
-        layers: Layers of thin elements around singular edges.
-        layer_rel: Thickness of each over that of the next [1].
+        edge_layers: Layers of thin elements around singular edges.
+        edge_layer_rel: Thickness of each over that of the next [1].
         order: Polynomial order of displacement and geometry.
     """
 
@@ -47,8 +47,8 @@ class MeshSize:
     surface_mm: float = 3.0
     bar_mm: float = 0.5
     grading: float = 0.6
-    layers: int = 1
-    layer_rel: float = 0.08
+    edge_layers: int = 1
+    edge_layer_rel: float = 0.08
     order: int = 3
 
     def scaled_to_foot(self, design: FootDesign) -> "MeshSize":
@@ -66,10 +66,10 @@ class MeshSize:
 #: Mesh of the released table.
 RELEASED_MESH = MeshSize()
 #: Mesh of the tests and of `--quick`: a second per class, and closures some 6 % too small.
-COARSE_MESH = MeshSize(layer_rel=0.15, bar_mm=0.67, order=2)
+COARSE_MESH = MeshSize(edge_layer_rel=0.15, bar_mm=0.67, order=2)
 #: Reference of SHIPPED: elements half as large at the bars, smaller elsewhere, and one layer more.
 FINEST_MESH = MeshSize(
-    ball_mm=4.0, plate_mm=1.5, surface_mm=2.5, bar_mm=0.25, grading=0.5, layers=2, layer_rel=0.12
+    ball_mm=4.0, plate_mm=1.5, surface_mm=2.5, bar_mm=0.25, grading=0.5, edge_layers=2, edge_layer_rel=0.12
 )
 
 
@@ -200,6 +200,8 @@ def build_mesh(design: FootDesign, size: MeshSize) -> Any:
             edge.hpref = 1
     parameters = MeshingParameters(maxh=size.ball_mm, grading=size.grading)
     try:
-        return curved_mesh(shape, parameters, size.order, layers=size.layers, layer_rel=size.layer_rel)
+        return curved_mesh(
+            shape, parameters, size.order, edge_layers=size.edge_layers, edge_layer_rel=size.edge_layer_rel
+        )
     except ModelError as error:
         raise ModelError(f"{error}; check {size} and the sizes of {design}") from error

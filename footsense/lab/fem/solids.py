@@ -91,7 +91,12 @@ def rectangle(x_mm: tuple[float, float], z_mm: tuple[float, float], name: str) -
 
 
 def curved_mesh(
-    shape: Any, parameters: MeshingParameters, order: int, *, layers: int = 0, layer_rel: float = 0.0
+    shape: Any,
+    parameters: MeshingParameters,
+    order: int,
+    *,
+    edge_layers: int = 0,
+    edge_layer_rel: float = 0.0,
 ) -> Any:
     """Return the curved mesh of a shape; raise ModelError if the mesh generator fails.
 
@@ -99,16 +104,16 @@ def curved_mesh(
         shape: The shape.
         parameters: Parameters of the mesher.
         order: Polynomial order of the geometry.
-        layers: Layers of thin elements at marked edges (hp refinement).
-        layer_rel: Thickness of each over that of the next [1].
+        edge_layers: Layers of thin elements at marked edges (hp refinement).
+        edge_layer_rel: Thickness of each over that of the next [1].
 
     Raises:
         ModelError: The mesher fails.
     """
     try:
         mesh = ng.Mesh(occ.OCCGeometry(shape).GenerateMesh(parameters))
-        if layers:
-            mesh.RefineHP(layers, layer_rel)
+        if edge_layers:
+            mesh.RefineHP(edge_layers, edge_layer_rel)
         mesh.Curve(order)
     except (NgException, RuntimeError) as error:
         raise ModelError(f"the foot cannot be meshed: {error}") from error

@@ -87,7 +87,9 @@ def _mesh(design: FootDesign, size: MeshSize, imperfection: Imperfection) -> Any
         if is_bar_edge(design, edge):
             edge.maxh, edge.hpref = size.bar_mm, 1
     parameters = MeshingParameters(maxh=size.ball_mm, grading=size.grading)
-    return curved_mesh(shape, parameters, size.order, layers=size.layers, layer_rel=size.layer_rel)
+    return curved_mesh(
+        shape, parameters, size.order, edge_layers=size.edge_layers, edge_layer_rel=size.edge_layer_rel
+    )
 
 
 def _cut_bubble(design: FootDesign, imperfection: Imperfection, ball: Any) -> Any:

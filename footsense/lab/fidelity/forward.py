@@ -10,7 +10,7 @@ import numpy as np
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads
 from footsense.lab.evaluation.evaluate import rms
-from footsense.lab.fem.forward import ForwardFoot
+from footsense.lab.fem.forward import DirectSolveFoot
 from footsense.lab.fem.mesh import MeshSize
 from footsense.lab.geometry import FootDesign
 
@@ -56,7 +56,7 @@ def forward_against_table(
         n: How many of them, evenly spread, are solved.
     """
     start = default_timer()
-    foot = ForwardFoot(foot_design, size)
+    foot = DirectSolveFoot(foot_design, size)
     factorise_s = default_timer() - start
     once = functools.partial(response.free_closure_um, loads.normal, loads.force_n)
     tabled, table_s = once(), min(timeit.repeat(once, repeat=3, number=1)) / len(loads.force_n)

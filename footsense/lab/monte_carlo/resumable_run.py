@@ -24,16 +24,16 @@ class Tolerances(FootTolerances):
     """Rms deviations of fabricated feet and of the calibrating test stand; all zero means as designed.
 
     Attributes:
-        reading_pf: Noise of each capacitance reading [pF].
+        reading_noise_pf: Noise of each capacitance reading [pF].
         repeatability_rel: Rms scatter of each repeated capacitance change, relative to it [1].
-        reference_resolutions: Rms error of each force component of the reference sensor, in its resolutions [1].
-        stick_deg: Angle between contact normal and force of a load that was meant to be centred [deg].
+        reference_error_resolutions: Rms error of each force component of the reference sensor, in its resolutions [1].
+        press_lean_deg: Angle between contact normal and force of a load that was meant to be centred [deg].
     """
 
-    reading_pf: float = 0.0
+    reading_noise_pf: float = 0.0
     repeatability_rel: float = 0.0
-    reference_resolutions: float = 0.0
-    stick_deg: float = 0.0
+    reference_error_resolutions: float = 0.0
+    press_lean_deg: float = 0.0
 
     def plus(self, other: "Tolerances", factor: float) -> Self:
         """Return these tolerances plus a factor times the given ones.

@@ -65,7 +65,7 @@ def measure_foot(
     response, direction = foot.response, normalized(true_n)
     noise = rng.normal(size=(4, len(true_n), 9))
     # Two of the three axes turn a direction, so that the angle between it and the normal has the stated rms.
-    lean = np.radians(tolerances.stick_deg) * np.sqrt(0.5)
+    lean = np.radians(tolerances.press_lean_deg) * np.sqrt(0.5)
     normal = direction + lean * np.cross(direction, np.cross(direction, noise[0, :, :3]))
     normal = normalized(normal)
     unknown = normal @ mount[2] < np.sin(np.radians(response.min_elevation_deg))
@@ -74,9 +74,9 @@ def measure_foot(
     change_pf = (foot.capacitance_pf(normal, true_n) - unloaded_pf) * (
         1.0 + tolerances.repeatability_rel * noise[1]
     )
-    change_pf += tolerances.reading_pf * noise[2]
+    change_pf += tolerances.reading_noise_pf * noise[2]
     return MeasuredLoads(
-        force_n=true_n + tolerances.reference_resolutions * REFERENCE_RESOLUTION_N * noise[3, :, :3],
+        force_n=true_n + tolerances.reference_error_resolutions * REFERENCE_RESOLUTION_N * noise[3, :, :3],
         change_pf=change_pf,
         closure_um=response.design.closure_um(unloaded_pf + change_pf, unloaded_pf),
     )

@@ -21,7 +21,7 @@ NO_DEVIATIONS = Tolerances()
 TYPICAL_TOLERANCES = Tolerances(gap_um=1.0, film_um=1.0, stray_pf=0.05, stiffness_rel=0.1, mount_deg=2.0)
 #: A careful test stand: the paper's meter and reference sensor, and a stick set by hand.
 CAREFUL_TEST_STAND = Tolerances(
-    reading_pf=0.001, repeatability_rel=0.02, reference_resolutions=0.5, stick_deg=1.0
+    reading_noise_pf=0.001, repeatability_rel=0.02, reference_error_resolutions=0.5, press_lean_deg=1.0
 )
 #: Feet and test stand on which the paper's own procedure errs as in the paper's experiment (study `yardstick`): the
 #: feet of the study `experiment`; a stick set by hand; a reference and a meter that are read once, one after the other.
@@ -31,10 +31,10 @@ PAPER_LIKE_TOLERANCES = Tolerances(
     stray_pf=0.34,
     stiffness_rel=0.2,
     mount_deg=3.0,
-    reading_pf=0.001,
+    reading_noise_pf=0.001,
     repeatability_rel=0.02,
-    reference_resolutions=1.1,
-    stick_deg=2.15,
+    reference_error_resolutions=1.1,
+    press_lean_deg=2.15,
 )
 
 
@@ -72,7 +72,7 @@ FOOT_SWEEPS = (
     Sweep(varied_quantity="all, times typical", step=TYPICAL_TOLERANCES, levels=(0.5, 1.0, 2.0, 3.0, 5.0)),
 )
 TEST_STAND_SWEEPS = (
-    Sweep(varied_quantity="reading [fF]", step=Tolerances(reading_pf=0.001), levels=(1.0, 5.0, 20.0)),
+    Sweep(varied_quantity="reading [fF]", step=Tolerances(reading_noise_pf=0.001), levels=(1.0, 5.0, 20.0)),
     Sweep(
         varied_quantity="repeatability of ΔC [%]",
         step=Tolerances(repeatability_rel=0.01),
@@ -80,10 +80,10 @@ TEST_STAND_SWEEPS = (
     ),
     Sweep(
         varied_quantity="reference [resolutions]",
-        step=Tolerances(reference_resolutions=1.0),
+        step=Tolerances(reference_error_resolutions=1.0),
         levels=(0.5, 1.0, 3.0),
     ),
-    Sweep(varied_quantity="stick [deg]", step=Tolerances(stick_deg=1.0), levels=(1.0, 2.0, 5.0, 8.0)),
+    Sweep(varied_quantity="stick [deg]", step=Tolerances(press_lean_deg=1.0), levels=(1.0, 2.0, 5.0, 8.0)),
     Sweep(
         varied_quantity="all of it, times careful",
         step=CAREFUL_TEST_STAND,

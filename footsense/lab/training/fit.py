@@ -37,7 +37,7 @@ _TEMPERING = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Protocol:
+class TrainingSettings:
     """Training settings of a symmetric network: channels, steps, batch size, learning rate, seed.
 
     Attributes:
@@ -122,22 +122,22 @@ def fit(
     loss: Callable[[Weights, Any], jax.Array],
     random_batch: Callable[[Any, jax.Array], Any],
     data: Any,
-    protocol: Protocol,
+    settings: TrainingSettings,
     steps_per_call: int,
     report: Callable[[str], object] = lambda _: None,
 ) -> Weights:
-    """Return the weights after training for all steps of a protocol.
+    """Return the weights after the given number of training steps.
 
     Args:
         random_weights: Returns start weights, of a key and the number of channels.
         loss: Returns the loss, of weights and a batch.
         random_batch: Returns a batch, of the data and a key.
         data: The cases and constants on the device.
-        protocol: Sizes, steps and seed.
+        settings: Sizes, steps and seed.
         steps_per_call: Steps that are compiled into one call.
         report: Receives a line now and then.
     """
-    schedule = optax.cosine_onecycle_schedule(protocol.steps, protocol.rate, pct_start=0.1)
+    schedule = optax.cosine_onecycle_schedule(settings.steps, settings.rate, pct_start=0.1)
     optimiser = optax.contrib.muon(schedule)
 
     def train_chunk(carry: tuple[Weights, Any], key: jax.Array, data: Any) -> Any:
@@ -152,8 +152,8 @@ def fit(
 
         return jax.lax.scan(step, carry, jax.random.split(key, steps_per_call))
 
-    start, *rounds = jax.random.split(jax.random.PRNGKey(protocol.seed), 1 + protocol.steps // steps_per_call)
-    free = random_weights(start, protocol.channels)
+    start, *rounds = jax.random.split(jax.random.PRNGKey(settings.seed), 1 + settings.steps // steps_per_call)
+    free = random_weights(start, settings.channels)
     carry = (free, optimiser.init(free))
     compiled = jax.jit(train_chunk)
     with progress_bar("training", len(rounds)) as rounds_done:

@@ -16,7 +16,7 @@ from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import missing_sets
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.lab.training.fit import (
-    Protocol,
+    TrainingSettings,
     fit,
     fit_linear_start,
     force_likelihood_loss,
@@ -65,7 +65,7 @@ _STEPS_PER_CALL = 500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WindowProtocol(Protocol):
+class WindowTrainingSettings(TrainingSettings):
     """Training settings of a windowed network; its cases are windows."""
 
     channels: int = 40
@@ -231,7 +231,7 @@ def train_windowed(
     gaits: GaitReadings,
     steady_loads: LeaningCases,
     design: CapacitorDesign,
-    protocol: WindowProtocol,
+    settings: WindowTrainingSettings,
     imputation: Imputation,
     report: Any = lambda _: None,
     start: Weights | None = None,
@@ -242,7 +242,7 @@ def train_windowed(
         gaits: Readings of random gaits.
         steady_loads: Loads that stay constant over a window.
         design: The capacitors, for the noise of steady windows.
-        protocol: Sizes, steps and seed.
+        settings: Sizes, steps and seed.
         imputation: Imputation of missing elements.
         report: Receives a line now and then.
         start: Weights of a similar foot's network to start from; None for random ones.
@@ -264,7 +264,7 @@ def train_windowed(
         np.asarray(part, np.float64)
         for part in (first.features.extrapolated, first.features.newest, first.force_n)
     )
-    linear = fit_linear_start((now, now - newest), force_n, protocol.min_force_n)
+    linear = fit_linear_start((now, now - newest), force_n, settings.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
         """Return the weights with the input whitening folded into the first layer."""
@@ -274,14 +274,14 @@ def train_windowed(
     def loss(free: Weights, batch: Batch) -> jax.Array:
         """Return the training loss of a batch."""
         load = run(expand_shared_weights(fold_whitening(free)), batch.features)
-        force = (load.force_n, load.sigma_n, batch.force_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
+        force = (load.force_n, load.sigma_n, batch.force_n, settings.min_force_n, _SQUARED_ERROR_WEIGHT)
         apart, sigma = load.contact_coordinates - batch.contact, load.contact_sigma
         likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)
         return force_likelihood_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
 
     def random_batch(data: _TrainingConstants, key: jax.Array) -> Batch:
         """Return a random training batch."""
-        return _random_windows_batch(data, times_per_gait, protocol.batch, key)
+        return _random_windows_batch(data, times_per_gait, settings.batch, key)
 
     def unfolded(weights: Weights) -> Weights:
         """Return the weights before whitening is folded in: the inverse of `fold_whitening`."""
@@ -294,5 +294,5 @@ def train_windowed(
         """Return random or given initial weights."""
         return _random_weights(key, c, gaits.rows) if start is None else unfolded(start)
 
-    free = fit(first_weights, loss, random_batch, data, protocol, _STEPS_PER_CALL, report)
+    free = fit(first_weights, loss, random_batch, data, settings, _STEPS_PER_CALL, report)
     return fold_whitening(free)

@@ -61,9 +61,9 @@ _DEFAULTS_OF_OLD_RECORDINGS = {
 
 #: Name of each code, and code of each name, by enumeration.
 _NAME_OF_CODE = {
-    field.names: {**{code: code.name for code in field.names}, NOT_RECORDED: None}
+    field.code_names: {**{code: code.name for code in field.code_names}, NOT_RECORDED: None}
     for field in (*CYCLE_FIELDS.values(), *GAIT_FIELDS.values())
-    if field.names is not None
+    if field.code_names is not None
 }
 _CODE_OF_NAME = {
     names: {name: code for code, name in of_code.items()} for names, of_code in _NAME_OF_CODE.items()
@@ -86,7 +86,9 @@ def _force_fields(n_elements: int = ELEMENTS) -> dict[str, CycleField]:
 
 
 _FIRST_FORCE_FIELDS = {
-    path: field for path, field in _force_fields().items() if field.keys[0] not in _DEFAULTS_OF_OLD_RECORDINGS
+    path: field
+    for path, field in _force_fields().items()
+    if field.json_keys[0] not in _DEFAULTS_OF_OLD_RECORDINGS
 }
 
 
@@ -108,12 +110,14 @@ def leg_objects(
     """Return the values of each leg in a frame as a dict by field key, ready for JSON."""
     objects: dict[str, dict[str, Any]] = {leg: {} for leg in legs}
     for path, field in fields.items():
-        column = attrgetter(path.partition(".")[2])(frame).astype(field.kind, copy=False).tolist()
+        column = attrgetter(path.partition(".")[2])(frame).astype(field.dtype, copy=False).tolist()
         for entries, value in zip(objects.values(), column, strict=True):
-            if len(field.keys) > 1:
-                entries.update(zip(field.keys, value, strict=True))
+            if len(field.json_keys) > 1:
+                entries.update(zip(field.json_keys, value, strict=True))
             else:
-                entries[field.keys[0]] = value if field.names is None else _NAME_OF_CODE[field.names][value]
+                entries[field.json_keys[0]] = (
+                    value if field.code_names is None else _NAME_OF_CODE[field.code_names][value]
+                )
     return objects
 
 
@@ -142,23 +146,23 @@ def field_array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
         LookupError: An entry is missing, or no such name.
         ValueError: There are not so many entries.
     """
-    values = [[row[key] for key in field.keys] for row in rows]
-    if field.names is not None:
-        codes = _CODE_OF_NAME[field.names]
-        return np.array([codes[name] for (name,) in values], field.kind)
+    values = [[row[key] for key in field.json_keys] for row in rows]
+    if field.code_names is not None:
+        codes = _CODE_OF_NAME[field.code_names]
+        return np.array([codes[name] for (name,) in values], field.dtype)
     checked = msgspec.convert(values, _decoded_type(field))
-    return np.array(checked, field.kind).reshape(len(rows), *field.shape)
+    return np.array(checked, field.dtype).reshape(len(rows), *field.shape)
 
 
 @cache
 def _decoded_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
     """Return the Python type that a field must have in decoded JSON, for validation."""
     entry: Any = float | None
-    if field.max_value is not None:
-        entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.max_value))]
-    elif field.kind == "<i8":
+    if field.max_code is not None:
+        entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.max_code))]
+    elif field.dtype == "<i8":
         entry = int
-    if field.shape and len(field.keys) == 1:
+    if field.shape and len(field.json_keys) == 1:
         entry = list[entry]
     return list[list[entry]]
 
@@ -189,10 +193,10 @@ def topic_schemas(legs: Sequence[str], n_elements: int = ELEMENTS) -> dict[str, 
     def leg_schema(fields: Mapping[str, CycleField]) -> dict[str, Any]:
         properties: dict[str, Any] = {}
         for field in fields.values():
-            value: dict[str, Any] = text if field.names else number if field.kind == "<f8" else whole
-            if field.shape and len(field.keys) == 1:
+            value: dict[str, Any] = text if field.code_names else number if field.dtype == "<f8" else whole
+            if field.shape and len(field.json_keys) == 1:
                 value = {"type": "array", "items": value, "minItems": n_elements, "maxItems": n_elements}
-            properties |= dict.fromkeys(field.keys, value)
+            properties |= dict.fromkeys(field.json_keys, value)
         return object_schema(**properties)
 
     def object_schema(**properties: Any) -> dict[str, Any]:  # noqa: ANN401 - a JSON schema is any JSON

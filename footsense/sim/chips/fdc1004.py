@@ -57,8 +57,8 @@ def _conversion_of_word(word: int) -> _Conversion | None:
 @cache
 def _pin_and_capdac(config: int) -> tuple[int, int]:
     """Return the pin (CINx) that a CONF_MEASn value measures, and the CAPDAC steps that it subtracts."""
-    takes_off = chip.CONF_CHB.decode(config) == chip.CHB_CAPDAC
-    return chip.CONF_CHA.decode(config), chip.CONF_CAPDAC.decode(config) if takes_off else 0
+    takes_off = chip.MEAS_CHB.decode(config) == chip.CHB_CAPDAC
+    return chip.MEAS_CHA.decode(config), chip.MEAS_CAPDAC.decode(config) if takes_off else 0
 
 
 def _unit_noise(noise: np.random.Generator) -> Iterator[float]:

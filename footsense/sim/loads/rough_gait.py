@@ -57,7 +57,7 @@ class RoughStance:
             kinetic_friction=friction,
             static_rel=rng.uniform(*_STATIC_REL),
             stiffness_n_per_mm=rng.uniform(*_STIFFNESS[is_soft]),
-            creep_mm_per_s=_CREEP[is_soft],
+            max_creep_mm_per_s=_CREEP[is_soft],
         )
         self._t_s = np.asarray(STEP_S * np.arange(round(self.duration_s / STEP_S) + 2), np.float64)
         loads = stance.loads(self._t_s)

@@ -31,13 +31,13 @@ class SlidingGround:
         kinetic_friction: Coefficient of kinetic friction.
         static_rel: Coefficient of static friction over it, at least 1.
         stiffness_n_per_mm: Spring between contact and body, along the ground [N/mm].
-        creep_mm_per_s: Creep at the cone [mm/s].
+        max_creep_mm_per_s: Creep at the cone [mm/s].
     """
 
     kinetic_friction: float
     static_rel: float
     stiffness_n_per_mm: float
-    creep_mm_per_s: float
+    max_creep_mm_per_s: float
 
     def ground_forces(self, pressing_n: Vector, demand_n: Vector) -> tuple[Vector, Vector]:
         """Return the tangential ground forces [N] and the distance slid [mm] over one stance.
@@ -49,7 +49,7 @@ class SlidingGround:
         Returns:
             Tangential force [N], shape (n, 2), and length of the way slid since touchdown [mm], shape (n,).
         """
-        stiffness, creep = self.stiffness_n_per_mm, self.creep_mm_per_s * STEP_S
+        stiffness, creep = self.stiffness_n_per_mm, self.max_creep_mm_per_s * STEP_S
         slid_x = slid_y = slid_mm = 0.0
         slides = False
         forces, ways = [], []

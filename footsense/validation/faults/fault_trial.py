@@ -32,7 +32,7 @@ WALK_SCENE = Scene(
 )
 
 #: Fields of a frame that are kept.
-_KEPT_FIELDS = ("t_sent_ns", "t_ns", "state", "cause", "fault_mask", "force_n", "sigma_n")
+_KEPT_FRAME_FIELDS = ("t_sent_ns", "t_ns", "state", "cause", "fault_mask", "force_n", "sigma_n")
 
 
 class PublishedWalk(NamedTuple):
@@ -96,7 +96,7 @@ def simulate_walk(
         assert true_force_n_at is not None, "a scene is simulated"
         frames = observer.frames
         true_n = [true_force_n_at(frame.t_sent_ns) for frame in frames]
-    arrays = {name: np.array([getattr(frame, name) for frame in frames]) for name in _KEPT_FIELDS}
+    arrays = {name: np.array([getattr(frame, name) for frame in frames]) for name in _KEPT_FRAME_FIELDS}
     return PublishedWalk(legs=running.legs, true_force_n=np.array(true_n), **arrays)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.fem.forward import ForwardFoot
+from footsense.lab.fem.forward import DirectSolveFoot
 from footsense.lab.fem.mesh import COARSE_MESH
 from footsense.lab.fidelity.half_space import HalfSpace
 from footsense.lab.fidelity.lattice import cavity_closure_length_mm
@@ -29,7 +29,7 @@ def released() -> FootResponse:
 
 def test_one_solve_per_load_equals_the_table(released: FootResponse) -> None:
     """Reciprocity, classes, transposed class, patch: every cell, within the error of the coarse mesh."""
-    solved = ForwardFoot(FOOT_DESIGN, COARSE_MESH).cell_closures_um(NORMAL[0], FORCE[0])
+    solved = DirectSolveFoot(FOOT_DESIGN, COARSE_MESH).cell_closures_um(NORMAL[0], FORCE[0])
     tabled = released.free_closure_um(NORMAL, FORCE)[0]
     assert np.abs(solved - tabled).max() < 0.06 * np.abs(tabled).max()
 

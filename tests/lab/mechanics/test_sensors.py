@@ -26,7 +26,7 @@ from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
 
-FILM_SIZE = replace(COARSE_MESH, layers=0)
+FILM_SIZE = replace(COARSE_MESH, edge_layers=0)
 
 
 def test_a_cut_through_the_block_carries_the_whole_load() -> None:

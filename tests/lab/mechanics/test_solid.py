@@ -28,7 +28,7 @@ pytestmark = pytest.mark.lab
 Quarters = dict[Parity, QuarterFoot]
 
 #: Quadratic elements without layers at the edges: a tenth of a second per class, for what holds on any mesh.
-PLAIN = MeshSize(layers=0, order=2, bar_mm=1.0)
+PLAIN = MeshSize(edge_layers=0, order=2, bar_mm=1.0)
 UP = np.array([0.0, 0.0, 1.0])
 
 

@@ -20,8 +20,8 @@ from footsense.lab.geometry import LoadRange
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import random_loads
-from footsense.lab.training.snapshot.train import SnapshotProtocol, closure_moments
-from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
+from footsense.lab.training.snapshot.train import SnapshotTrainingSettings, closure_moments
+from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
@@ -34,7 +34,7 @@ from tests.support.networks import card_of
 pytestmark = pytest.mark.lab
 
 #: A training of seconds.
-PROTOCOL = WindowProtocol(channels=4, steps=500, batch=256, rate=1e-2)
+SETTINGS = WindowTrainingSettings(channels=4, steps=500, batch=256, rate=1e-2)
 SMALL = Path(__file__).parents[3] / "docs" / "examples" / "small-2x2.yaml"
 
 
@@ -66,8 +66,8 @@ def test_a_foot_of_four_elements_is_built_and_walks(tmp_path: Path) -> None:
         QUICK_BUILD,
         random_loads=2_000,
         gaits=12,
-        released=PROTOCOL,
-        paper_cases_only=SnapshotProtocol(steps=1_000, batch=64, masked=False),
+        released=SETTINGS,
+        paper_cases_only=SnapshotTrainingSettings(steps=1_000, batch=64, masked=False),
     )
     folder = tmp_path / "small-2x2"
     result = build(SMALL, folder, recipe, lambda _: None)
@@ -89,7 +89,7 @@ def test_a_network_of_sixteen_elements_learns_and_is_the_services(tmp_path: Path
     rest = random_loads(foot, loads, 500, 1)
     moments = closure_moments(rest.with_symmetric_copies().closure_um / foot.design.gap_um)
     gaits = random_gaits(foot, 3, 24, 400, loads.max_n)
-    weights = train_windowed(gaits, rest, foot.design, PROTOCOL, Imputation(moments))
+    weights = train_windowed(gaits, rest, foot.design, SETTINGS, Imputation(moments))
     folder = tmp_path / foot.foot_type
     folder.mkdir()
     foot.save(folder / "response.npz")

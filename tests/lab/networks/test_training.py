@@ -21,7 +21,7 @@ from footsense.lab.training.gait_readings import (
 from footsense.lab.training.gait_windows import contact_and_normal_force, windows_of
 from footsense.lab.training.load_cases import NOISE_PF, random_loads, sensed_closure_um
 from footsense.lab.training.snapshot.train import closure_moments
-from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
+from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
 from tests.lab.released import FOOT_DESIGN, RELEASED
@@ -124,10 +124,10 @@ def test_a_short_training_learns_and_is_the_same_twice(response: FootResponse, g
     rest = random_loads(response, FOOT_DESIGN.loads, 500, 1)
     design = response.design
     imputation = Imputation(closure_moments(rest.with_symmetric_copies().closure_um / design.gap_um))
-    protocol = WindowProtocol(channels=4, steps=500, batch=256, rate=1e-2)
+    settings = WindowTrainingSettings(channels=4, steps=500, batch=256, rate=1e-2)
     lines: list[str] = []
     weights, again = (
-        train_windowed(gaits, rest, design, protocol, imputation, lines.append) for _ in range(2)
+        train_windowed(gaits, rest, design, settings, imputation, lines.append) for _ in range(2)
     )
     for one, two in zip(weights, again, strict=True):
         np.testing.assert_array_equal(one, two)

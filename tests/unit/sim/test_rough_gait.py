@@ -7,7 +7,7 @@ from footsense.sim.loads.rough_gait import RoughGait
 from footsense.sim.loads.sliding_ground import STEP_S, SlidingGround
 from footsense.sim.loads.swing_shake import SwingShake
 
-GROUND = SlidingGround(kinetic_friction=0.4, static_rel=1.2, stiffness_n_per_mm=0.5, creep_mm_per_s=0.0)
+GROUND = SlidingGround(kinetic_friction=0.4, static_rel=1.2, stiffness_n_per_mm=0.5, max_creep_mm_per_s=0.0)
 
 
 def test_a_foot_sticks_below_the_cone() -> None:
@@ -29,7 +29,9 @@ def test_a_dragged_foot_slides_at_the_cone() -> None:
 
 def test_creep_relaxes_the_spring() -> None:
     """A held drag at 0.9 of the cone creeps at 0.9 to the fourth of the rate at the cone."""
-    creeping = SlidingGround(kinetic_friction=0.4, static_rel=1.0, stiffness_n_per_mm=0.5, creep_mm_per_s=1.0)
+    creeping = SlidingGround(
+        kinetic_friction=0.4, static_rel=1.0, stiffness_n_per_mm=0.5, max_creep_mm_per_s=1.0
+    )
     _, slid_mm = creeping.ground_forces(np.ones(10), np.tile([0.36, 0.0], (10, 1)))
     assert slid_mm[0] == pytest.approx(0.9**4 * STEP_S)
     assert slid_mm[-1] < 10.0 * slid_mm[0]

@@ -20,7 +20,7 @@ from footsense.lab.training.gait_readings import (
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import random_loads
 from footsense.lab.training.snapshot.train import closure_moments
-from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
+from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import Weights, predict
 from footsense.ports import Window
 
@@ -33,22 +33,24 @@ class TrainingSize:
     """Sizes of a training run and of its evaluation.
 
     Attributes:
-        protocol: Training settings.
+        settings: Training settings.
         n_loads: Static loads of the training.
         n_gaits: Random gaits of the training.
         n_test_gaits: Random gaits of the evaluation.
     """
 
-    protocol: WindowProtocol
+    settings: WindowTrainingSettings
     n_loads: int
     n_gaits: int
     n_test_gaits: int
 
 
 #: A tenth of the release's training, for every array alike; and seconds for the quick form.
-FULL = TrainingSize(protocol=WindowProtocol(steps=20_000), n_loads=30_000, n_gaits=800, n_test_gaits=60)
+FULL = TrainingSize(
+    settings=WindowTrainingSettings(steps=20_000), n_loads=30_000, n_gaits=800, n_test_gaits=60
+)
 QUICK = TrainingSize(
-    protocol=WindowProtocol(channels=4, steps=500, batch=256, rate=1e-2),
+    settings=WindowTrainingSettings(channels=4, steps=500, batch=256, rate=1e-2),
     n_loads=500,
     n_gaits=8,
     n_test_gaits=2,
@@ -87,8 +89,8 @@ def network_errors(response: FootResponse, loads: LoadRange, size: TrainingSize)
     rest = random_loads(response, loads, size.n_loads, _TRAINING_SEED)
     imputation = Imputation(closure_moments(rest.with_symmetric_copies().closure_um / response.design.gap_um))
     gaits = random_gaits(response, _TRAINING_SEED, size.n_gaits, _CONVERSIONS, loads.max_n, jobs=2)
-    protocol = replace(size.protocol, min_force_n=loads.min_force_n)
-    weights = train_windowed(gaits, rest, response.design, protocol, imputation)
+    settings = replace(size.settings, min_force_n=loads.min_force_n)
+    weights = train_windowed(gaits, rest, response.design, settings, imputation)
     test_gaits = random_gaits(response, _TEST_SEED, size.n_test_gaits, _CONVERSIONS, loads.max_n)
     walk = _measured_walk_readings(response)
     gaits_deg = _direction_errors_deg(weights, imputation, test_gaits)

@@ -75,8 +75,8 @@ MISMATCH_ROWS = {
     "stand": MismatchRow(
         title="test stand of the yardstick",
         disturbance=Disturbance(
-            press_lean_rms_deg=PAPER_LIKE_TOLERANCES.stick_deg,
-            reference_noise_steps=PAPER_LIKE_TOLERANCES.reference_resolutions,
+            press_lean_rms_deg=PAPER_LIKE_TOLERANCES.press_lean_deg,
+            reference_noise_steps=PAPER_LIKE_TOLERANCES.reference_error_resolutions,
         ),
     ),
     "gold": MismatchRow(

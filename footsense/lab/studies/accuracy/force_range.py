@@ -39,12 +39,12 @@ _FIGURE_FILE = "force-range.png"
 
 
 @dataclass(frozen=True, kw_only=True)
-class BandErrors:
+class ClosureBandErrors:
     """Errors of the loads whose largest relative closure lies in one band.
 
     Attributes:
         share_of_loads: Of all loads [1].
-        force_gf: Mean force [gf].
+        mean_force_gf: Mean force [gf].
         readable_share: Share of them with a force [1].
         direction_deg: Mean direction error of those [deg].
         direction_p95_deg: 95th percentile [deg].
@@ -55,7 +55,7 @@ class BandErrors:
     """
 
     share_of_loads: float
-    force_gf: float
+    mean_force_gf: float
     readable_share: float
     direction_deg: float = 0.0
     direction_p95_deg: float = 0.0
@@ -81,8 +81,8 @@ class ForceRangeResults:
     limits_n: dict[str, list[float]]
     n_feet: int
     max_n: float
-    on_designed_foot: list[BandErrors | None]
-    on_fabricated_feet: list[BandErrors | None]
+    on_designed_foot: list[ClosureBandErrors | None]
+    on_fabricated_feet: list[ClosureBandErrors | None]
 
 
 def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
@@ -133,22 +133,22 @@ def _estimate_foot(
     return (closure_um / gap_um).max(axis=1), read, load.force_n, load.sigma_n, said
 
 
-def _band_errors(in_band: Mask, parts: tuple[Any, ...]) -> BandErrors | None:
+def _band_errors(in_band: Mask, parts: tuple[Any, ...]) -> ClosureBandErrors | None:
     """Return the errors of the loads in one closure band; None if it holds no load."""
     if not in_band.any():
         return None
     read, true_n, force_n, sigma_n, said = (part[in_band] for part in parts)
     size_n = np.linalg.norm(true_n, axis=1)
     known = np.flatnonzero(read)
-    share, force_gf = float(in_band.mean()), float(size_n.mean() / GRAM_FORCE_N)
+    share, mean_force_gf = float(in_band.mean()), float(size_n.mean() / GRAM_FORCE_N)
     if len(known) == 0:
-        return BandErrors(share_of_loads=share, force_gf=force_gf, readable_share=0.0)
+        return ClosureBandErrors(share_of_loads=share, mean_force_gf=mean_force_gf, readable_share=0.0)
     angle_deg = angles_between_deg(true_n[known], force_n[known])
     sigma_deg = np.degrees(np.linalg.norm(sigma_n[known], axis=1) / size_n[known])
     large = angle_deg > TOO_LARGE_DEG
-    return BandErrors(
+    return ClosureBandErrors(
         share_of_loads=share,
-        force_gf=force_gf,
+        mean_force_gf=mean_force_gf,
         readable_share=len(known) / len(read),
         direction_deg=float(angle_deg.mean()),
         direction_p95_deg=float(np.percentile(angle_deg, 95)),
@@ -159,7 +159,7 @@ def _band_errors(in_band: Mask, parts: tuple[Any, ...]) -> BandErrors | None:
     )
 
 
-def _errors_by_band(context: StudyContext, feet: list[Deviations]) -> list[BandErrors | None]:
+def _errors_by_band(context: StudyContext, feet: list[Deviations]) -> list[ClosureBandErrors | None]:
     """Return the errors in each closure band, over random leaning loads on several feet."""
     loads, trained = context.foot_design.loads, context.trained_inputs
     rng = np.random.default_rng(_SEED)

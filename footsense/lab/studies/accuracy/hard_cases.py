@@ -28,7 +28,7 @@ from footsense.lab.studies.page import Plots, Study, StudyContext
 
 _UPWARD = np.array([[0.0, 0.0, 1.0]])
 #: A mesh for statements that hold on any mesh.
-_UNREFINED_MESH = MeshSize(layers=0, order=2, bar_mm=1.0)
+_UNREFINED_MESH = MeshSize(edge_layers=0, order=2, bar_mm=1.0)
 
 
 def _expected_error_case(name: str, error: type[Exception], attempt: Callable[[], object]) -> Case:

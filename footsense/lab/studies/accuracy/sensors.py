@@ -173,7 +173,7 @@ class Results:
     """Results of the study's first part: direction errors [deg] of all sensor arrays on the block.
 
     Attributes:
-        sheet_mm: Side of the block [mm].
+        block_side_mm: Side of the block [mm].
         block_thickness_mm: Thickness of the block [mm].
         epochs: Training epochs.
         seeds: Networks for each sensor.
@@ -181,7 +181,7 @@ class Results:
         noisy_error_deg: With random error, by sensor.
     """
 
-    sheet_mm: float
+    block_side_mm: float
     block_thickness_mm: float
     epochs: int
     seeds: int
@@ -205,7 +205,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         noisy[name] = network_direction_errors(training, test, NOISE_REL, seeds, epochs)
         context.report_progress(f"sensors: {name} trained")
     results = Results(
-        sheet_mm=foot_design.sheet_mm,
+        block_side_mm=foot_design.sheet_mm,
         block_thickness_mm=2.0 * half_thickness_mm(foot_design),
         epochs=epochs,
         seeds=seeds,

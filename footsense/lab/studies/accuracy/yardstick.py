@@ -36,10 +36,10 @@ ERROR_CAUSES = {
     "stray_pf": ("stray of each element [pF]", 1.0),
     "stiffness_rel": ("stiffness of the foot [%]", 100.0),
     "mount_deg": ("mount [deg]", 1.0),
-    "reading_pf": ("reading [fF]", 1e3),
+    "reading_noise_pf": ("reading [fF]", 1e3),
     "repeatability_rel": ("creep while nine elements are read one by one [% of ΔC]", 100.0),
-    "reference_resolutions": ("reference, read once [resolutions of 4, 4, 12 gf]", 1.0),
-    "stick_deg": ("stick set by hand [deg]", 1.0),
+    "reference_error_resolutions": ("reference, read once [resolutions of 4, 4, 12 gf]", 1.0),
+    "press_lean_deg": ("stick set by hand [deg]", 1.0),
 }
 #: Names of the rows that are no cause.
 NONE, ALL = "none", "all"

@@ -43,7 +43,7 @@ SECOND_MIN_ELEVATION_DEG = 30.0
 #: Angle between both contacts, seen from the centre [deg]: borders of the classes.
 ANGLES_BETWEEN_CONTACTS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 #: Second load over that of the floor, in the table by the angle between both contacts [1].
-SECOND_OVER_FLOOR_FORCE_BY_ANGLE = 0.5
+SECOND_OVER_FLOOR_FORCE_IN_ANGLE_TABLE = 0.5
 #: Draws of the second load for each floor force; random loads that the second linear estimator is fitted to.
 DRAWS, QUICK_DRAWS = 6, 1
 RANDOM_LOADS, QUICK_RANDOM_LOADS = 10_000, 1000
@@ -113,7 +113,7 @@ class Results:
         by_lean: At each of `LEANS_DEG`.
         in_range_share: Share of the loads of `PAPER_FORCE_GF` within the converter's range at each lean [1].
         by_second_force: At each of `SECOND_OVER_FLOOR_FORCE`.
-        by_angle_between_contacts: At `SECOND_OVER_FLOOR_FORCE_BY_ANGLE`, by the angle between the contacts [deg].
+        by_angle_between_contacts: At `SECOND_OVER_FLOOR_FORCE_IN_ANGLE_TABLE`, by the angle between the contacts [deg].
     """
 
     lever_arm_mm: float
@@ -175,7 +175,7 @@ def _errors_by_angle_between_contacts(
     estimators: _EstimatorsUnderTest, second: _SecondLoads
 ) -> dict[str, dict[str, ForceErrors]]:
     """Return the force errors by estimator, for each angle between the two contacts."""
-    measured_um, truth_n, inside = second.measured(SECOND_OVER_FLOOR_FORCE_BY_ANGLE)
+    measured_um, truth_n, inside = second.measured(SECOND_OVER_FLOOR_FORCE_IN_ANGLE_TABLE)
     found = {}
     for low, high in pairwise(ANGLES_BETWEEN_CONTACTS_DEG):
         here = inside & (second.distance_deg >= low) & (second.distance_deg < high)

@@ -37,7 +37,7 @@ from footsense.lab.training.load_cases import (
 from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining, start_weights_by_seed
 
 #: Nothing is singular where the film covers everything: no layers of thin elements.
-FILM_SIZE, COARSE_FILM_SIZE = replace(RELEASED_MESH, layers=0), replace(COARSE_MESH, layers=0)
+FILM_SIZE, COARSE_FILM_SIZE = replace(RELEASED_MESH, edge_layers=0), replace(COARSE_MESH, edge_layers=0)
 #: Largest share of the film's thickness that may close anywhere [1]: beyond, a gel is no longer linear.
 STRAIN_LIMIT_REL = 0.1
 #: Poisson's ratios of the table on confinement.

@@ -32,14 +32,14 @@ CEMENT = Material(25_000.0, 0.15)
 INCLINED_LOAD_ELEVATION_DEG = 40.0
 #: Elements that close less than this share of the most closed one are left out of relative errors.
 MIN_COUNTED_CLOSURE_REL = 0.05
-_UNREFINED_MESH = MeshSize(bar_mm=0.67, layers=0, order=2)
+_UNREFINED_MESH = MeshSize(bar_mm=0.67, edge_layers=0, order=2)
 #: The reference of the inclined load, which needs two classes, is `finer`.
 _MESH_SIZES = {
     "quadratic, no layers": _UNREFINED_MESH,
     "quadratic, no layers, finer": replace(_UNREFINED_MESH, bar_mm=0.33),
     "COARSE": COARSE_MESH,
     "SHIPPED": RELEASED_MESH,
-    "finer": replace(RELEASED_MESH, bar_mm=0.33, layers=2, layer_rel=0.12),
+    "finer": replace(RELEASED_MESH, bar_mm=0.33, edge_layers=2, edge_layer_rel=0.12),
     "FINEST": FINEST_MESH,
 }
 _QUICK_MESH_NAMES = ("quadratic, no layers", "COARSE")

@@ -19,7 +19,7 @@ from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.lab.training.snapshot.train import closure_moments
-from footsense.lab.training.train_windowed import WindowProtocol, train_windowed
+from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
 
@@ -123,8 +123,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     imputation = Imputation(closure_moments(rest.with_symmetric_copies().closure_um / design.gap_um))
     trained = []
     for c in channels:
-        protocol = WindowProtocol(channels=c, steps=steps, min_force_n=loads.min_force_n)
-        trained.append(train_windowed(gaits, rest, design, protocol, imputation))
+        settings = WindowTrainingSettings(channels=c, steps=steps, min_force_n=loads.min_force_n)
+        trained.append(train_windowed(gaits, rest, design, settings, imputation))
         context.report_progress(f"network-size: {trained[-1].size} weights trained")
     times_us = run_us([onnx_model(weights, {}).SerializeToString() for weights in trained])
     sizes = []
@@ -138,7 +138,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         )
     results = Results(
         steps=steps,
-        batch=protocol.batch,
+        batch=settings.batch,
         n_gaits=n_gaits,
         n_steady_loads=n_rests,
         min_test_force_n=loads.min_evaluated_force_n,

@@ -15,7 +15,7 @@ from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import Vector
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.fit import (
-    Protocol,
+    TrainingSettings,
     fit,
     fit_linear_start,
     force_likelihood_loss,
@@ -41,7 +41,7 @@ _STEPS_PER_CALL = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SnapshotProtocol(Protocol):
+class SnapshotTrainingSettings(TrainingSettings):
     """Training settings of a snapshot network.
 
     Attributes:
@@ -95,12 +95,12 @@ class _TrainingConstants(NamedTuple):
 
 
 def _training_constants(
-    cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imputation: Imputation
+    cases: Cases, design: CapacitorDesign, settings: SnapshotTrainingSettings, imputation: Imputation
 ) -> _TrainingConstants:
     """Return load cases, noise and missing-element masks as JAX arrays."""
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     masks = missing_sets(cases.closure_um.shape[1]).sets
-    noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * protocol.noise_rel
+    noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * settings.noise_rel
     return _TrainingConstants(
         closure_rel=jnp.asarray(cases.closure_um / design.gap_um, jnp.float32),
         force_n=jnp.asarray(cases.force_n, jnp.float32),
@@ -113,18 +113,18 @@ def _training_constants(
 
 
 def _random_batch(
-    data: _TrainingConstants, protocol: SnapshotProtocol, key: jax.Array
+    data: _TrainingConstants, settings: SnapshotTrainingSettings, key: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Return noisy closures with missing ones imputed, masks and true forces of a random batch."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
-    chosen = jax.random.randint(k1, (protocol.batch,), 0, len(data.force_n))
+    chosen = jax.random.randint(k1, (settings.batch,), 0, len(data.force_n))
     exact = data.closure_rel[chosen]
     noisy = exact + data.closure_noise_rel * (1.0 + data.film_thickness_rel - exact) ** 2 * jax.random.normal(
         k2, exact.shape
     )
-    if not protocol.masked:
+    if not settings.masked:
         return noisy, jnp.zeros_like(noisy), data.force_n[chosen]
-    which = jax.random.randint(k3, (protocol.batch,), 1, len(data.missing_masks))
+    which = jax.random.randint(k3, (settings.batch,), 1, len(data.missing_masks))
     which = jnp.where(jax.random.uniform(k4, which.shape) < _CASES_WITH_MISSING_SHARE, which, 0)
     return (
         jnp.einsum("nab,nb->na", data.imputation_matrices[which], noisy),
@@ -134,14 +134,17 @@ def _random_batch(
 
 
 def train(
-    cases: Cases, design: CapacitorDesign, protocol: SnapshotProtocol, imputation: Imputation | None = None
+    cases: Cases,
+    design: CapacitorDesign,
+    settings: SnapshotTrainingSettings,
+    imputation: Imputation | None = None,
 ) -> Weights:
     """Train the snapshot network on load cases; return its weights.
 
     Args:
         cases: Loads and exact closures; symmetric copies are not needed.
         design: The capacitors, for the noise.
-        protocol: Sizes, steps and seed.
+        settings: Sizes, steps and seed.
         imputation: Imputation of missing elements; from the cases if None.
 
     Returns:
@@ -149,13 +152,13 @@ def train(
     """
     closure_rel = cases.closure_um / design.gap_um
     imputation = imputation or Imputation(closure_moments(closure_rel))
-    task = _training_constants(cases, design, protocol, imputation)
+    task = _training_constants(cases, design, settings, imputation)
     n_elements = closure_rel.shape[1]
     rows = math.isqrt(n_elements)
     place = np.r_[0:n_elements, FEATURES_PER_ELEMENT * n_elements]
     index = hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, rows)
     whiten, mean = whitening_transform(hidden_layer_input(closure_rel), index, place, 1e-8)
-    linear = fit_linear_start((closure_rel,), cases.force_n, protocol.min_force_n)
+    linear = fit_linear_start((closure_rel,), cases.force_n, settings.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
         """Return the weights with the input whitening folded into the first layer."""
@@ -166,17 +169,17 @@ def train(
         """Return the training loss of a batch."""
         closures, missing, true_n = batch
         force_n, sigma_n = run(expand_shared_weights(fold_whitening(free)), closures, missing)
-        return force_likelihood_loss(force_n, sigma_n, true_n, protocol.min_force_n, _SQUARED_ERROR_WEIGHT)
+        return force_likelihood_loss(force_n, sigma_n, true_n, settings.min_force_n, _SQUARED_ERROR_WEIGHT)
 
     def random_batch(task: _TrainingConstants, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
         """Return a random training batch."""
-        return _random_batch(task, protocol, key)
+        return _random_batch(task, settings, key)
 
     def first_weights(key: jax.Array, c: int) -> Weights:
         """Return random initial weights."""
         return _random_weights(key, c, rows)
 
-    return fold_whitening(fit(first_weights, loss, random_batch, task, protocol, _STEPS_PER_CALL))
+    return fold_whitening(fit(first_weights, loss, random_batch, task, settings, _STEPS_PER_CALL))
 
 
 def predict(

@@ -6,7 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.causes import ElementFaults, converter_states, drift_causes, leg_causes
+from footsense.estimation.faults.causes import (
+    ElementFaults,
+    drift_causes,
+    leg_causes,
+    set_states_without_force,
+)
 from footsense.estimation.faults.missing_sets import missing_elements
 from footsense.estimation.faults.open_elements import floating_row_crosstalk_pf
 from footsense.frames import USABLE, BaselineDrift, CapFrame, Cause, Reading, State
@@ -214,7 +219,7 @@ def test_the_most_severe_reading_gives_state_and_cause() -> None:
         reading = np.zeros((1, 9), np.uint8)
         reading[0, : len(readings)] = readings
         states = np.array([State.VALID], np.uint8)
-        converter_states(states, reading, whole, whole)
+        set_states_without_force(states, reading, whole, whole)
         assert states.tolist() == [state]
         assert leg_causes(reading, states, faulty, NO_DRIFT).tolist() == [cause]
 
