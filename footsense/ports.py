@@ -94,7 +94,7 @@ class SerialPort(Protocol):
         """Return the bytes received so far, possibly none, without waiting; reopen a port that has disappeared."""
         ...
 
-    def wait_until_ns(self, t_ns: int) -> None:
+    def wait_for_bytes_until_ns(self, t_ns: int) -> None:
         """Wait until bytes have arrived, or until `t_ns` [ns]."""
         ...
 

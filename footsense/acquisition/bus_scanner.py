@@ -62,7 +62,7 @@ class BusScanner:
         self._position = 0
         self._n_scans = 0
         self._check_all = transport.broadcasts
-        self._late_ns = 2 * plan.wait_ns
+        self._late_ns = 2 * plan.conversion_wait_ns
         self._asked_alone: LegConnection | None = None
         self._asked_element = 0
         self._temperature_due_ns = 0
@@ -73,9 +73,9 @@ class BusScanner:
         self.n_late_discards = 0
 
     @property
-    def wait_ns(self) -> int:
-        """Duration of one conversion [ns]."""
-        return self._plan.wait_ns
+    def conversion_wait_ns(self) -> int:
+        """Conversion time of the slowest converter within its clock tolerance [ns]."""
+        return self._plan.conversion_wait_ns
 
     def start(self) -> None:
         """Measure the bus timing, and set up every leg's chips; missing legs are tried again later.
@@ -87,8 +87,8 @@ class BusScanner:
         if costs is not None:
             broadcasts = self._transport.broadcasts
             self.bus_timing = bus_timing(costs, self._plan, len(self.legs), kernel_mux=not broadcasts)
-            self._late_ns = self.bus_timing.delayed_conversion_age_ns + (
-                0 if broadcasts else self._plan.wait_ns
+            self._late_ns = self.bus_timing.conversion_age_limit_ns + (
+                0 if broadcasts else self._plan.conversion_wait_ns
             )
             checks, read_back = checks_that_fit(costs, self._plan, len(self.legs))
             self._check_all = broadcasts and checks
@@ -105,7 +105,7 @@ class BusScanner:
         # Half a period beside the temperatures.
         self._timing_due_ns = self.clock.now_ns() + _TIMING_PERIOD_NS * 3 // 2
 
-    def read(self) -> BusReadings:
+    def read_next_element(self) -> BusReadings:
         """Read the next element of every leg; return a copy of the latest readings of all elements.
 
         The conversion after it is then running.
@@ -115,9 +115,9 @@ class BusScanner:
             try:
                 if position == 0:
                     self._read_temperatures()
-                    self._time_converter()
-                self._start_missing()
-                self._read_next_element()
+                    self._measure_conversion_time_if_due()
+                self._start_missing_conversions()
+                self._convert_next_element()
             except BusStuckError:
                 self._position = position
                 for group in self._groups:
@@ -135,7 +135,7 @@ class BusScanner:
         """Disconnect all legs from the bus: select no mux channel."""
         self._transport.disconnect_legs()
 
-    def _start_missing(self) -> None:
+    def _start_missing_conversions(self) -> None:
         """Start conversions in groups without one; in all groups if the loop was delayed for too long."""
         now_ns, late = self.clock.now_ns(), False
         for group in self._groups:
@@ -145,7 +145,7 @@ class BusScanner:
             if late or group.running is None:
                 group.restart(self._plan.steps[self._position])
 
-    def _read_next_element(self) -> None:
+    def _convert_next_element(self) -> None:
         """Read one element of every leg."""
         steps, n = self._plan.steps, self._position
         self._position = (n + 1) % len(steps)
@@ -155,7 +155,9 @@ class BusScanner:
         for number, group in enumerate(self._groups):
             checked = self._check_all or (number == due and n == turn % len(steps))
             together = alone if len(group.legs) > 1 else None
-            group.convert(steps[n], steps[self._position], checked=checked, in_turn=in_turn, alone=together)
+            group.finish_conversion_and_start_next(
+                steps[n], steps[self._position], checked=checked, in_turn=in_turn, alone=together
+            )
         if self._position == 0:
             self._n_scans += 1
             self._end_scan()
@@ -196,12 +198,12 @@ class BusScanner:
         self._temperature_due_ns = self.clock.now_ns() + _TEMPERATURE_PERIOD_NS
         started = [(group, group.start_temperatures(thermometer)) for group in self._groups]
         if any(legs for _, legs in started):
-            slowness = max(leg.timing.slowness for _, legs in started for leg in legs)
-            self.clock.sleep_until_ns(self.clock.now_ns() + round(slowness * thermometer.wait_ns))
+            wait_factor = max(leg.timing.wait_factor for _, legs in started for leg in legs)
+            self.clock.sleep_until_ns(self.clock.now_ns() + round(wait_factor * thermometer.wait_ns))
         for group, legs in started:
             group.read_temperatures(thermometer, legs)
 
-    def _time_converter(self) -> None:
+    def _measure_conversion_time_if_due(self) -> None:
         """Measure the conversion time of one converter, in turn, if that is due; discards running conversions.
 
         One that is not timed, or that does not finish since it was, is preferred, but not twice in a row.

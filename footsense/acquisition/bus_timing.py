@@ -90,8 +90,8 @@ class BusTiming(NamedTuple):
     n_elements: int
 
     @property
-    def delayed_conversion_age_ns(self) -> int:
-        """Age of a conversion that shows that the loop was delayed [ns]: two conversion steps."""
+    def conversion_age_limit_ns(self) -> int:
+        """Age of a running conversion above which the loop counts as delayed [ns]: two conversion steps."""
         return 2 * self.lower_bounds.scan_ns // self.n_elements
 
     def __str__(self) -> str:
@@ -135,6 +135,6 @@ def checks_that_fit(costs: BusCosts, plan: ScanPlan, n_legs: int) -> tuple[bool,
     step, select_ns = plan.steps[0], costs.transaction_ns(1)
     checks = (*step.select_checks, plan.board.setting_check)
     ask_ns = costs.total_ns([step.done.read] if step.done else [])
-    spare_ns = plan.wait_ns - ask_ns - select_ns - n_legs * (select_ns + costs.total_ns(step.read))
+    spare_ns = plan.conversion_wait_ns - ask_ns - select_ns - n_legs * (select_ns + costs.total_ns(step.read))
     spare_ns -= costs.total_ns(check.read for check in checks)
     return spare_ns >= 0, spare_ns >= (1 + n_legs) * costs.transaction_ns(0, 1)

@@ -21,18 +21,18 @@ _TIMING_DRIFT_REL = 0.01
 
 
 class ChipTiming(NamedTuple):
-    """Measured conversion time of one leg's converter, over the nominal one.
+    """Measured conversion time of one leg's converter, over the wait of the scan plan.
 
     Attributes:
-        slowness: Time after which it has finished, over the wait of the plan, at least 1 [1].
+        wait_factor: Time after which it has finished, over the wait of the plan, at least 1 [1].
         keeps_done_bit: Whether it says that a conversion is done after the next one was started.
     """
 
-    slowness: float = 1.0
+    wait_factor: float = 1.0
     keeps_done_bit: bool = True
 
 
-def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
+def measure_chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
     """Measure and return the conversion time of the only connected leg's converter; None if it does not finish.
 
     All rates of a chip come from one clock, so that the fastest is measured. Its last conversion is left running.
@@ -52,13 +52,13 @@ def chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
     rate_sps = max(board.conversion_ns)
     step, following = (board.step(each.element, rate_sps) for each in plan.steps[:2])
 
-    def finishes_in_time(slowness: float, *, next_started: bool) -> bool:
-        for transaction in board.restart:
+    def finishes_in_time(wait_factor: float, *, next_started: bool) -> bool:
+        for transaction in board.make_ready:
             bus.transfer(transaction)
         before_ns = clock.now_ns()
         bus.transfer(step.trigger)
         # The next trigger, which takes as long as this one, ends the conversion when the time is over.
-        clock.sleep_until_ns(before_ns + round(slowness * board.wait_ns(rate_sps)))
+        clock.sleep_until_ns(before_ns + round(wait_factor * board.conversion_wait_ns(rate_sps)))
         if next_started:
             bus.transfer(following.trigger)
         if step.done is not None:

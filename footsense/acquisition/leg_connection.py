@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 #: Scans in a row with a missing reading before a leg is left out.
-_MAX_MISSES = 3
+_MISSED_SCANS_BEFORE_LEAVING = 3
 _FIRST_PAUSE_NS = 250_000_000
 _MAX_PAUSE_NS = 4_000_000_000
 #: Factor on the pause of a leg that holds a line low, and of a leg on a stuck bus, whose try costs no other leg.
-STUCK_LEG_PAUSES, STUCK_BUS_PAUSES = 4.0, 0.25
+STUCK_LEG_PAUSE_FACTOR, STUCK_BUS_PAUSE_FACTOR = 4.0, 0.25
 
 #: Readings that count as a miss, the gravest first.
 _MISS_TEXTS = {
@@ -50,10 +50,10 @@ class LegConnection:
         outcome: OK, or why the leg gives no reading in this scan, or since it was left out.
         is_suspect: Whether `count_misses` needs the next scan even if no reading is missing.
         retry_at_ns: Time at which a leg that was left out is tried again [ns].
-        offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
+        capdac_offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
         timing: Timing of its converter.
         is_timed: Whether that was measured, and its conversions have finished since.
-        doubted: ConversionStep whose lines it did not read back alone, for the next try; None for none.
+        doubted: Step whose lines it did not read back alone, for the next try; None for none.
         temperature_c: Last temperature of the converter [degC]; NaN without one.
     """
 
@@ -66,7 +66,7 @@ class LegConnection:
         self.outcome = Reading.NO_ANSWER
         self.is_suspect = True
         self.retry_at_ns = 0
-        self.offset_pf = 0.0
+        self.capdac_offset_pf = 0.0
         self.timing = ChipTiming()
         self.is_timed = False
         self.doubted: ConversionStep | None = None
@@ -81,7 +81,7 @@ class LegConnection:
             offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
         """
         _log.info("leg %s: converter and line switches answer on channel %d", self.name, self._channel)
-        self.offset_pf = offset_pf
+        self.capdac_offset_pf = offset_pf
         self.doubted = None
         self.in_scan = True
         self.outcome = Reading.OK
@@ -89,12 +89,12 @@ class LegConnection:
 
     def set_timing(self, timing: ChipTiming) -> None:
         """Store the measured timing of the leg's converter; log a slow converter once."""
-        if timing.slowness > 1.0 >= self.timing.slowness:
+        if timing.wait_factor > 1.0 >= self.timing.wait_factor:
             _log.warning(
                 "leg %s: its conversions take up to %.0f %% longer than the slowest converter may; those of the legs "
                 "beside it wait for them",
                 self.name,
-                100 * (timing.slowness - 1),
+                100 * (timing.wait_factor - 1),
             )
         self.timing = timing
         self.is_timed = True
@@ -115,17 +115,17 @@ class LegConnection:
             return
         self.is_suspect = True
         self._misses += 1
-        if self._misses >= _MAX_MISSES:
+        if self._misses >= _MISSED_SCANS_BEFORE_LEAVING:
             self.leave_scan(missing[0], now_ns)
 
-    def leave_scan(self, outcome: Reading, now_ns: int, why: str = "", pauses: float = 1.0) -> None:
+    def leave_scan(self, outcome: Reading, now_ns: int, why: str = "", pause_factor: float = 1.0) -> None:
         """Leave the leg out of the scan, and delay the next try, twice as long each time.
 
         Args:
             outcome: Why.
             now_ns: The time now [ns].
             why: The same in words; by default those of the reading.
-            pauses: Factor on the pause.
+            pause_factor: Factor on the pause.
         """
         if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
             _log.warning(
@@ -138,5 +138,5 @@ class LegConnection:
         self.is_timed &= outcome is not Reading.NOT_READY
         self.outcome = outcome
         self.temperature_c = float("nan")
-        self.retry_at_ns = now_ns + round(pauses * self._pause_ns)
+        self.retry_at_ns = now_ns + round(pause_factor * self._pause_ns)
         self._pause_ns = min(2 * self._pause_ns, _MAX_PAUSE_NS)

@@ -15,7 +15,7 @@ that fails is left out for the rest of the scan, so that it costs the others no 
 from typing import NamedTuple
 
 from footsense.acquisition.boards.board import CONVERTED, ConversionStep, ReadBackCheck, Thermometer
-from footsense.acquisition.chip_timing import chip_timing
+from footsense.acquisition.chip_timing import measure_chip_timing
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
@@ -53,13 +53,13 @@ class Conversion(NamedTuple):
         step: Its step of the plan.
         t_start_ns: Time at the end of its trigger [ns].
         legs: Legs that convert; none if a transaction failed, or if no leg is active.
-        selected: Whether lines were selected for it, or left from the step before.
+        lines_selected: Whether lines were selected for it, or left from the step before.
     """
 
     step: ConversionStep
     t_start_ns: int
     legs: Legs
-    selected: bool
+    lines_selected: bool
 
 
 class LegGroup:
@@ -103,10 +103,10 @@ class LegGroup:
         """Start a conversion after discarding any old results in the converters."""
         legs, selection = self.active_legs()
         if legs:
-            self._exchange(selection, self._plan.board.restart)
+            self._exchange(selection, self._plan.board.make_ready)
         self.running = self._start_conversion(legs, selection, step, step.select)
 
-    def convert(
+    def finish_conversion_and_start_next(
         self,
         step: ConversionStep,
         following: ConversionStep,
@@ -144,12 +144,12 @@ class LegGroup:
             self._exchange(
                 selection, ()
             )  # connect them while they convert; if that fails, `_start_conversion` tries again
-        asks_first = self._wait_until_finished(finished)
+        asks_first = self._wait_and_tell_if_poll_comes_first(finished)
         if asks_first:
             self._mark_unfinished_as_failed(step, legs, selection)
             failed |= {leg: leg.outcome for leg in legs if leg.outcome is not _OK}
             legs, selection = self.active_legs()
-        select = following.changes if finished.legs else following.select
+        select = following.select_changes if finished.legs else following.select
         running = self._start_conversion(legs, selection, following, select)
         self._latest.discard((self._rows, step.element), Reading.NO_ANSWER)
         for leg, outcome in failed.items():
@@ -164,13 +164,13 @@ class LegGroup:
             self._read_out(step, read, finished.t_start_ns, all_done=all_done)
         self.running = running
 
-    def _wait_until_finished(self, conversion: Conversion) -> bool:
+    def _wait_and_tell_if_poll_comes_first(self, conversion: Conversion) -> bool:
         """Wait until all legs have finished; return whether a chip's DONE bit is cleared by the next trigger."""
-        slowness, forgets = 1.0, False
+        wait_factor, forgets = 1.0, False
         for leg in conversion.legs:
-            slowness = max(slowness, leg.timing.slowness)
+            wait_factor = max(wait_factor, leg.timing.wait_factor)
             forgets |= not leg.timing.keeps_done_bit
-        self._clock.sleep_until_ns(conversion.t_start_ns + round(self._plan.wait_ns * slowness))
+        self._clock.sleep_until_ns(conversion.t_start_ns + round(self._plan.conversion_wait_ns * wait_factor))
         return forgets and conversion.step.done is not None
 
     def start_temperatures(self, thermometer: Thermometer) -> Legs:
@@ -180,7 +180,7 @@ class LegGroup:
             return ()
         self.running = None
         if self._exchange(selection, thermometer.start) is None:
-            self._transport.invalidate()
+            self._transport.forget_selection()
             return ()
         return legs
 
@@ -189,18 +189,18 @@ class LegGroup:
         for leg in legs:
             answers = self._exchange(leg.selection, (thermometer.read, thermometer.read))
             if answers is None:
-                self._transport.invalidate()
+                self._transport.forget_selection()
                 return
             leg.temperature_c = thermometer.decode(*answers)
 
     def measure_conversion_time(self, leg: LegConnection) -> None:
-        """Measure the conversion time of a leg's converter; it stays unchanged if the conversion does not end."""
+        """Measure and store the conversion time of a leg's converter; keep the old one if no conversion finishes."""
         self.running = None
         try:
-            timing = chip_timing(self._transport.connect(leg.selection), self._clock, self._plan)
+            timing = measure_chip_timing(self._transport.connect(leg.selection), self._clock, self._plan)
         except BusError as error:
             self._raise_if_stuck(error)
-            self._transport.invalidate()
+            self._transport.forget_selection()
         else:
             leg.set_timing(timing or leg.timing)
 
@@ -228,7 +228,7 @@ class LegGroup:
                     bus.transfer(write)
             except BusError as error:
                 self._raise_if_stuck(error)
-                self._transport.invalidate()  # a mux that has lost its selection connects no leg
+                self._transport.forget_selection()  # a mux that has lost its selection connects no leg
             else:
                 return Conversion(step, self._clock.now_ns(), legs, bool(select))
         return Conversion(step, self._clock.now_ns(), (), bool(select))
@@ -244,7 +244,7 @@ class LegGroup:
             reading, capacitance_pf[at] = self._read_leg(leg, step, all_done=all_done)
             readings[at] = reading
             if reading in CONVERTED:
-                excess_ns = round((leg.timing.slowness - 1) * plan.wait_ns)
+                excess_ns = round((leg.timing.wait_factor - 1) * plan.conversion_wait_ns)
                 t_ns[at] = t_start_ns + (plan.conversion_ns + excess_ns) // 2
             else:
                 leg.outcome = reading
@@ -264,7 +264,7 @@ class LegGroup:
         asks = (step.done.read,) if self.mux_read_back is None else (step.done.read, self.mux_read_back)
         answers = self._exchange(selection, asks)
         if answers is None or (len(asks) > 1 and answers[1][0] != selection):
-            self._transport.invalidate()
+            self._transport.forget_selection()
             return False
         return step.done.decode(answers[0]) is _OK
 
@@ -282,13 +282,13 @@ class LegGroup:
                         break
                 reading, capacitance_pf = self._plan.board.decode_result(list(map(bus.transfer, step.read)))
                 if self.mux_read_back and bus.transfer(self.mux_read_back)[0] != leg.selection:
-                    self._transport.invalidate()
+                    self._transport.forget_selection()
                     reading = Reading.DELAYED
                     continue
-                return reading, capacitance_pf + leg.offset_pf
+                return reading, capacitance_pf + leg.capdac_offset_pf
             except BusError as error:
                 self._raise_if_stuck(error)
-                self._transport.invalidate()
+                self._transport.forget_selection()
                 reading = Reading.NO_ANSWER
         return reading, _NAN
 
@@ -299,7 +299,7 @@ class LegGroup:
             running: The conversion.
             always: Whether lines are asked for that were not changed for this conversion.
         """
-        checks = running.step.select_checks if running.selected or always else ()
+        checks = running.step.select_checks if running.lines_selected or always else ()
         for check in (*checks, *running.step.setting_checks):
             legs, selection = self.active_legs()
             if legs and self._read_check(selection, check) is not _OK:
@@ -332,7 +332,7 @@ class LegGroup:
         for leg in self.legs:
             if not leg.in_scan or leg.outcome is _OK:
                 continue
-            if self._exchange(leg.selection, (*first.select, *self._plan.board.restart)) is not None:
+            if self._exchange(leg.selection, (*first.select, *self._plan.board.make_ready)) is not None:
                 outcomes = (self._read_check(leg.selection, check) for check in first.select_checks)
                 outcome = next((outcome for outcome in outcomes if outcome is not _OK), _OK)
                 if outcome is not Reading.NO_ANSWER:

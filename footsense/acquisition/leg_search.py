@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from footsense.acquisition.leg_connection import STUCK_BUS_PAUSES, STUCK_LEG_PAUSES, LegConnection
+from footsense.acquisition.leg_connection import STUCK_BUS_PAUSE_FACTOR, STUCK_LEG_PAUSE_FACTOR, LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport, release_sda
 from footsense.errors import BusError, BusTimeoutError, HardwareError, WrongChipError
@@ -11,23 +11,23 @@ from footsense.ports import Clock, I2cBus
 
 
 def probe_leg(
-    transport: Transport, leg: LegConnection, others: Sequence[LegConnection], plan: ScanPlan, clock: Clock
+    transport: Transport, leg: LegConnection, bus_legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock
 ) -> None:
-    """Search one leg's chips; add the leg to the scan, or delay the next try.
+    """Probe one leg's chips; add the leg to the scan, or delay the next try.
 
     Args:
         transport: The way to its chips.
         leg: The leg.
-        others: All legs of the bus. If the bus itself is stuck, the waiting ones are put off too: one of them is enough
-            to find out when it gets free.
+        bus_legs: All legs of the bus. If the bus itself is stuck, the waiting ones are put off too: one of them is
+            enough to find out when it gets free.
         plan: The scan, whose first lines the leg gets.
         clock: The time that the bus lives in.
     """
     try:
         bus = transport.connect(leg.selection)
     except BusTimeoutError as error:
-        leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), str(error), STUCK_BUS_PAUSES)
-        for other in others:
+        leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), str(error), STUCK_BUS_PAUSE_FACTOR)
+        for other in bus_legs:
             if not other.in_scan:
                 other.retry_at_ns = max(other.retry_at_ns, leg.retry_at_ns)
     except BusError as error:
@@ -43,15 +43,15 @@ def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -
     now_ns = clock.now_ns()
     try:
         release_sda(bus)
-        plan.board.identify(bus, clock)
-        reading, offset_pf = plan.board.configure(bus, clock)
+        plan.board.check_identity(bus, clock)
+        reading, offset_pf = plan.board.configure_and_get_capdac_pf(bus, clock)
         for step in filter(None, (leg.doubted, plan.steps[0])):
             for write in step.select:
                 bus.transfer(write)
             if step is leg.doubted and any(bus.transfer(ask) != held for ask, held in step.select_checks):
                 reading = Reading.MISCONFIGURED
     except BusTimeoutError as error:
-        leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), STUCK_LEG_PAUSES)
+        leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), STUCK_LEG_PAUSE_FACTOR)
     except WrongChipError as error:
         leg.leave_scan(Reading.WRONG_CHIP, now_ns, str(error))
     except HardwareError as error:
@@ -64,7 +64,7 @@ def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -
 
 
 def probe_due_legs(transport: Transport, legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock) -> None:
-    """Search the leg that has waited longest, if one is due; at most one per scan, to keep the scan's pace.
+    """Probe the leg that has waited longest, if one is due; at most one per scan, to keep the scan's pace.
 
     If no leg is in the scan, all that are due are tried, until one finds the bus stuck.
     """

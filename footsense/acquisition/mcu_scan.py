@@ -17,7 +17,7 @@ _READING_OF_CODE = np.full(N_CODES, Reading.CORRUPT, np.uint8)
 _READING_OF_CODE[list(NoValue)] = list(NoValue)
 
 #: Position of each element in the scan, by order flag, shape (2, 9).
-_POSITIONS = np.array([np.argsort(CONVERSION_ORDERS[order]) for order in ("raster", "lo_shu")])
+_SCAN_POSITION_OF_ELEMENT = np.array([np.argsort(CONVERSION_ORDERS[order]) for order in ("raster", "lo_shu")])
 
 
 class McuScan(NamedTuple):
@@ -53,7 +53,7 @@ def readings(scan: McuScan, now_ns: int) -> tuple[Stamps, Vector, Codes]:
         ]
     ).T
     ahead = scan.t_ns + _NS_PER_US * (ELEMENTS - 1) * step_us > now_ns
-    t_ns = scan.t_ns + _NS_PER_US * (after_us[:, None] + step_us[:, None] * _POSITIONS[order])
+    t_ns = scan.t_ns + _NS_PER_US * (after_us[:, None] + step_us[:, None] * _SCAN_POSITION_OF_ELEMENT[order])
     capacitance_pf = values_af * _PF_PER_AF
     reading = np.zeros(values_af.shape, np.uint8)
     without = values_af < _NO_VALUE_ENDS

@@ -84,14 +84,14 @@ class McuSource:
         if not self._listens:
             self._drop_buffered_bytes()
         while not self._frames:
-            self._port.wait_until_ns(self._deadline_ns)
+            self._port.wait_for_bytes_until_ns(self._deadline_ns)
             data = self._port.read()
             now_ns = self._clock.now_ns()
             if self._port.opened != self._opened:
                 self._opened = self._port.opened
                 self._decoder.reset()
             if data:
-                self._sort_records(data, now_ns)
+                self._assign_records_to_scans(data, now_ns)
             if not self._frames and now_ns >= self._deadline_ns:
                 self._emit_frame(now_ns)
                 self._deadline_ns = now_ns + self._silent_ns
@@ -103,7 +103,7 @@ class McuSource:
         """Discard the bytes buffered before the port was opened, whose age is unknown."""
         until_ns = self._clock.now_ns() + _BUFFER_DRAIN_TIME_NS
         while self._clock.now_ns() < until_ns:
-            self._port.wait_until_ns(until_ns)
+            self._port.wait_for_bytes_until_ns(until_ns)
             self._port.read()
         self._decoder.reset()
         self._deadline_ns = until_ns + self._silent_ns
@@ -118,7 +118,7 @@ class McuSource:
         """Number of losses since the start, by kind: decoding errors, unused records, clock jumps."""
         return {**self._decoder.losses, "unused": self.n_unused, "clock jumps": self._map.restarts}
 
-    def _sort_records(self, data: bytes, now_ns: int) -> None:
+    def _assign_records_to_scans(self, data: bytes, now_ns: int) -> None:
         """Decode bytes, and assign their records to scans."""
         for sent in self._decoder.feed(data):
             record = sent
@@ -159,7 +159,7 @@ class McuSource:
         return self._map.map(self._unwrapped_us * _NS_PER_US + lasts_ns, now_ns - self._wire_ns) - lasts_ns
 
     def _emit_frame(self, now_ns: int) -> None:
-        """Queue a frame of the records of a scan that have arrived; legs without one are marked as not answering."""
+        """Queue a frame of the records that have arrived; a leg without one reads DELAYED, a silent one NO_ANSWER."""
         n_legs = len(self._rows)
         sending = frozenset(
             row for row, heard_ns in self._heard_ns.items() if now_ns - heard_ns < self._silent_ns

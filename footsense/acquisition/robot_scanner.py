@@ -43,7 +43,7 @@ class RobotScanner:
         # Readings on their way, with the time at which they are complete [ns], and the last that have arrived.
         self._pending: list[Future[tuple[BusReadings, int]] | None] = [None] * len(self._buses)
         self._latest = [bus.latest for bus in self._buses]
-        self._grace_ns = 0 if len(self._buses) == 1 else max(bus.wait_ns for bus in self._buses)
+        self._grace_ns = 0 if len(self._buses) == 1 else max(bus.conversion_wait_ns for bus in self._buses)
 
     @property
     def legs(self) -> list[LegConnection]:
@@ -82,7 +82,7 @@ class RobotScanner:
         """
         for _ in range(1 if self._sequence else self._buses[0].latest.reading.shape[1]):
             if len(self._buses) == 1:
-                self._latest[0] = self._buses[0].read()
+                self._latest[0] = self._buses[0].read_next_element()
             else:
                 self._read_buses()
         t_ns, capacitance_pf, reading = map(np.concatenate, zip(*self._latest, strict=True))
@@ -122,4 +122,4 @@ class RobotScanner:
 
 def _read_with_completion_time(bus: BusScanner) -> tuple[BusReadings, int]:
     """Return the next readings of a bus, and the time at which they were complete [ns]."""
-    return bus.read(), bus.clock.now_ns()
+    return bus.read_next_element(), bus.clock.now_ns()

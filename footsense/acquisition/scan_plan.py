@@ -28,13 +28,13 @@ class ScanPlan(NamedTuple):
         board: The electronics of its feet.
         steps: The conversions in their order; the first one follows the last one of the scan before.
         conversion_ns: Nominal time of a conversion [ns].
-        wait_ns: Time after which the slowest chip within its tolerance has finished [ns].
+        conversion_wait_ns: Time after which the slowest chip within its tolerance has finished [ns].
     """
 
     board: Board
     steps: tuple[ConversionStep, ...]
     conversion_ns: int
-    wait_ns: int
+    conversion_wait_ns: int
 
     @property
     def rows(self) -> int:
@@ -46,21 +46,21 @@ def scan_plan(order: str, rate_sps: int, board: str = "fdc1004", rows: int = 3) 
     """Return the plan of a scan with a board: conversion order and transactions.
 
     Args:
-        order: A key of ORDERS.
+        order: A key of `CONVERSION_ORDERS`.
         rate_sps: Conversions per second, one of the rates of the board's converter.
         board: A key of BOARDS.
         rows: Rows of elements of each foot, and as many columns: 2 to 4.
 
     Example:
         >>> plan = scan_plan("lo_shu", 400)
-        >>> [step.element for step in plan.steps], sum(len(step.changes) for step in plan.steps)
+        >>> [step.element for step in plan.steps], sum(len(step.select_changes) for step in plan.steps)
         ([5, 0, 7, 6, 4, 2, 1, 8, 3], 6)
     """
     electronics = BOARDS[board](rows)
     steps = [electronics.step(element, rate_sps) for element in conversion_order(order, rows)]
     steps = [
         step._replace(
-            changes=tuple(write for write in step.select if write not in before.select),
+            select_changes=tuple(write for write in step.select if write not in before.select),
             select_checks=tuple(
                 ReadBackCheck(Transaction(write.address, b"", n_read=1), write.write) for write in step.select
             ),
@@ -72,5 +72,5 @@ def scan_plan(order: str, rate_sps: int, board: str = "fdc1004", rows: int = 3) 
         board=electronics,
         steps=tuple(steps),
         conversion_ns=electronics.conversion_ns[rate_sps],
-        wait_ns=electronics.wait_ns(rate_sps),
+        conversion_wait_ns=electronics.conversion_wait_ns(rate_sps),
     )

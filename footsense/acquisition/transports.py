@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from firmware_interface.chips import adg715
 from footsense.acquisition.bus_timing import BusCosts, measure_bus_costs
-from footsense.acquisition.leg_connection import STUCK_BUS_PAUSES, STUCK_LEG_PAUSES, LegConnection
+from footsense.acquisition.leg_connection import STUCK_BUS_PAUSE_FACTOR, STUCK_LEG_PAUSE_FACTOR, LegConnection
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, ResetLine, Transaction
@@ -104,7 +104,7 @@ class UpstreamBus:
             self._selection = selection
         return self.bus
 
-    def invalidate(self) -> None:
+    def forget_selection(self) -> None:
         """Discard the stored mux selection, so that the next one is written even if unchanged."""
         self._selection = None
 
@@ -138,13 +138,13 @@ class UpstreamBus:
         for leg in legs:
             if not free:
                 why = "the bus is held low and does not get free"
-                leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), why, STUCK_BUS_PAUSES)
+                leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), why, STUCK_BUS_PAUSE_FACTOR)
                 continue
             try:
                 self.connect(leg.selection).transfer(read)
             except BusTimeoutError:
                 free = self.free_bus()
-                leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), pauses=STUCK_LEG_PAUSES)
+                leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), pause_factor=STUCK_LEG_PAUSE_FACTOR)
             except BusError as error:  # of this leg alone, and met by the scan too
                 _log.debug("leg %s: %s", leg.name, error)
 
@@ -182,7 +182,7 @@ class KernelMux:
         """Return the I2C adapter of the selected leg; the kernel switches the mux at each transaction."""
         return self._adapter_of[selection]
 
-    def invalidate(self) -> None:
+    def forget_selection(self) -> None:
         """Do nothing: the kernel stores the mux selection."""
 
     def free_bus(self) -> bool:

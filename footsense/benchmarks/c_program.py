@@ -127,7 +127,7 @@ class CProgram:
         )
         return self._force_n
 
-    def run_paced(
+    def measure_wakeup_latencies_ns(
         self, period_ns: int, scan_sequence: list[tuple[CapFrame, int]], n: int, fds: tuple[int, ...]
     ) -> Stamps:
         """Run `n` cycles of the C program, one per period; return the wake-up latency of each [ns].
@@ -136,7 +136,7 @@ class CProgram:
             period_ns: Time from deadline to deadline [ns].
             scan_sequence: Scans, each with the time of its cycle [ns].
             n: Cycles.
-            fds: File descriptors as of `Loopback.fds`.
+            fds: File descriptors as of `Loopback.file_descriptors`.
 
         Returns:
             Wake-up latency of each cycle [ns], shape (n,).

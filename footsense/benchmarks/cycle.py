@@ -49,13 +49,13 @@ def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, Any]:
     return {**_duration_quantiles(scans, _CYCLES_BEFORE_NEXT_PROGRAM), "cold": _duration_quantiles(scans, 1)}
 
 
-def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | None]:
+def _duration_quantiles(scans: list[CapFrame], cycles_per_turn: int) -> dict[str, float | None]:
     """Return quantiles of the cycle durations of each program [us], and their ratios."""
     naive = NaiveCycle(DEFAULT) if has_cantools() else None
     with TemporaryDirectory() as folder, open_service_cycle() as ours:
         floor = tared_c_program(Path(folder), scans) if has_c_program() else None
         with gc_disabled(), fifo_priority(REALTIME_PRIORITY):
-            times_ns = _time_programs(scans, run, ours, floor, naive)
+            times_ns = _time_programs(scans, cycles_per_turn, ours, floor, naive)
     ours_us, floor_us, naive_us = (
         np.array(times_ns[name][N_WARM_UP_CYCLES:]) * 1e-3 for name in _PROGRAM_NAMES
     )
@@ -72,7 +72,11 @@ def _duration_quantiles(scans: list[CapFrame], run: int) -> dict[str, float | No
 
 
 def _time_programs(
-    scans: list[CapFrame], run: int, ours: ServiceCycle, floor: CProgram | None, naive: NaiveCycle | None
+    scans: list[CapFrame],
+    cycles_per_turn: int,
+    ours: ServiceCycle,
+    floor: CProgram | None,
+    naive: NaiveCycle | None,
 ) -> dict[str, list[int]]:
     """Return the cycle durations of three programs [ns], run in turns so that background load affects all equally."""
     times_ns: dict[str, list[int]] = {name: [] for name in _PROGRAM_NAMES}
@@ -85,9 +89,9 @@ def _time_programs(
         loopback.drain()
         return result
 
-    for first in range(0, len(scans), run):
+    for first in range(0, len(scans), cycles_per_turn):
         done = []
-        for scan in scans[first : first + run]:
+        for scan in scans[first : first + cycles_per_turn]:
             now_ns, baseline_pf = send_time_ns(scan), ours.baseline_pf()
             forces = run_timed("ours", ours.run, scan, now_ns).forces
             # Keep nothing else of the cycle: the service keeps none, and new memory is cold.

@@ -35,7 +35,7 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
             for write in step.select:
                 bus.transfer(write)
             bus.transfer(step.trigger)
-            clock.sleep_until_ns(clock.now_ns() + plan.wait_ns)
+            clock.sleep_until_ns(clock.now_ns() + plan.conversion_wait_ns)
             for read in (*([step.done.read] if step.done else []), *step.read):
                 bus.transfer(read)
 
@@ -88,7 +88,7 @@ class NaiveCycle:
             forces, _ = self._pipelines[row].process(own, now_ns)
             self._send(channel, f"Force{leg.capitalize()}", _force_signals(forces))
             self._send(channel, f"Quality{leg.capitalize()}", _quality_signals(forces))
-            self._count(leg, forces)
+            self._update_metrics(leg, forces)
             record[leg] = {
                 "scan_t_ns": own.t_ns[0].tolist(),
                 "capacitance_pf": own.capacitance_pf[0].tolist(),
@@ -100,7 +100,7 @@ class NaiveCycle:
             }
         os.write(pipe, json.dumps(record).encode() + b"\n")
 
-    def _count(self, leg: str, forces: ContactFrame) -> None:
+    def _update_metrics(self, leg: str, forces: ContactFrame) -> None:
         """Update the metrics of one leg."""
         state = State(int(forces.state[0])).name.lower()
         self._scans.labels(leg=leg, state=state).inc()

@@ -147,8 +147,8 @@ def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
     loopback.close()
 
 
-def recorded_frames(n: int) -> list[CapFrame]:
-    """Return the capacitance frames of `n` conversions of six walking legs."""
+def simulated_walk_frames(n: int) -> list[CapFrame]:
+    """Return the simulated capacitance frames of `n` conversions of six walking legs."""
     with open_scan_source(DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scan_source:
         return [scan_source.source.read() for _ in range(n)]
 

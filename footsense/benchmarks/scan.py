@@ -51,12 +51,12 @@ _CONFIGURATIONS = {
 }
 
 
-def conversion_limit_ms() -> float:
+def min_scan_period_by_conversions_ms() -> float:
     """Return the lower bound of the scan period by conversion time [ms]: nine conversions of the default board."""
     return DEFAULT.shortest_scan_ms
 
 
-def scan_figures() -> dict[str, dict[str, float | None]]:
+def measure_all_scan_periods() -> dict[str, dict[str, float | None]]:
     """Return scan periods and their ratios to the bounds, by bus configuration and host cost."""
     return {
         f"{name}_{host_cost_us}us": _measure_scan_periods(config, host_cost_us)
@@ -79,7 +79,7 @@ def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float 
         "rate_hz": 1e9 / period_ns,
         "over_limit": period_ns * 1e-6 / config.shortest_scan_ms,
         "over_best": period_ns
-        / max(_scan_period_bound_ns(config, bus, host_cost_us) for bus in config.buses),
+        / max(_scan_period_lower_bound_ns(config, bus, host_cost_us) for bus in config.buses),
         "naive_period_ms": naive_ns * 1e-6 if naive_ns else None,
         "naive_over_ours": naive_ns / period_ns if naive_ns else None,
     }
@@ -92,7 +92,7 @@ def _naive_scan_period_ns(config: Config, scene: Scene) -> int:
     return bus.clock.now_ns()
 
 
-def _scan_period_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
+def _scan_period_lower_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
     """Return the lower bound of the scan period on a bus for any program [ns]."""
     return scan_lower_bounds(
         n_legs=len(bus.legs),

@@ -92,7 +92,7 @@ def _mean_calls_by_function(calls: Counter[CodeType], n_conversions: int) -> Cal
     return {function: n / n_conversions for function, n in calls_by_function.items()}
 
 
-def functions_called_every_conversion(calls: Calls) -> list[tuple[str, str]]:
+def functions_called_steadily(calls: Calls) -> list[tuple[str, str]]:
     """Return (module, qualified name) of every function called in at least every second conversion."""
     return [function for function, n in calls.items() if n > _MIN_STEADY_CALLS]
 
@@ -115,7 +115,7 @@ def main() -> None:
             click.echo(f"{sum(inside.values()):8.1f} {module}")
             for name, n in sorted(inside.items(), key=lambda function: -function[1]):
                 click.echo(f"{n:17.2f} {name}{'' if n > _MIN_STEADY_CALLS else '  (rare)'}")
-    steady = functions_called_every_conversion(calls)
+    steady = functions_called_steadily(calls)
     n_modules = len({module for module, _ in steady})
     layouts = sum(n for (module, _), n in simulator_calls.items() if module.startswith("firmware_interface/"))
     click.echo(

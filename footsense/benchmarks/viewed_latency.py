@@ -40,7 +40,7 @@ _PAGE, _FOXGLOVE = Subprotocol("footsense.view.v1"), Subprotocol("foxglove.webso
 _N_CHANNELS = 20
 
 
-def viewed_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, Any]:
+def measure_viewed_latency(scans: list[CapFrame], seconds: float) -> dict[str, Any]:
     """Return the loop's wake-up latency without and with viewers [us], and the ratio of the 99th percentiles.
 
     Args:
@@ -52,7 +52,7 @@ def viewed_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
     """
     n = max(1, round(seconds * 1e9 / PERIOD_NS / _N_ALTERNATIONS))
     wakeup_latencies_ns: dict[str, list[int]] = {"alone": [], "viewed": []}
-    with run_loop_process(_serve_shared, scans) as loop:
+    with run_loop_process(_run_shared_service_loop, scans) as loop:
         cycles, refusals = receive_answer(loop)
         with _run_viewer(Path(cycles)) as (viewer, host), _connect_clients(host):
             for _, (case, do) in itertools.product(
@@ -65,7 +65,7 @@ def viewed_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
     return {"fifo": not refusals, "tails": tails, "ratio": tails["viewed"]["p99"] / tails["alone"]["p99"]}
 
 
-def _serve_shared(connection: Connection, scans: list[CapFrame]) -> None:
+def _run_shared_service_loop(connection: Connection, scans: list[CapFrame]) -> None:
     """Run the daemon's cycle in a child process, with its cycles shared with viewers."""
     logging.disable()  # a walk that begins anew is reported as a jump
     with open_service_cycle(shared=True) as cycle:

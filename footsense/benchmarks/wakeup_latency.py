@@ -46,7 +46,7 @@ _QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
 _Serve = Callable[[Connection, list[CapFrame]], None]
 
 
-def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, Any]:
+def measure_wakeup_latency(scans: list[CapFrame], seconds: float) -> dict[str, Any]:
     """Return the wake-up latencies of the daemon's loop and of the C loop [us], and their ratios.
 
     Args:
@@ -79,11 +79,11 @@ def wakeup_latency_figures(scans: list[CapFrame], seconds: float) -> dict[str, A
             for _, (name, loop) in itertools.product(range(_N_ALTERNATIONS), loops.items()):
                 loop.send(n)
                 wakeup_latencies_ns[name] += receive_answer(loop)
-            figures[case] = _latency_figures(wakeup_latencies_ns)
+            figures[case] = _latency_quantiles_and_ratio(wakeup_latencies_ns)
     return figures
 
 
-def _latency_figures(wakeup_latencies_ns: dict[str, list[int]]) -> dict[str, Any]:
+def _latency_quantiles_and_ratio(wakeup_latencies_ns: dict[str, list[int]]) -> dict[str, Any]:
     """Return the latency quantiles of both loops [us], and the ratios of the tails."""
     tails = latency_tails(wakeup_latencies_ns)
     ours, c = tails["ours"]["p999"], tails.get("c", {}).get("p999")
@@ -215,4 +215,6 @@ def _run_c_loop(connection: Connection, scans: list[CapFrame]) -> None:
         connection.send((0, request_realtime(REALTIME_PRIORITY, None)))
         played = [(scan, send_time_ns(scan)) for scan in scans[N_WARM_UP_CYCLES:]]
         for n in _requested_cycle_counts(connection):
-            connection.send(floor.run_paced(PERIOD_NS, played, n, loopback.file_descriptors).tolist())
+            connection.send(
+                floor.measure_wakeup_latencies_ns(PERIOD_NS, played, n, loopback.file_descriptors).tolist()
+            )

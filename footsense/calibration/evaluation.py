@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from footsense.calibration.fit.rubber_memory import loads_without_rubber_memory
+from footsense.calibration.fit.rubber_memory import loads_with_creep_corrected_baseline
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
@@ -58,11 +58,11 @@ class DesignModels(NamedTuple):
 
     Attributes:
         response: Response table of the type.
-        network: Returns the type's network, or that of a foot's calibration, for a number of rows.
+        network_for_rows: Returns the type's network, or that of a foot's calibration, for a number of rows.
     """
 
     response: FootResponse
-    network: Callable[[int], Network]
+    network_for_rows: Callable[[int], Network]
 
     @classmethod
     def load(cls, folder: Path) -> Self:
@@ -76,7 +76,7 @@ class DesignModels(NamedTuple):
 
     def estimate(self, loads: LoadSet, foot: FootParameters | None) -> Estimates:
         """Return the forces that a robot would estimate from the readings of loads; see `estimate_loads`."""
-        network = self.network(len(loads))
+        network = self.network_for_rows(len(loads))
         return estimate_loads(loads, network, network.card.trained_inputs, foot)
 
 
@@ -170,7 +170,7 @@ def evaluate(
     Raises:
         CalibrationError: Too few loads are there, or have a force.
     """
-    loads = loads_without_rubber_memory(models.response, sessions)
+    loads = loads_with_creep_corrected_baseline(models.response, sessions)
     if len(loads) < _MIN_LOADS:
         raise CalibrationError(
             f"{len(loads)} accepted loads in {len(sessions)} recordings; "

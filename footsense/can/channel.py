@@ -158,15 +158,15 @@ class CanChannel:
         self._t_ns = t_ns
         ends = frame_ends(frames)
         n, taken = len(ends), 0
-        wire = None if self._back_off_ns and t_ns < self._due_ns else self._wire or self._reopened()
+        wire = None if self._back_off_ns and t_ns < self._due_ns else self._wire or self._try_reopen()
         if wire is not None:
             try:
                 taken = wire.send(frames, t_ns)
             except OSError as error:
-                self._double_back_off(error)
+                self._back_off_after_failure(error)
             else:
                 if self._back_off_ns:
-                    self._log_return()
+                    self._end_back_off()
                 if taken < n:
                     self._health.log_queue_full(t_ns)
         self.stats.sent += taken
@@ -185,7 +185,7 @@ class CanChannel:
         try:
             frames = self._wire.receive()
         except OSError as error:
-            self._double_back_off(error)
+            self._back_off_after_failure(error)
             return []
         arrived = []
         for frame in frames:
@@ -226,7 +226,7 @@ class CanChannel:
         self.stats.dropped += len(ends) - taken
         return frames[: ends[taken - 1]] if taken else b""
 
-    def _double_back_off(self, error: OSError) -> None:
+    def _back_off_after_failure(self, error: OSError) -> None:
         """Double the time until the next attempt to reopen; close the socket unless the interface is only down."""
         if error.errno != errno.ENETDOWN and self._wire is not None:
             self._gone, self._wire = self._wire, None
@@ -236,7 +236,7 @@ class CanChannel:
         self._back_off_ns = min(max(2 * self._back_off_ns, _MIN_BACK_OFF_NS), _MAX_BACK_OFF_NS)
         self._due_ns = self._t_ns + self._back_off_ns
 
-    def _reopened(self) -> CanWire | None:
+    def _try_reopen(self) -> CanWire | None:
         """Start an attempt to reopen the interface, or return a finished one's socket; None while there is none."""
         if self._opening is None:
             self._opening = _OpenAttempt(self._gone, self._connect, in_thread=self._is_real)
@@ -246,10 +246,10 @@ class CanChannel:
         opening, self._opening = self._opening, None
         self._wire = opening.wire
         if self._wire is None:
-            self._double_back_off(OSError(None, opening.error))
+            self._back_off_after_failure(OSError(None, opening.error))
         return self._wire
 
-    def _log_return(self) -> None:
+    def _end_back_off(self) -> None:
         """Log that the interface works again, and reset the back-off."""
         self._back_off_ns = 0
         self.stats.reopened += 1

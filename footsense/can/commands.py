@@ -35,17 +35,19 @@ class _LegCommands:
     answer_counter: int = 0
     last_command: tuple[CommandKind, int] | None = None  # kind and counter
     last_command_ns: int = 0
-    current_second: int = -1  # in which `n_commands` arrived
-    n_commands: int = 0
+    current_second: int = -1  # in which `n_commands_in_second` arrived
+    n_commands_in_second: int = 0
     #: Counters of the commands without an answer of each kind, oldest first.
     pending_counters: defaultdict[CommandKind, list[int]] = field(default_factory=lambda: defaultdict(list))
 
     def count_and_accept(self, t_ns: int) -> bool:
         """Count a received command, and return whether it is within the limit of commands per second."""
         current_second = t_ns // _SECOND_NS
-        self.n_commands = self.n_commands + 1 if current_second == self.current_second else 1
+        self.n_commands_in_second = (
+            self.n_commands_in_second + 1 if current_second == self.current_second else 1
+        )
         self.current_second = current_second
-        return self.n_commands <= _MAX_COMMANDS_PER_SECOND
+        return self.n_commands_in_second <= _MAX_COMMANDS_PER_SECOND
 
     def answer_frame(self, result: int, kind: int, command_counter: int) -> bytes:
         """Return an answer as `struct can_frame`, and advance the answer counter."""
@@ -74,7 +76,7 @@ class CanCommands:
         self.unsolicited: dict[int, tuple[Result, CommandKind]] = {}
 
     def decode(self, frames: Sequence[tuple[int, bytes]]) -> list[Command]:
-        """Return the valid commands among received frames; the others are counted as rejected.
+        """Return the valid commands among received frames; count the others as rejected, and answer unknown ones.
 
         An unknown command is answered at once. A wrong crc, a repeated counter, or more commands than ten a second are
         not: the sender, or whether it sent at all, is uncertain.
@@ -121,7 +123,7 @@ class CanCommands:
             self.unsolicited[row] = (outcome.result, kind)
         del pending_counters[:n_ended]
 
-    def unsolicited_frames(self, max_frames: int) -> list[bytes]:
+    def pop_unsolicited_frames(self, max_frames: int) -> list[bytes]:
         """Return the frames of at most `max_frames` results that no command asked for, and remove these results."""
         return [
             self._legs[row].answer_frame(*self.unsolicited.pop(row), UNSOLICITED_COUNTER)

@@ -69,7 +69,7 @@ class CanLeg:
         return pack_frame(FAULT_ID + self.node, data)
 
     def set_reported(self, report: tuple[int, int, int]) -> None:
-        """Store the state, mask and cause of the fault report that was just sent."""
+        """Store the fault report that was just sent (state, mask, cause), and advance the fault counter."""
         self._fault_counter = next_counter(self._fault_counter)
         self.reported = report
 
@@ -139,7 +139,7 @@ class GaitFrames:
             event, _ = self.events.popleft()
             self._event_counters[event.leg] = next_counter(self._event_counters[event.leg])
 
-    def periodic_frames(self, max_frames: int) -> list[bytes]:
+    def pop_periodic_frames(self, max_frames: int) -> list[bytes]:
         """Return queued periodic `Gait` and `Ground` frames, at most `max_frames`, and remove them from the queue."""
         frames: list[bytes] = []
         for _ in range(min(len(self.waiting), max_frames // 2)):

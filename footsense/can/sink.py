@@ -146,11 +146,11 @@ class CanSink:
         if t_ns >= self._due[0][0]:
             max_frames = self._add_periodic(frames, frame, present[0], max_frames)
         if self._commands.unsolicited:
-            unsolicited = self._commands.unsolicited_frames(max_frames)
+            unsolicited = self._commands.pop_unsolicited_frames(max_frames)
             max_frames -= len(unsolicited)
             frames += unsolicited
         if gait.waiting:
-            frames += gait.periodic_frames(max_frames)
+            frames += gait.pop_periodic_frames(max_frames)
         if not frames:
             return
         taken = self._channel.send(b"".join(frames), t_ns)

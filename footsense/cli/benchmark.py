@@ -15,10 +15,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from footsense.benchmarks.cycle import compare_cycle_durations
-from footsense.benchmarks.our_cycle import N_WARM_UP_CYCLES, recorded_frames
-from footsense.benchmarks.scan import conversion_limit_ms, newest_reading_age_ms, scan_figures
-from footsense.benchmarks.viewed_latency import viewed_latency_figures
-from footsense.benchmarks.wakeup_latency import wakeup_latency_figures
+from footsense.benchmarks.our_cycle import N_WARM_UP_CYCLES, simulated_walk_frames
+from footsense.benchmarks.scan import (
+    measure_all_scan_periods,
+    min_scan_period_by_conversions_ms,
+    newest_reading_age_ms,
+)
+from footsense.benchmarks.viewed_latency import measure_viewed_latency
+from footsense.benchmarks.wakeup_latency import measure_wakeup_latency
 from footsense.cli.options import echo_json, json_option
 from footsense.errors import FootsenseError
 from footsense.progress import timed_bar
@@ -55,22 +59,22 @@ def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
 
 def _measure_all(n_cycles: int, *, quick: bool) -> dict[str, Any]:
     """Run all benchmarks; return their figures by name."""
-    scan = scan_figures()
+    scan = measure_all_scan_periods()
     figures: dict[str, Any] = {
-        "conversion_limit_ms": conversion_limit_ms(),
+        "conversion_limit_ms": min_scan_period_by_conversions_ms(),
         "scan": scan,
         "scan_over_limit": {name: one["over_limit"] for name, one in scan.items()},
         "scan_over_best": {name: one["over_best"] for name, one in scan.items()},
         "age_ms": newest_reading_age_ms(),
     }
-    scans = recorded_frames(N_WARM_UP_CYCLES + n_cycles)
+    scans = simulated_walk_frames(N_WARM_UP_CYCLES + n_cycles)
     cycle = compare_cycle_durations(scans)
     return figures | {
         "cycle_us": cycle,
         "cycle_over_c_program": cycle.pop("cycle_over_c_program"),
         "naive_over_cycle": cycle.pop("naive_over_cycle"),
-        "wakeup_latency_us": wakeup_latency_figures(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
-        "viewed_latency_us": viewed_latency_figures(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
+        "wakeup_latency_us": measure_wakeup_latency(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
+        "viewed_latency_us": measure_viewed_latency(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
         **_start_time_and_memory(),
     }
 

@@ -7,8 +7,8 @@ import click
 
 import footsense
 from footsense.calibration.fit.calibrate import (
-    MAX_MAHALANOBIS_DISTANCE,
-    TYPICAL_MAHALANOBIS_DISTANCE,
+    MAX_MEDIAN_MAHALANOBIS_DISTANCE,
+    WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
     CalibrationResult,
     calibrate_sessions,
 )
@@ -103,7 +103,7 @@ def _calibration_figures(
         "temperature_c": result.temperature_c,
         **{name: getattr(parameters, name) for name in ("stiffness_rel", "stray_pf", "gap_um", "gain_rel")},
         "corrected": bool(parameters.correction.any()),
-        "distance": result.median_distance,
+        "distance": result.median_mahalanobis_distance,
         "predicted": {
             "direction_deg": predicted.median_direction_error_deg,
             "magnitude_rel": predicted.median_magnitude_error_rel,
@@ -130,12 +130,13 @@ def _calibration_text(calibration: FootCalibration, result: CalibrationResult, t
     ]
     doubt = (
         ""
-        if result.median_distance <= TYPICAL_MAHALANOBIS_DISTANCE
+        if result.median_mahalanobis_distance <= WARNING_MEDIAN_MAHALANOBIS_DISTANCE
         else "; more than usual: something differs from the design's kind"
     )
     lines.append(
-        f"  median distance of the loads from the fitted foot: {result.median_distance:.1f}, "
-        f"usual are 2 to {TYPICAL_MAHALANOBIS_DISTANCE:g}, refused from {MAX_MAHALANOBIS_DISTANCE:g}{doubt}"
+        f"  median distance of the loads from the fitted foot: {result.median_mahalanobis_distance:.1f}, "
+        f"usual are 2 to {WARNING_MEDIAN_MAHALANOBIS_DISTANCE:g}, refused from "
+        f"{MAX_MEDIAN_MAHALANOBIS_DISTANCE:g}{doubt}"
     )
     if predicted.not_identified:
         lines.append(f"  not identified, near the design's value: {', '.join(predicted.not_identified)}")

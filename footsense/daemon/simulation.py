@@ -47,7 +47,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     for problem in _inapplicable_faults(config, scene, response.rows):
         raise ConfigError(f"scene: {problem}")
     plan = scan_plan(config.order, config.rate_sps, config.board, config.rows) if config.buses else None
-    return SimulatedRobot(scene, response, wiring, plan.wait_ns if plan else math.inf)
+    return SimulatedRobot(scene, response, wiring, plan.conversion_wait_ns if plan else math.inf)
 
 
 def _inapplicable_faults(config: Config, scene: Scene, rows: int) -> Iterator[str]:

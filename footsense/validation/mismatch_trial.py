@@ -13,12 +13,12 @@ import numpy as np
 from firmware_interface.chips import fdc1004
 from footsense.calibration.evaluation import DesignModels, Estimates
 from footsense.calibration.fit.calibrate import (
-    TYPICAL_MAHALANOBIS_DISTANCE,
+    WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
     CalibrationResult,
     fit_foot_unchecked,
     require_plausible,
 )
-from footsense.calibration.fit.rubber_memory import remove_rubber_memory
+from footsense.calibration.fit.rubber_memory import correct_baselines_for_creep
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.faults.consistency import ConsistencyTest
@@ -228,7 +228,7 @@ def run_mismatch_trial(
         * np.cross(rng.normal(size=direction.shape), direction)
     )
     pressed = foot.press(ContactLoads(normalized(direction + lean), force_n), _MEAN_PF, on_floor=False)
-    rested = remove_rubber_memory(models.response, pressed)
+    rested = correct_baselines_for_creep(models.response, pressed)
     loads = rested.subset(_is_in_converter_range(rested))
     feet: dict[str, FootParameters | None] = {"design": None}
     figures: dict[str, float] = {}
@@ -242,8 +242,8 @@ def run_mismatch_trial(
         feet[name] = fit.parameters
         figures |= {
             f"refused_{name}": float(_is_refused(fit)),
-            f"distance_{name}": fit.median_distance,
-            f"said_{name}": float(fit.median_distance > TYPICAL_MAHALANOBIS_DISTANCE),
+            f"distance_{name}": fit.median_mahalanobis_distance,
+            f"said_{name}": float(fit.median_mahalanobis_distance > WARNING_MEDIAN_MAHALANOBIS_DISTANCE),
         }
     again = with_new_mounting(own, REMOUNT_DEG, plan.seed, number, 2)
     remade = _FootOnTestStand(truth, again, disturbance, np.random.default_rng((plan.seed, number, 5)))
@@ -282,7 +282,7 @@ def _estimate_figures(models: DesignModels, estimates: Estimates, true_n: Vector
     force_n, true_n, sigma_n = estimates.force_n[usable], true_n[usable], estimates.sigma_n[usable]
     row = evaluate_force_errors(true_n, force_n)
     test = ConsistencyTest(
-        len(force_n), models.network(1).card.trained_inputs.moments, _RESIDUAL_TEST_DELAY_NS
+        len(force_n), models.network_for_rows(1).card.trained_inputs.moments, _RESIDUAL_TEST_DELAY_NS
     )
     closure_rel, missing = estimates.closure_rel[usable], np.zeros((len(force_n), ELEMENTS), bool)
     for t_ns in range(0, 2 * _RESIDUAL_TEST_DELAY_NS, _RESIDUAL_TEST_DELAY_NS // 4):

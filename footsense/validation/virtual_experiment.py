@@ -13,7 +13,7 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.fit.calibrate import calibrate
-from footsense.calibration.fit.rubber_memory import remove_rubber_memory
+from footsense.calibration.fit.rubber_memory import correct_baselines_for_creep
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import foot_type_folder
@@ -88,7 +88,9 @@ def evaluate_foot(
     """
     models = DesignModels.load(foot_type_folder(batch.foot_type))
     pressed = PressedFoot.load_or_press(batch, number, every, cache_folder)
-    training, test = (remove_rubber_memory(models.response, one) for one in (pressed.training, pressed.test))
+    training, test = (
+        correct_baselines_for_creep(models.response, one) for one in (pressed.training, pressed.test)
+    )
     refused: dict[str, str] = {}
     calibrated = {}
     order = training.space_filling_order()

@@ -190,7 +190,7 @@ class Robot:
             )
         self.board = board
         self._of_leg_pf = np.zeros((6, 1))
-        self.clock = JoinedClock(clocks, scanners[0].wait_ns)
+        self.clock = JoinedClock(clocks, scanners[0].conversion_wait_ns)
         self.buses = scanners
         self.scanner = RobotScanner(scanners)
         self.scanner.start()

@@ -79,7 +79,7 @@ def test_chips_slower_than_their_tolerance_get_the_time_that_they_need(
     assert (frame.reading == Reading.OK).all()
     np.testing.assert_allclose(frame.capacitance_pf - 4.0, frame.t_ns * 2**-30, atol=2**-11)
     for leg in robot.buses[0].legs:
-        assert 1.02 * leg.timing.slowness < 1 + clock_error_rel + 0.025
+        assert 1.02 * leg.timing.wait_factor < 1 + clock_error_rel + 0.025
 
 
 @both
@@ -109,7 +109,7 @@ def test_a_chip_whose_clock_drifts_is_timed_again_each_minute(board: Board) -> N
         frame = robot.read(20)
         assert (frame.reading == Reading.OK).all()
         assert robot.is_right(frame).all()
-    assert robot.buses[0].legs[3].timing.slowness == 1.0
+    assert robot.buses[0].legs[3].timing.wait_factor == 1.0
 
 
 @both

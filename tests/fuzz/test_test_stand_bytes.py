@@ -143,7 +143,7 @@ class _Line:
     def read(self) -> bytes:
         return self._pieces.pop(0) if self._pieces and self._clock.now_ns() > 10**9 else b""
 
-    def wait_until_ns(self, t_ns: int) -> None:
+    def wait_for_bytes_until_ns(self, t_ns: int) -> None:
         self._clock.sleep_until_ns(min(t_ns, self._clock.now_ns() + 2_000_000))
 
     def write(self, data: bytes) -> None: ...

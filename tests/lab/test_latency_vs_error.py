@@ -13,7 +13,7 @@ from footsense.benchmarks.latency_vs_error.chain import (
     SimulatedReadings,
     conversion_timing,
     simulate_conversions,
-    true_loads,
+    true_normals_and_forces_n,
 )
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     TrueLoads,
@@ -66,7 +66,7 @@ def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -
         t_ns=t_ns,
         sent_ns=t_ns + lead_ns,
         plate_distance_rel=np.array(values)[:, None],
-        unloaded_rel=np.zeros((1, 9)),
+        unloaded_plate_distance_rel=np.zeros((1, 9)),
     )
 
 
@@ -122,20 +122,25 @@ def test_a_converted_foot_reads_its_load() -> None:
         foot, [partial(load.contact, "lf")], CONVERSION_ORDERS["lo_shu"], 100, 400 * MS, seed=1
     )
     values, _ = said.latest_by_element()
-    closure_rel = said.unloaded_rel - values[:, 0]
+    closure_rel = said.unloaded_plate_distance_rel - values[:, 0]
     # dC / C = -d(distance) / distance.
-    noise_rel = said.unloaded_rel.mean() * fdc1004.RATES[100].noise_ff * 1e-3 / response.design.unloaded_pf
+    noise_rel = (
+        said.unloaded_plate_distance_rel.mean()
+        * fdc1004.RATES[100].noise_ff
+        * 1e-3
+        / response.design.unloaded_pf
+    )
     assert np.abs(closure_rel[0]).max() < 8 * noise_rel
     pressed_pf = foot.capacitance_pf(np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, 0.5]]))
     gap_um = response.design.gap_um
-    wanted = said.unloaded_rel[0] - response.design.plate_distance_um(pressed_pf)[0] / gap_um
+    wanted = said.unloaded_plate_distance_rel[0] - response.design.plate_distance_um(pressed_pf)[0] / gap_um
     np.testing.assert_allclose(closure_rel[-1], wanted, atol=8 * noise_rel)
 
 
 def published_late(truth: TrueLoads, late_ns: int, every_ns: int = MS) -> PublishedForces:
     """Return true forces that are sent so much too late."""
-    sent_ns = np.arange(0, truth.end_ns + MS, every_ns)
-    force_n = true_loads(truth.feet, sent_ns - late_ns)[1]
+    sent_ns = np.arange(0, truth.evaluation_end_ns + MS, every_ns)
+    force_n = true_normals_and_forces_n(truth.feet, sent_ns - late_ns)[1]
     return PublishedForces(sent_ns, sent_ns - late_ns, force_n, np.full(force_n.shape, 1e-3))
 
 
@@ -151,7 +156,7 @@ def test_late_forces_are_found_to_be_late() -> None:
     assert right.share_within_sigmas == (1.0, 1.0, 1.0, 1.0)
     assert right.lag_ms == pytest.approx(0.0, abs=0.1)
     assert late.lag_ms == pytest.approx(20.0, abs=0.1)
-    assert late.held_age_ms[0] == 20.0
+    assert late.held_age_p50_p99_ms[0] == 20.0
     assert late.error_norm_rms_mn > 30.0
     assert late.share_within_sigmas[-1] < 0.6
 

@@ -29,7 +29,7 @@ def test_the_chip_is_recognised_by_what_a_reset_leaves() -> None:
     """It has no id. The reset is one byte, and 200 us are waited for before the next one."""
     clock = VirtualClock()
     with ScriptedBus((RESET, b""), (READ_SETTINGS, AFTER_RESET)) as bus:
-        ad7746.identify(bus, clock)
+        ad7746.reset_and_check_identity(bus, clock)
     assert clock.now_ns() == 200_000
 
 
@@ -47,7 +47,7 @@ def test_another_chip_is_explained_in_words(answer: bytes, hint: str) -> None:
         ScriptedBus((RESET, b""), (READ_SETTINGS, answer)) as bus,
         pytest.raises(WrongChipError, match=f" at 0x48, an AD7746 after a reset says .*{hint}"),
     ):
-        ad7746.identify(bus, VirtualClock())
+        ad7746.reset_and_check_identity(bus, VirtualClock())
 
 
 def test_silence_is_explained_in_words() -> None:
@@ -56,20 +56,20 @@ def test_silence_is_explained_in_words() -> None:
         ScriptedBus((RESET, NackError("no acknowledge"))) as bus,
         pytest.raises(HardwareError, match="no answer at 0x48: broken wire, no supply, or another mux chan"),
     ):
-        ad7746.identify(bus, VirtualClock())
+        ad7746.reset_and_check_identity(bus, VirtualClock())
 
 
 def configured(
     *answers: bytes, then: tuple[tuple[Transaction, bytes | Exception], ...] = ()
 ) -> tuple[Reading, float]:
-    """Return what `configure` says to the answers of two conversions with 0 and 20 steps, each read twice."""
+    """Return the result of `configure_and_measure_capdac` for two conversions with 0 and 20 steps, each read twice."""
     script: list[tuple[Transaction, bytes | Exception]] = [(ROWS_OFF, b""), (COLUMNS_OFF, b"")]
     for number, answer in enumerate(answers):
         if number % 2 == 0:
             script += [(settings(20 * (number // 2)), b""), (START, b"")]
         script.append((READ_RESULT, answer))
     with ScriptedBus(*script, *then) as bus:
-        return ad7746.configure(bus, VirtualClock())
+        return ad7746.configure_and_measure_capdac(bus, VirtualClock())
 
 
 def test_what_the_capdac_takes_off_is_measured() -> None:
@@ -113,8 +113,8 @@ def test_an_element_is_a_row_at_the_excitation_and_a_column_at_the_input() -> No
     steps = {step.element: step for step in plan.steps}
     assert steps[5].select == (Transaction(0x49, b"\x2a"), Transaction(0x4A, b"\x1c"))
     assert steps[0].read == (READ_RESULT,)
-    assert sum(len(step.changes) for step in plan.steps) == 6 + 9
-    assert sum(len(step.changes) for step in scan_plan("raster", 91, "ad7746").steps) == 3 + 9
+    assert sum(len(step.select_changes) for step in plan.steps) == 6 + 9
+    assert sum(len(step.select_changes) for step in scan_plan("raster", 91, "ad7746").steps) == 3 + 9
 
 
 @pytest.mark.parametrize(
@@ -182,5 +182,5 @@ def test_a_lost_capdac_is_asked_for_once_a_scan() -> None:
 def test_nothing_but_the_lines_and_the_start_is_written_for_an_element() -> None:
     """The CAPDAC stays as it is between elements: its steps are no measure."""
     for step in scan_plan("lo_shu", 91, "ad7746").steps:
-        written = [write.write[0] for write in (*step.changes, step.trigger) if write.address == 0x48]
+        written = [write.write[0] for write in (*step.select_changes, step.trigger) if write.address == 0x48]
         assert written == [0x0A]

@@ -38,7 +38,7 @@ def test_an_adapter_without_empty_writes_says_so() -> None:
     """What was not answered is not taken for silence."""
     addresses = probe_addresses(Bus(0x50, fails=BusError))
     assert addresses.answering == (0x50,)
-    assert set(range(0x08, 0x78)) - {0x50} == set(addresses.not_probed)
+    assert set(range(0x08, 0x78)) - {0x50} == set(addresses.unprobeable)
 
 
 def test_a_held_line_ends_the_census() -> None:

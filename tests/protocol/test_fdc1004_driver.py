@@ -19,7 +19,7 @@ READ_DEVICE = Transaction(0x50, b"\xff", 2)
 def test_the_right_chip_is_recognised_by_both_ids() -> None:
     """0x5449 ("TI") and 0x1004 are what an FDC1004 says of itself."""
     with ScriptedBus((READ_MANUFACTURER, b"\x54\x49"), (READ_DEVICE, b"\x10\x04")) as bus:
-        fdc1004.identify(bus, VirtualClock())
+        fdc1004.check_identity(bus, VirtualClock())
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,7 @@ def test_a_wrong_id_is_explained_in_words(manufacturer: bytes, device: bytes, hi
         ScriptedBus((READ_MANUFACTURER, manufacturer), (READ_DEVICE, device)) as bus,
         pytest.raises(HardwareError, match=hint),
     ):
-        fdc1004.identify(bus, VirtualClock())
+        fdc1004.check_identity(bus, VirtualClock())
 
 
 def test_silence_is_explained_in_words() -> None:
@@ -47,7 +47,7 @@ def test_silence_is_explained_in_words() -> None:
             HardwareError, match=r"no answer at 0x50: broken wire, no 3\.3 V, or another mux channel"
         ),
     ):
-        fdc1004.identify(bus, VirtualClock())
+        fdc1004.check_identity(bus, VirtualClock())
 
 
 def test_configuration_is_reset_then_one_cin_per_slot() -> None:
@@ -58,7 +58,7 @@ def test_configuration_is_reset_then_one_cin_per_slot() -> None:
         (Transaction(0x50, b"\x09\x3c\x00"), b""),
         (Transaction(0x50, b"\x0a\x5c\x00"), b""),
     ) as bus:
-        assert fdc1004.configure(bus, VirtualClock()) == (Reading.OK, 0.0)
+        assert fdc1004.configure_and_get_capdac_pf(bus, VirtualClock()) == (Reading.OK, 0.0)
 
 
 def test_the_plan_triggers_one_measurement_at_a_time() -> None:

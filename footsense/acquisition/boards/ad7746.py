@@ -4,7 +4,8 @@ Every conversion is a single one into one data register. It is read in one burst
 change meanwhile; a status without new data marks a result that was read before.
 
 An unloaded element has more than the +-4.1 pF of the range, so the CAPDAC always subtracts 40 steps. The size of a step
-differs by a fifth between chips; `configure` measures it with no line selected, as the difference that 20 steps make.
+differs by a fifth between chips; `configure_and_measure_capdac` measures it with no line selected, as the difference
+that 20 steps make.
 Register layout: `firmware_interface/chips/ad7746.py`, with the tables of data sheet rev. 0.
 """
 
@@ -101,7 +102,7 @@ def step(element: int, rate_sps: int, rows: int = 3) -> ConversionStep:
     )
 
 
-def identify(bus: I2cBus, clock: Clock) -> None:
+def reset_and_check_identity(bus: I2cBus, clock: Clock) -> None:
     """Reset the connected chip, and raise an error unless it has an AD7746's reset values (it has no id register).
 
     Args:
@@ -125,7 +126,7 @@ def identify(bus: I2cBus, clock: Clock) -> None:
     require_identity(settings, "an AD7746 after a reset", chip.RESET_VALUES, chip.ADDRESS, others)
 
 
-def configure(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
+def configure_and_measure_capdac(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
     """Set the chip up with no line selected; return the outcome and the capacitance that its CAPDAC subtracts [pF].
 
     Args:
@@ -213,10 +214,10 @@ def board(rows: int = 3) -> Board:
     return Board(
         conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
         step=partial(step, rows=rows),
-        identify=identify,
-        configure=configure,
+        check_identity=reset_and_check_identity,
+        configure_and_get_capdac_pf=configure_and_measure_capdac,
         decode_result=decode_result,
-        restart=(_write_settings(SCAN_CAPDAC), READ_RESULT),
+        make_ready=(_write_settings(SCAN_CAPDAC), READ_RESULT),
         # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
         setting_check=ReadBackCheck(
             read_registers(Register.CAPDAC_A, 4),

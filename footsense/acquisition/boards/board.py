@@ -46,7 +46,7 @@ class ConversionStep(NamedTuple):
         trigger: Write that starts the conversion.
         done: The question whether it is done; None where the result itself shows it.
         read: Reads of one leg's result.
-        changes: The writes of `select` that are needed after the step before.
+        select_changes: The writes of `select` that are needed after the step before.
         select_checks: Positions of the line switches: a broadcast write is acknowledged even if one leg misses it, and
             a wrong line reads as a plausible capacitance.
         setting_checks: Settings of the converter; in the last step of a scan only.
@@ -57,7 +57,7 @@ class ConversionStep(NamedTuple):
     trigger: Transaction
     done: DonePoll | None
     read: tuple[Transaction, ...]
-    changes: tuple[Transaction, ...] = ()
+    select_changes: tuple[Transaction, ...] = ()
     select_checks: tuple[ReadBackCheck, ...] = ()
     setting_checks: tuple[ReadBackCheck, ...] = ()
 
@@ -116,14 +116,14 @@ class Board(NamedTuple):
     Attributes:
         conversion_ns: Nominal time of one conversion by conversions per second [ns].
         step: Conversion of an element, by its flat index and conversions per second.
-        identify: Checks that the connected chip is the right one. Raises HardwareError if no chip answers,
+        check_identity: Checks that the connected chip is the right one. Raises HardwareError if no chip answers,
             WrongChipError if another one does, and BusError.
-        configure: Sets up the chip of the leg that is connected alone. Returns OK and the capacitance that its CAPDAC
-            subtracts from each result [pF], or the reason why the chip cannot be used. Raises BusError.
+        configure_and_get_capdac_pf: Sets up the chip of the leg that is connected alone. Returns OK and the capacitance
+            that its CAPDAC subtracts from each result [pF], or the reason why the chip cannot be used. Raises BusError.
         decode_result: Reading and capacitance [pF] of the answers to `ConversionStep.read`, CAPDAC not included; NaN
             unless the reading is OK.
-        restart: Brings a converter in an unknown state to where it can convert: its settings, and no result left to be
-            read.
+        make_ready: Brings a converter in an unknown state to where it can convert: its settings, and no
+            result left to be read.
         setting_check: The settings of the converter, which a dip of its supply resets; asked once a scan.
         range_end_pf: Least capacitance of an element over the range [pF].
         thermometer: Its temperature sensor; None if it has none.
@@ -132,15 +132,15 @@ class Board(NamedTuple):
 
     conversion_ns: Mapping[int, int]
     step: Callable[[int, int], ConversionStep]
-    identify: Callable[[I2cBus, Clock], None]
-    configure: Callable[[I2cBus, Clock], tuple[Reading, float]]
+    check_identity: Callable[[I2cBus, Clock], None]
+    configure_and_get_capdac_pf: Callable[[I2cBus, Clock], tuple[Reading, float]]
     decode_result: Callable[[list[bytes]], tuple[Reading, float]]
-    restart: tuple[Transaction, ...]
+    make_ready: tuple[Transaction, ...]
     setting_check: ReadBackCheck
     range_end_pf: float
     thermometer: Thermometer | None
     traffic: ConversionTraffic
 
-    def wait_ns(self, rate_sps: int) -> int:
+    def conversion_wait_ns(self, rate_sps: int) -> int:
         """Return the conversion time of the slowest chip within its clock tolerance [ns]."""
         return round(self.conversion_ns[rate_sps] * (1 + self.traffic.clock_tolerance_rel))

@@ -65,7 +65,7 @@ def step(element: int, rate_sps: int, rows: int = 3) -> ConversionStep:
     )
 
 
-def identify(bus: I2cBus, clock: Clock) -> None:
+def check_identity(bus: I2cBus, clock: Clock) -> None:
     """Raise an error unless the connected chip is an FDC1004, by its id registers (section 8.6).
 
     Args:
@@ -88,7 +88,7 @@ def identify(bus: I2cBus, clock: Clock) -> None:
     require_identity(b"".join(answers), "an FDC1004", identity, chip.ADDRESS, "a 24Cxx EEPROM")
 
 
-def configure(bus: I2cBus, clock: Clock, columns: int = 3) -> tuple[Reading, float]:
+def configure_and_get_capdac_pf(bus: I2cBus, clock: Clock, columns: int = 3) -> tuple[Reading, float]:
     """Reset the chip, and configure measurement n as CIN n to ground without CAPDAC; return the outcome.
 
     Args:
@@ -157,11 +157,11 @@ def board(rows: int = 3) -> Board:
     return Board(
         conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
         step=partial(step, rows=rows),
-        identify=identify,
-        configure=partial(configure, columns=rows),
+        check_identity=check_identity,
+        configure_and_get_capdac_pf=partial(configure_and_get_capdac_pf, columns=rows),
         decode_result=decode_result,
         # Reads that clear every DONE bit.
-        restart=tuple(read_register(chip.result_register(slot)) for slot in range(rows)),
+        make_ready=tuple(read_register(chip.result_register(slot)) for slot in range(rows)),
         # The second column's configuration: after a reset it reads as the first column's.
         setting_check=ReadBackCheck(
             read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")

@@ -166,7 +166,7 @@ def kernel_drivers(device: str, folder: Path = _ADAPTERS) -> dict[int, str]:
 
 
 def shorten_timeout(device: str) -> None:
-    """Set an adapter's timeout to 20 ms; if it refuses, log that and go on."""
+    """Set an adapter's timeout to 20 ms and its retries to 3; if it refuses, log that and go on."""
     try:
         with Path(device).open("rb", buffering=0) as file:
             fcntl.ioctl(file, _I2C_TIMEOUT, _TIMEOUT_10MS)

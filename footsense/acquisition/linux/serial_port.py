@@ -56,7 +56,7 @@ class SerialLink:
 
     def read(self) -> bytes:
         """Return the received bytes without waiting; reopen a lost port once the retry delay has passed."""
-        if self._port is None and not self._reopened():
+        if self._port is None and not self._try_reopen():
             return b""
         try:
             data = os.read(self._descriptor, _MAX_BYTES)
@@ -70,7 +70,7 @@ class SerialLink:
             self._close_lost_port("hung up")
         return data
 
-    def wait_until_ns(self, t_ns: int) -> None:
+    def wait_for_bytes_until_ns(self, t_ns: int) -> None:
         """Wait until bytes have arrived or the port is lost, at most until `t_ns` [ns]."""
         if self._port is None:
             self._clock.sleep_until_ns(min(t_ns, self._retry_at_ns))
@@ -118,7 +118,7 @@ class SerialLink:
         self._poll.register(self._descriptor, 0)
         self.opened += 1
 
-    def _reopened(self) -> bool:
+    def _try_reopen(self) -> bool:
         """Reopen the port once the retry delay has passed; return whether the port is open."""
         if self._clock.now_ns() < self._retry_at_ns:
             return False

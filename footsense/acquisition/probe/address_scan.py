@@ -23,11 +23,11 @@ class AddressProbe(NamedTuple):
 
     Attributes:
         answering: Addresses that acknowledged.
-        not_probed: Addresses that this adapter cannot probe, most often because it does not support empty writes.
+        unprobeable: Addresses that this adapter cannot probe, most often because it does not support empty writes.
     """
 
     answering: tuple[int, ...]
-    not_probed: tuple[int, ...] = ()
+    unprobeable: tuple[int, ...] = ()
 
 
 def probe_addresses(bus: I2cBus, skipped: Collection[int] = ()) -> AddressProbe:

@@ -75,7 +75,7 @@ def scan_bus(
     try:
         bus.free_bus()
         upstream = probe_addresses(bus.bus, claimed)  # a stuck line times out
-        has_mux = _holds_selection(bus, 0)
+        has_mux = _select_and_check_read_back(bus, 0)
     except BusError as error:
         _log.info("the upstream bus: %s", error)
     if upstream is None or not has_mux:
@@ -83,11 +83,11 @@ def scan_bus(
     limits = bus_timing(
         measure_bus_costs(bus.bus, clock, bus.mux_address), plan, max(len(legs), 1), kernel_mux=False
     )
-    known = {*claimed, *upstream.answering, *upstream.not_probed}
+    known = {*claimed, *upstream.answering, *upstream.unprobeable}
     channels = {}
     for channel in range(tca9548a.N_CHANNELS):
         try:
-            if not _holds_selection(bus, tca9548a.select(channel)):
+            if not _select_and_check_read_back(bus, tca9548a.select(channel)):
                 return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
             channels[channel] = _scan_channel(bus.bus, clock, plan, known, is_leg=channel in legs.values())
         except BusTimeoutError as error:
@@ -128,7 +128,7 @@ def scan_adapters(
     return BusScan(upstream, mux_answers=True, channels=channels, bus_timing=limits)
 
 
-def _holds_selection(bus: UpstreamBus, selection: int) -> bool:
+def _select_and_check_read_back(bus: UpstreamBus, selection: int) -> bool:
     """Select mux channels, and return whether the mux reads them back, as no other chip would.
 
     Raises:
@@ -157,7 +157,7 @@ def _scan_channel(
         return ChannelScan(answering, Reading.OK)
     converter, *switches = leg_chip_addresses(plan)
     try:
-        plan.board.identify(bus, clock)
+        plan.board.check_identity(bus, clock)
     except BusTimeoutError:
         raise
     except WrongChipError as error:

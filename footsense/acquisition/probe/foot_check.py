@@ -66,7 +66,7 @@ _CHIP_FAULTS = {
 }
 
 #: Readings of a leg's chips, which do not depend on the foot.
-CHIP_READINGS = (*_CHIP_FAULTS, Reading.NO_ANSWER)
+CHIP_FAULT_READINGS = (*_CHIP_FAULTS, Reading.NO_ANSWER)
 
 
 class FootScans(NamedTuple):
@@ -99,9 +99,9 @@ class FootScans(NamedTuple):
         return highest
 
     @property
-    def is_intermittent(self) -> bool:
+    def chips_fail_intermittently(self) -> bool:
         """Whether the chips failed in some scans and worked in others."""
-        failed = np.isin(self.reading, CHIP_READINGS).any(axis=1)
+        failed = np.isin(self.reading, CHIP_FAULT_READINGS).any(axis=1)
         return bool(failed.any() and not failed.all())
 
 

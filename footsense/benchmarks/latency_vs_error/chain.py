@@ -107,14 +107,14 @@ class SimulatedReadings:
         t_ns: Middle of each conversion [ns], shape (conversions,).
         sent_ns: Time at which a force that ends with it is sent [ns], same shape.
         plate_distance_rel: Distance of the plates over the gap [1], shape (conversions, feet).
-        unloaded_rel: The same at the tare [1], shape (feet, 9).
+        unloaded_plate_distance_rel: The same at the tare [1], shape (feet, 9).
     """
 
     order: tuple[int, ...]
     t_ns: Stamps
     sent_ns: Stamps
     plate_distance_rel: Vector
-    unloaded_rel: Vector
+    unloaded_plate_distance_rel: Vector
 
     def latest_by_element(self) -> tuple[Vector, Stamps]:
         """Return each element's latest reading and its time, after each conversion from the first full scan on.
@@ -127,7 +127,7 @@ class SimulatedReadings:
         return plate_distance_rel, np.broadcast_to(self.t_ns[numbers][:, None], plate_distance_rel.shape)
 
 
-def true_loads(feet: Sequence[FootLoad], t_ns: Stamps) -> tuple[Vector, Vector]:
+def true_normals_and_forces_n(feet: Sequence[FootLoad], t_ns: Stamps) -> tuple[Vector, Vector]:
     """Return true normals and forces [N] of some feet at some times [ns], shape (times, feet, 3) each."""
     contacts = [[foot(t) for foot in feet] for t in t_ns.tolist()]
     normal, force_n = (np.array([[contact[k] for contact in row] for row in contacts]) for k in (0, 1))
@@ -150,7 +150,7 @@ def simulate_conversions(
     step_ns, send_delay_ns = conversion_timing(rate_sps)
     n = (until_ns // (ELEMENTS * step_ns) + 1) * ELEMENTS
     t_ns = np.arange(1, n + 1, dtype=np.int64) * step_ns
-    normal, force_n = (part.reshape(-1, 3) for part in true_loads(feet, t_ns))
+    normal, force_n = (part.reshape(-1, 3) for part in true_normals_and_forces_n(feet, t_ns))
     all_pf = foot.capacitance_pf(normal, force_n).reshape(n, len(feet), ELEMENTS)
     rng = np.random.default_rng(seed)
     baseline_pf = quantized_capacitance_pf(
@@ -164,5 +164,5 @@ def simulate_conversions(
         t_ns=t_ns,
         sent_ns=t_ns + send_delay_ns,
         plate_distance_rel=design.plate_distance_um(read_pf) / design.gap_um,
-        unloaded_rel=design.plate_distance_um(baseline_pf) / design.gap_um,
+        unloaded_plate_distance_rel=design.plate_distance_um(baseline_pf) / design.gap_um,
     )

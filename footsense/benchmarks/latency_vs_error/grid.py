@@ -27,7 +27,7 @@ from footsense.sim.loads.ground_load import RampContact
 #: Load of the standing feet of which the noise is measured [N].
 STANDING_FORCE_N = (0.1, 0.05, 0.5)
 #: Conversions for each published force: all, the daemon's default, and one force for each scan.
-PUBLISH_INTERVALS = (1, DEFAULT.publish_every, ELEMENTS)
+CONVERSIONS_PER_PUBLISHED_FORCE = (1, DEFAULT.publish_every, ELEMENTS)
 _SEED = 5
 
 
@@ -40,7 +40,7 @@ class OperatingPointResult:
         publish_every: Conversions for each published force.
         forces_hz: Forces of a leg per second [Hz].
         can_kbit_s: Load of six legs on CAN at most [kbit/s].
-        noise_mn: Noise of the force of a standing foot, all axes, rms [mN].
+        standing_noise_rms_mn: Noise of the force of a standing foot, all axes, rms [mN].
         walk: Latency and errors on the walk.
     """
 
@@ -48,7 +48,7 @@ class OperatingPointResult:
     publish_every: int
     forces_hz: float
     can_kbit_s: float
-    noise_mn: float
+    standing_noise_rms_mn: float
     walk: LatencyAndErrors
 
 
@@ -68,16 +68,16 @@ def measure_operating_points(
     foot, order = Foot(context.response), CONVERSION_ORDERS["lo_shu"]
     walk, standing = (
         estimate_forces(
-            simulate_conversions(foot, feet, order, rate_sps, truth.end_ns, seed),
+            simulate_conversions(foot, feet, order, rate_sps, truth.evaluation_end_ns, seed),
             context.network,
             context.trained_inputs,
         )
         for seed, feet in enumerate((truth.feet, standing_feet), _SEED)
     )
-    standing_n = standing.force_n[standing.sent_ns >= truth.start_ns]
+    standing_n = standing.force_n[standing.sent_ns >= truth.evaluation_start_ns]
     noise_mn = rms_mn(standing_n - standing_n.mean(axis=0))
     points = []
-    for every in PUBLISH_INTERVALS:
+    for every in CONVERSIONS_PER_PUBLISHED_FORCE:
         forces_hz = 1e9 / conversion_timing(rate_sps).step_ns / every
         points.append(
             OperatingPointResult(
@@ -85,7 +85,7 @@ def measure_operating_points(
                 publish_every=every,
                 forces_hz=forces_hz,
                 can_kbit_s=forces_hz * len(LEGS) * FRAMES_PER_LEG * LONGEST_FRAME_BITS * 1e-3,
-                noise_mn=noise_mn,
+                standing_noise_rms_mn=noise_mn,
                 walk=latency_and_errors(walk.every_nth(every), truth),
             )
         )
@@ -97,7 +97,7 @@ def operating_points_figure(points: Sequence[OperatingPointResult]) -> Figure:
     figure, (axes,) = subplot_row(1, 6.4, 4.4)
     for rate in sorted({p.rate_sps for p in points}, reverse=True):
         of_rate = [p for p in points if p.rate_sps == rate]
-        ages_ms = [p.walk.held_age_ms[0] for p in of_rate]
+        ages_ms = [p.walk.held_age_p50_p99_ms[0] for p in of_rate]
         errors_mn = [p.walk.held_error_norm_rms_mn for p in of_rate]
         axes.plot(ages_ms, errors_mn, "o-", label=f"{rate} S/s")
         for p, age_ms, error_mn in zip(of_rate, ages_ms, errors_mn, strict=True):

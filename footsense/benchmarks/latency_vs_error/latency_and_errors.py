@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.benchmarks.latency_vs_error.chain import FootLoad, true_loads
+from footsense.benchmarks.latency_vs_error.chain import FootLoad, true_normals_and_forces_n
 from footsense.benchmarks.latency_vs_error.publishing import PublishedForces
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import Stamps, Vector
@@ -25,23 +25,24 @@ class LatencyAndErrors:
     """Latency and force errors of one method under one load; *held*: of the last force sent, at any time.
 
     Attributes:
-        held_age_ms: Age of the newest reading in the held force, median and 99th percentile [ms].
-        error_mn: Error of fx, fy, fz at the time of sending, rms [mN].
+        held_age_p50_p99_ms: Age of the newest reading in the held force, median and 99th percentile [ms].
+        axis_error_rms_mn: Error of fx, fy, fz at the time of sending, rms [mN].
         error_norm_rms_mn: Length of that error, rms [mN].
-        direction_deg: Angle to the true force at the time of sending, mean and 95th percentile, loaded feet [deg].
+        direction_error_mean_p95_deg: Angle to the true force at the time of sending, mean and 95th percentile, loaded
+            feet [deg].
         held_error_norm_rms_mn: Length of the error of the held force, rms [mN].
-        held_direction_error_deg: Angle of the held force to the true one, mean [deg].
+        held_direction_error_mean_deg: Angle of the held force to the true one, mean [deg].
         share_within_sigmas: Share of force components, feet in contact, with an error within each of `SIGMA_MULTIPLES`
             at the time of sending [1].
         lag_ms: Shift of the truth that fits the held force best [ms].
     """
 
-    held_age_ms: tuple[float, float]
-    error_mn: tuple[float, float, float]
+    held_age_p50_p99_ms: tuple[float, float]
+    axis_error_rms_mn: tuple[float, float, float]
     error_norm_rms_mn: float
-    direction_deg: tuple[float, float]
+    direction_error_mean_p95_deg: tuple[float, float]
     held_error_norm_rms_mn: float
-    held_direction_error_deg: float
+    held_direction_error_mean_deg: float
     share_within_sigmas: tuple[float, ...]
     lag_ms: float
 
@@ -52,22 +53,22 @@ class TrueLoads:
 
     Attributes:
         feet: Load of each foot.
-        start_ns: Start of the time in which errors count [ns].
-        end_ns: End of it [ns].
-        sampled_n: Forces at every `TRUTH_SAMPLE_PERIOD_NS` from time 0 to 30 ms after the end [N], shape
+        evaluation_start_ns: Start of the time in which errors count [ns].
+        evaluation_end_ns: End of it [ns].
+        sampled_force_n: Forces at every `TRUTH_SAMPLE_PERIOD_NS` from time 0 to 30 ms after the end [N], shape
             (times, feet, 3).
     """
 
     feet: Sequence[FootLoad]
-    start_ns: int
-    end_ns: int
-    sampled_n: Vector
+    evaluation_start_ns: int
+    evaluation_end_ns: int
+    sampled_force_n: Vector
 
     @classmethod
     def sample(cls, feet: Sequence[FootLoad], start_ns: int, end_ns: int) -> "TrueLoads":
         """Return the true forces of some feet between two times [ns], sampled regularly."""
         read_ns = np.arange(0, end_ns + _AHEAD_MS * 1_000_000, TRUTH_SAMPLE_PERIOD_NS)
-        return cls(feet, start_ns, end_ns, true_loads(feet, read_ns)[1])
+        return cls(feet, start_ns, end_ns, true_normals_and_forces_n(feet, read_ns)[1])
 
 
 def _held_forces(published: PublishedForces, truth: TrueLoads) -> tuple[Vector, Vector, Vector]:
@@ -76,29 +77,29 @@ def _held_forces(published: PublishedForces, truth: TrueLoads) -> tuple[Vector, 
     Returns:
         Times [ms], shape (times,); held forces [N], shape (times, feet, 3); ages of their newest readings [ms].
     """
-    read_ns: Stamps = np.arange(truth.start_ns, truth.end_ns, TRUTH_SAMPLE_PERIOD_NS)
+    read_ns: Stamps = np.arange(truth.evaluation_start_ns, truth.evaluation_end_ns, TRUTH_SAMPLE_PERIOD_NS)
     last = np.searchsorted(published.sent_ns, read_ns, side="right") - 1
     return read_ns / 1e6, published.force_n[last], (read_ns - published.newest_reading_ns[last]) / 1e6
 
 
 def latency_and_errors(published: PublishedForces, truth: TrueLoads) -> LatencyAndErrors:
     """Return latency and errors of published forces over the time span of the true loads."""
-    counts = (published.sent_ns >= truth.start_ns) & (published.sent_ns < truth.end_ns)
-    true_n = true_loads(truth.feet, published.sent_ns[counts])[1]
+    counts = (published.sent_ns >= truth.evaluation_start_ns) & (published.sent_ns < truth.evaluation_end_ns)
+    true_n = true_normals_and_forces_n(truth.feet, published.sent_ns[counts])[1]
     force_n = published.force_n[counts]
     angle_deg = _angles_deg(true_n, force_n)
     read_ms, held_n, held_age_ms = _held_forces(published, truth)
     first = round(read_ms[0])
-    true_read_n = truth.sampled_n[first : first + len(read_ms)]
+    true_read_n = truth.sampled_force_n[first : first + len(read_ms)]
     return LatencyAndErrors(
-        held_age_ms=(float(np.median(held_age_ms)), float(np.percentile(held_age_ms, 99))),
-        error_mn=tuple((1e3 * np.sqrt(((force_n - true_n) ** 2).mean(axis=(0, 1)))).tolist()),
+        held_age_p50_p99_ms=(float(np.median(held_age_ms)), float(np.percentile(held_age_ms, 99))),
+        axis_error_rms_mn=tuple((1e3 * np.sqrt(((force_n - true_n) ** 2).mean(axis=(0, 1)))).tolist()),
         error_norm_rms_mn=rms_mn(force_n - true_n),
-        direction_deg=(float(angle_deg.mean()), float(np.percentile(angle_deg, 95))),
+        direction_error_mean_p95_deg=(float(angle_deg.mean()), float(np.percentile(angle_deg, 95))),
         held_error_norm_rms_mn=rms_mn(held_n - true_read_n),
-        held_direction_error_deg=float(_angles_deg(true_read_n, held_n).mean()),
+        held_direction_error_mean_deg=float(_angles_deg(true_read_n, held_n).mean()),
         share_within_sigmas=_share_within_sigmas(true_n, force_n, published.sigma_n[counts]),
-        lag_ms=_lag_ms(held_n, truth.sampled_n, first),
+        lag_ms=_lag_ms(held_n, truth.sampled_force_n, first),
     )
 
 
@@ -141,7 +142,7 @@ def settling_ms(published: PublishedForces, truth: TrueLoads, starts_ns: Sequenc
         starts_ns: Start of each load [ns].
     """
     read_ms, held_n, _ = _held_forces(published, truth)
-    full_n = truth.sampled_n[round(read_ms[-1])]
+    full_n = truth.sampled_force_n[round(read_ms[-1])]
     off = np.linalg.norm(held_n - full_n, axis=-1) > 0.1 * np.linalg.norm(full_n, axis=-1)
     last = len(off) - 1 - off[::-1].argmax(axis=0)
     settled: Vector = read_ms[last] + 1.0 - np.array(starts_ns) * 1e-6

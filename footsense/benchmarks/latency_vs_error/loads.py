@@ -20,7 +20,7 @@ PEAK_N, PITCH_DEG = 1.0, 10.0
 PRESS_FORCES_N = ((0.0, 0.0, 0.8), (0.2, 0.1, 0.7), (-0.25, 0.1, 0.6), (0.1, -0.3, 0.7))
 STEP_NS, RAMP_NS = 5_000_000, 200_000_000
 #: Start of the counted time of a walk: the windows have filled by then [ns].
-_WALK_START_NS = 1_100_000_000
+_WALK_EVALUATION_START_NS = 1_100_000_000
 #: Start of the counted time of steps and ramps, start of the first load, end of the counted time [ns].
 _COUNT_FROM_NS, _PRESS_NS, _COUNT_TO_NS = 200_000_000, 300_000_000, 800_000_000
 #: Strides of the measured walk and of the tripod gait [ns].
@@ -51,7 +51,7 @@ def _walk_loads(
     for number, leg in enumerate(LEGS):
         contact = partial(walk(-4 * period_ns - number * period_ns // len(LEGS)).contact, leg)
         feet.append(partial(_contact_turned_left, contact) if sideways else contact)
-    return TrueLoads.sample(feet, _WALK_START_NS, _WALK_START_NS + strides * period_ns)
+    return TrueLoads.sample(feet, _WALK_EVALUATION_START_NS, _WALK_EVALUATION_START_NS + strides * period_ns)
 
 
 def _contact_turned_left(contact: FootLoad, t_ns: int) -> GroundContact:

@@ -14,7 +14,7 @@ from footsense.benchmarks.latency_vs_error.chain import (
     simulate_conversions,
 )
 from footsense.benchmarks.latency_vs_error.grid import (
-    PUBLISH_INTERVALS,
+    CONVERSIONS_PER_PUBLISHED_FORCE,
     OperatingPointResult,
     measure_operating_points,
     operating_points_figure,
@@ -40,12 +40,12 @@ class StudySize(NamedTuple):
 
     Attributes:
         strides: Strides of a walk that are counted.
-        phases: Phases of a scan at which a foot is pressed.
+        scan_phases: Phases of a scan at which a foot is pressed.
         rates_sps: Conversions per second.
     """
 
     strides: int
-    phases: int
+    scan_phases: int
     rates_sps: tuple[int, ...]
 
 
@@ -55,15 +55,15 @@ class MethodResult:
 
     Attributes:
         method: Name of the method.
-        order: Order of the scan.
+        scan_order: Order of the scan.
         errors: Latency and errors.
-        settling_ms: Time until the held force stays within a tenth of a step or ramp, median and worst [ms].
+        settling_median_max_ms: Time until the held force stays within a tenth of a step or ramp, median and worst [ms].
     """
 
     method: str
-    order: str
+    scan_order: str
     errors: LatencyAndErrors
-    settling_ms: tuple[float, float] | None
+    settling_median_max_ms: tuple[float, float] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,29 +86,29 @@ class TradeoffResults:
     """Results of the study `tradeoff`: age and error of the forces, by load case and by operating point.
 
     Attributes:
-        step_ms: From one conversion to the next at 400 S/s [ms].
-        lead_ms: From the middle of a conversion to the sending of its force [ms].
+        conversion_period_ms: From one conversion to the next at 400 S/s [ms].
+        send_delay_ms: From the middle of a conversion to the sending of its force [ms].
         size: Size of the study.
         loads: Results under each load.
         points: Rates of conversions and of publishing.
     """
 
-    step_ms: float
-    lead_ms: float
+    conversion_period_ms: float
+    send_delay_ms: float
     size: StudySize
     loads: dict[str, LoadResult]
     points: list[OperatingPointResult]
 
 
-FULL_SIZE = StudySize(strides=4, phases=6, rates_sps=(400, 200, 100))
-QUICK_SIZE = StudySize(strides=1, phases=2, rates_sps=(400,))
+FULL_SIZE = StudySize(strides=4, scan_phases=6, rates_sps=(400, 200, 100))
+QUICK_SIZE = StudySize(strides=1, scan_phases=2, rates_sps=(400,))
 
 _SEED = 3
 
 #: Publishing methods by name: degree of the extrapolation, conversions for each force, and orders of the scan.
 _METHODS: dict[str, tuple[int | None, int, tuple[str, ...]]] = {
     EVERY: (None, 1, ("raster", "lo_shu")),
-    **{f"every {n}th": (None, n, ("lo_shu",)) for n in PUBLISH_INTERVALS[1:]},
+    **{f"every {n}th": (None, n, ("lo_shu",)) for n in CONVERSIONS_PER_PUBLISHED_FORCE[1:]},
     SKEWED: (0, 1, ("raster", "lo_shu")),
     LINES: (1, 1, ("lo_shu",)),
     PARABOLAS: (2, 1, ("lo_shu",)),
@@ -119,7 +119,7 @@ def _load_result(load: TradeoffLoad, context: StudyContext) -> LoadResult:
     """Return latency and errors of every publishing method under one load case."""
     foot, truth = Foot(context.response), load.truth
     readings = {
-        name: simulate_conversions(foot, truth.feet, order, 400, truth.end_ns, _SEED)
+        name: simulate_conversions(foot, truth.feet, order, 400, truth.evaluation_end_ns, _SEED)
         for name, order in CONVERSION_ORDERS.items()
     }
     methods = []
@@ -133,7 +133,9 @@ def _load_result(load: TradeoffLoad, context: StudyContext) -> LoadResult:
                 each_ms = settling_ms(published, truth, load.load_starts_ns)
                 settling = (float(np.median(each_ms)), float(each_ms.max()))
             errors = latency_and_errors(published, truth)
-            methods.append(MethodResult(method=method, order=order, errors=errors, settling_ms=settling))
+            methods.append(
+                MethodResult(method=method, scan_order=order, errors=errors, settling_median_max_ms=settling)
+            )
     return LoadResult(title=load.title, n_feet=len(truth.feet), methods=methods)
 
 
@@ -141,7 +143,7 @@ def compute(context: StudyContext) -> tuple[TradeoffResults, Plots]:
     """Run the study `tradeoff`; return its results and figures."""
     size = QUICK_SIZE if context.quick else FULL_SIZE
     loads = {}
-    for name, load in load_cases(size.strides, size.phases).items():
+    for name, load in load_cases(size.strides, size.scan_phases).items():
         loads[name] = _load_result(load, context)
         context.report_progress(f"tradeoff: {name}")
     truth, points = measured_walk_truth(size.strides), []
@@ -149,8 +151,8 @@ def compute(context: StudyContext) -> tuple[TradeoffResults, Plots]:
         points += measure_operating_points(rate_sps, truth, context)
         context.report_progress(f"tradeoff: {rate_sps} S/s")
     results = TradeoffResults(
-        step_ms=conversion_timing(400).step_ns * 1e-6,
-        lead_ms=conversion_timing(400).send_delay_ns * 1e-6,
+        conversion_period_ms=conversion_timing(400).step_ns * 1e-6,
+        send_delay_ms=conversion_timing(400).send_delay_ns * 1e-6,
         size=size,
         loads=loads,
         points=points,

@@ -42,14 +42,14 @@ def conversion_windows(readings: SimulatedReadings) -> Window:
 
     One row for each conversion and foot, the foot fast; no element is missing.
     """
-    n_feet = len(readings.unloaded_rel)
+    n_feet = len(readings.unloaded_plate_distance_rel)
     kept = ReadingWindow((n_feet, ELEMENTS), ELEMENTS * int(readings.t_ns[1] - readings.t_ns[0]))
     closure_rel, age_s = [], []
     for plate_distance_rel, t_ns, now_ns in zip(
         *readings.latest_by_element(), readings.sent_ns[ELEMENTS - 1 :], strict=True
     ):
         last = kept.add(plate_distance_rel, t_ns)
-        closure_rel.append(readings.unloaded_rel[:, None] - last.plate_distance_rel)
+        closure_rel.append(readings.unloaded_plate_distance_rel[:, None] - last.plate_distance_rel)
         age_s.append((now_ns - last.t_ns) * 1e-9)
     closures_rel = np.concatenate(closure_rel[_CONVERSIONS_TO_FILL_WINDOW:])
     return Window(
@@ -95,7 +95,8 @@ def estimate_forces(
     closure_rel = np.clip(window.closure_rel, trained.closure_rel_min, trained.closure_rel_max)
     load = network.estimate(window._replace(closure_rel=closure_rel))
     force_n, sigma_n = (
-        part.reshape(-1, len(readings.unloaded_rel), 3) for part in (load.force_n, load.sigma_n)
+        part.reshape(-1, len(readings.unloaded_plate_distance_rel), 3)
+        for part in (load.force_n, load.sigma_n)
     )
     first = READINGS * ELEMENTS - 1
     return PublishedForces(readings.sent_ns[first:], readings.t_ns[first:], force_n, sigma_n)

@@ -50,17 +50,17 @@ class FalseReports:
     """Numbers of false contacts in swing and in the first 0.1 s after lift-off, with the time observed.
 
     Attributes:
-        minutes: Time in swing of all feet [min].
-        false_contacts: False flags CONTACT.
-        false_forces: Forces above `CONTACT_THRESHOLD_N` without load.
-        rate_bound_per_h: Upper bound of a rate of which no case occurred, at 95 % [1/h].
+        swing_minutes: Time in swing of all feet [min].
+        false_contacts_swing_liftoff: False flags CONTACT.
+        false_forces_swing_liftoff: Forces above `CONTACT_THRESHOLD_N` without load.
+        zero_event_rate_upper95_per_h: Upper bound of a rate of which no case occurred, at 95 % [1/h].
         max_swing_force_mn: Largest force along the leg in swing [mN].
     """
 
-    minutes: float
-    false_contacts: tuple[int, int]
-    false_forces: tuple[int, int]
-    rate_bound_per_h: float
+    swing_minutes: float
+    false_contacts_swing_liftoff: tuple[int, int]
+    false_forces_swing_liftoff: tuple[int, int]
+    zero_event_rate_upper95_per_h: float
     max_swing_force_mn: float
 
 
@@ -69,13 +69,13 @@ class TouchdownResults:
     """Results of the study `touchdown`: latencies by type of touchdown, and false contacts.
 
     Attributes:
-        n_touchdowns: Touchdowns of each manner.
+        n_touchdowns_per_type: Touchdowns of each manner.
         latencies: Latencies by manner of touchdown.
         median_latency_ms: Median latency over all manners, of the flag (`contact`) and of the force (`force`) [ms].
         false_reports: False reports.
     """
 
-    n_touchdowns: int
+    n_touchdowns_per_type: int
     latencies: dict[str, Latencies]
     median_latency_ms: dict[str, float]
     false_reports: FalseReports
@@ -102,9 +102,9 @@ def _latencies(
         times = result.sent_s, steps.starts_s[foot, complete], steps.crossed_s[foot, complete]
         contact_latency_ms.append(_first_report_latency_ms(result.contact[:, foot], *times))
         force_latency_ms.append(
-            _first_report_latency_ms(result.force_n[:, foot] > CONTACT_THRESHOLD_N, *times)
+            _first_report_latency_ms(result.axial_force_n[:, foot] > CONTACT_THRESHOLD_N, *times)
         )
-        error_n = result.force_n[:, foot] - result.true_force_n[:, foot]
+        error_n = result.axial_force_n[:, foot] - result.true_axial_force_n[:, foot]
         for crossed_s in times[2].tolist():
             after = (result.sent_s > crossed_s) & (result.sent_s < crossed_s + _FORCE_ERROR_WINDOW_S)
             squares_n2.append(np.nanmean(error_n[after] ** 2))
@@ -124,15 +124,15 @@ def _false_reports(result: PublishedRun) -> FalseReports:
     swings = result.is_swing[1:]
 
     def count_false_reports(reported: Mask) -> tuple[int, int]:
-        begins = reported[1:] & ~reported[:-1] & (result.true_force_n[1:] == 0.0)
+        begins = reported[1:] & ~reported[:-1] & (result.true_axial_force_n[1:] == 0.0)
         return int((begins & swings).sum()), int((begins & ~swings).sum())
 
     return FalseReports(
-        minutes=60 * hours,
-        false_contacts=count_false_reports(result.contact),
-        false_forces=count_false_reports(result.force_n > CONTACT_THRESHOLD_N),
-        rate_bound_per_h=_POISSON_UPPER_95_FOR_ZERO_EVENTS / hours,
-        max_swing_force_mn=1e3 * float(np.nanmax(result.force_n[result.is_swing])),
+        swing_minutes=60 * hours,
+        false_contacts_swing_liftoff=count_false_reports(result.contact),
+        false_forces_swing_liftoff=count_false_reports(result.axial_force_n > CONTACT_THRESHOLD_N),
+        zero_event_rate_upper95_per_h=_POISSON_UPPER_95_FOR_ZERO_EVENTS / hours,
+        max_swing_force_mn=1e3 * float(np.nanmax(result.axial_force_n[result.is_swing])),
     )
 
 
@@ -161,23 +161,23 @@ def compute(context: StudyContext) -> tuple[TouchdownResults, Plots]:
     steps = RandomTouchdowns(n_feet, until_s, np.random.default_rng(_SEED))
     result = simulate_touchdowns(context, steps, until_s, _SEED)
     latencies: dict[str, Latencies] = {}
-    every: dict[str, _LatenciesMs] = {}
+    latencies_by_type_ms: dict[str, _LatenciesMs] = {}
     for kind, name in enumerate(TOUCHDOWNS):
-        every[name], force_rms_error_mn = _latencies(result, steps, until_s, kind)
-        contact_latency_ms, force_latency_ms = map(_p50_p99, every[name])
+        latencies_by_type_ms[name], force_rms_error_mn = _latencies(result, steps, until_s, kind)
+        contact_latency_ms, force_latency_ms = map(_p50_p99, latencies_by_type_ms[name])
         latencies[name] = Latencies(
             contact_latency_ms=contact_latency_ms,
             force_latency_ms=force_latency_ms,
             force_rms_error_mn=force_rms_error_mn,
         )
-    reports = zip(("contact", "force"), zip(*every.values(), strict=True), strict=True)
+    reports = zip(("contact", "force"), zip(*latencies_by_type_ms.values(), strict=True), strict=True)
     results = TouchdownResults(
-        n_touchdowns=len(every[next(iter(TOUCHDOWNS))][0]),
+        n_touchdowns_per_type=len(latencies_by_type_ms[next(iter(TOUCHDOWNS))][0]),
         latencies=latencies,
         median_latency_ms={report: float(np.median(np.concatenate(kinds))) for report, kinds in reports},
         false_reports=_false_reports(result),
     )
-    return results, {_FIGURE_FILE: _figure(every)}
+    return results, {_FIGURE_FILE: _figure(latencies_by_type_ms)}
 
 
 STUDY = Study(

@@ -49,7 +49,7 @@ def readings_pf(foot: Foot, steps: RandomTouchdowns, t_ns: Stamps, rng: np.rando
     pf_per_n = (
         foot.capacitance_pf(up_n / _SENSITIVITY_PROBE_N, up_n)[0] - foot.unloaded_pf
     ) / _SENSITIVITY_PROBE_N
-    force_n, step = steps.force_n(t_s), steps.touchdown_number(t_s)
+    force_n, step = steps.normal_force_n(t_s), steps.latest_touchdown_index(t_s)
     all_pf = foot.unloaded_pf[element][:, None].repeat(n_feet, axis=1)
     for loaded in np.array_split(np.argwhere(force_n), 64):  # in parts, for the memory of all cells
         at, feet = loaded.T
@@ -70,15 +70,15 @@ class PublishedRun:
     Attributes:
         sent_s: Time of sending [s], shape (frames,).
         contact: Flag CONTACT.
-        force_n: Force along the leg [N], NaN without one.
-        true_force_n: True force along the leg at the time of sending [N].
+        axial_force_n: Force along the leg [N], NaN without one.
+        true_axial_force_n: True force along the leg at the time of sending [N].
         is_swing: Whether the foot was in swing.
     """
 
     sent_s: Vector
     contact: Mask
-    force_n: Vector
-    true_force_n: Vector
+    axial_force_n: Vector
+    true_axial_force_n: Vector
     is_swing: Mask
 
 
@@ -108,7 +108,7 @@ def simulate_touchdowns(
         contact.append(forces.flags & Flag.CONTACT > 0)
         force_n.append(forces.force_n[:, 2])
     sent_s = sent_ns / 1e9
-    true_force_n = steps.force_n(sent_s) * steps.upright
+    true_force_n = steps.normal_force_n(sent_s) * steps.upright
     return PublishedRun(sent_s, np.array(contact), np.array(force_n), true_force_n, steps.is_swing(sent_s))
 
 

@@ -73,13 +73,13 @@ class RandomTouchdowns:
         rises = np.where(self._rise_s <= _MAX_LINEAR_RISE_S, share, np.arccos(1 - 2 * share) / np.pi)
         self.crossed_s = self.starts_s + (rises * self._rise_s)[:, None]
 
-    def touchdown_number(self, t_s: Vector) -> NDArray[np.intp]:
+    def latest_touchdown_index(self, t_s: Vector) -> NDArray[np.intp]:
         """Return the index of each foot's latest touchdown at some times, shape (times, feet); -1 before the first."""
         return np.stack(
             [np.searchsorted(starts_s, t_s, side="right") - 1 for starts_s in self.starts_s], axis=1
         )
 
-    def force_n(self, t_s: Vector) -> Vector:
+    def normal_force_n(self, t_s: Vector) -> Vector:
         """Return the true normal force on each foot at some times [N], shape (times, feet)."""
         since_s = self._time_since_touchdown_s(t_s)
         risen = np.clip(since_s / self._rise_s, 0.0, 1.0)
@@ -101,7 +101,7 @@ class RandomTouchdowns:
 
     def _time_since_touchdown_s(self, t_s: Vector) -> Vector:
         """Return the time since each foot's latest touchdown [s], shape (times, feet); infinite before the first."""
-        touchdown_number = self.touchdown_number(t_s)
+        touchdown_number = self.latest_touchdown_index(t_s)
         start_s = np.where(
             touchdown_number < 0,
             -np.inf,

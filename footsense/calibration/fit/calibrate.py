@@ -18,9 +18,9 @@ from footsense.calibration.fit.parameter_vector import MOUNT, REFERENCE, STIFFNE
 from footsense.calibration.fit.predicted_uncertainty import (
     PredictedUncertainty,
     predict_uncertainty,
-    require_identified,
+    require_small_predicted_errors,
 )
-from footsense.calibration.fit.rubber_memory import loads_without_rubber_memory
+from footsense.calibration.fit.rubber_memory import loads_with_creep_corrected_baseline
 from footsense.calibration.fit.session_checks import require_consistent_reference, require_one_foot
 from footsense.calibration.fit.twin import FootTwin, reference_gains
 from footsense.calibration.loads.load_set import LoadSet
@@ -36,9 +36,9 @@ from footsense.frames import Mask
 MIN_LOADS = 5
 #: Median Mahalanobis distance of nine readings above which the loads are of no foot of the type: feet of the type have
 #: 2 to 4, one with its sheet 0.6 mm off centre 6 (study `mismatch`).
-MAX_MAHALANOBIS_DISTANCE = 8.0
+MAX_MEDIAN_MAHALANOBIS_DISTANCE = 8.0
 #: Distance up to which nothing is said.
-TYPICAL_MAHALANOBIS_DISTANCE = 4.0
+WARNING_MEDIAN_MAHALANOBIS_DISTANCE = 4.0
 #: Stiffness over the design's outside of which a foot is not made of that rubber.
 _MIN_STIFFNESS, _MAX_STIFFNESS = 0.25, 4.0
 #: Share of the loads of a single session that is held out: one in so many.
@@ -50,7 +50,7 @@ class CalibrationResult(NamedTuple):
 
     Attributes:
         parameters: Parameters of the foot.
-        fit: ParameterFit of its model.
+        fit: Fit of its model.
         predicted_uncertainty: Force errors expected from what remains unknown.
         n_loads: Loads used.
         held_out: Errors of a calibration without some of the loads on those; None if there are too few.
@@ -65,7 +65,7 @@ class CalibrationResult(NamedTuple):
     temperature_c: float | None = None
 
     @property
-    def median_distance(self) -> float:
+    def median_mahalanobis_distance(self) -> float:
         """Median Mahalanobis distance of the calibration loads from the fitted model [1]."""
         return float(np.median(self.fit.mahalanobis_distance))
 
@@ -86,7 +86,7 @@ def calibrate_sessions(
     """
     require_one_foot(sessions)
     require_consistent_reference(models, sessions)
-    loads = loads_without_rubber_memory(models.response, sessions)
+    loads = loads_with_creep_corrected_baseline(models.response, sessions)
     result = calibrate(models, loads)
     out, protocol = _held_out_loads(sessions, loads, hold_out)
     held_out = None
@@ -125,7 +125,7 @@ def require_plausible(result: CalibrationResult) -> None:
     """Raise an error if the loads do not match the foot type or do not identify the parameters.
 
     Raises:
-        CalibrationError: They are.
+        CalibrationError: They do not match, or do not identify them.
     """
     stiffness_rel = result.parameters.stiffness_rel
     if not _MIN_STIFFNESS < 1.0 + stiffness_rel < _MAX_STIFFNESS:
@@ -133,12 +133,13 @@ def require_plausible(result: CalibrationResult) -> None:
             f"the foot would be {1.0 + stiffness_rel:.2f} times as stiff as designed; check the reference's unit "
             "(1 kgf is 9.81 N), its axes, and that the foot is of this type"
         )
-    if result.median_distance > MAX_MAHALANOBIS_DISTANCE:
+    if result.median_mahalanobis_distance > MAX_MEDIAN_MAHALANOBIS_DISTANCE:
         raise CalibrationError(
-            f"half of the loads are {result.median_distance:.0f} standard deviations or more from any foot of this "
-            "type, about 3 are usual; check the reference's axes, and that the foot is of this type and undamaged"
+            f"half of the loads are {result.median_mahalanobis_distance:.0f} standard deviations or more from any "
+            "foot of this type, about 3 are usual; check the reference's axes, and that the foot is of this type and "
+            "undamaged"
         )
-    require_identified(result.predicted_uncertainty, result.n_loads)
+    require_small_predicted_errors(result.predicted_uncertainty, result.n_loads)
 
 
 def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResult:
@@ -149,12 +150,12 @@ def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResul
     """
     if len(loads) < MIN_LOADS:
         raise CalibrationError(f"{len(loads)} loads; at least {MIN_LOADS} from all sides make a calibration")
-    twin = FootTwin(models.response, loads.unloaded_pf)
+    twin = FootTwin(models.response, loads.median_baseline_pf)
     fit = fit_parameters(twin, loads)
     predicted_uncertainty = predict_uncertainty(twin, fit)
     electrodes = FootParameters(
         stray_pf=fit.parameters[twin.element_slices.stray],
-        unloaded_pf=loads.unloaded_pf,
+        unloaded_pf=loads.median_baseline_pf,
         gap_um=twin.gap_um(fit.parameters),
         gain_rel=1.0 + fit.parameters[twin.element_slices.gain],
     )
@@ -167,8 +168,8 @@ def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResul
     designed_n, force_n = designed.force_n[read], loads.force_n[read] / reference_gains(fit.parameters)
     correction = fit_correction(designed_n, designed_n @ physical.force_matrix.T, force_n)
     # An outlier counts as much as five medians.
-    limit_rel = 5.0 * np.median(np.abs(correction.residual_rel)) + 1e-9
-    unexplained_rel2 = np.minimum(correction.residual_rel**2, limit_rel**2).mean()
+    limit_rel = 5.0 * np.median(np.abs(correction.cross_validated_residual_rel)) + 1e-9
+    unexplained_rel2 = np.minimum(correction.cross_validated_residual_rel**2, limit_rel**2).mean()
     error_rel = np.sqrt(unexplained_rel2 + np.diag(fit.covariance)[REFERENCE].mean())
     parameters = replace(physical, correction=correction.term_coefficients, error_rel=float(error_rel))
     return CalibrationResult(parameters, fit, predicted_uncertainty, len(loads))

@@ -35,12 +35,12 @@ class Correction(NamedTuple):
 
     Attributes:
         term_coefficients: C above, shape (3, N_CORRECTION_TERMS); zeros for none.
-        residual_rel: Cross-validated error of each load over its magnitude [1], shape (n, 3), its part along the force
-            included.
+        cross_validated_residual_rel: Cross-validated error of each load over its magnitude [1], shape (n, 3), its part
+            along the force included.
     """
 
     term_coefficients: Vector
-    residual_rel: Vector
+    cross_validated_residual_rel: Vector
 
 
 def fit_correction(designed_n: Vector, physical_n: Vector, force_n: Vector) -> Correction:

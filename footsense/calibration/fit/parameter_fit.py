@@ -197,7 +197,7 @@ class _FitState:
         moved = [slice(number, number + 1) for number in range(gap.stop, size)]
         moved += [gap] if shared_gap else [slice(number, number + 1) for number in range(gap.start, gap.stop)]
         closed = self._twin.closed_cells(self.parameters, self._cells_um)
-        nearby_um = self._twin.nearby_cell_closures_um(
+        nearby_um = self._twin.cell_closures_for_closed_cells_um(
             [(self._shifted_parameters(one), self._contact) for one in moved], closed
         )
         for which, cells_um in zip(moved, nearby_um, strict=True):
@@ -239,14 +239,14 @@ def _whitening_matrices(twin: FootTwin, parameters: Vector, loads: LoadSet) -> V
     ]
     pushed = [ContactLoads(contact.normal, contact.force_n + step_n * axis) for axis in np.eye(3)]
     nearby = [(parameters, one) for one in (*leaning, *pushed)]
-    nearby_um = twin.nearby_cell_closures_um(nearby, twin.closed_cells(parameters, cells_um))
+    nearby_um = twin.cell_closures_for_closed_cells_um(nearby, twin.closed_cells(parameters, cells_um))
     changes_pf = [twin.reading_pf(parameters, one_um) - model_pf for one_um in nearby_um]
     by_normal = [change_pf / _NORMAL_STEP for change_pf in changes_pf[:3]]
     slope_pf = np.stack([change_pf / step_n for change_pf in changes_pf[3:]], axis=2)
     lean = np.stack(by_normal, axis=2) * np.radians(_STICK_LEAN_DEG) * np.sqrt(0.5)
     force = slope_pf * np.maximum(loads.sigma_n, _MIN_SIGMA_N)[:, None, :]
     creep = np.einsum("nij,nj->ni", slope_pf, contact.force_n)[:, :, None] * _CREEP_UNCERTAINTY_REL
-    reading = _READING_NOISE_PF**2 + (_MODEL_ERROR_REL * (model_pf - loads.unloaded_pf)) ** 2
+    reading = _READING_NOISE_PF**2 + (_MODEL_ERROR_REL * (model_pf - loads.median_baseline_pf)) ** 2
     covariance = sum(part @ part.transpose(0, 2, 1) for part in (lean, force, creep))
     covariance = covariance + reading[:, :, None] * np.eye(twin.n_elements)
     whitening: Vector = np.linalg.inv(np.linalg.cholesky(covariance))

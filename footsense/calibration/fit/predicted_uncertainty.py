@@ -30,13 +30,13 @@ class PredictedUncertainty(NamedTuple):
     Attributes:
         median_direction_error_deg: Median angle [deg].
         median_magnitude_error_rel: Median relative error of the magnitude [1].
-        dominant_parameter: Kind of parameter that causes most of the angle.
+        dominant_parameter_kind: Kind of parameter that causes most of the angle.
         not_identified: Names of the parameters that stay near the design's value, for lack of data.
     """
 
     median_direction_error_deg: float
     median_magnitude_error_rel: float
-    dominant_parameter: str
+    dominant_parameter_kind: str
     not_identified: tuple[str, ...]
 
 
@@ -93,8 +93,8 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
     return PredictedUncertainty(direction_deg, magnitude_rel, dominant_parameter, not_identified)
 
 
-def require_identified(predicted: PredictedUncertainty, n_loads: int) -> None:
-    """Raise an error if the fitted parameters remain too uncertain.
+def require_small_predicted_errors(predicted: PredictedUncertainty, n_loads: int) -> None:
+    """Raise an error if the predicted direction or magnitude error is too large for a calibration.
 
     Raises:
         CalibrationError: The predicted errors are larger than those of a calibrated foot may be.
@@ -106,6 +106,6 @@ def require_identified(predicted: PredictedUncertainty, n_loads: int) -> None:
         raise CalibrationError(
             f"{n_loads} loads leave half of all forces uncertain by {predicted.median_direction_error_deg:.1f} deg and "
             f"{predicted.median_magnitude_error_rel:.0%} or more, at most {_MAX_DIRECTION_DEG:g} deg and "
-            f"{_MAX_MAGNITUDE_REL:.0%} make a calibration; least is known of the {predicted.dominant_parameter}; "
+            f"{_MAX_MAGNITUDE_REL:.0%} make a calibration; least is known of the {predicted.dominant_parameter_kind}; "
             "press from more sides, at two magnitudes"
         )

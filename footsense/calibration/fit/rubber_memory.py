@@ -39,7 +39,9 @@ _RIDGE, _SCALE_RIDGE = (0.01 / 0.02) ** 2, (0.01 / 0.15) ** 2
 _FIT_ROUNDS = 4
 
 
-def loads_without_rubber_memory(response: FootResponse, sessions: Sequence[RecordedSession]) -> LoadSet:
+def loads_with_creep_corrected_baseline(
+    response: FootResponse, sessions: Sequence[RecordedSession]
+) -> LoadSet:
     """Return the loads of all sessions, with unloaded readings corrected for remaining creep.
 
     Args:
@@ -48,19 +50,19 @@ def loads_without_rubber_memory(response: FootResponse, sessions: Sequence[Recor
     """
     loads = []
     for session in sessions:
-        rested_pf = remove_rubber_memory(response, LoadSet.from_loads(session.loads)).baseline_pf
+        rested_pf = correct_baselines_for_creep(response, LoadSet.from_loads(session.loads)).baseline_pf
         loads += [load._replace(baseline_pf=pf) for load, pf in zip(session.loads, rested_pf, strict=True)]
     return LoadSet.from_loads(loads)
 
 
-def remove_rubber_memory(response: FootResponse, loads: LoadSet) -> LoadSet:
+def correct_baselines_for_creep(response: FootResponse, loads: LoadSet) -> LoadSet:
     """Return the loads with unloaded readings as of a fully relaxed foot, corrected for remaining creep.
 
     Args:
         response: Response table of the foot type.
         loads: Loads of one session in the order of time, at least one.
     """
-    after_um = _residual_closures_um(FootTwin(response, loads.unloaded_pf), loads.force_n)
+    after_um = _residual_closures_um(FootTwin(response, loads.median_baseline_pf), loads.force_n)
     before_um = np.concatenate([np.zeros_like(after_um[:1]), after_um[:-1]])
     memory_um = np.concatenate([before_um, after_um], axis=2)
     distance_um = response.design.plate_distance_um(loads.baseline_pf)

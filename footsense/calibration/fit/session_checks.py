@@ -26,7 +26,7 @@ def require_one_foot(sessions: Sequence[RecordedSession]) -> None:
             raise CalibrationError(
                 f"{session.path}: no load is accepted; {'; '.join(session.warnings) or 'it has none'}"
             )
-        unloaded_pf = LoadSet.from_loads(session.loads).unloaded_pf
+        unloaded_pf = LoadSet.from_loads(session.loads).median_baseline_pf
         first_pf = unloaded_pf if first_pf is None else first_pf
         difference_rel = unloaded_pf / first_pf - 1.0
         worst = int(np.argmax(np.abs(difference_rel)))

@@ -110,7 +110,7 @@ class FootTwin:
         )
         return closed_cells
 
-    def nearby_cell_closures_um(
+    def cell_closures_for_closed_cells_um(
         self, nearby: Sequence[tuple[Vector, ContactLoads]], closed_cells: Mask
     ) -> Vector:
         """Return cell closures [um], shape (k, n, cells), at nearby parameters, with the set of closed cells fixed.

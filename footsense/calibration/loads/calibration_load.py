@@ -29,7 +29,7 @@ class CalibrationLoad(NamedTuple):
         sigma_n: Standard deviation of that mean by noise alone [N], shape (3,).
         capacitance_pf: Mean reading of each element, stray included [pF], shape (9,).
         baseline_pf: Unloaded reading before and after, interpolated to the dwell [pF], shape (9,).
-        lag_s: Delay of the reference behind the capacitances [s]; NaN if unknown.
+        reference_lag_s: Delay of the reference behind the capacitances [s]; NaN if unknown.
     """
 
     dwell_ns: tuple[int, int]
@@ -37,7 +37,7 @@ class CalibrationLoad(NamedTuple):
     sigma_n: Vector
     capacitance_pf: Vector
     baseline_pf: Vector
-    lag_s: float
+    reference_lag_s: float
 
 
 class RejectedPress(NamedTuple):
@@ -63,7 +63,7 @@ class Press(NamedTuple):
         unloaded_before_ns: Start and end of the unloaded span before it [ns].
         pressed_span_ns: Start and end of the press [ns].
         unloaded_after_ns: Start and end of the unloaded span after it [ns]; None if there is none.
-        reference_offset_n: Unsaturated reference samples in the unloaded spans of the last seconds,
+        reference_offset_samples_n: Unsaturated reference samples in the unloaded spans of the last seconds,
             `unloaded_before_ns` included [N], shape (n, 3): the offset drifts less than one span's noise.
     """
 
@@ -74,4 +74,4 @@ class Press(NamedTuple):
     unloaded_before_ns: tuple[int, int]
     pressed_span_ns: tuple[int, int]
     unloaded_after_ns: tuple[int, int] | None
-    reference_offset_n: Vector
+    reference_offset_samples_n: Vector

@@ -20,7 +20,7 @@ _NS_PER_MS = 1_000_000
 #: Mean change of the elements that begins a press [1]: 20 fF of 5 pF, that of some 10 mN.
 _PRESS_THRESHOLD_REL = 0.005
 #: Share of the largest change below which the foot is released: rubber keeps some hundredths for a while.
-_RELEASE_THRESHOLD_REL = 0.15
+_RELEASE_THRESHOLD_OF_PEAK_REL = 0.15
 #: Unloaded span before a press, and its distance from a press that begins slowly [ns].
 _UNLOADED_SPAN_BEFORE_PRESS_NS = 500 * _NS_PER_MS
 _UNLOADED_TO_PRESS_MARGIN_NS = 100 * _NS_PER_MS
@@ -140,7 +140,7 @@ class LoadDetector:
         change_rel = self._mean_change_rel(capacitance_pf)
         self._peak_rel = max(self._peak_rel, change_rel)
         if self._confirm_change(
-            change=change_rel < max(_PRESS_THRESHOLD_REL, _RELEASE_THRESHOLD_REL * self._peak_rel)
+            change=change_rel < max(_PRESS_THRESHOLD_REL, _RELEASE_THRESHOLD_OF_PEAK_REL * self._peak_rel)
         ):
             self._phase = _Phase.RELEASED
             self._released_ns = self._scans[-_N_AGREEING_SCANS][0]
@@ -154,7 +154,7 @@ class LoadDetector:
     def _await_recovery(self, t_ns: int, capacitance_pf: Vector) -> CalibrationLoad | RejectedPress | None:
         """Return the load or rejection of a released press once the unloaded span after it is complete."""
         recovered_ns = self._released_ns + _RECOVERY_WAIT_NS
-        pressed_rel = max(_PRESS_THRESHOLD_REL, 2 * _RELEASE_THRESHOLD_REL * self._peak_rel)
+        pressed_rel = max(_PRESS_THRESHOLD_REL, 2 * _RELEASE_THRESHOLD_OF_PEAK_REL * self._peak_rel)
         if self._confirm_change(change=self._mean_change_rel(capacitance_pf) > pressed_rel):
             # Pressed again at once: the span between is unloaded for both presses, if it is long enough.
             between_ns = (recovered_ns, self._scans[-_N_AGREEING_SCANS][0] - _UNLOADED_TO_PRESS_MARGIN_NS)

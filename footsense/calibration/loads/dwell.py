@@ -11,7 +11,7 @@ from footsense.calibration.loads.span_means import (
     is_in_span,
     unsaturated_samples_n,
 )
-from footsense.calibration.loads.steady_span import longest_steady
+from footsense.calibration.loads.steady_span import longest_steady_scan_range
 from footsense.frames import Reference, Stamps, Vector
 
 #: Shortest dwell of a load [s]: 60 samples of a slow sensor, 12 scans, 3 of the slowest converter.
@@ -29,16 +29,16 @@ class UnloadedSpan(NamedTuple):
     """Mean readings and reference samples over a span in which the foot is unloaded.
 
     Attributes:
-        t_ns: Mean time of the scans [ns].
+        mean_t_ns: Mean time of the scans [ns].
         capacitance_pf: Mean reading of each element [pF], shape (9,).
         noise_pf: Standard deviation of the readings [pF], shape (9,).
-        reference_n: Unsaturated reference samples [N], shape (n, 3).
+        reference_samples_n: Unsaturated reference samples [N], shape (n, 3).
     """
 
-    t_ns: float
+    mean_t_ns: float
     capacitance_pf: Vector
     noise_pf: Vector
-    reference_n: Vector
+    reference_samples_n: Vector
 
 
 def mean_unloaded(press: Press, span_ns: tuple[int, int]) -> UnloadedSpan:
@@ -54,16 +54,16 @@ def mean_unloaded(press: Press, span_ns: tuple[int, int]) -> UnloadedSpan:
 def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
     """Return start and end of the longest constant span of a press [ns]; equal if there is none."""
     t_ns = press.t_ns[pressed := is_in_span(press.t_ns, press.pressed_span_ns)]
-    force_n = _reference_means_n(press.reference, t_ns) - column_means(before.reference_n)
+    force_n = _reference_means_n(press.reference, t_ns) - column_means(before.reference_samples_n)
     change_pf = press.capacitance_pf[pressed] - before.capacitance_pf
     # A mean of n samples has less noise than each of them.
     n_beside = max(2 * _HALF_WINDOW_NS / sample_period_ns(press.reference), 1.0)
-    noise_n = _NOISE_RANGE_SIGMAS * column_deviations(before.reference_n) / np.sqrt(n_beside)
+    noise_n = _NOISE_RANGE_SIGMAS * column_deviations(before.reference_samples_n) / np.sqrt(n_beside)
     noise_pf = _NOISE_RANGE_SIGMAS * before.noise_pf
     limit_n = _FORCE_TOLERANCE_REL * np.linalg.norm(force_n, axis=1, keepdims=True) + noise_n
     largest_pf = np.fmax.reduce(np.abs(change_pf), axis=1, keepdims=True)
     limit_pf = _CAPACITANCE_TOLERANCE_REL * largest_pf + noise_pf
-    first, last = longest_steady(t_ns, force_n, change_pf, limit_n, limit_pf)
+    first, last = longest_steady_scan_range(t_ns, force_n, change_pf, limit_n, limit_pf)
     # The first and the last scan may be the ends of motions.
     start_ns, end_ns = int(t_ns[first]), int(t_ns[last])
     edge_ns = min(_HALF_WINDOW_NS, max((end_ns - start_ns - _MIN_DWELL_NS) // 2, 0))

@@ -49,7 +49,7 @@ class LoadSet:
         return type(self)(**{name: getattr(self, name)[which] for name in self.__slots__})
 
     @property
-    def unloaded_pf(self) -> Vector:
+    def median_baseline_pf(self) -> Vector:
         """Median unloaded reading of each element over the loads [pF], shape (9,)."""
         unloaded_pf: Vector = np.median(self.baseline_pf, axis=0)
         return unloaded_pf
@@ -57,7 +57,7 @@ class LoadSet:
     @property
     def drift_corrected_pf(self) -> Vector:
         """Readings under load, corrected for drift of the unloaded reading [pF], shape (n, 9)."""
-        return self.capacitance_pf - self.baseline_pf + self.unloaded_pf
+        return self.capacitance_pf - self.baseline_pf + self.median_baseline_pf
 
     def space_filling_order(self) -> NDArray[np.intp]:
         """Return an order of the loads, shape (n,), whose first k cover the forces evenly for any k.

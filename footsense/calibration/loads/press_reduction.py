@@ -38,7 +38,7 @@ def _rejection_reasons(
         yield RejectedPress(Rejection.OVER_RANGE, reason)
     if silent.any():
         yield RejectedPress(Rejection.NOT_READ, f"element {_element_list_text(silent)} did not answer")
-    if not len(before.reference_n):
+    if not len(before.reference_samples_n):
         yield RejectedPress(
             Rejection.REFERENCE_MISSING, "no unsaturated reference sample just before the press"
         )
@@ -68,12 +68,12 @@ def _mean_load(
 ) -> CalibrationLoad | RejectedPress:
     """Return the means over the dwell relative to the unloaded spans before and after it, or a rejection."""
     scans, samples = is_in_span(press.t_ns, dwell_ns), is_in_span(press.reference.t_ns, dwell_ns)
-    baseline_pf, offsets_n = before.capacitance_pf, press.reference_offset_n
+    baseline_pf, offsets_n = before.capacitance_pf, press.reference_offset_samples_n
     after = None if press.unloaded_after_ns is None else dwell.mean_unloaded(press, press.unloaded_after_ns)
-    if after is not None and len(after.reference_n) and not np.isnan(after.capacitance_pf).any():
-        share = (sum(dwell_ns) // 2 - before.t_ns) / (after.t_ns - before.t_ns)
+    if after is not None and len(after.reference_samples_n) and not np.isnan(after.capacitance_pf).any():
+        share = (sum(dwell_ns) // 2 - before.mean_t_ns) / (after.mean_t_ns - before.mean_t_ns)
         baseline_pf = baseline_pf + share * (after.capacitance_pf - before.capacitance_pf)
-        offsets_n = np.concatenate([offsets_n, after.reference_n])
+        offsets_n = np.concatenate([offsets_n, after.reference_samples_n])
     reference_offset_n = offsets_n.mean(axis=0)
     dwell_n = press.reference.force_n[samples]
     force_n = dwell_n.mean(axis=0) - reference_offset_n
@@ -87,7 +87,7 @@ def _mean_load(
         sigma_n=dwell_n.std(axis=0) / np.sqrt(len(dwell_n)),
         capacitance_pf=column_means(press.capacitance_pf[scans]),
         baseline_pf=baseline_pf,
-        lag_s=reference_lag_s(press, dwell_ns, baseline_pf, reference_offset_n, force_n),
+        reference_lag_s=reference_lag_s(press, dwell_ns, baseline_pf, reference_offset_n, force_n),
     )
 
 

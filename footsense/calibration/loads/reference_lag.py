@@ -14,7 +14,7 @@ from footsense.frames import Vector
 
 #: Span of unloaded foot and of dwell used beside each edge, and the least of the unloaded span after it [ns].
 _HALF_WINDOW_NS, _MIN_AFTER_NS = 200_000_000, 100_000_000
-_STEP_NS = 1_000_000
+_RESAMPLING_STEP_NS = 1_000_000
 #: Smallest lag that is reported [s]: less than one scan of the slowest board, 0.1 s.
 _MIN_REPORTED_LAG_S = 0.06
 _MIN_PRESSES = 5
@@ -46,10 +46,10 @@ def reference_lag_s(
         (press.unloaded_before_ns[1] - _HALF_WINDOW_NS, dwell_ns[0] + inside_ns, 1),
         (dwell_ns[1] - inside_ns, ends_ns, -1),
     ):
-        t_ns = np.arange(start_ns, end_ns, _STEP_NS)
+        t_ns = np.arange(start_ns, end_ns, _RESAMPLING_STEP_NS)
         closure_rel = np.interp(t_ns, press.t_ns[read], closure[read] / closure[dwelling].mean())
         ahead_rel = closure_rel - np.interp(t_ns, press.reference.t_ns, reference_rel)
-        area_ns += sign * _STEP_NS * float(ahead_rel.sum())
+        area_ns += sign * _RESAMPLING_STEP_NS * float(ahead_rel.sum())
     return area_ns / 2 * 1e-9
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from footsense.frames import Stamps, Vector
 
 
-def longest_steady(
+def longest_steady_scan_range(
     t_ns: Stamps,
     force_n: Vector,
     change_pf: Vector,

@@ -19,7 +19,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 
 #: Magnitude of each band [gf]; a load belongs to the nearest.
-MAGNITUDE_BANDS_GF = (50.0, 100.0, 150.0)
+MAGNITUDE_BAND_CENTRES_GF = (50.0, 100.0, 150.0)
 #: Bands to cover: loads of one magnitude do not tell how gaps close with the force.
 N_BANDS_TO_COVER = 2
 #: Lowest elevation of the protocol [deg].
@@ -28,7 +28,7 @@ MIN_ELEVATION_DEG = 40.0
 MIN_COVERED_DIRECTIONS_REL = 0.95
 
 _HEXAGONAL_DENSITY = 2 * math.pi / math.sqrt(27)
-_LOAD_RADIUS_FACTOR = 1.6
+_REACH_OVER_HEXAGONAL = 1.6
 _N_DIRECTIONS = 400
 
 
@@ -63,11 +63,11 @@ class Coverage:
         per_band = max(n_wanted / N_BANDS_TO_COVER, 1.0)
         cap_sr = 2 * math.pi * (1 - math.sin(math.radians(MIN_ELEVATION_DEG)))
         self.reach_deg = math.degrees(
-            _LOAD_RADIUS_FACTOR * math.sqrt(_HEXAGONAL_DENSITY * cap_sr / (math.pi * per_band))
+            _REACH_OVER_HEXAGONAL * math.sqrt(_HEXAGONAL_DENSITY * cap_sr / (math.pi * per_band))
         )
-        self.counts = [0] * len(MAGNITUDE_BANDS_GF)
+        self.counts = [0] * len(MAGNITUDE_BAND_CENTRES_GF)
         # Angle from each direction to the nearest load of each band.
-        self._nearest_deg = np.full((len(MAGNITUDE_BANDS_GF), _N_DIRECTIONS), np.inf)
+        self._nearest_deg = np.full((len(MAGNITUDE_BAND_CENTRES_GF), _N_DIRECTIONS), np.inf)
 
     @property
     def n_loads(self) -> int:
@@ -83,7 +83,7 @@ class Coverage:
 
     @property
     def covered_directions_rel(self) -> list[float]:
-        """Fraction of the force directions covered, for each of `MAGNITUDE_BANDS_GF` [1]."""
+        """Fraction of the force directions covered, for each of `MAGNITUDE_BAND_CENTRES_GF` [1]."""
         return [float(share) for share in (self._nearest_deg <= self.reach_deg).mean(axis=1)]
 
     def is_covered(self, band: int, direction: Vector) -> bool:
@@ -101,27 +101,27 @@ class Coverage:
         """Load to apply next: in the emptier of the two fullest bands, the direction farthest from all loads."""
         shares = self.covered_directions_rel
         # Of equally empty bands the outer ones come first: those of the paper's training set.
-        fullest = sorted(range(len(MAGNITUDE_BANDS_GF)), key=lambda band: (-shares[band], band == 1, band))[
-            :N_BANDS_TO_COVER
-        ]
+        fullest = sorted(
+            range(len(MAGNITUDE_BAND_CENTRES_GF)), key=lambda band: (-shares[band], band == 1, band)
+        )[:N_BANDS_TO_COVER]
         band = min(fullest, key=lambda band: shares[band])
         azimuth_deg, elevation_deg = azimuth_and_elevation_deg(
             self._directions[int(np.argmax(self._nearest_deg[band]))]
         )
-        return NextLoad(azimuth_deg, elevation_deg, MAGNITUDE_BANDS_GF[band])
+        return NextLoad(azimuth_deg, elevation_deg, MAGNITUDE_BAND_CENTRES_GF[band])
 
     def progress_text(self) -> str:
         """Return the number of loads and the covered fraction of directions as one line of text."""
         shares = ", ".join(
             f"{100 * share:.0f} % at {gf:.0f} gf"
-            for gf, share in zip(MAGNITUDE_BANDS_GF, self.covered_directions_rel, strict=True)
+            for gf, share in zip(MAGNITUDE_BAND_CENTRES_GF, self.covered_directions_rel, strict=True)
         )
         return f"{self.n_loads} of {self._wanted} loads; directions covered: {shares}"
 
 
 def nearest_band(magnitude_gf: float) -> int:
     """Return the index of the magnitude band nearest to a magnitude [gf]."""
-    return int(np.argmin(np.abs(np.array(MAGNITUDE_BANDS_GF) - magnitude_gf)))
+    return int(np.argmin(np.abs(np.array(MAGNITUDE_BAND_CENTRES_GF) - magnitude_gf)))
 
 
 def azimuth_and_elevation_deg(force: Vector) -> tuple[float, float]:

@@ -54,7 +54,7 @@ class SessionGuide:
         self.findings: list[str] = []
 
     @property
-    def forces_n(self) -> Vector:
+    def load_reference_forces_n(self) -> Vector:
         """Forces of the accepted loads [N], shape (n, 3)."""
         return np.array([load.force_n for load in self._loads]).reshape(-1, 3)
 
@@ -102,10 +102,10 @@ class SessionGuide:
         self.report(
             f"press {number}: {magnitude_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"
         )
-        if not self._lag_reported and (lag := lag_message([one.lag_s for one in self._loads])):
+        if not self._lag_reported and (lag := lag_message([one.reference_lag_s for one in self._loads])):
             self._lag_reported = True
             self.report(f"warning: {lag}")
-        findings = self._check(self.forces_n, np.array(self._estimate_n))
+        findings = self._check(self.load_reference_forces_n, np.array(self._estimate_n))
         # The same finding with a slightly different figure is not reported again.
         if [line.partition(":")[2] for line in findings] != [
             line.partition(":")[2] for line in self.findings

@@ -57,7 +57,7 @@ class RecordedSession:
         if self.rejected:
             n, why = self.rejected.total(), ", ".join(f"{n} {why}" for why, n in self.rejected.most_common())
             warnings.append(f"{self.path}: {n} of {n + len(self.loads)} presses are rejected: {why}")
-        if lag := lag_message([load.lag_s for load in self.loads]):
+        if lag := lag_message([load.reference_lag_s for load in self.loads]):
             warnings.append(f"{self.path}: {lag}")
         if self.test_stand is None:
             warnings.append(

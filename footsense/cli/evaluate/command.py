@@ -54,7 +54,7 @@ def evaluate(
     calibration = _calibration_of(folder, foot, foot_type)
     if calibration is not None:
         models, parameters = (
-            models._replace(network=partial(Network, calibration.network)),
+            models._replace(network_for_rows=partial(Network, calibration.network)),
             calibration.parameters,
         )
     evaluation = evaluate_sessions(sessions, models, parameters)

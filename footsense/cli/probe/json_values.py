@@ -70,7 +70,7 @@ def _leg_json(report: ProbedLeg) -> dict[str, Any]:
         "channel": report.channel,
         "answering": None if chips is None else _addresses_json(chips.answering),
         "chips": None if chips is None else chips.outcome.name.lower(),
-        "slowness_rel": None if report.timing is None else round(report.timing.slowness, 3),
+        "slowness_rel": None if report.timing is None else round(report.timing.wait_factor, 3),
         "keeps_done": None if report.timing is None else report.timing.keeps_done_bit,
         "mean_pf": None if scans is None else [round(value, 4) for value in scans.mean_pf.tolist()],
         "noise_ff": None if scans is None else [round(value, 2) for value in scans.noise_ff.tolist()],
@@ -88,7 +88,7 @@ def _address_scan_json(scan: AddressProbe | None, name: str) -> dict[str, list[s
     """Return the answering addresses, under `name`, and those not scanned, as text; None if unknown."""
     return {
         name: None if scan is None else _addresses_json(scan.answering),
-        "not_scanned": None if scan is None else _addresses_json(scan.not_probed),
+        "not_scanned": None if scan is None else _addresses_json(scan.unprobeable),
     }
 
 

@@ -159,8 +159,8 @@ def _address_lines(
     if drivers:
         held = ", ".join(f"{address:#04x} {driver}" for address, driver in sorted(drivers.items()))
         yield f"{held}: held by the kernel, not scanned"
-    if addresses.not_probed:
-        yield f"{len(addresses.not_probed)} addresses could not be scanned: this adapter does not support empty writes"
+    if addresses.unprobeable:
+        yield f"{len(addresses.unprobeable)} addresses could not be scanned: this adapter does not support empty writes"
 
 
 def _legs_overview(legs: tuple[ProbedLeg, ...]) -> Table:

@@ -198,5 +198,5 @@ def _write_coverage_figure(out: Path, guide: SessionGuide, title: str) -> None:
     if picture.exists():
         click.echo(f"{picture}: exists and is not overwritten; the coverage is not drawn")
         return
-    draw_coverage(picture, guide.coverage, guide.forces_n, title)
+    draw_coverage(picture, guide.coverage, guide.load_reference_forces_n, title)
     click.echo(f"{picture}: the coverage")

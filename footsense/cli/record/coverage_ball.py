@@ -11,7 +11,7 @@ import numpy as np
 from rich.text import Text
 
 from footsense.calibration.session.coverage import (
-    MAGNITUDE_BANDS_GF,
+    MAGNITUDE_BAND_CENTRES_GF,
     MIN_ELEVATION_DEG,
     Coverage,
     NextLoad,
@@ -63,12 +63,12 @@ def coverage_discs(coverage: Coverage, forces_n: Vector, target: NextLoad, glyph
     next_cell = (nearest_band(target.magnitude_gf), *_disc_cell(target.azimuth_deg, target.elevation_deg))
     titles = [
         f"{gf:.0f} gf: {100 * share:.0f} %".center(DISC_COLUMNS)
-        for gf, share in zip(MAGNITUDE_BANDS_GF, coverage.covered_directions_rel, strict=True)
+        for gf, share in zip(MAGNITUDE_BAND_CENTRES_GF, coverage.covered_directions_rel, strict=True)
     ]
     lines = [Text("   ".join(titles), "bold")]
     for row in range(_DISC_ROWS):
         line = Text()
-        for band in range(len(MAGNITUDE_BANDS_GF)):
+        for band in range(len(MAGNITUDE_BAND_CENTRES_GF)):
             for column in range(DISC_COLUMNS):
                 direction, cell = _cell_direction(row, column), (band, row, column)
                 if direction is None:

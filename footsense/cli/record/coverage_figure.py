@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.calibration.session.coverage import MAGNITUDE_BANDS_GF, MIN_ELEVATION_DEG, Coverage
+from footsense.calibration.session.coverage import MAGNITUDE_BAND_CENTRES_GF, MIN_ELEVATION_DEG, Coverage
 from footsense.foot.directions import azimuth_elevation_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
@@ -22,12 +22,12 @@ def draw_coverage(path: Path, coverage: Coverage, forces_n: Vector, title: str) 
         forces_n: Their forces [N], shape (n, 3).
         title: Foot and session.
     """
-    figure = Figure(figsize=(4.2 * len(MAGNITUDE_BANDS_GF), 4.9), layout="constrained")
+    figure = Figure(figsize=(4.2 * len(MAGNITUDE_BAND_CENTRES_GF), 4.9), layout="constrained")
     magnitude_gf = np.linalg.norm(forces_n, axis=1) / GRAM_FORCE_N
-    band_of = np.argmin(np.abs(magnitude_gf[:, None] - np.array(MAGNITUDE_BANDS_GF)), axis=1)
+    band_of = np.argmin(np.abs(magnitude_gf[:, None] - np.array(MAGNITUDE_BAND_CENTRES_GF)), axis=1)
     azimuth_deg, elevation_deg = azimuth_elevation_deg(forces_n)
-    panels = figure.subplots(1, len(MAGNITUDE_BANDS_GF), subplot_kw={"projection": "polar"})
-    for band, (axes, band_gf) in enumerate(zip(panels, MAGNITUDE_BANDS_GF, strict=True)):
+    panels = figure.subplots(1, len(MAGNITUDE_BAND_CENTRES_GF), subplot_kw={"projection": "polar"})
+    for band, (axes, band_gf) in enumerate(zip(panels, MAGNITUDE_BAND_CENTRES_GF, strict=True)):
         axes.set_theta_zero_location("N")
         own = band_of == band
         style = {"s": 26, "c": magnitude_gf[own], "cmap": "viridis", "vmin": 0, "vmax": 200}

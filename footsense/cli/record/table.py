@@ -47,7 +47,7 @@ class RecordTable(LiveView):
         target = guide.coverage.next_load
         if guide.coverage.n_loads != self._n_drawn:  # drawing looks up a thousand cells
             self._n_drawn = guide.coverage.n_loads
-            self._discs = coverage_discs(guide.coverage, guide.forces_n, target, self._glyphs)
+            self._discs = coverage_discs(guide.coverage, guide.load_reference_forces_n, target, self._glyphs)
         state = State(int(cycle.forces.state[self._row]))
         foot_n = cycle.forces.force_n[self._row] if state in USABLE else np.full(3, np.nan)
         pressed = "pressed" if guide.is_pressed else "free"

@@ -135,7 +135,7 @@ def _probe_legs(
         scans = None if feet is None or np.isin(feet[row].reading, SILENT_READINGS).all() else feet[row]
         faults: tuple[FootFault, ...] = ()
         if (
-            scans is not None and not scans.is_intermittent
+            scans is not None and not scans.chips_fail_intermittently
         ):  # readings lost by a loose contact say nothing of the foot
             faults = foot_faults(
                 scans,

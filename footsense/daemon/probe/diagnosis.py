@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from footsense.acquisition.probe.bus_scan import leg_chip_addresses
-from footsense.acquisition.probe.foot_check import CHIP_READINGS
+from footsense.acquisition.probe.foot_check import CHIP_FAULT_READINGS
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.config.contradictions import pull_up_fault
 from footsense.daemon.acquisition import MIN_BUS_SPEED_REL
@@ -105,8 +105,8 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
     location = f"{'channel' if isinstance(report.channel, int) else 'adapter'} {report.channel}"
     chips, scans = report.chips, report.scans
     chips_fail = chips is not None and chips.outcome is not Reading.OK
-    if scans is not None and (scans.is_intermittent or chips_fail):
-        n_lost = int(np.isin(scans.reading, CHIP_READINGS).sum())
+    if scans is not None and (scans.chips_fail_intermittently or chips_fail):
+        n_lost = int(np.isin(scans.reading, CHIP_FAULT_READINGS).sum())
         observation = (
             f"{location}: its chips answer now and then; {n_lost} of {scans.reading.size} readings were lost"
         )
@@ -118,8 +118,8 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
         )
     elif chips is not None and chips_fail:
         yield Diagnosis(report.leg, f"{location}: {chips.why}", _PARTS_TO_CHECK[chips.outcome])
-    if report.timing is not None and report.timing.slowness > 1.0:
-        slower = f"{100 * (report.timing.slowness - 1):.0f} %"
+    if report.timing is not None and report.timing.wait_factor > 1.0:
+        slower = f"{100 * (report.timing.wait_factor - 1):.0f} %"
         observation = (
             f"{location}: its conversions take {slower} longer than the slowest converter may; "
             "all legs wait for them"

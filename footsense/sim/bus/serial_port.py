@@ -43,7 +43,7 @@ class SimulatedSerialPort:
             arrived += self._due.popleft()[1]
         return arrived
 
-    def wait_until_ns(self, t_ns: int) -> None:
+    def wait_for_bytes_until_ns(self, t_ns: int) -> None:
         """Advance the clock to the next arrival of bytes, at the latest to `t_ns` [ns]."""
         sends_ns = self._next_ns + self._mcu.conversion_span_ns
         self._clock.sleep_until_ns(min(t_ns, self._due[0][0] if self._due else sends_ns))

@@ -89,7 +89,7 @@ class SimulatedSensor:
         if data:
             self._started_ns, self._n_sent = self._clock.now_ns(), 0
 
-    def wait_until_ns(self, t_ns: int) -> None:
+    def wait_for_bytes_until_ns(self, t_ns: int) -> None:
         """Advance the clock to a time [ns]."""
         self._clock.sleep_until_ns(t_ns)
 

@@ -50,7 +50,7 @@ def test_every_element_of_an_array_is_read_at_its_place(rows: int, board: str) -
     scanner = BusScanner(UpstreamBus(bus, 0x71), bus.clock, LEGS, scan_plan("lo_shu", rate_sps, board, rows))
     scanner.start()
     for _ in range(rows**2):
-        readings = scanner.read()
+        readings = scanner.read_next_element()
     assert (readings.reading == Reading.OK).all()
     stray_pf = readings.capacitance_pf - made_pf
     assert np.ptp(stray_pf) < 0.05

@@ -96,6 +96,6 @@ def test_a_loose_contact_is_told_from_one_that_is_off() -> None:
     """Some scans are whole."""
     scans = foot()
     scans.reading[:3, 0] = Reading.NO_ANSWER
-    assert scans.is_intermittent
+    assert scans.chips_fail_intermittently
     scans.reading[:, 0] = Reading.NO_ANSWER
-    assert not scans.is_intermittent
+    assert not scans.chips_fail_intermittently

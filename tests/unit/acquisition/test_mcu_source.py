@@ -155,7 +155,7 @@ class Script:
         self.due = [one for one in self.due if one[0] > self._clock.now_ns()]
         return ready
 
-    def wait_until_ns(self, t_ns: int) -> None:
+    def wait_for_bytes_until_ns(self, t_ns: int) -> None:
         self._clock.sleep_until_ns(min([t_ns, *(at_ns for at_ns, _ in self.due)]))
 
     def write(self, data: bytes) -> None: ...

@@ -105,7 +105,7 @@ def test_a_stuck_bus_costs_the_other_bus_nothing_and_comes_back() -> None:
 class HeldBus:
     """A bus whose reads wait in the kernel, as for a timeout."""
 
-    wait_ns = 20_000_000
+    conversion_wait_ns = 20_000_000
 
     def __init__(self) -> None:
         self.clock = MonotonicClock()
@@ -117,7 +117,7 @@ class HeldBus:
     def latest(self) -> BusReadings:
         return BusReadings(np.full((1, 9), self.n_read), np.ones((1, 9)), np.zeros((1, 9), np.uint8))
 
-    def read(self) -> BusReadings:
+    def read_next_element(self) -> BusReadings:
         self.lines_free.wait(10)
         self.n_read += 1
         return self.latest

@@ -34,6 +34,6 @@ def test_a_selection_that_may_have_been_taken_is_written_again() -> None:
     bus.fails = False
     upstream.connect(0b11)
     assert bus.selected == [0b11, 0b100, 0b11]
-    upstream.invalidate()
+    upstream.forget_selection()
     upstream.connect(0b11)
     assert bus.selected == [0b11, 0b100, 0b11, 0b11]

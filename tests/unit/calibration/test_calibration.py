@@ -42,9 +42,9 @@ STRAY, _, GAP = element_slices(9)
 def _read(loads: LoadSet, foot: FootParameters | None) -> Vector:
     """Return what a robot makes of loads [N], shape (n, 3)."""
     stray_pf = np.zeros(9) if foot is None else foot.stray_pf
-    card = design().network(1).card.trained_inputs
+    card = design().network_for_rows(1).card.trained_inputs
     closure_um = card.design.closure_um(loads.capacitance_pf - stray_pf, loads.baseline_pf - stray_pf)
-    feet = CalibratedFeet(design().network(len(loads)), [foot], len(loads))
+    feet = CalibratedFeet(design().network_for_rows(len(loads)), [foot], len(loads))
     gain_rel = np.ones(9) if foot is None else foot.gain_rel
     return feet.estimate(steady_windows(closure_um / card.design.gap_um / gain_rel)).force_n
 
@@ -76,7 +76,7 @@ def test_exact_loads_identify_the_foot() -> None:
     """Strays, stiffness and mount come out as they are."""
     own = made(1)
     loads = load_set(own, _TRAINING[::6])
-    found = fit_parameters(FootTwin(design().response, loads.unloaded_pf), loads).parameters
+    found = fit_parameters(FootTwin(design().response, loads.median_baseline_pf), loads).parameters
     np.testing.assert_allclose(found[STRAY], own.stray_pf, atol=0.02)
     np.testing.assert_allclose(found[STIFFNESS], own.stiffness_rel, atol=0.01)
     np.testing.assert_allclose(rotation(found[MOUNT]), own.mount, atol=0.005)
@@ -88,7 +88,7 @@ def test_feet_of_other_arrays_are_identified_as_well(rows: int) -> None:
     table = response(rows)
     own = fabricate(table, MADE, 7, 1)
     loads = load_set(own, _TRAINING[::6], response=table)
-    fit = fit_parameters(FootTwin(table, loads.unloaded_pf), loads)
+    fit = fit_parameters(FootTwin(table, loads.median_baseline_pf), loads)
     np.testing.assert_allclose(fit.parameters[element_slices(rows**2).stray], own.stray_pf, atol=0.05)
     np.testing.assert_allclose(fit.parameters[STIFFNESS], own.stiffness_rel, atol=0.03)
     np.testing.assert_allclose(rotation(fit.parameters[MOUNT]), own.mount, atol=0.01)
@@ -102,9 +102,11 @@ def test_errors_as_large_as_supposed_lie_as_far_as_supposed() -> None:
     """
     rng = np.random.default_rng(4)
     loads = load_set(made(1), _TRAINING[::4], rng, lean_deg=0.0, rubber_rel=0.015)
-    unexplained_pf = 0.005 * (loads.capacitance_pf - loads.unloaded_pf) * rng.normal(size=(len(loads), 9))
+    unexplained_pf = (
+        0.005 * (loads.capacitance_pf - loads.median_baseline_pf) * rng.normal(size=(len(loads), 9))
+    )
     loads = replace(loads, capacitance_pf=loads.capacitance_pf + unexplained_pf)
-    found = fit_parameters(FootTwin(design().response, loads.unloaded_pf), loads)
+    found = fit_parameters(FootTwin(design().response, loads.median_baseline_pf), loads)
     assert 6.0 < np.median(np.square(found.mahalanobis_distance)) < 7.5
 
 
@@ -136,7 +138,7 @@ def test_an_offset_sheet_and_a_crooked_reference_are_told_from_the_foot() -> Non
         capacitance_pf=foot.capacitance_pf(normal, force_n),
         baseline_pf=np.tile(foot.unloaded_pf, (len(force_n), 1)),
     )
-    found = fit_parameters(FootTwin(design().response, loads.unloaded_pf), loads)
+    found = fit_parameters(FootTwin(design().response, loads.median_baseline_pf), loads)
     np.testing.assert_allclose(found.parameters[OFFSET], offset, atol=0.006)
     np.testing.assert_allclose(reference_gains(found.parameters), [1.0233, 0.9933, 0.9833], atol=0.01)
     assert np.median(found.mahalanobis_distance) < 1.0
@@ -213,7 +215,7 @@ def test_firm_loads_that_shut_gaps_lead_nowhere_else(number: int) -> None:
 def test_a_gap_that_never_closes_stays_as_designed_and_unidentified() -> None:
     """Loads of 50 gf close none, so they identify no gap, and an unidentified parameter does not move."""
     found = fit_parameters(
-        FootTwin(design().response, load_set(made(1), _LIGHT).unloaded_pf), load_set(made(1), _LIGHT)
+        FootTwin(design().response, load_set(made(1), _LIGHT).median_baseline_pf), load_set(made(1), _LIGHT)
     )
     np.testing.assert_allclose(found.parameters[GAP], 0.0, atol=1e-6)
     assert (found.contraction[GAP] < 0.01).all()
@@ -223,7 +225,7 @@ def test_a_gap_is_identified_only_by_loads_that_close_it() -> None:
     """One that a neighbour's shutting had moved would let a shut gap pass for an open one on the robot."""
     own = made(0)
     loads = load_set(own, _TRAINING[::6], np.random.default_rng(0))
-    twin = FootTwin(design().response, loads.unloaded_pf)
+    twin = FootTwin(design().response, loads.median_baseline_pf)
     found = fit_parameters(twin, loads)
     cell_closures_um = twin.cell_closures_um(found.parameters, ContactLoads.centred(loads.force_n)).reshape(
         len(loads), 9, -1

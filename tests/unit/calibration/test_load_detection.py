@@ -189,7 +189,7 @@ def test_a_lagging_reference_is_reported(late_s: float, says: str, scan_ns: int)
         for cycle in cycles(force_profile(*presses), 14.0, scan_ns=scan_ns)
         if cycle.reference is not None
     ]
-    lags_s = [load.lag_s for load in find_loads(late)]
+    lags_s = [load.reference_lag_s for load in find_loads(late)]
     assert len(lags_s) == 6
     assert np.median(lags_s) == pytest.approx(late_s, abs=0.015)
     words = lag_message(lags_s)

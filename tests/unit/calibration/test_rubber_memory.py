@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from footsense.calibration.fit.rubber_memory import remove_rubber_memory
+from footsense.calibration.fit.rubber_memory import correct_baselines_for_creep
 from footsense.foot.directions import normalized
 from footsense.foot.specimen import Foot
 from footsense.sim.test_stand.press_sequence import paper_presses
@@ -27,7 +27,7 @@ def test_what_the_rubber_remembers_is_taken_off_and_drift_is_left(every: int) ->
     rested_pf = loads.baseline_pf + np.linspace(0.0, _DRIFT_PF, len(loads))[:, None]
     remembering_pf = Foot(design().response, own).capacitance_pf(contacts, np.array(staying_n))
     read_pf = rested_pf + remembering_pf - loads.baseline_pf
-    found_pf = remove_rubber_memory(design().response, replace(loads, baseline_pf=read_pf)).baseline_pf
+    found_pf = correct_baselines_for_creep(design().response, replace(loads, baseline_pf=read_pf)).baseline_pf
     assert np.abs(read_pf - rested_pf).mean() > 0.02
     assert abs((found_pf - rested_pf).mean()) < 0.004
     assert (found_pf - rested_pf).std() < 0.01
@@ -38,5 +38,7 @@ def test_an_elastic_foot_is_left_as_it_is() -> None:
     rng = np.random.default_rng(2)
     loads = load_set(made(2), paper_presses("training")[::12], rng)
     noisy_pf = loads.baseline_pf + 0.0002 * rng.normal(size=loads.baseline_pf.shape)
-    found_pf = remove_rubber_memory(design().response, replace(loads, baseline_pf=noisy_pf)).baseline_pf
+    found_pf = correct_baselines_for_creep(
+        design().response, replace(loads, baseline_pf=noisy_pf)
+    ).baseline_pf
     np.testing.assert_allclose(found_pf, noisy_pf, atol=0.001)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.steady_span import longest_steady
+from footsense.calibration.loads.steady_span import longest_steady_scan_range
 
 Vector = NDArray[np.float64]
 
@@ -57,4 +57,4 @@ def test_one_pass_finds_what_looking_at_every_span_does(
     force_n, change_pf = np.hsplit(np.array(values), [3])
     limit_n, limit_pf = (np.repeat(column, 3, axis=1) for column in np.hsplit(np.array(limits[:n]), 2))
     given_ = (force_n, change_pf, limit_n, limit_pf)
-    assert longest_steady(t_ns, *given_) == slowly(t_ns, *given_)
+    assert longest_steady_scan_range(t_ns, *given_) == slowly(t_ns, *given_)

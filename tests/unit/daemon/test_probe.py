@@ -63,7 +63,7 @@ def test_the_clock_of_each_converter_and_what_it_keeps_is_told() -> None:
     assert "asked whether they are done while the next conversion runs." in shown(sound)
     assert {leg["slowness_rel"] for leg in probe_json(sound)["legs"].values()} == {1.0}
     found = probe(DEFAULT, msgspec.structs.replace(HANGING, seed=2, effects=Effects(converter_clock_rel=0.1)))
-    slow = [leg.leg for leg in found.legs if leg.timing and leg.timing.slowness > 1.0]
+    slow = [leg.leg for leg in found.legs if leg.timing and leg.timing.wait_factor > 1.0]
     assert 0 < len(slow) < 6
     assert [diagnosis.location for diagnosis in found.diagnoses] == slow
     assert all(

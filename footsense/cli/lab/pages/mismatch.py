@@ -14,7 +14,10 @@ from matplotlib.figure import Figure
 
 from footsense import calibration, estimation, foot
 from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.fit.calibrate import MAX_MAHALANOBIS_DISTANCE, TYPICAL_MAHALANOBIS_DISTANCE
+from footsense.calibration.fit.calibrate import (
+    MAX_MEDIAN_MAHALANOBIS_DISTANCE,
+    WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
+)
 from footsense.cli.lab.pages.mismatch_rows import MISMATCH_ROWS
 from footsense.errors import FootsenseError
 from footsense.foot.direction_sets import random_directions
@@ -224,15 +227,16 @@ def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
         distance, error_deg = np.array(feet).T
         dots.scatter(distance, error_deg, s=12, marker=marker, color=color, alpha=0.7, linewidths=1.0)
         middle, highest = np.median(feet, axis=0)[0], np.max(feet, axis=0)[1]
-        if middle > TYPICAL_MAHALANOBIS_DISTANCE:
+        if middle > WARNING_MEDIAN_MAHALANOBIS_DISTANCE:
             place = (middle, highest)
             dots.annotate(name, place, (0, 5), textcoords="offset points", ha="center", fontsize="small")
     for marker, color, label in marks.values():
         dots.scatter([], [], marker=marker, color=color, label=label)
     last = 1.1 * max(
-        MAX_MAHALANOBIS_DISTANCE, *(foot[0] for feet in results.error_over_distance.values() for foot in feet)
+        MAX_MEDIAN_MAHALANOBIS_DISTANCE,
+        *(foot[0] for feet in results.error_over_distance.values() for foot in feet),
     )
-    edges = (0.0, TYPICAL_MAHALANOBIS_DISTANCE, MAX_MAHALANOBIS_DISTANCE, last)
+    edges = (0.0, WARNING_MEDIAN_MAHALANOBIS_DISTANCE, MAX_MEDIAN_MAHALANOBIS_DISTANCE, last)
     for left, right, color, word in zip(
         edges, edges[1:], ("C2", "C1", "C3"), ("trust", "check", "refused"), strict=False
     ):

@@ -148,10 +148,10 @@ def scan_ms(response: FootResponse) -> float:
     plan = scan_plan(DEFAULT.order, DEFAULT.rate_sps, rows=response.rows)
     scanner = BusScanner(UpstreamBus(bus, _MUX_ADDRESS), bus.clock, channels, plan)
     scanner.start()
-    scanner.read()
+    scanner.read_next_element()
     start_ns = bus.clock.now_ns()
     for _ in range(N_SIMULATED_SCANS * response.n_elements):
-        scanner.read()
+        scanner.read_next_element()
     return (bus.clock.now_ns() - start_ns) * 1e-6 / N_SIMULATED_SCANS
 
 
