@@ -31,7 +31,7 @@ Stamps = NDArray[np.int64]
 Codes = NDArray[np.uint8]
 
 #: Whether the force of a leg in a state may be used, by the state's code, shape (256,): `IS_USABLE[frame.state]`.
-IS_USABLE: Mask = np.isin(np.arange(256), list(USABLE))
+IS_USABLE_STATE: Mask = np.isin(np.arange(256), list(USABLE))
 
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
 ELEMENTS = 9
@@ -223,7 +223,7 @@ class CommandResult(NamedTuple):
     reason: str
 
 
-class Reference(NamedTuple):
+class ReferenceSamples(NamedTuple):
     """Samples of the test stand's force sensor since the last cycle, oldest first.
 
     Attributes:
@@ -254,7 +254,7 @@ class Cycle(NamedTuple):
     commands: tuple[Command, ...]
     forces: ContactFrame
     outcomes: tuple[CommandResult, ...]
-    reference: Reference | None = None
+    reference: ReferenceSamples | None = None
     temperature_c: Vector | None = None
 
 
@@ -263,11 +263,11 @@ class CanStatistics:
     """Counters of CAN frames and bus events since the interface was first opened.
 
     Attributes:
-        published: Cycles whose forces were published, whether the channel took them or not.
+        published_cycles: Cycles whose forces were published, whether the channel took them or not.
         sent: Handed to the channel.
         dropped: Refused by the channel, for a full queue or a dead interface, and never sent again.
-        received: Arrived under a command id of ours, good or bad.
-        rejected: Received frames that were not executed: wrong crc, repeated counter, unknown command.
+        received_commands: Arrived under a command id of ours, good or bad.
+        rejected_commands: Received frames that were not executed: wrong crc, repeated counter, unknown command.
         bus_errors: Error frames that the controller reported.
         bus_off: Error frames that report bus-off: the controller has left the bus.
         error_passive: Error frames that report error passive: errors, or no acknowledgement.
@@ -275,11 +275,11 @@ class CanStatistics:
         unlogged: Frames that were sent and are not in the log, because its writer was too slow or has ended.
     """
 
-    published: int = 0
+    published_cycles: int = 0
     sent: int = 0
     dropped: int = 0
-    received: int = 0
-    rejected: int = 0
+    received_commands: int = 0
+    rejected_commands: int = 0
     bus_errors: int = 0
     bus_off: int = 0
     error_passive: int = 0

@@ -7,7 +7,16 @@ port cannot tell which.
 from array import array
 from typing import NamedTuple, Protocol
 
-from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Mask, Reference, Vector
+from footsense.frames import (
+    CapFrame,
+    Command,
+    CommandResult,
+    ContactFrame,
+    Cycle,
+    Mask,
+    ReferenceSamples,
+    Vector,
+)
 
 #: Bounds of the wake-up latency histogram [s]: FIFO wakes within 0.2 ms, a busy machine without it within some 10 ms.
 LATENCY_BOUNDS_S = (
@@ -153,7 +162,7 @@ class FrameSource(Protocol):
 class ReferenceSensor(Protocol):
     """Interface of the reference force sensor of a test stand."""
 
-    def read(self, now_ns: int) -> Reference:
+    def read(self, now_ns: int) -> ReferenceSamples:
         """Return the force samples since the last call, oldest first, possibly none, without waiting.
 
         Args:

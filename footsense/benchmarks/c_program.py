@@ -15,7 +15,7 @@ from footsense.config import Config
 from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
-from footsense.estimation.reading_window import MAX_READING_INTERVAL_REL
+from footsense.estimation.reading_window import MAX_READING_INTERVAL_SCANS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, CapFrame, Stamps, Vector
@@ -95,7 +95,7 @@ class CProgram:
                 np.full(n, design.unloaded_pf),
                 calibration.closure_rel_min,
                 calibration.closure_rel_max,
-                [config.stale_after_ms * 1e6, MAX_READING_INTERVAL_REL * config.shortest_scan_ms * 1e6],
+                [config.stale_after_ms * 1e6, MAX_READING_INTERVAL_SCANS * config.shortest_scan_ms * 1e6],
                 *(residual.ravel(), [RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS)]),
             ]
         )

@@ -17,7 +17,7 @@ from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
-from footsense.frames import IS_USABLE, Flag
+from footsense.frames import IS_USABLE_STATE, Flag
 from footsense.sim.scene import Scene
 from footsense.sim.scene_files import load_scene
 
@@ -113,5 +113,5 @@ def newest_reading_age_ms() -> dict[str, float]:
         pipeline = pipeline_for(load_models(config), Flag.SIMULATED)
         while len(ages_ns) < _N_AGE_SAMPLES * len(config.legs):
             forces, _ = pipeline.process(scan_source.source.read(), scan_source.clock.now_ns())
-            ages_ns += forces.age_ns[IS_USABLE[forces.state]].tolist()
+            ages_ns += forces.age_ns[IS_USABLE_STATE[forces.state]].tolist()
     return {"p50": float(np.median(ages_ns)) * 1e-6, "p99": float(np.quantile(ages_ns, 0.99)) * 1e-6}

@@ -46,7 +46,7 @@ the force.
 
 ## Origin
 
-Network `{parameters.network_sha256}`, training set `{manifest.training_sha256}`:
+Network `{parameters.network_sha256}`, training set `{manifest.recordings_sha256}`:
 
 | recording | SHA-256 |
 |---|---|

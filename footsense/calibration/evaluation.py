@@ -145,7 +145,7 @@ def estimate_loads(
     closure_rel = closure_um / design.gap_um / gain_rel
     # A NaN fails every comparison.
     inside = (closure_rel >= trained_inputs.closure_rel_min) & (
-        closure_rel <= trained_inputs.usable_max_rel(gap_um)
+        closure_rel <= trained_inputs.max_usable_closure_rel(gap_um)
     )
     trained = inside.all(axis=1, keepdims=True)
     load = CalibratedFeet(network, [foot], len(loads)).estimate(

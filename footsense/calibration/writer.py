@@ -97,7 +97,7 @@ def write_calibration(
         }
         hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
         manifest = msgspec.structs.replace(manifest, files=hashes)
-        manifest = msgspec.structs.replace(manifest, sha256=manifest.own_sha256)
+        manifest = msgspec.structs.replace(manifest, sha256=manifest.computed_sha256)
         calibrations.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(dir=calibrations, prefix=f".{manifest.foot}."))
         try:

@@ -104,7 +104,7 @@ class CanCommands:
             if counter not in leg.pending_counters[kind]:  # so the list cannot outgrow the counter's range
                 leg.pending_counters[kind].append(counter)
             commands.append(Command(kind, leg.row))
-        self._channel.stats.rejected += len(frames) - len(commands)
+        self._channel.stats.rejected_commands += len(frames) - len(commands)
         return commands
 
     def answer(self, outcome: CommandResult) -> None:

@@ -188,7 +188,7 @@ class CanSink:
             masks,
         )
         counter, self._counter = self._counter, (self._counter + 1) % COUNTER_PERIOD
-        self.stats.published += 1
+        self.stats.published_cycles += 1
         if self._fd_ids:
             return [
                 pack_fd_frame(
@@ -206,7 +206,7 @@ class CanSink:
         """Return the valid commands among the received frames; invalid ones are counted."""
         frames = self._channel.receive()
         if not self._obeys:
-            self.stats.rejected += len(frames)
+            self.stats.rejected_commands += len(frames)
             return []
         return self._commands.decode(frames) if frames else []
 

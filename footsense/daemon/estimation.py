@@ -64,7 +64,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         track_baseline=config.baseline.track,
         scan_ns=scan_ns,
         max_age_ns=round(config.stale_after_ms * 1e6),
-        settled_ns=_SETTLED_SCANS * scan_ns,
+        settling_time_ns=_SETTLED_SCANS * scan_ns,
         flags=flags,
         gap_um=_element_parameter(models, "gap_um", {}, design.gap_um),
         gain_rel=_element_parameter(models, "gain_rel", {}, 1.0),
@@ -127,7 +127,8 @@ def _closure_rel_per_pf(design: CapacitorDesign) -> float:
 def contact_threshold_n(models: Models) -> float:
     """Return the contact threshold of the load [N]: configured, or a fraction of the largest load."""
     configured = models.config.contact.threshold_n
-    return round(_CONTACT_THRESHOLD_REL * models.network.card.max_n, 6) if configured is None else configured
+    default_n = round(_CONTACT_THRESHOLD_REL * models.network.card.max_trained_force_n, 6)
+    return default_n if configured is None else configured
 
 
 def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLimits:
@@ -140,7 +141,7 @@ def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLi
     Raises:
         ConfigError: The configured threshold is within the noise of these feet.
     """
-    n_per_pf = force_sensitivity.load_n_per_rel * _closure_rel_per_pf(
+    n_per_pf = force_sensitivity.load_n_per_mean_closure * _closure_rel_per_pf(
         models.network.card.trained_inputs.design
     )
     threshold_n = contact_threshold_n(models)

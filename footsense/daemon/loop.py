@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from footsense.estimation.pipeline import Pipeline
-from footsense.frames import CapFrame, Command, Cycle, Reference, Vector
+from footsense.frames import CapFrame, Command, Cycle, ReferenceSamples, Vector
 from footsense.ports import Clock, ForceSink, FrameSource, Observer, ReferenceSensor
 
 
@@ -64,7 +64,7 @@ class Loop:
         self,
         scan: CapFrame,
         commands: tuple[Command, ...],
-        reference: Reference | None = None,
+        reference: ReferenceSamples | None = None,
         temperature_c: Vector | None = None,
     ) -> Cycle:
         """Run one cycle on a frame: execute commands, estimate, publish, notify observers; return the cycle."""

@@ -76,10 +76,10 @@ class Service(Loop):
         stats = self.sink.stats
         return {
             "can": {
-                "published": stats.published,
+                "published": stats.published_cycles,
                 "sent": stats.sent,
                 "dropped": stats.dropped,
-                "rejected_commands": stats.rejected,
+                "rejected_commands": stats.rejected_commands,
             },
             "cycles_not_recorded": self.recorder.n_lost if self.recorder else None,
         }
@@ -144,7 +144,7 @@ def open_service(
                 scan.clock,
                 can_log,
                 log_may_wait=not real_time,
-                force_step_mn=force_step_mn(models.network.card.max_n),
+                force_step_mn=force_step_mn(models.network.card.max_trained_force_n),
                 connect=connect,
             )
         )

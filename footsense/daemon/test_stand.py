@@ -18,7 +18,7 @@ from footsense.config.test_stand import (
 )
 from footsense.daemon.acquisition import ScanSource
 from footsense.errors import ConfigError, RecordingError
-from footsense.frames import Reference
+from footsense.frames import ReferenceSamples
 from footsense.recording.replay import Replay
 from footsense.reference.binary_decoder import BinaryDecoder
 from footsense.reference.line_decoder import TextLineDecoder
@@ -124,7 +124,7 @@ def _record_decoder(framing: LineFraming | BinaryFraming) -> RecordDecoder:
     return BinaryDecoder(framing.columns, framing.layout, bytes.fromhex(framing.sync), framing.checksum)
 
 
-def _read_recorded_reference(path: Path, test_stand: StandConfig) -> Reference:
+def _read_recorded_reference(path: Path, test_stand: StandConfig) -> ReferenceSamples:
     """Return the samples of a recorded sensor, from a CSV file or a recording.
 
     Raises:

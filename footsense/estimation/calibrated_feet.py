@@ -45,7 +45,7 @@ class CalibratedFeet:
         self._calibrated_error_rel = np.tile(
             [0.0 if foot is None else foot.error_rel for foot in feet], repeats
         )
-        self._apply_gains(np.ones(len(feet)), np.zeros(len(feet)))
+        self._apply_temperature_factors(np.ones(len(feet)), np.zeros(len(feet)))
 
     def set_temperature(self, temperature_c: Vector, calibrated_at: Sequence[CalibratedAt | None]) -> None:
         """Set the feet's present temperature [degC], by which their forces are compensated.
@@ -59,9 +59,9 @@ class CalibratedFeet:
             for leg in zip(temperature_c.tolist(), calibrated_at, strict=True)
         ]
         gain, unknown_rel = np.array(effects).T
-        self._apply_gains(gain, unknown_rel)
+        self._apply_temperature_factors(gain, unknown_rel)
 
-    def _apply_gains(self, gain: Vector, unknown_rel: Vector) -> None:
+    def _apply_temperature_factors(self, gain: Vector, unknown_rel: Vector) -> None:
         """Multiply each leg's correction matrices by its temperature factor, and add its uncertainty."""
         gains = np.tile(gain, self._repeats)[:, None, None]
         self._matrix, self._correction = gains * self._calibrated_matrix, gains * self._calibrated_correction

@@ -65,7 +65,7 @@ class Network:
         except Exception as error:  # the library raises a dozen types without a common base
             raise ModelError(f"{path}: not a readable ONNX network ({_error_line(error)})") from error
         # Shapes first: read_card would only say that a card of another shape does not fit.
-        signals = input_signals(_rows(inputs))
+        signals = input_signals(_n_element_rows(inputs))
         if text is not None:
             _check_shapes(path, "input", inputs, signals)
             _check_shapes(path, "output", outputs, OUTPUTS)
@@ -137,7 +137,7 @@ def _read_file(path: Path) -> bytes:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _rows(inputs: Sequence[tuple[str, str, Sequence[Any]]]) -> int:
+def _n_element_rows(inputs: Sequence[tuple[str, str, Sequence[Any]]]) -> int:
     """Return the foot's rows of elements, from the width of the network's mask input; 3 if the width is invalid."""
     widths = [shape[-1] for name, _, shape in inputs if name == "missing" and shape]
     return math.isqrt(widths[0] if widths and widths[0] in ELEMENT_COUNTS else ELEMENTS)

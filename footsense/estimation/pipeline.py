@@ -16,7 +16,7 @@ from footsense.estimation.baseline.unloaded import UnloadedFeet
 from footsense.estimation.faults.calibration_monitor import CalibrationMonitor
 from footsense.estimation.faults.consistency import ConsistencyResult, ConsistencyTest
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import missing_elements
+from footsense.estimation.faults.missing_sets import missing_sets_containing
 from footsense.estimation.faults.status import (
     CONVERTER_MAX_PF,
     ElementClassifier,
@@ -62,7 +62,7 @@ class Pipeline:
         track_baseline: Whether a baseline follows a foot in swing.
         scan_ns: Time of a scan [ns].
         max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
-        settled_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
+        settling_time_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
         flags: Flags of every frame.
         range_end_pf: Least capacitance of an element over the converter's range [pF].
         gap_um: Air gap of each element [um], shape (legs, elements); None for the design's.
@@ -86,7 +86,7 @@ class Pipeline:
         contact: ContactLimits,
         scan_ns: int,
         max_age_ns: int,
-        settled_ns: int,
+        settling_time_ns: int,
         track_baseline: bool = True,
         flags: int = 0,
         range_end_pf: float = CONVERTER_MAX_PF,
@@ -120,7 +120,7 @@ class Pipeline:
             gain_rel=gain_rel,
             feet=feet,
         )
-        self._consistency = ConsistencyTest(n_legs, trained.moments, settled_ns)
+        self._consistency = ConsistencyTest(n_legs, trained.moments, settling_time_ns)
         gap_um = np.full_like(stray_pf, design.gap_um) if gap_um is None else gap_um
         self._legs = LegClassifier(n_legs, trained, gap_um, max_age_ns)
         self._monitor = CalibrationMonitor(n_legs, body_weight_n)
@@ -166,15 +166,17 @@ class Pipeline:
         baselines = self._baselines
         elements = self._elements.classify(scan, self._consistency.excluded, baselines.unloaded.baseline_pf)
         pf = elements.capacitance_pf
-        results = baselines.tare(pf, scan.reading, scan.t_ns, elements.missing, now_ns)
+        results = baselines.process_tares(pf, scan.reading, scan.t_ns, elements.missing, now_ns)
         unloaded = baselines.unloaded
         readings = self._window.add(self._distance_pf / pf, scan.t_ns)
         missing = self._missing_elements(elements, unloaded)
         closure_rel = unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
         measured_rel = closure_rel[:, 0]
-        consistency = self._consistency.test(measured_rel, readings.motion_rel, missing, now_ns)
+        consistency = self._consistency.test(
+            measured_rel, readings.second_largest_motion_rel, missing, now_ns
+        )
         if not consistency.is_all_ok:
-            self._window.discard(consistency.missing & ~missing)
+            self._window.discard_newest(consistency.missing & ~missing)
         lost = self._no_leg
         if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
             consistency, lost = _with_interrupted_readings_missing(consistency, readings)
@@ -186,7 +188,7 @@ class Pipeline:
             lost,
             measured_rel,
             consistency,
-            unloaded.untared_elements,
+            unloaded.untared_elements_of_tared_legs,
             baselines.untared_legs,
             baselines.drift_cause,
             now_ns,
@@ -196,7 +198,7 @@ class Pipeline:
         force_n = load.force_n
         baselines.observe(measured_rel, force_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns)
         gait = self._gait.observe(load, baselines.contacts, now_ns)
-        cause = self._calibration_causes(force_n, state, legs, measured_rel, now_ns)
+        cause = self._run_calibration_monitor(force_n, state, legs, measured_rel, now_ns)
         return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
@@ -215,9 +217,9 @@ class Pipeline:
         """Return the mask of elements that cannot be used, shape (legs, elements): faulty, excluded, untared."""
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
-        elif elements.is_all_ok:
+        elif elements.all_readings_ok:
             return elements.missing
-        return missing_elements(elements.faulty | unloaded.untared_elements)
+        return missing_sets_containing(elements.faulty | unloaded.untared_elements_of_tared_legs)
 
     def _estimate_loads(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
@@ -230,7 +232,7 @@ class Pipeline:
             consistency: The elements to do without.
             legs: Status of the legs.
         """
-        if not legs.healthy:
+        if not legs.all_healthy:
             # The network gets trained inputs only.
             closure_rel = np.where(legs.usable[:, None, None], closure_rel, 0.0)
             closure_rel = np.minimum(
@@ -241,27 +243,29 @@ class Pipeline:
         load = self._estimator.estimate(Window(closure_rel, age_s, consistency.missing))
         force_n, sigma_n = load.force_n, load.sigma_n
         sigma_n = np.hypot(sigma_n, self._baselines.sigma_n)
-        if not consistency.is_all_ok and consistency.inconsistency_rel.any():
-            inconsistent_n = consistency.inconsistency_rel * np.linalg.norm(force_n, axis=1)
+        if not consistency.is_all_ok and consistency.inconsistency_sigma_rel.any():
+            inconsistent_n = consistency.inconsistency_sigma_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
-        if legs.healthy and math.isfinite(np.vdot(force_n, sigma_n)):
+        if legs.all_healthy and math.isfinite(np.vdot(force_n, sigma_n)):
             return load._replace(sigma_n=sigma_n), legs.state
         finite = legs.usable & np.isfinite(force_n + sigma_n).all(axis=1)
         force_n[~finite] = sigma_n[~finite] = np.nan
         state = np.where(legs.usable & ~finite, np.uint8(State.OUT_OF_RANGE), legs.state)
         return load._replace(sigma_n=sigma_n), state
 
-    def _calibration_causes(
+    def _run_calibration_monitor(
         self, force_n: Vector, state: Codes, legs: LegStatus, measured_rel: Vector, now_ns: int
     ) -> Codes:
         """Run the calibration monitor; return each leg's cause, a stale calibration if there is no other."""
         monitor = self._monitor
         if now_ns >= monitor.due_ns:
             load_n = force_n[:, 2]
-            if not legs.healthy:
+            if not legs.all_healthy:
                 load_n = np.where(state == _VALID, load_n, np.nan)
             in_contact = (self._baselines.flags & self._contact).astype(np.bool_)
-            monitor.observe(load_n, in_contact, self._consistency.squared_residuals(measured_rel), now_ns)
+            monitor.observe(
+                load_n, in_contact, self._consistency.residual_and_closure_square_sums(measured_rel), now_ns
+            )
         if not monitor.any_stale:
             return legs.cause
         unexplained = monitor.stale & legs.usable & (legs.cause == Cause.NONE)
@@ -286,10 +290,10 @@ def _with_interrupted_readings_missing(
     others.
     """
     incomplete = ~readings.is_consecutive
-    missing = missing_elements(consistency.missing | incomplete)
-    lost: Mask = np.asarray((incomplete & ~missing).any(axis=1))
-    missing[lost] = consistency.missing[lost]
-    return consistency._replace(missing=missing, is_all_ok=False), lost
+    missing = missing_sets_containing(consistency.missing | incomplete)
+    interrupted_legs: Mask = np.asarray((incomplete & ~missing).any(axis=1))
+    missing[interrupted_legs] = consistency.missing[interrupted_legs]
+    return consistency._replace(missing=missing, is_all_ok=False), interrupted_legs
 
 
 def _with_usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:

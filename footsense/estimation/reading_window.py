@@ -10,7 +10,7 @@ from footsense.frames import Mask, Stamps, Vector
 READINGS = 3
 #: Longest time between two readings of an element, over the time of a scan [1]: after a stall, older readings are not
 #: mixed with newer ones.
-MAX_READING_INTERVAL_REL = 1.75
+MAX_READING_INTERVAL_SCANS = 1.75
 
 #: Smallest spike that is taken for a wrong reading [1], and change over it of the readings beside it [1].
 _SPIKE_THRESHOLD_REL, _NEIGHBOUR_TOLERANCE_REL = 0.1, 0.25
@@ -24,16 +24,16 @@ class Readings(NamedTuple):
         t_ns: Middle of each conversion [ns], same shape; 0 where there is none.
         is_consecutive: Elements whose newest two readings follow on one another, shape (legs, elements).
         newest_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
-        oldest_ns: Time of the oldest of the newest readings of each leg's whole elements [ns], shape (legs,).
-        motion_rel: Second largest change of an element from one reading to the next [1], shape (legs,).
+        oldest_of_newest_ns: Time of the oldest of the newest readings of each leg's whole elements [ns], shape (legs,).
+        second_largest_motion_rel: Second largest change of an element from one reading to the next [1], shape (legs,).
     """
 
     plate_distance_rel: Vector
     t_ns: Stamps
     is_consecutive: Mask
     newest_ns: Stamps
-    oldest_ns: Stamps
-    motion_rel: Vector
+    oldest_of_newest_ns: Stamps
+    second_largest_motion_rel: Vector
 
 
 class ReadingWindow:
@@ -48,7 +48,7 @@ class ReadingWindow:
         n_legs, self._n_elements = shape
         self._distance_rel = np.full((n_legs, READINGS, self._n_elements), np.nan)
         self._t_ns = np.zeros((n_legs, READINGS, self._n_elements), np.int64)
-        self._longest_ns = np.array(round(MAX_READING_INTERVAL_REL * scan_ns))
+        self._longest_ns = np.array(round(MAX_READING_INTERVAL_SCANS * scan_ns))
 
     def add(self, plate_distance_rel: Vector, t_ns: Stamps) -> Readings:
         """Add the new readings of a frame; return the last three readings of every element.
@@ -95,7 +95,7 @@ class ReadingWindow:
             moved_rel[:, self._n_elements - 2],
         )
 
-    def discard(self, elements: Mask) -> None:
+    def discard_newest(self, elements: Mask) -> None:
         """Discard the newest reading of each element in a mask, shape (legs, elements)."""
         self._distance_rel[:, 0][elements] = np.nan
 

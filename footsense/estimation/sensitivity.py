@@ -21,13 +21,13 @@ class Sensitivity(NamedTuple):
     """Change of estimated load and force per gap closure [N].
 
     Attributes:
-        load_n_per_rel: Load along the leg over the trimmed mean of the closures [N].
-        force_sigma_n_per_rel: Standard deviation of each component of the force if every baseline is off by one gap, a
-            fifth of that differing between the elements [N], shape (3,).
+        load_n_per_mean_closure: Load along the leg over the trimmed mean of the closures [N].
+        force_sigma_n_per_baseline_error: Standard deviation of each component of the force if every baseline is off by
+            one gap, a fifth of that differing between the elements [N], shape (3,).
     """
 
-    load_n_per_rel: float
-    force_sigma_n_per_rel: Vector
+    load_n_per_mean_closure: float
+    force_sigma_n_per_baseline_error: Vector
 
 
 def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector:
@@ -75,6 +75,6 @@ def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivi
     rows = np.tile(stance_rel, (n_rows, 1))
     force_n = estimator.estimate(steady_windows(rows)).force_n
     return Sensitivity(
-        load_n_per_rel=float(force_n[0, 2] / trimmed_means(stance_rel[None])[0]),
-        force_sigma_n_per_rel=np.max(errors_n, axis=0),
+        load_n_per_mean_closure=float(force_n[0, 2] / trimmed_means(stance_rel[None])[0]),
+        force_sigma_n_per_baseline_error=np.max(errors_n, axis=0),
     )

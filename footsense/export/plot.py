@@ -113,7 +113,7 @@ def _plot_title(replay: Replay, signals: PlotSignals) -> str:
 
 def _force_axis_max_n(signals: PlotSignals) -> float:
     """Return the upper limit of the force axis [N]."""
-    values = signals.normal_n[np.isfinite(signals.normal_n)]
+    values = signals.along_leg_n[np.isfinite(signals.along_leg_n)]
     return max(0.1, 1.15 * float(values.max(initial=0.0)))
 
 
@@ -126,13 +126,13 @@ def _draw_leg(axis: Any, signals: PlotSignals, row: int, leg: str, force_axis_ma
     axis.axhline(0, color="#888888", linewidth=0.6)
     for start_s, end_s in _true_spans(signals.contact_t_s, signals.contact[:, row]):
         axis.axvspan(start_s, end_s, color=_CONTACT, linewidth=0)
-    normal_n, sigma_n = signals.normal_n[:, row], signals.sigma_n[:, row]
+    normal_n, sigma_n = signals.along_leg_n[:, row], signals.along_leg_sigma_n[:, row]
     if _shows_sigma(signals):
         axis.fill_between(
             signals.t_s, normal_n - 2 * sigma_n, normal_n + 2 * sigma_n, color=_NORMAL, alpha=0.3, linewidth=0
         )
     axis.plot(*_decimate(signals.t_s, normal_n), color=_NORMAL, linewidth=1.0)
-    axis.plot(*_decimate(signals.t_s, signals.tangential_n[:, row]), color=_TANGENTIAL, linewidth=0.8)
+    axis.plot(*_decimate(signals.t_s, signals.across_leg_n[:, row]), color=_TANGENTIAL, linewidth=0.8)
     for state, color in _STATE_COLOURS.items():
         spans = _true_spans(signals.t_s, signals.state[:, row] == state)
         widths = [(start_s, end_s - start_s) for start_s, end_s in spans]

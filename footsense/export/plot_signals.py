@@ -16,9 +16,9 @@ class PlotSignals(NamedTuple):
 
     Attributes:
         t_s: Time of sending of each cycle, shape (cycles,).
-        normal_n: Force along each leg [N], shape (cycles, legs); NaN unless usable.
-        tangential_n: Force across it [N], the same.
-        sigma_n: Standard deviation of the force along it [N], the same.
+        along_leg_n: Force along each leg [N], shape (cycles, legs); NaN unless usable.
+        across_leg_n: Force across it [N], the same.
+        along_leg_sigma_n: Standard deviation of the force along it [N], the same.
         state: State of each leg, shape (cycles, legs).
         contact_t_s: Time of each gait, shape (gaits,).
         contact: Debounced contact of each leg, shape (gaits, legs).
@@ -27,9 +27,9 @@ class PlotSignals(NamedTuple):
     """
 
     t_s: Vector
-    normal_n: Vector
-    tangential_n: Vector
-    sigma_n: Vector
+    along_leg_n: Vector
+    across_leg_n: Vector
+    along_leg_sigma_n: Vector
     state: Codes
     contact_t_s: Vector
     contact: Mask

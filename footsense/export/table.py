@@ -10,8 +10,8 @@ from footsense.frames import USABLE, Cycle, GaitEventKind
 from footsense.recording.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField, cycle_fields
 from footsense.recording.replay import Replay
 
-#: A column: whole numbers, numbers, or names; NaN and None stand for values that are not known.
-Column = list[Any]
+#: A row: numbers or names, one for each column; NaN and None stand for values that are not known.
+Row = list[Any]
 
 _FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
 _SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path not in _FORCE_FIELDS}
@@ -44,14 +44,14 @@ def _column_names(fields: Mapping[str, CycleField]) -> list[str]:
     return names
 
 
-_EMPTY_GAIT_COLUMN: Column = [None] * len(_column_names(GAIT_FIELDS))
+_EMPTY_GAIT_ROW: Row = [None] * len(_column_names(GAIT_FIELDS))
 _CONTACT_COLUMN_INDICES = tuple(
     list(GAIT_FIELDS).index(path) for path in ("gait.contact", "gait.contact_raw")
 )
 
 
-def read_rows(replay: Replay) -> Iterator[list[Column]]:
-    """Yield the table's columns for each cycle, with one row per leg.
+def read_rows(replay: Replay) -> Iterator[list[Row]]:
+    """Yield the table's rows of each cycle, one row per leg.
 
     Args:
         replay: The recording.
@@ -66,11 +66,11 @@ def read_rows(replay: Replay) -> Iterator[list[Column]]:
         yield _cycle_rows(cycle, replay.legs)
 
 
-def _cycle_rows(cycle: Cycle, legs: tuple[str, ...]) -> list[Column]:
-    """Return the table's columns for one cycle, with one row per leg."""
+def _cycle_rows(cycle: Cycle, legs: tuple[str, ...]) -> list[Row]:
+    """Return the table's rows of one cycle, one row per leg."""
     forces, gait = cycle.forces, cycle.forces.gait
-    of_forces, of_scan = _leg_columns(cycle, _FORCE_FIELDS), _leg_columns(cycle, _SCAN_FIELDS)
-    of_gait = [_EMPTY_GAIT_COLUMN] * len(legs) if gait is None else _leg_columns(forces, GAIT_FIELDS)
+    of_forces, of_scan = _rows_by_leg(cycle, _FORCE_FIELDS), _rows_by_leg(cycle, _SCAN_FIELDS)
+    of_gait = [_EMPTY_GAIT_ROW] * len(legs) if gait is None else _rows_by_leg(forces, GAIT_FIELDS)
     rows = []
     for row, leg in enumerate(legs):
         events = [event for event in gait.events if event.leg == row] if gait else []
@@ -88,9 +88,9 @@ def _cycle_rows(cycle: Cycle, legs: tuple[str, ...]) -> list[Column]:
     return rows
 
 
-def _leg_columns(frame: Any, fields: Mapping[str, CycleField]) -> list[Column]:  # noqa: ANN401 - frames of three kinds
-    """Return the columns of a frame's fields, each a list with one value per leg."""
-    columns: list[Column] = []
+def _rows_by_leg(frame: Any, fields: Mapping[str, CycleField]) -> list[Row]:  # noqa: ANN401 - frames of three kinds
+    """Return one row per leg with the values of a frame's fields, one value per column."""
+    columns: list[list[Any]] = []
     for path, field in fields.items():
         array = attrgetter(path)(frame)
         flat = array.reshape(len(array), -1).T.tolist()

@@ -24,7 +24,7 @@ from footsense.frames import Mask, Vector
 #: Cells along an electrode's side. Flat index of a cell: (element * 6 + forward) * 6 + leftward.
 CELLS_PER_SIDE = 6
 #: Cells of an electrode.
-CELLS = CELLS_PER_SIDE**2
+CELLS_PER_ELEMENT = CELLS_PER_SIDE**2
 
 #: Block pivots without fewer violations before single pivots follow.
 _MAX_STALLED_BLOCK_PIVOTS = 10
@@ -34,7 +34,9 @@ _ROUNDING_REL = 1e-10
 
 def element_means(cells: Vector) -> Vector:
     """Return the mean over each element's cells, shape (..., 9), of cell values, shape (..., 324)."""
-    means: Vector = cells.reshape(*cells.shape[:-1], cells.shape[-1] // CELLS, CELLS).mean(axis=-1)
+    means: Vector = cells.reshape(
+        *cells.shape[:-1], cells.shape[-1] // CELLS_PER_ELEMENT, CELLS_PER_ELEMENT
+    ).mean(axis=-1)
     return means
 
 
@@ -45,9 +47,9 @@ def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
         design: Dimensions of the capacitors, for the area.
         distance_um: Distance of the electrodes at each cell in air, the film's share included [um], shape (..., 324).
     """
-    per_cell = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2 / CELLS
-    n_elements = distance_um.shape[-1] // CELLS
-    of_cells = (1.0 / distance_um).reshape(*distance_um.shape[:-1], n_elements, CELLS)
+    per_cell = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2 / CELLS_PER_ELEMENT
+    n_elements = distance_um.shape[-1] // CELLS_PER_ELEMENT
+    of_cells = (1.0 / distance_um).reshape(*distance_um.shape[:-1], n_elements, CELLS_PER_ELEMENT)
     element_capacitance_pf: Vector = per_cell * of_cells.sum(axis=-1)
     return element_capacitance_pf
 
@@ -57,13 +59,13 @@ class ContactSolution:
     """Solution of the gap contact problem of one load: cell closures and contact forces.
 
     Attributes:
-        closure_um: Closure of each cell [um], shape (324,), at most its gap.
-        force_n: Contact force on each cell [N], shape (324,), at least zero.
+        cell_closures_um: Closure of each cell [um], shape (324,), at most its gap.
+        cell_forces_n: Contact force on each cell [N], shape (324,), at least zero.
         n_pivots: Number of linear systems solved.
     """
 
-    closure_um: Vector
-    force_n: Vector
+    cell_closures_um: Vector
+    cell_forces_n: Vector
     n_pivots: int
 
 
@@ -82,18 +84,18 @@ def kkt_residual(
         The largest of each: `balance_um` |d - (d0 - B l)|, `penetration_um` d - g, `pull_n` -l, `slack_nm_n`
         |l (g - d)|.
     """
-    balance_um = solution.closure_um - (free_um - compliance_um_per_n @ solution.force_n)
-    slack_um = gap_um - solution.closure_um
+    balance_um = solution.cell_closures_um - (free_um - compliance_um_per_n @ solution.cell_forces_n)
+    slack_um = gap_um - solution.cell_closures_um
     return {
         "balance_um": float(np.abs(balance_um).max()),
         "penetration_um": float(max(0.0, -slack_um.min())),
-        "pull_n": float(max(0.0, -solution.force_n.min())),
-        "slack_nm_n": float(1e3 * np.abs(slack_um * solution.force_n).max()),
+        "pull_n": float(max(0.0, -solution.cell_forces_n.min())),
+        "slack_nm_n": float(1e3 * np.abs(slack_um * solution.cell_forces_n).max()),
     }
 
 
 def solve_contact_lcp(
-    free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector, stuck_n: Vector | None = None
+    free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector, max_pull_n: Vector | None = None
 ) -> ContactSolution:
     """Return the cell closures and contact forces of one load (linear complementarity problem).
 
@@ -104,7 +106,8 @@ def solve_contact_lcp(
         free_um: Closure of each cell without contact [um], shape (324,).
         gap_um: Gap of each cell at rest [um], shape (324,).
         compliance_um_per_n: B, symmetric and positive definite, shape (324, 324).
-        stuck_n: Largest pull that each cell bears, for cells that were closed before [N], shape (324,); None for none.
+        max_pull_n: Largest pull that each cell bears, for cells that were closed before [N], shape (324,); None for
+            none.
 
     Returns:
         The one solution; a force on a cell that sticks may be negative.
@@ -115,7 +118,7 @@ def solve_contact_lcp(
     """
     if not (np.isfinite(free_um).all() and np.isfinite(gap_um).all()):
         raise ValueError("closures and gaps have to be finite numbers")
-    borne_n = np.zeros_like(free_um) if stuck_n is None else stuck_n
+    borne_n = np.zeros_like(free_um) if max_pull_n is None else max_pull_n
     closed = (free_um > gap_um) | (borne_n > 0.0)
     if not closed.any():
         return ContactSolution(free_um, np.zeros_like(free_um), 0)
@@ -183,5 +186,5 @@ def contact_closures_um(free_um: Vector, gap_um: Vector, compliance_um_per_n: Ve
     """
     closure_um = free_um.copy()
     for load in np.flatnonzero((free_um > gap_um).any(axis=1)):
-        closure_um[load] = solve_contact_lcp(free_um[load], gap_um, compliance_um_per_n).closure_um
+        closure_um[load] = solve_contact_lcp(free_um[load], gap_um, compliance_um_per_n).cell_closures_um
     return closure_um

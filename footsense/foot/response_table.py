@@ -25,7 +25,7 @@ import numpy as np
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.cavity.air import VENTED, Cavity
-from footsense.foot.gap_contact import CELLS, CELLS_PER_SIDE, element_means
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT, CELLS_PER_SIDE, element_means
 from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.symmetry import product_powers, whole_compliance, whole_series
 from footsense.frames import Vector
@@ -65,7 +65,7 @@ def _unpack(content: bytes) -> dict[str, Any]:
     return {**about, **arrays}
 
 
-def n_products(degree: int) -> int:
+def n_basis_functions(degree: int) -> int:
     """Return the number of basis functions T_i T_j with i + j <= degree."""
     return (degree + 1) * (degree + 2) // 2
 
@@ -147,7 +147,7 @@ class FootResponse:
                 f"(9, 9, 18, 18) of 3 x 3, got {shape}"
             )
         wanted = {
-            "quarter_series": (2, n_products(self.degree), half, half, 3),
+            "quarter_series": (2, n_basis_functions(self.degree), half, half, 3),
             "quarter_compliance": (half, half, side, side),
         }
         for name, shape in wanted.items():
@@ -168,7 +168,7 @@ class FootResponse:
     @property
     def n_elements(self) -> int:
         """Number of elements: 9 for the paper's foot."""
-        return self.n_cells // CELLS
+        return self.n_cells // CELLS_PER_ELEMENT
 
     @property
     def rows(self) -> int:
@@ -215,7 +215,7 @@ class FootResponse:
             np.savez(stream, description=text, **{name: getattr(self, name) for name in _ARRAY_NAMES})
 
     def patch_radius_mm(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the radius of the Hertz contact patch [mm], shape (...), of loads as in `closure_um`."""
+        """Return the radius of the Hertz contact patch [mm], shape (...), of loads as in `free_element_closures_um`."""
         pressing = np.abs((normal * force_n).sum(axis=-1))
         return contact_radius_mm(pressing, self.ball_radius_mm, self.hertz_modulus_mpa)
 
@@ -266,6 +266,6 @@ class FootResponse:
         closure: Vector = force_n @ (point + radius_squared * patch)
         return closure
 
-    def closure_um(self, normal: Vector, force_n: Vector) -> Vector:
+    def free_element_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the mean closure of each element under loads [um], shape (..., 9), without gap contact."""
         return element_means(self.free_closure_um(normal, force_n))

@@ -89,14 +89,14 @@ class Foot:
                 f"gaps {self._gap_um.min():g} um, films {film_um.min():g} um and stiffness "
                 f"{1.0 + own.stiffness_rel:g} have to be above 0"
             )
-        self._gap_of_cell_um = np.repeat(self._gap_um, gap_contact.CELLS)
-        self._film_of_cell_um = np.repeat(film_um, gap_contact.CELLS) / response.design.film_eps_r
+        self._gap_of_cell_um = np.repeat(self._gap_um, gap_contact.CELLS_PER_ELEMENT)
+        self._film_of_cell_um = np.repeat(film_um, gap_contact.CELLS_PER_ELEMENT) / response.design.film_eps_r
         self._softness = 1.0 / (1.0 + own.stiffness_rel)
         self._compliance_um_per_n = response.compliance_um_per_n * self._softness
         self._stray_pf = own.stray_pf
         self._mount = own.mount
         self._contact = contact
-        self._film_um = np.repeat(film_um, gap_contact.CELLS) if own.fringe else None
+        self._film_um = np.repeat(film_um, gap_contact.CELLS_PER_ELEMENT) if own.fringe else None
         self.cavity = own.cavity or response.cavity
         self._pressures = CavityPressures(
             self._gap_um, self._compliance_um_per_n, response.design.electrode_area_mm2
@@ -110,15 +110,15 @@ class Foot:
         Args:
             normal: Inward unit normals of the ball at the contacts, frame of the leg, shape (n, 3).
             force_n: Ground reactions on the foot [N], frame of the leg, shape (n, 3).
-            gas: Air in the cavities; None for that of a load that has lasted for `cavity.air.HELD_S`. Without meaning
-                for a vented foot.
+            gas: Air in the cavities; None for that of a load that has lasted for `cavity.air.ASSUMED_LOAD_DURATION_S`.
+                Without meaning for a vented foot.
 
         Raises:
             ValueError: As `FootResponse.free_closure_um`.
         """
         return self._limited_closures_um(self._free_closures_um(normal, force_n), gas)
 
-    def after_step(self, normal: Vector, force_n: Vector, gas: Gas) -> tuple[Vector, Gas]:
+    def capacitance_and_gas_after_step(self, normal: Vector, force_n: Vector, gas: Gas) -> tuple[Vector, Gas]:
         """Return capacitances [pF], shape (n, elements), and gas state at the end of a time step under a load.
 
         Args:
@@ -127,10 +127,12 @@ class Foot:
             gas: Air before the step, and the step.
         """
         free_um = self._free_closures_um(normal, force_n)
-        closure_um, excess_mpa = self._pressures.closures_um(free_um, gas, contact=self._contact)
-        return self._capacitance_pf(closure_um), gas.after_step(excess_mpa)
+        closure_um, excess_mpa = self._pressures.closures_and_excess_pressures(
+            free_um, gas, contact=self._contact
+        )
+        return self._capacitance_pf(closure_um), gas.after_leak_step(excess_mpa)
 
-    def after_sticking(
+    def capacitance_with_stiction(
         self, normal: Vector, force_n: Vector, stuck: Mask, stiction_kpa: float
     ) -> tuple[Vector, Mask]:
         """Return capacitances [pF], shape (elements,), and closed cells, shape (cells,), with gap stiction.
@@ -142,12 +144,14 @@ class Foot:
             stiction_kpa: Largest pull on a closed cell over its area [kPa].
         """
         free_um = self._free_closures_um(normal[None], force_n[None])[0]
-        cell_mm2 = self.response.design.electrode_area_mm2 / gap_contact.CELLS
-        gap_forces_n: Vector = np.where(stuck, 1e-3 * stiction_kpa * cell_mm2, 0.0)
+        cell_mm2 = self.response.design.electrode_area_mm2 / gap_contact.CELLS_PER_ELEMENT
+        max_pulls_n: Vector = np.where(stuck, 1e-3 * stiction_kpa * cell_mm2, 0.0)
         solution = gap_contact.solve_contact_lcp(
-            free_um, self._gap_of_cell_um, self._compliance_um_per_n, gap_forces_n
+            free_um, self._gap_of_cell_um, self._compliance_um_per_n, max_pulls_n
         )
-        return self._capacitance_pf(solution.closure_um), solution.closure_um >= self._gap_of_cell_um
+        return self._capacitance_pf(
+            solution.cell_closures_um
+        ), solution.cell_closures_um >= self._gap_of_cell_um
 
     def _free_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the cell closures as if gaps were infinitely deep, without air [um], shape (n, 324)."""
@@ -159,7 +163,7 @@ class Foot:
         if self.cavity.kind != "vented":
             if gas is None:
                 return self._pressures.sustained_closures_um(free_um, self.cavity, contact=self._contact)
-            return self._pressures.closures_um(free_um, gas, contact=self._contact)[0]
+            return self._pressures.closures_and_excess_pressures(free_um, gas, contact=self._contact)[0]
         if not self._contact:
             return np.minimum(free_um, self._gap_of_cell_um)
         return gap_contact.contact_closures_um(free_um, self._gap_of_cell_um, self._compliance_um_per_n)

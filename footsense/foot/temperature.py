@@ -54,10 +54,10 @@ def force_factor_and_uncertainty(temperature_c: float, then: CalibratedAt | None
         return 1.0, 0.0
     if then.temperature_c is not None and COLDEST_C <= temperature_c <= WARMEST_C:
         return 1.0 + then.stiffness_per_k * (temperature_c - then.temperature_c), 0.0
-    return 1.0, unknown_temperature_rel(_UNMEASURED_HALF_RANGE_K, then.stiffness_per_k)
+    return 1.0, unknown_temperature_sigma_rel(_UNMEASURED_HALF_RANGE_K, then.stiffness_per_k)
 
 
-def unknown_temperature_rel(range_k: float, stiffness_per_k: float = STIFFNESS_PER_K) -> float:
+def unknown_temperature_sigma_rel(range_k: float, stiffness_per_k: float = STIFFNESS_PER_K) -> float:
     """Return the relative standard deviation of the force that an unmeasured temperature causes [1].
 
     The temperature is taken as uniform within the range, whose standard deviation is 1 / sqrt(3) of its half width.
@@ -67,7 +67,7 @@ def unknown_temperature_rel(range_k: float, stiffness_per_k: float = STIFFNESS_P
         stiffness_per_k: Increase of the stiffness over that at the calibration [1/K].
 
     Example:
-        >>> round(unknown_temperature_rel(20.0), 3)
+        >>> round(unknown_temperature_sigma_rel(20.0), 3)
         0.051
     """
     return abs(stiffness_per_k) * range_k / math.sqrt(3.0)

@@ -55,7 +55,7 @@ MAX_ONNX_DIFFERENCE_REL = 5e-5
 #: Margin around the trained closures within which the daemon uses the network [1]: noise, and drift since the tare.
 INPUT_RANGE_MARGIN_REL = 0.02
 #: Decimals of the moments, whose largest is about 1.
-_CARD_DECIMALS = 9
+_MOMENT_DECIMALS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +69,7 @@ class BuildSettings:
         released: Training of the released network.
         paper_cases_only: Training on the paper's cases alone.
         quick: Whether the model card warns that this is no release.
-        start: Network of a similar foot that the training starts from; None for random weights.
+        start_network: Network of a similar foot that the training starts from; None for random weights.
     """
 
     mesh: MeshSize
@@ -78,7 +78,7 @@ class BuildSettings:
     released: WindowTrainingSettings
     paper_cases_only: SnapshotTrainingSettings
     quick: bool = False
-    start: Path | None = None
+    start_network: Path | None = None
 
 
 #: The release.
@@ -109,18 +109,18 @@ class BuildResult:
     """Result of a build: error table, network card, and difference between ONNX Runtime and JAX.
 
     Attributes:
-        table: Errors by row, of the file as ONNX Runtime computes it.
+        error_table: Errors by row, of the file as ONNX Runtime computes it.
         card: The network's card.
         onnx_difference_n: Largest difference between JAX and ONNX Runtime [N].
     """
 
-    table: dict[str, ForceErrors]
+    error_table: dict[str, ForceErrors]
     card: dict[str, Any]
     onnx_difference_n: float
 
 
 #: Usual time of the response table [s], as in the report.
-_SOLVE_DURATION_S = 33.0
+_EXPECTED_SOLVE_S = 33.0
 #: Conversions of a gait.
 _CONVERSIONS_PER_GAIT = 1100
 
@@ -204,7 +204,7 @@ def _network_card(
             "released": recipe.released.card(),
             "only_362": recipe.paper_cases_only.card(),
             "weights": weights.size,
-            **({} if recipe.start is None else {"started_from": recipe.start.parent.name}),
+            **({} if recipe.start_network is None else {"started_from": recipe.start_network.parent.name}),
         },
         "errors": {name: asdict(row) for name, row in table.items()},
         "built_with": {**library_versions(), "ngsolve": ng.__version__},
@@ -213,7 +213,7 @@ def _network_card(
 
 def _rounded_moments(closure_rel: Any) -> Any:
     """Return the second moments of the closures, rounded to the decimals that the network's card holds."""
-    return np.round(closure_moments(closure_rel), _CARD_DECIMALS)
+    return np.round(closure_moments(closure_rel), _MOMENT_DECIMALS)
 
 
 def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
@@ -242,7 +242,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         ModelError: The foot cannot be solved, or its loads are beyond the converter.
     """
     foot_design, description = load_foot(foot_file), foot_file.read_bytes()
-    with timed_bar("solid", 0.0 if recipe.quick else _SOLVE_DURATION_S):
+    with timed_bar("solid", 0.0 if recipe.quick else _EXPECTED_SOLVE_S):
         made = make_response(foot_design, recipe.mesh, report)
     report(f"response table: {made.provenance}")
     output.mkdir(parents=True, exist_ok=True)
@@ -263,7 +263,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
             response_in_unit, TRAINING_SEED, recipe.gaits, _CONVERSIONS_PER_GAIT, loads_unit.max_n, jobs=2
         )
         report(f"{recipe.gaits} random gaits of {_CONVERSIONS_PER_GAIT} conversions")
-        start = None if recipe.start is None else load_weights(recipe.start)
+        start = None if recipe.start_network is None else load_weights(recipe.start_network)
         weights = train_windowed(gaits, cases, design, recipe.released, imputation, report, start)
         report(f"trained on them: {weights.size} weights")
         table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit), alone)

@@ -81,7 +81,7 @@ def function_sha256(source: str, entry: str = "compute") -> str:
     return hashlib.sha256(ast.dump(_NormaliseIdentifiers().visit(kept)).encode()).hexdigest()
 
 
-def compute_sha256(module: str) -> str:
+def compute_function_sha256(module: str) -> str:
     """Return the SHA-256 of a study module's `compute` without importing the module; empty if it has none."""
     spec = find_spec(module)
     source = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from footsense.errors import FootsenseError
-from footsense.lab.code_hash import compute_sha256
+from footsense.lab.code_hash import compute_function_sha256
 from footsense.lab.studies.page import Page, Study, StudyContext
 from footsense.lab.targets import targets_markdown
 from footsense.lab.template import render
@@ -106,7 +106,7 @@ def stale_reason(name: str, folder: Path, context: StudyContext, studies: Mappin
     """Return why a page is out of date (other network, or changed study code); empty if it is current."""
     if not is_page_current(name, folder, context):
         return "missing, or made about another network or foot"
-    if page_values(name, folder).get("code_sha256", "") != compute_sha256(studies[name]):
+    if page_values(name, folder).get("code_sha256", "") != compute_function_sha256(studies[name]):
         return f"the code that measures its numbers has changed ({studies[name]})"
     return ""
 

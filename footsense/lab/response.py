@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from footsense.foot.directions import tangent_frame
-from footsense.foot.response_table import FootResponse, n_products, series_basis
+from footsense.foot.response_table import FootResponse, n_basis_functions, series_basis
 from footsense.foot.symmetry import product_powers
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import AdjointField, solve_adjoint_fields
@@ -55,7 +55,7 @@ def fit_series(field: AdjointField, degree: int = SERIES_DEGREE) -> Vector:
     used = field.normal[:, 2] >= np.sin(np.radians(MIN_FITTED_ELEVATION_DEG))
     root = np.sqrt(field.weight_mm2[used])[:, None]
     basis = series_basis(field.normal[used], degree, MIN_FITTED_ELEVATION_DEG) * root
-    series = np.zeros((n_products(degree), field.influence.shape[1], 3))
+    series = np.zeros((n_basis_functions(degree), field.influence.shape[1], 3))
     for component in range(3):
         sign_x, sign_y = field.parity.signs(component)
         has_parity = ((-1) ** i == sign_x) & ((-1) ** j == sign_y)

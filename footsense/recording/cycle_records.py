@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import RecordingError
-from footsense.frames import Command, CommandResult, Cycle, GaitEvent, GaitFrame, Reference
+from footsense.frames import Command, CommandResult, Cycle, GaitEvent, GaitFrame, ReferenceSamples
 from footsense.recording.cycle_fields import (
     CYCLE_FIELDS,
     GAIT_FIELDS,
@@ -187,10 +187,10 @@ def _decode_gait(record: _Gait, n_legs: int) -> GaitFrame:
     return gait_from_arrays(record.t_ns, record.friction, record.all_in_air, record.events, arrays)
 
 
-def _decode_reference(times: bytes, forces: bytes, saturations: bytes) -> Reference:
+def _decode_reference(times: bytes, forces: bytes, saturations: bytes) -> ReferenceSamples:
     """Return the force-sensor samples in a record's binary fields; there may be none."""
     t_ns, saturated = np.frombuffer(times, "<i8"), np.frombuffer(saturations, "u1")
     force_n = np.frombuffer(forces, "<f8").reshape(len(t_ns), 3)
     meant = len(saturated) == len(t_ns) and t_ns.min(initial=0) >= 0 and saturated.max(initial=0) <= 1
     require_valid(meant, "a sample of the reference has no such time or mark")
-    return Reference(t_ns, force_n, saturated.astype(np.bool_))
+    return ReferenceSamples(t_ns, force_n, saturated.astype(np.bool_))

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import SensorError
-from footsense.frames import Mask, Reference
+from footsense.frames import Mask, ReferenceSamples
 from footsense.reference.record_decoder import SensorRecords
 from footsense.reference.sample_stream import SampleStream
 
@@ -78,7 +78,7 @@ class NetFtReference:
         self._bad = b""
         self._status = 0
 
-    def read(self, now_ns: int) -> Reference:
+    def read(self, now_ns: int) -> ReferenceSamples:
         """Return the force samples received since the last call.
 
         Raises:

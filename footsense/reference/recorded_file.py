@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from footsense.errors import SensorError
-from footsense.frames import Reference, Vector
+from footsense.frames import ReferenceSamples, Vector
 from footsense.reference.record_columns import NS_PER_TIME_UNIT, max_plausible_magnitude
 from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.sensor_statistics import SensorStatistics
@@ -26,12 +26,12 @@ class FileReference:
         statistics: Counts so far.
     """
 
-    def __init__(self, reference: Reference) -> None:
+    def __init__(self, reference: ReferenceSamples) -> None:
         self._reference = reference
         self._offset_ns: int | None = None
         self.statistics = SensorStatistics(n_opened=1)
 
-    def read(self, now_ns: int) -> Reference:
+    def read(self, now_ns: int) -> ReferenceSamples:
         """Return the recorded samples due since the last call."""
         t_ns = self._reference.t_ns
         if self._offset_ns is None:
@@ -41,13 +41,13 @@ class FileReference:
         span = slice(counts.n_samples, max(until, counts.n_samples))
         counts.n_samples = span.stop
         counts.n_saturated += int(np.count_nonzero(saturated[span]))
-        return Reference(t_ns[span] + self._offset_ns, force_n[span], saturated[span])
+        return ReferenceSamples(t_ns[span] + self._offset_ns, force_n[span], saturated[span])
 
     def close(self) -> None:
         """Do nothing: the file has been read completely."""
 
 
-def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference:
+def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> ReferenceSamples:
     """Return the samples of a CSV file.
 
     Args:
@@ -79,7 +79,7 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
     if len(t_ns) == 0 or (np.diff(t_ns) <= 0).any():
         raise SensorError(f"{path}: holds no samples, or not in the order of their times")
     force_n, saturated = mounting.to_foot_force_n(values[:, 1:])
-    return Reference(t_ns - latency_ns, force_n, saturated)
+    return ReferenceSamples(t_ns - latency_ns, force_n, saturated)
 
 
 def _parse_sample(path: Path, line: int, row: dict[str, str], time: str) -> Vector:

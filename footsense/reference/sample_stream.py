@@ -5,7 +5,7 @@ import logging
 import numpy as np
 
 from footsense.errors import SensorError
-from footsense.frames import Reference
+from footsense.frames import ReferenceSamples
 from footsense.reference.record_decoder import SensorRecords
 from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import SensorMounting
@@ -46,7 +46,7 @@ class SampleStream:
         """Restart the clock synchronisation, after the port was reopened."""
         self._times.restart()
 
-    def convert(self, records: SensorRecords, n_bytes: int, now_ns: int, example: bytes) -> Reference:
+    def convert(self, records: SensorRecords, n_bytes: int, now_ns: int, example: bytes) -> ReferenceSamples:
         """Return records as timed forces; records buffered before the first call are discarded.
 
         Args:
@@ -65,7 +65,7 @@ class SampleStream:
         fresh = np.full(len(t_ns), self._heard_ns is not None) & (t_ns >= 0)
         self._update_statistics(int(np.count_nonzero(fresh)), n_bytes, now_ns, example)
         self.statistics.n_saturated += int(np.count_nonzero(saturated[fresh]))
-        return Reference(t_ns[fresh], force_n[fresh], saturated[fresh])
+        return ReferenceSamples(t_ns[fresh], force_n[fresh], saturated[fresh])
 
     def _update_statistics(self, n: int, n_bytes: int, now_ns: int, example: bytes) -> None:
         """Update the counts, and log the start and end of silence."""

@@ -1,6 +1,6 @@
 """Driver of a force sensor on a (real or simulated) serial port."""
 
-from footsense.frames import Reference
+from footsense.frames import ReferenceSamples
 from footsense.ports import SerialPort
 from footsense.reference.record_decoder import RecordDecoder
 from footsense.reference.sample_stream import SampleStream
@@ -30,7 +30,7 @@ class SerialReference:
         self.statistics.n_opened = port.opened
         port.write(start)
 
-    def read(self, now_ns: int) -> Reference:
+    def read(self, now_ns: int) -> ReferenceSamples:
         """Return the force samples received since the last call.
 
         Raises:

@@ -77,11 +77,14 @@ AXIS_NAMES = ["x", "y", "z"]
 
 #: Counters of the CAN channel, by field of `CanStatistics`.
 CAN_COUNTERS = {
-    "published": ("footsense_published_forces_total", "Forces of all legs published, on CAN or dropped."),
+    "published_cycles": (
+        "footsense_published_forces_total",
+        "Forces of all legs published, on CAN or dropped.",
+    ),
     "sent": ("footsense_can_sent_frames_total", "Frames handed to CAN."),
     "dropped": ("footsense_can_dropped_frames_total", "Frames that CAN did not take; never sent late."),
-    "received": ("footsense_can_received_frames_total", "Command frames that arrived."),
-    "rejected": ("footsense_can_rejected_frames_total", "Command frames that were not executed."),
+    "received_commands": ("footsense_can_received_frames_total", "Command frames that arrived."),
+    "rejected_commands": ("footsense_can_rejected_frames_total", "Command frames that were not executed."),
     "bus_errors": ("footsense_can_bus_errors_total", "Error frames that the CAN controller reported."),
     "bus_off": ("footsense_can_bus_off_total", "How often the controller has left the bus."),
     "error_passive": (

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from footsense.foot.directions import angles_between_deg
-from footsense.frames import FAULT_FREE, IS_USABLE, Cycle, Stamps, State, Vector
+from footsense.frames import FAULT_FREE, IS_USABLE_STATE, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
 
 #: Smallest true force of a loaded frame, whose direction is defined, over the feet's largest force [1].
@@ -59,7 +59,7 @@ class RunStatistics(Observer):
         self._last_ns = forces.t_sent_ns
         self._cycles += 1
         self._states[np.arange(len(self._legs)), forces.state] += 1
-        valid = IS_USABLE[forces.state]
+        valid = IS_USABLE_STATE[forces.state]
         if not valid.any():
             return
         self._ages_ns.append((forces.t_sent_ns - forces.t_ns)[valid])

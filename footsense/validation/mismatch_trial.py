@@ -161,8 +161,8 @@ class _FootOnTestStand:
         leak_steps_rel = [1e-9 * step / cavity.leak_time_s for step in step_ns]
         found = []
         for number in range(len(normal)):
-            step = gas._replace(leak_step_rel=leak_steps_rel[number % len(leak_steps_rel)])
-            one_pf, gas = self._foot.after_step(normal[[number]], force_n[[number]], step)
+            step = gas._replace(step_over_leak_time=leak_steps_rel[number % len(leak_steps_rel)])
+            one_pf, gas = self._foot.capacitance_and_gas_after_step(normal[[number]], force_n[[number]], step)
             found.append(one_pf[0])
         return np.array(found)
 
@@ -287,7 +287,7 @@ def _estimate_figures(models: DesignModels, estimates: Estimates, true_n: Vector
     closure_rel, missing = estimates.closure_rel[usable], np.zeros((len(force_n), ELEMENTS), bool)
     for t_ns in range(0, 2 * _RESIDUAL_TEST_DELAY_NS, _RESIDUAL_TEST_DELAY_NS // 4):
         consistency: Any = test.test(closure_rel, np.zeros(len(force_n)), missing, t_ns)
-    noticed = consistency.unexplained | consistency.missing.any(axis=1)
+    noticed = consistency.unexplained_legs | consistency.missing.any(axis=1)
     return {
         "deg": row.direction_deg,
         "gf": row.magnitude_gf,

@@ -11,7 +11,7 @@ from footsense.config import load_config
 from footsense.config.test_stand import load_test_stand
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.estimation.network import Network
-from footsense.foot.files.calibration_format import FILES, MANIFEST
+from footsense.foot.files.calibration_format import HASHED_FILES, MANIFEST
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.foot.response_table import FootResponse
 from footsense.recording.replay import Replay
@@ -48,7 +48,7 @@ def test_a_file_without_end(tmp_path: Path, kind: str) -> None:
         assert refusal(lambda: READERS[kind](path))
 
 
-@pytest.mark.parametrize("name", [MANIFEST, *FILES])
+@pytest.mark.parametrize("name", [MANIFEST, *HASHED_FILES])
 def test_a_calibration_without_end(tmp_path: Path, name: str) -> None:
     """Each file of a calibration."""
     folder = write_calibration(tmp_path, **content()).folder

@@ -19,7 +19,7 @@ from footsense.config.test_stand import load_test_stand
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.foot.files.calibration_format import MANIFEST, PARAMETERS, Manifest
 from footsense.foot.files.calibration_reader import read_calibration
-from footsense.frames import Reading, Reference
+from footsense.frames import Reading, ReferenceSamples
 from footsense.reference.binary_decoder import BinaryDecoder
 from footsense.reference.line_decoder import TextLineDecoder
 from footsense.reference.net_ft import NetFtReference
@@ -63,7 +63,7 @@ def played(decoder: RecordDecoder, pieces: list[bytes]) -> None:
     refusal(play)
 
 
-def sane(said: Reference) -> None:
+def sane(said: ReferenceSamples) -> None:
     assert np.isfinite(said.force_n).all()
     assert len(said.t_ns) == len(said.force_n) == len(said.saturated)
 
@@ -194,7 +194,7 @@ def forged(calibration: Path, name: str, changed: bytes) -> None:
     manifest = msgspec.json.decode((calibration / MANIFEST).read_bytes(), type=Manifest)
     files = {**manifest.files, name: hashlib.sha256(changed).hexdigest()}
     manifest = msgspec.structs.replace(manifest, files=files)
-    manifest = msgspec.structs.replace(manifest, sha256=manifest.own_sha256)
+    manifest = msgspec.structs.replace(manifest, sha256=manifest.computed_sha256)
     (calibration / MANIFEST).write_bytes(msgspec.json.encode(manifest))
 
 

@@ -33,8 +33,8 @@ def requirements(
         max_n=max_n,
         min_n=max_n / 20.0,
         max_lean_deg=30.0,
-        error_deg=1.0,
-        ball_mm=ball_mm,
+        max_direction_error_deg=1.0,
+        ball_diameter_range_mm=ball_mm,
         materials=load_materials().select_materials(material),
         process=load_processes()[process],
         board=converter(board),
@@ -75,8 +75,8 @@ def test_the_library_has_the_released_foot(library: ShapeLibrary) -> None:
     released = FootResponse.load(RELEASED / "response.npz")
     normal = np.array([[0.0, 0.0, 1.0], [0.5, 0.3, np.sqrt(0.66)]])
     np.testing.assert_allclose(
-        library.response(FOOT_DESIGN).closure_um(normal, normal),
-        released.closure_um(normal, normal),
+        library.response(FOOT_DESIGN).free_element_closures_um(normal, normal),
+        released.free_element_closures_um(normal, normal),
         rtol=0.01,
     )
 
@@ -99,7 +99,9 @@ def paper_design(library: ShapeLibrary) -> FootDesign:
     asked = requirements(1.0, (20.0, 20.0), "butadiene-paper", "pdms-paper", process="paper")
     choice = choose_candidates(library, asked, 1)
     return load_foot(
-        foot_text("again", "The paper's numbers", choice.feet, int(choice.ranked[0][0]), asked).encode()
+        foot_text(
+            "again", "The paper's numbers", choice.manufacturable, int(choice.rows_to_assess[0][0]), asked
+        ).encode()
     )
 
 
@@ -125,7 +127,9 @@ def test_the_outer_elements_end_with_the_sheet(library: ShapeLibrary) -> None:
     """A strip beside them, were it of rounding alone, would join the plates and take a quarter off the closures."""
     asked = requirements(12.0, (30.0, 30.0), "urethane-90a", "tpu-80a")
     choice = choose_candidates(library, asked, 1)
-    found = load_foot(foot_text("again", "Thirty", choice.feet, int(choice.ranked[0][0]), asked).encode())
+    found = load_foot(
+        foot_text("again", "Thirty", choice.manufacturable, int(choice.rows_to_assess[0][0]), asked).encode()
+    )
     assert found.sheet_mm == pytest.approx(2.0 * found.pitch_mm + found.electrode_mm, abs=1e-9)
 
 

@@ -18,7 +18,7 @@ def test_inverted_closures_are_linear_in_the_load_though_gaps_close(response: Fo
     normal = np.tile(directions(np.array([20.0]), np.array([50.0])), (6, 1))
     size = np.array([20.0, 60.0, 100.0, 140.0, 160.0, 170.0])[:, None] * GRAM_FORCE_N
     sensed = sensed_closure_um(Foot(response), normal, size * normal)
-    free = response.closure_um(normal, size * normal)
+    free = response.free_element_closures_um(normal, size * normal)
     assert (Foot(response).cell_closures_um(normal, size * normal)[-1] >= response.design.gap_um).any()
     assert np.abs(sensed - free).max() > 1.0
     assert np.abs(forward_model(response).mean_um(sensed) - free).max() < 0.1

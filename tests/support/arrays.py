@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footsense.foot.response_table import FootResponse, n_products
+from footsense.foot.response_table import FootResponse, n_basis_functions
 from tests.support.feet import DESIGN
 
 
@@ -12,7 +12,7 @@ def response(rows: int) -> FootResponse:
     own = np.zeros((half, half, side, side))
     row, column = np.indices((half, half))
     own[row, column, row, column] = 10.0
-    series = np.zeros((2, n_products(2), half, half, 3))
+    series = np.zeros((2, n_basis_functions(2), half, half, 3))
     away = (half - 0.5 - row) / half
     series[0, 0] = np.stack([2.0 * away, 2.0 * away.T, np.full_like(away, 5.0)], axis=-1)
     return FootResponse(

@@ -9,7 +9,7 @@ import footsense
 from footsense.calibration.writer import write_calibration
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
 from footsense.foot.correction_terms import N_CORRECTION_TERMS
-from footsense.foot.files.calibration_format import HeldOut, Manifest
+from footsense.foot.files.calibration_format import HeldOutErrors, Manifest
 from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.parameters import FootParameters
@@ -59,7 +59,9 @@ def content(foot: str = "foot-0007", **given: Any) -> dict[str, Any]:
         "made": "2026-03-01T12:00:00Z",
         "n_loads": 362,
         "n_sessions": 3,
-        "held_out": HeldOut(protocol="each session by the two others", design_only=BEFORE, calibrated=AFTER),
+        "held_out": HeldOutErrors(
+            protocol="each session by the two others", design_only=BEFORE, calibrated=AFTER
+        ),
         "recordings": {"one.mcap": "1" * 64, "two.mcap": "2" * 64},
     }
     values: dict[str, Any] = {

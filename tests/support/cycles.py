@@ -23,7 +23,7 @@ from footsense.frames import (
     GaitEventKind,
     GaitFrame,
     Reading,
-    Reference,
+    ReferenceSamples,
     Slip,
     State,
 )
@@ -84,7 +84,7 @@ def cycle(
     reference = (
         None
         if n_samples is None
-        else Reference(
+        else ReferenceSamples(
             rng.integers(0, 2**63, n_samples),
             floats(n_samples, 3),
             rng.integers(0, 2, n_samples).astype(np.bool_),
@@ -155,7 +155,7 @@ def _same_gait(a: GaitFrame | None, b: GaitFrame | None) -> bool:
     return whole and np.array_equal(a.friction, b.friction, equal_nan=True)
 
 
-def _same_reference(a: Reference | None, b: Reference | None) -> bool:
+def _same_reference(a: ReferenceSamples | None, b: ReferenceSamples | None) -> bool:
     if a is None or b is None:
         return a is b
     return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in zip(a, b, strict=True))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import BaselineDrift, CapFrame, ContactFrame, Cycle, Reading, Reference, State
+from footsense.frames import BaselineDrift, CapFrame, ContactFrame, Cycle, Reading, ReferenceSamples, State
 from tests.support.feet import DESIGN
 
 Vector = NDArray[np.float64]
@@ -97,8 +97,8 @@ def cycles(
         yield Cycle(scan, (), _forces(number, t_ns, force_n(t_s - 0.5e-9 * scan_ns)), (), _reference(samples))
 
 
-def _reference(samples: list[tuple[int, Vector, bool]]) -> Reference:
-    return Reference(
+def _reference(samples: list[tuple[int, Vector, bool]]) -> ReferenceSamples:
+    return ReferenceSamples(
         np.array([t_ns for t_ns, _, _ in samples], np.int64),
         np.array([force_n for _, force_n, _ in samples]).reshape(-1, 3),
         np.array([saturated for _, _, saturated in samples], np.bool_),

@@ -21,7 +21,9 @@ WINDOW = 8
 NOISE_FF = 0.47
 #: Closures that 1 N makes on the elements, over the gap [1]; their trimmed mean is 0.4.
 PER_NEWTON = 0.4 * np.array([0.9, 1.05, 0.9, 1.05, 1.2, 1.05, 0.9, 1.05, 0.9])
-SENSITIVITY = Sensitivity(load_n_per_rel=2.5, force_sigma_n_per_rel=np.array([1.0, 1.0, 2.7]))
+SENSITIVITY = Sensitivity(
+    load_n_per_mean_closure=2.5, force_sigma_n_per_baseline_error=np.array([1.0, 1.0, 2.7])
+)
 #: What an even drift does to the force along the leg [mN/fF]; HARDWARE's 1.5 fF/K are 1 mN/K.
 MN_PER_FF = 0.66
 #: Rubber that goes on giving way for minutes: share and time constant [s].
@@ -92,7 +94,7 @@ class Standing:
         """Hand a frame of these readings to the tracker."""
         reading, missing = np.zeros(capacitance_pf.shape, np.uint8), np.zeros(capacitance_pf.shape, bool)
         now_ns = self.t_ns + 2_000_000
-        self.outcomes += self.tracker.tare(capacitance_pf, reading, self._stamps, missing, now_ns)
+        self.outcomes += self.tracker.process_tares(capacitance_pf, reading, self._stamps, missing, now_ns)
         closure_rel = DESIGN.closure_um(capacitance_pf, self.tracker.unloaded.baseline_pf) / DESIGN.gap_um
         unpredicted_n = np.full(len(capacitance_pf), np.nan)
         self.tracker.observe(closure_rel, unpredicted_n, capacitance_pf, self._stamps, missing, now_ns)

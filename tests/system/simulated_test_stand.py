@@ -14,7 +14,7 @@ from footsense.daemon.service import open_service
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.frames import Reference
+from footsense.frames import ReferenceSamples
 from footsense.sim.foot.fabrication import fabricate
 from footsense.sim.scene import Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
@@ -34,12 +34,12 @@ class ExactReference:
         self._true_force_n_at = true_force_n_at
         self._next_ns = 0
 
-    def read(self, now_ns: int) -> Reference:
+    def read(self, now_ns: int) -> ReferenceSamples:
         """Return the samples since the last call."""
         t_ns = np.arange(self._next_ns, now_ns + 1, _SAMPLE_NS)
         self._next_ns = int(t_ns[-1]) + _SAMPLE_NS if len(t_ns) else self._next_ns
         force_n = np.array([self._true_force_n_at(int(t))[0] for t in t_ns]).reshape(-1, 3)
-        return Reference(t_ns, force_n, np.zeros(len(t_ns), bool))
+        return ReferenceSamples(t_ns, force_n, np.zeros(len(t_ns), bool))
 
     def close(self) -> None:
         """Nothing is held."""

@@ -126,5 +126,5 @@ def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
         contact=ContactLimits(threshold_n=CONTACT_THRESHOLD_N),
         scan_ns=scan_ns,
         max_age_ns=4 * scan_ns,
-        settled_ns=4 * scan_ns,
+        settling_time_ns=4 * scan_ns,
     )

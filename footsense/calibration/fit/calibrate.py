@@ -27,7 +27,7 @@ from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.foot.directions import rotation
-from footsense.foot.files.calibration_format import HeldOut
+from footsense.foot.files.calibration_format import HeldOutErrors
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.frames import Mask
@@ -61,7 +61,7 @@ class CalibrationResult(NamedTuple):
     fit: ParameterFit
     predicted_uncertainty: PredictedUncertainty
     n_loads: int
-    held_out: HeldOut | None = None
+    held_out: HeldOutErrors | None = None
     temperature_c: float | None = None
 
     @property
@@ -98,7 +98,7 @@ def calibrate_sessions(
             evaluate_force_errors(test.force_n[one.has_force], one.force_n[one.has_force])
             for one in estimates
         )
-        held_out = HeldOut(protocol=protocol, design_only=before, calibrated=after)
+        held_out = HeldOutErrors(protocol=protocol, design_only=before, calibrated=after)
     temperatures_c = [session.temperature_c for session in sessions if session.temperature_c is not None]
     temperature_c = None
     if len(temperatures_c) == len(sessions):

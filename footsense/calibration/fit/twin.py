@@ -90,7 +90,7 @@ class FootTwin:
     def cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the closure of each cell of the gaps [um], shape (n, cells), limited to the cell's gap."""
         response, free_um = self._response, self._free_cell_closures_um(parameters, loads)
-        gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS)
+        gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS_PER_ELEMENT)
         if response.cavity.kind != "vented":
             compliance = _compliance_factor(parameters) * response.compliance_um_per_n
             air = CavityPressures(self.gap_um(parameters), compliance, response.design.electrode_area_mm2)
@@ -106,7 +106,8 @@ class FootTwin:
     def closed_cells(self, parameters: Vector, cell_closures_um: Vector) -> Mask:
         """Return the mask of the cells whose gap is fully closed, shape (n, cells), at given closures [um]."""
         closed_cells: Mask = (
-            cell_closures_um >= np.repeat(self.gap_um(parameters), gap_contact.CELLS) - _CLOSED_TOLERANCE_UM
+            cell_closures_um
+            >= np.repeat(self.gap_um(parameters), gap_contact.CELLS_PER_ELEMENT) - _CLOSED_TOLERANCE_UM
         )
         return closed_cells
 
@@ -128,7 +129,9 @@ class FootTwin:
         free_um = np.stack(
             [_compliance_factor(p) * designed_um[place] for place, (p, _) in zip(places, nearby, strict=True)]
         )
-        gap_um = np.stack([np.repeat(self.gap_um(parameters), gap_contact.CELLS) for parameters, _ in nearby])
+        gap_um = np.stack(
+            [np.repeat(self.gap_um(parameters), gap_contact.CELLS_PER_ELEMENT) for parameters, _ in nearby]
+        )
         # A softer solid is pushed as far back by less force: the closures do not depend on the compliance's scale.
         return gap_contact.closures_for_closed_cells_um(
             free_um, gap_um, self._response.compliance_um_per_n, closed_cells
@@ -169,9 +172,11 @@ class FootTwin:
         design, stray_pf = self._response.design, parameters[self.element_slices.stray]
         unloaded_um = design.plate_distance_um(self._unloaded_pf - stray_pf)
         closure_um = cell_closures_um * np.repeat(
-            1.0 + parameters[self.element_slices.gain], gap_contact.CELLS
+            1.0 + parameters[self.element_slices.gain], gap_contact.CELLS_PER_ELEMENT
         )
-        distance_um = np.maximum(np.repeat(unloaded_um, gap_contact.CELLS) - closure_um, _MIN_DISTANCE_UM)
+        distance_um = np.maximum(
+            np.repeat(unloaded_um, gap_contact.CELLS_PER_ELEMENT) - closure_um, _MIN_DISTANCE_UM
+        )
         return gap_contact.capacitance_pf(design, distance_um) + stray_pf
 
     def capacitance_pf(self, parameters: Vector, loads: ContactLoads) -> Vector:

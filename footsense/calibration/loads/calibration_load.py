@@ -3,7 +3,7 @@
 from enum import StrEnum
 from typing import NamedTuple
 
-from footsense.frames import Codes, Reference, Stamps, Vector
+from footsense.frames import Codes, ReferenceSamples, Stamps, Vector
 
 
 class Rejection(StrEnum):
@@ -70,7 +70,7 @@ class Press(NamedTuple):
     t_ns: Stamps
     capacitance_pf: Vector
     reading: Codes
-    reference: Reference
+    reference: ReferenceSamples
     unloaded_before_ns: tuple[int, int]
     pressed_span_ns: tuple[int, int]
     unloaded_after_ns: tuple[int, int] | None

@@ -13,7 +13,7 @@ import numpy as np
 from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, RejectedPress, Rejection
 from footsense.calibration.loads.press_reduction import reduce_press
 from footsense.calibration.loads.span_means import column_means, unsaturated_samples_n
-from footsense.frames import Codes, Cycle, Reading, Reference, Vector
+from footsense.frames import Codes, Cycle, Reading, ReferenceSamples, Vector
 
 _NS_PER_MS = 1_000_000
 
@@ -55,7 +55,7 @@ class LoadDetector:
     def __init__(self, row: int) -> None:
         self._row = row
         self._scans: deque[tuple[int, Vector, Codes]] = deque()
-        self._reference: deque[Reference] = deque()
+        self._reference: deque[ReferenceSamples] = deque()
         self._offsets: deque[tuple[int, Vector]] = deque()
         self._phase = _Phase.UNLOADED
         self._n_agreeing = 0
@@ -218,9 +218,9 @@ class LoadDetector:
         )
 
 
-def join_references(blocks: Iterable[Reference]) -> Reference:
+def join_references(blocks: Iterable[ReferenceSamples]) -> ReferenceSamples:
     """Return the reference samples of several cycles as one block, sorted by time."""
-    none = Reference(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.bool_))
+    none = ReferenceSamples(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.bool_))
     t_ns, force_n, saturated = (np.concatenate(parts) for parts in zip(none, *blocks, strict=True))
     order = np.argsort(t_ns, kind="stable")
-    return Reference(t_ns[order], force_n[order], saturated[order])
+    return ReferenceSamples(t_ns[order], force_n[order], saturated[order])

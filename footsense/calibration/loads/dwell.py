@@ -12,7 +12,7 @@ from footsense.calibration.loads.span_means import (
     unsaturated_samples_n,
 )
 from footsense.calibration.loads.steady_span import longest_steady_scan_range
-from footsense.frames import Reference, Stamps, Vector
+from footsense.frames import ReferenceSamples, Stamps, Vector
 
 #: Shortest dwell of a load [s]: 60 samples of a slow sensor, 12 scans, 3 of the slowest converter.
 MIN_DWELL_S = 0.3
@@ -70,7 +70,7 @@ def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
     return start_ns + edge_ns, end_ns - edge_ns
 
 
-def _reference_means_n(reference: Reference, t_ns: Stamps) -> Vector:
+def _reference_means_n(reference: ReferenceSamples, t_ns: Stamps) -> Vector:
     """Return the moving average of the reference force at given times [N], shape (times, 3); NaN without samples."""
     first = np.searchsorted(reference.t_ns, t_ns - _HALF_WINDOW_NS)
     last = np.searchsorted(reference.t_ns, t_ns + _HALF_WINDOW_NS)
@@ -79,7 +79,7 @@ def _reference_means_n(reference: Reference, t_ns: Stamps) -> Vector:
     return np.where(n > 0, (total_n[last] - total_n[first]) / np.maximum(n, 1), np.nan)
 
 
-def sample_period_ns(reference: Reference) -> float:
+def sample_period_ns(reference: ReferenceSamples) -> float:
     """Return the median period of the reference samples [ns]; 1 s if there are fewer than two."""
     if len(reference.t_ns) < 2:
         return 1e9

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footsense.frames import Mask, Reference, Stamps, Vector
+from footsense.frames import Mask, ReferenceSamples, Stamps, Vector
 
 
 def column_means(values: Vector) -> Vector:
@@ -17,7 +17,7 @@ def column_deviations(values: Vector) -> Vector:
     return deviations
 
 
-def unsaturated_samples_n(reference: Reference, span_ns: tuple[int, int]) -> Vector:
+def unsaturated_samples_n(reference: ReferenceSamples, span_ns: tuple[int, int]) -> Vector:
     """Return the reference samples within a time span [ns] without saturated axes [N], shape (n, 3)."""
     return reference.force_n[is_in_span(reference.t_ns, span_ns) & ~reference.saturated]
 

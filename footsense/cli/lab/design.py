@@ -166,7 +166,7 @@ def _print(designed: "DesignResult") -> None:
     requirements = designed.requirements
     board = requirements.board
     click.echo(
-        f"{designed.choice.n_tried} feet compared for {requirements.min_n:.3g} to {requirements.max_n:.3g} N "
+        f"{designed.choice.n_all_candidates} feet compared for {requirements.min_n:.3g} to {requirements.max_n:.3g} N "
         f"up to {requirements.max_lean_deg:g} deg from the leg"
     )
     click.echo(

@@ -51,12 +51,12 @@ def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None
         raise click.UsageError("--quick and --like exclude each other")
     recipe = QUICK_BUILD if quick else FULL_BUILD
     if like is not None:
-        recipe = replace(SIMILAR_FOOT_BUILD, start=like / NETWORK_FILE)
+        recipe = replace(SIMILAR_FOOT_BUILD, start_network=like / NETWORK_FILE)
 
     report = options.elapsed_time_reporter()
     built = build_models(description, folder, recipe, report)
     report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.onnx_difference_n:.4f} mN")
-    click.echo(as_markdown(built.table))
+    click.echo(as_markdown(built.error_table))
 
 
 def _require_unique_foot_type(known: Path, description: Path, foot_design: "FootDesign") -> None:

@@ -83,7 +83,7 @@ def _run_replay(
                 clock,
                 can_log,
                 log_may_wait=not realtime,
-                force_step_mn=force_step_mn(models.network.card.max_n),
+                force_step_mn=force_step_mn(models.network.card.max_trained_force_n),
             )
         )
         loop = Loop(pipeline, sink, (), clock)

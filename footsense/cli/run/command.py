@@ -102,7 +102,9 @@ def run(
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
-        statistics = RunStatistics(service.legs, service.true_force_n_at, service.network.card.max_n)
+        statistics = RunStatistics(
+            service.legs, service.true_force_n_at, service.network.card.max_trained_force_n
+        )
         service.observers.append(statistics)
         first = ProcessAgeAtFirstFrame()
         service.observers.append(first)

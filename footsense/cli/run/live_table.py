@@ -9,7 +9,7 @@ from rich.text import Text
 
 from footsense.cli.leg_table import EMPTY_CELL, force_columns, leg_table, state_text
 from footsense.cli.live_view import LiveView
-from footsense.frames import IS_USABLE, Cycle, State, Vector
+from footsense.frames import IS_USABLE_STATE, Cycle, State, Vector
 
 _REDRAW_PERIOD_NS = 66_000_000
 _BAR_WIDTH_CELLS = 10
@@ -45,7 +45,7 @@ class LiveTable(LiveView):
     def render(self, cycle: Cycle, elapsed_s: float) -> Group:
         """Return the title and the table of the legs, for a terminal of 80 columns."""
         forces = cycle.forces
-        usable = IS_USABLE[forces.state]
+        usable = IS_USABLE_STATE[forces.state]
         force_n = np.where(usable[:, None], forces.force_n, np.nan)
         columns: dict[str, tuple[str, Callable[[int], RenderableType]]] = {
             "state": (f"<{_STATE_WIDTH}", lambda row: state_text(State(int(forces.state[row])))),

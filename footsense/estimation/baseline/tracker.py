@@ -33,10 +33,10 @@ from footsense.frames import (
 )
 
 #: Silence after which a baseline is discarded: the foot may have been swapped (a swap takes longer).
-_MAX_SILENCE_NS = 250_000_000
+_BASELINE_LOST_AFTER_SILENCE_NS = 250_000_000
 #: The same while a line of the leg's bus is stuck, which may be another leg's fault: a robot that stands would lose all
 #: its forces until each foot's next swing.
-_MAX_SILENCE_STUCK_BUS_NS = 3_000_000_000
+_BASELINE_LOST_AFTER_STUCK_BUS_NS = 3_000_000_000
 
 #: Frames in which every leg gets its turn to follow: two of six legs in one frame, of opposite tripods.
 _FRAMES_PER_TRACKING_ROUND = 3
@@ -59,7 +59,7 @@ class BaselineTracker:
     Args:
         unloaded_pf: Expected reading of each element of the free foot [pF], shape (legs, elements).
         design: The capacitors.
-        tare: Limits of a tare.
+        process_tares: Limits of a tare.
         contact: Thresholds of contact.
         sensitivity: Forces per closure.
         track: Whether baselines follow a foot in swing.
@@ -130,7 +130,7 @@ class BaselineTracker:
         """State of every leg without a baseline, by row."""
         return self._tares.states if self._tares.untared else {}
 
-    def tare(
+    def process_tares(
         self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, missing: Mask, now_ns: int
     ) -> tuple[CommandResult, ...]:
         """Add a frame of all legs to the tares in progress; return the results of those that finish with it.
@@ -143,7 +143,7 @@ class BaselineTracker:
             now_ns: Current time [ns].
         """
         if np.count_nonzero(reading):
-            self._discard_silent(reading, now_ns)
+            self._retare_silent_legs(reading, now_ns)
         else:
             self._heard_ns.fill(now_ns)
         tares = self._tares
@@ -186,7 +186,7 @@ class BaselineTracker:
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         swung, swinging = self._swinging, []
         flags = []
-        n_per_rel, track = self._sensitivity.load_n_per_rel, self._track
+        n_per_rel, track = self._sensitivity.load_n_per_mean_closure, self._track
         refused, untared = self._tares.refused, self._tares.untared
         legs = zip(
             self._baselines,
@@ -240,9 +240,11 @@ class BaselineTracker:
         """
         self._sigma_due_ns = (now_ns // _SIGMA_UPDATE_PERIOD_NS + 1) * _SIGMA_UPDATE_PERIOD_NS
         sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self._sigma_due_ns)
-        n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_rel
+        n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_mean_closure
         self._max_errors_n = [n_per_pf * min(3.0 * sigma, MAX_DRIFT_PF) for sigma in sigma_pf.tolist()]
-        self.sigma_n = (sigma_pf * self._closure_per_pf)[:, None] * self._sensitivity.force_sigma_n_per_rel
+        self.sigma_n = (sigma_pf * self._closure_per_pf)[
+            :, None
+        ] * self._sensitivity.force_sigma_n_per_baseline_error
 
     def _copy_changed_baselines(self) -> None:
         """Update the arrays of all legs after the baseline of a leg has changed."""
@@ -262,12 +264,14 @@ class BaselineTracker:
         self._statuses = list(map(_status_of, self._baselines))
         self.drift = BaselineDrift(np.array(self._statuses, np.uint8), *self._offsets)
 
-    def _discard_silent(self, reading: Codes, now_ns: int) -> None:
+    def _retare_silent_legs(self, reading: Codes, now_ns: int) -> None:
         """Discard the baseline of every leg silent for too long, and start a new tare of it."""
         silent = np.isin(reading, SILENT_READINGS).all(axis=1)
         self._heard_ns[~silent] = now_ns
         allowed_ns = np.where(
-            (reading == Reading.BUS_STUCK).any(axis=1), _MAX_SILENCE_STUCK_BUS_NS, _MAX_SILENCE_NS
+            (reading == Reading.BUS_STUCK).any(axis=1),
+            _BASELINE_LOST_AFTER_STUCK_BUS_NS,
+            _BASELINE_LOST_AFTER_SILENCE_NS,
         )
         for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
             if leg not in self._tares.untared:

@@ -46,7 +46,7 @@ SUM_SLACK, SUM_LIMIT = 0.12, 0.8
 ELEMENTS_SLACK, ELEMENTS_LIMIT = 0.4, 2.0
 
 #: Sampling period of the forces [ns], a tenth of a stance.
-SAMPLE_NS = 40_000_000
+SAMPLING_PERIOD_NS = 40_000_000
 #: Largest gap between samples of a stride that is tested [ns].
 _MAX_SAMPLE_GAP_NS = 200_000_000
 _SHORTEST_STRIDE_NS, _LONGEST_STRIDE_NS = 200_000_000, 5_000_000_000
@@ -93,7 +93,7 @@ class CalibrationMonitor:
             now_ns: Current time [ns].
         """
         elapsed_ns = now_ns - self._t_ns
-        self._t_ns, self.due_ns = now_ns, now_ns + SAMPLE_NS
+        self._t_ns, self.due_ns = now_ns, now_ns + SAMPLING_PERIOD_NS
         first_in_contact = bool(in_contact[0])
         if first_in_contact and not self._first_in_contact:
             self._end_stride(now_ns)
@@ -150,10 +150,12 @@ class _StrideTests:
             self._n_averaged += 1
             share = 1 / self._n_averaged
             self._reference_n += share * (load_n - self._reference_n)
-            self._reference_log += share * (np.log(residual_rel + _MIN_RESIDUAL) - self._reference_log)
+            self._reference_log += share * (
+                np.log(residual_rel + _RESIDUAL_LOG_OFFSET_REL) - self._reference_log
+            )
         else:
             changed_rel = calibration_change_rel(load_n, self._reference_n)
-            growth = np.log(residual_rel + _MIN_RESIDUAL) - self._reference_log
+            growth = np.log(residual_rel + _RESIDUAL_LOG_OFFSET_REL) - self._reference_log
             self._legs.add(np.stack([changed_rel, -changed_rel, growth]))
         weight_n = self._body_weight_n or (float(self._reference_n.sum()) if complete else None)
         if weight_n is not None:
@@ -164,7 +166,7 @@ class _StrideTests:
 
 
 #: Keeps the logarithm finite for a simulation without any noise [1].
-_MIN_RESIDUAL = 1e-3
+_RESIDUAL_LOG_OFFSET_REL = 1e-3
 
 
 class _Cusum:
@@ -172,19 +174,21 @@ class _Cusum:
 
     Args:
         slack: Change that is tolerated.
-        limit: Sum that raises the alarm.
+        alarm_threshold: Sum that raises the alarm.
         shape: Shape of the tests.
     """
 
-    def __init__(self, slack: Vector | float, limit: Vector | float, shape: tuple[int, ...]) -> None:
-        self._slack, self._limit = slack, limit
+    def __init__(
+        self, slack: Vector | float, alarm_threshold: Vector | float, shape: tuple[int, ...]
+    ) -> None:
+        self._slack, self._alarm_threshold = slack, alarm_threshold
         self._sum = np.zeros(shape)
         self.alarm: Mask = np.zeros(shape, bool)
 
     def add(self, change: Vector) -> None:
         """Add one change to every CUSUM test."""
-        self._sum = np.clip(self._sum + change - self._slack, 0.0, self._limit)
-        self.alarm = (self._sum >= self._limit) | (self.alarm & (self._sum > 0.0))
+        self._sum = np.clip(self._sum + change - self._slack, 0.0, self._alarm_threshold)
+        self.alarm = (self._sum >= self._alarm_threshold) | (self.alarm & (self._sum > 0.0))
 
 
 def calibration_change_rel(load_n: Vector, reference_n: Vector) -> Vector:

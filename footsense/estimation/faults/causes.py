@@ -9,7 +9,7 @@ from footsense.frames import BaselineDrift, Cause, Codes, Mask, Reading, State
 
 #: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
 #: differ in that by a fifth.
-DRIFT_LIMIT_PF = 20e-3
+MAX_DRIFT_FROM_LEG_MEAN_PF = 20e-3
 
 #: State and cause of a leg by the readings of its elements, the most severe last.
 _STATE_AND_CAUSE_OF_READING = {
@@ -67,7 +67,7 @@ def set_states_without_force(state: Codes, reading: Codes, faulty: Mask, closed:
 
 def drift_causes(drift: BaselineDrift) -> Codes:
     """Return ELEMENT_DRIFTS for each leg with an element that drifts unlike the others, else NONE, shape (legs,)."""
-    apart = np.abs(drift.worst_pf - drift.mean_pf) > DRIFT_LIMIT_PF
+    apart = np.abs(drift.worst_pf - drift.mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
     return np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
 
 

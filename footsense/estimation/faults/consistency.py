@@ -27,19 +27,19 @@ from footsense.frames import Mask, Vector
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
 #: Share of the largest residual that goes into sigma [1]: its root mean square in fast gaits and steps is a third.
-INCONSISTENCY_THRESHOLD_REL = 0.5
+RESIDUAL_SHARE_IN_SIGMA = 0.5
 #: Predicted closure from which the motion of an element can be tested [1].
-MIN_TESTED_MOTION_REL = 0.08
+MIN_PREDICTED_MOTION_REL = 0.08
 #: Time for which an excluded element has to be consistent, loaded and unloaded each, until it is readmitted [ns].
 READMITTED_AFTER_NS = 300_000_000
 #: The same where the load does not change, or is too small to tell [ns].
-READMITTED_ALONE_AFTER_NS = 10_000_000_000
+READMITTED_CONSTANT_LOAD_AFTER_NS = 10_000_000_000
 #: Rate at which it loses that time while it is inconsistent [1].
 READMISSION_TIME_LOSS_RATE = 4
 #: Time for which residuals have to have the same cause before it is acted on, over the time of a step [1].
 CAUSE_CONFIRMATION_TIME_REL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
-STUCK_THRESHOLD_REL = 0.3
+STUCK_BELOW_SHARE_OF_PREDICTED = 0.3
 
 
 class ConsistencyResult(NamedTuple):
@@ -47,16 +47,17 @@ class ConsistencyResult(NamedTuple):
 
     Attributes:
         missing: Elements that the network does without, shape (legs, elements): missing before, or isolated.
-        inconsistency_rel: Sigma to add, over the force, for residuals without an excluded element, shape (legs,) [1].
-        unexplained: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
+        inconsistency_sigma_rel: Sigma to add, over the force, for residuals without an excluded element, shape (legs,)
+            [1].
+        unexplained_legs: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
         stuck: Excluded elements that do not follow the load, shape (legs, elements).
         drifting: Excluded elements that follow it with an offset, shape (legs, elements).
         is_all_ok: Whether every element is consistent, and none is missing, suspected or excluded.
     """
 
     missing: Mask
-    inconsistency_rel: Vector
-    unexplained: Mask
+    inconsistency_sigma_rel: Vector
+    unexplained_legs: Mask
     stuck: Mask
     drifting: Mask
     is_all_ok: bool
@@ -68,16 +69,16 @@ class ConsistencyTest:
     Args:
         n_legs: Legs in a frame.
         moments: S, as of `Imputation`, shape (elements, elements).
-        settled_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
+        settling_time_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
 
     Attributes:
         excluded: Elements excluded until their readings are consistent again, shape (legs, elements).
     """
 
-    def __init__(self, n_legs: int, moments: Vector, settled_ns: int) -> None:
+    def __init__(self, n_legs: int, moments: Vector, settling_time_ns: int) -> None:
         self._moments = moments
         self._imputation = Imputation(moments)
-        self._settled_ns = settled_ns
+        self._settling_time_ns = settling_time_ns
         self._matrices: dict[bytes, Vector] = {}
         n = len(moments)
         shape = (n_legs, n)
@@ -93,7 +94,7 @@ class ConsistencyTest:
         self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
         self._unexplained = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
-        self._hold_ns = round(CAUSE_CONFIRMATION_TIME_REL * settled_ns)
+        self._hold_ns = round(CAUSE_CONFIRMATION_TIME_REL * settling_time_ns)
         self._inconsistent = np.zeros(n_legs, bool)
         self._suspected = np.zeros(shape, bool)
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
@@ -109,15 +110,15 @@ class ConsistencyTest:
         for marks in (self.excluded, self._suspected, self._stuck, self._inconsistent):
             marks[legs] = False
 
-    def squared_residuals(self, closure_rel: Vector) -> Vector:
+    def residual_and_closure_square_sums(self, closure_rel: Vector) -> Vector:
         """Return each leg's sums of squares of the residuals and of the closures [1], shape (legs, 2).
 
         Args:
             closure_rel: Closures over the gap [1], shape (legs, elements).
         """
         both = closure_rel @ self._residual_and_closure
-        squares: Vector = both * both @ self._sums_of_both
-        return squares
+        square_sums: Vector = both * both @ self._sums_of_both
+        return square_sums
 
     def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
         """Test the elements of a frame; return the missing and the inconsistent ones.
@@ -175,11 +176,11 @@ class ConsistencyTest:
             return 0.0
         if self.excluded[leg].any():
             self._readmit(leg, closure_rel, motion_rel, missing, now_ns)
-            self._widen_ranges(leg, closure_rel, missing)
-        excess = self._residual_over_limit(closure_rel, missing, motion_rel)
+            self._update_closure_extremes(leg, closure_rel, missing)
+        excess = self._max_residual_to_limit_ratio(closure_rel, missing, motion_rel)
         if excess <= 1.0:
             # What motion could explain neither clears a suspicion nor feeds it.
-            if self._residual_over_limit(closure_rel, missing) <= 1.0:
+            if self._max_residual_to_limit_ratio(closure_rel, missing) <= 1.0:
                 self._suspected[leg] = self._inconsistent[leg] = False
             return 0.0
         isolated = self._isolate(closure_rel, missing, motion_rel)
@@ -190,10 +191,7 @@ class ConsistencyTest:
             self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
         rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
         inconsistency_rel = float(
-            INCONSISTENCY_THRESHOLD_REL
-            * excess
-            * _residual_limit_rel(rms, motion_rel)
-            / max(rms, RESIDUAL_LIMIT)
+            RESIDUAL_SHARE_IN_SIGMA * excess * _residual_limit_rel(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
         )
         if now_ns - self._suspected_since_ns[leg] < self._hold_ns:
             return inconsistency_rel
@@ -201,8 +199,8 @@ class ConsistencyTest:
         if not suspected.any():
             self._unexplained[leg] = True
             return inconsistency_rel
-        self._widen_ranges(leg, closure_rel, missing)
-        if now_ns - self._suspected_since_ns[leg] < self._settled_ns:
+        self._update_closure_extremes(leg, closure_rel, missing)
+        if now_ns - self._suspected_since_ns[leg] < self._settling_time_ns:
             return inconsistency_rel
         self.excluded[leg] |= suspected
         self._suspected[leg] = False
@@ -214,45 +212,49 @@ class ConsistencyTest:
         excluded = self.excluded[leg]
         if not np.isfinite(closure_rel[excluded]).all():
             return
-        elapsed_ns = min(now_ns - self._t_ns, self._settled_ns)
-        if self._residual_over_limit(closure_rel, missing & ~excluded, motion_rel) > 1.0:
+        elapsed_ns = min(now_ns - self._t_ns, self._settling_time_ns)
+        if self._max_residual_to_limit_ratio(closure_rel, missing & ~excluded, motion_rel) > 1.0:
             # Not all at once: a load in motion is not over at once.
             self._consistent_ns[leg] = np.maximum(
                 self._consistent_ns[leg] - READMISSION_TIME_LOSS_RATE * elapsed_ns, 0
             )
-        elif self._residual_over_limit(closure_rel, missing & ~excluded) <= 1.0:
-            largest = np.abs(self._predict(closure_rel, missing)[excluded]).max()
+        elif self._max_residual_to_limit_ratio(closure_rel, missing & ~excluded) <= 1.0:
+            largest = np.abs(self._impute_missing(closure_rel, missing)[excluded]).max()
             unloaded = largest < RESIDUAL_LIMIT
             tells = not (unloaded and self._stuck[leg].any())
             self._consistent_ns[leg] += np.where(
-                [unloaded, largest > MIN_TESTED_MOTION_REL, tells], elapsed_ns, 0
+                [unloaded, largest > MIN_PREDICTED_MOTION_REL, tells], elapsed_ns, 0
             )
         *both_ns, all_ns = self._consistent_ns[leg].tolist()
-        if min(both_ns) >= READMITTED_AFTER_NS or all_ns >= READMITTED_ALONE_AFTER_NS:
+        if min(both_ns) >= READMITTED_AFTER_NS or all_ns >= READMITTED_CONSTANT_LOAD_AFTER_NS:
             missing &= ~excluded
             self.excluded[leg] = self._stuck[leg] = False
 
-    def _widen_ranges(self, leg: int, closure_rel: Vector, missing: Mask) -> None:
+    def _update_closure_extremes(self, leg: int, closure_rel: Vector, missing: Mask) -> None:
         """Update the minimum and maximum of each element's measured and predicted closures."""
         both, extremes = (
-            np.stack([closure_rel, self._predict(closure_rel, missing)]),
+            np.stack([closure_rel, self._impute_missing(closure_rel, missing)]),
             self._extremes[:, :, leg],
         )
         extremes[:, 0] = np.fmin(extremes[:, 0], both)
         extremes[:, 1] = np.fmax(extremes[:, 1], both)
 
-    def _predict(self, closure_rel: Vector, missing: Mask) -> Vector:
+    def _impute_missing(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures, shape (elements,), with the missing ones predicted from the others."""
-        predicted: Vector = self._imputation.impute(closure_rel[None], missing[None])[0]
-        return predicted
+        imputed: Vector = self._imputation.impute(closure_rel[None], missing[None])[0]
+        return imputed
 
     def _is_stuck(self) -> Mask:
         """Return the mask of the elements that do not move although their prediction does."""
         measured, predicted = self._extremes[:, 1] - self._extremes[:, 0]
-        stuck: Mask = (predicted > MIN_TESTED_MOTION_REL) & (measured < STUCK_THRESHOLD_REL * predicted)
+        stuck: Mask = (predicted > MIN_PREDICTED_MOTION_REL) & (
+            measured < STUCK_BELOW_SHARE_OF_PREDICTED * predicted
+        )
         return stuck
 
-    def _residual_over_limit(self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0) -> float:
+    def _max_residual_to_limit_ratio(
+        self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0
+    ) -> float:
         """Return the largest residual of the elements present, over the residual limit [1]."""
         kept = closure_rel[~missing]
         if kept.size < 2:

@@ -17,7 +17,7 @@ class MissingSets(NamedTuple):
         sets: Every set, the empty one first, then the single elements, rows, and columns, shape (1 + n + 2 r, n).
         rows: The rows, shape (r, n).
         columns: The columns, shape (r, n).
-        bits: Bit of each element in a pattern of elements, shape (n,).
+        bit_of_element: Bit of each element in a pattern of elements, shape (n,).
         set_index_of_pattern: Index in `sets` of each of the 2^n patterns; 0 also where it is no set.
         smallest_superset: Smallest set that contains each pattern; the empty one where no set does, shape (2^n, n).
     """
@@ -25,7 +25,7 @@ class MissingSets(NamedTuple):
     sets: Mask
     rows: Mask
     columns: Mask
-    bits: NDArray[np.uint16]
+    bit_of_element: NDArray[np.uint16]
     set_index_of_pattern: NDArray[np.intp]
     smallest_superset: Mask
 
@@ -60,11 +60,11 @@ def missing_set_index(missing: Mask) -> NDArray[np.intp]:
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
     known = missing_sets(missing.shape[1])
-    index: NDArray[np.intp] = known.set_index_of_pattern[missing @ known.bits]
+    index: NDArray[np.intp] = known.set_index_of_pattern[missing @ known.bit_of_element]
     return index
 
 
-def missing_elements(faulty: Mask) -> Mask:
+def missing_sets_containing(faulty: Mask) -> Mask:
     """Return the mask of elements left out, shape (legs, elements): a faulty one, or the whole line of several.
 
     A leg whose faulty elements do not lie in one row or column gets none: the network is not trained for that.
@@ -72,11 +72,11 @@ def missing_elements(faulty: Mask) -> Mask:
     Example:
         >>> two_of_row_0 = np.zeros((1, 9), bool)
         >>> two_of_row_0[0, [0, 2]] = True
-        >>> missing_elements(two_of_row_0)[0].astype(int).tolist()
+        >>> missing_sets_containing(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
     known = missing_sets(faulty.shape[1])
-    missing: Mask = known.smallest_superset[faulty @ known.bits]
+    missing: Mask = known.smallest_superset[faulty @ known.bit_of_element]
     return missing
 
 
@@ -89,5 +89,5 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
         >>> bin(int(fault_mask(unusable)[0]))
         '0b100000001'
     """
-    masks: NDArray[np.uint16] = unusable @ missing_sets(unusable.shape[1]).bits
+    masks: NDArray[np.uint16] = unusable @ missing_sets(unusable.shape[1]).bit_of_element
     return masks

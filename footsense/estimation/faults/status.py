@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from firmware_interface.chips import fdc1004
 from footsense.estimation.faults.causes import ElementFaults, leg_causes, set_states_without_force
 from footsense.estimation.faults.consistency import ConsistencyResult
-from footsense.estimation.faults.missing_sets import fault_mask, missing_elements
+from footsense.estimation.faults.missing_sets import fault_mask, missing_sets_containing
 from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL, floating_row_crosstalk_pf
 from footsense.estimation.reading_window import Readings
 from footsense.foot.files.network_card import TrainedInputs
-from footsense.frames import IS_USABLE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector
+from footsense.frames import IS_USABLE_STATE, CapFrame, Codes, Mask, Reading, Stamps, State, Vector
 
 #: Least capacitance of an element over the range of an FDC1004 [pF].
 CONVERTER_MAX_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
@@ -32,7 +32,7 @@ class ElementStatus(NamedTuple):
         over_range: Elements above the converter's range.
         faulty: Elements that are open, or excluded by the consistency test.
         missing: Elements that a tare and the network do without.
-        is_all_ok: Whether no reading of the frame has a fault.
+        all_readings_ok: Whether no reading of the frame has a fault.
     """
 
     capacitance_pf: Vector
@@ -40,7 +40,7 @@ class ElementStatus(NamedTuple):
     over_range: Mask
     faulty: Mask
     missing: Mask
-    is_all_ok: bool
+    all_readings_ok: bool
 
 
 class ElementClassifier:
@@ -77,8 +77,10 @@ class ElementClassifier:
         before, self._opened = self._opened, opened
         any_before, self._any_opened = self._any_opened, bool(np.count_nonzero(opened))
         if all_ok and not (self._any_opened or any_before):
-            missing = missing_elements(excluded) if np.count_nonzero(excluded) else excluded
-            return ElementStatus(capacitance_pf, self._none, self._none, excluded, missing, is_all_ok=True)
+            missing = missing_sets_containing(excluded) if np.count_nonzero(excluded) else excluded
+            return ElementStatus(
+                capacitance_pf, self._none, self._none, excluded, missing, all_readings_ok=True
+            )
         over_range = scan.reading == Reading.OVER_RANGE
         if over_range.any():  # at least that much: the consistency test decides whether it can be
             capacitance_pf = np.where(over_range, self._range_end_pf - self._stray_pf, capacitance_pf)
@@ -88,10 +90,10 @@ class ElementClassifier:
         unsettled = opened | (opened != before).any(axis=1, keepdims=True)
         faulty = opened | excluded
         # Pressed or shorted? The other closures tell, and without a baseline there are none.
-        missing = missing_elements(faulty | over_range & np.isnan(baseline_pf))
+        missing = missing_sets_containing(faulty | over_range & np.isnan(baseline_pf))
         # In the window, an unsettled reading would be a step of the load.
         settled_pf = np.where(unsettled, np.nan, capacitance_pf)
-        return ElementStatus(settled_pf, opened, over_range, faulty, missing, is_all_ok=False)
+        return ElementStatus(settled_pf, opened, over_range, faulty, missing, all_readings_ok=False)
 
 
 class LegStatus(NamedTuple):
@@ -103,7 +105,7 @@ class LegStatus(NamedTuple):
         fault_mask: Elements that are not usable.
         cause: Cause of the state.
         t_ns: Time of its measurement [ns]; 0 without one.
-        healthy: Whether every leg is valid without any fault.
+        all_healthy: Whether every leg is valid without any fault.
     """
 
     state: Codes
@@ -111,7 +113,7 @@ class LegStatus(NamedTuple):
     fault_mask: NDArray[np.uint16]
     cause: Codes
     t_ns: Stamps
-    healthy: bool
+    all_healthy: bool
 
 
 class LegClassifier:
@@ -131,7 +133,7 @@ class LegClassifier:
         self.stopped: Mask = np.zeros(n_legs, bool)
         # One row per leg: to broadcast a single one takes twice as long as the comparison.
         self._closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
-        self._closure_max_rel = trained.usable_max_rel(gap_um)
+        self._closure_max_rel = trained.max_usable_closure_rel(gap_um)
         self._gap_closed_threshold_rel = trained.gap_closed_threshold_rel(gap_um)
         self._max_age_ns = max_age_ns
         # Of healthy legs; shared by their frames and never written to.
@@ -145,7 +147,7 @@ class LegClassifier:
         elements: ElementStatus,
         missing: Mask,
         readings: Readings,
-        lost: Mask,
+        interrupted_legs: Mask,
         measured_rel: Vector,
         consistency: ConsistencyResult,
         untared: Mask,
@@ -160,7 +162,7 @@ class LegClassifier:
             elements: Status of the elements.
             missing: Elements missing before the consistency test, shape (legs, elements).
             readings: The last readings of the elements.
-            lost: Legs with more incomplete windows than the network can do without, shape (legs,).
+            interrupted_legs: Legs with more incomplete windows than the network can do without, shape (legs,).
             measured_rel: Measured closures over the gap [1], shape (legs, elements).
             consistency: Result of the consistency test.
             untared: Elements without a baseline on legs that have others, shape (legs, elements).
@@ -169,14 +171,14 @@ class LegClassifier:
             now_ns: Current time [ns].
         """
         out_of_range = (measured_rel < self._closure_min_rel) | (measured_rel > self._closure_max_rel)
-        oldest_ns = min(readings.oldest_ns.tolist())
+        oldest_ns = min(readings.oldest_of_newest_ns.tolist())
         fresh = oldest_ns > 0 and now_ns - oldest_ns <= self._max_age_ns
         # A leg without a baseline has no closures, and fails the consistency test.
         if (
-            elements.is_all_ok
+            elements.all_readings_ok
             and consistency.is_all_ok
             and fresh
-            and not np.count_nonzero(lost)
+            and not np.count_nonzero(interrupted_legs)
             and not np.count_nonzero(out_of_range)
             and not np.count_nonzero(self.stopped)
         ):
@@ -186,7 +188,7 @@ class LegClassifier:
                 self._no_fault,
                 drift_cause,
                 readings.newest_ns,
-                healthy=True,
+                all_healthy=True,
             )
         excluded = consistency.stuck | consistency.drifting
         shorted = elements.over_range & (missing | excluded)
@@ -194,12 +196,12 @@ class LegClassifier:
         kept = ~consistency.missing
         closed = measured_rel > self._gap_closed_threshold_rel
         state = self._valid.copy()
-        state[~kept.all(axis=1) | consistency.unexplained] = State.DEGRADED
+        state[~kept.all(axis=1) | consistency.unexplained_legs] = State.DEGRADED
         state[(out_of_range & kept).any(axis=1)] = State.OUT_OF_RANGE
-        state[(now_ns - readings.oldest_ns > self._max_age_ns) | lost] = State.STALE
+        state[(now_ns - readings.oldest_of_newest_ns > self._max_age_ns) | interrupted_legs] = State.STALE
         for leg, untared_state in untared_legs.items():
             state[leg] = untared_state
-        state[(state == State.TARING) & lost] = State.STARTING
+        state[(state == State.TARING) & interrupted_legs] = State.STARTING
         set_states_without_force(
             state, reading, faulty & kept, closed & kept | elements.over_range & ~shorted
         )
@@ -207,9 +209,9 @@ class LegClassifier:
         faults = ElementFaults(elements.opened, shorted, consistency.stuck, consistency.drifting)
         return LegStatus(
             state=state,
-            usable=IS_USABLE[state],
+            usable=IS_USABLE_STATE[state],
             fault_mask=fault_mask((reading != 0) | faulty | closed),
             cause=leg_causes(reading, state, faults, drift_cause),
             t_ns=readings.newest_ns,
-            healthy=False,
+            all_healthy=False,
         )

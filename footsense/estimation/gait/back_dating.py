@@ -33,12 +33,12 @@ class LegLoads(NamedTuple):
     Attributes:
         t_ns: Time of the estimate [ns].
         load_n: Loads as estimated for that time [N].
-        mean_n: Loads that are means of a scan [N].
+        scan_mean_n: Loads that are means of a scan [N].
     """
 
     t_ns: int
     load_n: list[float]
-    mean_n: list[float]
+    scan_mean_n: list[float]
 
 
 def touchdown(loads: Sequence[LegLoads], row: int) -> BackDated:
@@ -78,9 +78,9 @@ def lift_off(loads: Sequence[LegLoads], row: int) -> BackDated:
     """
     known_loads: list[tuple[int, float]] = []
     for past in reversed(loads):
-        if math.isnan(past.mean_n[row]):
+        if math.isnan(past.scan_mean_n[row]):
             break
-        known_loads.append((past.t_ns, past.mean_n[row]))
+        known_loads.append((past.t_ns, past.scan_mean_n[row]))
     most_n = max(known_loads, key=itemgetter(1))[1]
     low_ns = high_ns = known_loads[-1][0]
     for t_ns, mean_n in reversed(known_loads):

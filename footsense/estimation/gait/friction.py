@@ -38,15 +38,15 @@ _MIN_KINK_RISE_TOLERANCES = 3.0
 #: Kinks that are kept, and kinks at one ratio that make a cone.
 _MAX_KINKS, _MIN_CLUSTER = 30, 4
 #: Static over kinetic friction at most [1].
-_STATIC_OVER_KINETIC = 1.2
+_MAX_STATIC_OVER_KINETIC = 1.2
 #: Checks at the cone until a slip is reported, and away from it until it is over.
 _SLIP_STARTS_AFTER, _SLIP_ENDS_AFTER = 2, 3
 #: Normal force from which friction is learnt [N].
 _MIN_LEARNING_FORCE_N = 0.15
 #: From the beginning or end of a slip to the first estimate that shows it [ns].
-_DETECTION_LAG_NS = 9_600_000
+_SLIP_DETECTION_LAG_NS = 9_600_000
 #: Standard deviation of the time of a slip [s].
-_TIME_SIGMA_S = 0.01
+_SLIP_TIME_SIGMA_S = 0.01
 
 
 class Ground(NamedTuple):
@@ -108,7 +108,7 @@ def ground_of(load: Load, row: int) -> Ground:
     )
 
 
-class Friction:
+class FrictionEstimator:
     """Estimator of the ground's friction coefficient from the slips of all legs.
 
     Attributes:
@@ -126,9 +126,9 @@ class Friction:
         self._kinks.append(ratio)
         self._update_coefficient(tolerance)
 
-    def drop_exceeded(self, ratio: float, tolerance: float) -> None:
+    def drop_exceeded_kinks(self, ratio: float, tolerance: float) -> None:
         """Remove ratios that a foot has exceeded without sliding, as they were no slips."""
-        held = (ratio - tolerance) / _STATIC_OVER_KINETIC
+        held = (ratio - tolerance) / _MAX_STATIC_OVER_KINETIC
         if min(self._kinks, default=math.inf) < held:
             self._kinks = deque((kink for kink in self._kinks if kink >= held), _MAX_KINKS)
             self._update_coefficient(tolerance)
@@ -136,7 +136,7 @@ class Friction:
     def _update_coefficient(self, ratio_tolerance: float) -> None:
         """Estimate the coefficient as the median of the highest cluster of ratios; NaN without one."""
         ordered = sorted(self._kinks, reverse=True)
-        self.exceeding_ratio = _STATIC_OVER_KINETIC * min(ordered, default=math.inf)
+        self.exceeding_ratio = _MAX_STATIC_OVER_KINETIC * min(ordered, default=math.inf)
         self.coefficient = math.nan
         for first in range(len(ordered) - _MIN_CLUSTER + 1):
             cluster = [kink for kink in ordered[first:] if kink > ordered[first] - 2.0 * ratio_tolerance]
@@ -155,7 +155,7 @@ class SlipDetector:
         state: Whether the foot slides.
     """
 
-    def __init__(self, friction: Friction) -> None:
+    def __init__(self, friction: FrictionEstimator) -> None:
         self._friction = friction
         self.reset_stance()
 
@@ -179,7 +179,7 @@ class SlipDetector:
         if not ground.pressing_n > _MIN_LEARNING_FORCE_N or math.isnan(use):
             was_slipping = self.state is Slip.SLIPPING
             self.state, self._run = Slip.UNKNOWN, 0
-            return BackDated(now_ns - _DETECTION_LAG_NS, _TIME_SIGMA_S) if was_slipping else None
+            return BackDated(now_ns - _SLIP_DETECTION_LAG_NS, _SLIP_TIME_SIGMA_S) if was_slipping else None
         tolerance = max(_TOLERANCE_SIGMAS * ground.friction_use_sigma, _MIN_TOLERANCE)
         if tolerance > _MAX_SLIP_TOLERANCE:
             # As in the first scan of a stance; a reported slip continues.
@@ -206,7 +206,7 @@ class SlipDetector:
         ):
             return None
         self.state = Slip.SLIPPING if at_cone else Slip.NONE
-        return BackDated(self._since_ns - _DETECTION_LAG_NS, _TIME_SIGMA_S)
+        return BackDated(self._since_ns - _SLIP_DETECTION_LAG_NS, _SLIP_TIME_SIGMA_S)
 
     def _find_kink(self, tolerance: float, *, exceeds: bool) -> None:
         """Search the latest ratios for a rise that ends in a plateau, and report it to the friction estimator.
@@ -226,7 +226,7 @@ class SlipDetector:
             return
         level = sum(plateau) / _PLATEAU_CHECKS
         if exceeds:
-            self._friction.drop_exceeded(level, tolerance)
+            self._friction.drop_exceeded_kinks(level, tolerance)
         if (
             not self._kinked
             and level - min(ratio for _, ratio in ratios) > _MIN_KINK_RISE_TOLERANCES * tolerance

@@ -21,7 +21,7 @@ from footsense.estimation.gait.back_dating import (
 from footsense.estimation.gait.friction import (
     CONVERSIONS_PER_CHECK,
     NO_GROUND,
-    Friction,
+    FrictionEstimator,
     SlipDetector,
     ground_of,
 )
@@ -36,7 +36,7 @@ _MAX_EXPONENT = 13.8
 _LOGISTIC_SLOPE = 1.7
 _NO_TIME = BackDated(0, math.nan)
 #: State of a leg whose force is known and whose foot is in contact.
-_IN_CONTACT = (True, True)
+_FORCE_KNOWN_IN_CONTACT = (True, True)
 
 
 class GaitTracker:
@@ -48,7 +48,7 @@ class GaitTracker:
     """
 
     def __init__(self, n_legs: int, period_ns: int = GAIT_FRAME_PERIOD_NS) -> None:
-        friction = Friction()
+        friction = FrictionEstimator()
         self._friction = friction
         self._slips = [SlipDetector(friction) for _ in range(n_legs)]
         self._loads: deque[LegLoads] = deque(maxlen=N_BUFFERED_CONVERSIONS)
@@ -81,7 +81,7 @@ class GaitTracker:
             self._states = states
         self._turn = (self._turn + 1) % CONVERSIONS_PER_CHECK
         for row in range(self._turn, len(states), CONVERSIONS_PER_CHECK):
-            if states[row] == _IN_CONTACT:
+            if states[row] == _FORCE_KNOWN_IN_CONTACT:
                 slipped = self._slips[row].observe(ground_of(load, row), now_ns)
                 if slipped is not None:
                     starts = self._slips[row].state is Slip.SLIPPING
@@ -134,7 +134,7 @@ class GaitTracker:
         pressing_n = np.where(contact, np.maximum(load.force_n[:, 2], 0.0), 0.0)
         total_n = float(pressing_n[known].sum())
         grounds = [
-            ground_of(load, row) if state == _IN_CONTACT else NO_GROUND
+            ground_of(load, row) if state == _FORCE_KNOWN_IN_CONTACT else NO_GROUND
             for row, state in enumerate(self._states)
         ]
         _, normal, normal_sigma_rad, use, use_sigma = map(np.array, zip(*grounds, strict=True))

@@ -16,7 +16,7 @@ AMBIENT_MPA = 1e-3 * AMBIENT_KPA
 #: Room temperature [K], at which a foot's `gas_kpa` is stated.
 ROOM_TEMPERATURE_K = 296.15
 #: How long a load at rest has lasted when it is read [s]: half of a dwell on the test stand, and its rise.
-SUSTAINED_LOAD_S = 0.3
+ASSUMED_LOAD_DURATION_S = 0.3
 #: Exponent n of the gas law: walls and air at one temperature, and no heat exchanged (air).
 ISOTHERMAL, ADIABATIC = 1.0, 1.4
 
@@ -70,21 +70,23 @@ class Gas(NamedTuple):
             [MPa], shape (elements,), (1,) if all are alike, or one row for each load, (n, 9).
         ambient_mpa: Ambient pressure [MPa].
         exponent: Exponent n of the gas law.
-        leak_step_rel: A step s of time over the time constant of the leak [1]; 0 where nothing leaks.
+        step_over_leak_time: A step s of time over the time constant of the leak [1]; 0 where nothing leaks.
     """
 
     amount_mpa: Vector
     ambient_mpa: float = AMBIENT_MPA
     exponent: float = ISOTHERMAL
-    leak_step_rel: float = 0.0
+    step_over_leak_time: float = 0.0
 
-    def scaled(self, softness: float) -> "Gas":
+    def scaled_for_softness(self, softness: float) -> "Gas":
         """Return the gas state for a rubber softer by a factor, to be used with the unchanged compliance.
 
         Closures stay equal if loads and pressures are multiplied in place of the compliance.
         """
         return self._replace(amount_mpa=softness * self.amount_mpa, ambient_mpa=softness * self.ambient_mpa)
 
-    def after_step(self, excess_mpa: Vector) -> "Gas":
+    def after_leak_step(self, excess_mpa: Vector) -> "Gas":
         """Return the gas state after a time step whose leakage is driven by an excess pressure [MPa]."""
-        return self._replace(amount_mpa=self.amount_mpa - self.leak_step_rel * excess_mpa, leak_step_rel=0.0)
+        return self._replace(
+            amount_mpa=self.amount_mpa - self.step_over_leak_time * excess_mpa, step_over_leak_time=0.0
+        )

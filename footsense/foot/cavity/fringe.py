@@ -14,7 +14,7 @@ Source:
 import numpy as np
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.foot.gap_contact import CELLS, CELLS_PER_SIDE
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT, CELLS_PER_SIDE
 from footsense.frames import Vector
 
 _UM_PER_MM = 1e3
@@ -30,7 +30,9 @@ def fringe_pf(design: CapacitorDesign, spacing_um: Vector) -> Vector:
         spacing_um: Distance of the electrodes at each cell, film and gap [um], shape (..., 324).
     """
     side_mm = np.sqrt(design.electrode_area_mm2)
-    at_edge_um = spacing_um.reshape(*spacing_um.shape[:-1], -1, CELLS)[..., _IS_EDGE_CELL].mean(axis=-1)
+    at_edge_um = spacing_um.reshape(*spacing_um.shape[:-1], -1, CELLS_PER_ELEMENT)[..., _IS_EDGE_CELL].mean(
+        axis=-1
+    )
     per_mm = EPS0_PF_UM_PER_MM2 / _UM_PER_MM * design.film_eps_r / (2.0 * np.pi)
     fringe_capacitance_pf: Vector = (
         4.0 * side_mm * per_mm * (1.0 + np.log(2.0 * np.pi * side_mm * _UM_PER_MM / at_edge_um))

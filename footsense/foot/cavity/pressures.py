@@ -20,8 +20,8 @@ import math
 
 import numpy as np
 
-from footsense.foot.cavity.air import SUSTAINED_LOAD_S, Cavity, Gas
-from footsense.foot.gap_contact import CELLS, element_means, solve_contact_lcp
+from footsense.foot.cavity.air import ASSUMED_LOAD_DURATION_S, Cavity, Gas
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT, element_means, solve_contact_lcp
 from footsense.frames import Vector
 
 #: Newton steps at most; six are usual, eight with gaps in contact.
@@ -45,15 +45,19 @@ class CavityPressures:
 
     def __init__(self, gap_um: Vector, compliance_um_per_n: Vector, element_mm2: float) -> None:
         self._gap_um = gap_um
-        self._gap_of_cell_um = np.repeat(gap_um, CELLS)
+        self._gap_of_cell_um = np.repeat(gap_um, CELLS_PER_ELEMENT)
         self._compliance = compliance_um_per_n
         #: Opening of each cell under a unit pressure in each cavity [um/MPa], shape (324, 9).
         self._opening: Vector = (
-            compliance_um_per_n.reshape(-1, len(gap_um), CELLS).sum(axis=2) * element_mm2 / CELLS
+            compliance_um_per_n.reshape(-1, len(gap_um), CELLS_PER_ELEMENT).sum(axis=2)
+            * element_mm2
+            / CELLS_PER_ELEMENT
         )
         self._mean_opening = element_means(self._opening.T).T
 
-    def closures_um(self, free_um: Vector, gas: Gas, *, contact: bool) -> tuple[Vector, Vector]:
+    def closures_and_excess_pressures(
+        self, free_um: Vector, gas: Gas, *, contact: bool
+    ) -> tuple[Vector, Vector]:
         """Return cell closures [um], shape (n, 324), and excess air pressures [MPa], shape (n, elements).
 
         Args:
@@ -75,7 +79,7 @@ class CavityPressures:
         return closure_um, excess_mpa
 
     def sustained_closures_um(self, free_um: Vector, cavity: Cavity, *, contact: bool) -> Vector:
-        """Return the cell closures [um], shape (n, 324), under loads applied for `SUSTAINED_LOAD_S`.
+        """Return the cell closures [um], shape (n, 324), under loads applied for `ASSUMED_LOAD_DURATION_S`.
 
         Args:
             free_um: Closures of an empty foot without contact [um], shape (n, 324).
@@ -85,17 +89,21 @@ class CavityPressures:
         gas = Gas(np.full(len(self._gap_um), 1e-3 * cavity.gas_kpa))
         if cavity.kind == "leaking":
             for _ in range(_N_SUSTAINED_STEPS):
-                gas = gas._replace(leak_step_rel=SUSTAINED_LOAD_S / _N_SUSTAINED_STEPS / cavity.leak_time_s)
-                gas = gas.after_step(self.closures_um(free_um, gas, contact=contact)[1])
-        return self.closures_um(free_um, gas, contact=contact)[0]
+                gas = gas._replace(
+                    step_over_leak_time=ASSUMED_LOAD_DURATION_S / _N_SUSTAINED_STEPS / cavity.leak_time_s
+                )
+                gas = gas.after_leak_step(
+                    self.closures_and_excess_pressures(free_um, gas, contact=contact)[1]
+                )
+        return self.closures_and_excess_pressures(free_um, gas, contact=contact)[0]
 
-    def _volume_and_slope(self, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
+    def _volume_and_negative_slope(self, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
         """Return each cavity's relative volume [1] at an excess pressure [MPa], and its negative derivative [1/MPa]."""
         pressure_mpa = excess_mpa + gas.ambient_mpa
-        remaining_volume: Vector = (gas.amount_mpa / pressure_mpa) ** (1.0 / gas.exponent)
-        volume: Vector = remaining_volume - gas.leak_step_rel * excess_mpa / pressure_mpa
+        volume_without_leak: Vector = (gas.amount_mpa / pressure_mpa) ** (1.0 / gas.exponent)
+        volume: Vector = volume_without_leak - gas.step_over_leak_time * excess_mpa / pressure_mpa
         return volume, (
-            remaining_volume / gas.exponent + gas.leak_step_rel * gas.ambient_mpa / pressure_mpa
+            volume_without_leak / gas.exponent + gas.step_over_leak_time * gas.ambient_mpa / pressure_mpa
         ) / pressure_mpa
 
     def _pressures_without_contact_mpa(self, free_um: Vector, gas: Gas) -> Vector:
@@ -106,13 +114,13 @@ class CavityPressures:
         """
         excess_mpa = np.zeros_like(free_um)
         for _ in range(_MAX_NEWTON_STEPS):
-            volume, slope = self._volume_and_slope(excess_mpa, gas)
+            volume, slope = self._volume_and_negative_slope(excess_mpa, gas)
             rest_um = free_um - excess_mpa @ self._mean_opening.T - self._gap_um * (1.0 - volume)
             if (np.abs(rest_um) <= _TOLERANCE_REL * self._gap_um).all():
                 return excess_mpa
             matrix = self._mean_opening + (self._gap_um * slope)[:, :, None] * np.eye(len(self._gap_um))
             step_mpa = np.asarray(np.linalg.solve(matrix, rest_um[:, :, None])[:, :, 0], np.float64)
-            excess_mpa = self._pressures_after_step_mpa(excess_mpa, step_mpa, gas)
+            excess_mpa = self._pressures_after_newton_step_mpa(excess_mpa, step_mpa, gas)
         raise ArithmeticError(
             "the pressures of the cavities do not converge: is the compliance positive definite?"
         )
@@ -127,8 +135,10 @@ class CavityPressures:
         step_mpa = np.zeros(len(self._gap_um))
         for _ in range(_MAX_NEWTON_STEPS):
             pressed_um = free_um - self._opening @ excess_mpa
-            closure_um = solve_contact_lcp(pressed_um, self._gap_of_cell_um, self._compliance).closure_um
-            volume, slope = self._volume_and_slope(excess_mpa, gas)
+            closure_um = solve_contact_lcp(
+                pressed_um, self._gap_of_cell_um, self._compliance
+            ).cell_closures_um
+            volume, slope = self._volume_and_negative_slope(excess_mpa, gas)
             rest_um = element_means(closure_um) - self._gap_um * (1.0 - volume)
             size_um = float(np.abs(rest_um).max())
             if size_um <= _TOLERANCE_REL * self._gap_um.min():
@@ -145,12 +155,12 @@ class CavityPressures:
             opening = element_means((self._opening - self._compliance[:, closed] @ carried).T).T
             stiffness = opening + np.diag(self._gap_um * slope)
             newton_mpa = np.asarray(np.linalg.solve(stiffness, rest_um), np.float64)
-            moved = self._pressures_after_step_mpa(excess_mpa, newton_mpa, gas)
+            moved = self._pressures_after_newton_step_mpa(excess_mpa, newton_mpa, gas)
             step_mpa, excess_mpa = moved - excess_mpa, moved
         raise ArithmeticError("the pressures of the cavities do not converge with gaps in contact")
 
     @staticmethod
-    def _pressures_after_step_mpa(excess_mpa: Vector, step_mpa: Vector, gas: Gas) -> Vector:
+    def _pressures_after_newton_step_mpa(excess_mpa: Vector, step_mpa: Vector, gas: Gas) -> Vector:
         """Return the excess pressures after a Newton step [MPa], shortened where it would give a vacuum."""
         least = _MIN_REMAINING_PRESSURE_REL * (excess_mpa + gas.ambient_mpa) - gas.ambient_mpa
         return np.maximum(excess_mpa + step_mpa, least)

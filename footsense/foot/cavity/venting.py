@@ -16,7 +16,7 @@ PDMS_M2_PER_S, PDMS_SOLUBILITY = 3.4e-9, 0.11
 #: Permeability of parylene C to air, nitrogen and oxygen by their shares [m3(STP) m / (m2 s Pa)]; its thickness [m].
 PARYLENE_PERMEABILITY, PARYLENE_M = 1.04e-19, 1e-6
 #: Vent: a channel through a bar, as high as the gap; its width [mm].
-VENT_CHANNEL_MM = 0.2
+VENT_CHANNEL_WIDTH_MM = 0.2
 
 
 def sorption_half_time_s(gap_um: float) -> float:
@@ -37,5 +37,5 @@ def parylene_time_constant_s(gap_um: float) -> float:
 def channel_time_constant_s(gap_um: float, electrode_mm: float, bar_mm: float) -> float:
     """Return the time constant of a cavity with a channel as high as the gap, by viscous flow [s]."""
     height_m, length_m = 1e-6 * gap_um, 1e-3 * bar_mm
-    per_pa = 1e-3 * VENT_CHANNEL_MM * height_m**3 / (12.0 * AIR_VISCOSITY_PA_S * length_m)
+    per_pa = 1e-3 * VENT_CHANNEL_WIDTH_MM * height_m**3 / (12.0 * AIR_VISCOSITY_PA_S * length_m)
     return 1e-6 * electrode_mm**2 * height_m / (1e3 * AMBIENT_KPA * per_pa)

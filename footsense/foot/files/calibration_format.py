@@ -27,7 +27,7 @@ FORMAT = 2
 
 MANIFEST, PARAMETERS, NETWORK, CARD = "manifest.json", "parameters.json", "network.onnx", "card.md"
 #: Files whose hashes are in the manifest.
-FILES = (PARAMETERS, NETWORK, CARD)
+HASHED_FILES = (PARAMETERS, NETWORK, CARD)
 
 FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$", description="such as foot-0007")]
 Sha256 = Annotated[str, Meta(pattern=r"^[0-9a-f]{64}$")]
@@ -42,7 +42,7 @@ class Format(msgspec.Struct, frozen=True):
     format: int
 
 
-class HeldOut(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class HeldOutErrors(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Force errors on loads that were not used in the fit, without and with the calibration.
 
     Attributes:
@@ -80,7 +80,7 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     made: Annotated[str, Meta(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
     n_loads: Annotated[int, Meta(ge=1)]
     n_sessions: Annotated[int, Meta(ge=1)]
-    held_out: HeldOut | None
+    held_out: HeldOutErrors | None
     recordings: Annotated[dict[str, Sha256], Meta(min_length=1)]
     files: dict[str, Sha256] = {}
     sha256: str = ""
@@ -94,12 +94,12 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         datetime.fromisoformat(self.made)
 
     @property
-    def own_sha256(self) -> str:
+    def computed_sha256(self) -> str:
         """SHA-256 of the manifest's entries except `sha256`."""
         return hashlib.sha256(msgspec.json.encode(msgspec.structs.replace(self, sha256=""))).hexdigest()
 
     @property
-    def training_sha256(self) -> str:
+    def recordings_sha256(self) -> str:
         """One SHA-256 over all recordings, independent of their names."""
         return hashlib.sha256("".join(sorted(self.recordings.values())).encode()).hexdigest()
 

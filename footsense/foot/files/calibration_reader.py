@@ -10,8 +10,8 @@ import numpy as np
 
 from footsense.errors import ModelError
 from footsense.foot.files.calibration_format import (
-    FILES,
     FORMAT,
+    HASHED_FILES,
     MANIFEST,
     NETWORK,
     PARAMETERS,
@@ -71,8 +71,8 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
     path = folder / MANIFEST
     manifest = _decode_json(path, _read_file(path), Manifest)
     foot = foot or folder.absolute().name.partition(".")[0]
-    if manifest.sha256 != manifest.own_sha256:
-        raise ModelError(_mismatch_message(path, "its own hash"))
+    if manifest.sha256 != manifest.computed_sha256:
+        raise ModelError(_hash_mismatch_message(path, "its own hash"))
     if manifest.foot != foot:
         raise ModelError(
             f"{folder}: the calibration of {manifest.foot}, not of {foot}; it stays in the folder of its foot"
@@ -82,14 +82,14 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
             f"{folder}: for foot type {manifest.foot_type!r}, this robot's feet are {foot_type!r}; "
             f"take the calibration of a {foot_type} foot"
         )
-    if set(manifest.files) != set(FILES):
+    if set(manifest.files) != set(HASHED_FILES):
         raise ModelError(
-            f"{path}: lists {', '.join(sorted(manifest.files))}; a calibration has {', '.join(FILES)}"
+            f"{path}: lists {', '.join(sorted(manifest.files))}; a calibration has {', '.join(HASHED_FILES)}"
         )
-    contents = {name: _read_file(folder / name) for name in FILES}
+    contents = {name: _read_file(folder / name) for name in HASHED_FILES}
     for name, content in contents.items():
         if hashlib.sha256(content).hexdigest() != manifest.files[name]:
-            raise ModelError(_mismatch_message(folder / name, f"its hash in {MANIFEST}"))
+            raise ModelError(_hash_mismatch_message(folder / name, f"its hash in {MANIFEST}"))
     found = _decode_json(folder / PARAMETERS, contents[PARAMETERS], Parameters)
     network_sha256 = verified_sha256(contents[NETWORK], str(folder / NETWORK))
     if network_sha256 != found.network_sha256:
@@ -119,8 +119,8 @@ def _decode_array(_: type, values: list[float]) -> Vector:
     return np.array(values)
 
 
-def _mismatch_message(path: Path, expected: str) -> str:
-    """Return the error message about a JSON file that does not match its schema."""
+def _hash_mismatch_message(path: Path, expected: str) -> str:
+    """Return the error message about a file whose content does not match its hash."""
     return (
         f"{path}: does not match {expected}: edited by hand, or damaged; copy the calibration again, or calibrate the "
         "foot again"

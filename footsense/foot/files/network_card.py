@@ -84,7 +84,7 @@ class TrainedInputs:
         closed_rel: Vector = GAP_CLOSED_THRESHOLD_REL * (gap_um / self.design.gap_um)
         return closed_rel
 
-    def usable_max_rel(self, gap_um: Vector) -> Vector:
+    def max_usable_closure_rel(self, gap_um: Vector) -> Vector:
         """Return the largest closure over the gap that the network can use [1]: gap not closed, and trained."""
         return np.minimum(self.closure_rel_max, self.gap_closed_threshold_rel(gap_um))
 
@@ -134,7 +134,7 @@ class Card(msgspec.Struct, frozen=True):
         return math.isqrt(len(self.closure_rel_min))
 
     @property
-    def max_n(self) -> float:
+    def max_trained_force_n(self) -> float:
         """Largest force in the training [N]."""
         return self.training.random_loads.max_n
 

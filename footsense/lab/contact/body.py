@@ -6,7 +6,7 @@ rubber. Between the sides:
     bars       a layer of thickness t_s: (G [u_t].[v_t] + (lambda + 2 G) [u_n].[v_n]) / t_s
     cavities   unilateral contact of the electrode planes, k <[u_z] - g> [v_z], without friction, small sliding
 
-with [u] = u_ground - u_leg and the gap g at rest. k is raised until no point is deeper than PENETRATION_REL g.
+with [u] = u_ground - u_leg and the gap g at rest. k is raised until no point is deeper than MAX_PENETRATION_REL g.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ class Body:
 
     Attributes:
         design: The foot.
-        mesh: Mesh of the quarter.
+        mesh: Mesh of the whole foot, or of its half with y > 0.
         space: Displacement of the ground side, of the leg side, pressure of the rubber, and position of the floor along
             each free axis.
         state: The present iterate, a grid function of `space`.
@@ -85,7 +85,7 @@ class Body:
             deep = jump[2] - self.design.gap_um * 1e-3
             stress = self._gap_stiffness * ng.IfPos(deep, deep, 0.0)
             weak_form += stress * jump_v[2] * ng.ds("cavity", intrules=self._points.GetIntegrationRules())
-        weak_form += floor.work(self._relative_to_floor(trial), -self._relative_to_floor(test))
+        weak_form += floor.virtual_work(self._relative_to_floor(trial), -self._relative_to_floor(test))
         area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds(GROUND_FACE), self.mesh)
         for target_n, e in zip(floor.target_n, test[3:], strict=True):
             weak_form += -target_n / area_mm2 * e * ng.ds(GROUND_FACE)

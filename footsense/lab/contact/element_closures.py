@@ -42,7 +42,7 @@ def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, 
 
     Args:
         design: The foot.
-        mesh: Mesh of the quarter.
+        mesh: Mesh of the whole foot, or of its half with y > 0.
         ground: Displacement of the ground side [mm].
         leg: Displacement of the leg side [mm].
         is_half_foot: The mesh has y > 0 only, and y < 0 is its mirror image.
@@ -51,8 +51,8 @@ def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, 
     if is_half_foot:
         y_mm = np.abs(y_mm)
 
-    def plane_displacement_um(displacement: Any, up: float) -> Vector:
-        """Return the vertical displacement of a plate's electrode plane z = 0 [um], extrapolated from inside."""
+    def plane_displacement_mm(displacement: Any, up: float) -> Vector:
+        """Return the vertical displacement of a plate's electrode plane z = 0 [mm], extrapolated from inside."""
         near, far = (
             np.asarray(displacement[2](mesh(x_mm, y_mm, np.full(x_mm.shape, up * depth_mm))))
             for depth_mm in (SAMPLE_DEPTH_MM, 2.0 * SAMPLE_DEPTH_MM)
@@ -60,7 +60,7 @@ def sampled_closure_um(design: FootDesign, mesh: Any, ground: Any, leg: Any, *, 
         at_plane: Vector = 2.0 * near - far
         return at_plane
 
-    jump = plane_displacement_um(ground, -1.0) - plane_displacement_um(leg, 1.0)
+    jump = plane_displacement_mm(ground, -1.0) - plane_displacement_mm(leg, 1.0)
     return (
         jump.reshape(9, CELLS_PER_SIDE, GAUSS_POINTS_PER_SIDE, CELLS_PER_SIDE, GAUSS_POINTS_PER_SIDE)
         * UM_PER_MM

@@ -31,7 +31,7 @@ class FloorModel(Protocol):
 
     target_n: list[Any]
 
-    def work(self, u: Any, v: Any) -> Any:
+    def virtual_work(self, u: Any, v: Any) -> Any:
         """Return the floor's virtual work; u is the displacement relative to the floor, v the test function."""
 
     def set_load_fraction(self, fraction: float) -> None:

@@ -28,7 +28,7 @@ GAP_STIFFENING, MAX_GAP_STIFFENINGS = 9.0, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FullSolution:
+class ContactModelSolution:
     """Closures, capacitances and contact of the foot under one load.
 
     Attributes:
@@ -52,12 +52,12 @@ class FullSolution:
 
 
 @dataclass(frozen=True, slots=True)
-class FullFoot:
+class FootContactModel:
     """Finite-strain contact model of a foot; finite strain, floor contact and gap contact can each be switched off.
 
     Attributes:
         design: The foot.
-        size: Resolution of the mesh.
+        mesh_size: Resolution of the mesh.
         friction: Coulomb's coefficient of the floor [1].
         finite_strain: Neo-Hookean solids, else Hooke's.
         floor: `solved` for a rigid plane, `hertz` for the Hertz patch's traction.
@@ -66,13 +66,13 @@ class FullFoot:
 
     design: FootDesign
     _: KW_ONLY
-    size: ContactMeshSize = field(default_factory=ContactMeshSize)
+    mesh_size: ContactMeshSize = field(default_factory=ContactMeshSize)
     friction: float = 0.7
     finite_strain: bool = True
     floor: Literal["solved", "hertz"] = "solved"
     gaps: Literal["contact", "open"] = "contact"
 
-    def solve(self, normal: Vector, force_n: Vector) -> FullSolution:
+    def solve(self, normal: Vector, force_n: Vector) -> ContactModelSolution:
         """Return closures, capacitances and contact patch of the foot under one load.
 
         Args:
@@ -88,11 +88,11 @@ class FullFoot:
         """
         case = LoadCase(self.design, normal, force_n, self.friction)
         mesh = build_mesh(
-            self.design, self.size, normal, case.hertz_radius_mm, is_half_foot=case.is_mirrored_at_y0
+            self.design, self.mesh_size, normal, case.hertz_radius_mm, is_half_foot=case.is_mirrored_at_y0
         )
         solved = self.floor == "solved"
-        body = Body(self.design, mesh, self.size.order, case.floor_axes if solved else ())
-        element_mm = self.size.patch_rel * case.hertz_radius_mm
+        body = Body(self.design, mesh, self.mesh_size.order, case.floor_axes if solved else ())
+        element_mm = self.mesh_size.patch_element_rel * case.hertz_radius_mm
         floor: FloorModel = PlaneFloor(case, body, element_mm) if solved else PrescribedHertzFloor(case, body)
         contact = self.gaps == "contact"
         weak_form = body.weak_form(floor, finite_strain=self.finite_strain, gap_contact=contact)
@@ -114,7 +114,7 @@ class FullFoot:
             is_half_foot=case.is_mirrored_at_y0,
         )
         cell_closures_um = cell_means(samples_um)
-        return FullSolution(
+        return ContactModelSolution(
             closure_um=cell_closures_um.mean(axis=1),
             capacitance_pf=capacitance_pf(self.design, samples_um),
             cell_closures_um=cell_closures_um,

@@ -27,7 +27,7 @@ class PrescribedHertzFloor:
         self._surface = ng.ds(GROUND_FACE, bonus_intorder=20)
         self._weight = shape / (ng.Integrate(shape * self._surface, self._mesh) / case.meshed_share)
 
-    def work(self, u: Any, v: Any) -> Any:
+    def virtual_work(self, u: Any, v: Any) -> Any:
         """Return the virtual work of the fixed Hertz traction along the test function v."""
         del u
         traction = self._fraction * ng.CF(tuple(self._case.force_n)) * self._weight

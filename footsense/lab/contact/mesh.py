@@ -18,7 +18,7 @@ from footsense.lab.fem.solids import EQUAL_WITHIN_MM, bodies, curved_mesh, lies_
 from footsense.lab.geometry import FootDesign
 
 #: The mesh is fine out to this many radii of the expected contact patch: finite strain and friction shift it.
-PATCH_REFINEMENT_FACTOR = 1.3
+REFINED_RADIUS_OVER_PATCH = 1.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class ContactMeshSize:
         plate_mm: Largest edge in the plates [mm].
         bar_mm: Largest edge along the edges of the bars [mm].
         edge_layer_rel: Where the hp refinement cuts the elements at a bar's edge, over their size [1].
-        patch_rel: Edge where the floor touches, over the Hertz radius [1].
+        patch_element_rel: Edge where the floor touches, over the Hertz radius [1].
         order: Polynomial order of displacement and geometry; the pressure has one less.
     """
 
@@ -38,7 +38,7 @@ class ContactMeshSize:
     plate_mm: float = 1.5
     bar_mm: float = 0.5
     edge_layer_rel: float = 0.15
-    patch_rel: float = 0.3
+    patch_element_rel: float = 0.3
     order: int = 2
 
 
@@ -54,7 +54,7 @@ def _cut_at_y0(shape: Any) -> list[Any]:
 
 
 def _in_cavity(design: FootDesign, low: Any, high: Any) -> bool:
-    """Tell whether a box in the plane z = 0 lies in a cavity of the spacer."""
+    """Return whether a box in the plane z = 0 lies in a cavity of the spacer."""
     reach = design.electrode_mm / 2.0 + EQUAL_WITHIN_MM
     return any(
         max(x_mm - low.x, high.x - x_mm, y_mm - low.y, high.y - y_mm) < reach
@@ -127,5 +127,7 @@ def build_mesh(
     _name_faces(shape, design)
     _refine_at_bar_edges(shape, design, size)
     parameters = MeshingParameters(maxh=size.ball_mm, grading=0.4)
-    _refine_patch(parameters, design, normal, size.patch_rel * patch_mm, PATCH_REFINEMENT_FACTOR * patch_mm)
+    _refine_patch(
+        parameters, design, normal, size.patch_element_rel * patch_mm, REFINED_RADIUS_OVER_PATCH * patch_mm
+    )
     return curved_mesh(shape, parameters, size.order, edge_layers=1, edge_layer_rel=size.edge_layer_rel)

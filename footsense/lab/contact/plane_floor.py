@@ -23,7 +23,7 @@ from footsense.lab.contact.floor import GROUND_FACE, ContactPatch
 from footsense.lab.contact.load_case import LoadCase
 
 #: E_n h / E* [1].
-NORMAL_STIFFNESS_REL = 50.0
+PENALTY_STIFFNESS_REL = 50.0
 #: Added under the root of |s|^2 [mm2], for its derivative at s = 0.
 SLIP_REGULARISATION_MM2 = 1e-24
 #: Halvings of the search for the floor's place before a load step.
@@ -49,7 +49,7 @@ class PlaneFloor:
         self._moved = body.ground_relative_to_floor_mm
         self.target_n = [ng.Parameter(0.0) for _ in case.floor_axes]
         self._fraction = self._settled_fraction = 0.0
-        self._stiffness = NORMAL_STIFFNESS_REL * case.design.rubber.hertz_mpa / element_mm
+        self._stiffness = PENALTY_STIFFNESS_REL * case.design.rubber.hertz_mpa / element_mm
         region = self._mesh.Boundaries(GROUND_FACE)
         points = ngsolve.comp.IntegrationRuleSpaceSurface(
             self._mesh, order=2 * body.ground_displacement_mm.space.globalorder + 3, definedon=region
@@ -76,7 +76,7 @@ class PlaneFloor:
         cap = self._case.friction * self._contact_pressure_mpa(self._moved)
         return -slid * ng.IfPos(self._stiffness * distance - cap, cap / distance, self._stiffness)
 
-    def work(self, u: Any, v: Any) -> Any:
+    def virtual_work(self, u: Any, v: Any) -> Any:
         """Return the virtual work of contact pressure and friction along the test function v."""
         traction = self._contact_pressure_mpa(u) * ng.CF(
             tuple(self._case.normal)

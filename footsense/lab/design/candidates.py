@@ -20,7 +20,7 @@ class Candidates(NamedTuple):
 
     Attributes:
         ball_radius_mm: Radius of the ball [mm].
-        fill_rel: Side of an electrode over the pitch [1].
+        electrode_over_pitch: Side of an electrode over the pitch [1].
         plate_mm: Thickness of a plate [mm].
         gap_um: Unloaded gap [um].
         film: Number of the film in the process's table.
@@ -34,7 +34,7 @@ class Candidates(NamedTuple):
     """
 
     ball_radius_mm: Vector
-    fill_rel: Vector
+    electrode_over_pitch: Vector
     plate_mm: Vector
     gap_um: Vector
     film: NDArray[np.intp]
@@ -54,12 +54,12 @@ class Candidates(NamedTuple):
     @property
     def pitch_mm(self) -> Vector:
         """Distance between the centres of neighbouring elements [mm]."""
-        return pitch_mm(self.fill_rel, self.ball_radius_mm)
+        return pitch_mm(self.electrode_over_pitch, self.ball_radius_mm)
 
     @property
     def electrode_mm(self) -> Vector:
         """Side length of an electrode [mm]."""
-        return self.fill_rel * self.pitch_mm
+        return self.electrode_over_pitch * self.pitch_mm
 
     @property
     def eps0_area_pf_um(self) -> Vector:
@@ -87,10 +87,10 @@ class Candidates(NamedTuple):
 
     @property
     def shape(self) -> Shape:
-        """Return the dimensionless shapes of the candidates for the response library."""
+        """Dimensionless shapes of the candidates, for the response library."""
         spacer_mm = (self.gap_um + self.film_um) / UM_PER_MM
         return Shape(
-            self.fill_rel,
+            self.electrode_over_pitch,
             self.plate_mm / self.ball_radius_mm,
             spacer_mm / self.ball_radius_mm,
             self.sheet_mpa / self.rubber_mpa,
@@ -100,7 +100,7 @@ class Candidates(NamedTuple):
 
 def all_candidates(requirements: Requirements) -> Candidates:
     """Return every combination of available dimensions, materials and films, feasible or not."""
-    low_mm, high_mm = requirements.ball_mm
+    low_mm, high_mm = requirements.ball_diameter_range_mm
     radii = np.unique(np.round(np.linspace(low_mm, high_mm, _N_BALL_DIAMETERS_TRIED) * 2.0) / 2.0) / 2.0
     process, materials = requirements.process, requirements.materials
     axes = (

@@ -24,18 +24,18 @@ class Choice(NamedTuple):
     """Screened candidates of a design, their Pareto front, and the chosen feet.
 
     Attributes:
-        feet: All candidates that can be made and read, n of them.
+        manufacturable: All candidates that can be made and read, n of them.
         screened: Their range and error.
         pareto_front: Rows that no other foot beats in range, error and size at once.
-        ranked: For some sizes of the ball the rows to assess, the most accurate first.
-        n_tried: Number of all candidates.
+        rows_to_assess: For some sizes of the ball the rows to assess, the most accurate first.
+        n_all_candidates: Number of all candidates.
     """
 
-    feet: Candidates
+    manufacturable: Candidates
     screened: ScreeningResult
     pareto_front: NDArray[np.intp]
-    ranked: list[NDArray[np.intp]]
-    n_tried: int
+    rows_to_assess: list[NDArray[np.intp]]
+    n_all_candidates: int
 
 
 def choose_candidates(library: ShapeLibrary, requirements: Requirements, keep: int) -> Choice:
@@ -52,7 +52,7 @@ def choose_candidates(library: ShapeLibrary, requirements: Requirements, keep: i
     everything = all_candidates(requirements)
     feet = _manufacturable_candidates(library, requirements, everything)
     screened = screen_candidates(library, requirements, feet)
-    works = np.flatnonzero(screened.direction_bound_deg <= requirements.error_deg)
+    works = np.flatnonzero(screened.direction_bound_deg <= requirements.max_direction_error_deg)
     if not len(works):
         raise FootsenseError(_conflict_message(library, requirements, feet, screened))
     error = screened.direction_bound_deg
@@ -78,21 +78,23 @@ def _manufacturable_candidates(
     bars, widest_mm = bar_mm >= requirements.process.bar_mm - 1e-9, float(bar_mm.max())
     if not bars.any():
         raise FootsenseError(
-            f"--ball {requirements.ball_mm[1]:g} and bars of at least {requirements.process.bar_mm:g} mm conflict: "
+            f"--ball {requirements.ball_diameter_range_mm[1]:g} and bars of at least {requirements.process.bar_mm:g} "
+            f"mm conflict: "
             f"the widest bar of such a ball has {widest_mm:.2f} mm; use a ball from "
-            f"{math.ceil(requirements.ball_mm[1] * requirements.process.bar_mm / widest_mm):.0f} mm"
+            f"{math.ceil(requirements.ball_diameter_range_mm[1] * requirements.process.bar_mm / widest_mm):.0f} mm"
         )
     board, unloaded = requirements.board, feet.unloaded_pf
-    read = (unloaded >= board.range_begin_pf) & (feet.half_closed_pf <= board.range_end_pf)
+    read = (unloaded >= board.min_unloaded_pf) & (feet.half_closed_pf <= board.range_end_pf)
     if not (bars & read).any():
         low, high = unloaded[bars].min(), unloaded[bars].max()
         most = low >= board.range_end_pf
-        share = (board.range_end_pf / low) ** 0.5 if most else (board.range_begin_pf / high) ** 0.5
+        share = (board.range_end_pf / low) ** 0.5 if most else (board.min_unloaded_pf / high) ** 0.5
         raise FootsenseError(
-            f"--ball {requirements.ball_mm[0]:g} {requirements.ball_mm[1]:g} and --board {board.name} conflict: "
-            f"elements of such balls have {low:.1f} to {high:.1f} pF, the board reads {board.range_begin_pf:g} to "
+            f"--ball {requirements.ball_diameter_range_mm[0]:g} {requirements.ball_diameter_range_mm[1]:g} and "
+            f"--board {board.name} conflict: "
+            f"elements of such balls have {low:.1f} to {high:.1f} pF, the board reads {board.min_unloaded_pf:g} to "
             f"{board.range_end_pf:.1f} pF; use a ball {'up to' if most else 'from'} "
-            f"{share * requirements.ball_mm[0 if most else 1]:.0f} mm"
+            f"{share * requirements.ball_diameter_range_mm[0 if most else 1]:.0f} mm"
         )
     known = library.covers(feet.shape)
     if not (bars & read & known).any():
@@ -123,20 +125,23 @@ def _conflict_message(
         thinnest = min(requirements.process.gap_um)
         return (
             f"--min-force {requirements.min_n:g} and --max-force {requirements.max_n:g} conflict at --error "
-            f"{requirements.error_deg:g}: the noise of board {requirements.board.name} alone gives "
+            f"{requirements.max_direction_error_deg:g}: the noise of board {requirements.board.name} alone gives "
             f"{screened.direction_bound_deg[best]:.2g} deg over this range, "
             f"with the gap of {feet.gap_um[best]:g} um (the process makes {thinnest:g} um and more); "
-            f"nearest that works: --min-force {_nearest_min_force_n(library, requirements, feet):.2g}"
+            f"nearest that works: --min-force {_lowest_feasible_min_force_n(library, requirements, feet):.2g}"
         )
     best = int(np.argmax(screened.range_n))
     rubbers = requirements.materials.rubbers
     text = (
-        f"--max-force {requirements.max_n:g} and --ball {requirements.ball_mm[1]:g} conflict: no rubber and gap at "
+        f"--max-force {requirements.max_n:g} and --ball {requirements.ball_diameter_range_mm[1]:g} conflict: no "
+        f"rubber and gap at "
         f"hand carry more than {screened.range_n[best]:.3g} N on such a ball "
         f"({rubbers[int(feet.rubber[best])].name}, gap {feet.gap_um[best]:g} um, ends "
         f"by the {LIMIT_NAMES[int(screened.limiting_factor[best])]})"
     )
-    larger = requirements._replace(ball_mm=(requirements.ball_mm[1], _LARGEST_BALL_MM))
+    larger = requirements._replace(
+        ball_diameter_range_mm=(requirements.ball_diameter_range_mm[1], _LARGEST_BALL_MM)
+    )
     try:
         others = _manufacturable_candidates(library, larger, all_candidates(larger))
     except FootsenseError:
@@ -146,7 +151,8 @@ def _conflict_message(
     harder = requirements._replace(materials=load_materials())
     if carries.any():
         nearest = (
-            f"--ball {requirements.ball_mm[0]:g} {2.0 * others.ball_radius_mm[carries].min():g}, or {nearest}"
+            f"--ball {requirements.ball_diameter_range_mm[0]:g} {2.0 * others.ball_radius_mm[carries].min():g}, or "
+            f"{nearest}"
         )
     else:
         others = _manufacturable_candidates(library, harder, all_candidates(harder))
@@ -156,13 +162,16 @@ def _conflict_message(
     return f"{text}; nearest that works: {nearest}"
 
 
-def _nearest_min_force_n(library: ShapeLibrary, requirements: Requirements, feet: Candidates) -> float:
+def _lowest_feasible_min_force_n(
+    library: ShapeLibrary, requirements: Requirements, feet: Candidates
+) -> float:
     """Return the lowest minimum force at which some candidate meets the required error [N]."""
     low, high = np.log(requirements.min_n), np.log(requirements.max_n)
     for _ in range(8):
         middle = (low + high) / 2.0
         trial = requirements._replace(min_n=float(np.exp(middle)))
-        if np.nanmin(screen_candidates(library, trial, feet).direction_bound_deg) <= requirements.error_deg:
+        bound_deg = screen_candidates(library, trial, feet).direction_bound_deg
+        if np.nanmin(bound_deg) <= requirements.max_direction_error_deg:
             high = middle
         else:
             low = middle

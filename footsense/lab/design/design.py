@@ -62,9 +62,9 @@ class DesignResult(NamedTuple):
             materials = self.requirements.materials
             cells = {
                 "ball [mm]": f"{2.0 * design.ball_radius_mm:g}",
-                "rubber": materials.rubbers[int(self.choice.feet.rubber[row])].name,
+                "rubber": materials.rubbers[int(self.choice.manufacturable.rubber[row])].name,
                 "  modulus [MPa]": f"{design.rubber.youngs_mpa:g}",
-                "sheet": materials.sheets[int(self.choice.feet.sheet[row])].name,
+                "sheet": materials.sheets[int(self.choice.manufacturable.sheet[row])].name,
                 "  modulus [MPa] ": f"{design.pdms.youngs_mpa:g}",
                 "plate [mm]": f"{design.plate_mm:g}",
                 "gap [um]": f"{design.gap_um:g}",
@@ -96,7 +96,7 @@ class DesignResult(NamedTuple):
         return {
             "max_n": self.requirements.max_n,
             "min_n": self.requirements.min_n,
-            "candidates": self.choice.n_tried,
+            "candidates": self.choice.n_all_candidates,
             "scan_s": self.requirements.board.scan_s,
             "feet": [
                 {
@@ -127,11 +127,15 @@ def design(requirements: Requirements, name: str, keep: int, folder: Path) -> De
     library = ShapeLibrary()
     choice = choose_candidates(library, requirements, keep)
     feet = []
-    for table_rows in choice.ranked:
-        own = f"{name}-{2.0 * choice.feet.ball_radius_mm[table_rows[0]]:g}mm".replace(".", "-")
+    for table_rows in choice.rows_to_assess:
+        own = f"{name}-{2.0 * choice.manufacturable.ball_radius_mm[table_rows[0]]:g}mm".replace(".", "-")
         for row in map(int, table_rows):
             text = foot_text(
-                own, f"A foot for forces up to {requirements.max_n:.3g} N", choice.feet, row, requirements
+                own,
+                f"A foot for forces up to {requirements.max_n:.3g} N",
+                choice.manufacturable,
+                row,
+                requirements,
             )
             made = load_foot(text.encode())
             figures = assess_foot(library.response(made), requirements)

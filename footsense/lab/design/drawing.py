@@ -33,7 +33,7 @@ def draw_design(
         requirements: The input.
     """
     figure, (cloud, directions) = subplot_row(2, 10.0, 4.4)
-    feet, screened = choice.feet, choice.screened
+    feet, screened = choice.manufacturable, choice.screened
     works = np.flatnonzero(np.isfinite(screened.direction_bound_deg))
     shown = np.random.default_rng(1).permutation(works)[:_MAX_DRAWN_POINTS]
     diameter = 2.0 * feet.ball_radius_mm
@@ -62,7 +62,7 @@ def draw_design(
         cloud.plot(*at, "*", ms=13, mec="black", color=f"C{number}", label=foot.name, ls="none")
         directions.plot(ELEVATIONS_DEG, foot.figures.range_n, "o-", ms=4, color=f"C{number}", label=foot.name)
     cloud.axvline(requirements.max_n, color="grey", ls=":", lw=1)
-    cloud.axhline(requirements.error_deg, color="grey", ls=":", lw=1)
+    cloud.axhline(requirements.max_direction_error_deg, color="grey", ls=":", lw=1)
     cloud.set(
         xscale="log", yscale="log", xlabel="range [N]", ylabel="direction, Cramer-Rao bound, mean [deg rms]"
     )

@@ -76,7 +76,7 @@ def _screen_batch(model: ClosureModel, requirements: Requirements, feet: Candida
     direction, magnitude = np.full((2, len(range_n)), np.nan)
     able = np.flatnonzero(range_n >= requirements.max_n)
     if len(able):
-        some = Influence(influence.point[able], influence.patch[able])
+        some = Influence(influence.point_force[able], influence.contact_patch[able])
         direction[able], magnitude[able] = _mean_error_bounds(model, some, feet.select(able), requirements)
     return ScreeningResult(range_n, limit, direction, magnitude)
 
@@ -90,8 +90,8 @@ def _force_at_closure_n(
     """
     direction, normal = model.loads
     pressing = (direction * normal).sum(axis=1) ** (2.0 / 3.0)
-    point = np.einsum("nmce,mc->nme", influence.point[:, :, 0], direction)
-    patch = np.einsum("nmce,mc->nme", influence.patch[:, :, 0], direction) * pressing[:, None]
+    point = np.einsum("nmce,mc->nme", influence.point_force[:, :, 0], direction)
+    patch = np.einsum("nmce,mc->nme", influence.contact_patch[:, :, 0], direction) * pressing[:, None]
     read, open_um = closure_um[:, None, None], feet.unloaded_distance_um[:, None, None]
     # The mean d of distances D - d that reads as r: d + v d^2 / (D - d) = r to second order, v the relative variance.
     even = 1.0 - model.unevenness
@@ -125,7 +125,9 @@ def _mean_error_bounds(
     across = np.stack(tangent_frame(direction), axis=1)
     angles, sizes = [], []
     for force_n in np.geomspace(requirements.min_n, requirements.max_n, _N_FORCE_LEVELS):
-        closure, slopes = model.closures_um(influence, np.full((len(feet.gap_um), len(direction)), force_n))
+        closure, slopes = model.closures_and_jacobian_um(
+            influence, np.full((len(feet.gap_um), len(direction)), force_n)
+        )
         whitened = slopes / closure_sigma_um(requirements.board, feet, closure)[..., None]
         information = np.einsum("nmei,nmej->nmij", whitened, whitened)
         covariance = np.linalg.inv(information)[..., :3, :3]  # over the squared force

@@ -56,7 +56,7 @@ def compare_builds(first: Path, second: Path) -> list[BuildDifference]:
     """Return the differences of the files in the second folder from the released ones in the first."""
     one, two = open_models(first)[0], open_models(second)[0]
     normal = cap_normals(max(one.min_elevation_deg, two.min_elevation_deg))
-    closures = [response.closure_um(normal, normal) for response in (one, two)]
+    closures = [response.free_element_closures_um(normal, normal) for response in (one, two)]
     rows = [evaluate_models(folder)["paper_network"] for folder in (first, second)]
     return [
         BuildDifference(

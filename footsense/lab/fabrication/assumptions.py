@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from footsense.errors import ConfigError, FootsenseError
 from footsense.lab.design.inputs.processes import Process, load_processes
-from footsense.lab.design.prediction.after_calibration import gap_tolerance_um
+from footsense.lab.design.prediction.after_calibration import gap_sigma_um
 from footsense.lab.geometry import FootDesign
 from footsense.sim.foot.fabrication import FootTolerances
 
@@ -52,7 +52,7 @@ def assumptions(design: FootDesign, name: str | None = None) -> Assumptions:
         raise FootsenseError(f"--process {name}: not in the table, which has {', '.join(known)}")
     process = known[name]
     rms_deviations = FootTolerances(
-        gap_um=gap_tolerance_um(process, design.gap_um),
+        gap_um=gap_sigma_um(process, design.gap_um),
         film_um=process.film_tolerance_um,
         stray_pf=process.stray_tolerance_pf,
         stiffness_rel=process.stiffness_tolerance_rel,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from footsense.foot.cavity.fringe import fringe_pf
-from footsense.foot.gap_contact import CELLS
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT
 from footsense.lab.fabrication.tolerances import LIMIT_OVER_RMS, area_deviation_rel
 from footsense.lab.geometry import FootDesign
 from footsense.sim.foot.fabrication import FootTolerances
@@ -57,7 +57,7 @@ def expected_capacitance(
     capacitor = design.capacitor
     distance_um = design.gap_um + capacitor.film_equivalent_um
     limits_um = LIMIT_OVER_RMS * assumed.gap_um, LIMIT_OVER_RMS * assumed.film_um / design.film_eps_r
-    spacing_um = np.full(CELLS, design.gap_um + design.film_um)
+    spacing_um = np.full(CELLS_PER_ELEMENT, design.gap_um + design.film_um)
     return ExpectedCapacitance(
         plate_formula_pf=capacitor.unloaded_pf * overlap_mm2 / capacitor.electrode_area_mm2,
         fringe_pf=float(fringe_pf(capacitor, spacing_um)[0]),

@@ -18,7 +18,7 @@ from netgen.meshing import MeshingParameters
 
 from footsense.errors import ModelError
 from footsense.foot.directions import normalized
-from footsense.foot.gap_contact import CELLS, CELLS_PER_SIDE
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT, CELLS_PER_SIDE
 from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.symmetry import flat_of_grid
 from footsense.frames import Vector
@@ -151,7 +151,7 @@ def solve_whole_foot(
         form.Assemble()
         inverse = form.mat.Inverse(space.FreeDofs(), "sparsecholesky")
         functionals = []
-        for cell in range(design.rows**2 * CELLS):
+        for cell in range(design.rows**2 * CELLS_PER_ELEMENT):
             functional = ng.LinearForm(space)
             functional += (v_ground[2] - v_leg[2]) / design.cell_mm2 * ng.ds(f"cell{cell}")
             functionals.append(functional.Assemble())

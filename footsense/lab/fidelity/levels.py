@@ -79,9 +79,9 @@ def finite_strain_level(foot_design: FootDesign, *, reduced: bool = False) -> Fi
             The remaining difference from `contact` is the difference of two meshes.
     """
     # Here, and not above: the finite element library takes a second to load.
-    from footsense.lab.contact.full_solve import FullFoot
+    from footsense.lab.contact.full_solve import FootContactModel
 
-    foot = FullFoot(foot_design, finite_strain=False, floor="hertz") if reduced else FullFoot(foot_design)
+    foot = FootContactModel(foot_design, finite_strain=not reduced, floor="hertz" if reduced else "solved")
 
     def answer(normal: Vector, force_n: Vector) -> LevelResponse:
         solutions = [foot.solve(*load) for load in zip(normal, force_n, strict=True)]

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.files.network_card import TrainedInputs, read_card
 from footsense.foot.response_table import FootResponse
-from footsense.lab.code_hash import compute_sha256
+from footsense.lab.code_hash import compute_function_sha256
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign
@@ -154,7 +154,7 @@ class Study:
             "seconds": round(default_timer() - started, 1),
             "quick": context.quick,
             **context.model_hash_entry(uses_network=self.uses_network),
-            "code_sha256": compute_sha256(self._compute_function.__module__),
+            "code_sha256": compute_function_sha256(self._compute_function.__module__),
             **msgspec.to_builtins(results, str_keys=True, enc_hook=lambda value: value.tolist()),
         }
         return self.rerender(json.loads(json.dumps(values)), figures)

@@ -169,7 +169,7 @@ def _is_maybe_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[n
     may = np.empty(len(force_n), bool)
     for first in range(0, len(force_n), _LOADS_PER_CALL):
         some = slice(first, first + _LOADS_PER_CALL)
-        free_um = foot.response.closure_um(normal[some], force_n[some])
+        free_um = foot.response.free_element_closures_um(normal[some], force_n[some])
         may[some] = free_um.max(axis=1) < CERTAINLY_SATURATED_REL * foot.response.design.gap_um
     return may
 

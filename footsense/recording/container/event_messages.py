@@ -18,7 +18,7 @@ from footsense.frames import (
     GaitEvent,
     GaitEventKind,
     GaitFrame,
-    Reference,
+    ReferenceSamples,
     Result,
     Vector,
 )
@@ -81,7 +81,7 @@ class _ReferenceSample(msgspec.Struct):
     saturated: bool
 
 
-def encode_reference(reference: Reference) -> list[tuple[int, bytes]]:
+def encode_reference(reference: ReferenceSamples) -> list[tuple[int, bytes]]:
     """Return time [ns] and JSON message of each sample of the test stand's force sensor."""
     rows = zip(reference.t_ns.tolist(), reference.force_n.tolist(), reference.saturated.tolist(), strict=True)
     return [
@@ -95,10 +95,10 @@ def encode_reference(reference: Reference) -> list[tuple[int, bytes]]:
     ]
 
 
-def decode_reference(samples: Sequence[bytes]) -> Reference:
+def decode_reference(samples: Sequence[bytes]) -> ReferenceSamples:
     """Return the force-sensor samples decoded from JSON messages."""
     rows = msgspec.convert([json.loads(sample) for sample in samples], list[_ReferenceSample])
-    return Reference(
+    return ReferenceSamples(
         np.array([row.t_ns for row in rows], np.int64),
         np.array([[row.fx_n, row.fy_n, row.fz_n] for row in rows], np.float64).reshape(-1, 3),
         np.array([row.saturated for row in rows], np.bool_),

@@ -46,8 +46,12 @@ class CavityAir:
         warmth = 1.0 + kelvin / ROOM_TEMPERATURE_K
         leak_step_rel = elapsed_s / self._foot.cavity.leak_time_s
         # A softer solid closes as far as the given one under a smaller load and smaller pressures.
-        gas = Gas(warmth * self._amount_mpa, self._ambient_mpa, leak_step_rel=leak_step_rel).scaled(softness)
-        element_pf, after = self._foot.after_step(normal[None], softness * force_n[None], gas)
+        gas = Gas(
+            warmth * self._amount_mpa, self._ambient_mpa, step_over_leak_time=leak_step_rel
+        ).scaled_for_softness(softness)
+        element_pf, after = self._foot.capacitance_and_gas_after_step(
+            normal[None], softness * force_n[None], gas
+        )
         self._amount_mpa = after.amount_mpa[0] / (warmth * softness)
         capacitance_pf: Vector = element_pf[0]
         return capacitance_pf

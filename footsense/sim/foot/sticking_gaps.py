@@ -31,7 +31,7 @@ class StickingGaps:
             normal: Inward normal of the contact, shape (3,).
             force_n: Load [N], shape (3,).
         """
-        capacitance_pf, self._stuck = self._foot.after_sticking(
+        capacitance_pf, self._stuck = self._foot.capacitance_with_stiction(
             normal, force_n, self._stuck, self._stiction_kpa
         )
         return capacitance_pf

@@ -91,7 +91,7 @@ def can_trial(fault: CanFault, *, duration_s: float) -> CanFigures:
     ]
     silences_ns = [after - before for of_leg in received_ns for before, after in itertools.pairwise(of_leg)]
     return CanFigures(
-        received_share=sum(map(len, received_ns)) / (stats.published * len(received_ns)),
+        received_share=sum(map(len, received_ns)) / (stats.published_cycles * len(received_ns)),
         longest_silence_s=max(silences_ns) / 1e9,
         recovery_s=(max(again_ns) - fault.until_ns) / 1e9 if math.isfinite(max(again_ns)) else None,
         longest_delay_s=consumer.longest_delay_ns / 1e9,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
-from footsense.frames import IS_USABLE, Cause, Codes, ContactFrame, Cycle, Stamps, State, Vector
+from footsense.frames import IS_USABLE_STATE, Cause, Codes, ContactFrame, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import Fault, Leg
 from footsense.sim.scene import Effects, Scene
@@ -155,7 +155,7 @@ def fault_figures(
     recovered = bool(len(showing)) and not shows[-1]
     over_s = start_s if end_s is None else end_s
     error_n = np.abs(faulty.force_n - faulty.true_force_n)
-    affected = shows & IS_USABLE[faulty.state[:, row]]
+    affected = shows & IS_USABLE_STATE[faulty.state[:, row]]
     over_sigma = error_n[affected, row] / faulty.sigma_n[affected, row]
     return FaultFigures(
         state=State(_most_frequent_code(faulty.state[lasting, row], State.VALID)),
@@ -179,7 +179,7 @@ def _most_frequent_code(values: NDArray[np.unsignedinteger], otherwise: int) -> 
 
 def _longest_gap_s(walked: PublishedWalk, row: int, from_s: float) -> float:
     """Return the longest time between two usable forces of a leg, after a start time [s]."""
-    usable = IS_USABLE[walked.state[:, row]]
+    usable = IS_USABLE_STATE[walked.state[:, row]]
     t_s = walked.t_sent_ns[usable] * 1e-9
     before = t_s[t_s <= from_s][-1:]
     ends = np.concatenate((before, t_s[t_s > from_s], walked.t_sent_ns[-1:] * 1e-9))

@@ -12,7 +12,7 @@ from footsense.lab.contact import equilibrium, full_solve
 from footsense.lab.contact.body import Body
 from footsense.lab.contact.element_closures import cell_means, sampled_closure_um
 from footsense.lab.contact.equilibrium import ConvergenceError, Equilibrium
-from footsense.lab.contact.full_solve import FullFoot
+from footsense.lab.contact.full_solve import FootContactModel
 from footsense.lab.contact.load_case import LoadCase
 from footsense.lab.contact.mesh import ContactMeshSize, build_mesh
 from footsense.lab.contact.plane_floor import PlaneFloor
@@ -22,9 +22,9 @@ from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
 
-COARSE = ContactMeshSize(ball_mm=4.5, plate_mm=2.5, bar_mm=2.0, patch_rel=0.5)
+COARSE = ContactMeshSize(ball_mm=4.5, plate_mm=2.5, bar_mm=2.0, patch_element_rel=0.5)
 #: For what holds on any mesh.
-ROUGH = ContactMeshSize(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8)
+ROUGH = ContactMeshSize(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_element_rel=0.8)
 UP = np.array([0.0, 0.0, 1.0])
 #: A contact behind the middle: the normal tilts forward, the force stays upright.
 LEANING = np.array([np.sin(0.35), 0.0, np.cos(0.35)])
@@ -39,11 +39,11 @@ def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
     that grows with a/R = 0.04. The linear foot knows that compliance; its approach is met more closely.
     """
     force = 5.0 * GRAM_FORCE_N * UP
-    fine = dataclasses.replace(COARSE, patch_rel=0.3)
-    solved = FullFoot(FOOT_DESIGN, size=fine).solve(UP, force)
-    linear = FullFoot(FOOT_DESIGN, size=fine, finite_strain=False, floor="hertz", gaps="open").solve(
-        UP, force
-    )
+    fine = dataclasses.replace(COARSE, patch_element_rel=0.3)
+    solved = FootContactModel(FOOT_DESIGN, mesh_size=fine).solve(UP, force)
+    linear = FootContactModel(
+        FOOT_DESIGN, mesh_size=fine, finite_strain=False, floor="hertz", gaps="open"
+    ).solve(UP, force)
     a_mm = np.cbrt(0.75 * force[2] * FOOT_DESIGN.ball_radius_mm / FOOT_DESIGN.rubber.hertz_mpa)
     assert solved.patch.radius_mm == pytest.approx(a_mm, rel=0.04)
     assert solved.patch.peak_pressure_mpa == pytest.approx(1.5 * force[2] / (np.pi * a_mm**2), rel=0.05)
@@ -58,7 +58,7 @@ def test_the_spacer_carries_the_prescribed_force() -> None:
     case = LoadCase(FOOT_DESIGN, LEANING, force, 0.7)
     mesh = build_mesh(FOOT_DESIGN, ROUGH, LEANING, case.hertz_radius_mm, is_half_foot=case.is_mirrored_at_y0)
     body = Body(FOOT_DESIGN, mesh, ROUGH.order, case.floor_axes)
-    floor = PlaneFloor(case, body, ROUGH.patch_rel * case.hertz_radius_mm)
+    floor = PlaneFloor(case, body, ROUGH.patch_element_rel * case.hertz_radius_mm)
     form = body.weak_form(floor, finite_strain=True, gap_contact=False)
     floor.set_load_fraction(1.0)
     Equilibrium(body, form, 0.5).solve(1e-6)
@@ -116,7 +116,7 @@ def test_a_homogeneous_stretch_is_exact(material: Material) -> None:
 
 def test_a_closed_gap_is_entered_by_less_than_a_hundredth() -> None:
     """200 gf on a contact far behind: rear gaps close, no point is deeper than 20 um and 1 %."""
-    closed = FullFoot(FOOT_DESIGN, size=ROUGH, finite_strain=False, floor="hertz").solve(
+    closed = FootContactModel(FOOT_DESIGN, mesh_size=ROUGH, finite_strain=False, floor="hertz").solve(
         LEANING, 200.0 * GRAM_FORCE_N * UP
     )
     assert 0.0 < closed.penetration_rel <= 0.01
@@ -129,11 +129,11 @@ def test_a_closed_gap_is_entered_by_less_than_a_hundredth() -> None:
 def test_a_force_outside_the_cone_of_friction_is_refused() -> None:
     """The tangent of 20 deg is more than 0.3, and no floor pulls."""
     with pytest.raises(ValueError, match=r"friction 0\.3 .* holds less than"):
-        FullFoot(FOOT_DESIGN, size=ROUGH, friction=0.3).solve(LEANING, UP)
+        FootContactModel(FOOT_DESIGN, mesh_size=ROUGH, friction=0.3).solve(LEANING, UP)
     with pytest.raises(ValueError, match="pressed with -1 N"):
-        FullFoot(FOOT_DESIGN, size=ROUGH).solve(UP, -UP)
+        FootContactModel(FOOT_DESIGN, mesh_size=ROUGH).solve(UP, -UP)
     with pytest.raises(ValueError, match="length 1"):
-        FullFoot(FOOT_DESIGN, size=ROUGH).solve(2.0 * UP, UP)
+        FootContactModel(FOOT_DESIGN, mesh_size=ROUGH).solve(2.0 * UP, UP)
 
 
 def test_rubber_near_incompressible_does_not_lock() -> None:
@@ -141,14 +141,16 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
     sums = []
     for poisson in (0.49, 0.4999):
         foot_design = replace(FOOT_DESIGN, rubber=replace(FOOT_DESIGN.rubber, poisson=poisson))
-        solved = FullFoot(foot_design, size=ROUGH, floor="hertz", gaps="open").solve(UP, 0.2 * UP)
+        solved = FootContactModel(foot_design, mesh_size=ROUGH, floor="hertz", gaps="open").solve(
+            UP, 0.2 * UP
+        )
         sums.append(solved.closure_um.sum())
     assert abs(sums[1] / sums[0] - 1.0) < 0.05
 
 
 def test_half_and_whole_foot_agree() -> None:
     """A load turned by 90 deg, meshed half and whole: rows become columns, within a rough mesh's noise of 10 %."""
-    leaning = FullFoot(FOOT_DESIGN, size=ROUGH, finite_strain=False, floor="hertz", gaps="open")
+    leaning = FootContactModel(FOOT_DESIGN, mesh_size=ROUGH, finite_strain=False, floor="hertz", gaps="open")
     forward = leaning.solve(LEANING, UP).closure_um.reshape(3, 3)
     sideways = leaning.solve(LEANING[[1, 0, 2]], UP).closure_um.reshape(3, 3)
     np.testing.assert_allclose(sideways, forward.T, atol=0.1 * forward.max())
@@ -159,4 +161,4 @@ def test_a_load_that_does_not_converge_is_no_number(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(equilibrium, "MAX_NEWTON_STEPS", 0)
     monkeypatch.setattr(full_solve, "MAX_STEP_HALVINGS", 0)
     with pytest.raises(ConvergenceError, match=r"at 100% of the load: residual .* after 0 Newton steps"):
-        FullFoot(FOOT_DESIGN, size=ROUGH).solve(UP, UP)
+        FootContactModel(FOOT_DESIGN, mesh_size=ROUGH).solve(UP, UP)

@@ -59,16 +59,16 @@ def test_the_closures_of_the_cells_that_are_closed_are_the_solution(seed: int, n
     """And they change with the load as the solution does, while no other cell closes."""
     free_um, gap_um, compliance = problem(seed, n)
     solution = solve_contact_lcp(free_um, gap_um, compliance)
-    closed = (solution.force_n > 0.0)[None]
+    closed = (solution.cell_forces_n > 0.0)[None]
     variants_um = np.stack([free_um, 1.001 * free_um])
     found_um = closures_for_closed_cells_um(
         variants_um[:, None], np.stack([gap_um] * 2), 3.0 * compliance, closed
     )
     scale_um = np.abs(free_um).max()
-    np.testing.assert_allclose(found_um[0, 0], solution.closure_um, atol=1e-8 * scale_um)
+    np.testing.assert_allclose(found_um[0, 0], solution.cell_closures_um, atol=1e-8 * scale_um)
     moved = solve_contact_lcp(variants_um[1], gap_um, compliance)
-    if ((moved.force_n > 0.0) == closed[0]).all():
-        np.testing.assert_allclose(found_um[1, 0], moved.closure_um, atol=1e-8 * scale_um)
+    if ((moved.cell_forces_n > 0.0) == closed[0]).all():
+        np.testing.assert_allclose(found_um[1, 0], moved.cell_closures_um, atol=1e-8 * scale_um)
 
 
 @given(seeds, sizes)
@@ -76,7 +76,7 @@ def test_least_squares_finds_the_same(seed: int, n: int) -> None:
     """The contact forces minimise the energy: non-negative least squares agrees in what energy weighs."""
     free_um, gap_um, compliance = problem(seed, n)
     found, other = (
-        solve_contact_lcp(free_um, gap_um, compliance).force_n,
+        solve_contact_lcp(free_um, gap_um, compliance).cell_forces_n,
         by_least_squares(free_um, gap_um, compliance),
     )
     apart = found - other
@@ -90,8 +90,10 @@ def test_the_order_of_the_cells_does_not_matter(seed: int, n: int) -> None:
     """One solution: other pivots lead to it too."""
     free_um, gap_um, compliance = problem(seed, n)
     order = np.random.default_rng(seed).permutation(n)
-    closure_um = solve_contact_lcp(free_um, gap_um, compliance).closure_um
-    again_um = solve_contact_lcp(free_um[order], gap_um[order], compliance[np.ix_(order, order)]).closure_um
+    closure_um = solve_contact_lcp(free_um, gap_um, compliance).cell_closures_um
+    again_um = solve_contact_lcp(
+        free_um[order], gap_um[order], compliance[np.ix_(order, order)]
+    ).cell_closures_um
     np.testing.assert_allclose(again_um, closure_um[order], atol=1e-7)
 
 
@@ -101,8 +103,8 @@ def test_closures_follow_the_load_without_a_jump(seed: int, n: int) -> None:
     free_um, gap_um, compliance = problem(seed, n)
     moved_um = free_um + np.random.default_rng(seed + 1).normal(scale=3.0, size=n)
     apart = (
-        solve_contact_lcp(moved_um, gap_um, compliance).closure_um
-        - solve_contact_lcp(free_um, gap_um, compliance).closure_um
+        solve_contact_lcp(moved_um, gap_um, compliance).cell_closures_um
+        - solve_contact_lcp(free_um, gap_um, compliance).cell_closures_um
     )
     stiffness = np.linalg.inv(compliance)
     before = (moved_um - free_um) @ stiffness @ (moved_um - free_um)
@@ -115,8 +117,8 @@ def test_contact_forces_grow_with_what_presses(seed: int, n: int) -> None:
     free_um, gap_um, compliance = problem(seed, n)
     more_um = np.random.default_rng(seed + 1).normal(scale=10.0, size=n)
     change = (
-        solve_contact_lcp(free_um + more_um, gap_um, compliance).force_n
-        - solve_contact_lcp(free_um, gap_um, compliance).force_n
+        solve_contact_lcp(free_um + more_um, gap_um, compliance).cell_forces_n
+        - solve_contact_lcp(free_um, gap_um, compliance).cell_forces_n
     )
     assert change @ more_um >= -1e-7 * np.linalg.norm(change) * np.linalg.norm(more_um)
 
@@ -125,8 +127,8 @@ def test_contact_forces_grow_with_what_presses(seed: int, n: int) -> None:
 def test_scaling_load_and_gap_scales_the_answer(seed: int, n: int, factor: float) -> None:
     """Homogeneous of degree one in load and gap together, over twelve decades."""
     free_um, gap_um, compliance = problem(seed, n)
-    closure_um = solve_contact_lcp(free_um, gap_um, compliance).closure_um
-    scaled_um = solve_contact_lcp(factor * free_um, factor * gap_um, compliance).closure_um
+    closure_um = solve_contact_lcp(free_um, gap_um, compliance).cell_closures_um
+    scaled_um = solve_contact_lcp(factor * free_um, factor * gap_um, compliance).cell_closures_um
     np.testing.assert_allclose(scaled_um, factor * closure_um, rtol=1e-7, atol=1e-7 * factor)
 
 
@@ -171,7 +173,9 @@ def test_a_tenth_of_a_gram_keeps_its_relative_accuracy(released: FootResponse) -
     per_newton = foot.cell_closures_um(np.repeat(UP, 2, 0), UP * forces_n[:, None]) / forces_n[:, None]
     np.testing.assert_allclose(per_newton[0], per_newton[1], rtol=0.0, atol=1e-3 * per_newton[1].max())
     sensed_um = released.design.closure_um(foot.capacitance_pf(UP, small_n * UP), foot.unloaded_pf)
-    np.testing.assert_allclose(sensed_um[0], released.closure_um(UP[0], small_n * UP[0]), rtol=2e-3)
+    np.testing.assert_allclose(
+        sensed_um[0], released.free_element_closures_um(UP[0], small_n * UP[0]), rtol=2e-3
+    )
 
 
 @pytest.mark.parametrize("field", [0, 1])

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from footsense.foot.directions import directions
-from footsense.foot.gap_contact import CELLS
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT
 from footsense.foot.response_table import FootResponse
 from footsense.lab.fem.adjoint import AdjointField
 from footsense.lab.fem.centred import solve_centred_closures
@@ -133,13 +133,13 @@ def test_a_forward_solve_near_the_rim_finds_the_table(quarters: Quarters, respon
             own = np.where(np.outer([1, p[0] > 0], [1, p[1] > 0]), g, 0.0)
             half = np.vstack([own, p[0] * own[:1]])
             total += np.hstack([half, p[1] * half[:, :1]])
-    tabled = response.closure_um(force, force)
+    tabled = response.free_element_closures_um(force, force)
     assert np.abs(tabled - total.ravel()).max() < 0.01 * np.abs(tabled).max()
 
 
 def test_closures_are_those_of_the_drawing(response: FootResponse) -> None:
     """Each element closes 2 to 10 um under a centred newton, corners most, the middle least."""
-    grid = response.closure_um(UP, UP).reshape(3, 3)
+    grid = response.free_element_closures_um(UP, UP).reshape(3, 3)
     assert 2.0 < grid.min() < grid.max() < 10.0
     assert grid[0, 0] > grid[0, 1] > grid[1, 1]
 
@@ -149,7 +149,7 @@ def test_a_contact_behind_presses_the_rear_row(response: FootResponse, axis: int
     """An upright force on a contact at -x (normal tilted to +x) presses row 2; at -y it presses column 2."""
     normal = np.array([0.0, 0.0, np.cos(0.15)])
     normal[axis] = np.sin(0.15)
-    grid = response.closure_um(normal, UP).reshape(3, 3)
+    grid = response.free_element_closures_um(normal, UP).reshape(3, 3)
     rows = grid if axis == 0 else grid.T
     assert rows[2].min() > 2.0 * rows[0].max()
 
@@ -159,8 +159,8 @@ def test_the_table_has_the_square_s_symmetries(response: FootResponse, number: i
     """The closures of a mapped load are the mapped closures, for a leaning contact without symmetry of its own."""
     symmetry = SYMMETRIES[number]
     normal, force = directions(np.array(17.0), np.array(62.0)), np.array([0.3, -0.2, 0.9])
-    closure_um = response.closure_um(normal, force)
-    mapped_um = response.closure_um(symmetry @ normal, symmetry @ force)
+    closure_um = response.free_element_closures_um(normal, force)
+    mapped_um = response.free_element_closures_um(symmetry @ normal, symmetry @ force)
     np.testing.assert_allclose(mapped_um[element_permutation(symmetry)], closure_um, rtol=0.0, atol=1e-6)
 
 
@@ -169,7 +169,11 @@ def test_the_compliance_is_symmetric_and_positive(response: FootResponse) -> Non
     compliance = response.compliance_um_per_n
     np.testing.assert_allclose(compliance, compliance.T, rtol=0.0, atol=1e-5 * np.abs(compliance).max())
     assert np.linalg.eigvalsh(compliance).min() > 1e-3 * np.diag(compliance).min()
-    middle = compliance[4 * CELLS : 5 * CELLS].reshape(CELLS, 9, CELLS).mean(axis=(0, 2))
+    middle = (
+        compliance[4 * CELLS_PER_ELEMENT : 5 * CELLS_PER_ELEMENT]
+        .reshape(CELLS_PER_ELEMENT, 9, CELLS_PER_ELEMENT)
+        .mean(axis=(0, 2))
+    )
     np.testing.assert_allclose(middle[[1, 3, 5, 7]], middle[1], rtol=1e-5)
     np.testing.assert_allclose(middle[[0, 2, 6, 8]], middle[0], rtol=1e-5)
 

@@ -74,7 +74,7 @@ def test_a_foot_of_four_elements_is_built_and_walks(tmp_path: Path) -> None:
     assert [signal["width"] for signal in result.card["inputs"]] == [12, 12, 4]
     assert len(result.card["closure_rel_max"]) == 4
     assert Network(folder / "network.onnx", 2).card.rows == 2
-    assert result.table["paper_linear_elastance"].direction_deg < 8.0
+    assert result.error_table["paper_linear_elastance"].direction_deg < 8.0
     found = walk(tmp_path, folder, 2)
     assert found["faults"] == 0
     assert found["direction_error_deg"]["loaded_frames"] > 30

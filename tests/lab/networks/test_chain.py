@@ -76,9 +76,9 @@ def test_symmetric_copies_are_loads_of_the_same_foot(response: FootResponse) -> 
     """Each copy of (force, closures) is what the foot does under the copied force, to the table's rounding."""
     force = load_cases.random_loads(response, SHIPPED.loads, 1, 7).force_n
     normal = force / np.linalg.norm(force)
-    copies = load_cases.Cases(force, response.closure_um(normal, force)).with_symmetric_copies()
+    copies = load_cases.Cases(force, response.free_element_closures_um(normal, force)).with_symmetric_copies()
     assert len(np.unique(copies.force_n.round(6), axis=0)) == 8
-    again = response.closure_um(copies.force_n / np.linalg.norm(force), copies.force_n)
+    again = response.free_element_closures_um(copies.force_n / np.linalg.norm(force), copies.force_n)
     np.testing.assert_allclose(again, copies.closure_um, atol=1e-4)
 
 
@@ -148,7 +148,7 @@ def test_the_pattern_decides_the_direction_and_the_size_scales_it() -> None:
 
 def test_the_chain_estimates_even_when_quick(built: BuildResult) -> None:
     """A coarse mesh and a training of seconds; the release has to do ten times better than the paper."""
-    row = built.table["paper_network"]
+    row = built.error_table["paper_network"]
     assert row.direction_deg < 4.0
     assert row.magnitude_gf < 5.3
     assert built.onnx_difference_n < MAX_ONNX_DIFFERENCE_REL * FOOT_DESIGN.loads.max_n
@@ -306,8 +306,8 @@ def test_evaluate_prints_the_figures_as_json(built: BuildResult, folder: Path) -
     result = CliRunner().invoke(lab, ["evaluate", "--models", str(folder), "--json"])
     assert result.exit_code == 0, result.output
     figures = json.loads(result.output)
-    assert figures["table"] == {name: asdict(row) for name, row in built.table.items()}
-    assert figures["direction_deg"] == built.table["paper_network"].direction_deg
+    assert figures["table"] == {name: asdict(row) for name, row in built.error_table.items()}
+    assert figures["direction_deg"] == built.error_table["paper_network"].direction_deg
     assert figures["paper_direction_deg"] == 2.4
 
 

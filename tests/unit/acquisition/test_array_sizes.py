@@ -74,7 +74,7 @@ def test_an_array_gives_forces_from_chip_to_pipeline(rows: int) -> None:
     """Tared in the air, then loaded: every leg is VALID and right; with an electrode off, it is named in the mask."""
     table, force_n, n = response(rows), np.array([0.1, -0.05, 0.6]), rows**2
     up, axes = np.tile([0.0, 0.0, 1.0], (3, 1)), np.eye(3)
-    per_newton = table.closure_um(up, axes).T / DESIGN.gap_um
+    per_newton = table.free_element_closures_um(up, axes).T / DESIGN.gap_um
     robot = SimulatedRobot(load_scene("hanging"), table, [Wiring(400_000, 0x71, LEGS)])
     [bus] = robot.buses
     plan = scan_plan("lo_shu", 400, rows=rows)
@@ -97,7 +97,7 @@ def test_an_array_gives_forces_from_chip_to_pipeline(rows: int) -> None:
         contact=ContactLimits(threshold_n=0.03),
         scan_ns=scan_ns,
         max_age_ns=500_000_000,
-        settled_ns=4 * scan_ns,
+        settling_time_ns=4 * scan_ns,
     )
 
     def after(scans: int) -> ContactFrame:

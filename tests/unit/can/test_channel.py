@@ -313,10 +313,10 @@ def test_a_local_socket_commands_nothing_and_kills_nothing() -> None:
         )
         for _ in range(100):
             assert sink.commands() == []
-            if sink.stats.rejected:
+            if sink.stats.rejected_commands:
                 break
             threading.Event().wait(0.01)
-    assert (sink.stats.rejected, sink.stats.bus_errors) == (1, 1)
+    assert (sink.stats.rejected_commands, sink.stats.bus_errors) == (1, 1)
     sink.close()
 
 

@@ -270,7 +270,7 @@ def test_bad_and_repeated_commands_are_counted_and_ignored(robot: Robot) -> None
     robot.ask(good)
     robot.ask(good)
     assert robot.sink.commands() == [Command(CommandKind.STOP, 0)]
-    assert (robot.sink.stats.received, robot.sink.stats.rejected) == (4, 3)
+    assert (robot.sink.stats.received_commands, robot.sink.stats.rejected_commands) == (4, 3)
     assert robot.heard(0x580) == []
 
 
@@ -281,7 +281,7 @@ def test_a_flood_of_commands_is_cut_to_ten_a_second(robot: Robot) -> None:
         for n in range(50):
             robot.ask(encode_command(1, n % 15, CommandKind.TARE if n % 2 else CommandKind.STOP))
         assert len(robot.sink.commands()) == 10
-    assert robot.sink.stats.rejected == 80
+    assert robot.sink.stats.rejected_commands == 80
 
 
 def test_a_counter_names_a_command_of_its_kind(robot: Robot) -> None:
@@ -289,7 +289,7 @@ def test_a_counter_names_a_command_of_its_kind(robot: Robot) -> None:
     for kind in (CommandKind.STOP, CommandKind.START):
         robot.ask(encode_command(1, 3, kind))
     assert [command.kind for command in robot.sink.commands()] == [CommandKind.STOP, CommandKind.START]
-    assert robot.sink.stats.rejected == 0
+    assert robot.sink.stats.rejected_commands == 0
 
 
 def test_whoever_asks_is_answered(robot: Robot) -> None:
@@ -327,7 +327,7 @@ def test_an_unknown_command_is_refused_in_words(robot: Robot) -> None:
     assert answers == [(1, 0, Result.UNKNOWN, 9, 5)]
     robot.ask(protect(0x201, bytes([6, 9, 0]) + b"zero"))
     assert robot.sink.commands() == []
-    assert robot.sink.stats.rejected == 2
+    assert robot.sink.stats.rejected_commands == 2
 
 
 def test_foreign_traffic_neither_hides_a_command_nor_piles_up(robot: Robot) -> None:
@@ -339,9 +339,9 @@ def test_foreign_traffic_neither_hides_a_command_nor_piles_up(robot: Robot) -> N
     robot.consumer.send(can.Message(is_error_frame=True))
     robot.ask(tare)
     assert len(robot.sink.commands()) == 1
-    assert (robot.sink.stats.received, robot.sink.stats.bus_errors) == (1, 1)
+    assert (robot.sink.stats.received_commands, robot.sink.stats.bus_errors) == (1, 1)
     assert robot.sink.commands() == []
-    assert robot.sink.stats.received == 1
+    assert robot.sink.stats.received_commands == 1
 
 
 def test_only_plain_data_frames_are_commands(request: pytest.FixtureRequest) -> None:
@@ -351,7 +351,7 @@ def test_only_plain_data_frames_are_commands(request: pytest.FixtureRequest) -> 
     robot.consumer.send(can.Message(arbitration_id=0x202, is_remote_frame=True, dlc=8, is_extended_id=False))
     robot.consumer.send(can.Message(arbitration_id=0x202, data=stop, is_extended_id=True))
     assert robot.sink.commands() == []
-    assert robot.sink.stats.received == 0
+    assert robot.sink.stats.received_commands == 0
     robot.ask(stop, 0x202)
     assert robot.sink.commands() == [Command(CommandKind.STOP, 0)]
     robot.close()

@@ -12,7 +12,7 @@ from footsense.estimation.gait.friction import ground_of
 from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
-from footsense.foot.temperature import CalibratedAt, unknown_temperature_rel
+from footsense.foot.temperature import CalibratedAt, unknown_temperature_sigma_rel
 from footsense.ports import Load, Window
 
 Vector = NDArray[np.float64]
@@ -109,7 +109,7 @@ def test_a_temperature_scales_what_it_is_known_for() -> None:
     force_n, sigma_n, *_ = read.estimate(resting)
     np.testing.assert_allclose(force_n, on_bench_n * np.tile([1.044, 1.0, 1.0], 2)[:, None])
     np.testing.assert_allclose(sigma_n[[0, 3]], 1.044 * bench_sigma_n[[0, 3]])
-    unknown_n = unknown_temperature_rel(10.0) * np.linalg.norm(force_n[[1, 4]], axis=1, keepdims=True)
+    unknown_n = unknown_temperature_sigma_rel(10.0) * np.linalg.norm(force_n[[1, 4]], axis=1, keepdims=True)
     np.testing.assert_allclose(sigma_n[[1, 4]], np.hypot(bench_sigma_n[[1, 4]], unknown_n))
     np.testing.assert_array_equal(sigma_n[[2, 5]], bench_sigma_n[[2, 5]])
 

@@ -366,7 +366,7 @@ def test_sigma_grows_while_the_baseline_is_held() -> None:
     """After 100 s without a reading in the air, what drift may have done since is part of it."""
     feet = Feet(n_legs=1).tared()
     feet.pipeline._baselines._sensitivity = Sensitivity(
-        load_n_per_rel=9.0, force_sigma_n_per_rel=np.array([1.0, 1.0, 9.0])
+        load_n_per_mean_closure=9.0, force_sigma_n_per_baseline_error=np.array([1.0, 1.0, 9.0])
     )
     feet.sequence += 100_000_000_000 // SCAN_NS
     for _ in range(3):

@@ -36,12 +36,12 @@ class Leg:
         return readings
 
     def discard(self, *elements: int) -> None:
-        self._window.discard(np.isin(np.arange(ELEMENTS), elements)[None])
+        self._window.discard_newest(np.isin(np.arange(ELEMENTS), elements)[None])
 
 
 def times_ns(readings: Readings) -> tuple[int, int]:
     """Return the newest and the oldest time of one leg."""
-    return int(readings.newest_ns[0]), int(readings.oldest_ns[0])
+    return int(readings.newest_ns[0]), int(readings.oldest_of_newest_ns[0])
 
 
 def test_three_scans_are_a_window() -> None:
@@ -118,7 +118,7 @@ def test_a_discarded_reading_is_in_no_later_window() -> None:
     readings = leg.read(3.0, 6 * SCAN_NS)
     assert readings.is_consecutive.all()
     assert readings.plate_distance_rel[0, :, 4].tolist() == [3.0, 3.0, 3.0]
-    assert readings.motion_rel == 0.0
+    assert readings.second_largest_motion_rel == 0.0
 
 
 def test_a_frame_of_the_same_stamps_corrects_the_newest_readings() -> None:
@@ -136,12 +136,12 @@ def test_motion_is_that_of_the_second_fastest_element() -> None:
         leg.read(0.0, t_ns)
     steps = np.zeros(ELEMENTS)
     steps[3] = -5.0
-    assert leg.read(steps, 3 * SCAN_NS).motion_rel == 0.0
+    assert leg.read(steps, 3 * SCAN_NS).second_largest_motion_rel == 0.0
     steps[[3, 7]] += 0.5
-    assert leg.read(steps, 4 * SCAN_NS).motion_rel == 0.5
-    assert leg.read(steps, 5 * SCAN_NS).motion_rel == 0.5
-    assert leg.read(steps, 6 * SCAN_NS).motion_rel == 0.0
-    assert leg.read(steps + 1.0, 6 * SCAN_NS + LONG_NS).motion_rel == 0.0
+    assert leg.read(steps, 4 * SCAN_NS).second_largest_motion_rel == 0.5
+    assert leg.read(steps, 5 * SCAN_NS).second_largest_motion_rel == 0.5
+    assert leg.read(steps, 6 * SCAN_NS).second_largest_motion_rel == 0.0
+    assert leg.read(steps + 1.0, 6 * SCAN_NS + LONG_NS).second_largest_motion_rel == 0.0
 
 
 def test_an_element_without_order_does_not_age_the_leg() -> None:
@@ -244,5 +244,5 @@ def test_a_window_is_the_last_readings_whatever_comes(
             if follows[0]:
                 assert readings.plate_distance_rel[0, :, element].tolist() == [first, second, third]
                 assert readings.t_ns[0, :, element].tolist() == [first_ns, second_ns, third_ns]
-        assert np.isfinite(readings.motion_rel).all()
-        assert (readings.motion_rel >= 0.0).all()
+        assert np.isfinite(readings.second_largest_motion_rel).all()
+        assert (readings.second_largest_motion_rel >= 0.0).all()

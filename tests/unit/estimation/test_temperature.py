@@ -7,7 +7,7 @@ from footsense.foot.temperature import (
     STIFFNESS_PER_K,
     CalibratedAt,
     force_factor_and_uncertainty,
-    unknown_temperature_rel,
+    unknown_temperature_sigma_rel,
 )
 from footsense.sim.foot.warming import STIFFENING_PER_K, softness_at
 
@@ -24,8 +24,8 @@ def test_the_unknown_temperature_widens_sigma_by_what_it_does_to_forces() -> Non
     """The root mean square error over the range, within what the stiffness's curvature adds."""
     kelvin = np.linspace(-20.0, 20.0, 2001)
     errors_rel = np.array([softness_at(k) for k in kelvin.tolist()]) - 1.0
-    assert unknown_temperature_rel(20.0) == pytest.approx(np.sqrt(np.mean(errors_rel**2)), rel=0.02)
-    assert unknown_temperature_rel(0.0) == 0.0
+    assert unknown_temperature_sigma_rel(20.0) == pytest.approx(np.sqrt(np.mean(errors_rel**2)), rel=0.02)
+    assert unknown_temperature_sigma_rel(0.0) == 0.0
 
 
 @pytest.mark.parametrize("temperature_c", [float("nan"), -273.0, 126.0])
@@ -33,5 +33,5 @@ def test_what_is_no_temperature_corrects_nothing(temperature_c: float) -> None:
     """A stand-in for a temperature would be a wrong force."""
     assert force_factor_and_uncertainty(temperature_c, CalibratedAt(23.0)) == (
         1.0,
-        unknown_temperature_rel(10.0),
+        unknown_temperature_sigma_rel(10.0),
     )

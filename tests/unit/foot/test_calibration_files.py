@@ -27,7 +27,7 @@ def reseal(folder: Path, **changed: Any) -> None:
     found = msgspec.json.decode((folder / "manifest.json").read_bytes(), type=Manifest)
     files = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in found.files}
     found = msgspec.structs.replace(found, **{"files": files, **changed})
-    found = msgspec.structs.replace(found, sha256=found.own_sha256)
+    found = msgspec.structs.replace(found, sha256=found.computed_sha256)
     (folder / "manifest.json").write_bytes(msgspec.json.encode(found))
 
 
@@ -71,7 +71,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         "362 loads in 3 sessions",
         "15.90 / 30.00 / 40.00",
         "4.0 deg off",
-        again.manifest.training_sha256,
+        again.manifest.recordings_sha256,
     ):
         assert said in card
 

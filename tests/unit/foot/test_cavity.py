@@ -9,18 +9,18 @@ import pytest
 from footsense.errors import ModelError
 from footsense.foot.cavity.air import ADIABATIC, AMBIENT_MPA, Cavity, Gas
 from footsense.foot.cavity.pressures import CavityPressures
-from footsense.foot.gap_contact import CELLS, element_means
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from tests.unit.foot.test_response_table import UP, made_up
 
 #: Cells of the paper's foot.
-ALL_CELLS = 9 * CELLS
+ALL_CELLS = 9 * CELLS_PER_ELEMENT
 
 GAP_UM = 20.0
 #: Opening of an element under a pressure in its own cavity, of a solid whose cells each yield for themselves [um/MPa].
-OWN_UM_PER_MPA = 40.0 * 16.0 / CELLS
+OWN_UM_PER_MPA = 40.0 * 16.0 / CELLS_PER_ELEMENT
 SEALED = Cavity(kind="sealed")
 
 
@@ -38,7 +38,7 @@ def air_of(compliance: Vector) -> CavityPressures:
 def test_one_cavity_is_boyle_s() -> None:
     """Each element yields for itself: p v = p0 by hand, for closing by 15 um of 20 and for opening."""
     for free_um in (15.0, 200.0, -30.0):
-        closure_um, excess_mpa = air_of(40.0 * np.eye(ALL_CELLS)).closures_um(
+        closure_um, excess_mpa = air_of(40.0 * np.eye(ALL_CELLS)).closures_and_excess_pressures(
             np.full((1, ALL_CELLS), free_um), Gas(np.full(9, AMBIENT_MPA)), contact=True
         )
         left = 1.0 - closure_um[0, 0] / GAP_UM
@@ -52,8 +52,9 @@ def test_small_closures_are_those_of_a_spring(exponent: float) -> None:
     compliance = coupled()
     free_um = 1e-4 * np.random.default_rng(1).normal(size=(3, ALL_CELLS))
     gas = Gas(np.full(9, AMBIENT_MPA), exponent=exponent)
-    closure_um, _ = air_of(compliance).closures_um(free_um, gas, contact=True)
-    opening = compliance.reshape(9, CELLS, 9, CELLS).mean(axis=1).sum(axis=2) * 16.0 / CELLS
+    closure_um, _ = air_of(compliance).closures_and_excess_pressures(free_um, gas, contact=True)
+    by_element = compliance.reshape(9, CELLS_PER_ELEMENT, 9, CELLS_PER_ELEMENT)
+    opening = by_element.mean(axis=1).sum(axis=2) * 16.0 / CELLS_PER_ELEMENT
     stiffened = np.eye(9) + exponent * AMBIENT_MPA / GAP_UM * opening
     expected_um = np.linalg.solve(stiffened, element_means(free_um).T).T
     np.testing.assert_allclose(element_means(closure_um), expected_um, rtol=1e-4, atol=1e-9)
@@ -63,7 +64,7 @@ def test_with_gaps_in_contact_both_laws_hold() -> None:
     """Balance, gas law and Signorini's conditions together, where a third of the cells is closed."""
     compliance = coupled()
     free_um = 40.0 + 120.0 * np.random.default_rng(2).normal(size=(6, ALL_CELLS))
-    closure_um, excess_mpa = air_of(compliance).closures_um(
+    closure_um, excess_mpa = air_of(compliance).closures_and_excess_pressures(
         free_um, Gas(np.full(9, AMBIENT_MPA)), contact=True
     )
     closed = closure_um >= GAP_UM
@@ -71,7 +72,7 @@ def test_with_gaps_in_contact_both_laws_hold() -> None:
     left = 1.0 - element_means(closure_um) / GAP_UM
     np.testing.assert_allclose((AMBIENT_MPA + excess_mpa) * left, AMBIENT_MPA, rtol=1e-6)
     carried_n = np.linalg.solve(compliance, (free_um - closure_um).T).T
-    contact_n = carried_n - np.repeat(excess_mpa, CELLS, axis=1) * 16.0 / CELLS
+    contact_n = carried_n - np.repeat(excess_mpa, CELLS_PER_ELEMENT, axis=1) * 16.0 / CELLS_PER_ELEMENT
     assert np.abs(contact_n[~closed]).max() < 1e-7
     assert contact_n[closed].min() > -1e-7
     assert (closure_um <= GAP_UM).all()
@@ -79,13 +80,13 @@ def test_with_gaps_in_contact_both_laws_hold() -> None:
 
 def test_the_work_of_the_load_is_stored_in_solid_and_air() -> None:
     """Raised in small steps, a load does the work that stretches the solid and compresses the air: p0 V0 ln(V0/V)."""
-    columns = np.repeat(np.random.default_rng(4).normal(size=(9, 9)), CELLS, axis=0)
+    columns = np.repeat(np.random.default_rng(4).normal(size=(9, 9)), CELLS_PER_ELEMENT, axis=0)
     compliance, free_um = 40.0 * np.eye(ALL_CELLS) + columns @ columns.T, np.full((1, ALL_CELLS), 60.0)
     air, gas = air_of(compliance), Gas(np.full(9, AMBIENT_MPA))
     # Closing pressures that would close the empty foot by free_um do their work on the closures themselves.
     pressing_n = np.linalg.solve(compliance, free_um[0])
     shares = np.linspace(0.0, 1.0, 401)[:, None]
-    closure_um, _ = air.closures_um(shares * free_um, gas, contact=False)
+    closure_um, _ = air.closures_and_excess_pressures(shares * free_um, gas, contact=False)
     assert 0.5 * GAP_UM < closure_um.max() < GAP_UM
     work_num = np.trapezoid(closure_um @ pressing_n, shares[:, 0])
     work_num = closure_um[-1] @ pressing_n - work_num
@@ -113,11 +114,13 @@ def test_a_leak_goes_from_sealed_to_vented() -> None:
     step_s = 0.005
     tau_s = 2.0 * (1.0 + AMBIENT_MPA * OWN_UM_PER_MPA / GAP_UM)
     for number in range(1, 601):
-        _, gas = leaking.after_step(up, force_n, gas._replace(leak_step_rel=step_s / 2.0))
+        _, gas = leaking.capacitance_and_gas_after_step(
+            up, force_n, gas._replace(step_over_leak_time=step_s / 2.0)
+        )
         if number in (100, 600):
             left = (vented_um - leaking.cell_closures_um(up, force_n, gas).mean()) / (vented_um - sealed_um)
             assert left == pytest.approx(np.exp(-number * step_s / tau_s), rel=0.02)
-    _, gas = leaking.after_step(up, force_n, gas._replace(leak_step_rel=1e9))
+    _, gas = leaking.capacitance_and_gas_after_step(up, force_n, gas._replace(step_over_leak_time=1e9))
     assert leaking.cell_closures_um(up, force_n, gas).mean() == pytest.approx(vented_um, rel=1e-6)
 
 
@@ -125,8 +128,10 @@ def test_a_softer_solid_is_a_smaller_load_under_smaller_pressures() -> None:
     """The scaling that a warming foot is computed by is exact."""
     compliance, free_um = coupled(), 30.0 * np.ones((1, ALL_CELLS))
     gas = Gas(np.full(9, AMBIENT_MPA))
-    soft_um, _ = air_of(1.3 * compliance).closures_um(1.3 * free_um, gas, contact=True)
-    scaled_um, _ = air_of(compliance).closures_um(1.3 * free_um, gas.scaled(1.3), contact=True)
+    soft_um, _ = air_of(1.3 * compliance).closures_and_excess_pressures(1.3 * free_um, gas, contact=True)
+    scaled_um, _ = air_of(compliance).closures_and_excess_pressures(
+        1.3 * free_um, gas.scaled_for_softness(1.3), contact=True
+    )
     np.testing.assert_allclose(soft_um, scaled_um, rtol=1e-9)
 
 

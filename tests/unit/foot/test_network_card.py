@@ -33,7 +33,7 @@ def test_a_card_that_fits_says_what_the_pipeline_needs() -> None:
     np.testing.assert_allclose(
         trained.gap_closed_threshold_rel(gap_um), GAP_CLOSED_THRESHOLD_REL * np.array([0.5, 1.0, 2.0])
     )
-    assert trained.usable_max_rel(np.full(9, 40.0)).tolist() == [0.8] * 9
+    assert trained.max_usable_closure_rel(np.full(9, 40.0)).tolist() == [0.8] * 9
 
 
 def test_the_window_is_three_readings_of_nine_elements() -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.foot.response_table import FORMAT, FootResponse, n_products, series_basis
+from footsense.foot.response_table import FORMAT, FootResponse, n_basis_functions, series_basis
 
 DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
 UP = np.array([0.0, 0.0, 1.0])
@@ -30,7 +30,7 @@ def made_up(seed: int = 0, degree: int = 4, rows: int = 3) -> FootResponse:
         min_elevation_deg=30.0,
         fit_elevation_deg=12.0,
         degree=degree,
-        quarter_series=rng.normal(size=(2, n_products(degree), half, half, 3)),
+        quarter_series=rng.normal(size=(2, n_basis_functions(degree), half, half, 3)),
         quarter_compliance=own,
         provenance={"made": "up"},
     )
@@ -46,7 +46,7 @@ def random_normals(n: int, lowest_deg: float = 30.0) -> NDArray[np.float64]:
 
 def test_no_force_gives_exactly_no_closure() -> None:
     """A foot in the air reads zero, not nearly zero."""
-    assert (made_up().closure_um(random_normals(5), np.zeros((5, 3))) == 0.0).all()
+    assert (made_up().free_element_closures_um(random_normals(5), np.zeros((5, 3))) == 0.0).all()
 
 
 def test_is_linear_in_the_force_for_a_fixed_patch() -> None:
@@ -54,16 +54,18 @@ def test_is_linear_in_the_force_for_a_fixed_patch() -> None:
     foot = made_up()
     normal = random_normals(7)
     sideways = np.cross(normal, [0.3, 1.0, 0.2])
-    both = foot.closure_um(normal, normal + sideways)
-    mirrored = foot.closure_um(normal, normal - sideways)
-    np.testing.assert_allclose((both + mirrored) / 2.0, foot.closure_um(normal, normal), rtol=1e-12)
+    both = foot.free_element_closures_um(normal, normal + sideways)
+    mirrored = foot.free_element_closures_um(normal, normal - sideways)
+    np.testing.assert_allclose(
+        (both + mirrored) / 2.0, foot.free_element_closures_um(normal, normal), rtol=1e-12
+    )
 
 
 def test_the_patch_grows_as_hertz_says() -> None:
     """a^3 = 3 F R / (4 E*): 1 N on a 10 mm ball of 6.843 MPa is 1.031 mm, and d/F is linear in a^2."""
     foot = made_up()
     assert float(foot.patch_radius_mm(UP, UP)) == pytest.approx((0.75 * 10.0 / 6.843) ** (1 / 3), rel=1e-12)
-    per_newton = [foot.closure_um(UP, UP * force) / force for force in (1.0, 8.0, 27.0)]
+    per_newton = [foot.free_element_closures_um(UP, UP * force) / force for force in (1.0, 8.0, 27.0)]
     # Patch radii 1 : 2 : 3, so a^2 steps 3 : 5.
     np.testing.assert_allclose((per_newton[1] - per_newton[0]) / 3.0, (per_newton[2] - per_newton[1]) / 5.0)
 
@@ -73,12 +75,12 @@ def test_a_table_of_any_square_array_is_symmetric(rows: int) -> None:
     """Of any square array, whose size the table's arrays tell."""
     foot, normal = made_up(rows=rows), random_normals(4)
     force = np.random.default_rng(3).normal(size=(4, 3))
-    closure_um = foot.closure_um(normal, force).reshape(-1, foot.rows, foot.rows)
+    closure_um = foot.free_element_closures_um(normal, force).reshape(-1, foot.rows, foot.rows)
     assert foot.rows == rows
     for axis in (0, 1):
         mirror = np.ones(3)
         mirror[axis] = -1.0
-        image = foot.closure_um(mirror * normal, mirror * force).reshape(closure_um.shape)
+        image = foot.free_element_closures_um(mirror * normal, mirror * force).reshape(closure_um.shape)
         np.testing.assert_allclose(image, np.flip(closure_um, 1 + axis), rtol=1e-9)
 
 
@@ -86,9 +88,11 @@ def test_one_load_is_what_many_give() -> None:
     """Leading axes are only bookkeeping."""
     foot = made_up()
     normal, force = random_normals(6), np.random.default_rng(2).normal(size=(6, 3))
-    many = foot.closure_um(normal.reshape(2, 3, 3), force.reshape(2, 3, 3))
+    many = foot.free_element_closures_um(normal.reshape(2, 3, 3), force.reshape(2, 3, 3))
     assert many.shape == (2, 3, 9)
-    np.testing.assert_allclose(many.reshape(6, 9)[4], foot.closure_um(normal[4], force[4]), rtol=1e-12)
+    np.testing.assert_allclose(
+        many.reshape(6, 9)[4], foot.free_element_closures_um(normal[4], force[4]), rtol=1e-12
+    )
 
 
 def test_the_series_is_smooth_over_the_pole() -> None:
@@ -97,7 +101,7 @@ def test_the_series_is_smooth_over_the_pole() -> None:
     angle = np.linspace(-0.02, 0.02, 81)
     path = np.column_stack([np.sin(angle), 0.3 * np.sin(angle), np.zeros(81)])
     path[:, 2] = np.sqrt(1.0 - (path**2).sum(axis=1))
-    second = np.diff(foot.closure_um(path, np.broadcast_to(UP, (81, 3))), n=2, axis=0)
+    second = np.diff(foot.free_element_closures_um(path, np.broadcast_to(UP, (81, 3))), n=2, axis=0)
     assert np.abs(np.diff(second, axis=0)).max() < 1e-2 * np.abs(second).max()
 
 
@@ -113,7 +117,7 @@ def test_the_series_is_smooth_over_the_pole() -> None:
 def test_refuses_what_the_table_does_not_cover(normal: list[float], message: str) -> None:
     """A contact outside the table is an error that names the limit, never an extrapolation."""
     with pytest.raises(ValueError, match=message):
-        made_up().closure_um(np.array(normal), UP)
+        made_up().free_element_closures_um(np.array(normal), UP)
 
 
 @pytest.mark.parametrize(
@@ -125,8 +129,10 @@ def test_a_mirrored_load_closes_the_mirrored_gaps(axis: int, image: list[int]) -
     normal, force = random_normals(5), np.random.default_rng(3).normal(size=(5, 3))
     mirror = np.ones(3)
     mirror[axis] = -1.0
-    mirrored = foot.closure_um(normal * mirror, force * mirror)
-    np.testing.assert_allclose(mirrored[:, image], foot.closure_um(normal, force), rtol=1e-9, atol=1e-12)
+    mirrored = foot.free_element_closures_um(normal * mirror, force * mirror)
+    np.testing.assert_allclose(
+        mirrored[:, image], foot.free_element_closures_um(normal, force), rtol=1e-9, atol=1e-12
+    )
 
 
 def test_basis_is_the_product_of_chebyshev_polynomials() -> None:

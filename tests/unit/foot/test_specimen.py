@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.foot.gap_contact import CELLS, solve_contact_lcp
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT, solve_contact_lcp
 from footsense.foot.specimen import Deviations, Foot
 from tests.unit.foot.test_response_table import DESIGN, UP, made_up, random_normals
 
 #: Cells of the paper's foot.
-ALL_CELLS = 9 * CELLS
+ALL_CELLS = 9 * CELLS_PER_ELEMENT
 
 RESPONSE = made_up()
 NORMAL = random_normals(4)
@@ -49,7 +49,7 @@ def test_rest_is_each_element_s_own() -> None:
 def test_no_cell_closes_beyond_its_gap(*, contact: bool) -> None:
     """With contact or with a plain limit; the gap is the specimen's own, and some cells do reach it."""
     steps = np.linspace(-1.0, 1.0, 9)
-    gap_um = np.repeat(20.0 + steps, CELLS)
+    gap_um = np.repeat(20.0 + steps, CELLS_PER_ELEMENT)
     cell_closures_um = Foot(RESPONSE, Deviations(gap_um=steps), contact=contact).cell_closures_um(
         NORMAL, HEAVY_N
     )
@@ -88,7 +88,7 @@ def test_a_stiffer_foot_closes_less() -> None:
     gap_um = np.full(ALL_CELLS, DESIGN.gap_um)
     for load, free_um in enumerate(RESPONSE.free_closure_um(NORMAL, HEAVY_N) / 1.25):
         # Softness scales load and compliance alike, so the closures are those of the plain foot under less load.
-        expected_um = solve_contact_lcp(free_um, gap_um, RESPONSE.compliance_um_per_n).closure_um
+        expected_um = solve_contact_lcp(free_um, gap_um, RESPONSE.compliance_um_per_n).cell_closures_um
         np.testing.assert_allclose(stiff.cell_closures_um(NORMAL, HEAVY_N)[load], expected_um, atol=1e-9)
 
 

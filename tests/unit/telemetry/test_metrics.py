@@ -141,8 +141,8 @@ def test_can_recorder_and_tares_are_counted(tmp_path: Path, scraped: CollectorRe
     can = CanStatistics(
         sent=120,
         dropped=3,
-        received=4,
-        rejected=1,
+        received_commands=4,
+        rejected_commands=1,
         bus_errors=9,
         bus_off=2,
         error_passive=5,

@@ -216,7 +216,7 @@ def array_figures(
         unloaded_pf=capacitor.unloaded_pf,
         half_closed_pf=half_pf,
         boards=[
-            b.name for b in boards if b.range_begin_pf <= capacitor.unloaded_pf and half_pf <= b.range_end_pf
+            b.name for b in boards if b.min_unloaded_pf <= capacitor.unloaded_pf and half_pf <= b.range_end_pf
         ],
         max_force_per_elevation_n=max_force_n,
         scan_ms=scan_ms(response),

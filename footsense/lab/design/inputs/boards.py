@@ -21,7 +21,7 @@ class Converter(NamedTuple):
         name: Name, as `board` of a configuration.
         noise_pf: Noise of a conversion [pF, rms].
         baseline_noise_pf: Noise of the baseline [pF, rms].
-        range_begin_pf: Least capacitance of an unloaded element [pF]: above an open line and the CAPDAC's offset.
+        min_unloaded_pf: Least capacitance of an unloaded element [pF]: above an open line and the CAPDAC's offset.
         range_end_pf: Largest capacitance that it reads [pF].
         scan_s: Nine conversions [s].
     """
@@ -29,7 +29,7 @@ class Converter(NamedTuple):
     name: str
     noise_pf: float
     baseline_noise_pf: float
-    range_begin_pf: float
+    min_unloaded_pf: float
     range_end_pf: float
     scan_s: float
 

@@ -20,8 +20,9 @@ class Requirements(NamedTuple):
         max_n: Largest force on a foot [N].
         min_n: Smallest force whose direction matters [N].
         max_lean_deg: Largest angle between a force and the leg's axis [deg].
-        error_deg: Largest error of the direction that the converter's noise may cause, mean over the range [deg].
-        ball_mm: Least and largest diameter of the ball [mm].
+        max_direction_error_deg: Largest error of the direction that the converter's noise may cause, mean over the
+            range [deg].
+        ball_diameter_range_mm: Least and largest diameter of the ball [mm].
         materials: At hand.
         process: How the sheet is made.
         board: The converter.
@@ -30,8 +31,8 @@ class Requirements(NamedTuple):
     max_n: float
     min_n: float
     max_lean_deg: float
-    error_deg: float
-    ball_mm: tuple[float, float]
+    max_direction_error_deg: float
+    ball_diameter_range_mm: tuple[float, float]
     materials: Materials
     process: Process
     board: Converter

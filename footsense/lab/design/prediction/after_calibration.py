@@ -68,14 +68,14 @@ def calibrated_errors(
     return float(np.degrees(np.sqrt(np.mean(angles)))), float(np.sqrt(np.mean(sizes)))
 
 
-def gap_tolerance_um(process: Process, gap_um: float) -> float:
+def gap_sigma_um(process: Process, gap_um: float) -> float:
     """Return the rms deviation of the gap that a process causes [um]."""
     return float(np.hypot(process.gap_tolerance_um, process.gap_tolerance_rel * gap_um))
 
 
 def _prior_sigma(process: Process, gap_um: float) -> Vector:
     """Return prior standard deviations: nine gaps [um], nine strays [pF], stiffness [1], mounting angles [rad]."""
-    gap = gap_tolerance_um(process, gap_um)
+    gap = gap_sigma_um(process, gap_um)
     sigma = [
         gap,
         process.stray_tolerance_pf,

@@ -84,7 +84,7 @@ def _max_readable_force_n(foot: Foot, board: Converter, loads: LoadDirections) -
         design.gap_um + design.film_equivalent_um - design.plate_distance_um(np.array(board.range_end_pf))
     )
     largest_um = min(MAX_READABLE_CLOSURE_REL * design.gap_um, float(readable_um))
-    one_um = foot.response.closure_um(loads.normal, loads.direction).max()
+    one_um = foot.response.free_element_closures_um(loads.normal, loads.direction).max()
     low, high = 0.0, 4.0 * largest_um / float(one_um)
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2.0

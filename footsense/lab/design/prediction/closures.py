@@ -74,12 +74,12 @@ class Influence(NamedTuple):
     """Closure per newton of n feet under m loads, by element [um/N].
 
     Attributes:
-        point: Of a point force, and its slopes by two turns of the normal [um/N], shape (n, m, 3, 3, 9).
-        patch: The same of the contact patch, for (F/N)^(2/3) = 1 [um/N].
+        point_force: Of a point force, and its slopes by two turns of the normal [um/N], shape (n, m, 3, 3, 9).
+        contact_patch: The same of the contact patch, for (F/N)^(2/3) = 1 [um/N].
     """
 
-    point: Vector
-    patch: Vector
+    point_force: Vector
+    contact_patch: Vector
 
 
 class ClosureModel:
@@ -140,7 +140,7 @@ class ClosureModel:
         )
         return Influence(whole[:, 0], RADIUS_MM**2 * patch_rel2[:, None, None, None, None] * whole[:, 1])
 
-    def closures_um(self, influence: Influence, force_n: Vector) -> tuple[Vector, Vector]:
+    def closures_and_jacobian_um(self, influence: Influence, force_n: Vector) -> tuple[Vector, Vector]:
         """Return closures [um], (n, m, 9), and their derivatives by the unknowns, (n, m, 9, 5).
 
         Args:
@@ -153,10 +153,10 @@ class ClosureModel:
         direction, normal = self.loads
         pressing = (direction * normal).sum(axis=1)
         grown = (force_n * pressing) ** (2.0 / 3.0)
-        unit = influence.point + grown[:, :, None, None, None] * influence.patch
+        unit = influence.point_force + grown[:, :, None, None, None] * influence.contact_patch
         # per newton, by force component, at the normal and its turns: shape (n, m, 3 turns, 9)
         along = np.einsum("nmtce,mc->nmte", unit, direction)
-        patch = np.einsum("nmce,mc->nme", influence.patch[:, :, 0], direction)
+        patch = np.einsum("nmce,mc->nme", influence.contact_patch[:, :, 0], direction)
         closure = force_n[..., None] * along[:, :, 0]
         # The patch grows with the pressing force: d(p^(2/3)) = 2/3 p^(2/3) dp / p.
         growth = (2.0 / 3.0) * grown[..., None] * patch / pressing[:, None]

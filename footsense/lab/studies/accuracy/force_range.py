@@ -121,7 +121,9 @@ def _estimate_foot(
     pf = foot.capacitance_pf(normal, force_n)
     closure_um = design.closure_um(pf - deviations.stray_pf, foot.unloaded_pf - deviations.stray_pf)
     closure_rel = closure_um / design.gap_um
-    read = (closure_rel <= trained.usable_max_rel(gap_um)).all(axis=1) & (pf.max(axis=1) < FULL_SCALE_PF)
+    read = (closure_rel <= trained.max_usable_closure_rel(gap_um)).all(axis=1) & (
+        pf.max(axis=1) < FULL_SCALE_PF
+    )
     inputs = np.where(read[:, None], closure_rel, 0.0)
     load = CalibratedFeet(context.network, [known], len(pf)).estimate(steady_windows(inputs))
     test = ConsistencyTest(len(pf), trained.moments, 1)
@@ -129,7 +131,7 @@ def _estimate_foot(
     result: Any = None
     for t_ns in range(4):
         result = test.test(inputs, still, none, t_ns)
-    said = result.unexplained | result.missing.any(axis=1)
+    said = result.unexplained_legs | result.missing.any(axis=1)
     return (closure_um / gap_um).max(axis=1), read, load.force_n, load.sigma_n, said
 
 

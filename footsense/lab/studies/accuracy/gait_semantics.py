@@ -180,7 +180,7 @@ def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Simulate walks on rough ground; return the errors of the estimated events, contacts and slips."""
-    n_per_rel = sensitivity(context.network, 1, context.trained_inputs.moments).load_n_per_rel
+    n_per_rel = sensitivity(context.network, 1, context.trained_inputs.moments).load_n_per_mean_closure
     n = QUICK_CONVERSIONS if context.quick else CONVERSIONS
     walks = []
     for number in range(1 if context.quick else N_WALKS):

@@ -83,15 +83,17 @@ def _gap_closing_cases(response: FootResponse) -> Iterator[Case]:
 def _rim_contact_cases(response: FootResponse) -> Iterator[Case]:
     """Yield the cases of contacts near the ball's rim, and of invalid inputs."""
     low = directions(np.array([0.0, 90.0]), np.array([40.0, 40.0]))
-    closures = response.closure_um(low, low)
+    closures = response.free_element_closures_um(low, low)
     turned = float(np.abs(closures[1].reshape(3, 3) - closures[0].reshape(3, 3).T).max())
     yield Case("40 deg, at x and at y", "the same turned, to 1e-6 um", f"{turned:.1e} um", turned < 1e-6)
     below = directions(np.array(0.0), np.array(response.min_elevation_deg - 1.0))
     yield _expected_error_case(
-        "contact below the table", ValueError, lambda: response.closure_um(below, below)
+        "contact below the table", ValueError, lambda: response.free_element_closures_um(below, below)
     )
     yield _expected_error_case(
-        "NaN in a normal", ValueError, lambda: response.closure_um(np.full(3, np.nan), _UPWARD[0])
+        "NaN in a normal",
+        ValueError,
+        lambda: response.free_element_closures_um(np.full(3, np.nan), _UPWARD[0]),
     )
     gaps_um = np.full(3, response.design.gap_um)
     yield _expected_error_case(

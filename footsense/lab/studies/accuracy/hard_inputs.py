@@ -138,7 +138,7 @@ class _LegPipeline:
             contact=ContactLimits(threshold_n=0.03),
             scan_ns=_SCAN_NS,
             max_age_ns=_MAX_AGE_NS,
-            settled_ns=_MAX_AGE_NS,
+            settling_time_ns=_MAX_AGE_NS,
         )
         self._sequence = 0
         for _ in range(_WINDOW):

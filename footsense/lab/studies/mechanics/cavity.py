@@ -14,7 +14,7 @@ from footsense.foot.cavity.air import VENTED, Cavity, Gas
 from footsense.foot.direction_sets import paper_directions
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
-from footsense.foot.gap_contact import CELLS, element_means
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import ELEMENTS, Vector
@@ -230,8 +230,8 @@ def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator)
     times_s = np.concatenate([[0.0], np.geomspace(1e-2, read_s.max(), 60)])
     gas, sampled = Gas(np.full((len(force_n), ELEMENTS), air.AMBIENT_MPA)), []
     for step_s in np.diff(times_s, prepend=0.0).tolist():
-        element_pf, gas = foot.after_step(
-            normal, force_n, gas._replace(leak_step_rel=step_s / foot.cavity.leak_time_s)
+        element_pf, gas = foot.capacitance_and_gas_after_step(
+            normal, force_n, gas._replace(step_over_leak_time=step_s / foot.cavity.leak_time_s)
         )
         sampled.append(element_pf)
     over_time = np.stack(sampled)
@@ -266,8 +266,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     context.report_progress("cavity: holds read by hand")
     sealed = Foot(replace(response, cavity=SEALED))
     rest = Gas(np.full(ELEMENTS, air.AMBIENT_MPA))
-    area_mm2 = design.electrode_area_mm2 / CELLS
-    by_element = response.compliance_um_per_n.reshape(ELEMENTS, CELLS, ELEMENTS, CELLS)
+    area_mm2 = design.electrode_area_mm2 / CELLS_PER_ELEMENT
+    by_element = response.compliance_um_per_n.reshape((ELEMENTS, CELLS_PER_ELEMENT) * 2)
     stiffness = (
         np.linalg.eigvalsh(by_element.mean(axis=1).sum(axis=2) * area_mm2) * air.AMBIENT_MPA / design.gap_um
     )
@@ -341,7 +341,7 @@ STUDY = Study(
     title="Air in the cavities",
     compute=compute,
     names={
-        "VENT_CHANNEL_MM": venting.VENT_CHANNEL_MM,
+        "VENT_CHANNEL_WIDTH_MM": venting.VENT_CHANNEL_WIDTH_MM,
         "MEASURED_DIRECTION_DEG": MEASURED_DIRECTION_DEG,
         "MEASURED_MAGNITUDE_GF": MEASURED_MAGNITUDE_GF,
     },

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.lab.contact.full_solve import FullFoot
+from footsense.lab.contact.full_solve import FootContactModel
 from footsense.lab.contact.mesh import ContactMeshSize
 from footsense.lab.fidelity.loads import loads_in_mirror_plane
 from footsense.lab.studies.page import Plots, Study, StudyContext
@@ -14,8 +14,8 @@ from footsense.lab.studies.plots import subplot_row
 
 #: Differences on one mesh need no fine one.
 _SIZE, _QUICK_SIZE = (
-    ContactMeshSize(bar_mm=1.0, patch_rel=0.4),
-    ContactMeshSize(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_rel=0.8),
+    ContactMeshSize(bar_mm=1.0, patch_element_rel=0.4),
+    ContactMeshSize(ball_mm=5.0, plate_mm=3.5, bar_mm=4.0, patch_element_rel=0.8),
 )
 #: Options of the full solve with a part left out.
 SIMPLIFICATIONS: dict[str, dict[str, Any]] = {
@@ -76,9 +76,9 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     cases = _LOADS[:1] if context.quick else _LOADS
     loads = loads_in_mirror_plane(cases)
     for case, normal, force_n in zip(cases, loads.normal, loads.force_n, strict=True):
-        full = FullFoot(context.foot_design, size=size).solve(normal, force_n)
+        full = FootContactModel(context.foot_design, mesh_size=size).solve(normal, force_n)
         others = {
-            name: FullFoot(context.foot_design, size=size, **options).solve(normal, force_n)
+            name: FootContactModel(context.foot_design, mesh_size=size, **options).solve(normal, force_n)
             for name, options in SIMPLIFICATIONS.items()
         }
         one = LoadComparison(

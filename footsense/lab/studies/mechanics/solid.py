@@ -198,7 +198,7 @@ def _compare_ground_materials(
     floors, closures = {}, []
     for name, modulus_mpa in (("rigid", rubber.hertz_mpa), ("cement", both_mpa)):
         radius_mm = float(contact_radius_mm(1.0, response.ball_radius_mm, modulus_mpa))
-        closures.append(replace(response, hertz_modulus_mpa=modulus_mpa).closure_um(up, up))
+        closures.append(replace(response, hertz_modulus_mpa=modulus_mpa).free_element_closures_um(up, up))
         floors[name] = HertzContact(
             modulus_mpa=modulus_mpa, radius_mm=radius_mm, corner_closure_um=closures[-1].max()
         )

@@ -11,7 +11,7 @@ from footsense.estimation.faults.calibration_monitor import (
     LOAD_LIMIT,
     LOAD_SLACK,
     REFERENCE_STRIDES,
-    SAMPLE_NS,
+    SAMPLING_PERIOD_NS,
     SUM_LIMIT,
     SUM_SLACK,
     CalibrationMonitor,
@@ -20,7 +20,7 @@ from footsense.estimation.faults.calibration_monitor import (
 from footsense.frames import Vector
 
 PERIOD_NS = 800_000_000
-SAMPLES = PERIOD_NS // SAMPLE_NS
+SAMPLES = PERIOD_NS // SAMPLING_PERIOD_NS
 TRIPOD = np.array([0, 1, 0, 1, 0, 1])
 USUAL_N = np.array([0.5, 0.4, 0.5, 0.45, 0.55, 0.5])
 
@@ -56,7 +56,7 @@ class Walking:
             squares = np.where(down, (residual2, np.ones(6)), 0.0).T
             down[-1] = down[-1] if stays is None else stays
             self.monitor.observe(load_n, down, squares, self._t_ns)
-            self._t_ns += SAMPLE_NS
+            self._t_ns += SAMPLING_PERIOD_NS
         return np.flatnonzero(self.monitor.stale).tolist()
 
     def learn(self) -> None:

@@ -12,7 +12,7 @@ from footsense.estimation.faults.causes import (
     leg_causes,
     set_states_without_force,
 )
-from footsense.estimation.faults.missing_sets import missing_elements
+from footsense.estimation.faults.missing_sets import missing_sets_containing
 from footsense.estimation.faults.open_elements import floating_row_crosstalk_pf
 from footsense.frames import USABLE, BaselineDrift, CapFrame, Cause, Reading, State
 from tests.support.feet import SCAN_NS, SIGMA_N, WINDOW, Feet
@@ -35,7 +35,7 @@ def opened(*elements: int) -> NDArray[np.bool_]:
 @given(st.sets(st.integers(0, 8)))
 def test_what_is_missing_is_one_element_or_a_line(elements: set[int]) -> None:
     """Nothing for none; one stays one; two or three in a line make the line; the rest is beyond the network."""
-    missing = set(np.flatnonzero(missing_elements(opened(*elements))[0]).tolist())
+    missing = set(np.flatnonzero(missing_sets_containing(opened(*elements))[0]).tolist())
     lines = [line for line in LINES if elements <= line]
     if len(elements) < 2:
         assert missing == elements
@@ -47,7 +47,7 @@ def test_legs_are_judged_apart() -> None:
     """What is open on one says nothing of another."""
     both = np.concatenate([opened(1, 7), opened(0, 4), opened(), opened(8)])
     expected = np.concatenate([opened(1, 4, 7), opened(), opened(), opened(8)])
-    np.testing.assert_array_equal(missing_elements(both), expected)
+    np.testing.assert_array_equal(missing_sets_containing(both), expected)
 
 
 def test_only_a_whole_row_floats() -> None:

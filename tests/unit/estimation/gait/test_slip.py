@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from footsense.estimation.gait.friction import NO_GROUND, Friction, SlipDetector
+from footsense.estimation.gait.friction import NO_GROUND, FrictionEstimator, SlipDetector
 from footsense.frames import Slip
 
 STEP_NS = 5_433_400
@@ -16,7 +16,7 @@ class Foot:
     """A foot whose friction use is given."""
 
     def __init__(self) -> None:
-        self.friction = Friction()
+        self.friction = FrictionEstimator()
         self.detector = SlipDetector(self.friction)
         self.now_ns = 0
         self.slips: list[tuple[Slip, int]] = []
