@@ -11,36 +11,36 @@ from firmware_interface.wire_timing import i2c_bus_time_ns, transaction_bits
 
 
 class ConversionTraffic(NamedTuple):
-    """Minimal I2C transactions of one scan of a board.
+    """I2C bytes of one conversion on a board (start, done poll, result read), and which lines are switched.
 
     Attributes:
         switches_columns: Whether the columns are switched as well: every step then changes the row or the column at
             least, and there is an order in which none changes both. Else row after row is switched.
-        n_start: Bytes of the write that starts a conversion.
-        done: Bytes written and read to ask all legs whether they are done; None if their results show it.
-        result: Bytes written and read for one part of a result.
+        n_start_bytes: Bytes of the write that starts a conversion.
+        done_poll_bytes: Bytes written and read to ask all legs whether they are done; None if their results show it.
+        result_read_bytes: Bytes written and read for one part of a result.
         clock_tolerance_rel: Largest deviation of a converter's clock [1].
     """
 
     switches_columns: bool
-    n_start: int
-    done: tuple[int, int] | None
-    result: tuple[int, int]
+    n_start_bytes: int
+    done_poll_bytes: tuple[int, int] | None
+    result_read_bytes: tuple[int, int]
     clock_tolerance_rel: float
 
 
 FDC1004_TRAFFIC = ConversionTraffic(
     switches_columns=False,
-    n_start=3,
-    done=(1, 2),
-    result=(1, 2),
+    n_start_bytes=3,
+    done_poll_bytes=(1, 2),
+    result_read_bytes=(1, 2),
     clock_tolerance_rel=fdc1004.CLOCK_TOLERANCE_REL,
 )
 AD7746_TRAFFIC = ConversionTraffic(
     switches_columns=True,
-    n_start=2,
-    done=None,
-    result=(1, 4),
+    n_start_bytes=2,
+    done_poll_bytes=None,
+    result_read_bytes=(1, 4),
     clock_tolerance_rel=ad7746.CLOCK_TOLERANCE_REL,
 )
 
@@ -49,22 +49,22 @@ class ScanLowerBounds(NamedTuple):
     """Lower bounds of the scan period by conversion time and by read-out time; the larger one applies.
 
     Attributes:
-        conversion_ns: All conversions by a slow chip, and what cannot overlap with them [ns].
-        readout_ns: All read-outs of all legs [ns].
+        conversion_bound_ns: All conversions by a slow chip, and what cannot overlap with them [ns].
+        readout_bound_ns: All read-outs of all legs [ns].
     """
 
-    conversion_ns: int
-    readout_ns: int
+    conversion_bound_ns: int
+    readout_bound_ns: int
 
     @property
-    def scan_ns(self) -> int:
+    def scan_period_bound_ns(self) -> int:
         """Lower bound of the scan period [ns]: the larger of the two."""
         return max(self)
 
     @property
     def limiting_factor(self) -> str:
         """The bound that applies: `conversion` or `read-out`."""
-        return "conversion" if self.conversion_ns >= self.readout_ns else "read-out"
+        return "conversion" if self.conversion_bound_ns >= self.readout_bound_ns else "read-out"
 
 
 def scan_lower_bounds(
@@ -93,26 +93,26 @@ def scan_lower_bounds(
 
     Example:
         >>> limits = scan_lower_bounds(n_legs=6, conversion_ns=2_500_000, bus_hz=400_000, host_cost_ns=40_000)
-        >>> limits.limiting_factor, round(limits.scan_ns / 22.5e6, 3)
+        >>> limits.limiting_factor, round(limits.scan_period_bound_ns / 22.5e6, 3)
         ('conversion', 1.087)
         >>> limits = scan_lower_bounds(
         ...     n_legs=6, conversion_ns=2_500_000, bus_hz=400_000, host_cost_ns=40_000, kernel_mux=True
         ... )
-        >>> limits.limiting_factor, round(limits.scan_ns / 22.5e6, 3)
+        >>> limits.limiting_factor, round(limits.scan_period_bound_ns / 22.5e6, 3)
         ('read-out', 1.298)
         >>> limits = scan_lower_bounds(
         ...     n_legs=6, conversion_ns=11_000_000, bus_hz=400_000, host_cost_ns=40_000, traffic=AD7746_TRAFFIC
         ... )
-        >>> limits.limiting_factor, round(limits.scan_ns * 1e-6, 1)
+        >>> limits.limiting_factor, round(limits.scan_period_bound_ns * 1e-6, 1)
         ('conversion', 102.8)
     """
 
     def transaction_ns(n_write: int, n_read: int = 0) -> int:
         return round(i2c_bus_time_ns(transaction_bits(n_write, n_read), round(bus_hz)) + host_cost_ns)
 
-    select, start = transaction_ns(1), transaction_ns(traffic.n_start)
-    ask = transaction_ns(*traffic.done) if traffic.done else 0
-    read = n_result_reads * transaction_ns(*traffic.result)
+    select, start = transaction_ns(1), transaction_ns(traffic.n_start_bytes)
+    ask = transaction_ns(*traffic.done_poll_bytes) if traffic.done_poll_bytes else 0
+    read = n_result_reads * transaction_ns(*traffic.result_read_bytes)
     wait = round(conversion_ns * (1 + traffic.clock_tolerance_rel))
     n_elements = rows**2
     lines = (

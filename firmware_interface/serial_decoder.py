@@ -78,9 +78,9 @@ class SerialDecoder:
         if record is None:
             self.losses["version"] += 1
             return None
-        return record if self._is_new_record(record.leg, record.seq, record.flags) else None
+        return record if self._count_losses_and_tell_if_new(record.leg, record.seq, record.flags) else None
 
-    def _is_new_record(self, leg: int, seq: int, flags: int) -> bool:
+    def _count_losses_and_tell_if_new(self, leg: int, seq: int, flags: int) -> bool:
         """Count the records missing before this one; return False if it repeats the last one."""
         last = self._last.get(leg)
         self._last[leg] = seq, flags

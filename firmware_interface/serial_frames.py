@@ -41,8 +41,8 @@ VERSION = 1
 ELEMENTS = 9
 
 #: A value below NO_VALUE + N_CODES is no capacitance: NO_VALUE plus a code of `NoValue`.
-NO_VALUE = -(2**31)
-N_CODES = 16
+NO_VALUE_BASE = -(2**31)
+N_NO_VALUE_CODES = 16
 
 _HEADER_STRUCT = struct.Struct("<BBBBHHI")
 _VALUES_STRUCT = struct.Struct(f"<{ELEMENTS}i")
@@ -87,7 +87,7 @@ class Record(NamedTuple):
     """Readings of one leg in one scan, as sent over the serial port.
 
     Attributes:
-        leg: Node id, 1 to 6.
+        leg: Node id, 1 to 8.
         seq: Its number, 0 to 65535.
         flags: Bits of `RecordFlag`.
         step_us: Time from element to element [us], 0 to 65535.

@@ -26,11 +26,11 @@ def transaction_bits(n_write: int, n_read: int = 0) -> int:
     return 3 + 9 * (2 + n_write + n_read)
 
 
-def nack_bits() -> int:
+def i2c_nack_bits() -> int:
     """Return the clock cycles of an I2C transaction whose address is not acknowledged: START, one byte, STOP.
 
     Example:
-        >>> nack_bits()
+        >>> i2c_nack_bits()
         11
     """
     return 2 + 9
@@ -50,30 +50,30 @@ def i2c_bus_time_ns(bits: int, rate_hz: int) -> int:
 FRAMES_PER_LEG = 2
 
 
-def frame_bits(n_data: int) -> int:
+def max_can_frame_bits(n_data: int) -> int:
     """Return the maximum length of a frame with an 11-bit id, stuff bits and interframe space included [bits].
 
     Args:
         n_data: Bytes of data.
 
     Example:
-        >>> frame_bits(8)
+        >>> max_can_frame_bits(8)
         135
     """
     return 8 * n_data + 47 + (34 + 8 * n_data - 1) // 4
 
 
 #: Bits of a frame with eight bytes of data.
-LONGEST_FRAME_BITS = frame_bits(8)
+LONGEST_FRAME_BITS = max_can_frame_bits(8)
 
 #: Frames of a leg beside Force and Quality in a second, by their bytes of data: heartbeats (1), `Gait` (5), gait events
 #: of two steps with a slip each (6), `Ground` and `Baseline` (8).
-_OTHER_FRAMES_HZ = {1: 5, 5: 10, 6: 8, 8: 11}
+_OTHER_FRAMES_HZ_BY_DATA_BYTES = {1: 5, 5: 10, 6: 8, 8: 11}
 
 
 #: The most bits of a CAN FD frame with 64 bytes of data: 22 before them, 133 stuff bits, stuff count and crc with their
 #: fixed stuff bits, acknowledgement, end, and interframe space. Data at a higher bit rate take less time.
-FD_FRAME_BITS = 22 + 512 + 133 + 32 + 13
+MAX_FD_FRAME_BITS = 22 + 512 + 133 + 32 + 13
 
 
 def can_bits_per_s(n_legs: int, forces_hz: float, *, fd: bool = False) -> float:
@@ -88,6 +88,8 @@ def can_bits_per_s(n_legs: int, forces_hz: float, *, fd: bool = False) -> float:
         >>> round(can_bits_per_s(6, 92.0)), round(can_bits_per_s(6, 92.0, fd=True))
         (171720, 88184)
     """
-    others = sum(per_s * frame_bits(n_data) for n_data, per_s in _OTHER_FRAMES_HZ.items())
-    force_bits = FD_FRAME_BITS if fd else n_legs * FRAMES_PER_LEG * LONGEST_FRAME_BITS
+    others = sum(
+        per_s * max_can_frame_bits(n_data) for n_data, per_s in _OTHER_FRAMES_HZ_BY_DATA_BYTES.items()
+    )
+    force_bits = MAX_FD_FRAME_BITS if fd else n_legs * FRAMES_PER_LEG * LONGEST_FRAME_BITS
     return forces_hz * force_bits + n_legs * others

@@ -99,7 +99,7 @@ def encode_forces(
     layout = mask_layout(FORCES_LAYOUTS, n_elements)
     across_at = _FIRST_MASK_BIT + layout.mask_bits
     along_at = across_at + layout.sigma_bits
-    no_sigmas = layout.no_sigma << across_at | layout.no_sigma << along_at
+    no_sigmas = layout.no_sigma_code << across_at | layout.no_sigma_code << along_at
     slots = dict.fromkeys(NODES_OF_FRAME[can_id], (State.ABSENT | no_sigmas, _NO_FORCE, _NO_FORCE, _NO_FORCE))
     ages_ns = [0]
     in_air, common = True, 0
@@ -117,7 +117,7 @@ def encode_forces(
         widest_n = max(x_n, y_n) if math.isfinite(x_n + y_n) else math.nan
         across, along = layout.sigma_code(widest_n), layout.sigma_code(z_n)
         bits = shown | bool(flag & Flag.CONTACT) << 4 | bool(flag & Flag.TARE_REFUSED) << 5
-        bits |= (mask & layout.mask) << _FIRST_MASK_BIT | across << across_at | along << along_at
+        bits |= (mask & layout.all_elements_mask) << _FIRST_MASK_BIT | across << across_at | along << along_at
         slots[node] = (bits, *forces)
         if known:
             ages_ns.append(t_sent_ns - leg_ns if leg_ns else -1)
@@ -128,7 +128,7 @@ def encode_forces(
     payload = _HEADER_STRUCT.pack(0, head, min(age, _NO_AGE))[2:] + b"".join(
         [_LEG_STRUCT.pack(*leg) for leg in slots.values()]
     )
-    return _crc(can_id, payload).to_bytes(2, "little") + payload
+    return _crc16(can_id, payload).to_bytes(2, "little") + payload
 
 
 def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
@@ -142,9 +142,9 @@ def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
     if len(data) != DATA_BYTES_OF_FRAME.get(can_id):
         raise FrameError(f"frame 0x{can_id:03x} of {len(data)} bytes is no frame of all legs")
     crc, head, age = _HEADER_STRUCT.unpack_from(data)
-    if crc != _crc(can_id, data[2:]):
+    if crc != _crc16(can_id, data[2:]):
         raise FrameError(
-            f"frame 0x{can_id:03x} has crc 0x{crc:04x} instead of 0x{_crc(can_id, data[2:]):04x}"
+            f"frame 0x{can_id:03x} has crc 0x{crc:04x} instead of 0x{_crc16(can_id, data[2:]):04x}"
         )
     counter = head & 0xF
     if counter >= COUNTER_PERIOD:
@@ -156,8 +156,10 @@ def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
     for node, (bits, *codes) in zip(NODES_OF_FRAME[can_id], slots, strict=True):
         x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _FORCE_CODES_PER_N for code in codes)
         sigmas = bits >> _FIRST_MASK_BIT + layout.mask_bits
-        across_n, along_n = (layout.sigma_n(sigmas >> at & layout.no_sigma) for at in (0, layout.sigma_bits))
-        mask = bits >> _FIRST_MASK_BIT & layout.mask
+        across_n, along_n = (
+            layout.sigma_n(sigmas >> at & layout.no_sigma_code) for at in (0, layout.sigma_bits)
+        )
+        mask = bits >> _FIRST_MASK_BIT & layout.all_elements_mask
         flags = Flag(
             common | (Flag.CONTACT if bits & 0x10 else 0) | (Flag.TARE_REFUSED if bits & 0x20 else 0)
         )
@@ -172,8 +174,8 @@ def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
     return Forces(bool(head & 0x10), tuple(legs))
 
 
-def _crc(can_id: int, payload: bytes) -> int:
-    """Return the CRC-8 of a frame's CAN id and payload."""
+def _crc16(can_id: int, payload: bytes) -> int:
+    """Return the CRC-16/CCITT-FALSE of a frame's payload and CAN id."""
     return crc_hqx(payload + can_id.to_bytes(2, "little"), 0xFFFF)
 
 

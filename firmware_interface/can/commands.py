@@ -61,14 +61,14 @@ class Answer(NamedTuple):
         node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14.
         result: DONE, or why it was refused.
-        kind: Kind byte of the command, known or not.
+        command_kind: Kind byte of the command, known or not.
         command_counter: Counter of the command; `UNSOLICITED_COUNTER` for a tare that the service takes by itself.
     """
 
     node: int
     counter: int
     result: Result
-    kind: int
+    command_kind: int
     command_counter: int
 
 
@@ -115,7 +115,7 @@ def encode_answer(node: int, counter: int, result: int, kind: int, command_count
 
         byte    0        1            2        3
              +-------+------+-----+------+---+-----+
-             | crc8  |result| cnt | kind | 0 |command_counter|   command_counter: counter of the command, 15: none
+             | crc8  |result| cnt | kind | 0 | of  |   of: counter of the command, 15: none
              +-------+------+-----+------+---+-----+
                       7..4   3..0         7..4 3..0
 

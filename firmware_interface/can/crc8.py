@@ -73,7 +73,7 @@ def protect(can_id: int, payload: bytes) -> bytes:
     return bytes([crc8(payload, ID_CRC[can_id])]) + payload
 
 
-def check_frame(can_id: int, data: bytes, length: int) -> int:
+def check_frame_and_get_counter(can_id: int, data: bytes, length: int) -> int:
     """Check a frame's length, CRC and counter; return the counter.
 
     Raises:

@@ -63,7 +63,7 @@ def make_dbc(legs: Sequence[str], force_step_mn: int = 1, n_elements: int = NARR
     text = [line.replace("e = 3 row", f"e = {math.isqrt(n_elements)} row") for line in text]
     if n_elements > NARROW_ELEMENTS:
         text = [
-            _SIGMA_VALUES_PATTERN.sub(_wide_values, _MASK_OR_SIGMA_PATTERN.sub(_wide_signal, line))
+            _SIGMA_VALUES_PATTERN.sub(_wide_sigma_value_table, _MASK_OR_SIGMA_PATTERN.sub(_wide_signal, line))
             for line in text
         ]
     return (
@@ -124,16 +124,16 @@ def _wide_signal(match: re.Match[str]) -> str:
     narrow, wide = FORCES_LAYOUTS if match["leg"] else QUALITY_LAYOUTS
     start, head = int(match["start"]), f" SG_ {match['name']}{match['leg']} : "
     if match["axis"] is None:
-        return f"{head}{start}|{wide.mask_bits}@1+ (1,0) [0|{wide.mask}]"
+        return f"{head}{start}|{wide.mask_bits}@1+ (1,0) [0|{wide.all_elements_mask}]"
     place = (("XY", "Z") if match["leg"] else ("X", "Y", "Z")).index(match["axis"])
     start += wide.mask_bits - narrow.mask_bits - place * (narrow.sigma_bits - wide.sigma_bits)
-    step_n = wide.step_mn / 1000
-    return f"{head}{start}|{wide.sigma_bits}@1+ ({step_n:g},0) [0|{step_n * wide.no_sigma:.6g}]"
+    step_n = wide.sigma_step_mn / 1000
+    return f"{head}{start}|{wide.sigma_bits}@1+ ({step_n:g},0) [0|{step_n * wide.no_sigma_code:.6g}]"
 
 
-def _wide_values(match: re.Match[str]) -> str:
+def _wide_sigma_value_table(match: re.Match[str]) -> str:
     """Return the value table of a sigma for feet with more than nine elements."""
-    none = (FORCES_LAYOUTS if match[2] else QUALITY_LAYOUTS)[1].no_sigma
+    none = (FORCES_LAYOUTS if match[2] else QUALITY_LAYOUTS)[1].no_sigma_code
     return f'{match[1]} {none - 1} "Saturated" {none}'
 
 

@@ -5,7 +5,7 @@ from enum import IntEnum
 from typing import Any, TypeVar
 
 from firmware_interface.can.codes import NODE_IDS
-from firmware_interface.can.crc8 import FrameError, check_frame
+from firmware_interface.can.crc8 import FrameError, check_frame_and_get_counter
 
 _Code = TypeVar("_Code", bound=IntEnum)
 
@@ -37,7 +37,7 @@ def unpack_protected(
         FrameError: The id, length, crc or counter is wrong.
     """
     node = node_of(can_id, base)
-    return node, check_frame(can_id, data, layout.size + 1), layout.unpack_from(data, 1)
+    return node, check_frame_and_get_counter(can_id, data, layout.size + 1), layout.unpack_from(data, 1)
 
 
 def enum_member(codes: type[_Code], code: int) -> _Code:

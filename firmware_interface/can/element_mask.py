@@ -20,32 +20,32 @@ class MaskLayout(NamedTuple):
     Attributes:
         mask_bits: Bits of the mask.
         sigma_bits: Bits of each standard deviation; its highest code is "no value", the next one "this or more".
-        step_mn: What a bit of a standard deviation stands for [mN].
+        sigma_step_mn: What a bit of a standard deviation stands for [mN].
     """
 
     mask_bits: int
     sigma_bits: int
-    step_mn: int
+    sigma_step_mn: int
 
     @property
-    def no_sigma(self) -> int:
+    def no_sigma_code(self) -> int:
         """Code that stands for an unknown standard deviation."""
         return (1 << self.sigma_bits) - 1
 
     @property
-    def mask(self) -> int:
+    def all_elements_mask(self) -> int:
         """Fault mask with the bits of all elements set."""
         return (1 << self.mask_bits) - 1
 
     def sigma_code(self, sigma_n: float) -> int:
         """Return the code of a standard deviation [N], rounded up; NaN and negative values give "no value"."""
         if not sigma_n >= 0.0:
-            return self.no_sigma
-        return int(min(sigma_n * 1000 / self.step_mn + _CEILING_OFFSET, self.no_sigma - 1))
+            return self.no_sigma_code
+        return int(min(sigma_n * 1000 / self.sigma_step_mn + _CEILING_OFFSET, self.no_sigma_code - 1))
 
     def sigma_n(self, code: int) -> float:
         """Return the standard deviation of a code [N]; NaN for "no value"."""
-        return math.nan if code == self.no_sigma else code * self.step_mn / 1000
+        return math.nan if code == self.no_sigma_code else code * self.sigma_step_mn / 1000
 
 
 #: Layouts of a frame for the narrow mask and for the wide one: of `Quality`, and of a leg in `Forces`.

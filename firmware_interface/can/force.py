@@ -1,8 +1,7 @@
 """CAN frames `Force` and `Quality`, sent together for each leg; described for other tools in `footsense.dbc`.
 
-Everything is little-endian. Byte 0 and the
-low nibble of byte 1 protect a frame as `crc8` describes. "No value" has a code of its own, apart from the code of a
-number too large for its field, so that neither passes for a measurement.
+Everything is little-endian. Byte 0 and the low nibble of byte 1 protect a frame as `crc8` describes. "No value" has a
+code of its own, apart from the code of a number too large for its field, so that neither passes for a measurement.
 
 Units:
     Force and its standard deviation N, age ns; on the wire 1 mN, 2 mN and 0.1 ms per bit.
@@ -181,7 +180,7 @@ class ForceQualityEncoder:
         frames = self._frames
         at = 8
         mask_bits, sigma_bits, step_mn = self._layout
-        all_elements, no_sigma = self._layout.mask, self._layout.no_sigma
+        all_elements, no_sigma = self._layout.all_elements_mask, self._layout.no_sigma_code
         max_sigma, per_n = no_sigma - 1, 1000 / step_mn
         max_sigma_n = max_sigma / per_n
         legs = zip(t_ns, state, force_n, sigma_n, flags, fault_mask, strict=True)
@@ -252,13 +251,13 @@ def decode_quality(can_id: int, data: bytes, n_elements: int = 9) -> Quality:
     age = bits >> 8 & 0xFFF
     sigmas = bits >> _FIRST_MASK_BIT + layout.mask_bits
     x_n, y_n, z_n = (
-        layout.sigma_n(sigmas >> axis * layout.sigma_bits & layout.no_sigma) for axis in range(3)
+        layout.sigma_n(sigmas >> axis * layout.sigma_bits & layout.no_sigma_code) for axis in range(3)
     )
     return Quality(
         node=node,
         counter=counter,
         flags=Flag(bits >> 4 & 0xF),
         age_ns=None if age == _NO_AGE else age * _AGE_STEP_NS,
-        fault_mask=bits >> _FIRST_MASK_BIT & layout.mask,
+        fault_mask=bits >> _FIRST_MASK_BIT & layout.all_elements_mask,
         sigma_n=(x_n, y_n, z_n),
     )

@@ -103,7 +103,7 @@ _FRICTION_CODES_PER_UNIT = 250
 _NAN = math.nan
 # Rounds up, except for the rounding error of a whole number of bits.
 _CEILING_OFFSET = 1 - 1e-6
-# Arguments of `_codes`.
+# Arguments of `_encoded_values`.
 _EVENT_FIELDS = ((_EVENT_SIGMA_CODES_PER_S, 0xFF, _CEILING_OFFSET),)
 _GAIT_FIELDS = ((_SHARE_CODES_PER_UNIT, 0xFF, 0.5), (_SHARE_CODES_PER_UNIT, 0xFF, 0.5))
 _GROUND_FIELDS = (

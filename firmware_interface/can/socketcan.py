@@ -96,7 +96,7 @@ def split_frames(frames: bytes) -> Iterator[tuple[int, bytes]]:
     return iter(found)
 
 
-def is_data(can_id: int) -> bool:
+def is_standard_data(can_id: int) -> bool:
     """Return whether a CAN id (with flag bits) is that of a data frame with an 11-bit id."""
     return can_id <= 0x7FF
 

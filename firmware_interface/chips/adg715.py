@@ -22,7 +22,7 @@ COLUMN_ADDRESS = 0x4A
 N_LINES = 3
 
 
-def select_lines(lines: int, n_lines: int = N_LINES) -> int:
+def line_switch_byte(lines: int, n_lines: int = N_LINES) -> int:
     """Return the data byte that selects the lines of a bit mask and connects all others as waiting.
 
     Args:
@@ -33,7 +33,7 @@ def select_lines(lines: int, n_lines: int = N_LINES) -> int:
         ValueError: The mask has more bits than a foot has rows or columns.
 
     Example:
-        >>> [bin(select_lines(1 << line)) for line in range(3)]
+        >>> [bin(line_switch_byte(1 << line)) for line in range(3)]
         ['0b110001', '0b101010', '0b11100']
     """
     every = (1 << n_lines) - 1

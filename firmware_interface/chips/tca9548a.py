@@ -14,14 +14,14 @@ ADDRESS = 0x71
 N_CHANNELS = 8
 
 
-def select(channel: int) -> int:
+def channel_control_byte(channel: int) -> int:
     """Return the control byte that connects one channel; combine several channels by bitwise OR.
 
     Raises:
         ValueError: There is no such channel.
 
     Example:
-        >>> hex(select(0) | select(5))
+        >>> hex(channel_control_byte(0) | channel_control_byte(5))
         '0x21'
     """
     if not 0 <= channel < N_CHANNELS:

@@ -92,14 +92,15 @@ class BusTiming(NamedTuple):
     @property
     def conversion_age_limit_ns(self) -> int:
         """Age of a running conversion above which the loop counts as delayed [ns]: two conversion steps."""
-        return 2 * self.lower_bounds.scan_ns // self.n_elements
+        return 2 * self.lower_bounds.scan_period_bound_ns // self.n_elements
 
     def __str__(self) -> str:
         """Return the timing as one line of text for the log."""
         rate_hz, host_cost_ns = self.costs
         return (
             f"{rate_hz * 1e-3:.0f} kHz and {host_cost_ns * 1e-3:.0f} us of host per transaction; the best scan takes "
-            f"{self.lower_bounds.scan_ns * 1e-6:.1f} ms, {self.lower_bounds.scan_ns / self.conversions_ns:.2f} x its "
+            f"{self.lower_bounds.scan_period_bound_ns * 1e-6:.1f} ms, "
+            f"{self.lower_bounds.scan_period_bound_ns / self.conversions_ns:.2f} x its "
             f"conversions; the limit is the {self.lower_bounds.limiting_factor}"
         )
 

@@ -60,7 +60,7 @@ class LegConnection:
     def __init__(self, name: str, channel: int, row: int) -> None:
         self.name = name
         self.row = row
-        self.selection = tca9548a.select(channel)
+        self.selection = tca9548a.channel_control_byte(channel)
         self._channel = channel
         self.in_scan = False
         self.outcome = Reading.NO_ANSWER

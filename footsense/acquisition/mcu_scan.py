@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.serial_frames import N_CODES, NO_VALUE, NoValue, Record, RecordFlag
+from firmware_interface.serial_frames import N_NO_VALUE_CODES, NO_VALUE_BASE, NoValue, Record, RecordFlag
 from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.frames import ELEMENTS, Codes, Reading, Stamps, Vector
 
@@ -12,8 +12,8 @@ _NS_PER_US = 1000
 _PF_PER_AF = 1e-6
 _LO_SHU = int(RecordFlag.LO_SHU)  # a plain number: an enumeration's arithmetic costs a microsecond
 
-_NO_VALUE_ENDS = NO_VALUE + N_CODES
-_READING_OF_CODE = np.full(N_CODES, Reading.CORRUPT, np.uint8)
+_NO_VALUE_ENDS = NO_VALUE_BASE + N_NO_VALUE_CODES
+_READING_OF_CODE = np.full(N_NO_VALUE_CODES, Reading.CORRUPT, np.uint8)
 _READING_OF_CODE[list(NoValue)] = list(NoValue)
 
 #: Position of each element in the scan, by order flag, shape (2, 9).
@@ -58,7 +58,7 @@ def readings(scan: McuScan, now_ns: int) -> tuple[Stamps, Vector, Codes]:
     reading = np.zeros(values_af.shape, np.uint8)
     without = values_af < _NO_VALUE_ENDS
     if without.any() or ahead.any():
-        reading[without] = _READING_OF_CODE[values_af[without] - NO_VALUE]
+        reading[without] = _READING_OF_CODE[values_af[without] - NO_VALUE_BASE]
         reading[ahead] = Reading.CORRUPT
         without |= ahead[:, None]
         capacitance_pf[without] = np.nan

@@ -13,7 +13,7 @@ import numpy as np
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.serial_decoder import SerialDecoder
-from firmware_interface.serial_frames import NO_VALUE, Record, pack_values
+from firmware_interface.serial_frames import NO_VALUE_BASE, Record, pack_values
 from footsense.acquisition.mcu_scan import McuScan, readings, wrapped_difference_us
 from footsense.clock_map import ClockMap
 from footsense.frames import ELEMENTS, CapFrame, Reading
@@ -31,7 +31,7 @@ _MAX_RECORD_DURATION_SCANS = 1.5
 #: Shortest time between two log lines about losses, and between two looks for them.
 _LOG_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
 
-_CORRUPT_VALUES = pack_values([NO_VALUE + Reading.CORRUPT] * ELEMENTS)
+_CORRUPT_VALUES = pack_values([NO_VALUE_BASE + Reading.CORRUPT] * ELEMENTS)
 
 _log = logging.getLogger(__name__)
 

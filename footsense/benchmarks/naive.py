@@ -31,7 +31,9 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
     plan = scan_plan("raster", config.rate_sps, config.board, config.rows)
     for channel in config.buses[0].channels.values():
         for step in plan.steps:
-            bus.transfer(Transaction(config.buses[0].mux.address, bytes((tca9548a.select(channel),))))
+            bus.transfer(
+                Transaction(config.buses[0].mux.address, bytes((tca9548a.channel_control_byte(channel),)))
+            )
             for write in step.select:
                 bus.transfer(write)
             bus.transfer(step.trigger)

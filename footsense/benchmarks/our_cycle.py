@@ -33,7 +33,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.telemetry.systemd import SystemdObserver
+from footsense.telemetry.systemd import SystemdNotifier
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
 REALTIME_PRIORITY = Realtime().priority
@@ -123,7 +123,7 @@ def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
         metrics = MetricsObserver(DEFAULT.legs, sink.stats, counters)
         observers: list[Observer] = [
             Journal(DEFAULT.legs),
-            SystemdObserver(DEFAULT.legs, {}),
+            SystemdNotifier(DEFAULT.legs, {}),
             metrics,
             _PipeRecorder(loopback.pipe, DEFAULT.legs),
         ]

@@ -101,7 +101,7 @@ def _scan_period_lower_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> 
         host_cost_ns=host_cost_us * 1e3,
         kernel_mux=bool(bus.adapters),
         traffic=schedule.AD7746_TRAFFIC if config.board == "ad7746" else schedule.FDC1004_TRAFFIC,
-    ).scan_ns
+    ).scan_period_bound_ns
 
 
 def newest_reading_age_ms() -> dict[str, float]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from firmware_interface.can.socketcan import frame_ends, is_data, is_error, pack_frame, split_frames
+from firmware_interface.can.socketcan import frame_ends, is_error, is_standard_data, pack_frame, split_frames
 from footsense.can.bus_health import BusHealth
 from footsense.can.frame_log import CanFrameLog, check_log_suffix
 from footsense.can.python_can import error_text, open_wire
@@ -192,7 +192,7 @@ class CanChannel:
             can_id, data = next(split_frames(frame))
             if is_error(can_id):
                 self._health.count_error_frame(can_id, data, self._t_ns)
-            elif is_data(can_id) and can_id in self._accept:
+            elif is_standard_data(can_id) and can_id in self._accept:
                 arrived.append((can_id, data))
         self.stats.received_commands += len(arrived)
         if self._health.last_error_ns is not None or self._health.last_full_ns is not None:

@@ -56,11 +56,11 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
     n_violations = sum(sum(result.n_violations.values()) for result in results)
     click.echo(
         f"{sum(result.virtual_s for result in results) / 3600.0:.2f} h walked in {wall_s / 60.0:.1f} min, "
-        f"{sum(result.n_faults for result in results)} faults, "
+        f"{sum(result.n_injected_faults for result in results)} faults, "
         f"{sum(result.n_cycles for result in results)} cycles: {n_violations} violations"
     )
     for result in results:
-        for rule, t_s, leg, detail in result.violations:
+        for rule, t_s, leg, detail in result.first_violations:
             click.echo(f"  stretch {result.stretch.number}, {t_s:.4f} s, {leg or 'all'}: {rule}: {detail}")
     if as_json is not None:
         figures = {
@@ -90,12 +90,12 @@ def _stretch_line(result: StretchResult) -> str:
     """Return the result of one stretch as a line of text."""
     stretch = result.stretch
     every = ["every force on CAN"] if stretch.publish_every == 1 else []
-    warmer = [f"{stretch.kelvin:+g} K"] if stretch.kelvin else []
-    stand = ["with a stand"] if stretch.stands_s else []
+    warmer = [f"{stretch.warming_k:+g} K"] if stretch.warming_k else []
+    stand = ["with a stand"] if stretch.standstill_spans_s else []
     return (
         f"stretch {stretch.number}: {stretch.hours:g} h "
-        f"{', '.join([f'{stretch.rate_sps} S/s', *every, *warmer, *stand])}: {result.n_faults} faults, "
-        f"{sum(result.n_violations.values())} violations, longest gap {1e3 * result.longest_gap_s:.0f} ms, "
-        "{:.1f} to {:.1f} MiB ".format(*result.resident_mib)
+        f"{', '.join([f'{stretch.rate_sps} S/s', *every, *warmer, *stand])}: {result.n_injected_faults} faults, "
+        f"{sum(result.n_violations.values())} violations, longest gap {1e3 * result.longest_cycle_interval_s:.0f} ms, "
+        "{:.1f} to {:.1f} MiB ".format(*result.warm_and_end_resident_mib)
         + f"({result.growth_mib_per_h:+.2f} MiB/h), {result.virtual_s / result.wall_s:.1f} x real time"
     )

@@ -22,7 +22,7 @@ from footsense.progress import progress_bar
 
 if TYPE_CHECKING:
     from footsense.view.recorded import RecordingSource
-    from footsense.view.tares import TareCommands
+    from footsense.view.tares import TareCommandSender
 
 
 def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
@@ -109,7 +109,7 @@ def _serve_until_stopped(
     file: Path | None,
     settings: View,
     port: int,
-    tares: "TareCommands | None",
+    tares: "TareCommandSender | None",
     origins: tuple[str, ...],
 ) -> None:
     """Serve the page until SIGTERM or SIGINT."""
@@ -136,7 +136,7 @@ def _serve_until_stopped(
     asyncio.run(serve())
 
 
-def _open_tares(config: Config | None, file: Path | None) -> "TareCommands":
+def _open_tares(config: Config | None, file: Path | None) -> "TareCommandSender":
     """Open a CAN interface for the page's tare commands.
 
     Raises:
@@ -146,9 +146,9 @@ def _open_tares(config: Config | None, file: Path | None) -> "TareCommands":
         raise ConfigError(
             "--allow-commands needs a running service and --config, which names its CAN channel"
         )
-    from footsense.view.tares import open_tare_commands
+    from footsense.view.tares import open_tare_command_sender
 
-    return open_tare_commands(config, MonotonicClock())
+    return open_tare_command_sender(config, MonotonicClock())
 
 
 def _read_with_progress(recorded: "RecordingSource") -> None:

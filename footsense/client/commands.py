@@ -68,7 +68,7 @@ class PendingCommands:
             return None
         try:
             answer = decode_answer(can_id, data)
-            kind = CommandKind(answer.kind)
+            kind = CommandKind(answer.command_kind)
         except (FrameError, ValueError):
             return None
         sent_ns = self._sent_ns.pop((answer.node, kind, answer.command_counter), None)

@@ -35,7 +35,7 @@ from footsense.sim.scene import Scene
 from footsense.telemetry.journal import Journal
 from footsense.telemetry.log_lines import n_lost_log_lines
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.telemetry.systemd import SystemdObserver
+from footsense.telemetry.systemd import SystemdNotifier
 
 if TYPE_CHECKING:
     from footsense.daemon.test_stand import StandSensor, StandSession
@@ -129,7 +129,7 @@ def open_service(
             _log.warning("the network was trained on another response table than the simulated feet follow")
         observers: list[Observer] = [
             Journal(legs, on_test_stand=test_stand is not None),
-            SystemdObserver(legs),
+            SystemdNotifier(legs),
         ]
         source: FrameSource = scan.source
         wakeups = scan.wakeups

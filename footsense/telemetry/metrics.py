@@ -33,7 +33,7 @@ from footsense.telemetry.metric_families import (
     STATE_SETS,
     service_metrics,
 )
-from footsense.telemetry.shared_counters import SharedCounters
+from footsense.telemetry.shared_counters import SharedCountersWriter
 
 _SLOW_COPY_PERIOD_NS = 100_000_000
 _FARADS_PER_PF = 1e-12
@@ -74,7 +74,9 @@ class MetricsObserver(Observer):
         n_lost_cycles: Callable[[], int] = int,
         n_lost_log_lines: Callable[[], int] = int,
     ) -> None:
-        self._counters = SharedCounters(service_metrics(legs, wakeups[0].bounds_s if wakeups else None), path)
+        self._counters = SharedCountersWriter(
+            service_metrics(legs, wakeups[0].bounds_s if wakeups else None), path
+        )
         self._first = self._counters.first_cell
         self._can = can
         self._wakeups = wakeups

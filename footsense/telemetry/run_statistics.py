@@ -15,11 +15,11 @@ from footsense.ports import Observer
 #: Smallest true force of a loaded frame, whose direction is defined, over the feet's largest force [1].
 LOADED_THRESHOLD_REL = 0.05
 
-_MAGNITUDE_BIN_REL = 0.001
-_DIRECTION_BIN_DEG = 0.02
+_MAGNITUDE_ERROR_BIN_REL = 0.001
+_DIRECTION_ERROR_BIN_DEG = 0.02
 _AGE_BIN_MS = 0.05
 #: Cycles that are kept before they are added to the tables.
-_CYCLES_PER_COUNT = 256
+_CYCLES_PER_HISTOGRAM_BATCH = 256
 
 
 class RunStatistics(Observer):
@@ -44,8 +44,8 @@ class RunStatistics(Observer):
         self._first_ns = self._last_ns = 0
         self._states = np.zeros((len(legs), len(State)), np.int64)
         self._age_ms = Histogram(_AGE_BIN_MS, 500.0)
-        self._direction_deg = Histogram(_DIRECTION_BIN_DEG, 180.0)
-        self._magnitude_rel = Histogram(_MAGNITUDE_BIN_REL, 2.0)
+        self._direction_deg = Histogram(_DIRECTION_ERROR_BIN_DEG, 180.0)
+        self._magnitude_rel = Histogram(_MAGNITUDE_ERROR_BIN_REL, 2.0)
         self._squared_n2 = np.zeros(3)
         self._valid = 0
         self._ages_ns: list[Stamps] = []
@@ -65,10 +65,10 @@ class RunStatistics(Observer):
         self._ages_ns.append((forces.t_sent_ns - forces.t_ns)[valid])
         if self._true_force_n_at is not None:
             self._pairs_n.append((forces.force_n[valid], self._true_force_n_at(forces.t_sent_ns)[valid]))
-        if len(self._ages_ns) >= _CYCLES_PER_COUNT:
-            self._count_kept_cycles()
+        if len(self._ages_ns) >= _CYCLES_PER_HISTOGRAM_BATCH:
+            self._add_buffered_cycles()
 
-    def _count_kept_cycles(self) -> None:
+    def _add_buffered_cycles(self) -> None:
         """Add the buffered cycles to the histograms; in a batch this is ten times faster."""
         if self._ages_ns:
             self._age_ms.add(np.asarray(np.concatenate(self._ages_ns) * 1e-6, np.float64))
@@ -86,7 +86,7 @@ class RunStatistics(Observer):
 
     def summary(self) -> dict[str, object]:
         """Return the statistics as plain values; None for a value without samples."""
-        self._count_kept_cycles()
+        self._add_buffered_cycles()
         span_s = (self._last_ns - self._first_ns) * 1e-9
         summary: dict[str, object] = {
             "cycles": self._cycles,
@@ -104,7 +104,7 @@ class RunStatistics(Observer):
             summary["direction_error_deg"] = {
                 "mean": self._direction_deg.mean,
                 "p95": self._direction_deg.quantile(0.95),
-                "loaded_frames": self._direction_deg.total,
+                "loaded_frames": self._direction_deg.n_values,
                 "loaded_from_n": self._loaded_n,
             }
             summary["magnitude_error_rel"] = {
@@ -134,14 +134,14 @@ class Histogram:
         self._sum += float(values.sum())
 
     @property
-    def total(self) -> int:
+    def n_values(self) -> int:
         """Number of values in all bins."""
         return int(self._counts.sum())
 
     @property
     def mean(self) -> float | None:
         """Mean of the values; None without any."""
-        return self._sum / self.total if self.total else None
+        return self._sum / self.n_values if self.n_values else None
 
     def quantile(self, share: float) -> float | None:
         """Return the quantile at the fraction `share`, to one bin width; None without values.
@@ -152,7 +152,7 @@ class Histogram:
             >>> round(ages.quantile(0.5), 3)
             0.5
         """
-        if not self.total:
+        if not self.n_values:
             return None
-        rank = np.searchsorted(self._counts.cumsum(), share * self.total)
+        rank = np.searchsorted(self._counts.cumsum(), share * self.n_values)
         return float((rank + 1) * self._width)

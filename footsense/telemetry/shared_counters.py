@@ -63,7 +63,7 @@ class MetricFamily:
         return self.cells_per_label_set * math.prod(len(values) for values in self.labels.values())
 
 
-class SharedCounters:
+class SharedCountersWriter:
     """Writer's end of the shared counters: creates the file, and removes it when closed.
 
     Args:
@@ -101,7 +101,7 @@ def read_counters(path: Path) -> tuple[list[MetricFamily], list[float]]:
     """Return the metric families of a running service and all their present values.
 
     Raises:
-        FootsenseError: No running service writes the file, or `SharedCounters` did not create it.
+        FootsenseError: No running service writes the file, or `SharedCountersWriter` did not create it.
     """
     try:
         with path.open("rb") as file:

@@ -18,7 +18,7 @@ from footsense.ports import Observer
 _STATUS_PERIOD_NS = 10_000_000_000
 
 
-def watchdog_interval_ns(environment: Mapping[str, str] = os.environ) -> int | None:
+def watchdog_ping_interval_ns(environment: Mapping[str, str] = os.environ) -> int | None:
     """Return the interval of watchdog messages [ns], half of systemd's timeout; None without a watchdog.
 
     Returns:
@@ -32,7 +32,7 @@ def watchdog_interval_ns(environment: Mapping[str, str] = os.environ) -> int | N
     return int(timeout_us) * 1000 // 2
 
 
-class SystemdObserver(Observer):
+class SystemdNotifier(Observer):
     """Observer that notifies systemd of readiness, watchdog and status; does nothing without systemd.
 
     Args:
@@ -45,7 +45,7 @@ class SystemdObserver(Observer):
 
     def __init__(self, legs: tuple[str, ...], environment: Mapping[str, str] = os.environ) -> None:
         self._legs = legs
-        self._interval_ns = watchdog_interval_ns(environment)
+        self._interval_ns = watchdog_ping_interval_ns(environment)
         self._alive_ns: int | None = None
         self._status_ns = 0
         address = environment.get("NOTIFY_SOCKET", "")

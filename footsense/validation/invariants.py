@@ -33,10 +33,10 @@ _MAX_KEPT_VIOLATIONS = 20
 
 #: Time after a fault of CAN in which frames may still be lost [s]: the interface is opened again, and the kernel checks
 #: its carrier once a second.
-CAN_RECOVERY_S = 2.0
+TOLERATED_CAN_RECOVERY_S = 2.0
 
 #: Delay of the next cycle by the search for a leg [s].
-_LEG_SEARCH_DELAY_S = 1.5e-3
+_TOLERATED_LEG_SEARCH_DELAY_S = 1.5e-3
 #: Frames ahead of one on the wire: a full queue and the mailboxes, each of which loses to another node's [bits].
 _QUEUE_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.mailboxes) * LONGEST_FRAME_BITS
 #: Values of the counter in a frame of CAN.
@@ -59,7 +59,7 @@ class Violation(NamedTuple):
     detail: str
 
 
-class Invariants(Observer):
+class InvariantChecker(Observer):
     """Observer that checks each cycle and each delivered CAN frame of a simulated walk.
 
     Args:
@@ -89,18 +89,18 @@ class Invariants(Observer):
         self._tolerated = [Schedule((span_s, span_s) for span_s in spans_s) for spans_s in spans_of]
         self.recovered_s = max((until_s for spans_s in spans_of for _, until_s in spans_s), default=0.0)
         self._can_broken_s = [
-            (fault.at_s, fault.until_s + CAN_RECOVERY_S)
+            (fault.at_s, fault.until_s + TOLERATED_CAN_RECOVERY_S)
             for fault in script
             if isinstance(fault, CanFault) and fault.until_s is not None
         ]
-        self._delays_s = tolerated_delays_s(script, rules.period_s)
+        self._delays_s = tolerated_delays_s(script, rules.cycle_period_s)
         self._good_s = [0.0] * len(rules.legs)  # last time of each leg with a force, or in a tolerated span
         self._last: tuple[int, int] | None = None  # sequence, t_sent_ns
         self._counters: dict[int, tuple[int, int]] = {}  # by node: counter, t_ns
-        self._on_time_s = 1.1 * rules.period_s + _LEG_SEARCH_DELAY_S
+        self._on_time_s = 1.1 * rules.cycle_period_s + _TOLERATED_LEG_SEARCH_DELAY_S
         # A full queue holds so many forces: two of six legs, three of three legs.
         n_forces = math.ceil(AS_DEPLOYED.queue_frames / (FRAMES_PER_LEG * len(rules.legs)))
-        force_period_s = rules.frames_per_force * rules.period_s
+        force_period_s = rules.cycles_per_can_force * rules.cycle_period_s
         self._longest_wait_s = n_forces * force_period_s + _QUEUE_DRAIN_BITS / rules.bitrate
         self.violations: list[Violation] = []
         self.n_violations: Counter[str] = Counter()
@@ -137,7 +137,7 @@ class Invariants(Observer):
             elif t_s - self._good_s[leg] > self._on_time_s + self._tolerated_delay_s(self._good_s[leg], t_s):
                 detail = f"{State(state).name}, cause {frame.cause[leg]}"
                 self._add_violation("the other legs go on", t_s, name, detail)
-        self._check_errors(frame, np.flatnonzero(usable).tolist())
+        self._count_errors_beyond_5_sigma(frame, np.flatnonzero(usable).tolist())
 
     def on_delivered(self, t_ns: int, queued_ns: int, frame: bytes) -> None:
         """Check a CAN frame that other nodes received.
@@ -185,7 +185,7 @@ class Invariants(Observer):
             delay_s for start_s, end_s, delay_s in self._delays_s if start_s <= until_s and from_s <= end_s
         )
 
-    def _check_errors(self, frame: ContactFrame, usable: Sequence[int]) -> None:
+    def _count_errors_beyond_5_sigma(self, frame: ContactFrame, usable: Sequence[int]) -> None:
         """Count force errors beyond 5 sigma on the legs with a usable force."""
         true_n = self._true_force_n_at(frame.t_sent_ns)
         self.n_checked += len(usable)

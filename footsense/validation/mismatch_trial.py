@@ -40,10 +40,10 @@ _RISE_S, _DWELL_S, _PAUSE_S = 0.05, 0.5, 0.5
 #: Noise of a mean reading, of one reading and of a baseline [pF].
 _MEAN_PF, _ONE_PF, _BASELINE_PF = 0.15e-3, 0.5e-3, 0.2e-3
 #: Noise of a mean force over the reference's resolution, as the session finds it [1].
-_MEAN_FORCE_NOISE_STEPS = 0.07
+_PRESS_MEAN_NOISE_STEPS = 0.07
 _FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Time after which the residual test acts on what it sees [ns].
-_RESIDUAL_TEST_DELAY_NS = 100_000_000
+_RESIDUAL_TEST_DEBOUNCE_NS = 100_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,12 +54,12 @@ class Disturbance:
         sheet_rotation_deg: Turn of the sheet about the axis of the balls [deg].
         worn_cap_height_mm: Height of the cap that the ball has lost at its pole [mm].
         creep_factor: Creep over that assumed [1].
-        play_factor: Play over that assumed [1].
+        hysteresis_factor: Play over that assumed [1].
         max_ground_capacitance_pf: Largest capacitance that the floor adds to every element of a foot in contact
             [pF]; a foot has between a quarter of it and all of it. The stick of the test stand adds none.
         cable_noise_pf: Noise of the cables in motion, rms, the same during one dwell [pF].
-        reference_linearity_rel: Nonlinearity of the reference over its rated value [1].
-        reference_noise_steps: Scatter of a press's mean force, rms, over the reference's resolution [1].
+        reference_nonlinearity_rel: Nonlinearity of the reference over its rated value [1].
+        press_mean_noise_rms_steps: Scatter of a press's mean force, rms, over the reference's resolution [1].
         press_lean_rms_deg: Angle between the contact's normal and the force of a press of the calibration, rms [deg].
         has_fringe_field: Whether the electrodes have a fringe field at their edges.
     """
@@ -67,11 +67,11 @@ class Disturbance:
     sheet_rotation_deg: float = 0.0
     worn_cap_height_mm: float = 0.0
     creep_factor: float = 1.0
-    play_factor: float = 1.0
+    hysteresis_factor: float = 1.0
     max_ground_capacitance_pf: float = 0.0
     cable_noise_pf: float = 0.0
-    reference_linearity_rel: float = 0.0
-    reference_noise_steps: float = 0.07
+    reference_nonlinearity_rel: float = 0.0
+    press_mean_noise_rms_steps: float = 0.07
     press_lean_rms_deg: float = 1.0
     has_fringe_field: bool = False
 
@@ -88,14 +88,14 @@ class TrialPlan:
         tolerances: Fabrication tolerances.
         seed: Seed of all feet.
         every_nth_press: Use one of so many of the paper's 362 presses.
-        n_few_loads: Loads of a second calibration; 0 for none.
+        n_loads_of_small_calibration: Loads of a second calibration; 0 for none.
         test_loads_by_name: Test loads by name.
     """
 
     tolerances: FootTolerances
     seed: int
     every_nth_press: int = 3
-    n_few_loads: int = 20
+    n_loads_of_small_calibration: int = 20
     test_loads_by_name: dict[str, ContactLoads] = field(default_factory=dict)
 
 
@@ -120,7 +120,7 @@ class _FootOnTestStand:
         )
         self._flat_sine = 1.0 - disturbance.worn_cap_height_mm / response.ball_radius_mm
         self._min_sine = np.sin(np.radians(response.min_elevation_deg))
-        self._bow_gf = drawn_bow_gf(rng, disturbance.reference_linearity_rel)
+        self._bow_gf = drawn_bow_gf(rng, disturbance.reference_nonlinearity_rel)
         self._touchdown_pf = (
             disturbance.max_ground_capacitance_pf * rng.uniform(0.25, 1.0) * rng.uniform(0.7, 1.0, ELEMENTS)
         )
@@ -133,7 +133,7 @@ class _FootOnTestStand:
             noise_pf: Noise of a reading [pF].
             on_floor: Whether the floor adds its capacitance.
         """
-        rubber = ViscoelasticElement(self._disturbance.creep_factor, self._disturbance.play_factor)
+        rubber = ViscoelasticElement(self._disturbance.creep_factor, self._disturbance.hysteresis_factor)
         step_ns = [round(1e9 * part) for part in (_PAUSE_S, _RISE_S, _DWELL_S / 2, _DWELL_S / 2, _RISE_S)]
         t_ns, normals, forces = 0, [], []
         for normal, force_n in zip(self._contact_normals(loads.normal), loads.force_n, strict=True):
@@ -147,7 +147,7 @@ class _FootOnTestStand:
         at_pf = pf[:, 2] + noise_pf * noise[0] + self._disturbance.cable_noise_pf * noise[1]
         return LoadSet(
             force_n=self._reference_reading_n(loads.force_n, noise[3, :, :3]),
-            sigma_n=np.full(loads.force_n.shape, _MEAN_FORCE_NOISE_STEPS * RESOLUTION_GF * GRAM_FORCE_N),
+            sigma_n=np.full(loads.force_n.shape, _PRESS_MEAN_NOISE_STEPS * RESOLUTION_GF * GRAM_FORCE_N),
             capacitance_pf=at_pf + (self._touchdown_pf if on_floor else 0.0),
             baseline_pf=pf[:, 0] + _BASELINE_PF * noise[2],
         )
@@ -189,7 +189,7 @@ class _FootOnTestStand:
         """Return the reference sensor's readings under forces [N], shape (n, 3), with nonlinearity and noise."""
         load_gf = -force_n / GRAM_FORCE_N
         read_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf)
-        read_gf += self._disturbance.reference_noise_steps * RESOLUTION_GF * unit_noise
+        read_gf += self._disturbance.press_mean_noise_rms_steps * RESOLUTION_GF * unit_noise
         return -read_gf * GRAM_FORCE_N
 
 
@@ -230,16 +230,16 @@ def run_mismatch_trial(
     pressed = foot.press(ContactLoads(normalized(direction + lean), force_n), _MEAN_PF, on_floor=False)
     rested = correct_baselines_for_creep(models.response, pressed)
     loads = rested.subset(_is_in_converter_range(rested))
-    feet: dict[str, FootParameters | None] = {"design": None}
+    parameters_by_calibration: dict[str, FootParameters | None] = {"design": None}
     figures: dict[str, float] = {}
     for name, used in {
         "all": loads,
-        "few": loads.subset(loads.space_filling_order()[: plan.n_few_loads]),
+        "few": loads.subset(loads.space_filling_order()[: plan.n_loads_of_small_calibration]),
     }.items():
         if len(used) == 0:
             continue
         fit = fit_foot_unchecked(models, used)
-        feet[name] = fit.parameters
+        parameters_by_calibration[name] = fit.parameters
         figures |= {
             f"refused_{name}": float(_is_refused(fit)),
             f"distance_{name}": fit.median_mahalanobis_distance,
@@ -251,10 +251,10 @@ def run_mismatch_trial(
         read = remade.press(test_loads, _ONE_PF, on_floor=True)
         # A robot tares rested feet, and its baseline hardly moves in the time of these loads.
         read = replace(read, baseline_pf=np.tile(read.baseline_pf[0], (len(read), 1)))
-        for name, parameters in feet.items():
+        for name, parameters in parameters_by_calibration.items():
             estimates = models.estimate(read, parameters)
             estimates.force_n[~_is_in_converter_range(read)] = np.nan
-            judged = _estimate_figures(models, estimates, test_loads.force_n)
+            judged = _force_error_figures(models, estimates, test_loads.force_n)
             figures |= {f"{test}_{name}_{figure}": value for figure, value in judged.items()}
     return figures
 
@@ -274,7 +274,7 @@ def _is_refused(fit: CalibrationResult) -> bool:
     return False
 
 
-def _estimate_figures(models: DesignModels, estimates: Estimates, true_n: Vector) -> dict[str, float]:
+def _force_error_figures(models: DesignModels, estimates: Estimates, true_n: Vector) -> dict[str, float]:
     """Return error figures of the estimated against the true forces [N], by name."""
     usable = estimates.has_force
     if not usable.any():
@@ -282,10 +282,10 @@ def _estimate_figures(models: DesignModels, estimates: Estimates, true_n: Vector
     force_n, true_n, sigma_n = estimates.force_n[usable], true_n[usable], estimates.sigma_n[usable]
     row = evaluate_force_errors(true_n, force_n)
     test = ConsistencyTest(
-        len(force_n), models.network_for_rows(1).card.trained_inputs.moments, _RESIDUAL_TEST_DELAY_NS
+        len(force_n), models.network_for_rows(1).card.trained_inputs.moments, _RESIDUAL_TEST_DEBOUNCE_NS
     )
     closure_rel, missing = estimates.closure_rel[usable], np.zeros((len(force_n), ELEMENTS), bool)
-    for t_ns in range(0, 2 * _RESIDUAL_TEST_DELAY_NS, _RESIDUAL_TEST_DELAY_NS // 4):
+    for t_ns in range(0, 2 * _RESIDUAL_TEST_DEBOUNCE_NS, _RESIDUAL_TEST_DEBOUNCE_NS // 4):
         consistency: Any = test.test(closure_rel, np.zeros(len(force_n)), missing, t_ns)
     noticed = consistency.unexplained_legs | consistency.missing.any(axis=1)
     return {

@@ -29,42 +29,42 @@ class PressedFoot(NamedTuple):
     Attributes:
         training: Accepted loads of the first session.
         test: Accepted loads of the second, in which it is mounted anew.
-        true_force_n: True forces of `test` [N], shape (n, 3).
-        n_rejected: Presses of the second session that are not accepted.
-        read_s: Time to read the recording of the first session [s].
+        test_true_force_n: True forces of `test` [N], shape (n, 3).
+        n_rejected_test_presses: Presses of the second session that are not accepted.
+        training_read_duration_s: Time to read the recording of the first session [s].
     """
 
     training: LoadSet
     test: LoadSet
-    true_force_n: Vector
-    n_rejected: int
-    read_s: float
+    test_true_force_n: Vector
+    n_rejected_test_presses: int
+    training_read_duration_s: float
 
     @classmethod
-    def load_or_press(
-        cls, batch: test_stand_trial.FootBatch, number: int, every: int, cache_folder: Path | None
+    def from_cache_or_simulation(
+        cls, batch: test_stand_trial.FootBatch, number: int, every_nth_press: int, cache_folder: Path | None
     ) -> Self:
         """Return the loads of one foot of a batch, from its cache file or newly simulated and cached.
 
         Args:
             batch: Batch of the foot.
             number: Number of the foot in it.
-            every: Use one of so many presses.
+            every_nth_press: Use one of so many presses.
             cache_folder: Folder of the files; None keeps none.
 
         Raises:
             FootsenseError: The daemon cannot be started.
         """
         if cache_folder is None:
-            return cls._press(batch, number, every)
-        key = f"{batch} {every} {code_digest(*_DIGESTED_PACKAGES)}"
+            return cls._press(batch, number, every_nth_press)
+        key = f"{batch} {every_nth_press} {code_digest(*_DIGESTED_PACKAGES)}"
         digest = hashlib.sha256(key.encode()).hexdigest()[:12]
         path = cache_folder / f"{test_stand_trial.foot_name(number)}-{digest}.npz"
         if not path.exists():
             cache_folder.mkdir(parents=True, exist_ok=True)
             part = path.with_suffix(".partial")
             with part.open("wb") as file:
-                np.savez(file, **cls._press(batch, number, every).arrays())
+                np.savez(file, **cls._press(batch, number, every_nth_press).arrays())
             part.replace(path)
         with np.load(path) as arrays:
             return cls.from_arrays(arrays)
@@ -73,8 +73,11 @@ class PressedFoot(NamedTuple):
         """Return the loads as arrays by name, for a file."""
         sets = {"training": self.training, "test": self.test}
         fields = {f"{one}.{name}": getattr(sets[one], name) for one in sets for name in LoadSet.__slots__}
-        own = {name: np.array(getattr(self, name)) for name in ("n_rejected", "read_s")}
-        return {**fields, **own, "true_force_n": self.true_force_n}
+        own = {
+            name: np.array(getattr(self, name))
+            for name in ("n_rejected_test_presses", "training_read_duration_s")
+        }
+        return {**fields, **own, "test_true_force_n": self.test_true_force_n}
 
     @classmethod
     def from_arrays(cls, arrays: "np.lib.npyio.NpzFile") -> Self:
@@ -83,13 +86,24 @@ class PressedFoot(NamedTuple):
             LoadSet(**{name: arrays[f"{one}.{name}"] for name in LoadSet.__slots__})
             for one in ("training", "test")
         )
-        n_rejected, read_s = int(arrays["n_rejected"]), float(arrays["read_s"])
-        return cls(training, test, arrays["true_force_n"], n_rejected, read_s)
+        n_rejected, duration_s = (
+            int(arrays["n_rejected_test_presses"]),
+            float(arrays["training_read_duration_s"]),
+        )
+        return cls(training, test, arrays["test_true_force_n"], n_rejected, duration_s)
 
     @classmethod
-    def _press(cls, batch: test_stand_trial.FootBatch, number: int, every: int) -> Self:
+    def _press(cls, batch: test_stand_trial.FootBatch, number: int, every_nth_press: int) -> Self:
         """Simulate both sessions of a foot, and return their loads."""
         with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
-            trial = test_stand_trial.run_test_stand_trial(batch, number, Path(folder), every=every)
+            trial = test_stand_trial.run_test_stand_trial(
+                batch, number, Path(folder), every_nth_press=every_nth_press
+            )
         training, test = LoadSet.from_loads(trial.training.loads), LoadSet.from_loads(trial.test.loads)
-        return cls(training, test, trial.true_force_n, trial.test.rejected.total(), trial.read_s)
+        return cls(
+            training,
+            test,
+            trial.test_true_force_n,
+            trial.test.rejected.total(),
+            trial.training_read_duration_s,
+        )

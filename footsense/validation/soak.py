@@ -15,7 +15,7 @@ from footsense.config import Config
 from footsense.daemon.service import open_service
 from footsense.frames import State
 from footsense.sim.scene import Scene
-from footsense.validation.invariants import Invariants, Violation
+from footsense.validation.invariants import InvariantChecker, Violation
 from footsense.validation.random_faults import random_faults
 from footsense.validation.soak_plan import IDLE_TRAFFIC, LEAD_IN_S, Stretch, robot_and_scene
 from footsense.validation.tolerances import WalkLimits
@@ -32,7 +32,7 @@ _N_CORRELATED_FRAMES = 20
 #: Growth of memory within the variation of the allocator, over an hour at least [MiB/h].
 _MAX_GROWTH_MIB_PER_H = 2.0
 #: Time without faults at the end [s].
-_FAULT_FREE_END_S = 60.0
+_FAULT_FREE_TAIL_S = 60.0
 _RARE_ERRORS_RULE, _MEMORY_RULE = "no error beyond 5 sigma more often than calibrated", "memory does not grow"
 
 
@@ -43,34 +43,34 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
         stretch: The stretch.
         virtual_s: Virtual time [s].
         wall_s: Computing time [s].
-        n_faults: Faults in it.
+        n_injected_faults: Faults in it.
         n_cycles: Cycles of the loop, one for each conversion.
-        n_states: Cycles of the legs by state.
+        n_leg_cycles_by_state: Cycles of the legs by state.
         n_violations: Violations by invariant.
-        violations: The first violations.
-        longest_gap_s: Longest time between two cycles [s].
+        first_violations: The first violations.
+        longest_cycle_interval_s: Longest time between two cycles [s].
         beyond_5_sigma_share: Share of the usable forces with an error beyond 5 sigma, by axis [1].
         fault_free_beyond_5_sigma_share: The same of the walk without faults.
-        n_received: Frames of `Force` that arrived on CAN.
-        n_missed: Frames of `Force` that were lost while CAN was broken.
-        resident_mib: Memory after the first minutes, and at the end [MiB].
+        n_received_force_frames: Frames of `Force` that arrived on CAN.
+        n_missed_force_frames: Frames of `Force` that were lost while CAN was broken.
+        warm_and_end_resident_mib: Memory after the first minutes, and at the end [MiB].
         growth_mib_per_h: Growth per virtual hour [MiB/h].
     """
 
     stretch: Stretch
     virtual_s: float
     wall_s: float
-    n_faults: int
+    n_injected_faults: int
     n_cycles: int
-    n_states: dict[str, int]
+    n_leg_cycles_by_state: dict[str, int]
     n_violations: dict[str, int]
-    violations: list[Violation]
-    longest_gap_s: float
+    first_violations: list[Violation]
+    longest_cycle_interval_s: float
     beyond_5_sigma_share: tuple[float, ...]
     fault_free_beyond_5_sigma_share: tuple[float, ...]
-    n_received: int
-    n_missed: int
-    resident_mib: tuple[float, float]
+    n_received_force_frames: int
+    n_missed_force_frames: int
+    warm_and_end_resident_mib: tuple[float, float]
     growth_mib_per_h: float
 
 
@@ -85,19 +85,21 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
     config, calm_scene = robot_and_scene(stretch, calm_rel=calm_s / ends_s)
     rules = WalkLimits(
         legs=config.legs,
-        period_s=math.inf,
+        cycle_period_s=math.inf,
         max_age_s=config.stale_after_ms * 1e-3,
         gait_period_s=stretch.gait_period_s,
         checks_start_s=LEAD_IN_S + 1.0,
-        frames_per_force=config.frames_per_force,
+        cycles_per_can_force=config.frames_per_force,
         bitrate=config.can.bitrate,
     )
     fault_free, _ = _simulate_stretch(config, calm_scene, rules, calm_s)
     begins_s = min(_FIRST_MEMORY_CHECK_AFTER_S, 0.1 * ends_s)
     # The last fault ends in time for all legs to recover.
-    last_s = ends_s - _FAULT_FREE_END_S - 3.0 * stretch.gait_period_s
+    last_s = ends_s - _FAULT_FREE_TAIL_S - 3.0 * stretch.gait_period_s
     script = random_faults(np.random.default_rng(stretch.seed), config.legs, begins_s, last_s)
-    rules = rules._replace(period_s=calm_s / fault_free.n_cycles, stands_s=stretch.stands_s)
+    rules = rules._replace(
+        cycle_period_s=calm_s / fault_free.n_cycles, standstill_spans_s=stretch.standstill_spans_s
+    )
     config, scene = robot_and_scene(stretch)
     began_ns = stopwatch_ns()
     with_faults, (warm_mib, end_mib) = _simulate_stretch(
@@ -112,24 +114,28 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         stretch=stretch,
         virtual_s=ends_s,
         wall_s=wall_s,
-        n_faults=len(script),
+        n_injected_faults=len(script),
         n_cycles=with_faults.n_cycles,
-        n_states={State(state).name.lower(): n for state, n in sorted(with_faults.n_states.items())},
+        n_leg_cycles_by_state={
+            State(state).name.lower(): n for state, n in sorted(with_faults.n_states.items())
+        },
         n_violations=dict(
             with_faults.n_violations + Counter(violation.invariant for violation in violations)
         ),
-        violations=with_faults.violations + violations,
-        longest_gap_s=with_faults.longest_gap_s,
+        first_violations=with_faults.violations + violations,
+        longest_cycle_interval_s=with_faults.longest_gap_s,
         beyond_5_sigma_share=tuple((with_faults.n_beyond / with_faults.n_checked).tolist()),
         fault_free_beyond_5_sigma_share=tuple((fault_free.n_beyond / fault_free.n_checked).tolist()),
-        n_received=with_faults.n_received,
-        n_missed=with_faults.n_missed,
-        resident_mib=(warm_mib, end_mib),
+        n_received_force_frames=with_faults.n_received,
+        n_missed_force_frames=with_faults.n_missed,
+        warm_and_end_resident_mib=(warm_mib, end_mib),
         growth_mib_per_h=growth_mib_per_h,
     )
 
 
-def _too_frequent_errors(fault_free: Invariants, with_faults: Invariants, ends_s: float) -> list[Violation]:
+def _too_frequent_errors(
+    fault_free: InvariantChecker, with_faults: InvariantChecker, ends_s: float
+) -> list[Violation]:
     """Return a violation for each force axis with significantly more errors beyond 5 sigma than without faults."""
     # Both shares are counts; the shorter walk may have met no rare error.
     both_rel = (fault_free.n_beyond + with_faults.n_beyond) / (fault_free.n_checked + with_faults.n_checked)
@@ -150,12 +156,12 @@ def _too_frequent_errors(fault_free: Invariants, with_faults: Invariants, ends_s
 
 def _simulate_stretch(
     config: Config, scene: Scene, rules: WalkLimits, until_s: float
-) -> tuple[Invariants, tuple[float, float]]:
+) -> tuple[InvariantChecker, tuple[float, float]]:
     """Simulate a walk up to a time [s]; return the checks, and the memory early and at the end [MiB]."""
     with open_service(config, scene, real_time=False) as running:
         assert running.true_force_n_at is not None, "a scene is simulated"
         assert running.can is not None, "the scene has traffic on CAN"
-        checks = Invariants(rules, scene.faults, running.true_force_n_at)
+        checks = InvariantChecker(rules, scene.faults, running.true_force_n_at)
         running.observers.append(checks)
         running.can.controller.on_delivered = checks.on_delivered
         running.run(until_ns=min(_FIRST_MEMORY_CHECK_AFTER_S, until_s) * _NS_PER_S)

@@ -23,8 +23,8 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
         hours: Duration [h].
         rate_sps: Conversions per second; at 100 the robot walks at a quarter of its pace.
         publish_every: Conversions per force on CAN.
-        stands_s: Spans in which the robot stands [s].
-        kelvin: Warming over ten minutes [K].
+        standstill_spans_s: Spans in which the robot stands [s].
+        warming_k: Warming over ten minutes [K].
     """
 
     number: int = 0
@@ -32,8 +32,8 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
     hours: float
     rate_sps: int = 400
     publish_every: int = 4
-    stands_s: tuple[tuple[float, float], ...] = ()
-    kelvin: float = 0.0
+    standstill_spans_s: tuple[tuple[float, float], ...] = ()
+    warming_k: float = 0.0
 
     @property
     def gait_period_s(self) -> float:
@@ -57,11 +57,11 @@ def soak_stretches(hours: float, seed: int) -> list[Stretch]:
         ]
     else:
         plan = [Stretch(hours=1.0, publish_every=1)]
-        plan += [Stretch(hours=1.0, kelvin=kelvin) for kelvin in (0.0, 20.0, -20.0)]
+        plan += [Stretch(hours=1.0, warming_k=kelvin) for kelvin in (0.0, 20.0, -20.0)]
         for number, begun in enumerate(np.arange(_FAST_GAIT_HOURS, hours, 2.0).tolist()):
             length = min(2.0, hours - begun)
             stands = number < _N_STANDS and length * 3600.0 > _STAND_S[1] + 600.0
-            plan.append(Stretch(hours=length, rate_sps=100, stands_s=(_STAND_S,) if stands else ()))
+            plan.append(Stretch(hours=length, rate_sps=100, standstill_spans_s=(_STAND_S,) if stands else ()))
     return [
         msgspec.structs.replace(stretch, number=number, seed=1000 * seed + number)
         for number, stretch in enumerate(plan)
@@ -98,7 +98,9 @@ def robot_and_scene(stretch: Stretch, *, calm_rel: float | None = None) -> tuple
             peak_force_n=0.9,
             friction_rel=0.15,
             pitch_deg=10.0,
-            stands=tuple(Stand(from_s=from_s, until_s=until_s) for from_s, until_s in stretch.stands_s),
+            stands=tuple(
+                Stand(from_s=from_s, until_s=until_s) for from_s, until_s in stretch.standstill_spans_s
+            ),
         ),
         lead_in_s=LEAD_IN_S,
         seed=stretch.seed,
@@ -107,8 +109,8 @@ def robot_and_scene(stretch: Stretch, *, calm_rel: float | None = None) -> tuple
             converter_noise=True,
             converter_clock_rel=0.01,
             gap_contact=True,
-            warming=Warming(from_s=ten_minutes_s, over_s=ten_minutes_s, kelvin=stretch.kelvin)
-            if stretch.kelvin
+            warming=Warming(from_s=ten_minutes_s, over_s=ten_minutes_s, kelvin=stretch.warming_k)
+            if stretch.warming_k
             else None,
         ),
         faults=(IDLE_TRAFFIC,),

@@ -55,41 +55,43 @@ class FootBatch(NamedTuple):
     foot_type: str = DEFAULT_FOOT_TYPE
 
 
-class FootOnTestStand(NamedTuple):
+class RecordedFootSessions(NamedTuple):
     """Training and test session of one foot on the simulated test stand, with the true forces.
 
     Attributes:
         training: Session for the calibration, 362 presses.
         test: Session for the evaluation, 180 presses.
-        true_force_n: True force of each accepted load of `test` [N], shape (n, 3).
-        read_s: Time to read the recording of the first session [s].
+        test_true_force_n: True force of each accepted load of `test` [N], shape (n, 3).
+        training_read_duration_s: Time to read the recording of the first session [s].
     """
 
     training: RecordedSession
     test: RecordedSession
-    true_force_n: Vector
-    read_s: float
+    test_true_force_n: Vector
+    training_read_duration_s: float
 
 
-def run_test_stand_trial(batch: FootBatch, number: int, folder: Path, *, every: int = 1) -> FootOnTestStand:
+def run_test_stand_trial(
+    batch: FootBatch, number: int, folder: Path, *, every_nth_press: int = 1
+) -> RecordedFootSessions:
     """Simulate and record both sessions of a foot, and return them as read back.
 
     Args:
         batch: Batch of the foot.
         number: Number of the foot in it.
         folder: Folder for the recordings, which must not exist yet.
-        every: Use one of so many presses.
+        every_nth_press: Use one of so many presses.
 
     Raises:
         FootsenseError: The daemon cannot be started, or a recording exists.
     """
     config = _trial_config(batch, number)
-    training, _, read_ns = _record_session(batch, number, config, "training", folder, every)
-    test, presses, _ = _record_session(batch, number, config, "verification", folder, every)
+    training, _, read_ns = _record_session(batch, number, config, "training", folder, every_nth_press)
+    test, presses, _ = _record_session(batch, number, config, "verification", folder, every_nth_press)
     true_force_n = np.array(
         [presses.contact(TRIAL_LEG, sum(load.dwell_ns) // 2).force_n for load in test.loads]
     )
-    return FootOnTestStand(training, test, true_force_n, read_ns * 1e-9)
+    return RecordedFootSessions(training, test, true_force_n, read_ns * 1e-9)
 
 
 def foot_name(number: int) -> str:
@@ -103,7 +105,7 @@ def _record_session(
     config: Config,
     protocol: Literal["training", "verification"],
     folder: Path,
-    every: int,
+    every_nth_press: int,
 ) -> tuple[RecordedSession, ContactSource, int]:
     """Record one simulated test-stand session; return it read back, its true load, and the reading time [ns].
 
@@ -115,7 +117,7 @@ def _record_session(
     scene = Scene(
         description=f"{foot} on the test stand, {protocol}",
         load=CalibrationLoads(
-            presses=tuple((x, y, z) for x, y, z in paper_presses(protocol)[::every].tolist()),
+            presses=tuple((x, y, z) for x, y, z in paper_presses(protocol)[::every_nth_press].tolist()),
             rise_s=_RISE_S,
             dwell_s=_DWELL_S,
             pause_s=_PAUSE_S,

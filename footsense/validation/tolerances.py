@@ -23,22 +23,22 @@ class WalkLimits(NamedTuple):
 
     Attributes:
         legs: Names of the legs.
-        period_s: Period of the cycles without faults, one for each conversion [s].
+        cycle_period_s: Period of the cycles without faults, one for each conversion [s].
         max_age_s: Age limit of a force [s].
         gait_period_s: Gait period: each leg is in swing once in it [s].
         checks_start_s: Time from which every leg is tared [s].
-        frames_per_force: Cycles for each force on CAN.
-        stands_s: Spans without any swing [s].
+        cycles_per_can_force: Cycles for each force on CAN.
+        standstill_spans_s: Spans without any swing [s].
         bitrate: Bit rate of CAN [bit/s].
     """
 
     legs: tuple[str, ...]
-    period_s: float
+    cycle_period_s: float
     max_age_s: float
     gait_period_s: float
     checks_start_s: float
-    frames_per_force: int
-    stands_s: tuple[tuple[float, float], ...] = ()
+    cycles_per_can_force: int
+    standstill_spans_s: tuple[tuple[float, float], ...] = ()
     bitrate: int = 500_000
 
 
@@ -63,11 +63,11 @@ def tolerated_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> l
 def _time_after_walking_s(rules: WalkLimits, t_s: float, walking_s: float) -> float:
     """Return the time [s] by which the robot has walked for `walking_s` after `t_s`, standstills excluded."""
     end_s = t_s + walking_s
-    for checks_start_s, until_s in rules.stands_s:
+    for stand_start_s, until_s in rules.standstill_spans_s:
         # A stand begins and ends with the legs in the middle of their stance.
         stood_s = until_s + 2.0 * rules.gait_period_s
-        if checks_start_s < end_s and t_s < stood_s:
-            end_s += stood_s - max(checks_start_s, t_s)
+        if stand_start_s < end_s and t_s < stood_s:
+            end_s += stood_s - max(stand_start_s, t_s)
     return end_s
 
 

@@ -31,7 +31,7 @@ N_ALL_LOADS = 362
 PerFootNetwork = Callable[[Vector, Vector, Vector], Vector]
 
 
-class FootErrors(msgspec.Struct, frozen=True):
+class MeanForceErrors(msgspec.Struct, frozen=True):
     """Mean direction and magnitude errors of one estimator on one foot.
 
     Attributes:
@@ -52,20 +52,21 @@ class FootResult(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         foot: Its identity.
-        n_training: Accepted loads of the training session.
-        n_test: Loads of the test session on which all estimators are compared.
-        n_unread: Loads of the test session for which some estimator has no force.
-        errors: Errors by estimator: `design_only`, `calibrated_<n>`, `linear_per_foot`, `network_per_foot`.
-        refused: Why a calibration was refused, by estimator.
+        n_training_loads: Accepted loads of the training session.
+        n_compared_test_loads: Loads of the test session on which all estimators are compared.
+        n_excluded_test_loads: Loads of the test session for which some estimator has no force.
+        errors_by_estimator: Errors by estimator: `design_only`, `calibrated_<n>`, `linear_per_foot`,
+            `network_per_foot`.
+        refusal_by_estimator: Why a calibration was refused, by estimator.
         calibrate_s: Time from the recording to the parameters, with all loads [s].
     """
 
     foot: str
-    n_training: int
-    n_test: int
-    n_unread: int
-    errors: dict[str, FootErrors]
-    refused: dict[str, str]
+    n_training_loads: int
+    n_compared_test_loads: int
+    n_excluded_test_loads: int
+    errors_by_estimator: dict[str, MeanForceErrors]
+    refusal_by_estimator: dict[str, str]
     calibrate_s: float
 
 
@@ -74,7 +75,7 @@ def evaluate_foot(
     number: int,
     *,
     per_foot_network: PerFootNetwork | None,
-    every: int,
+    every_nth_press: int,
     cache_folder: Path | None = None,
 ) -> FootResult:
     """Simulate the sessions of one foot, calibrate it, and return its force errors by estimator.
@@ -83,15 +84,15 @@ def evaluate_foot(
         batch: Batch of the foot.
         number: Number of the foot in it.
         per_foot_network: Trains a network on one foot without a physical model; None to leave it out.
-        every: Use one of so many presses.
+        every_nth_press: Use one of so many presses.
         cache_folder: Folder of the loads of pressed feet; None keeps none.
     """
     models = DesignModels.load(foot_type_folder(batch.foot_type))
-    pressed = PressedFoot.load_or_press(batch, number, every, cache_folder)
+    pressed = PressedFoot.from_cache_or_simulation(batch, number, every_nth_press, cache_folder)
     training, test = (
         correct_baselines_for_creep(models.response, one) for one in (pressed.training, pressed.test)
     )
-    refused: dict[str, str] = {}
+    refusal_by_estimator: dict[str, str] = {}
     calibrated = {}
     order = training.space_filling_order()
     for wanted in (N_ALL_LOADS, *(n for n in CALIBRATION_LOAD_COUNTS if n < len(training))):
@@ -100,7 +101,7 @@ def evaluate_foot(
         try:
             calibrated[f"calibrated_{wanted}"] = calibrate(models, loads).parameters
         except CalibrationError as error:
-            refused[f"calibrated_{wanted}"] = str(error)
+            refusal_by_estimator[f"calibrated_{wanted}"] = str(error)
         if wanted == N_ALL_LOADS:
             fit_s = (stopwatch_ns() - began_ns) * 1e-9
     estimates_n = {
@@ -111,15 +112,15 @@ def evaluate_foot(
     estimates_n |= _per_foot_estimates_n(training, test, per_foot_network)
     return FootResult(
         foot=foot_name(number),
-        n_training=len(training),
-        n_test=int(usable.sum()),
-        n_unread=int((~usable).sum()) + pressed.n_rejected,
-        errors={
-            name: _foot_errors(test.force_n[usable], pressed.true_force_n[usable], force_n[usable])
+        n_training_loads=len(training),
+        n_compared_test_loads=int(usable.sum()),
+        n_excluded_test_loads=int((~usable).sum()) + pressed.n_rejected_test_presses,
+        errors_by_estimator={
+            name: _foot_errors(test.force_n[usable], pressed.test_true_force_n[usable], force_n[usable])
             for name, force_n in estimates_n.items()
         },
-        refused=refused,
-        calibrate_s=pressed.read_s + fit_s,
+        refusal_by_estimator=refusal_by_estimator,
+        calibrate_s=pressed.training_read_duration_s + fit_s,
     )
 
 
@@ -134,12 +135,12 @@ def _per_foot_estimates_n(
     return found
 
 
-def _foot_errors(reference_n: Vector, true_force_n: Vector, force_n: Vector) -> FootErrors:
+def _foot_errors(reference_n: Vector, true_force_n: Vector, force_n: Vector) -> MeanForceErrors:
     """Return the mean errors of estimated forces against the reference and the true forces."""
     by_reference, by_truth = (
         evaluate_force_errors(reference_n, force_n),
         evaluate_force_errors(true_force_n, force_n),
     )
-    return FootErrors(
+    return MeanForceErrors(
         by_reference.direction_deg, by_reference.magnitude_gf, by_truth.direction_deg, by_truth.magnitude_gf
     )

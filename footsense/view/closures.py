@@ -32,7 +32,7 @@ class ClosureConverter:
         return closure_rel
 
 
-class RecordedBaselines:
+class ReconstructedBaselines:
     """Baselines of a recording, reconstructed from tares and mean drift, as recordings do not contain them.
 
     A tare is the mean of the scans before its result. Drift tracking moves the elements of a leg nearly alike: its
@@ -49,7 +49,7 @@ class RecordedBaselines:
         self._windows = [deque[Vector](maxlen=window_scans) for _ in stray_pf]
         self._newest_ns = [0] * len(stray_pf)
 
-    def baseline_pf(self, cycle: Cycle) -> Vector:
+    def baseline_pf_after(self, cycle: Cycle) -> Vector:
         """Return the baselines after the next cycle, without stray [pF], shape (legs, elements).
 
         Returns:

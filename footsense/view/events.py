@@ -23,14 +23,14 @@ class Event(msgspec.Struct, frozen=True):
         t_ns: When it happened, in the time of the frames [ns].
         leg: Row of its leg in the frames; None for the robot as a whole.
         kind: Its kind, one word.
-        level: `info`, `good`, `warning` or `fault`.
+        severity: `info`, `good`, `warning` or `fault`.
         text: The event in words, without the leg.
     """
 
     t_ns: int
     leg: int | None
     kind: str
-    level: str
+    severity: str
     text: str
 
 
@@ -42,7 +42,7 @@ _GAIT_TEXTS = {
 }
 
 
-class EventLog:
+class EventDetector:
     """Derives the events from successive cycles.
 
     Args:
@@ -53,7 +53,7 @@ class EventLog:
         self._n_legs = n_legs
         self._present = b"", b"", b""
 
-    def events(self, cycle: Cycle) -> list[Event]:
+    def new_events(self, cycle: Cycle) -> list[Event]:
         """Return the events of the next cycle."""
         forces = cycle.forces
         now_ns = forces.t_sent_ns

@@ -13,14 +13,14 @@ from footsense.frames import ELEMENTS, CanStatistics, Cycle
 from footsense.ports import Clock
 from footsense.recording.shared_cycles import CycleReader
 from footsense.view.closures import ClosureConverter
-from footsense.view.events import Event, EventLog
-from footsense.view.signals import SignalTable, Table
+from footsense.view.events import Event, EventDetector
+from footsense.view.signals import SignalTableBuilder, Table
 
 #: Cycles that are kept for viewers [1]: a browser that comes back gets these, and no backlog.
 _MAX_KEPT_CYCLES = 512
 _MAX_KEPT_EVENTS = 200
 #: Period of looking for a new service, and whether the present one lives [ns].
-_SEARCH_PERIOD_NS = 250_000_000
+_SERVICE_CHECK_PERIOD_NS = 250_000_000
 
 
 class ViewedCycle(NamedTuple):
@@ -79,7 +79,7 @@ class LiveSource:
         """Read the new cycles; without a service, look for one from time to time."""
         now_ns = self._clock.now_ns()
         if now_ns >= self._look_ns:
-            self._look_ns = now_ns + _SEARCH_PERIOD_NS
+            self._look_ns = now_ns + _SERVICE_CHECK_PERIOD_NS
             self._find_service()
         if self._reader is None:
             return
@@ -98,7 +98,7 @@ class LiveSource:
             t_s = (cycle.forces.t_sent_ns - self._first_ns) * 1e-9
             self.cycles.append(ViewedCycle(self._n, t_s, cycle, table))
             self._n += 1
-            for event in self._log.events(cycle):
+            for event in self._log.new_events(cycle):
                 self.events.append((self._n_events, event))
                 self._n_events += 1
 
@@ -125,8 +125,8 @@ class LiveSource:
             return
         self._reader = reader
         self._closures = ClosureConverter(elements)
-        self._table = SignalTable(len(reader.legs))
-        self._log = EventLog(len(reader.legs))
+        self._table = SignalTableBuilder(len(reader.legs))
+        self._log = EventDetector(len(reader.legs))
         self.header, self.legs = reader.header, reader.legs
         self.n_elements = reader.shape.n_elements
         self.cycles.clear()

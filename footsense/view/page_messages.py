@@ -21,7 +21,7 @@ from footsense.view.words import code_texts
 _CYCLES_HEADER_STRUCT = struct.Struct("<IIII")
 
 
-class Drawn(msgspec.Struct, tag="drawn", tag_field="type", forbid_unknown_fields=True):
+class DrawnAcknowledgement(msgspec.Struct, tag="drawn", tag_field="type", forbid_unknown_fields=True):
     """Message from the page: a message of cycles has been drawn, the next may be sent."""
 
 
@@ -38,7 +38,7 @@ class TareRequest(msgspec.Struct, tag="tare", tag_field="type", forbid_unknown_f
     token: str
 
 
-Request = Drawn | ChunkRequest | TareRequest
+Request = DrawnAcknowledgement | ChunkRequest | TareRequest
 _decoder: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
 
 
@@ -96,7 +96,7 @@ def events_message(events: Sequence[tuple[float, Event]], legs: Sequence[str]) -
                     "t": t_s,
                     "leg": None if event.leg is None else legs[event.leg],
                     "kind": event.kind,
-                    "level": event.level,
+                    "level": event.severity,
                     "text": event.text,
                 }
                 for t_s, event in events

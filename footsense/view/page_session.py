@@ -12,7 +12,7 @@ import msgspec
 from footsense.view.live import LiveSource
 from footsense.view.page_messages import (
     ChunkRequest,
-    Drawn,
+    DrawnAcknowledgement,
     TareRequest,
     decode_request,
     encode_cycles,
@@ -21,7 +21,7 @@ from footsense.view.page_messages import (
     message,
 )
 from footsense.view.recorded import RecordingSource
-from footsense.view.tares import TareCommands
+from footsense.view.tares import TareCommandSender
 
 #: Messages of cycles that a page may have ahead.
 _MAX_UNDRAWN_MESSAGES = 2
@@ -46,7 +46,7 @@ class LivePageSession:
         tares: Sends tares; None if none are allowed.
     """
 
-    def __init__(self, live: LiveSource, tares: TareCommands | None = None) -> None:
+    def __init__(self, live: LiveSource, tares: TareCommandSender | None = None) -> None:
         self._live = live
         self._tares = tares
         self._credits = _MAX_UNDRAWN_MESSAGES
@@ -56,14 +56,14 @@ class LivePageSession:
         self._status = ""
         self._status_due_s = 0.0
 
-    def request(self, text: str | bytes) -> list[str | bytes]:
+    def handle_message(self, text: str | bytes) -> list[str | bytes]:
         """Process a message of the page; return the answers.
 
         Raises:
             ValueError: It is none of this protocol.
         """
         request = decode_request(text)
-        if isinstance(request, Drawn):
+        if isinstance(request, DrawnAcknowledgement):
             self._credits = min(self._credits + 1, _MAX_UNDRAWN_MESSAGES)
         elif isinstance(request, TareRequest):
             tares = self._tares
@@ -137,7 +137,7 @@ class RecordingPageSession:
             self._progress = text
             await connection.send(text)
 
-    def request(self, text: str | bytes) -> list[str | bytes]:
+    def handle_message(self, text: str | bytes) -> list[str | bytes]:
         """Process a message of the page; return the requested second of the recording, if any.
 
         Raises:

@@ -24,10 +24,10 @@ from footsense.errors import FootsenseError, RecordingError
 from footsense.frames import Cycle
 from footsense.recording.cycle_records import LostCycles
 from footsense.recording.replay import Replay
-from footsense.view.closures import ClosureConverter, RecordedBaselines
-from footsense.view.events import Event, EventLog
+from footsense.view.closures import ClosureConverter, ReconstructedBaselines
+from footsense.view.events import Event, EventDetector
 from footsense.view.page_messages import encode_cycles
-from footsense.view.signals import SignalTable, Table
+from footsense.view.signals import SignalTableBuilder, Table
 
 #: Events of a recording at most that a page is sent [1]: an hour of walking has 40 000.
 _MAX_EVENTS = 100_000
@@ -62,9 +62,9 @@ class RecordingSource:
         config = recorded_config(self._replay)
         self.damage = ""
         self._closures = ClosureConverter(self._closure_conversion(config))
-        self._baselines = RecordedBaselines(self._closures.stray_pf, config.tare.window_scans)
-        self._table = SignalTable(len(self.legs))
-        self._log = EventLog(len(self.legs))
+        self._baselines = ReconstructedBaselines(self._closures.stray_pf, config.tare.window_scans)
+        self._table = SignalTableBuilder(len(self.legs))
+        self._log = EventDetector(len(self.legs))
         self.total_s = _recording_duration_s(path)
         self.end_s = 0.0
         self.done = False
@@ -119,11 +119,11 @@ class RecordingSource:
         while math.floor(t_s) > len(self._places) and not self._stopped:
             self._store_second()
             on_progress(self.end_s)
-        baseline_pf = self._baselines.baseline_pf(cycle)
+        baseline_pf = self._baselines.baseline_pf_after(cycle)
         self._times_s.append(t_s)
         self._tables.append(self._table.table(cycle, self._closures.closure_rel(cycle, baseline_pf)))
         self.end_s = t_s
-        for event in self._log.events(cycle):
+        for event in self._log.new_events(cycle):
             self._add_event(event)
 
     def _add_event(self, event: Event) -> None:

@@ -29,13 +29,13 @@ from footsense.view.assets import PageFiles, text_response
 from footsense.view.foxglove.session import (
     FOXGLOVE_PROTOCOLS,
     MAX_REQUEST_BYTES,
-    FoxgloveClient,
-    FoxgloveRefusal,
+    FoxgloveRefusalSession,
+    FoxgloveSession,
 )
 from footsense.view.live import LiveSource
 from footsense.view.page_session import LivePageSession, MessageSender, RecordingPageSession, WakeUpSignal
 from footsense.view.recorded import RecordingSource
-from footsense.view.tares import TareCommands
+from footsense.view.tares import TareCommandSender
 
 _log = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ class ViewServer:
     def __init__(
         self,
         source: LiveSource | RecordingSource,
-        tares: TareCommands | None = None,
+        tares: TareCommandSender | None = None,
         origins: Sequence[str] = (),
     ) -> None:
         self._source = source
@@ -165,13 +165,13 @@ class ViewServer:
         finally:
             self._n_clients -= 1
 
-    def _client_session(self, connection: ServerConnection) -> "Client":
+    def _client_session(self, connection: ServerConnection) -> "ClientSession":
         source = self._source
         if connection.subprotocol in FOXGLOVE_PROTOCOLS:
             return (
-                FoxgloveRefusal(source.path)
+                FoxgloveRefusalSession(source.path)
                 if isinstance(source, RecordingSource)
-                else FoxgloveClient(source)
+                else FoxgloveSession(source)
             )
         return (
             RecordingPageSession(source)
@@ -185,7 +185,7 @@ class ViewServer:
         try:
             async for text in connection:
                 try:
-                    answers = client.request(text)
+                    answers = client.handle_message(text)
                 except ValueError as error:
                     _log.warning("a viewer sent no message of its protocol, and was dismissed: %s", error)
                     await connection.close(_CLOSE_CODE_POLICY_VIOLATION, "no message of this protocol")
@@ -195,7 +195,7 @@ class ViewServer:
         finally:
             sender.cancel()
 
-    async def _send(self, connection: ServerConnection, client: "Client") -> None:
+    async def _send(self, connection: ServerConnection, client: "ClientSession") -> None:
         loop = asyncio.get_running_loop()
         with suppress(ConnectionClosed):
             while True:
@@ -203,10 +203,10 @@ class ViewServer:
                 await self._pulse.wait()
 
 
-class Client(Protocol):
+class ClientSession(Protocol):
     """Interface of a client session: a page, or a Foxglove client."""
 
-    def request(self, text: str | bytes) -> Sequence[str | bytes]:
+    def handle_message(self, text: str | bytes) -> Sequence[str | bytes]:
         """Process a message of the client; return the answers.
 
         Raises:

@@ -48,7 +48,7 @@ _SIGMA_SLICE = slice(_COLUMN_OF_SIGNAL["sigma_x"], _COLUMN_OF_SIGNAL["sigma_x"] 
 CLOSURE_COLUMNS = slice(len(_SIGNALS), None)
 _NORMAL_SLICE = slice(_COLUMN_OF_SIGNAL["normal_x"], _COLUMN_OF_SIGNAL["normal_x"] + 3)
 
-_FORCE_COLUMNS: tuple[tuple[int, Callable[[Any], Any]], ...] = (
+_CONTACT_FRAME_COLUMNS: tuple[tuple[int, Callable[[Any], Any]], ...] = (
     (_COLUMN_OF_SIGNAL["age"], lambda forces: np.where(forces.t_ns > 0, forces.age_ns * 1e-6, np.nan)),
     (_COLUMN_OF_SIGNAL["state"], lambda forces: forces.state),
     (_COLUMN_OF_SIGNAL["cause"], lambda forces: forces.cause),
@@ -95,7 +95,7 @@ def middle_closure_rel(closure_rel: Vector) -> Vector:
     return middle_rel
 
 
-class SignalTable:
+class SignalTableBuilder:
     """Converts cycles to signal tables; keeps the last gait and temperature, which not every cycle has.
 
     Args:
@@ -124,7 +124,7 @@ class SignalTable:
         table[:, _SIGMA_SLICE] = forces.sigma_n
         table[:, _COLUMN_OF_SIGNAL["closure_middle"]] = middle_closure_rel(closure_rel)
         table[:, CLOSURE_COLUMNS] = closure_rel
-        for column, value in _FORCE_COLUMNS:
+        for column, value in _CONTACT_FRAME_COLUMNS:
             table[:, column] = value(forces)
         table[:, _COLUMN_OF_SIGNAL["temperature"]] = self._temperature_c
         gait = self._gait

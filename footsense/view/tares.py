@@ -17,7 +17,7 @@ _N_COUNTER_VALUES = 15
 _NS_PER_S = 1_000_000_000
 
 
-class TareCommands:
+class TareCommandSender:
     """Sends tare commands to the service over CAN.
 
     Args:
@@ -53,7 +53,7 @@ class TareCommands:
         self._wire.close()
 
 
-def open_tare_commands(config: Config, clock: Clock) -> TareCommands:
+def open_tare_command_sender(config: Config, clock: Clock) -> TareCommandSender:
     """Open the CAN interface of a robot for tare commands.
 
     Raises:
@@ -67,4 +67,4 @@ def open_tare_commands(config: Config, clock: Clock) -> TareCommands:
         )
     if not can.executes_commands:
         raise ConfigError("--allow-commands: the service executes none, can.commands is false")
-    return TareCommands(open_wire(can.interface, can.channel, can.bitrate, []), clock)
+    return TareCommandSender(open_wire(can.interface, can.channel, can.bitrate, []), clock)

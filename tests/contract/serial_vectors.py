@@ -7,7 +7,14 @@ here by hand, for a decoder in any language. Make them anew with `python -m test
 import json
 from pathlib import Path
 
-from firmware_interface.serial_frames import NO_VALUE, NoValue, Record, RecordFlag, encode_record, pack_values
+from firmware_interface.serial_frames import (
+    NO_VALUE_BASE,
+    NoValue,
+    Record,
+    RecordFlag,
+    encode_record,
+    pack_values,
+)
 
 __all__ = ["PATH", "document"]
 
@@ -15,7 +22,7 @@ PATH = Path(__file__).parents[2] / "firmware_interface/vectors/serial.json"
 
 AT_REST_AF = tuple(range(5_387_000, 5_396_000, 1000))
 ZEROS_AF = (0, 1, 256, 65_536, 16_777_216, -1, 2**31 - 1, -16_777_216, 0)
-BROKEN_AF = tuple(NO_VALUE + code for code in (*NoValue, *list(NoValue)[:3]))
+BROKEN_AF = tuple(NO_VALUE_BASE + code for code in (*NoValue, *list(NoValue)[:3]))
 
 
 def record(seq: int = 0, leg: int = 1, flags: int = 0, values: tuple[int, ...] = AT_REST_AF) -> Record:

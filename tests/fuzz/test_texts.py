@@ -15,7 +15,7 @@ from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.sim.scene_files import load_scene
-from footsense.telemetry.shared_counters import MetricFamily, SharedCounters, read_counters
+from footsense.telemetry.shared_counters import MetricFamily, SharedCountersWriter, read_counters
 from tests.fuzz.outcome import TRIED, refusal
 
 ROBOT = "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
@@ -107,7 +107,7 @@ FAMILIES = [
 def test_any_counters(tmp_path: Path, data: st.DataObject) -> None:
     """A file of counters that is damaged or another's: refused, or as many cells as its families have."""
     file = tmp_path / "counters"
-    counters = SharedCounters(FAMILIES, file)
+    counters = SharedCountersWriter(FAMILIES, file)
     whole = file.read_bytes()
     counters.close()
     changed = bytearray(whole)

@@ -93,8 +93,8 @@ def step(element: int, rate_sps: int, rows: int = 3) -> ConversionStep:
     return ConversionStep(
         element=element,
         select=(
-            Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row, rows),))),
-            Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.select_lines(1 << column, rows),))),
+            Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row, rows),))),
+            Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.line_switch_byte(1 << column, rows),))),
         ),
         trigger=_trigger_transaction(rate_sps),
         done=None,

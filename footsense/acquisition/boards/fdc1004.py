@@ -56,8 +56,8 @@ def step(element: int, rate_sps: int, rows: int = 3) -> ConversionStep:
     row, column = divmod(element, rows)
     return ConversionStep(
         element=element,
-        select=(Transaction(adg715.ADDRESS, bytes((adg715.select_lines(1 << row, rows),))),),
-        trigger=write_register(chip.Register.FDC_CONF, chip.trigger(rate_sps, column)),
+        select=(Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row, rows),))),),
+        trigger=write_register(chip.Register.FDC_CONF, chip.trigger_config(rate_sps, column)),
         done=DonePoll(
             READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))
         ),

@@ -87,7 +87,7 @@ def scan_bus(
     channels = {}
     for channel in range(tca9548a.N_CHANNELS):
         try:
-            if not _select_and_check_read_back(bus, tca9548a.select(channel)):
+            if not _select_and_check_read_back(bus, tca9548a.channel_control_byte(channel)):
                 return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
             channels[channel] = _scan_channel(bus.bus, clock, plan, known, is_leg=channel in legs.values())
         except BusTimeoutError as error:

@@ -64,7 +64,9 @@ def conversion_timing(rate_sps: int) -> ConversionTiming:
         n_result_reads=1 if rate_sps == _SINGLE_REGISTER_RATE_SPS else 2,
     )
     wait_ns = round(conversion_ns * (0.5 + fdc1004.CLOCK_TOLERANCE_REL))
-    return ConversionTiming(limits.scan_ns // ELEMENTS, wait_ns + limits.readout_ns // ELEMENTS)
+    return ConversionTiming(
+        limits.scan_period_bound_ns // ELEMENTS, wait_ns + limits.readout_bound_ns // ELEMENTS
+    )
 
 
 def latest_conversion_indices(order: Sequence[int], n: int) -> NDArray[np.intp]:

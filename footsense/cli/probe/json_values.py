@@ -56,8 +56,8 @@ def _bus_json(report: ProbedBus) -> dict[str, Any]:
     return values | {
         "rate_hz": round(timing.costs.rate_hz),
         "host_cost_us": round(timing.costs.host_cost_ns * 1e-3, 1),
-        "conversion_limit_ms": round(timing.lower_bounds.conversion_ns * 1e-6, 3),
-        "readout_limit_ms": round(timing.lower_bounds.readout_ns * 1e-6, 3),
+        "conversion_limit_ms": round(timing.lower_bounds.conversion_bound_ns * 1e-6, 3),
+        "readout_limit_ms": round(timing.lower_bounds.readout_bound_ns * 1e-6, 3),
         "limit": timing.lower_bounds.limiting_factor,
     }
 

@@ -139,7 +139,8 @@ def _bus_lines(report: ProbedBus) -> Iterator[Text]:
             device, f"   {rate_hz / 1e3:.0f} kHz, {host_cost_ns / 1e3:.0f} us of host per transaction"
         )
         yield Text(
-            f"  limits: conversion {limits.conversion_ns / 1e6:.1f} ms, read-out {limits.readout_ns / 1e6:.1f} ms "
+            f"  limits: conversion {limits.conversion_bound_ns / 1e6:.1f} ms, read-out "
+            f"{limits.readout_bound_ns / 1e6:.1f} ms "
             f"a scan; the {limits.limiting_factor} holds"
         )
     names = {device.address: device.name for device in bus.other_devices} | {bus.mux.address: "mux"}

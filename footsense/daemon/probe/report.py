@@ -89,7 +89,7 @@ class ProbeResult(NamedTuple):
     def scan_ns(self) -> int | None:
         """Shortest scan period of the slowest bus [ns]; None without a bus, or if one could not be timed."""
         timings = [report.scan.bus_timing for report in self.buses]
-        known_ns = [timing.lower_bounds.scan_ns for timing in timings if timing is not None]
+        known_ns = [timing.lower_bounds.scan_period_bound_ns for timing in timings if timing is not None]
         return max(known_ns) if known_ns and len(known_ns) == len(timings) else None
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 
 from firmware_interface.chips import tca9548a
-from firmware_interface.wire_timing import i2c_bus_time_ns, nack_bits, transaction_bits
+from firmware_interface.wire_timing import i2c_bus_time_ns, i2c_nack_bits, transaction_bits
 from footsense.errors import NackError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.chips.chip import SimulatedChip
@@ -80,7 +80,7 @@ class SimulatedBus:
             connected = self._connect(address)
         chips = [chip for chip in connected if chip.acknowledges(t_start_ns)]
         if not chips:
-            self.clock.sleep_until_ns(t_start_ns + i2c_bus_time_ns(nack_bits(), self._rate_hz))
+            self.clock.sleep_until_ns(t_start_ns + i2c_bus_time_ns(i2c_nack_bits(), self._rate_hz))
             raise NackError(f"no acknowledge from {address:#04x}")
         t_end_ns = t_start_ns + _i2c_bus_time_ns(len(data), n_read, self._rate_hz)
         self.clock.sleep_until_ns(t_end_ns)
@@ -126,7 +126,7 @@ class SimulatedKernelMuxChannel:
         self._upstream = upstream
         self._clock = clock
         self._mux = mux
-        self._selection = tca9548a.select(channel)
+        self._selection = tca9548a.channel_control_byte(channel)
         self._host_cost_ns = host_cost_ns
 
     def transfer(self, transaction: Transaction) -> bytes:

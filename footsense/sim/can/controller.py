@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from firmware_interface.can.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, split_frames
-from firmware_interface.wire_timing import LONGEST_FRAME_BITS, frame_bits
+from firmware_interface.wire_timing import LONGEST_FRAME_BITS, max_can_frame_bits
 from footsense.sim.can.other_senders import OtherSender
 from footsense.sim.can.transmit_queue import QueuedFrame, TransmitQueue
 
@@ -142,10 +142,10 @@ class CanController:
         elif sent and self.shorted:
             self._occupy_wire(t_ns, 1 + _ERROR_FRAME_BITS + self._suspend_bits(), self._count_bit_error)
         elif sent and self.no_ack:
-            bits = frame_bits(len(data)) - _AFTER_ACK_BITS + _ERROR_FRAME_BITS + self._suspend_bits()
+            bits = max_can_frame_bits(len(data)) - _AFTER_ACK_BITS + _ERROR_FRAME_BITS + self._suspend_bits()
             self._occupy_wire(t_ns, bits, self._miss_ack)
         elif sent:
-            self._occupy_wire(t_ns, frame_bits(len(data)), self._deliver_frame)
+            self._occupy_wire(t_ns, max_can_frame_bits(len(data)), self._deliver_frame)
 
     def _occupy_wire(self, t_ns: int, bits: int, then: Callable[[int], None] | None) -> None:
         """Occupy the bus for a number of bits from `t_ns` [ns] on, then call `then`."""

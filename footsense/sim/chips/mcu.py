@@ -12,7 +12,7 @@ from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.chips import fdc1004
 from firmware_interface.serial_frames import (
     ELEMENTS,
-    NO_VALUE,
+    NO_VALUE_BASE,
     NoValue,
     Record,
     RecordFlag,
@@ -92,6 +92,6 @@ class SimulatedRobotMcu:
             values_pf = values_pf + self._noise.normal(0.0, _NOISE_PF, ELEMENTS)
         values_af = values_pf * _AF_PER_PF
         missing = (np.isnan(values_af), values_af >= _FULL_SCALE_AF)
-        codes = (NO_VALUE + NoValue.NO_ANSWER, NO_VALUE + NoValue.OVER_RANGE)
+        codes = (NO_VALUE_BASE + NoValue.NO_ANSWER, NO_VALUE_BASE + NoValue.OVER_RANGE)
         values: list[int] = np.select(missing, codes, values_af).round().astype(int).tolist()
         return values

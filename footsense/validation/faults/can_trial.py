@@ -26,18 +26,18 @@ class CanFigures(NamedTuple):
         longest_silence_s: Longest time between two of one leg [s].
         recovery_s: Time from the end of the fault until it received every leg again [s]; None if the fault stays, or
             if a leg stays silent.
-        longest_delay_s: Longest time of a frame from the kernel to the consumer [s].
+        longest_frame_delay_s: Longest time of a frame from the kernel to the consumer [s].
         max_age_on_arrival_s: Largest age of a measurement on its arrival [s].
-        n_dropped: Frames that the sink could not hand over.
+        n_dropped_before_sending: Frames that the sink could not hand over.
         n_bus_off: Times that the controller went bus-off.
     """
 
     received_share: float
     longest_silence_s: float
     recovery_s: float | None
-    longest_delay_s: float
+    longest_frame_delay_s: float
     max_age_on_arrival_s: float
-    n_dropped: int
+    n_dropped_before_sending: int
     n_bus_off: int
 
 
@@ -94,8 +94,8 @@ def can_trial(fault: CanFault, *, duration_s: float) -> CanFigures:
         received_share=sum(map(len, received_ns)) / (stats.published_cycles * len(received_ns)),
         longest_silence_s=max(silences_ns) / 1e9,
         recovery_s=(max(again_ns) - fault.until_ns) / 1e9 if math.isfinite(max(again_ns)) else None,
-        longest_delay_s=consumer.longest_delay_ns / 1e9,
+        longest_frame_delay_s=consumer.longest_delay_ns / 1e9,
         max_age_on_arrival_s=consumer.oldest_ns / 1e9,
-        n_dropped=stats.dropped,
+        n_dropped_before_sending=stats.dropped,
         n_bus_off=controller.n_bus_off,
     )

@@ -42,7 +42,7 @@ class FaultTrial(NamedTuple):
     adapter_timeout_ms: float = 20.0
 
     @property
-    def until_s(self) -> float | None:
+    def fault_end_s(self) -> float | None:
         """End of the fault [s]; None for a permanent or a momentary fault."""
         return max((getattr(fault, "until_s", None) or 0.0 for fault in self.script), default=0.0) or None
 
@@ -50,7 +50,7 @@ class FaultTrial(NamedTuple):
 _CONFIG_WITHOUT_RESET_LINE = msgspec.structs.replace(
     DEFAULT, buses=tuple(msgspec.structs.replace(bus, mux=Mux()) for bus in DEFAULT.buses)
 )
-_LOOSE_CONTACT_ERROR_REL = 0.02
+_I2C_ERROR_RATE_REL = 0.02
 _BUS_STUCK_DURATION_S = 0.1
 _FAULT_SPAN: dict[str, Any] = {"at_s": BREAKS_AT_S, "until_s": PASSES_AT_S}
 
@@ -66,11 +66,11 @@ LEG_FAULT_TRIALS = (
     FaultTrial("cable off and on", _faults_on_trial_leg(faults.Absent)),
     FaultTrial(
         "2 % of the acknowledges lost",
-        _faults_on_trial_leg(faults.NackAtRandom, rate_rel=_LOOSE_CONTACT_ERROR_REL),
+        _faults_on_trial_leg(faults.NackAtRandom, rate_rel=_I2C_ERROR_RATE_REL),
     ),
     FaultTrial(
         "a wrong bit in 2 % of the answers",
-        _faults_on_trial_leg(faults.CorruptReads, rate_rel=_LOOSE_CONTACT_ERROR_REL),
+        _faults_on_trial_leg(faults.CorruptReads, rate_rel=_I2C_ERROR_RATE_REL),
     ),
     FaultTrial("conversions never finish", _faults_on_trial_leg(faults.StuckConverter)),
     FaultTrial("another chip at the address", _faults_on_trial_leg(faults.WrongChip)),
@@ -85,7 +85,7 @@ LEG_FAULT_TRIALS = (
     ),
     FaultTrial(
         "2 % of the arbitrations lost",
-        (faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_LOOSE_CONTACT_ERROR_REL),),
+        (faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_I2C_ERROR_RATE_REL),),
     ),
     FaultTrial("mux reset", (faults.MuxReset(at_s=BREAKS_AT_S),)),
     FaultTrial("element open", _faults_on_trial_leg(faults.ElementOpen, element=4)),
@@ -120,7 +120,7 @@ _CAN_WALK_DURATION_S = 4.0
 _QUICK_EVERY_NTH_TRIAL = 6
 
 
-def fault_rows(
+def simulate_leg_faults(
     report: Callable[[str], None],
     *,
     quick: bool = False,
@@ -145,15 +145,15 @@ def fault_rows(
     for trial in islice(LEG_FAULT_TRIALS, None, None, _QUICK_EVERY_NTH_TRIAL if quick else 1):
         effects = msgspec.structs.replace(WALK_SCENE.effects, adapter_timeout_ms=trial.adapter_timeout_ms)
         config = msgspec.structs.replace(trial.config, foot_type=foot_type, rows=rows)
-        script = [_within_array(fault, rows) for fault in trial.script]
+        script = [_fault_limited_to_array(fault, rows) for fault in trial.script]
         broken = simulate_walk(*script, config=config, effects=effects, load=load)
-        found[trial.description] = fault_figures(broken, whole, BREAKS_AT_S, trial.until_s)
+        found[trial.description] = fault_figures(broken, whole, BREAKS_AT_S, trial.fault_end_s)
         report(trial.description)
     return found
 
 
-def _within_array(fault: Fault, rows: int) -> Fault:
-    """Return a fault of an element, row or column that a foot of so many rows has; any other fault as it is."""
+def _fault_limited_to_array(fault: Fault, rows: int) -> Fault:
+    """Return the fault with its element, row and column index limited to a foot of so many rows."""
     ends = {"element": rows**2, "row": rows, "column": rows}
     places = {name: min(getattr(fault, name), end - 1) for name, end in ends.items() if hasattr(fault, name)}
     return msgspec.structs.replace(fault, **places)
@@ -167,8 +167,8 @@ def _fault_free_figures(whole: PublishedWalk) -> FaultFigures:
     return fault_figures(whole, whole, BREAKS_AT_S, None)._replace(max_error_sigmas=float(over_sigma.max()))
 
 
-def can_rows(report: Callable[[str], None], *, quick: bool = False) -> dict[str, CanFigures]:
-    """Simulate one walk per CAN fault; return the effects by description; see `fault_rows`."""
+def simulate_can_faults(report: Callable[[str], None], *, quick: bool = False) -> dict[str, CanFigures]:
+    """Simulate one walk per CAN fault; return the effects by description; see `simulate_leg_faults`."""
     found = {}
     for description, fault in islice(
         CAN_FAULT_TRIALS.items(), None, None, _QUICK_EVERY_NTH_TRIAL if quick else 1

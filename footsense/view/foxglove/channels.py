@@ -14,7 +14,7 @@ from footsense.view.live import ViewedCycle
 from footsense.view.signals import CLOSURE_COLUMNS
 
 #: Least time between two pictures of the scene [ns]: 30 in a second.
-PICTURE_PERIOD_NS = 33_000_000
+MIN_SCENE_INTERVAL_NS = 33_000_000
 
 
 class TopicChannel(NamedTuple):
@@ -25,19 +25,19 @@ class TopicChannel(NamedTuple):
         schema_name: Name of its schema.
         schema: Its JSON schema.
         messages: Returns the messages of a cycle on it.
-        is_picture: Whether a few messages a second are enough.
+        is_rate_limited: Whether a few messages a second are enough.
     """
 
     topic: str
     schema_name: str
     schema: str
     messages: Callable[[ViewedCycle], list[bytes]]
-    is_picture: bool = False
+    is_rate_limited: bool = False
 
 
 def topic_channels(legs: Sequence[str], n_elements: int) -> list[TopicChannel]:
     """Return the topics of a robot: those of a recording first, then the picture topics."""
-    return [*_recording_channels(legs, n_elements), *_picture_channels(legs)]
+    return [*_recording_channels(legs, n_elements), *_scene_channels(legs)]
 
 
 def _recording_channels(legs: Sequence[str], n_elements: int) -> Iterator[TopicChannel]:
@@ -72,27 +72,29 @@ def _event_messages(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
     return found
 
 
-def _picture_channels(legs: Sequence[str]) -> Iterator[TopicChannel]:
+def _scene_channels(legs: Sequence[str]) -> Iterator[TopicChannel]:
     """Yield the topics with Foxglove's own schemas: force arrows, closure grids, foot poses."""
     topic_schemas = json.loads(files(__package__).joinpath("schemas.json").read_bytes())
 
-    def picture(
+    def scene_channel(
         topic: str, schema_name: str, values: Callable[[ViewedCycle], dict[str, Any]]
     ) -> TopicChannel:
         def encoded(viewed: ViewedCycle) -> list[bytes]:
             return [json.dumps(values(viewed), separators=(",", ":")).encode()]
 
         return TopicChannel(
-            topic, schema_name, json.dumps(topic_schemas[schema_name]), encoded, is_picture=True
+            topic, schema_name, json.dumps(topic_schemas[schema_name]), encoded, is_rate_limited=True
         )
 
     def closures(viewed: ViewedCycle, row: int) -> dict[str, Any]:
         closure_rel = viewed.table[row, CLOSURE_COLUMNS].astype(np.float64)
         return closure_grid(closure_rel, legs[row], viewed.cycle.forces.t_sent_ns)
 
-    yield picture("/feet", "foxglove.SceneUpdate", lambda viewed: scene_update(viewed.cycle.forces, legs))
+    yield scene_channel(
+        "/feet", "foxglove.SceneUpdate", lambda viewed: scene_update(viewed.cycle.forces, legs)
+    )
     for row, leg in enumerate(legs):
-        yield picture(f"/closure/{leg}", "foxglove.Grid", partial(closures, row=row))
-    yield picture(
+        yield scene_channel(f"/closure/{leg}", "foxglove.Grid", partial(closures, row=row))
+    yield scene_channel(
         "/tf", "foxglove.FrameTransforms", lambda viewed: foot_transforms(legs, viewed.cycle.forces.t_sent_ns)
     )

@@ -15,7 +15,7 @@ from footsense.leg_phase import LegPhase, phase_of
 
 #: Frame of the feet, and place of each in it [m]: x forward, y left.
 ROBOT_FRAME = "robot"
-FOOT_POSITIONS_M = {
+DISPLAYED_FOOT_POSITIONS_M = {
     side + place: (x_m, y_m, 0.0)
     for side, y_m in (("l", 0.15), ("r", -0.15))
     for place, x_m in (("f", 0.2), ("m", 0.0), ("r", -0.2), ("4", -0.4))
@@ -47,7 +47,7 @@ def scene_update(forces: ContactFrame, legs: Sequence[str]) -> dict[str, Any]:
         is_known = bool(np.isfinite(force_n).all())
         name = f"{leg} {force_n[2]:.2f} N" if is_known else f"{leg} {state.name.lower().replace('_', ' ')}"
         above = {
-            "position": _point_json(FOOT_POSITIONS_M[leg], above_m=0.02),
+            "position": _point_json(DISPLAYED_FOOT_POSITIONS_M[leg], above_m=0.02),
             "orientation": _IDENTITY_ROTATION,
         }
         entities.append(
@@ -77,7 +77,10 @@ def scene_update(forces: ContactFrame, legs: Sequence[str]) -> dict[str, Any]:
 def _arrow_json(leg: str, force_n: Vector, colour: dict[str, float]) -> dict[str, Any]:
     length_m = max(float(np.linalg.norm(force_n)) * _ARROW_M_PER_N, 1e-6)
     return {
-        "pose": {"position": _point_json(FOOT_POSITIONS_M[leg]), "orientation": orientation(force_n)},
+        "pose": {
+            "position": _point_json(DISPLAYED_FOOT_POSITIONS_M[leg]),
+            "orientation": orientation(force_n),
+        },
         "shaft_length": 0.8 * length_m,
         "shaft_diameter": 0.006,
         "head_length": 0.2 * length_m,
@@ -111,7 +114,7 @@ def closure_grid(closure_rel: Vector, leg: str, t_ns: int) -> dict[str, Any]:
     """
     rows = math.isqrt(len(closure_rel))
     cells = closure_rel.reshape(rows, rows)[::-1, ::-1].T.astype("<f4")
-    x_m, y_m, z_m = FOOT_POSITIONS_M[leg]
+    x_m, y_m, z_m = DISPLAYED_FOOT_POSITIONS_M[leg]
     corner = (x_m - _GRID_SIDE_M / 2, y_m - _GRID_SIDE_M / 2, z_m)
     return {
         "timestamp": _time_json(t_ns),
@@ -134,7 +137,7 @@ def foot_transforms(legs: Sequence[str], t_ns: int) -> dict[str, Any]:
                 "timestamp": _time_json(t_ns),
                 "parent_frame_id": ROBOT_FRAME,
                 "child_frame_id": leg,
-                "translation": _point_json(FOOT_POSITIONS_M[leg]),
+                "translation": _point_json(DISPLAYED_FOOT_POSITIONS_M[leg]),
                 "rotation": _IDENTITY_ROTATION,
             }
             for leg in legs

@@ -9,7 +9,7 @@ import msgspec
 from websockets.typing import Subprotocol
 
 from footsense import __version__
-from footsense.view.foxglove.channels import PICTURE_PERIOD_NS, TopicChannel, topic_channels
+from footsense.view.foxglove.channels import MIN_SCENE_INTERVAL_NS, TopicChannel, topic_channels
 from footsense.view.live import LiveSource, ViewedCycle
 from footsense.view.page_session import MessageSender
 
@@ -46,7 +46,7 @@ _decode = msgspec.json.Decoder(_Subscribe | _Unsubscribe).decode
 _decode_other = msgspec.json.Decoder(_OtherRequest).decode
 
 
-class FoxgloveClient:
+class FoxgloveSession:
     """Session of one client of Foxglove's protocol on live cycles.
 
     Args:
@@ -66,7 +66,7 @@ class FoxgloveClient:
         self._problem = ""
         self.n_skipped = 0
 
-    def request(self, text: str | bytes) -> list[str]:
+    def handle_message(self, text: str | bytes) -> list[str]:
         """Process a client's message; return the answers.
 
         Raises:
@@ -134,12 +134,12 @@ class FoxgloveClient:
 
     async def _send_cycle(self, connection: MessageSender, viewed: ViewedCycle) -> None:
         t_ns = viewed.cycle.forces.t_sent_ns
-        is_due = not 0 <= t_ns - self._picture_ns < PICTURE_PERIOD_NS
+        is_due = not 0 <= t_ns - self._picture_ns < MIN_SCENE_INTERVAL_NS
         if is_due:
             self._picture_ns = t_ns
         for channel_id, subscription in list(self._by_channel.items()):
             channel = self._channels[channel_id]
-            if channel.is_picture and not is_due:
+            if channel.is_rate_limited and not is_due:
                 continue
             for message in channel.messages(viewed):
                 await connection.send(
@@ -170,7 +170,7 @@ class FoxgloveClient:
         await connection.send(_message_json(op="advertise", channels=entries))
 
 
-class FoxgloveRefusal:
+class FoxgloveRefusalSession:
     """Session of a client while a recording is shown: tells it to open the file itself.
 
     Args:
@@ -181,7 +181,7 @@ class FoxgloveRefusal:
         self._text = f"this is the page of a recording: open {path.name} itself"
         self._sent = False
 
-    def request(self, text: str | bytes) -> list[str]:
+    def handle_message(self, text: str | bytes) -> list[str]:
         """Answer any request with the refusal."""
         del text
         return [_status_json(_WARNING, self._text)]

@@ -34,7 +34,7 @@ class Controller:
         while (message := self._bus.recv(timeout=0)) is not None:
             if message.arbitration_id == ANSWER_ID + NODE_LM:
                 answer = decode_answer(message.arbitration_id, bytes(message.data))
-                self.answers.append((CommandKind(answer.kind), Result(answer.result)))
+                self.answers.append((CommandKind(answer.command_kind), Result(answer.result)))
         kind = self._commands.get(cycle.scan.sequence)
         if kind is not None:
             data = encode_command(NODE_LM, self._counter, kind)

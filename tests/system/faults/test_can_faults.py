@@ -25,7 +25,7 @@ def test_a_consumer_hears_no_old_force_and_soon_all_legs_again(fault: CanFault, 
     assert figures.recovery_s is not None
     assert figures.recovery_s < back_s
     assert 0.38 < figures.longest_silence_s < 0.4 + back_s + 0.05
-    assert figures.longest_delay_s < 0.031  # two forces and the time of a full queue
+    assert figures.longest_frame_delay_s < 0.031  # two forces and the time of a full queue
     assert figures.max_age_on_arrival_s < 0.035  # the same, and the age when sent
 
 

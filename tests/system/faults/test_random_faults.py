@@ -16,7 +16,7 @@ from footsense.frames import USABLE, Cycle
 from footsense.sim.faults.scene_faults import CanBusOff, CanTraffic, Fault, Leg
 from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Tripod
-from footsense.validation.invariants import Invariants
+from footsense.validation.invariants import InvariantChecker
 from footsense.validation.random_faults import (
     CAN_FAULT_TYPES,
     OTHER_TRAFFIC_CAN_IDS,
@@ -102,25 +102,25 @@ def robot(publish_every: int) -> Config:
     )
 
 
-def walk(publish_every: int, script: list[Fault]) -> Invariants:
+def walk(publish_every: int, script: list[Fault]) -> InvariantChecker:
     """Walk until all that breaks is over and should be well again, and check all but how often errors are large."""
     config = robot(publish_every)
     script = [CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=1.0), *script]
     ends_s = max(getattr(fault, "until_s", None) or fault.at_s for fault in script)
     rules = WalkLimits(
         legs=LEGS,
-        period_s=PERIOD_S,
+        cycle_period_s=PERIOD_S,
         max_age_s=config.stale_after_ms * 1e-3,
         gait_period_s=0.8,
         checks_start_s=TARED_S,
-        frames_per_force=publish_every,
+        cycles_per_can_force=publish_every,
         bitrate=config.can.bitrate,
     )
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
     with open_service(config, scene, real_time=False) as service:
         assert service.true_force_n_at is not None
         assert service.can is not None
-        seen = Invariants(rules, script, service.true_force_n_at)
+        seen = InvariantChecker(rules, script, service.true_force_n_at)
         service.can.controller.on_delivered = seen.on_delivered
         ends_s = max(seen.recovered_s, ends_s + 2.1, TARED_S)
         tail = Tail(ends_s)
@@ -149,7 +149,7 @@ def test_a_full_queue_goes_out_after_a_bus_off() -> None:
 def test_the_invariants_hold_whatever_breaks(publish_every: int, n_walks: int) -> None:
     """And no error is beyond 5 sigma more often than in walks in which nothing breaks."""
     calibrated = walk(publish_every, [])
-    tally: list[Invariants] = []
+    tally: list[InvariantChecker] = []
 
     @settings(max_examples=n_walks, derandomize=True, database=None, deadline=None)
     @given(scripts)

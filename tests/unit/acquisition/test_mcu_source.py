@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from firmware_interface.serial_frames import NO_VALUE, RECORD_BITS, Record, encode_record, pack_values
+from firmware_interface.serial_frames import NO_VALUE_BASE, RECORD_BITS, Record, encode_record, pack_values
 from footsense.acquisition.mcu_source import McuSource
 from footsense.frames import LEGS, CapFrame, Reading
 from footsense.sim.chips.mcu import SimulatedRobotMcu
@@ -203,7 +203,7 @@ def test_codes_become_readings_and_strangers_are_counted() -> None:
     clock = VirtualClock()
     port = Script(clock)
     source = McuSource(port, clock, ("rm",), rate_hz=RATE_HZ)
-    values = [NO_VALUE + code for code in (0, 1, 2, 3, 4, 6, 7, 15)] + [-1_000_000]
+    values = [NO_VALUE_BASE + code for code in (0, 1, 2, 3, 4, 6, 7, 15)] + [-1_000_000]
     # The first came when nobody listened yet.
     port.due = [(MS, line(5, 0)), (60 * MS, line(3, 12) + line(5, 12, values))]
     frame = source.read()

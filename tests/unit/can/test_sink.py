@@ -302,7 +302,7 @@ def test_whoever_asks_is_answered(robot: Robot) -> None:
     for kind in (CommandKind.STOP, CommandKind.STOP, CommandKind.TARE):
         robot.sink.answer(CommandResult(Command(kind, 0), Result.DONE, ""))
         heard = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
-        answers.append([(answer.kind, answer.command_counter) for answer in heard])
+        answers.append([(answer.command_kind, answer.command_counter) for answer in heard])
     assert answers == [
         [(CommandKind.STOP, 3)],
         [(CommandKind.STOP, 4)],

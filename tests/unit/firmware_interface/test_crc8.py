@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.crc8 import FrameError, check_frame, crc8, next_counter, protect
+from firmware_interface.can.crc8 import FrameError, check_frame_and_get_counter, crc8, next_counter, protect
 
 
 def test_the_published_vectors_hold() -> None:
@@ -19,7 +19,7 @@ def test_one_or_two_wrong_bits_are_always_found() -> None:
     flips = [1 << bit for bit in range(64)]
     for flip in flips + [first | second for first, second in combinations(flips, 2)]:
         with pytest.raises(FrameError, match="crc"):
-            check_frame(0x181, (frame ^ flip).to_bytes(8, "little"), 8)
+            check_frame_and_get_counter(0x181, (frame ^ flip).to_bytes(8, "little"), 8)
 
 
 @given(st.binary(min_size=7, max_size=7), st.integers(0, 48), st.integers(1, 0xFF))
@@ -27,7 +27,7 @@ def test_a_burst_of_eight_bits_is_always_found(payload: bytes, shift: int, burst
     """Any change within eight bits in a row behind the crc, in the order of the wire, makes it wrong."""
     frame = int.from_bytes(protect(0x281, payload), "big") ^ burst << shift
     with pytest.raises(FrameError, match="crc"):
-        check_frame(0x281, frame.to_bytes(8, "big"), 8)
+        check_frame_and_get_counter(0x281, frame.to_bytes(8, "big"), 8)
 
 
 def test_a_burst_across_the_crcs_border_is_nearly_always_found() -> None:
@@ -45,18 +45,18 @@ def test_a_frame_under_another_legs_id_is_wrong(payload: bytes) -> None:
     """The id is part of the crc: no leg's frame passes for another leg's."""
     for node, other in combinations(range(1, 9), 2):
         with pytest.raises(FrameError, match="crc"):
-            check_frame(0x180 + other, protect(0x180 + node, payload), 8)
+            check_frame_and_get_counter(0x180 + other, protect(0x180 + node, payload), 8)
 
 
 def test_the_counter_runs_from_0_to_14_and_15_is_refused() -> None:
     """After 14 comes 0; 15 means a fault of the sender."""
     assert [next_counter(counter) for counter in (0, 13, 14)] == [1, 14, 0]
-    assert check_frame(0x181, protect(0x181, bytes([14])), 2) == 14
+    assert check_frame_and_get_counter(0x181, protect(0x181, bytes([14])), 2) == 14
     with pytest.raises(FrameError, match="counter 15"):
-        check_frame(0x181, protect(0x181, bytes([15])), 2)
+        check_frame_and_get_counter(0x181, protect(0x181, bytes([15])), 2)
 
 
 def test_a_frame_of_another_length_is_refused() -> None:
     """A frame cut short or made longer is not looked into."""
     with pytest.raises(FrameError, match="2 bytes instead of 8"):
-        check_frame(0x181, b"ab", 8)
+        check_frame_and_get_counter(0x181, b"ab", 8)

@@ -7,7 +7,7 @@ import pytest
 
 from footsense.frames import Cause, Cycle, Flag, State
 from footsense.telemetry.journal import Journal
-from footsense.telemetry.systemd import SystemdObserver
+from footsense.telemetry.systemd import SystemdNotifier
 from tests.support.cycles import LEGS, cycle
 
 SECOND_NS = 1_000_000_000
@@ -71,7 +71,7 @@ def test_a_leg_that_flickers_fills_no_journal(caplog: pytest.LogCaptureFixture) 
     assert lines(caplog)[-1] == "WARNING leg lm: 20 more changes within the minute"
 
 
-class Told(SystemdObserver):
+class Told(SystemdNotifier):
     """An observer that keeps what systemd would be told."""
 
     def __init__(self) -> None:

@@ -36,7 +36,7 @@ from footsense.ports import WakeupLatency
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metric_families import STATE_SETS
 from footsense.telemetry.metrics import MetricsObserver
-from footsense.telemetry.shared_counters import MetricFamily, SharedCounters, read_counters
+from footsense.telemetry.shared_counters import MetricFamily, SharedCountersWriter, read_counters
 from tests.support.gaits import gait_frame
 
 MS = 1_000_000
@@ -278,7 +278,7 @@ def test_the_file_describes_itself_and_is_gone_at_the_end(tmp_path: Path) -> Non
         MetricFamily("a_total", "counter", "A.", {"leg": ["lf", "rr"]}),
         MetricFamily("b", "histogram", "B.", {}, [1.0]),
     ]
-    counters = SharedCounters(families, tmp_path / "counters")
+    counters = SharedCountersWriter(families, tmp_path / "counters")
     counters.cells[counters.first_cell["b"] + 2] = 2.5
     read, cells = read_counters(tmp_path / "counters")
     assert read == families
@@ -308,7 +308,7 @@ def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_created_is_one_line(tmp_path: Path) -> None:
     """The service goes on without metrics then."""
     with pytest.raises(FootsenseError, match=r"none/counters: cannot be written: No such file"):
-        SharedCounters([], tmp_path / "none" / "counters")
+        SharedCountersWriter([], tmp_path / "none" / "counters")
 
 
 def test_a_file_that_cannot_be_replaced_leaves_nothing_behind(
@@ -321,7 +321,7 @@ def test_a_file_that_cannot_be_replaced_leaves_nothing_behind(
 
     monkeypatch.setattr(Path, "rename", forbidden)
     with pytest.raises(FootsenseError, match=r"counters: cannot be written: Operation not permitted"):
-        SharedCounters([MetricFamily("a_total", "counter", "A.")], tmp_path / "counters")
+        SharedCountersWriter([MetricFamily("a_total", "counter", "A.")], tmp_path / "counters")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from footsense.telemetry.systemd import SystemdObserver, watchdog_interval_ns
+from footsense.telemetry.systemd import SystemdNotifier, watchdog_ping_interval_ns
 
 
 @pytest.fixture(params=["path", "abstract"])
@@ -22,7 +22,7 @@ def systemd(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[so
 def test_each_message_arrives_as_one_datagram(systemd: tuple[socket.socket, str]) -> None:
     """Ready with a status, alive, a new status, stopping; a line break cannot forge an assignment."""
     listener, name = systemd
-    notifier = SystemdObserver(("lf",), {"NOTIFY_SOCKET": name})
+    notifier = SystemdNotifier(("lf",), {"NOTIFY_SOCKET": name})
     notifier.send(READY="1", STATUS="six legs\nMAINPID=1")
     notifier.send(WATCHDOG="1")
     notifier.send(STATUS="5 of 6 legs valid")
@@ -41,7 +41,7 @@ def test_each_message_arrives_as_one_datagram(systemd: tuple[socket.socket, str]
 @pytest.mark.parametrize("environment", [{}, {"NOTIFY_SOCKET": ""}, {"NOTIFY_SOCKET": "/nowhere/notify"}])
 def test_without_a_listener_nothing_happens(environment: dict[str, str]) -> None:
     """In a terminal, or while systemd is away, the service goes on."""
-    notifier = SystemdObserver(("lf",), environment)
+    notifier = SystemdNotifier(("lf",), environment)
     notifier.send(READY="1")
     notifier.send(WATCHDOG="1")
     notifier.close()
@@ -50,7 +50,7 @@ def test_without_a_listener_nothing_happens(environment: dict[str, str]) -> None
 def test_a_full_queue_does_not_stop_the_loop(systemd: tuple[socket.socket, str]) -> None:
     """A systemd that does not read costs messages, not time."""
     _, name = systemd
-    notifier = SystemdObserver(("lf",), {"NOTIFY_SOCKET": name})
+    notifier = SystemdNotifier(("lf",), {"NOTIFY_SOCKET": name})
     for _ in range(2000):
         notifier.send(WATCHDOG="1")
     notifier.close()
@@ -69,4 +69,4 @@ def test_a_full_queue_does_not_stop_the_loop(systemd: tuple[socket.socket, str])
 )
 def test_the_watchdog_is_fed_at_half_its_time(environment: dict[str, str], interval_ns: int | None) -> None:
     """Only a watchdog that is meant for this process counts."""
-    assert watchdog_interval_ns(environment) == interval_ns
+    assert watchdog_ping_interval_ns(environment) == interval_ns

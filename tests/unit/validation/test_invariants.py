@@ -7,7 +7,7 @@ from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from firmware_interface.can.socketcan import pack_frame
 from footsense.frames import LEGS, BaselineDrift, ContactFrame, Cycle, State
 from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fault, StuckSda
-from footsense.validation.invariants import Invariants
+from footsense.validation.invariants import InvariantChecker
 from footsense.validation.random_faults import random_faults
 from footsense.validation.soak_plan import soak_stretches
 from footsense.validation.tolerances import WalkLimits
@@ -15,12 +15,17 @@ from tests.support.can_frames import encode_force, encode_quality
 
 MS = 1_000_000
 RULES = WalkLimits(
-    legs=LEGS, period_s=0.024, max_age_s=0.09, gait_period_s=1.0, checks_start_s=0.0, frames_per_force=1
+    legs=LEGS,
+    cycle_period_s=0.024,
+    max_age_s=0.09,
+    gait_period_s=1.0,
+    checks_start_s=0.0,
+    cycles_per_can_force=1,
 )
 
 
-def watching(*script: Fault, rules: WalkLimits = RULES) -> Invariants:
-    return Invariants(rules, script, lambda _: np.zeros((6, 3)))
+def watching(*script: Fault, rules: WalkLimits = RULES) -> InvariantChecker:
+    return InvariantChecker(rules, script, lambda _: np.zeros((6, 3)))
 
 
 def cycle(number: int, t_ms: float, state: State = State.VALID, **changed: object) -> Cycle:
@@ -45,7 +50,7 @@ def cycle(number: int, t_ms: float, state: State = State.VALID, **changed: objec
     return Cycle(None, (), ContactFrame(**{**values, **changed}), ())  # type: ignore[arg-type]
 
 
-def violated(seen: Invariants) -> set[str]:
+def violated(seen: InvariantChecker) -> set[str]:
     return set(seen.n_violations)
 
 
@@ -105,7 +110,7 @@ def test_a_leg_is_tolerated_for_what_breaks_on_it_alone(fault: Fault, *, tolerat
     assert "the other legs go on" in violated(seen)
 
 
-def hear(seen: Invariants, counter: int, t_ms: int, wait_ms: int = 1, age_ms: int = 12) -> None:
+def hear(seen: InvariantChecker, counter: int, t_ms: int, wait_ms: int = 1, age_ms: int = 12) -> None:
     force = pack_frame(FORCE_ID + 2, encode_force(2, counter, State.VALID, (0.0, 0.0, 1.0)))
     quality = pack_frame(QUALITY_ID + 2, encode_quality(2, counter, 0, age_ms * MS, 0, (0.01, 0.01, 0.01)))
     for frame in (force, quality):
@@ -132,7 +137,8 @@ def test_what_is_missing_or_late_on_can_is_noticed() -> None:
 def test_a_stand_puts_off_the_tare() -> None:
     """A leg that comes back while the robot stands is tared when it walks again."""
     seen = watching(
-        Absent(leg="lm", at_s=100.0, until_s=101.0), rules=RULES._replace(stands_s=((90.0, 1000.0),))
+        Absent(leg="lm", at_s=100.0, until_s=101.0),
+        rules=RULES._replace(standstill_spans_s=((90.0, 1000.0),)),
     )
     assert seen.recovered_s == pytest.approx(1000.0 + 2.0 + 1.0 + 1.0 + 3.0, abs=1.0)
 
@@ -143,8 +149,8 @@ def test_a_day_has_every_way_of_walking() -> None:
     assert sum(stretch.hours for stretch in stretches) == pytest.approx(24.0)
     assert min(stretch.hours for stretch in stretches) >= 1.0
     assert len({stretch.seed for stretch in stretches}) == len(stretches)
-    assert sum(len(stretch.stands_s) for stretch in stretches) == 2
-    assert sorted(stretch.kelvin for stretch in stretches if stretch.kelvin) == [-20.0, 20.0]
+    assert sum(len(stretch.standstill_spans_s) for stretch in stretches) == 2
+    assert sorted(stretch.warming_k for stretch in stretches if stretch.warming_k) == [-20.0, 20.0]
     assert {(stretch.publish_every, stretch.rate_sps) for stretch in stretches} == {
         (4, 400),
         (1, 400),

@@ -47,7 +47,7 @@ def test_a_calibrated_foot_reads_leaning_loads(disturbance: Disturbance) -> None
 
 def test_more_loads_are_not_worse() -> None:
     """Of a reference that is off by its linearity, sixty loads teach the foot no more than twenty."""
-    plan, off = _plan(), Disturbance(reference_linearity_rel=0.015)
+    plan, off = _plan(), Disturbance(reference_nonlinearity_rel=0.015)
     plan = replace(plan, test_loads_by_name={"centred": plan.test_loads_by_name["centred"]})
     feet = [run_mismatch_trial(design(), design().response, off, plan, number) for number in range(1, 7)]
     for figure in ("deg", "gf"):
@@ -66,15 +66,15 @@ def test_a_foot_that_holds_its_air_is_refused(cavity: Cavity) -> None:
 
 def test_the_rubber_and_the_worn_pole_change_what_is_read() -> None:
     """Each disturbance reaches the readings: none is a row without effect."""
-    plan, models = replace(_plan(), every_nth_press=15, n_few_loads=0), design()
+    plan, models = replace(_plan(), every_nth_press=15, n_loads_of_small_calibration=0), design()
     plain = run_mismatch_trial(models, models.response, UNDISTURBED, plan, 2)
     for disturbance in (
         Disturbance(worn_cap_height_mm=0.3),
         Disturbance(creep_factor=3.0),
-        Disturbance(play_factor=3.0),
+        Disturbance(hysteresis_factor=3.0),
         Disturbance(max_ground_capacitance_pf=0.2),
         Disturbance(cable_noise_pf=5e-3),
-        Disturbance(reference_linearity_rel=0.015),
+        Disturbance(reference_nonlinearity_rel=0.015),
         Disturbance(has_fringe_field=True),
     ):
         other = run_mismatch_trial(models, models.response, disturbance, plan, 2)

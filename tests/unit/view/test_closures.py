@@ -9,7 +9,7 @@ from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import closure_conversion, recorded_config, recorded_flags
 from footsense.recording.replay import Replay
-from footsense.view.closures import ClosureConverter, RecordedBaselines
+from footsense.view.closures import ClosureConverter, ReconstructedBaselines
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 
@@ -21,11 +21,11 @@ def test_the_baselines_of_a_recording_are_found_again() -> None:
     models = load_models(config)
     pipeline = pipeline_for(models, recorded_flags(recording))
     closures = ClosureConverter(closure_conversion(models))
-    baselines = RecordedBaselines(closures.stray_pf, config.tare.window_scans)
+    baselines = ReconstructedBaselines(closures.stray_pf, config.tare.window_scans)
     largest = 0.0
     for cycle in islice(recording, 900):
         pipeline.process(cycle.scan, cycle.forces.t_sent_ns)
-        found = closures.closure_rel(cycle, baselines.baseline_pf(cycle))
+        found = closures.closure_rel(cycle, baselines.baseline_pf_after(cycle))
         wanted = closures.closure_rel(cycle, pipeline.baseline_pf)
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-3)
         largest = max(largest, float(np.nan_to_num(found).max()))

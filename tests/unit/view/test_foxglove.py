@@ -19,8 +19,8 @@ from websockets.typing import Subprotocol
 
 from footsense.clock import MonotonicClock
 from footsense.recording.container.messages import decode_force, decode_scan
-from footsense.view.foxglove.scene import FOOT_POSITIONS_M, orientation
-from footsense.view.foxglove.session import FoxgloveClient
+from footsense.view.foxglove.scene import DISPLAYED_FOOT_POSITIONS_M, orientation
+from footsense.view.foxglove.session import FoxgloveSession
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import ViewServer
@@ -90,7 +90,7 @@ def check(channels: dict[str, Any], received: dict[str, list[tuple[int, dict[str
     (entity,) = [entity for entity in received["/feet"][-1][1]["entities"] if entity["id"] == "rf"]
     (arrow,) = entity["arrows"]
     assert arrow["shaft_length"] + arrow["head_length"] == pytest.approx(0.05)
-    assert tuple(arrow["pose"]["position"].values()) == FOOT_POSITIONS_M["rf"]
+    assert tuple(arrow["pose"]["position"].values()) == DISPLAYED_FOOT_POSITIONS_M["rf"]
     grid = received["/closure/rf"][-1][1]
     cells = np.frombuffer(base64.b64decode(grid["data"]), "<f4").reshape(-1, grid["column_count"])
     # x forward along the columns, y to the left along the rows: element 0 is the most forward and leftmost.
@@ -147,10 +147,13 @@ def test_a_slow_client_skips_what_became_old(tmp_path: Path) -> None:
             service.publish()
             live = LiveSource(tmp_path / "cycles", MonotonicClock())
             live.poll()
-            client, connection = FoxgloveClient(live), SlowConnection()
+            client, connection = FoxgloveSession(live), SlowConnection()
             connection.reads.set()
             await client.send_new(connection, 0.0)
-            assert client.request('{"op": "subscribe", "subscriptions": [{"id": 5, "channelId": 2}]}') == []
+            assert (
+                client.handle_message('{"op": "subscribe", "subscriptions": [{"id": 5, "channelId": 2}]}')
+                == []
+            )
             service.publish()
             live.poll()
             connection.reads.clear()
@@ -183,10 +186,10 @@ REQUESTS = st.fixed_dictionaries(
 @given(st.lists(REQUESTS | st.text() | st.binary(), max_size=8))
 def test_any_requests_are_answered_or_dismissed(requests: list[str | bytes]) -> None:
     """A client of any kind gets statuses, or the one error by which it is dismissed; a channel is sent at most once."""
-    client = FoxgloveClient(LiveSource(Path("/nonexistent/cycles"), MonotonicClock()))
+    client = FoxgloveSession(LiveSource(Path("/nonexistent/cycles"), MonotonicClock()))
     for request in requests:
         try:
-            answers = client.request(request)
+            answers = client.handle_message(request)
         except ValueError:
             continue
         assert all(json.loads(answer)["op"] == "status" for answer in answers)

@@ -24,7 +24,7 @@ from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import PAGE_PROTOCOL, ViewServer
 from footsense.view.signals import signals
-from footsense.view.tares import TareCommands
+from footsense.view.tares import TareCommandSender
 from tests.support.viewed_service import LEGS, ViewedService, header_of
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
@@ -33,7 +33,7 @@ TIMEOUT_S = 20
 
 
 @asynccontextmanager
-async def served(path: Path, tares: TareCommands | None = None) -> AsyncIterator[str]:
+async def served(path: Path, tares: TareCommandSender | None = None) -> AsyncIterator[str]:
     """Serve the service of a path; yield host and port."""
     live = LiveSource(path, MonotonicClock())
     async with ViewServer(live, tares).serving("127.0.0.1", 0) as url:
@@ -279,7 +279,7 @@ def test_a_tare_needs_the_token(tmp_path: Path) -> None:
 
     async def test() -> None:
         wire = FakeWire()
-        tares = TareCommands(wire, MonotonicClock())
+        tares = TareCommandSender(wire, MonotonicClock())
         for given, token, wanted in (
             (None, "", "no commands: start `footsense view` with --allow-commands"),
             (tares, "guessed", "no tare: the token is not the one that was printed at start"),

@@ -99,12 +99,12 @@ def _progress_line(foot_result: FootResult) -> str:
         "refused"
         if errors is None
         else f"{errors.direction_vs_reference_deg:.2f} deg, {errors.magnitude_vs_reference_gf:.2f} gf"
-        for errors in map(foot_result.errors.get, ("design_only", f"calibrated_{N_ALL_LOADS}"))
+        for errors in map(foot_result.errors_by_estimator.get, ("design_only", f"calibrated_{N_ALL_LOADS}"))
     )
-    n_test = foot_result.n_test + foot_result.n_unread
+    n_test = foot_result.n_compared_test_loads + foot_result.n_excluded_test_loads
     return (
-        f"{foot_result.foot}: {foot_result.n_training} loads, design {design}; calibrated {calibrated}, "
-        f"{foot_result.n_unread} of {n_test} not read"
+        f"{foot_result.foot}: {foot_result.n_training_loads} loads, design {design}; calibrated {calibrated}, "
+        f"{foot_result.n_excluded_test_loads} of {n_test} not read"
     )
 
 
@@ -132,7 +132,9 @@ def compute(
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
     kept = kept or (None if context.quick else KEPT_FEET_FOLDER)
-    evaluate = partial(evaluate_foot, batch, per_foot_network=network, every=every, cache_folder=kept)
+    evaluate = partial(
+        evaluate_foot, batch, per_foot_network=network, every_nth_press=every, cache_folder=kept
+    )
     for one in run_in_processes(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
         context.report_progress(_progress_line(one))
@@ -151,11 +153,11 @@ def compute(
         load_stride=every,
         n_feet=len(feet),
         estimators=_estimator_errors(feet),
-        training_loads=over_feet(lambda one: one.n_training),
-        test_loads=over_feet(lambda one: one.n_test),
-        unread_loads=over_feet(lambda one: one.n_unread),
+        training_loads=over_feet(lambda one: one.n_training_loads),
+        test_loads=over_feet(lambda one: one.n_compared_test_loads),
+        unread_loads=over_feet(lambda one: one.n_excluded_test_loads),
         calibrate_s=over_feet(lambda one: one.calibrate_s),
-        refused={one.foot: one.refused for one in feet if one.refused},
+        refused={one.foot: one.refusal_by_estimator for one in feet if one.refusal_by_estimator},
     )
     return results, {_FIGURE_FILE: errors_over_loads_figure(feet)}
 
@@ -164,7 +166,7 @@ def _estimator_errors(feet: list[FootResult]) -> dict[str, dict[str, int | MeanS
     """Return the errors of every estimator by name, averaged over the feet for which errors exist."""
     found: dict[str, dict[str, int | MeanStdOverFeet]] = {}
     for name in ESTIMATORS:
-        if read := [asdict(one.errors[name]) for one in feet if name in one.errors]:
+        if read := [asdict(one.errors_by_estimator[name]) for one in feet if name in one.errors_by_estimator]:
             means = {
                 error: MeanStdOverFeet.of_values([errors[error] for errors in read]) for error in read[0]
             }

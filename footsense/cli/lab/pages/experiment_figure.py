@@ -31,7 +31,10 @@ def _draw_error_panel(axes: Axes, feet: Sequence[FootResult], error: str, paper:
     names = [f"calibrated_{n}" for n in counts]
     lines = np.array(
         [
-            [getattr(one.errors[name], error) if name in one.errors else np.nan for name in names]
+            [
+                getattr(one.errors_by_estimator[name], error) if name in one.errors_by_estimator else np.nan
+                for name in names
+            ]
             for one in feet
         ]
     )
@@ -44,7 +47,9 @@ def _draw_error_panel(axes: Axes, feet: Sequence[FootResult], error: str, paper:
         ("linear_per_foot", "tab:green", "linear, own loads"),
         ("network_per_foot", "tab:orange", "network, own loads"),
     ):
-        values = [getattr(one.errors[name], error) for one in feet if name in one.errors]
+        values = [
+            getattr(one.errors_by_estimator[name], error) for one in feet if name in one.errors_by_estimator
+        ]
         if values:
             axes.axhline(float(np.mean(values)), color=color, linestyle="--", linewidth=1.0, label=label)
     axes.axhline(paper, color="k", linestyle=":", linewidth=1.0, label="the paper, made")

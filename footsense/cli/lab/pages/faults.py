@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from footsense.config import DEFAULT
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.validation.faults.fault_table import can_rows, fault_rows
+from footsense.validation.faults.fault_table import simulate_can_faults, simulate_leg_faults
 from footsense.validation.faults.fault_trial import BREAKS_AT_S, DURATION_S, LOAD, PASSES_AT_S
 
 
@@ -37,14 +37,14 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     own = foot.foot_type != DEFAULT.foot_type
     load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
     foot_type = str(context.models.resolve()) if own else DEFAULT.foot_type
-    rows = fault_rows(
+    rows = simulate_leg_faults(
         context.report_progress, quick=context.quick, foot_type=foot_type, rows=foot.rows, load=load
     )
     legs = {
         words: f._asdict() | {"state": f.state.name.lower(), "cause": f.cause.name.lower()}
         for words, f in rows.items()
     }
-    can = {} if own else can_rows(context.report_progress, quick=context.quick)
+    can = {} if own else simulate_can_faults(context.report_progress, quick=context.quick)
     return FaultResults(
         foot_type=foot.foot_type,
         peak_n=load.peak_force_n,

@@ -59,7 +59,7 @@ MISMATCH_ROWS = {
         title="ball worn flat by 0.3 mm", disturbance=Disturbance(worn_cap_height_mm=0.3), represented=False
     ),
     "creep": MismatchRow(title="creep 3 times that assumed", disturbance=Disturbance(creep_factor=3.0)),
-    "play": MismatchRow(title="play 3 times that assumed", disturbance=Disturbance(play_factor=3.0)),
+    "play": MismatchRow(title="play 3 times that assumed", disturbance=Disturbance(hysteresis_factor=3.0)),
     "touchdown": MismatchRow(
         title="floor adds 0.05 to 0.2 pF",
         disturbance=Disturbance(max_ground_capacitance_pf=0.2),
@@ -70,13 +70,13 @@ MISMATCH_ROWS = {
     ),
     "reference": MismatchRow(
         title="reference off by its linearity of 1.5 %",
-        disturbance=Disturbance(reference_linearity_rel=LINEARITY_REL),
+        disturbance=Disturbance(reference_nonlinearity_rel=LINEARITY_REL),
     ),
     "stand": MismatchRow(
         title="test stand of the yardstick",
         disturbance=Disturbance(
             press_lean_rms_deg=PAPER_LIKE_TOLERANCES.press_lean_deg,
-            reference_noise_steps=PAPER_LIKE_TOLERANCES.reference_error_resolutions,
+            press_mean_noise_rms_steps=PAPER_LIKE_TOLERANCES.reference_error_resolutions,
         ),
     ),
     "gold": MismatchRow(
