@@ -15,7 +15,7 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from footsense.ports import LATENCY_BOUNDS_S, WakeupLatency
+from footsense.ports import WAKEUP_LATENCY_BUCKET_BOUNDS_S, WakeupLatency
 
 # Linux, <sys/mman.h> and <linux/prctl.h>; the same on every processor that Python's wheels are built for.
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
@@ -50,7 +50,7 @@ class MonotonicClock:
             time.sleep(remaining_ns * 1e-9)
             remaining_ns = t_ns - time.monotonic_ns()
         histogram, latency_s = self.wakeups.histogram, remaining_ns * -1e-9
-        histogram[bisect_left(LATENCY_BOUNDS_S, latency_s)] += 1.0
+        histogram[bisect_left(WAKEUP_LATENCY_BUCKET_BOUNDS_S, latency_s)] += 1.0
         histogram[-1] += latency_s
 
 

@@ -19,7 +19,7 @@ from footsense.frames import (
 )
 
 #: Bounds of the wake-up latency histogram [s]: FIFO wakes within 0.2 ms, a busy machine without it within some 10 ms.
-LATENCY_BOUNDS_S = (
+WAKEUP_LATENCY_BUCKET_BOUNDS_S = (
     *(5e-6, 1e-5, 2e-5, 3e-5, 5e-5, 7e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 5e-4),
     *(1e-3, 2e-3, 5e-3, 1e-2, 5e-2),
 )
@@ -54,7 +54,7 @@ class I2cBus(Protocol):
         ...
 
 
-class ResetLine(Protocol):
+class MuxResetLine(Protocol):
     """Interface of the GPIO that drives a mux's RESET pin."""
 
     def pulse(self) -> None:
@@ -83,10 +83,10 @@ class WakeupLatency:
         overruns: Deadlines that had passed before the thread could sleep.
     """
 
-    bounds_s = LATENCY_BOUNDS_S
+    bounds_s = WAKEUP_LATENCY_BUCKET_BOUNDS_S
 
     def __init__(self) -> None:
-        self.histogram = array("d", [0.0]) * (len(LATENCY_BOUNDS_S) + 2)
+        self.histogram = array("d", [0.0]) * (len(WAKEUP_LATENCY_BUCKET_BOUNDS_S) + 2)
         self.overruns = 0
 
 
@@ -94,10 +94,10 @@ class SerialPort(Protocol):
     """Interface of a serial port to a microcontroller or sensor, which may be unplugged and reappear.
 
     Attributes:
-        opened: Number of times that it was opened; when it changes, a reader drops an incomplete message.
+        n_opened: Number of times that it was opened; when it changes, a reader drops an incomplete message.
     """
 
-    opened: int
+    n_opened: int
 
     def read(self) -> bytes:
         """Return the bytes received so far, possibly none, without waiting; reopen a port that has disappeared."""
@@ -192,27 +192,27 @@ class Window(NamedTuple):
     missing: Mask
 
 
-class Load(NamedTuple):
+class LoadEstimate(NamedTuple):
     """Network output: estimated force and contact of some feet, with standard deviations.
 
     Attributes:
         force_n: Ground reaction on the foot [N], foot frame, shape (rows, 3).
         sigma_n: Standard deviation of each component [N], same shape.
-        contact_coordinates: Contact point on the ball, stereographic (normal_x, normal_y) / (1 + normal_z), and
+        contact_point_and_friction: Contact point on the ball, stereographic (normal_x, normal_y) / (1 + normal_z), and
             tangential over normal force, both forward and to the left [1], shape (rows, 4).
         contact_sigma: Standard deviation of each [1], same shape.
     """
 
     force_n: Vector
     sigma_n: Vector
-    contact_coordinates: Vector
+    contact_point_and_friction: Vector
     contact_sigma: Vector
 
 
 class Estimator(Protocol):
     """Interface of the network that estimates the loads of feet from their last readings."""
 
-    def estimate(self, window: Window) -> Load:
+    def estimate(self, window: Window) -> LoadEstimate:
         """Return the estimated load of every foot (row) of the window."""
         ...
 

@@ -17,10 +17,10 @@ from rich.progress import (
 from rich.text import Text
 
 #: A task that takes longer than expected stays at this part of its bar.
-_FULL_BAR_REL = 0.99
+_MAX_TIMED_BAR_REL = 0.99
 
 
-def is_terminal() -> bool:
+def stderr_is_terminal() -> bool:
     """Return whether standard error is a terminal, where progress bars are drawn."""
     return sys.stderr is not None and sys.stderr.isatty()
 
@@ -36,7 +36,7 @@ def progress_bar(title: str, total: float) -> Iterator[Callable[[float], None]]:
     Yields:
         A function that takes the work done so far, in the same unit.
     """
-    if not is_terminal():
+    if not stderr_is_terminal():
         yield lambda _: None
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
@@ -56,7 +56,7 @@ def timed_bar(title: str, expected_s: float) -> Iterator[None]:
     Yields:
         Nothing.
     """
-    if not (is_terminal() and expected_s):
+    if not (stderr_is_terminal() and expected_s):
         yield
         return
     columns = (TextColumn("{task.description}"), BarColumn(), _TimeLeftColumn())
@@ -70,7 +70,7 @@ class _TimedProgress(Progress):
 
     def get_renderables(self) -> Iterable[RenderableType]:
         for task in self.tasks:
-            task.completed = min(task.elapsed or 0.0, _FULL_BAR_REL * (task.total or 0.0))
+            task.completed = min(task.elapsed or 0.0, _MAX_TIMED_BAR_REL * (task.total or 0.0))
         yield from super().get_renderables()
 
 

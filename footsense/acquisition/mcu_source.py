@@ -66,7 +66,7 @@ class McuSource:
         self._wire_ns = wire_ns
         self._decoder = SerialDecoder()
         self._map = ClockMap()
-        self._opened = port.opened
+        self._opened = port.n_opened
         self._unwrapped_us = 0
         self._scan: McuScan | None = None
         self._frames: deque[CapFrame] = deque()
@@ -87,8 +87,8 @@ class McuSource:
             self._port.wait_for_bytes_until_ns(self._deadline_ns)
             data = self._port.read()
             now_ns = self._clock.now_ns()
-            if self._port.opened != self._opened:
-                self._opened = self._port.opened
+            if self._port.n_opened != self._opened:
+                self._opened = self._port.n_opened
                 self._decoder.reset()
             if data:
                 self._assign_records_to_scans(data, now_ns)

@@ -13,7 +13,7 @@ from footsense.acquisition.bus_timing import BusCosts, measure_bus_costs
 from footsense.acquisition.leg_connection import STUCK_BUS_PAUSE_FACTOR, STUCK_LEG_PAUSE_FACTOR, LegConnection
 from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
 from footsense.frames import Reading
-from footsense.ports import Clock, I2cBus, ResetLine, Transaction
+from footsense.ports import Clock, I2cBus, MuxResetLine, Transaction
 
 _log = logging.getLogger(__name__)
 
@@ -62,7 +62,7 @@ class UpstreamBus:
         self,
         bus: I2cBus,
         mux_address: int,
-        reset_line: ResetLine | None = None,
+        reset_line: MuxResetLine | None = None,
         *,
         reads_back: bool | None = None,
     ) -> None:

@@ -14,7 +14,7 @@ from footsense.calibration.session.reference_checks import reference_findings
 from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
 from footsense.frames import Vector
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
 from footsense.sim.test_stand.press_sequence import paper_presses
@@ -48,9 +48,9 @@ class _SingleFootNetwork:
     def __init__(self, network: Network) -> None:
         self._network = network
 
-    def estimate(self, window: Window) -> Load:
+    def estimate(self, window: Window) -> LoadEstimate:
         """Return the estimated load of the foot (the first row)."""
-        return Load(*(part[:1] for part in self._network.estimate(window)))
+        return LoadEstimate(*(part[:1] for part in self._network.estimate(window)))
 
 
 def practice_scene(foot: str, row: int, session: str) -> Scene:

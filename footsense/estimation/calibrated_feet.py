@@ -8,7 +8,7 @@ from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import CalibratedAt, force_factor_and_uncertainty
 from footsense.frames import Vector
-from footsense.ports import Estimator, Load, Window
+from footsense.ports import Estimator, LoadEstimate, Window
 
 
 class CalibratedFeet:
@@ -67,7 +67,7 @@ class CalibratedFeet:
         self._matrix, self._correction = gains * self._calibrated_matrix, gains * self._calibrated_correction
         self._error_rel = np.hypot(self._calibrated_error_rel, np.tile(unknown_rel, self._repeats))[:, None]
 
-    def estimate(self, window: Window) -> Load:
+    def estimate(self, window: Window) -> LoadEstimate:
         """Return the estimated load of every row of the window, corrected by the calibrations.
 
         The network's sigma is rotated and scaled with the force; the calibration's residual error is added. The contact
@@ -81,7 +81,7 @@ class CalibratedFeet:
             force_n += np.einsum("rij,rj->ri", self._correction, correction_terms(design_n))
         variance_n2 = np.einsum("rij,rj->ri", self._matrix**2, design_sigma_n**2)
         residual_n = self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True)
-        return Load(force_n, np.sqrt(variance_n2 + residual_n**2), contact, contact_sigma)
+        return LoadEstimate(force_n, np.sqrt(variance_n2 + residual_n**2), contact, contact_sigma)
 
 
 def _contact_in_leg_frame(rotation: Vector, contact: Vector, sigma: Vector) -> tuple[Vector, Vector]:
@@ -89,7 +89,7 @@ def _contact_in_leg_frame(rotation: Vector, contact: Vector, sigma: Vector) -> t
 
     Args:
         rotation: Rotation of vectors from the foot's frame to the leg's, shape (rows, 3, 3).
-        contact: As in `Load`, shape (rows, 4).
+        contact: As in `LoadEstimate`, shape (rows, 4).
         sigma: Standard deviation of each, shape (rows, 4).
     """
     point, ratio = contact[:, :2], contact[:, 2:]

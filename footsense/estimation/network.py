@@ -18,7 +18,7 @@ from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.files.network_card import METADATA_KEY, OUTPUTS, Signal, input_signals, read_card
 from footsense.frames import ELEMENT_COUNTS, ELEMENTS
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 
 #: Largest file that is read [bytes]; the released network has 80 thousand.
 MAX_FILE_BYTES = 1 << 24
@@ -84,12 +84,12 @@ class Network:
             self._binding.bind_ortvalue_output(signal.name, ort.OrtValue.ortvalue_from_numpy(array))
         self._run_test_inference(path)
 
-    def estimate(self, window: Window) -> Load:
+    def estimate(self, window: Window) -> LoadEstimate:
         """Return the estimated load of every row of the window."""
         for array, values in zip(self._in, window, strict=True):
             array[...] = values.reshape(array.shape)
         self._session.run_with_iobinding(self._binding)
-        return Load(*map(methodcaller("astype", np.float64), self._out))
+        return LoadEstimate(*map(methodcaller("astype", np.float64), self._out))
 
     def _run_test_inference(self, path: Path) -> None:
         """Run the network once unloaded (which allocates its memory) and over the trained range, as a check.

@@ -43,7 +43,7 @@ from footsense.frames import (
     State,
     Vector,
 )
-from footsense.ports import Estimator, Load, Window
+from footsense.ports import Estimator, LoadEstimate, Window
 
 _VALID = np.uint8(State.VALID)
 
@@ -223,7 +223,7 @@ class Pipeline:
 
     def _estimate_loads(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
-    ) -> tuple[Load, Codes]:
+    ) -> tuple[LoadEstimate, Codes]:
         """Return the estimated loads (NaN where unusable), and the state of each leg.
 
         Args:

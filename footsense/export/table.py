@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 
 from footsense.frames import USABLE, Cycle, GaitEventKind
-from footsense.recording.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField, cycle_fields
+from footsense.recording.cycle_fields import (
+    CAUSE_NOT_RECORDED,
+    CYCLE_FIELDS,
+    GAIT_FIELDS,
+    CycleField,
+    cycle_fields,
+)
 from footsense.recording.replay import Replay
 
 #: A row: numbers or names, one for each column; NaN and None stand for values that are not known.
@@ -104,4 +110,4 @@ def _rows_by_leg(frame: Any, fields: Mapping[str, CycleField]) -> list[Row]:  # 
 
 def _code_name(names: Any, code: int) -> str | None:  # noqa: ANN401 - an enumeration
     """Return the name of an enumeration code; None if it was not recorded."""
-    return None if code == NOT_RECORDED else str(names(code).name)
+    return None if code == CAUSE_NOT_RECORDED else str(names(code).name)

@@ -41,7 +41,11 @@ from footsense.lab.training.export import OnnxNetwork, library_versions, load_we
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import Cases, paper_training, random_loads
 from footsense.lab.training.snapshot.forward_inversion import forward_model
-from footsense.lab.training.snapshot.train import SnapshotTrainingSettings, closure_moments, train
+from footsense.lab.training.snapshot.train import (
+    SnapshotTrainingSettings,
+    closure_pattern_second_moments,
+    train,
+)
 from footsense.lab.training.snapshot.train import predict as predict_alone
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import Weights, predict
@@ -148,14 +152,14 @@ def _paper_only_estimators(
     }
     model = forward_model(response)
     try:
-        inverted_um = model.mean_um(training.closure_um)
+        inverted_um = model.element_free_closure_um(training.closure_um)
     except ArithmeticError as error:
         report(f"no {PAPER_NETWORK_362}: the paper's loads are too large for this foot: {error}")
         return alone
     inverted = train(Cases(training.force_n, inverted_um), response.design, settings)
     return {
         PAPER_NETWORK_362: lambda closure_um: (
-            unit * predict_alone(inverted, model.mean_um(closure_um) / gap_um)[0]
+            unit * predict_alone(inverted, model.element_free_closure_um(closure_um) / gap_um)[0]
         ),
         **alone,
     }
@@ -203,7 +207,7 @@ def _network_card(
             "held_out": {"cases": HELD_OUT_CASES, "seed": HELD_OUT_SEED},
             "released": recipe.released.card(),
             "only_362": recipe.paper_cases_only.card(),
-            "weights": weights.size,
+            "weights": weights.n_weights,
             **({} if recipe.start_network is None else {"started_from": recipe.start_network.parent.name}),
         },
         "errors": {name: asdict(row) for name, row in table.items()},
@@ -213,7 +217,7 @@ def _network_card(
 
 def _rounded_moments(closure_rel: Any) -> Any:
     """Return the second moments of the closures, rounded to the decimals that the network's card holds."""
-    return np.round(closure_moments(closure_rel), _MOMENT_DECIMALS)
+    return np.round(closure_pattern_second_moments(closure_rel), _MOMENT_DECIMALS)
 
 
 def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
@@ -265,7 +269,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         report(f"{recipe.gaits} random gaits of {_CONVERSIONS_PER_GAIT} conversions")
         start = None if recipe.start_network is None else load_weights(recipe.start_network)
         weights = train_windowed(gaits, cases, design, recipe.released, imputation, report, start)
-        report(f"trained on them: {weights.size} weights")
+        report(f"trained on them: {weights.n_weights} weights")
         table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit), alone)
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
         card = _network_card(response, loads, recipe, weights, cases, table)

@@ -19,7 +19,7 @@ from footsense.lab.code_hash import compute_function_sha256
 from footsense.lab.studies.page import Page, Study, StudyContext
 from footsense.lab.targets import targets_markdown
 from footsense.lab.template import render
-from footsense.progress import is_terminal, progress_bar
+from footsense.progress import progress_bar, stderr_is_terminal
 
 _LAB_STUDY_MODULES = {
     "released": "accuracy.released",
@@ -76,7 +76,7 @@ def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STU
     if name not in studies:
         raise FootsenseError(f"no study {name!r}: there are {', '.join(studies)}")
     study: Study = import_module(studies[name]).STUDY
-    return study.page(context)
+    return study.compute_page(context)
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -176,7 +176,7 @@ def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Pat
 
 def _print_progress(line: str) -> None:
     """Print an indented progress line of a study, only in a process without a progress bar."""
-    if is_terminal():
+    if stderr_is_terminal():
         return
     sys.stdout.write(f"    {line}\n")
     sys.stdout.flush()

@@ -7,7 +7,7 @@ from footsense.lab.evaluation.compare import DIRECTION_DEG, MAGNITUDE_GF
 from footsense.lab.template import render
 
 #: Share of a row's calibrations from which the row counts as refused [1].
-_MAJORITY_REL = 0.5
+_MAX_REFUSED_SHARE = 0.5
 #: Loads of the accuracy table, by the name of test and calibration in the study `mismatch`.
 _LOAD_LABELS = {
     "centred_all": "centred, 100 gf",
@@ -25,7 +25,7 @@ def targets_markdown(values: Mapping[str, Mapping[str, Any]]) -> str:
     """
     gaits = {row["name"]: row for row in values.get("gaits", {}).get("gaits", [])}
     matrix = values.get("mismatch", {}).get("mean_over_feet", {})
-    refused = [name for name, row in matrix.items() if row["refused_all"] > _MAJORITY_REL]
+    refused = [name for name, row in matrix.items() if row["refused_all"] > _MAX_REFUSED_SHARE]
     names = {
         "refused": refused,
         "accuracy": _accuracy_rows({name: row for name, row in matrix.items() if name not in refused}),

@@ -9,27 +9,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ContactFrame, Mask
-from footsense.recording.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, NOT_RECORDED, CycleField
+from footsense.recording.cycle_fields import CAUSE_NOT_RECORDED, CYCLE_FIELDS, GAIT_FIELDS, CycleField
 
 #: Largest difference of a force computed on another processor or with other library versions [N].
 TOLERANCE_N = 1e-3
 
 #: Largest difference of a baseline offset then [pF]: half a code of the converter.
-TOLERANCE_PF = 1e-6
+BASELINE_TOLERANCE_PF = 1e-6
 
 #: Largest difference of a ratio, a component of a normal or a sigma of the gait then, and of a time [ns].
 TOLERANCE_REL, TOLERANCE_NS = 1e-2, 1_000_000
 
 #: Compared fields of the forces in their order; the later ones are not in recordings from before causes.
-_FIRST_FIELDS = ("state", "t_ns", "fault_mask", "flags", "force_n", "sigma_n")
-_LATER_FIELDS = ("cause", "baseline.status", "baseline.moved_ns", "baseline.mean_pf", "baseline.worst_pf")
+_ORIGINAL_FIELDS = ("state", "t_ns", "fault_mask", "flags", "force_n", "sigma_n")
+_ADDED_FIELDS = ("cause", "baseline.status", "baseline.moved_ns", "baseline.mean_pf", "baseline.worst_pf")
 _COMPARED_FIELDS = {
-    f"forces.{name}": CYCLE_FIELDS[f"forces.{name}"] for name in (*_FIRST_FIELDS, *_LATER_FIELDS)
+    f"forces.{name}": CYCLE_FIELDS[f"forces.{name}"] for name in (*_ORIGINAL_FIELDS, *_ADDED_FIELDS)
 }
-_FIRST_COMPARED_FIELDS = dict(islice(_COMPARED_FIELDS.items(), len(_FIRST_FIELDS)))
+_ORIGINAL_COMPARED_FIELDS = dict(islice(_COMPARED_FIELDS.items(), len(_ORIGINAL_FIELDS)))
 
 
-def same_machine(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
+def same_processor_and_libraries(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
     """Return whether a recording was made with this processor and these library versions."""
     return all(header.get(key) == value for key, value in here.items())
 
@@ -54,7 +54,7 @@ def first_difference(
             return f"cycle {recorded.sequence}: {field} was {then}, is now {now}"
     both, gaits = (recorded, recomputed), (recorded.gait, recomputed.gait)
     for row, leg in enumerate(legs):
-        fields = _FIRST_COMPARED_FIELDS if recorded.cause[row] == NOT_RECORDED else _COMPARED_FIELDS
+        fields = _ORIGINAL_COMPARED_FIELDS if recorded.cause[row] == CAUSE_NOT_RECORDED else _COMPARED_FIELDS
         difference = _leg_difference(both, row, fields, exact=exact)
         if None not in gaits:
             difference = difference or _leg_difference(gaits, row, GAIT_FIELDS, exact=exact)
@@ -94,7 +94,7 @@ def _field_tolerance(path: str, field: CycleField) -> float:
         return {"<f8": TOLERANCE_REL, "<i8": TOLERANCE_NS}.get(field.dtype, 0.0)
     if field.dtype != "<f8":
         return 0.0
-    return TOLERANCE_PF if field.json_keys[0].endswith("_pf") else TOLERANCE_N
+    return BASELINE_TOLERANCE_PF if field.json_keys[0].endswith("_pf") else TOLERANCE_N
 
 
 def _is_close(then: NDArray[Any], now: NDArray[Any], tolerance: float) -> Mask:

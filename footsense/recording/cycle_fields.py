@@ -27,7 +27,7 @@ from footsense.frames import (
 Count = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
 
 #: Stands for the cause in recordings from before causes were recorded; no `Cause` has this code.
-NOT_RECORDED = 255
+CAUSE_NOT_RECORDED = 255
 
 
 class CycleField(NamedTuple):

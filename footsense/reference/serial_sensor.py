@@ -27,7 +27,7 @@ class SerialReference:
         self._stream = stream
         self.statistics = stream.statistics
         self._start = start
-        self.statistics.n_opened = port.opened
+        self.statistics.n_opened = port.n_opened
         port.write(start)
 
     def read(self, now_ns: int) -> ReferenceSamples:
@@ -37,8 +37,8 @@ class SerialReference:
             SensorError: The bytes are no records of this sensor.
         """
         data = self._port.read()
-        if self._port.opened != self.statistics.n_opened:
-            self.statistics.n_opened = self._port.opened
+        if self._port.n_opened != self.statistics.n_opened:
+            self.statistics.n_opened = self._port.n_opened
             self._decoder.reset()
             self._stream.restart()
             self._port.write(self._start)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from footsense.errors import RecordingError
 from footsense.frames import USABLE, BaselineStatus, Cause, ContactFrame, GaitFrame, Slip, State
-from footsense.recording.cycle_fields import NOT_RECORDED
+from footsense.recording.cycle_fields import CAUSE_NOT_RECORDED
 from footsense.recording.replay import Replay
 from footsense.ros2.leg_messages import LegSample
 
@@ -71,7 +71,7 @@ def _leg_sample(forces: ContactFrame, row: int, leg: str, feet: dict[str, str], 
         leg=leg,
         foot=feet.get(leg, ""),
         state=state,
-        cause=None if cause == NOT_RECORDED else Cause(cause),
+        cause=None if cause == CAUSE_NOT_RECORDED else Cause(cause),
         fault_mask=int(forces.fault_mask[row]),
         baseline=BaselineStatus(int(forces.baseline.status[row])),
     )

@@ -135,7 +135,7 @@ def test_any_test_stand_file(tmp_path: Path, data: st.DataObject, text: str) -> 
 class _Line:
     """A line that hands over pieces, one a look."""
 
-    opened = 1
+    n_opened = 1
 
     def __init__(self, clock: VirtualClock, pieces: list[bytes]) -> None:
         self._clock, self._pieces = clock, pieces

@@ -21,7 +21,7 @@ def test_inverted_closures_are_linear_in_the_load_though_gaps_close(response: Fo
     free = response.free_element_closures_um(normal, size * normal)
     assert (Foot(response).cell_closures_um(normal, size * normal)[-1] >= response.design.gap_um).any()
     assert np.abs(sensed - free).max() > 1.0
-    assert np.abs(forward_model(response).mean_um(sensed) - free).max() < 0.1
+    assert np.abs(forward_model(response).element_free_closure_um(sensed) - free).max() < 0.1
 
 
 def test_the_inverse_inverts_the_model(response: FootResponse) -> None:
@@ -29,10 +29,10 @@ def test_the_inverse_inverts_the_model(response: FootResponse) -> None:
     model = forward_model(response)
     mean = np.random.default_rng(1).uniform(0.0, 14.0, (20, 9))
     closure = response.design.closure_um(model.capacitance_pf(mean), np.array([response.design.unloaded_pf]))
-    np.testing.assert_allclose(model.mean_um(closure), mean, atol=1e-4)
+    np.testing.assert_allclose(model.element_free_closure_um(closure), mean, atol=1e-4)
 
 
 def test_more_than_a_closed_gap_is_no_load(response: FootResponse) -> None:
     """A capacitance above that of the film alone is refused, not explained."""
     with pytest.raises((ArithmeticError, np.linalg.LinAlgError)):
-        forward_model(response).mean_um(np.full((1, 9), 1.2 * response.design.gap_um))
+        forward_model(response).element_free_closure_um(np.full((1, 9), 1.2 * response.design.gap_um))

@@ -29,7 +29,7 @@ from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 from footsense.sim.loads.ground_load import RampContact
 from tests.system.command import run_json
 
@@ -48,9 +48,9 @@ ANY = TrainedInputs(
 class FirstThree:
     """A network whose force is the newest closures of the first three elements."""
 
-    def estimate(self, window: Window) -> Load:
+    def estimate(self, window: Window) -> LoadEstimate:
         force_n = window.closure_rel[:, 0, :3]
-        return Load(force_n, np.ones_like(force_n), *np.zeros((2, len(force_n), 4)))
+        return LoadEstimate(force_n, np.ones_like(force_n), *np.zeros((2, len(force_n), 4)))
 
 
 def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -> SimulatedReadings:

@@ -238,7 +238,7 @@ def test_the_page_reports_the_level_of_the_papers_error() -> None:
     names = ["within_1", "within_2", *(f"{name}_{unit}" for name in readouts for unit in ("deg", "gf"))]
     lines: list[str] = []
     study = replace(STUDY, compute=partial(run_study, workers=canned))
-    page = study.page(StudyContext(models=RELEASED, quick=True, report_progress=lines.append))
+    page = study.compute_page(StudyContext(models=RELEASED, quick=True, report_progress=lines.append))
     assert "Quick run" in page.body
     assert "| gap [um] | 4 | 4 | 4 | 4.7 | 4.7 | 4.7 |" in page.body
     assert "| film [um] | no (0.0 at 4) |" in page.body

@@ -59,7 +59,7 @@ class FailingLine(SimulatedSerialPort):
             self._lead = b"\0"  # ends the interrupted record
         was_out, self._is_out = self._is_out, in_any_span(list(self._faults.unplugged_ns), t_ns)
         if not self._is_out:
-            self.opened += was_out
+            self.n_opened += was_out
             super().send(self._harmed(data), t_ns)
 
     def _harmed(self, data: bytes) -> bytes:

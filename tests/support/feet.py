@@ -10,7 +10,7 @@ from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import CapFrame, ContactFrame, Flag, Result
-from footsense.ports import Estimator, Load, Window
+from footsense.ports import Estimator, LoadEstimate, Window
 
 DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
 WINDOW = 4
@@ -33,7 +33,7 @@ class SumOfClosures:
 
     window: Window
 
-    def estimate(self, window: Window) -> Load:
+    def estimate(self, window: Window) -> LoadEstimate:
         """Return the load of every row, after checking that a network could use the window."""
         rows = len(window.closure_rel)
         assert window.closure_rel.shape == window.age_s.shape == (rows, 3, 9)
@@ -45,7 +45,7 @@ class SumOfClosures:
         self.window = window
         force_n = np.repeat(window.closure_rel[:, 0].sum(axis=1, keepdims=True), 3, axis=1)
         sigma_n = SIGMA_N * (1 + window.missing.sum(axis=1, keepdims=True))
-        return Load(force_n, sigma_n, np.zeros((rows, 4)), np.ones((rows, 4)))
+        return LoadEstimate(force_n, sigma_n, np.zeros((rows, 4)), np.ones((rows, 4)))
 
 
 def pipeline(

@@ -36,14 +36,14 @@ class SerialLink:
         clock: The time to wait in.
 
     Attributes:
-        opened: Number of times that it was opened.
+        n_opened: Number of times that it was opened.
 
     Raises:
         HardwareError: It is missing, is in use, or this user may not use it.
     """
 
     def __init__(self, device: str, baud: int, clock: Clock) -> None:
-        self.opened = 0
+        self.n_opened = 0
         self._device = device
         self._baud = baud
         self._clock = clock
@@ -116,7 +116,7 @@ class SerialLink:
             port.set_low_latency_mode(True)
         self._port, self._descriptor = port, port.fileno()
         self._poll.register(self._descriptor, 0)
-        self.opened += 1
+        self.n_opened += 1
 
     def _try_reopen(self) -> bool:
         """Reopen the port once the retry delay has passed; return whether the port is open."""

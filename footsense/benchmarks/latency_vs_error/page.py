@@ -164,7 +164,7 @@ STUDY = Study(
     name="tradeoff",
     title="Latency against error",
     compute=compute,
-    names={
+    template_names={
         "BUS_HZ": BUS_HZ,
         "FRAME_BITS": LONGEST_FRAME_BITS,
         "HOST_COST_NS": HOST_COST_NS,

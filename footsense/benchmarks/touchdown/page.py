@@ -184,7 +184,7 @@ STUDY = Study(
     name="touchdown",
     title="Touchdown",
     compute=compute,
-    names={
+    template_names={
         "TOUCHDOWNS": TOUCHDOWNS,
         "contact_mn": 1e3 * CONTACT_THRESHOLD_N,
         "tremor_mn": 1e3 * VIBRATION_N,

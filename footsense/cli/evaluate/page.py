@@ -18,7 +18,7 @@ from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Vector
-from footsense.lab.studies.ball import map_circle, map_position, map_radius
+from footsense.lab.studies.ball import elevation_circle_map_radius, map_circle, map_position
 from footsense.lab.template import render
 
 #: The paper's mean errors in the experiment, section V C [deg, gf].
@@ -51,7 +51,12 @@ def error_map_figure(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> 
                 *map_circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="0.6", lw=0.7, ls=":"
             )
             axes.text(
-                0.0, map_radius(elevation_deg), f"{elevation_deg:g} deg", fontsize=7, color="0.4", ha="center"
+                0.0,
+                elevation_circle_map_radius(elevation_deg),
+                f"{elevation_deg:g} deg",
+                fontsize=7,
+                color="0.4",
+                ha="center",
             )
         dots = axes.scatter(
             *map_position(direction[order]),

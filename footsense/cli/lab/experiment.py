@@ -53,4 +53,4 @@ def experiment(
     batch = FootBatch(seed=seed, foot_type=foot_type or FootBatch().foot_type)
     own = replace(STUDY, compute=partial(compute, batch=batch, n_feet=n_feet, jobs=jobs, kept=kept))
     models, bound = foot_type_folder(batch.foot_type), foot_type is None
-    write_study(own.page, models, output, quick=quick, as_json=as_json, bound=bound)
+    write_study(own.compute_page, models, output, quick=quick, as_json=as_json, bound=bound)

@@ -114,7 +114,7 @@ def mismatch(
             kept=kept or KEPT_FEET_FOLDER,
         ),
     )
-    write_study(own.page, models, output, quick=quick, as_json=as_json, bound=not given)
+    write_study(own.compute_page, models, output, quick=quick, as_json=as_json, bound=not given)
 
 
 @click.command()
@@ -201,4 +201,4 @@ def tolerance(
     from footsense.lab.studies.accuracy.tolerance import STUDY, run_study
 
     own = replace(STUDY, compute=partial(run_study, workers=job_runner(scheduler), file=file))
-    write_study(own.page, models, output, quick=quick)
+    write_study(own.compute_page, models, output, quick=quick)

@@ -18,7 +18,7 @@ from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import model_mismatch_reason, recorded_config, recorded_flags
 from footsense.daemon.simulation import PacedSource
 from footsense.errors import FootsenseError, ModelError, RecordingError
-from footsense.recording.compare import first_difference, same_machine
+from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 
@@ -74,7 +74,7 @@ def _run_replay(
             raise error
         click.echo(f"warning: {error}", err=True)
     pipeline = pipeline_for(models, recorded_flags(recording))
-    exact = same_machine(recording.header, platform_versions())
+    exact = same_processor_and_libraries(recording.header, platform_versions())
     n_frames = n_equal = 0
     with ExitStack() as stack:
         sink = stack.enter_context(

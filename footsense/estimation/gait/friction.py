@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from footsense.estimation.gait.back_dating import BackDated
 from footsense.frames import Slip
-from footsense.ports import Load
+from footsense.ports import LoadEstimate
 
 #: Most of the standard deviations with which a value is still given: direction [rad] and friction use [1].
 _MAX_NORMAL_SIGMA_RAD, _MAX_FRICTION_SIGMA = 0.3, 0.2
@@ -71,7 +71,7 @@ _NAN = math.nan
 NO_GROUND = Ground(_NAN, (_NAN, _NAN, _NAN), _NAN, _NAN, _NAN)
 
 
-def ground_of(load: Load, row: int) -> Ground:
+def ground_of(load: LoadEstimate, row: int) -> Ground:
     """Return ground normal and friction use below one foot; NaN where the load does not determine them.
 
     In Python numbers: for six legs, numpy's calls take longer.
@@ -81,7 +81,7 @@ def ground_of(load: Load, row: int) -> Ground:
         row: Row of the foot's leg.
     """
     fx, fy, fz = load.force_n[row].tolist()
-    px, py, rx, ry = load.contact_coordinates[row].tolist()
+    px, py, rx, ry = load.contact_point_and_friction[row].tolist()
     sigma_px, sigma_py, sigma_rx, sigma_ry = load.contact_sigma[row].tolist()
     square = px * px + py * py
     scale = 1.0 / (1.0 + square)

@@ -26,7 +26,7 @@ from footsense.estimation.gait.friction import (
     ground_of,
 )
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
-from footsense.ports import Load
+from footsense.ports import LoadEstimate
 
 #: Period of the frames without an event [ns].
 GAIT_FRAME_PERIOD_NS = 100_000_000
@@ -58,7 +58,9 @@ class GaitTracker:
         self._states = [(False, False)] * n_legs
         self._touchdowns, self._lift_offs = [_NO_TIME] * n_legs, [_NO_TIME] * n_legs
 
-    def observe(self, load: Load, contacts: Sequence[ContactDetector], now_ns: int) -> GaitFrame | None:
+    def observe(
+        self, load: LoadEstimate, contacts: Sequence[ContactDetector], now_ns: int
+    ) -> GaitFrame | None:
         """Process the loads of one conversion; return the gait if an event occurred or a frame is due, else None.
 
         Args:
@@ -123,7 +125,7 @@ class GaitTracker:
 
     def _gait_frame(
         self,
-        load: Load,
+        load: LoadEstimate,
         contacts: Sequence[ContactDetector],
         above_n: list[float],
         now_ns: int,

@@ -25,7 +25,7 @@ from footsense.lab.evaluation.contact_model import (
     contact_coordinates_of,
     force_and_slopes,
 )
-from footsense.ports import Load
+from footsense.ports import LoadEstimate
 
 #: Places of the rates, and of the acceleration of the normal force; size of the state.
 _RATE, _ACCELERATION, _STATES = slice(COORDINATES, 2 * COORDINATES), 2 * COORDINATES, 2 * COORDINATES + 1
@@ -205,7 +205,7 @@ class ContactFilter:
         force_n: Vector = (weight * forces).sum(axis=0)
         return force_n, np.sqrt((weight * (variances + (forces - force_n) ** 2)).sum(axis=0))
 
-    def seed(self, network: Load, valid: Mask) -> None:
+    def seed(self, network: LoadEstimate, valid: Mask) -> None:
         """Reset the filters to the network's estimate where both have disagreed for several conversions.
 
         Args:
@@ -217,7 +217,7 @@ class ContactFilter:
         far &= np.linalg.norm(network.force_n, axis=1) > _SEEDING_N
         self._apart = np.where(far, self._apart + 1, 0)
         seeded = self._apart >= _PATIENCE
-        start = contact_coordinates_of(network.force_n[seeded], network.contact_coordinates[seeded])
+        start = contact_coordinates_of(network.force_n[seeded], network.contact_point_and_friction[seeded])
         sigma = np.tile(_PRIOR_SIGMA, (len(start), 1))
         sigma[:, 0] = 2.0 * network.sigma_n[seeded].max(axis=1) + 0.01
         sigma[:, RATIO] = 2.0 * network.contact_sigma[seeded, 2:] + 0.01

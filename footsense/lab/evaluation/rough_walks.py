@@ -14,10 +14,10 @@ from footsense.lab.training.gait_readings import (
     GaitReadings,
     ReadingConditions,
     concatenate_gaits,
-    read_gait,
+    simulate_gait_readings,
 )
-from footsense.lab.training.gait_windows import complete_windows, windows_of
-from footsense.ports import Estimator, Load, Window
+from footsense.lab.training.gait_windows import complete_window_ends, windows_of
+from footsense.ports import Estimator, LoadEstimate, Window
 from footsense.sim.loads.rough_gait import FRICTION, RoughGait, Slides
 
 #: Threshold of contact before swings have shown their noise, and error of a baseline [N].
@@ -78,14 +78,16 @@ def simulate_walk(
     rng = np.random.default_rng(seed)
     friction = rng.uniform(*FRICTION)
     gaits = [RoughGait(rng, max_n, n * STEP_S, friction) for _ in LEGS]
-    conditions = ReadingConditions(drift_pf=0.3e-3)
-    readings = concatenate_gaits([read_gait(response, gait.loads, conditions, rng, n) for gait in gaits])
+    conditions = ReadingConditions(baseline_drift_rms_pf=0.3e-3)
+    readings = concatenate_gaits(
+        [simulate_gait_readings(response, gait.loads, conditions, rng, n) for gait in gaits]
+    )
     t_s = STEP_S * np.arange(1.0, n + 1) + readings.send_delay_s.mean(axis=0)
     found = _run_gait_tracker(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64))
     return RoughWalk(
         t_s=t_s,
-        force_n=readings.force_n.swapaxes(0, 1).astype(np.float64),
-        normal=readings.normal.swapaxes(0, 1).astype(np.float64),
+        force_n=readings.true_force_at_sending_n.swapaxes(0, 1).astype(np.float64),
+        normal=readings.true_normal_at_sending.swapaxes(0, 1).astype(np.float64),
         slides=[gait.slides(t_s) for gait in gaits],
         stances_s=[
             np.array([(start_s, start_s + stance.duration_s) for start_s, stance in gait.stances])
@@ -123,7 +125,7 @@ def _run_gait_tracker(
     tracker = GaitTracker(n_legs, period_ns=0)
     found = _GaitOutputs([], np.isfinite(loads.force_n[..., 2]), [], [], [], [])
     for k in range(n):
-        load = Load(*(part[k] for part in loads))
+        load = LoadEstimate(*(part[k] for part in loads))
         now_ns = int(t_ns[k])
         for contact, mean_n, predicted_n in zip(
             contacts, means_n[k].tolist(), load.force_n[:, 2].tolist(), strict=True
@@ -139,12 +141,12 @@ def _run_gait_tracker(
     return found
 
 
-def _estimate_loads(readings: GaitReadings, estimator: Estimator) -> tuple[Load, Vector]:
+def _estimate_loads(readings: GaitReadings, estimator: Estimator) -> tuple[LoadEstimate, Vector]:
     """Return load estimates after every conversion, (n, legs, ...), and trimmed means (NaN until a full window)."""
     n_legs, n = readings.closure_rel.shape
     windows = windows_of(readings)
-    gait, time = np.nonzero(complete_windows(readings))
-    loads = Load(*(np.full((n, n_legs, width), np.nan) for width in (3, 3, 4, 4)))
+    gait, time = np.nonzero(complete_window_ends(readings))
+    loads = LoadEstimate(*(np.full((n, n_legs, width), np.nan) for width in (3, 3, 4, 4)))
     for first in range(0, len(gait), _WINDOWS_PER_CALL):
         some = slice(first, first + _WINDOWS_PER_CALL)
         missing = np.zeros(windows.closure_rel[some, 0].shape, bool)

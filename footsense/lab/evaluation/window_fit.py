@@ -25,8 +25,8 @@ from footsense.lab.evaluation.contact_model import (
     contact_coordinates_of,
     force_and_slopes,
 )
-from footsense.lab.training.windowed_network import READINGS
-from footsense.ports import Load, Window
+from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
+from footsense.ports import LoadEstimate, Window
 
 #: Places of the unknowns: coordinates, first rates of each, second rate of the normal force.
 _RATE_SLICE = slice(COORDINATES, 2 * COORDINATES)
@@ -60,7 +60,9 @@ def is_steady(model: ContactModel, window: Window, sigmas: float = 20.0) -> Mask
     return rest
 
 
-def fit_contact(model: ContactModel, window: Window, network: Load, rounds: int) -> tuple[Vector, Vector]:
+def fit_contact(
+    model: ContactModel, window: Window, network: LoadEstimate, rounds: int
+) -> tuple[Vector, Vector]:
     """Return fitted forces and their sigma [N], shapes (n, 3), of windows without missing elements.
 
     Args:
@@ -70,7 +72,7 @@ def fit_contact(model: ContactModel, window: Window, network: Load, rounds: int)
         rounds: Rounds of Gauss-Newton.
     """
     rows = _weighted_readings(model, window)
-    start = contact_coordinates_of(network.force_n, network.contact_coordinates)
+    start = contact_coordinates_of(network.force_n, network.contact_point_and_friction)
     unknown, prior_sigma = np.zeros((2, len(start), _N_UNKNOWNS))
     unknown[:, :COORDINATES] = start
     prior = unknown.copy()
@@ -125,7 +127,7 @@ def _residual(
     by_ln_load = slopes[..., 0] - per_newton
     by_contact = slopes[..., 1:] / expansion_point[:, :1, None]
     per_newton, by_ln_load, by_contact = (
-        np.concatenate([part] * READINGS, axis=1) for part in (per_newton, by_ln_load, by_contact)
+        np.concatenate([part] * READINGS_PER_ELEMENT, axis=1) for part in (per_newton, by_ln_load, by_contact)
     )
     time_s = rows.time_s[..., None]
     then = unknown[:, None, :COORDINATES] + time_s * unknown[:, None, _RATE_SLICE]

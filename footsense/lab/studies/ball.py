@@ -25,7 +25,7 @@ def map_position(normal: Vector) -> tuple[Vector, Vector]:
     return plane[..., 1], plane[..., 0]
 
 
-def map_radius(elevation_deg: float) -> float:
+def elevation_circle_map_radius(elevation_deg: float) -> float:
     """Return the map radius of the circle of one elevation."""
     return float(np.tan(np.radians(90.0 - elevation_deg) / 2.0))
 

@@ -134,7 +134,7 @@ class Study:
         title: Heading of its page.
         compute: Measures; its annotation names the type of the results, a dataclass that msgspec converts to and from
             JSON.
-        names: Names that the template uses and that the module itself does not.
+        template_names: Names that the template uses and that the module itself does not.
         command: Subcommand of `footsense lab`; empty for `study <name>`.
         uses_network: Whether the results depend on the released network; else on the foot's response alone.
     """
@@ -142,11 +142,11 @@ class Study:
     name: str
     title: str
     compute: Callable[[StudyContext], tuple[Any, Plots]]
-    names: dict[str, Any] = field(default_factory=dict)
+    template_names: dict[str, Any] = field(default_factory=dict)
     command: str = ""
     uses_network: bool = True
 
-    def page(self, context: StudyContext) -> Page:
+    def compute_page(self, context: StudyContext) -> Page:
         """Run `compute` and return the page, with the hashes that show later whether it is out of date."""
         started = default_timer()
         results, figures = self.compute(context)
@@ -170,7 +170,7 @@ class Study:
         results: Any = msgspec.convert(values, results_type, str_keys=True)
         numbers = {one.name: getattr(results, one.name) for one in fields(results)}
         module = self._compute_function.__module__
-        names = vars(import_module(module)) | numbers | self.names | {"results": results}
+        names = vars(import_module(module)) | numbers | self.template_names | {"results": results}
         body = render(module, names)
         return Page(
             name=self.name,

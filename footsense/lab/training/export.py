@@ -33,16 +33,16 @@ from footsense.lab.training.symmetric_layers import (
 from footsense.lab.training.windowed_network import (
     LN_SIGMA_BOUNDS,
     MAX_FEATURE,
-    MIN_INTERVAL_S,
+    MIN_READING_INTERVAL_S,
     N_OUTPUTS,
-    READINGS,
-    REFERENCE_SCAN_PERIOD_S,
+    READINGS_PER_ELEMENT,
     SIGMA_ROW_OF_OUTPUT,
+    ZERO_FEATURE_SCAN_PERIOD_S,
     Weights,
     element_input_index,
     output_symmetries,
 )
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 
 #: The format of onnxruntime 1.18; newer ones gain nothing for ten matrix products.
 IR_VERSION, OPSET = 8, 17
@@ -77,12 +77,12 @@ def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]
         # Newest minus the one before, and that minus the oldest.
         "changes_of": np.block([[one, none], [-one, one], [none, -one]]),
         "each_nine": np.array([elements, elements]),
-        "all_three": np.full(READINGS, elements),
+        "all_three": np.full(READINGS_PER_ELEMENT, elements),
         "mean_of_first": np.concatenate([np.full((elements, 1), 1.0 / elements), np.zeros((elements, 1))]),
         "mean": np.full((elements, 1), 1.0 / elements),
         "both_means": np.full((2 * elements, 1), 0.5 / elements),
-        "least_s": np.array(-MIN_INTERVAL_S),
-        "per_period": np.array([1.0 / REFERENCE_SCAN_PERIOD_S]),
+        "least_s": np.array(-MIN_READING_INTERVAL_S),
+        "per_period": np.array([1.0 / ZERO_FEATURE_SCAN_PERIOD_S]),
         "soft": np.array([PATTERN_SOFTENING_REL**2]),
         "lowest": np.array(-MAX_FEATURE),
         "highest": np.array(MAX_FEATURE),
@@ -177,14 +177,14 @@ class OnnxNetwork:
                 f"{path} is no network with a card ({why}); rebuild it with `footsense lab build`"
             ) from error
 
-    def estimate(self, window: Window) -> Load:
+    def estimate(self, window: Window) -> LoadEstimate:
         """Return the estimated loads of any number of windows."""
         inputs = {
             signal.name: np.asarray(part, np.float32).reshape(len(part), math.prod(part.shape[1:]))
             for signal, part in zip(INPUTS, window, strict=True)
         }
         outputs = self._session.run([signal.name for signal in OUTPUTS], inputs)
-        return Load(*(np.asarray(part, dtype=np.float64) for part in outputs))
+        return LoadEstimate(*(np.asarray(part, dtype=np.float64) for part in outputs))
 
     def force_n(self, closure_rel: Vector) -> Vector:
         """Return estimated forces [N], (n, 3), under steady loads, from closures over the gap, (n, elements)."""

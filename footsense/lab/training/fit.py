@@ -33,7 +33,7 @@ Weights = TypeVar("Weights")
 
 #: Tempering of the likelihood by a case's own sigma, the beta of Seitzer et al.: 0 is the likelihood, which neglects
 #: hard cases; 1 is the squared error, which they dominate.
-_TEMPERING = 0.25
+_LIKELIHOOD_TEMPERING_BETA = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +112,7 @@ def force_likelihood_loss(
     """
     square = (force_n - true_n) ** 2
     scale = jnp.sqrt(jnp.sum(true_n**2, axis=-1, keepdims=True) + min_force_n**2)
-    weight = jax.lax.stop_gradient(sigma_n / scale) ** (2.0 * _TEMPERING)
+    weight = jax.lax.stop_gradient(sigma_n / scale) ** (2.0 * _LIKELIHOOD_TEMPERING_BETA)
     likelihood = jnp.log(sigma_n) + 0.5 * square / sigma_n**2
     return jnp.mean(weight * likelihood) + squared_error_weight * jnp.mean(square / scale**2)
 
@@ -144,7 +144,7 @@ def fit(
         """Return the state after several training steps, as one compiled call."""
 
         def step(carry: tuple[Weights, Any], key: jax.Array) -> tuple[tuple[Weights, Any], jax.Array]:
-            """Return the state and the loss after one training step."""
+            """Return the state after one training step, and the loss that it started from."""
             free, state = carry
             now, gradient = jax.value_and_grad(loss)(free, random_batch(data, key))
             change, state = optimiser.update(gradient, state, free)

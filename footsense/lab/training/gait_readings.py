@@ -44,24 +44,24 @@ class GaitReadings:
 
     Attributes:
         rows: Rows of elements of the foot, and as many columns.
-        order: Index into `CONVERSION_ORDERS` of each gait, shape (m,).
+        conversion_order_index: Index into `CONVERSION_ORDERS` of each gait, shape (m,).
         step_s: Time of a conversion of each gait [s], shape (m,).
         send_delay_s: Time from the middle of each conversion to sending [s], shape (m, n).
         closure_rel: Measured closure of the conversion's own element over the gap [1], shape (m, n); at most that at
             the end of the converter's range.
         in_range: Whether the conversion was within the converter's range, shape (m, n).
-        force_n: True force at sending [N], shape (m, n, 3).
-        normal: True normal of the contact at sending, shape (m, n, 3); up in the air.
+        true_force_at_sending_n: True force at sending [N], shape (m, n, 3).
+        true_normal_at_sending: True normal of the contact at sending, shape (m, n, 3); up in the air.
     """
 
     rows: int
-    order: NDArray[np.intp]
+    conversion_order_index: NDArray[np.intp]
     step_s: Vector
     send_delay_s: Vector
     closure_rel: NDArray[np.float32]
     in_range: NDArray[np.bool_]
-    force_n: NDArray[np.float32]
-    normal: NDArray[np.float32]
+    true_force_at_sending_n: NDArray[np.float32]
+    true_normal_at_sending: NDArray[np.float32]
 
 
 #: The arrays of gaits, each with a row for each gait.
@@ -73,7 +73,7 @@ def conversion_elements(order: int, n: int, rows: int = 3) -> NDArray[np.intp]:
     return np.resize(np.array(conversion_order(CONVERSION_ORDERS[order], rows), np.intp), n)
 
 
-def _with_viscoelastic_load(
+def _equivalent_elastic_load(
     t_s: Vector, normal: Vector, force_n: Vector, amount: float
 ) -> tuple[Vector, Vector]:
     """Return normal and force of the elastic load that deforms a foot as the viscoelastic one does."""
@@ -108,21 +108,21 @@ class ReadingConditions(NamedTuple):
     """Conditions of a simulated gait: conversion order and timing, viscoelasticity, baseline drift.
 
     Attributes:
-        order: Index into `CONVERSION_ORDERS`.
+        conversion_order_index: Index into `CONVERSION_ORDERS`.
         step_s: Time of a conversion [s].
         send_delay_s: Time from the middle of a conversion to the sending of a force [s].
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
-        drift_pf: Drift of the baselines since they were last followed [pF, rms].
+        baseline_drift_rms_pf: Drift of the baselines since they were last followed [pF, rms].
     """
 
-    order: int = 0
+    conversion_order_index: int = 0
     step_s: float = STEP_S
     send_delay_s: float = NOMINAL_SEND_DELAY_S
     viscous_rel: float = 0.0
-    drift_pf: float = 0.0
+    baseline_drift_rms_pf: float = 0.0
 
 
-def read_gait(
+def simulate_gait_readings(
     response: FootResponse,
     loads: Callable[[Vector], ContactLoads],
     conditions: ReadingConditions,
@@ -143,29 +143,31 @@ def read_gait(
     t_s: Vector = np.asarray(conditions.step_s * np.arange(1.0, n + 1), np.float64)
     read, sent = loads(t_s), loads(t_s + send_delay_s)
     normal, force_n = (
-        _with_viscoelastic_load(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
+        _equivalent_elastic_load(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
     )
     closure_um = _gait_closures_um(Foot(response), t_s, normal, force_n)
-    element = conversion_elements(conditions.order, n, response.rows)
+    element = conversion_elements(conditions.conversion_order_index, n, response.rows)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)
-    off_pf = float(np.hypot(BASELINE_NOISE_PF, conditions.drift_pf))
+    off_pf = float(np.hypot(BASELINE_NOISE_PF, conditions.baseline_drift_rms_pf))
     baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=response.n_elements)
     closure_rel = design.closure_um(measured_pf, baseline_pf[element]) / design.gap_um
     return GaitReadings(
         rows=response.rows,
-        order=np.array([conditions.order]),
+        conversion_order_index=np.array([conditions.conversion_order_index]),
         step_s=np.array([conditions.step_s]),
         send_delay_s=send_delay_s[None],
         closure_rel=closure_rel[None].astype(np.float32),
         in_range=(measured_pf < FULL_SCALE_PF)[None],
-        force_n=sent.force_n[None].astype(np.float32),
-        normal=sent.normal[None].astype(np.float32),
+        true_force_at_sending_n=sent.force_n[None].astype(np.float32),
+        true_normal_at_sending=sent.normal[None].astype(np.float32),
     )
 
 
-def read_random_gait(response: FootResponse, rng: np.random.Generator, n: int, max_n: float) -> GaitReadings:
-    """Return the simulated readings of one random gait under random conditions, as `read_gait`.
+def simulate_random_gait_readings(
+    response: FootResponse, rng: np.random.Generator, n: int, max_n: float
+) -> GaitReadings:
+    """Return the simulated readings of one random gait under random conditions, as `simulate_gait_readings`.
 
     Args:
         response: Response of the foot.
@@ -178,13 +180,13 @@ def read_random_gait(response: FootResponse, rng: np.random.Generator, n: int, m
     step_s = STEP_S * pace_rel * (1.0 + _CLOCK_REL * rng.normal())
     late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
     conditions = ReadingConditions(
-        order=order,
+        conversion_order_index=order,
         step_s=step_s,
         send_delay_s=nominal_send_delay_s(step_s) + late_s,
         viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
-        drift_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
+        baseline_drift_rms_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
     )
-    return read_gait(response, RandomGait(rng, max_n, n * step_s).loads, conditions, rng, n)
+    return simulate_gait_readings(response, RandomGait(rng, max_n, n * step_s).loads, conditions, rng, n)
 
 
 def concatenate_gaits(gaits: list[GaitReadings]) -> GaitReadings:
@@ -207,7 +209,8 @@ def random_gaits(
     """Return simulated readings of m random gaits; the same seed gives the same, on any number of processes."""
     seeds = np.random.SeedSequence(seed).spawn(m)
     making = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(read_random_gait)(response, np.random.default_rng(own), n, max_n) for own in seeds
+        delayed(simulate_random_gait_readings)(response, np.random.default_rng(own), n, max_n)
+        for own in seeds
     )
     made: list[GaitReadings] = []
     with progress_bar("gaits", m) as gaits_done:

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from footsense.frames import Vector
 from footsense.lab.training.gait_readings import CONVERSION_ORDERS, GaitReadings, conversion_elements
-from footsense.lab.training.windowed_network import READINGS
+from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
 
 #: Conversions before the first window of a gait, beyond those of the window.
-_EXTRA_CONVERSIONS = 3
+_EXTRA_WARM_UP_CONVERSIONS = 3
 
 
 def age_in_conversions_table(rows: int) -> NDArray[np.intp]:
@@ -37,10 +37,10 @@ def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, V
     return np.concatenate([point, ratio], axis=-1), pressing_n
 
 
-def complete_windows(gaits: GaitReadings) -> NDArray[np.bool_]:
-    """Return after which conversions a complete window ends whose newest readings are all in range, shape (m, n)."""
+def complete_window_ends(gaits: GaitReadings) -> NDArray[np.bool_]:
+    """Return the mask of conversions that end a complete window, its newest readings in range, shape (m, n)."""
     n_elements = gaits.rows**2
-    warm_up = READINGS * n_elements + _EXTRA_CONVERSIONS
+    warm_up = READINGS_PER_ELEMENT * n_elements + _EXTRA_WARM_UP_CONVERSIONS
     beyond = (~gaits.in_range).cumsum(axis=1)
     whole = np.zeros(beyond.shape, bool)
     whole[:, warm_up:] = beyond[:, warm_up:] == beyond[:, warm_up - n_elements : -n_elements]
@@ -67,15 +67,18 @@ class GaitWindows(NamedTuple):
 
 def windows_of(gaits: GaitReadings) -> GaitWindows:
     """Return all complete windows of simulated gaits, ordered by gait and time."""
-    gait, time = np.nonzero(complete_windows(gaits))
+    gait, time = np.nonzero(complete_window_ends(gaits))
     n_elements = gaits.rows**2
-    oldest = n_elements * np.arange(READINGS)[:, None]
-    since = age_in_conversions_table(gaits.rows)[gaits.order[gait], time % n_elements][:, None] + oldest
+    oldest = n_elements * np.arange(READINGS_PER_ELEMENT)[:, None]
+    since = (
+        age_in_conversions_table(gaits.rows)[gaits.conversion_order_index[gait], time % n_elements][:, None]
+        + oldest
+    )
     age_s = since * gaits.step_s[gait][:, None, None] + gaits.send_delay_s[gait, time][:, None, None]
     return GaitWindows(
         gait,
         gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64),
         age_s,
-        gaits.force_n[gait, time].astype(np.float64),
-        gaits.normal[gait, time].astype(np.float64),
+        gaits.true_force_at_sending_n[gait, time].astype(np.float64),
+        gaits.true_normal_at_sending[gait, time].astype(np.float64),
     )

@@ -28,7 +28,7 @@ from footsense.lab.symmetry import SYMMETRIES, element_permutation
 NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
 #: Free mean closure from which an element is beyond the converter's range for certain [1 of the gap]: loads within full
 #: scale stay below 1.2.
-CERTAINLY_SATURATED_REL = 1.5
+CERTAIN_SATURATION_CLOSURE_REL = 1.5
 #: Full scale of the converter [pF]; beyond, the daemon reports `saturated`.
 FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Loads that are turned into closures at once, which limits memory.
@@ -170,7 +170,7 @@ def _is_maybe_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[n
     for first in range(0, len(force_n), _LOADS_PER_CALL):
         some = slice(first, first + _LOADS_PER_CALL)
         free_um = foot.response.free_element_closures_um(normal[some], force_n[some])
-        may[some] = free_um.max(axis=1) < CERTAINLY_SATURATED_REL * foot.response.design.gap_um
+        may[some] = free_um.max(axis=1) < CERTAIN_SATURATION_CLOSURE_REL * foot.response.design.gap_um
     return may
 
 

@@ -46,7 +46,7 @@ class SharedWeights(NamedTuple):
     sigma_offset: Any
 
     @property
-    def size(self) -> int:
+    def n_weights(self) -> int:
         """Number of trained weights."""
         return sum(int(part.size) for part in self)
 

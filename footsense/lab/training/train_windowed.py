@@ -31,7 +31,7 @@ from footsense.lab.training.gait_readings import (
 )
 from footsense.lab.training.gait_windows import (
     age_in_conversions_table,
-    complete_windows,
+    complete_window_ends,
     contact_and_normal_force,
 )
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
@@ -39,7 +39,7 @@ from footsense.lab.training.symmetric_layers import linear_basis
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     FEATURES_PER_FOOT,
-    READINGS,
+    READINGS_PER_ELEMENT,
     Features,
     Weights,
     element_input_index,
@@ -80,13 +80,13 @@ class Batch(NamedTuple):
     Attributes:
         features: Input features of the network.
         force_n: True forces [N], shape (n, 3).
-        contact: True contact point, stereographic, and friction ratio [1], shape (n, 4).
+        contact_point_and_friction: True contact point, stereographic, and friction ratio [1], shape (n, 4).
         loaded: One where the two are learnt, shape (n, 1).
     """
 
     features: Features
     force_n: Any
-    contact: Any
+    contact_point_and_friction: Any
     loaded: Any
 
 
@@ -95,16 +95,16 @@ class _TrainingConstants(NamedTuple):
 
     closure_rel: Any
     force_n: Any
-    contact: Any
+    contact_point_and_friction: Any
     loaded: Any
     send_delay_s: Any
     step_s: Any
-    order: Any
+    conversion_order_index: Any
     window_indices: Any
     ages_in_conversions: Any
     steady_closure_rel: Any
     steady_force_n: Any
-    steady_contact: Any
+    steady_contact_point_and_friction: Any
     steady_friction_indices: Any
     imputation_matrices: Any
     missing_masks: Any
@@ -117,32 +117,32 @@ def _training_constants(
 ) -> _TrainingConstants:
     """Return the training data as JAX arrays."""
     contact, pressing_n = contact_and_normal_force(
-        gaits.force_n.astype(np.float64), gaits.normal.astype(np.float64)
+        gaits.true_force_at_sending_n.astype(np.float64), gaits.true_normal_at_sending.astype(np.float64)
     )
     steady_contact, _ = contact_and_normal_force(steady_loads.force_n, steady_loads.normal)
     rng = np.random.default_rng(1)
-    carries, window = pressing_n > 0.0, READINGS * gaits.rows**2
+    carries, window = pressing_n > 0.0, READINGS_PER_ELEMENT * gaits.rows**2
     load = np.concatenate([np.zeros((len(carries), window), int), carries.cumsum(axis=1)], axis=1)
     lately = load[:, window:] > load[:, :-window]
     drawn = rng.random(carries.shape)
     share = np.where(carries, 1.0, np.where(lately, _JUST_LIFTED_SHARE, _AIR_SHARE))
-    where = np.flatnonzero((complete_windows(gaits) & (drawn < share)).ravel())
+    where = np.flatnonzero((complete_window_ends(gaits) & (drawn < share)).ravel())
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     masks = missing_sets(gaits.rows**2).sets
     single = jnp.float32
     return _TrainingConstants(
         closure_rel=jnp.asarray(gaits.closure_rel.ravel(), single),
-        force_n=jnp.asarray(gaits.force_n.reshape(-1, 3), single),
-        contact=jnp.asarray(contact.reshape(-1, 4), single),
+        force_n=jnp.asarray(gaits.true_force_at_sending_n.reshape(-1, 3), single),
+        contact_point_and_friction=jnp.asarray(contact.reshape(-1, 4), single),
         loaded=jnp.asarray((pressing_n.ravel() > _LOADED_N)[:, None], single),
         send_delay_s=jnp.asarray(gaits.send_delay_s.ravel(), single),
         step_s=jnp.asarray(gaits.step_s, single),
-        order=jnp.asarray(gaits.order),
+        conversion_order_index=jnp.asarray(gaits.conversion_order_index),
         window_indices=jnp.asarray(where),
         ages_in_conversions=jnp.asarray(age_in_conversions_table(gaits.rows)),
         steady_closure_rel=jnp.asarray(steady_loads.closure_um / design.gap_um, single),
         steady_force_n=jnp.asarray(steady_loads.force_n, single),
-        steady_contact=jnp.asarray(steady_contact, single),
+        steady_contact_point_and_friction=jnp.asarray(steady_contact, single),
         steady_friction_indices=jnp.asarray(
             np.flatnonzero(np.linalg.norm(steady_contact[:, 2:], axis=1) > _FRICTION_REL)
         ),
@@ -159,12 +159,12 @@ def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array,
     at = data.window_indices[jax.random.randint(key, (n,), 0, len(data.window_indices))]
     gait, time = at // times_per_gait, at % times_per_gait
     since = (
-        data.ages_in_conversions[data.order[gait], time % n_elements][:, None]
-        + n_elements * jnp.arange(READINGS)[:, None]
+        data.ages_in_conversions[data.conversion_order_index[gait], time % n_elements][:, None]
+        + n_elements * jnp.arange(READINGS_PER_ELEMENT)[:, None]
     )
     closure_rel = data.closure_rel[at[:, None, None] - since]
     age_s = since * data.step_s[gait][:, None, None] + data.send_delay_s[at][:, None, None]
-    return closure_rel, age_s, data.force_n[at], data.contact[at], data.loaded[at]
+    return closure_rel, age_s, data.force_n[at], data.contact_point_and_friction[at], data.loaded[at]
 
 
 def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any, ...]:
@@ -178,7 +178,7 @@ def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[A
     at = jnp.concatenate([rough, jax.random.randint(k5, (n - n_rough,), 0, len(data.steady_closure_rel))])
     exact = data.steady_closure_rel[at][:, None]
     steep = (1.0 + data.film_thickness_rel - exact) ** 2
-    noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS, n_elements))
+    noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS_PER_ELEMENT, n_elements))
     offset = data.noise_rel[1] * jax.random.normal(k3, (n, 1, n_elements))
     phase = jax.random.randint(k4, (n,), 0, n_elements)
     paced = jax.random.permutation(k6, n) < n_paced
@@ -186,13 +186,16 @@ def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[A
     drawn = jax.random.uniform(k7, (2, n))
     step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
     order = jnp.where(paced, (drawn[1] * len(CONVERSION_ORDERS)).astype(int), 0)
-    since = data.ages_in_conversions[order, phase][:, None] + n_elements * jnp.arange(READINGS)[:, None]
+    since = (
+        data.ages_in_conversions[order, phase][:, None]
+        + n_elements * jnp.arange(READINGS_PER_ELEMENT)[:, None]
+    )
     closure_rel = exact + steep * noise + (1.0 + data.film_thickness_rel) ** 2 * offset
     return (
         closure_rel,
         since * step_s + nominal_send_delay_s(step_s),
         data.steady_force_n[at],
-        data.steady_contact[at],
+        data.steady_contact_point_and_friction[at],
         jnp.ones((n, 1)),
     )
 
@@ -262,7 +265,11 @@ def train_windowed(
     whiten, mean = whitening_transform(element_inputs, element_input_index(gaits.rows), place, 3e-8)
     now, newest, force_n = (
         np.asarray(part, np.float64)
-        for part in (first.features.extrapolated, first.features.newest, first.force_n)
+        for part in (
+            first.features.extrapolated_closure_rel,
+            first.features.newest_closure_rel,
+            first.force_n,
+        )
     )
     linear = fit_linear_start((now, now - newest), force_n, settings.min_force_n)
 
@@ -275,7 +282,7 @@ def train_windowed(
         """Return the training loss of a batch."""
         load = run(expand_shared_weights(fold_whitening(free)), batch.features)
         force = (load.force_n, load.sigma_n, batch.force_n, settings.min_force_n, _SQUARED_ERROR_WEIGHT)
-        apart, sigma = load.contact_coordinates - batch.contact, load.contact_sigma
+        apart, sigma = load.contact_point_and_friction - batch.contact_point_and_friction, load.contact_sigma
         likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)
         return force_likelihood_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
 
@@ -283,7 +290,7 @@ def train_windowed(
         """Return a random training batch."""
         return _random_windows_batch(data, times_per_gait, settings.batch, key)
 
-    def unfolded(weights: Weights) -> Weights:
+    def unfold_whitening(weights: Weights) -> Weights:
         """Return the weights before whitening is folded in: the inverse of `fold_whitening`."""
         w1 = jnp.asarray(
             np.asarray(weights.w1, np.float64) @ np.linalg.inv(np.asarray(whiten, np.float64)), jnp.float32
@@ -292,7 +299,7 @@ def train_windowed(
 
     def first_weights(key: jax.Array, c: int) -> Weights:
         """Return random or given initial weights."""
-        return _random_weights(key, c, gaits.rows) if start is None else unfolded(start)
+        return _random_weights(key, c, gaits.rows) if start is None else unfold_whitening(start)
 
     free = fit(first_weights, loss, random_batch, data, settings, _STEPS_PER_CALL, report)
     return fold_whitening(free)

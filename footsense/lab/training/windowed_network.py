@@ -34,10 +34,10 @@ from footsense.lab.training.symmetric_layers import (
     hidden_input_index,
     linear_basis,
 )
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 
 #: Readings of an element in a window.
-READINGS = 3
+READINGS_PER_ELEMENT = 3
 #: Features of an element and of the foot: six of its readings, its mask; size, period.
 FEATURES_PER_ELEMENT, FEATURES_PER_FOOT = 7, 2
 #: Outputs: force, contact point, friction ratio.
@@ -47,11 +47,11 @@ SIGMA_ROW_OF_OUTPUT = np.array([0, 0, 1, 2, 2, 3, 3])
 #: Largest feature of an element [1]: a step of the load is not larger, a corrupt reading is.
 MAX_FEATURE = 4.0
 #: Period of a scan that has the feature 0 [s].
-REFERENCE_SCAN_PERIOD_S = 0.02445
+ZERO_FEATURE_SCAN_PERIOD_S = 0.02445
 #: Bounds of ln sigma over its scale.
 LN_SIGMA_BOUNDS = (-8.0, 3.0)
 #: Least time between two readings of an element [s]; a foot's first reading stands for those before it.
-MIN_INTERVAL_S = 1e-4
+MIN_READING_INTERVAL_S = 1e-4
 
 
 class Weights(SharedWeights):
@@ -72,8 +72,8 @@ class Weights(SharedWeights):
 class LayerMatrices(NamedTuple):
     """Full weight matrices of the network, expanded from the shared weights: a layer is x @ w + b."""
 
-    level: Any
-    slope: Any
+    closure_to_force: Any
+    closure_change_to_force: Any
     w1: Any
     b1: Any
     w2: Any
@@ -88,15 +88,15 @@ class Features(NamedTuple):
 
     Attributes:
         hidden_inputs: Inputs of the first hidden layer, shape (n, SEEN).
-        extrapolated: Readings moved to the asked time along their slope [1], shape (n, elements).
-        newest: Newest readings [1], shape (n, elements).
-        size: Root mean square of the closures [1], shape (n, 1).
+        extrapolated_closure_rel: Readings moved to the asked time along their slope [1], shape (n, elements).
+        newest_closure_rel: Newest readings [1], shape (n, elements).
+        closure_rms_rel: Root mean square of the closures [1], shape (n, 1).
     """
 
     hidden_inputs: Any
-    extrapolated: Any
-    newest: Any
-    size: Any
+    extrapolated_closure_rel: Any
+    newest_closure_rel: Any
+    closure_rms_rel: Any
 
 
 def element_input_index(rows: int = 3) -> NDArray[np.intp]:
@@ -117,8 +117,8 @@ def expand_shared_weights(weights: Weights) -> LayerMatrices:
     """Return the full weight matrices of the shared weights: unit g * c + i is channel i under symmetry g."""
     turns, basis = output_symmetries(), linear_basis(weights.rows)
     return LayerMatrices(
-        level=jnp.tensordot(weights.linear[: len(basis)], basis, 1),
-        slope=jnp.tensordot(weights.linear[len(basis) :], basis, 1),
+        closure_to_force=jnp.tensordot(weights.linear[: len(basis)], basis, 1),
+        closure_change_to_force=jnp.tensordot(weights.linear[len(basis) :], basis, 1),
         **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, weights.rows),
         out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS),
         sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS),
@@ -135,9 +135,9 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
         missing: One for each element that is missing, else zero, shape (n, elements).
         module: `jax.numpy` or `numpy`.
     """
-    v0, v1, v2 = (closure_rel[:, k] for k in range(READINGS))
-    first_s = module.maximum(age_s[:, 1] - age_s[:, 0], MIN_INTERVAL_S)
-    second_s = module.maximum(age_s[:, 2] - age_s[:, 1], MIN_INTERVAL_S)
+    v0, v1, v2 = (closure_rel[:, k] for k in range(READINGS_PER_ELEMENT))
+    first_s = module.maximum(age_s[:, 1] - age_s[:, 0], MIN_READING_INTERVAL_S)
+    second_s = module.maximum(age_s[:, 2] - age_s[:, 1], MIN_READING_INTERVAL_S)
     period_s = first_s.mean(axis=-1, keepdims=True)
     age = age_s[:, 0] / period_s
     d1 = (v0 - v1) * (period_s / first_s)
@@ -146,29 +146,33 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
     size = module.sqrt((v0 * v0 + now * now).mean(axis=-1, keepdims=True) / 2.0 + PATTERN_SOFTENING_REL**2)
     planes = module.concatenate([v0, d1, age * d1, d2, age * d2, age * age * d2], axis=-1) / size
     planes = module.minimum(module.maximum(planes, -MAX_FEATURE), MAX_FEATURE)
-    scalars = [size, module.log(period_s / REFERENCE_SCAN_PERIOD_S)]
+    scalars = [size, module.log(period_s / ZERO_FEATURE_SCAN_PERIOD_S)]
     return Features(module.concatenate([planes, missing, *scalars], axis=-1), now, v0, size)
 
 
-def run(matrices: LayerMatrices, inputs: Features) -> Load:
+def run(matrices: LayerMatrices, inputs: Features) -> LoadEstimate:
     """Return the network's estimates of n windows, as JAX arrays."""
     first = jnp.tanh(inputs.hidden_inputs @ matrices.w1 + matrices.b1)
     second = jnp.tanh(first @ matrices.w2 + matrices.b2)
     out = second @ matrices.out
     sigma = jnp.exp(jnp.clip(second @ matrices.sigma + matrices.sigma_offset, *LN_SIGMA_BOUNDS))
-    curved = jnp.mean(inputs.extrapolated**2, axis=-1, keepdims=True) / inputs.size * out[:, :3]
-    return Load(
-        force_n=inputs.extrapolated @ matrices.level
-        + (inputs.extrapolated - inputs.newest) @ matrices.slope
+    curved = (
+        jnp.mean(inputs.extrapolated_closure_rel**2, axis=-1, keepdims=True)
+        / inputs.closure_rms_rel
+        * out[:, :3]
+    )
+    return LoadEstimate(
+        force_n=inputs.extrapolated_closure_rel @ matrices.closure_to_force
+        + (inputs.extrapolated_closure_rel - inputs.newest_closure_rel) @ matrices.closure_change_to_force
         + curved,
-        sigma_n=inputs.size * sigma[:, :3],
-        contact_coordinates=out[:, 3:],
+        sigma_n=inputs.closure_rms_rel * sigma[:, :3],
+        contact_point_and_friction=out[:, 3:],
         contact_sigma=sigma[:, 3:],
     )
 
 
-def predict(weights: Weights, window: Window) -> Load:
+def predict(weights: Weights, window: Window) -> LoadEstimate:
     """Return the network's load estimates for n windows, in float32 arithmetic."""
     closure_rel, age_s, missing = (jnp.asarray(part, jnp.float32) for part in window)
     load = run(expand_shared_weights(weights), features(closure_rel, age_s, missing))
-    return Load(*(np.asarray(part, dtype=np.float64) for part in load))
+    return LoadEstimate(*(np.asarray(part, dtype=np.float64) for part in load))

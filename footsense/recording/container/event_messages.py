@@ -115,13 +115,13 @@ def reference_schema() -> bytes:
     return json.dumps({"type": "object", "properties": properties}).encode()
 
 
-class _Gait(msgspec.Struct):
+class _GaitMessage(msgspec.Struct):
     t_ns: Count
     friction: float | None
     all_in_air: bool
 
 
-class _Event(msgspec.Struct):
+class _GaitEventMessage(msgspec.Struct):
     kind: str
     leg: str
     t_ns: int
@@ -152,7 +152,7 @@ def encode_gait_events(gait: GaitFrame, legs: Sequence[str]) -> list[bytes]:
 def decode_gait(data: bytes, events: Sequence[bytes], legs: Sequence[str]) -> GaitFrame:
     """Return the gait frame decoded from its JSON message and those of its events."""
     message: Mapping[str, Any] = json.loads(data)
-    whole = msgspec.convert(message, _Gait)
+    whole = msgspec.convert(message, _GaitMessage)
     rows = [message[leg] for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in GAIT_FIELDS.items()}
     friction = float("nan") if whole.friction is None else whole.friction
@@ -161,5 +161,5 @@ def decode_gait(data: bytes, events: Sequence[bytes], legs: Sequence[str]) -> Ga
 
 
 def _decode_gait_event(data: bytes, legs: Sequence[str]) -> GaitEvent:
-    event = msgspec.convert(json.loads(data), _Event)
+    event = msgspec.convert(json.loads(data), _GaitEventMessage)
     return GaitEvent(GaitEventKind[event.kind], legs.index(event.leg), event.t_ns, event.sigma_s)

@@ -6,7 +6,8 @@ which JSON has no word, is the number 1e999.
 The readings of all elements are written with every conversion, of which one is new: the container's compression
 finds repetitions, and writing the changes alone would save a tenth of the file.
 
-Recordings from before causes and baselines were recorded lack these entries: they are read as `NOT_RECORDED` and as
+Recordings from before causes and baselines were recorded lack these entries: they are read as `CAUSE_NOT_RECORDED` and
+    as
 no baseline, are not compared, and stay out when the recording is recovered. Older names of entries and causes are read
 as their present ones.
 """
@@ -29,9 +30,9 @@ from footsense.frames import (
     GaitFrame,
 )
 from footsense.recording.cycle_fields import (
+    CAUSE_NOT_RECORDED,
     CYCLE_FIELDS,
     GAIT_FIELDS,
-    NOT_RECORDED,
     Count,
     CycleField,
     cycle_fields,
@@ -61,7 +62,7 @@ _DEFAULTS_OF_OLD_RECORDINGS = {
 
 #: Name of each code, and code of each name, by enumeration.
 _NAME_OF_CODE = {
-    field.code_names: {**{code: code.name for code in field.code_names}, NOT_RECORDED: None}
+    field.code_names: {**{code: code.name for code in field.code_names}, CAUSE_NOT_RECORDED: None}
     for field in (*CYCLE_FIELDS.values(), *GAIT_FIELDS.values())
     if field.code_names is not None
 }
@@ -85,7 +86,7 @@ def _force_fields(n_elements: int = ELEMENTS) -> dict[str, CycleField]:
     return {path: field for path, field in cycle_fields(n_elements).items() if path.startswith("forces.")}
 
 
-_FIRST_FORCE_FIELDS = {
+_ORIGINAL_FORCE_FIELDS = {
     path: field
     for path, field in _force_fields().items()
     if field.json_keys[0] not in _DEFAULTS_OF_OLD_RECORDINGS
@@ -99,8 +100,8 @@ def encode_scan(scan: CapFrame, legs: Sequence[str]) -> bytes:
 
 def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
     """Return a force frame as a JSON message with one entry per leg."""
-    is_old = (forces.cause == NOT_RECORDED).all()
-    rows = leg_objects(forces, legs, _FIRST_FORCE_FIELDS if is_old else _force_fields())
+    is_old = (forces.cause == CAUSE_NOT_RECORDED).all()
+    rows = leg_objects(forces, legs, _ORIGINAL_FORCE_FIELDS if is_old else _force_fields())
     return encode_json({"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
 
 

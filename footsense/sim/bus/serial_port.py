@@ -24,7 +24,7 @@ class SimulatedSerialPort:
     """
 
     def __init__(self, mcu: SimulatedRobotMcu, clock: Clock, *, rate_hz: float, baud: int) -> None:
-        self.opened = 1
+        self.n_opened = 1
         self._mcu = mcu
         self._clock = clock
         self._period_ns = round(1e9 / rate_hz)

@@ -63,7 +63,7 @@ class SimulatedSensor:
         linearity_rel: Largest nonlinearity over the rated value [1].
 
     Attributes:
-        opened: Number of times that its line was opened.
+        n_opened: Number of times that its line was opened.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class SimulatedSensor:
         seed: int,
         linearity_rel: float = LINEARITY_REL,
     ) -> None:
-        self.opened = 1
+        self.n_opened = 1
         self._true_force_n_at = true_force_n_at
         self._clock = clock
         self._random = np.random.default_rng((seed, 6))

@@ -48,7 +48,7 @@ def test_a_cut_through_the_block_carries_the_whole_load() -> None:
 def test_elements_lie_on_the_block() -> None:
     """No element reaches over the edge, or over its neighbour."""
     for sensor in SENSOR_ARRAYS:
-        halves = sensor.element_borders_mm()
+        halves = sensor.half_axis_element_borders_mm()
         assert halves[0][1] <= FOOT_DESIGN.sheet_mm / 2.0 + 1e-12
         assert all(inner[1] < outer[0] for outer, inner in pairwise(halves))
 

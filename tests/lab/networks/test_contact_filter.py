@@ -9,7 +9,7 @@ from footsense.lab.evaluation.contact_model import ContactModel, contact_coordin
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.evaluation.window_fit import fit_contact, is_steady
 from footsense.lab.training.gait_readings import NOMINAL_SEND_DELAY_S, STEP_S, conversion_elements
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 from tests.lab.released import RELEASED
 
 pytestmark = pytest.mark.lab
@@ -26,11 +26,11 @@ def model() -> ContactModel:
     return ContactModel(open_models(RELEASED)[0])
 
 
-def network_off() -> Load:
+def network_off() -> LoadEstimate:
     """Return an answer that is off by its sigma."""
     force_n, _ = force_and_slopes(COORDINATES)
     contact = COORDINATES[:, [3, 4, 1, 2]]
-    return Load(
+    return LoadEstimate(
         force_n + OFF_N, np.full_like(force_n, OFF_N), contact - OFF_REL, np.full_like(contact, OFF_REL)
     )
 

@@ -18,13 +18,13 @@ def numbered(order: int, rows: int) -> GaitReadings:
     force_n[0, :, 2] = numbers / 100
     return GaitReadings(
         rows=rows,
-        order=np.array([order]),
+        conversion_order_index=np.array([order]),
         step_s=np.array([STEP_S]),
         send_delay_s=np.full((1, N), NOMINAL_SEND_DELAY_S),
         closure_rel=numbers[None].astype(np.float32),
         in_range=(numbers != BEYOND)[None],
-        force_n=force_n,
-        normal=np.tile(np.array([0.0, 0.0, 1.0], np.float32), (1, N, 1)),
+        true_force_at_sending_n=force_n,
+        true_normal_at_sending=np.tile(np.array([0.0, 0.0, 1.0], np.float32), (1, N, 1)),
     )
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.lab.training.load_cases import Cases
 from footsense.lab.training.paper.mlp import loss, network_outputs, random_layers, stack, train, unstack
-from footsense.lab.training.paper.procedure import Feed, PaperTraining
+from footsense.lab.training.paper.procedure import NetworkInput, PaperTraining
 from footsense.lab.training.paper.rprop import (
     INITIAL_STEP,
     MAX_STEP,
@@ -164,14 +164,14 @@ def test_stacked_networks_learn_as_if_alone() -> None:
     assert float(jnp.mean((answer - targets) ** 2)) <= 1.1 * together.losses[0, -1]
 
 
-@pytest.mark.parametrize("feed", ["capacitance", "closure"])
-def test_a_training_scales_by_its_cases_and_answers_in_newtons(feed: Feed) -> None:
-    """Forces that are linear in the closures are read back to 10 % rms from either feed, also in other cases."""
+@pytest.mark.parametrize("network_input", ["capacitance", "closure"])
+def test_a_training_scales_by_its_cases_and_answers_in_newtons(network_input: NetworkInput) -> None:
+    """Forces that are linear in the closures are read back to 10 % rms from either input, also in other cases."""
     design = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
     rng = np.random.default_rng(5)
     closure_um = rng.uniform(1.0, 8.0, (300, 9))
     force_n = closure_um @ rng.uniform(-0.05, 0.05, (9, 3))
-    training = PaperTraining(design, Cases(force_n[:200], closure_um[:200]), feed)
+    training = PaperTraining(design, Cases(force_n[:200], closure_um[:200]), network_input)
     assert (training.inputs.max(), np.abs(training.targets).max()) == (1.0, 1.0)
     (read,) = training.train([random_layers(rng, (9, 6, 3))], 600)
     wrong_n = read(closure_um[200:]) - force_n[200:]

@@ -16,11 +16,11 @@ from footsense.lab.training.gait_readings import (
     ReadingConditions,
     conversion_elements,
     random_gaits,
-    read_gait,
+    simulate_gait_readings,
 )
 from footsense.lab.training.gait_windows import contact_and_normal_force, windows_of
 from footsense.lab.training.load_cases import NOISE_PF, random_loads, sensed_closure_um
-from footsense.lab.training.snapshot.train import closure_moments
+from footsense.lab.training.snapshot.train import closure_pattern_second_moments
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
@@ -55,9 +55,13 @@ def test_a_reading_is_of_its_own_time_and_the_truth_of_the_sending(
     response: FootResponse, order: int
 ) -> None:
     """One element in each conversion, in the order of the scan, to within the noise; the force is a lead later."""
-    gait = read_gait(response, rising, ReadingConditions(order=order), np.random.default_rng(1), N)
+    gait = simulate_gait_readings(
+        response, rising, ReadingConditions(conversion_order_index=order), np.random.default_rng(1), N
+    )
     t_s = STEP_S * np.arange(1.0, N + 1)
-    np.testing.assert_allclose(gait.force_n[0], rising(t_s + gait.send_delay_s[0]).force_n, rtol=1e-6)
+    np.testing.assert_allclose(
+        gait.true_force_at_sending_n[0], rising(t_s + gait.send_delay_s[0]).force_n, rtol=1e-6
+    )
     np.testing.assert_allclose(gait.send_delay_s, NOMINAL_SEND_DELAY_S, atol=2e-4)
     normal, force_n = rising(t_s)
     exact_rel = sensed_closure_um(Foot(response), normal, force_n) / response.design.gap_um
@@ -70,19 +74,19 @@ def test_a_reading_is_of_its_own_time_and_the_truth_of_the_sending(
 
 def test_in_the_air_a_reading_is_noise_about_a_baseline(response: FootResponse) -> None:
     """Of the converter's size, with an offset of each element that stays."""
-    gait = read_gait(
+    gait = simulate_gait_readings(
         response, lambda t_s: rising(0.0 * t_s), ReadingConditions(), np.random.default_rng(2), 9 * 300
     )
     of_elements = np.empty((300, ELEMENTS))
     of_elements[:, conversion_elements(0, ELEMENTS)] = gait.closure_rel[0].reshape(300, ELEMENTS)
     per_pf = 37.0 / 20.0 / response.design.unloaded_pf
     assert of_elements.std(axis=0) / per_pf == pytest.approx(np.full(ELEMENTS, NOISE_PF), rel=0.35)
-    assert not gait.force_n.any()
+    assert not gait.true_force_at_sending_n.any()
 
 
 def test_a_reading_beyond_the_range_is_its_end(response: FootResponse) -> None:
     """It is marked, and no window begins with it."""
-    gait = read_gait(
+    gait = simulate_gait_readings(
         response,
         lambda t_s: ContactLoads(
             *(part * scale for part, scale in zip(rising(t_s), (1.0, 3.0), strict=True))
@@ -103,7 +107,7 @@ def test_a_seed_is_a_set_of_gaits_on_any_number_of_processes(response: FootRespo
     one, two = (random_gaits(response, 7, 4, 60, MAX_N, jobs=jobs) for jobs in (1, 2))
     other = random_gaits(response, 8, 4, 60, MAX_N)
     np.testing.assert_array_equal(one.closure_rel, two.closure_rel)
-    np.testing.assert_array_equal(one.force_n, two.force_n)
+    np.testing.assert_array_equal(one.true_force_at_sending_n, two.true_force_at_sending_n)
     assert (one.closure_rel != other.closure_rel).any()
 
 
@@ -123,7 +127,9 @@ def test_a_short_training_learns_and_is_the_same_twice(response: FootResponse, g
     """Errors are a part of the load, and sigma and contact follow; the same seed gives the same bits."""
     rest = random_loads(response, FOOT_DESIGN.loads, 500, 1)
     design = response.design
-    imputation = Imputation(closure_moments(rest.with_symmetric_copies().closure_um / design.gap_um))
+    imputation = Imputation(
+        closure_pattern_second_moments(rest.with_symmetric_copies().closure_um / design.gap_um)
+    )
     settings = WindowTrainingSettings(channels=4, steps=500, batch=256, rate=1e-2)
     lines: list[str] = []
     weights, again = (
@@ -140,6 +146,6 @@ def test_a_short_training_learns_and_is_the_same_twice(response: FootResponse, g
     assert np.sqrt(np.square(error_n).mean()) < 0.3 * np.sqrt(np.square(judged.force_n[loaded]).mean())
     assert (error_n < 2.0 * load.sigma_n[loaded]).mean() > 0.7
     contact, _ = contact_and_normal_force(judged.force_n[loaded], judged.normal[loaded])
-    assert np.abs(load.contact_coordinates[loaded] - contact).mean() < 0.8 * np.abs(contact).mean()
+    assert np.abs(load.contact_point_and_friction[loaded] - contact).mean() < 0.8 * np.abs(contact).mean()
     resting = Window(np.zeros((1, 3, ELEMENTS)), judged.age_s[:1], whole[:1])
     assert not predict(weights, resting).force_n.any()

@@ -27,7 +27,7 @@ from footsense.lab.training.windowed_network import (
     features,
     predict,
 )
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 from tests.lab.networks.windows import STEP_S, assert_symmetric, some_windows, turned, windows_of_array
 from tests.support.networks import CARD
 
@@ -50,7 +50,7 @@ def seen_of(window: Window) -> Features:
     return features(closure_rel, age_s, missing, np)
 
 
-def in_double(weights: Weights, window: Window) -> Load:
+def in_double(weights: Weights, window: Window) -> LoadEstimate:
     """Return the loads of some windows in double precision: unit g of a channel sees the foot turned back by g."""
     linear, w1, b1, w2, b2, out, sigma, sigma_offset = (np.asarray(part, np.float64) for part in weights)
     c = len(b1)
@@ -60,21 +60,21 @@ def in_double(weights: Weights, window: Window) -> Load:
         np.tanh(seen_of(turned(window, np.argsort(image))).hidden_inputs @ w1.T + b1) for image in images
     ]
     by_relative = w2.reshape(c, 8, c)
-    outputs, ln_sigma = np.zeros((2, len(seen.extrapolated), 7))
+    outputs, ln_sigma = np.zeros((2, len(seen.extrapolated_closure_rel), 7))
     for g in SYMMETRIES:
         total = b2 + sum(first[k] @ by_relative[:, place_of(g.T @ h)].T for k, h in enumerate(SYMMETRIES))
         turn = block_diagonal(g, g[:2, :2], g[:2, :2])
         outputs += np.tanh(total) @ out @ turn.T
         ln_sigma += np.tanh(total) @ sigma @ np.abs(turn).T
     level, slope = (np.tensordot(part, linear_basis(), 1) for part in (linear[:5], linear[5:]))
-    square = (seen.extrapolated**2).mean(axis=1, keepdims=True)
+    square = (seen.extrapolated_closure_rel**2).mean(axis=1, keepdims=True)
     force_n = (
-        seen.extrapolated @ level
-        + (seen.extrapolated - seen.newest) @ slope
-        + square / seen.size * outputs[:, :3]
+        seen.extrapolated_closure_rel @ level
+        + (seen.extrapolated_closure_rel - seen.newest_closure_rel) @ slope
+        + square / seen.closure_rms_rel * outputs[:, :3]
     )
     sigma_of = np.exp(np.clip(ln_sigma + sigma_offset[[0, 0, 1, 2, 2, 3, 3]], *LN_SIGMA_BOUNDS))
-    return Load(force_n, seen.size * sigma_of[:, :3], outputs[:, 3:], sigma_of[:, 3:])
+    return LoadEstimate(force_n, seen.closure_rms_rel * sigma_of[:, :3], outputs[:, 3:], sigma_of[:, 3:])
 
 
 def place_of(symmetry: Vector) -> int:
@@ -148,7 +148,9 @@ def test_the_paper_the_file_and_jax_compute_the_same(tmp_path: Path, seed: int) 
         # Differences of readings lose digits: a few units of the last place of the largest.
         assert (np.abs(found.force_n - exact.force_n) < 3e-5 * (size_n + 0.1)).all()
         np.testing.assert_allclose(found.sigma_n, exact.sigma_n, rtol=3e-4)
-        np.testing.assert_allclose(found.contact_coordinates, exact.contact_coordinates, atol=2e-4)
+        np.testing.assert_allclose(
+            found.contact_point_and_friction, exact.contact_point_and_friction, atol=2e-4
+        )
         np.testing.assert_allclose(found.contact_sigma, exact.contact_sigma, rtol=3e-4)
 
 
@@ -163,7 +165,7 @@ def test_no_load_is_exactly_no_force(tmp_path: Path) -> None:
     ):
         assert not load.force_n.any()
         assert (load.sigma_n > 0.0).all()
-        assert np.isfinite(load.contact_coordinates).all()
+        assert np.isfinite(load.contact_point_and_friction).all()
         assert (load.contact_sigma > 0.0).all()
 
 
@@ -199,8 +201,8 @@ def test_no_window_makes_something_that_is_no_number(
     assert np.abs(seen.hidden_inputs[:, : (FEATURES_PER_ELEMENT - 1) * 9]).max() <= MAX_FEATURE
     load = predict(some_weights(), window)
     assert all(np.isfinite(part).all() for part in load)
-    assert (load.sigma_n >= 0.9 * float(np.exp(LN_SIGMA_BOUNDS[0])) * seen.size).all()
-    assert (load.sigma_n <= 1.1 * float(np.exp(LN_SIGMA_BOUNDS[1])) * seen.size).all()
+    assert (load.sigma_n >= 0.9 * float(np.exp(LN_SIGMA_BOUNDS[0])) * seen.closure_rms_rel).all()
+    assert (load.sigma_n <= 1.1 * float(np.exp(LN_SIGMA_BOUNDS[1])) * seen.closure_rms_rel).all()
 
 
 def along_a_line(closure_rel: Vector, rate_per_s: Vector, age_s: Vector) -> Window:
@@ -217,10 +219,10 @@ def test_even_motion_is_seen_as_of_the_asked_time() -> None:
     orders = np.argsort(rng.random((30, 9)), axis=1)
     age_s = rng.uniform(0.0, 0.02, (30, 1, 1)) + STEP_S * (orders[:, None] + 9 * np.arange(3)[:, None])
     seen = seen_of(along_a_line(closure_rel, rate, age_s))
-    np.testing.assert_allclose(seen.extrapolated, closure_rel, atol=1e-12)
+    np.testing.assert_allclose(seen.extrapolated_closure_rel, closure_rel, atol=1e-12)
     planes = (
         seen.hidden_inputs[:, : FEATURES_PER_ELEMENT * 9].reshape(30, FEATURES_PER_ELEMENT, 9)
-        * seen.size[:, None]
+        * seen.closure_rms_rel[:, None]
     )
     np.testing.assert_allclose(planes[:, 1], 9 * STEP_S * rate, atol=1e-12)
     np.testing.assert_allclose(planes[:, 3:6], 0.0, atol=1e-12)
@@ -263,4 +265,4 @@ def test_the_file_holds_each_weight_once() -> None:
     for name, weight in weights._asdict().items():
         assert stored[name].data_type == TensorProto.FLOAT
         np.testing.assert_array_equal(onnx.numpy_helper.to_array(stored[name]), weight)
-    assert weights.size == 10 + 5 * 65 + 5 + 5 * 40 + 5 + 70 + 4
+    assert weights.n_weights == 10 + 5 * 65 + 5 + 5 * 40 + 5 + 70 + 4

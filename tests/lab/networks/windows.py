@@ -9,7 +9,7 @@ from footsense.estimation.faults.missing_sets import MISSING_SETS, missing_sets
 from footsense.estimation.steady_windows import steady_ages_s
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.gait_windows import age_in_conversions_table
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 
 STEP_S, NOMINAL_SEND_DELAY_S = 2.7e-3, 3.2e-3
 
@@ -45,7 +45,7 @@ def windows_of_array(rows: int, n: int = 40) -> Window:
     )
 
 
-def assert_symmetric(estimate: Callable[[Window], Load], atol: float, rows: int = 3) -> None:
+def assert_symmetric(estimate: Callable[[Window], LoadEstimate], atol: float, rows: int = 3) -> None:
     """Check that a turned or mirrored foot has turned or mirrored loads, and sigmas that follow."""
     window = some_windows() if rows == 3 else windows_of_array(rows)
     load = estimate(window)
@@ -56,7 +56,7 @@ def assert_symmetric(estimate: Callable[[Window], Load], atol: float, rows: int 
         for found, known, turn in (
             (again.force_n, load.force_n, symmetry),
             (again.sigma_n, load.sigma_n, np.abs(symmetry)),
-            (again.contact_coordinates, load.contact_coordinates, plane),
+            (again.contact_point_and_friction, load.contact_point_and_friction, plane),
             (again.contact_sigma, load.contact_sigma, np.abs(plane)),
         ):
             np.testing.assert_allclose(found, known @ turn.T, rtol=atol, atol=atol)

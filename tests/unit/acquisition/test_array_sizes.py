@@ -16,7 +16,7 @@ from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.frames import ContactFrame, Reading, State
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 from footsense.sim.robot import SimulatedRobot, Wiring
 from footsense.sim.scene_files import load_scene
 from tests.support.arrays import response
@@ -62,11 +62,11 @@ class Linear:
     def __init__(self, per_newton: NDArray[np.float64]) -> None:
         self._matrix = np.linalg.pinv(per_newton)
 
-    def estimate(self, window: Window) -> Load:
+    def estimate(self, window: Window) -> LoadEstimate:
         """Return the load of every row."""
         force_n = window.closure_rel[:, 0] @ self._matrix.T
         none = np.zeros((len(force_n), 4))
-        return Load(force_n, np.full_like(force_n, 0.01), none, none + 1.0)
+        return LoadEstimate(force_n, np.full_like(force_n, 0.01), none, none + 1.0)
 
 
 @pytest.mark.parametrize("rows", [2, 3, 4])

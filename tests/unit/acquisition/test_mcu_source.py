@@ -146,7 +146,7 @@ class Script:
     """
 
     def __init__(self, clock: VirtualClock) -> None:
-        self.opened = 1
+        self.n_opened = 1
         self.due: list[tuple[int, bytes]] = []
         self._clock = clock
 
@@ -225,7 +225,7 @@ def test_half_a_record_before_the_line_was_opened_again_is_no_loss() -> None:
         source.read()
     while port.due:
         source.read()
-    port.opened += 1
+    port.n_opened += 1
     start = clock.now_ns() // PERIOD_NS + 1
     port.due = [((start + n) * PERIOD_NS + MS, line(1, start - 10 + n)) for n in range(5)]
     readings = [int(source.read().reading[0, 0]) for _ in range(5)]

@@ -26,7 +26,7 @@ def test_bytes_both_ways_and_nobody_else(line: Line) -> None:
     device = line.plug()
     clock = HurriedClock()
     link = SerialLink(str(line.name), 921_600, clock)
-    assert (link.read(), link.opened) == (b"", 1)
+    assert (link.read(), link.n_opened) == (b"", 1)
     os.write(device, b"\x00\x03\x11\x13\r\n\xff")
     link.wait_for_bytes_until_ns(clock.now_ns() + 60 * S)
     assert link.read() == b"\x00\x03\x11\x13\r\n\xff"
@@ -53,7 +53,7 @@ def test_what_is_unplugged_is_opened_again_and_said_once(
         assert link.read() == b""
     link.write(b"lost")
     device = line.plug()
-    while link.opened == 1:
+    while link.n_opened == 1:
         link.wait_for_bytes_until_ns(clock.now_ns() + S)
         link.read()
     os.write(device, b"back")

@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 from footsense.clock import MonotonicClock, gc_disabled, process_age_ns, resident_mib
-from footsense.ports import LATENCY_BOUNDS_S
+from footsense.ports import WAKEUP_LATENCY_BUCKET_BOUNDS_S
 
 #: Limits as a user has them, whoever runs the test: neither rights nor what root may do without them.
 WITHOUT_RIGHTS = """
@@ -48,7 +48,7 @@ def test_latency_and_overruns_are_counted() -> None:
     clock = MonotonicClock()
     clock.sleep_until_ns(clock.now_ns() + 100_000)
     clock.sleep_until_ns(clock.now_ns() - 1)
-    assert len(clock.wakeups.histogram) == len(LATENCY_BOUNDS_S) + 2
+    assert len(clock.wakeups.histogram) == len(WAKEUP_LATENCY_BUCKET_BOUNDS_S) + 2
     assert sum(clock.wakeups.histogram[:-1]) == 1
     assert clock.wakeups.histogram[-1] > 0
     assert clock.wakeups.overruns == 1

@@ -13,7 +13,7 @@ from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import CalibratedAt, unknown_temperature_sigma_rel
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 
 Vector = NDArray[np.float64]
 
@@ -21,21 +21,21 @@ Vector = NDArray[np.float64]
 class _Linear:
     """A network that reads x, y and z off the newest readings of three elements, and the contact off four others."""
 
-    def estimate(self, window: Window) -> Load:
+    def estimate(self, window: Window) -> LoadEstimate:
         """Return them, and a sigma of its own for each axis."""
         newest = window.closure_rel[:, 0]
         sigma_n = np.tile([0.01, 0.02, 0.03], (len(newest), 1))
-        return Load(newest[:, [5, 7, 4]], sigma_n, newest[:, :4], newest[:, :4] + 0.1)
+        return LoadEstimate(newest[:, [5, 7, 4]], sigma_n, newest[:, :4], newest[:, :4] + 0.1)
 
 
 class _Sharp(_Linear):
     """The same, surer of the contact."""
 
-    def estimate(self, window: Window) -> Load:
+    def estimate(self, window: Window) -> LoadEstimate:
         """Return the load with other deviations of the contact."""
         load = super().estimate(window)
         return load._replace(
-            contact_sigma=np.tile([0.01, 0.02, 0.03, 0.04], (len(load.contact_coordinates), 1))
+            contact_sigma=np.tile([0.01, 0.02, 0.03, 0.04], (len(load.contact_point_and_friction), 1))
         )
 
 
@@ -55,7 +55,7 @@ def test_a_foot_as_designed_is_read_as_the_network_says() -> None:
     read = CalibratedFeet(_Linear(), [None, _foot()], 2).estimate(steady_windows(closures))
     np.testing.assert_array_equal(read.force_n, plain.force_n)
     np.testing.assert_allclose(read.sigma_n, plain.sigma_n)
-    np.testing.assert_array_equal(read.contact_coordinates, plain.contact_coordinates)
+    np.testing.assert_array_equal(read.contact_point_and_friction, plain.contact_point_and_friction)
     np.testing.assert_array_equal(read.contact_sigma, plain.contact_sigma)
 
 

@@ -34,7 +34,7 @@ def test_readings_ages_and_mask_go_in_and_every_output_comes_out(tmp_path: Path)
         expected_n = np.stack([closure_rel[:, 0, 1], closure_rel[:, 2, 2], age_s[:, 1, 5]], axis=1)
         np.testing.assert_allclose(load.force_n, expected_n, rtol=1e-6)
         np.testing.assert_array_equal(load.sigma_n, missing[:, [0, 4, 8]])
-        np.testing.assert_allclose(load.contact_coordinates, closure_rel[:, 1, 1:5], rtol=1e-6)
+        np.testing.assert_allclose(load.contact_point_and_friction, closure_rel[:, 1, 1:5], rtol=1e-6)
         np.testing.assert_allclose(load.contact_sigma, closure_rel[:, 1, 5:], rtol=1e-6)
         assert {part.dtype for part in load} == {np.dtype(np.float64)}
 

@@ -9,7 +9,7 @@ from footsense.estimation.baseline.drift import DRIFT_VARIANCE_PF2_PER_S
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import USABLE, Cause, Command, CommandKind, Flag, Reading, Result, State
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 from tests.support.feet import DESIGN, MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, SumOfClosures
 
 
@@ -244,7 +244,7 @@ def test_a_network_that_gives_no_number_makes_no_valid_force(what: str, number: 
     class Hole(SumOfClosures):
         broken = False
 
-        def estimate(self, window: Window) -> Load:
+        def estimate(self, window: Window) -> LoadEstimate:
             load = super().estimate(window)
             if self.broken:
                 (load.force_n if what == "force" else load.sigma_n)[0, 1] = number

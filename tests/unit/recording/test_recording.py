@@ -11,10 +11,10 @@ from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
 from footsense.frames import BaselineStatus, Cause, CommandResult, Cycle, GaitEvent, GaitEventKind, Result
-from footsense.recording.compare import first_difference, same_machine
+from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.container import messages
 from footsense.recording.container.mcap_writer import McapFile
-from footsense.recording.cycle_fields import NOT_RECORDED
+from footsense.recording.cycle_fields import CAUSE_NOT_RECORDED
 from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
 from footsense.recording.frame_shape import FrameShape, elements_entry, frame_shape
@@ -265,7 +265,7 @@ def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
         for name in [key for key in message[leg] if key == "cause" or key.startswith("baseline_")]:
             del message[leg][name]
     old = messages.decode_force(json.dumps(message).encode(), LEGS)
-    assert set(old.cause.tolist()) == {NOT_RECORDED}
+    assert set(old.cause.tolist()) == {CAUSE_NOT_RECORDED}
     assert np.isnan(old.baseline.mean_pf).all()
     assert first_difference(old, cycle(0).forces, exact=True, legs=LEGS) is None
     assert json.loads(messages.encode_force(old, LEGS)) == message
@@ -306,6 +306,6 @@ def test_a_baseline_status_by_its_older_name_is_read(older: str, name: str) -> N
 def test_the_same_machine_has_the_same_processor_and_libraries() -> None:
     """Bits are compared only where the header names this processor and these versions."""
     here = platform_versions()
-    assert same_machine({**here, "scene": "x"}, here)
-    assert not same_machine({**here, "numpy": "0"}, here)
-    assert not same_machine({}, here)
+    assert same_processor_and_libraries({**here, "scene": "x"}, here)
+    assert not same_processor_and_libraries({**here, "numpy": "0"}, here)
+    assert not same_processor_and_libraries({}, here)

@@ -191,7 +191,7 @@ def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
     port.unplugged = True
     assert len(watched(clock, reference, 2.0)) == 0
     port.unplugged = False
-    port.opened += 1
+    port.n_opened += 1
     samples = watched(clock, reference, 3.0)
     figures = reference.statistics
     assert figures.n_missing == pytest.approx(400, abs=8)

@@ -15,11 +15,11 @@ from footsense.lab.training.gait_readings import (
     ReadingConditions,
     concatenate_gaits,
     random_gaits,
-    read_gait,
+    simulate_gait_readings,
 )
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import random_loads
-from footsense.lab.training.snapshot.train import closure_moments
+from footsense.lab.training.snapshot.train import closure_pattern_second_moments
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import Weights, predict
 from footsense.ports import Window
@@ -87,7 +87,9 @@ def network_errors(response: FootResponse, loads: LoadRange, size: TrainingSize)
         size: Sizes of training and evaluation.
     """
     rest = random_loads(response, loads, size.n_loads, _TRAINING_SEED)
-    imputation = Imputation(closure_moments(rest.with_symmetric_copies().closure_um / response.design.gap_um))
+    imputation = Imputation(
+        closure_pattern_second_moments(rest.with_symmetric_copies().closure_um / response.design.gap_um)
+    )
     gaits = random_gaits(response, _TRAINING_SEED, size.n_gaits, _CONVERSIONS, loads.max_n, jobs=2)
     settings = replace(size.settings, min_force_n=loads.min_force_n)
     weights = train_windowed(gaits, rest, response.design, settings, imputation)
@@ -97,7 +99,7 @@ def network_errors(response: FootResponse, loads: LoadRange, size: TrainingSize)
     walk_deg = _direction_errors_deg(weights, imputation, walk)
     missing_deg = _direction_errors_deg(weights, imputation, walk, element_missing=True)
     return NetworkErrors(
-        weights=weights.size,
+        weights=weights.n_weights,
         gaits_deg=float(gaits_deg.mean()),
         gaits_p95_deg=float(np.percentile(gaits_deg, 95)),
         walk_deg=float(walk_deg.mean()),
@@ -110,7 +112,7 @@ def _measured_walk_readings(response: FootResponse) -> GaitReadings:
     """Return simulated readings of a right and a left foot under the ground forces of the measured walk."""
     source, _ = test_walks()
     readings = [
-        read_gait(
+        simulate_gait_readings(
             response,
             load_function(source, leg),
             ReadingConditions(),

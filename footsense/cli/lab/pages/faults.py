@@ -74,7 +74,7 @@ STUDY = Study(
     name="faults",
     title="Effect of every fault",
     compute=compute,
-    names={
+    template_names={
         "BREAKS_AT_S": f"{BREAKS_AT_S:g}",
         "DURATION_S": f"{DURATION_S:g}",
         "PASSES_AT_S": f"{PASSES_AT_S:g}",

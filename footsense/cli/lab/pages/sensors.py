@@ -293,6 +293,6 @@ STUDY = Study(
     name="sensors",
     title="How many elements, and how large",
     compute=compute,
-    names=vars(block) | {"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
+    template_names=vars(block) | {"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
     uses_network=False,
 )

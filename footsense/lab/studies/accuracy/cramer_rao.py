@@ -224,5 +224,5 @@ STUDY = Study(
     name="cramer-rao",
     title="The Cramer-Rao bound",
     compute=compute,
-    names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF, "NOISE_PF": NOISE_PF},
+    template_names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF, "NOISE_PF": NOISE_PF},
 )

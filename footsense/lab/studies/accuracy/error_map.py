@@ -23,7 +23,7 @@ from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
 )
-from footsense.lab.studies.ball import map_circle, map_position, map_radius
+from footsense.lab.studies.ball import elevation_circle_map_radius, map_circle, map_position
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import (
@@ -101,7 +101,9 @@ def _draw_map(
     )
     lines = axes.contour(*grid, error_deg, levels=_COLOUR_LEVELS_DEG[1:], colors="k", linewidths=0.4)
     for part in (filled, lines):
-        part.set_clip_path(Circle((0.0, 0.0), map_radius(lowest_elevation_deg), transform=axes.transData))
+        part.set_clip_path(
+            Circle((0.0, 0.0), elevation_circle_map_radius(lowest_elevation_deg), transform=axes.transData)
+        )
     for elevation_deg in (lowest_elevation_deg, 50.0, 70.0):
         axes.plot(*map_circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="w", lw=0.8, ls=":")
         right, up = map_position(directions(np.array([-160.0]), np.array([elevation_deg]))[0])
@@ -154,7 +156,11 @@ def _histogram_figure(readings: dict[str, tuple[Vector, Vector]]) -> Figure:
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Return the network's errors on centred loads over the whole ball and on the 180 cases, with figures."""
     points, draws = (_POINTS_QUICK, _DRAWS_QUICK) if context.quick else (_POINTS, _DRAWS)
-    along = np.linspace(-map_radius(_MIN_ELEVATION_DEG), map_radius(_MIN_ELEVATION_DEG), points)
+    along = np.linspace(
+        -elevation_circle_map_radius(_MIN_ELEVATION_DEG),
+        elevation_circle_map_radius(_MIN_ELEVATION_DEG),
+        points,
+    )
     right, up = np.meshgrid(along, along)
     normal = _map_normals(right, up)
     computed = normal[..., 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG))
@@ -196,5 +202,5 @@ STUDY = Study(
     name="error-map",
     title="Where the network errs",
     compute=compute,
-    names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF},
+    template_names={"BASELINE_NOISE_PF": BASELINE_NOISE_PF},
 )

@@ -25,12 +25,12 @@ from footsense.lab.training.gait_readings import (
     ReadingConditions,
     concatenate_gaits,
     random_gaits,
-    read_gait,
     select_gaits,
+    simulate_gait_readings,
 )
 from footsense.lab.training.gait_windows import contact_and_normal_force, windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, paper_verification, random_loads
-from footsense.ports import Load, Window
+from footsense.ports import LoadEstimate, Window
 from footsense.sim.loads.ground_load import ContactSource, RampContact
 from footsense.sim.loads.measured_walk import measured_walk
 from footsense.sim.loads.walk import Walk, smooth_stance
@@ -58,23 +58,23 @@ class GaitErrors:
 
     Attributes:
         name: The load.
-        direction_deg: Direction error from `MIN_DIRECTION_FORCE_N` on, mean [deg].
-        direction_p95_deg: The same, 95th percentile [deg].
-        rms_mn: Error of the force's components, rms [mN], shape (3,).
+        mean_direction_error_deg: Direction error from `MIN_DIRECTION_FORCE_N` on, mean [deg].
+        direction_error_p95_deg: The same, 95th percentile [deg].
+        component_rms_errors_mn: Error of the force's components, rms [mN], shape (3,).
         within_2_sigma_share: Share of the components within two sigma [1].
         beyond_5_sigma_share: Share beyond five [1].
-        friction_ratio_error: Error of the friction ratio's size from `MIN_FRICTION_FORCE_N` on, mean [1].
-        normal_error_deg: Error of the contact normal from `MIN_NORMAL_FORCE_N` on, mean [deg].
+        mean_abs_friction_ratio_error: Error of the friction ratio's size from `MIN_FRICTION_FORCE_N` on, mean [1].
+        mean_contact_normal_error_deg: Error of the contact normal from `MIN_NORMAL_FORCE_N` on, mean [deg].
     """
 
     name: str
-    direction_deg: float
-    direction_p95_deg: float
-    rms_mn: list[float]
+    mean_direction_error_deg: float
+    direction_error_p95_deg: float
+    component_rms_errors_mn: list[float]
     within_2_sigma_share: float
     beyond_5_sigma_share: float
-    friction_ratio_error: float
-    normal_error_deg: float
+    mean_abs_friction_ratio_error: float
+    mean_contact_normal_error_deg: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,15 +83,15 @@ class SteadyLoadErrors:
 
     Attributes:
         name: The loads.
-        direction_deg: Direction error, mean [deg].
-        direction_p95_deg: The same, 95th percentile [deg].
-        magnitude_gf: Magnitude error, mean [gf].
+        mean_direction_error_deg: Direction error, mean [deg].
+        direction_error_p95_deg: The same, 95th percentile [deg].
+        mean_magnitude_error_gf: Magnitude error, mean [gf].
     """
 
     name: str
-    direction_deg: float
-    direction_p95_deg: float
-    magnitude_gf: float
+    mean_direction_error_deg: float
+    direction_error_p95_deg: float
+    mean_magnitude_error_gf: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,21 +99,21 @@ class Results:
     """Results of the study `gaits`: force errors in gaits and under steady loads.
 
     Attributes:
-        n_gaits: Random gaits.
+        n_random_gaits: Random gaits.
         gaits: Errors in motion.
         steady_loads: Errors at rest.
     """
 
-    n_gaits: int
+    n_random_gaits: int
     gaits: list[GaitErrors]
     steady_loads: list[SteadyLoadErrors]
 
 
 class _InputFault(NamedTuple):
-    """A change of the readings before the network sees them: missing elements, and the spread of the gains [1]."""
+    """Fault put into the inputs of the network: missing elements, and random gain errors of elements [1, rms]."""
 
     missing: Mask
-    gain_rel: float = 0.0
+    gain_error_std_rel: float = 0.0
 
 
 _NONE_MISSING = np.zeros(9, bool)
@@ -152,7 +152,7 @@ def _walk_readings(
     n = 400 if context.quick else _WALK_CONVERSIONS
     return concatenate_gaits(
         [
-            read_gait(
+            simulate_gait_readings(
                 context.response,
                 load_function(source, leg),
                 timing,
@@ -164,7 +164,7 @@ def _walk_readings(
     )
 
 
-def estimate_in_batches(context: StudyContext, window: Window) -> Load:
+def estimate_in_batches(context: StudyContext, window: Window) -> LoadEstimate:
     """Return the network's estimates, in batches of bounded size."""
     some = [
         slice(first, first + _WINDOWS_PER_CALL) for first in range(0, len(window.missing), _WINDOWS_PER_CALL)
@@ -173,7 +173,7 @@ def estimate_in_batches(context: StudyContext, window: Window) -> Load:
         context.network.estimate(Window(window.closure_rel[k], window.age_s[k], window.missing[k]))
         for k in some
     ]
-    return Load(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    return LoadEstimate(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def _gait_errors(
@@ -182,10 +182,10 @@ def _gait_errors(
     """Return the network's force errors on gaits, with an optional input fault."""
     windows = windows_of(gaits)
     closure_rel, force_n, normal = windows.closure_rel, windows.force_n, windows.normal
-    if input_fault.gain_rel:
+    if input_fault.gain_error_std_rel:
         # A foot of its own for each gait.
-        gains = input_fault.gain_rel * np.random.default_rng(TEST_GAIT_SEED).normal(
-            size=(len(gaits.order), 9)
+        gains = input_fault.gain_error_std_rel * np.random.default_rng(TEST_GAIT_SEED).normal(
+            size=(len(gaits.conversion_order_index), 9)
         )
         closure_rel = closure_rel * (1.0 + gains[windows.gait])[:, None]
     imputation = Imputation(context.trained_inputs.moments)
@@ -198,19 +198,19 @@ def _gait_errors(
     direction_deg = angles_between_deg(load.force_n[loaded], force_n[loaded])
     true_contact, pressing_n = contact_and_normal_force(force_n, normal)
     firm, firmer = pressing_n > MIN_FRICTION_FORCE_N, pressing_n > MIN_NORMAL_FORCE_N
-    found = unit_normals(load.contact_coordinates[:, :2])
-    friction = _friction_ratio(load.contact_coordinates[:, 2:], found) - _friction_ratio(
+    found = unit_normals(load.contact_point_and_friction[:, :2])
+    friction = _friction_ratio(load.contact_point_and_friction[:, 2:], found) - _friction_ratio(
         true_contact[:, 2:], normal
     )
     return GaitErrors(
         name=name,
-        direction_deg=float(direction_deg.mean()),
-        direction_p95_deg=float(np.percentile(direction_deg, 95)),
-        rms_mn=(1e3 * np.sqrt((error_n**2).mean(axis=0))).tolist(),
+        mean_direction_error_deg=float(direction_deg.mean()),
+        direction_error_p95_deg=float(np.percentile(direction_deg, 95)),
+        component_rms_errors_mn=(1e3 * np.sqrt((error_n**2).mean(axis=0))).tolist(),
         within_2_sigma_share=float((off < 2.0).mean()),
         beyond_5_sigma_share=float((off > 5.0).mean()),
-        friction_ratio_error=float(np.abs(friction[firm]).mean()),
-        normal_error_deg=float(angles_between_deg(found[firmer], normal[firmer]).mean()),
+        mean_abs_friction_ratio_error=float(np.abs(friction[firm]).mean()),
+        mean_contact_normal_error_deg=float(angles_between_deg(found[firmer], normal[firmer]).mean()),
     )
 
 
@@ -256,7 +256,9 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     random = random_gaits(
         context.response, TEST_GAIT_SEED, n_gaits, CONVERSIONS, context.foot_design.loads.max_n
     )
-    at_usual_pace = (random.order == 0) & (np.abs(random.step_s / STEP_S - 1.0) < _NOMINAL_RATE_TOLERANCE_REL)
+    at_usual_pace = (random.conversion_order_index == 0) & (
+        np.abs(random.step_s / STEP_S - 1.0) < _NOMINAL_RATE_TOLERANCE_REL
+    )
     usual = select_gaits(random, at_usual_pace)
     context.report_progress("gaits: random gaits read")
     walk, tripod = test_walks()
@@ -287,7 +289,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         _gait_errors(context, "random gaits, gains off by 1 %", usual, _InputFault(_NONE_MISSING, 0.01)),
     ]
     context.report_progress("gaits: judged in motion")
-    return Results(n_gaits=n_gaits, gaits=rows, steady_loads=_steady_load_errors(context)), {}
+    return Results(n_random_gaits=n_gaits, gaits=rows, steady_loads=_steady_load_errors(context)), {}
 
 
 STUDY = Study(name="gaits", title="Force in motion", compute=compute, command="gaits")

@@ -25,7 +25,7 @@ from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.sim.foot.fabrication import fabricate
 
 #: Missing elements, as an index into `MISSING_SETS`.
-MISSING_PATTERNS = {
+MISSING_SET_INDEX_BY_NAME = {
     "nothing": 0,
     "a corner": 1,
     "an edge": 2,
@@ -59,22 +59,22 @@ class Results:
     """Results of the study `released`: force errors and sigma coverage, also with missing elements and on other feet.
 
     Attributes:
-        errors: The error table, by estimator and cases.
+        errors_by_estimator_and_cases: The error table, by estimator and cases.
         weights: Weights of the network.
         min_evaluated_force_n: Smallest held-out load that counts in errors [N].
         n_feet: Feet of each batch.
-        missing: Errors with missing elements.
-        missing_coverage: Coverage with missing elements.
+        errors_by_missing_pattern: Errors with missing elements.
+        coverage_by_missing_pattern: Coverage with missing elements.
         coverage_by_force_n: Coverage on the designed foot, by ranges of the force [N].
         coverage_by_foot_batch: Coverage on feet that differ from the design, by batch.
     """
 
-    errors: dict[str, ForceErrors]
+    errors_by_estimator_and_cases: dict[str, ForceErrors]
     weights: int
     min_evaluated_force_n: float
     n_feet: int
-    missing: dict[str, ForceErrors]
-    missing_coverage: dict[str, SigmaCoverage]
+    errors_by_missing_pattern: dict[str, ForceErrors]
+    coverage_by_missing_pattern: dict[str, SigmaCoverage]
     coverage_by_force_n: dict[str, SigmaCoverage]
     coverage_by_foot_batch: dict[str, SigmaCoverage]
 
@@ -104,7 +104,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     counted = size >= loads.min_evaluated_force_n
     imputation = Imputation(np.array(network.card["moments"]))
     missing, missing_coverage = {}, {}
-    for name, index in MISSING_PATTERNS.items():
+    for name, index in MISSING_SET_INDEX_BY_NAME.items():
         mask = np.tile(MISSING_SETS[index], (len(closure_rel), 1))
         force_n, sigma_n = network.estimate(steady_windows(imputation.impute(closure_rel, mask), mask))[:2]
         missing[name] = evaluate_force_errors(cases.force_n[counted], force_n[counted])
@@ -118,12 +118,12 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         )
     n_feet = N_QUICK_FEET if context.quick else N_FEET
     results = Results(
-        errors=evaluate_models(context.models),
+        errors_by_estimator_and_cases=evaluate_models(context.models),
         weights=network.card["training"]["weights"],
         min_evaluated_force_n=loads.min_evaluated_force_n,
         n_feet=n_feet,
-        missing=missing,
-        missing_coverage=missing_coverage,
+        errors_by_missing_pattern=missing,
+        coverage_by_missing_pattern=missing_coverage,
         coverage_by_force_n=by_force,
         coverage_by_foot_batch={
             name: _coverage_on_feet(context, deviations, n_feet) for name, deviations in FOOT_BATCHES.items()
@@ -149,5 +149,8 @@ def _error_over_sigma_figure(truth_n: Vector, force_n: Vector, sigma_n: Vector) 
 
 
 STUDY = Study(
-    name="released", title="The released network", compute=compute, names={"as_markdown": as_markdown}
+    name="released",
+    title="The released network",
+    compute=compute,
+    template_names={"as_markdown": as_markdown},
 )

@@ -33,7 +33,7 @@ from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, start_weights
 from footsense.lab.training.paper.rprop import RPROP
 
 #: Force of the contacts [gf]: patterns are divided by their maximum, so that it sets the size of the patch alone.
-FORCE_GF = 100.0
+CONTACT_PATCH_FORCE_GF = 100.0
 #: Random error of each element [1], rms of its own output.
 NOISE_REL = 0.05
 #: Networks for each sensor, and epochs of training.
@@ -42,7 +42,7 @@ EPOCHS, QUICK_EPOCHS = 2000, 500
 #: Seed of the random errors.
 NOISE_SEED = 5
 #: Saturated is what gains less than this of the step from 4 to 9 elements [1].
-SATURATED_GAIN_REL = 0.2
+SATURATION_MAX_IMPROVEMENT_REL = 0.2
 
 _TRAINING, _TEST = paper_directions("training"), paper_directions("verification")
 
@@ -63,7 +63,7 @@ class SensorArray:
     element_side_mm: float
     pitch_mm: float
 
-    def element_borders_mm(self) -> list[tuple[float, float]]:
+    def half_axis_element_borders_mm(self) -> list[tuple[float, float]]:
         """Return the element borders on the positive half axis [mm], from the edge inwards, cut at zero."""
         centres = [
             self.pitch_mm * ((self.elements_per_side - 1) / 2.0 - k)
@@ -73,7 +73,7 @@ class SensorArray:
 
     def quarter_element_columns(self) -> list[BlockColumn]:
         """Return the block columns under the quarter's elements, grouped by x."""
-        halves = self.element_borders_mm()
+        halves = self.half_axis_element_borders_mm()
         return [BlockColumn(x, y) for x in halves for y in halves]
 
 
@@ -119,7 +119,7 @@ def stress_series(
     fitted = {parity: fit_series(field) for parity, field in fields.items()}
     series, first = {}, 0
     for sensor in sensors:
-        m = len(sensor.element_borders_mm())
+        m = len(sensor.half_axis_element_borders_mm())
         own = {parity: part[:, first : first + m * m].reshape(-1, m, m, 3) for parity, part in fitted.items()}
         first += m * m
         raw = single_cell_series(own, SERIES_DEGREE)
@@ -131,7 +131,7 @@ def stress_series(
 
 def pressure_patterns(foot_design: FootDesign, series: Vector, direction: Vector) -> Vector:
     """Return the element pressures [MPa], (n, elements), under centred Hertz contacts."""
-    force_n = FORCE_GF * GRAM_FORCE_N
+    force_n = CONTACT_PATCH_FORCE_GF * GRAM_FORCE_N
     patch_mm = foot_design.hertz_patch_radius_mm(force_n)
     unit = mean_over_patch(series.reshape(len(series), -1), direction, patch_mm, foot_design)
     stress_mpa = (unit.reshape(len(direction), -1, 3) * direction[:, None, :]).sum(axis=2)
@@ -238,7 +238,7 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-def gains_of_larger_elements(errors_deg: dict[str, MeanStd]) -> dict[str, MeanDifference]:
+def error_reductions_by_larger_elements(errors_deg: dict[str, MeanStd]) -> dict[str, MeanDifference]:
     """Return the error reduction by larger elements, for each of `SMALL_AND_LARGE_PAIRS` [deg]."""
     return {
         f"{s} minus {b}": errors_deg[s].difference_from(errors_deg[b])

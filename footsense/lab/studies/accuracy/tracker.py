@@ -33,10 +33,10 @@ from footsense.lab.training.gait_readings import (
     ReadingConditions,
     concatenate_gaits,
     conversion_elements,
-    read_gait,
+    simulate_gait_readings,
 )
-from footsense.lab.training.gait_windows import GaitWindows, complete_windows, windows_of
-from footsense.ports import Load, Window
+from footsense.lab.training.gait_windows import GaitWindows, complete_window_ends, windows_of
+from footsense.ports import LoadEstimate, Window
 from footsense.sim.loads.random_gait import RandomGait
 
 #: Random gaits, rows of steps, and conversions of each gait.
@@ -59,7 +59,7 @@ _FILTER_SIGMA_FACTOR = 1.5
 #: Calls of which the median time counts.
 _N_TIMED_CALLS = 140
 
-_Parts = TypeVar("_Parts", Window, Load)
+_Parts = TypeVar("_Parts", Window, LoadEstimate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,18 +69,18 @@ class MethodErrors:
     Attributes:
         load_name: The load.
         method: The method.
-        direction_deg: Direction error, mean [deg].
-        direction_p95_deg: The same, 95th percentile [deg].
-        rms_mn: Error of the force's components, rms [mN], shape (3,).
+        mean_direction_error_deg: Direction error, mean [deg].
+        direction_error_p95_deg: The same, 95th percentile [deg].
+        component_rms_errors_mn: Error of the force's components, rms [mN], shape (3,).
         within_2_sigma_share: Share of the components within two sigma [1].
         n_long_errors: Errors over five sigma that last longer than 30 ms.
     """
 
     load_name: str
     method: str
-    direction_deg: float
-    direction_p95_deg: float
-    rms_mn: list[float]
+    mean_direction_error_deg: float
+    direction_error_p95_deg: float
+    component_rms_errors_mn: list[float]
     within_2_sigma_share: float
     n_long_errors: int
 
@@ -90,16 +90,16 @@ class Results:
     """Results of the study `tracker`: force errors and computing times of network, fits and filter.
 
     Attributes:
-        n_random: Random gaits.
+        n_random_gaits: Random gaits.
         errors: Errors by load and method.
         six_legs_us: Time of a conversion of six legs by method, the network included, median [us].
-        steady_share: Share of the loaded windows at rest [1].
+        steady_loaded_window_share: Share of the loaded windows at rest [1].
     """
 
-    n_random: int
+    n_random_gaits: int
     errors: list[MethodErrors]
     six_legs_us: dict[str, float]
-    steady_share: float
+    steady_loaded_window_share: float
 
 
 class _ForceEstimate(NamedTuple):
@@ -140,7 +140,10 @@ def _readings(context: StudyContext) -> tuple[GaitReadings, list[str]]:
     for k in range(N_STEPS):
         rng = np.random.default_rng((TEST_GAIT_SEED, N_STEPS + k))
         sources.append((LOADS[3], _step_loads(rng), rng))
-    gaits = [read_gait(context.response, loads, ReadingConditions(), rng, n) for _, loads, rng in sources]
+    gaits = [
+        simulate_gait_readings(context.response, loads, ReadingConditions(), rng, n)
+        for _, loads, rng in sources
+    ]
     return concatenate_gaits(gaits), [name for name, _, _ in sources]
 
 
@@ -150,7 +153,7 @@ def _select_rows(parts: _Parts, chosen: NDArray[Any]) -> _Parts:
 
 
 def _fit_windows(
-    model: ContactModel, window: Window, network: Load
+    model: ContactModel, window: Window, network: LoadEstimate
 ) -> tuple[dict[str, _ForceEstimate], Mask]:
     """Return by method the fits' estimates (the network's for unloaded windows), and the mask of steady windows."""
     loaded = np.linalg.norm(network.force_n, axis=1) > _MIN_FIT_FORCE_N
@@ -165,7 +168,7 @@ def _fit_windows(
 
 
 def _run_filter(
-    model: ContactModel, readings: GaitReadings, is_complete: Mask, network: Load
+    model: ContactModel, readings: GaitReadings, is_complete: Mask, network: LoadEstimate
 ) -> _ForceEstimate:
     """Return the Kalman filter's estimates after every conversion with a complete window."""
     n_gaits, n = is_complete.shape
@@ -176,12 +179,12 @@ def _run_filter(
     tracker = ContactFilter(model, n_gaits, STEP_S, NOMINAL_SEND_DELAY_S)
     for k, element in enumerate(conversion_elements(0, n).tolist()):
         tracker.update(element, readings.closure_rel[:, k].astype(np.float64))
-        tracker.seed(Load(*(part[:, k] for part in by_time)), is_complete[:, k])
+        tracker.seed(LoadEstimate(*(part[:, k] for part in by_time)), is_complete[:, k])
         force_n[:, k], sigma_n[:, k] = tracker.force()
     return _ForceEstimate(force_n[is_complete], sigma_n[is_complete])
 
 
-def _variance_weighted_mean(filtered: _ForceEstimate, network: Load) -> _ForceEstimate:
+def _variance_weighted_mean(filtered: _ForceEstimate, network: LoadEstimate) -> _ForceEstimate:
     """Return the inverse-variance weighted mean of filter and network, with the smaller sigma."""
     sigma_n = _FILTER_SIGMA_FACTOR * filtered.sigma_n
     share = network.sigma_n**2 / (network.sigma_n**2 + sigma_n**2)
@@ -214,9 +217,9 @@ def _method_errors(
     return MethodErrors(
         load_name=load,
         method=method,
-        direction_deg=float(direction_deg.mean()),
-        direction_p95_deg=float(np.percentile(direction_deg, 95)),
-        rms_mn=(1e3 * np.sqrt((off_n[is_evaluated] ** 2).mean(axis=0))).tolist(),
+        mean_direction_error_deg=float(direction_deg.mean()),
+        direction_error_p95_deg=float(np.percentile(direction_deg, 95)),
+        component_rms_errors_mn=(1e3 * np.sqrt((off_n[is_evaluated] ** 2).mean(axis=0))).tolist(),
         within_2_sigma_share=float((sigmas[is_evaluated] < 2.0).mean()),
         n_long_errors=_n_long_runs(beyond),
     )
@@ -256,9 +259,9 @@ def _six_leg_times_us(
     return {NETWORK: network_us, ONE: one, TWO: two, RESTING: two, FILTER: tracked, BOTH: tracked}
 
 
-def error_reductions(errors: list[MethodErrors], method: str) -> list[float]:
+def direction_error_reductions_rel(errors: list[MethodErrors], method: str) -> list[float]:
     """Return by what share a method lowers the network's direction error on each of `LOADS` [1]."""
-    found = {(one.load_name, one.method): one.direction_deg for one in errors}
+    found = {(one.load_name, one.method): one.mean_direction_error_deg for one in errors}
     return [1.0 - found[load, method] / found[load, NETWORK] for load in LOADS]
 
 
@@ -269,7 +272,7 @@ def n_long_errors(errors: list[MethodErrors], method: str) -> int:
 
 def meets_adoption_criteria(results: Results, method: str) -> bool:
     """Return whether a method improves enough on the network to be adopted."""
-    gained = min(error_reductions(results.errors, method)) >= REQUIRED_ERROR_REDUCTION_REL
+    gained = min(direction_error_reductions_rel(results.errors, method)) >= REQUIRED_ERROR_REDUCTION_REL
     return (
         gained
         and results.six_legs_us[method] <= MAX_CONVERSION_US
@@ -281,7 +284,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Return errors and times of network, least-squares fits and Kalman filter on the same windows."""
     model = ContactModel(context.response)
     readings, names = _readings(context)
-    windows, whole = windows_of(readings), complete_windows(readings)
+    windows, whole = windows_of(readings), complete_window_ends(readings)
     window = Window(windows.closure_rel, windows.age_s, np.zeros((len(windows.gait), 9), bool))
     network = estimate_in_batches(context, window)
     context.report_progress("tracker: gaits read")
@@ -297,7 +300,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     }
     loaded = np.linalg.norm(windows.force_n, axis=1) > MIN_DIRECTION_FORCE_N
     judged = {name: loaded & (np.array(names)[windows.gait] == name) for name in LOADS}
-    in_contact = readings.force_n.any(axis=2).astype(int)
+    in_contact = readings.true_force_at_sending_n.any(axis=2).astype(int)
     older = (
         minimum_filter1d(
             in_contact,
@@ -319,10 +322,10 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     six = _select_rows(window, walked[np.linspace(0, len(walked) - 1, len(LEGS)).astype(int)])
     conversions = readings.closure_rel[np.array(names) == LOADS[1]].astype(np.float64)
     return Results(
-        n_random=names.count(LOADS[0]),
+        n_random_gaits=names.count(LOADS[0]),
         errors=errors,
         six_legs_us=_six_leg_times_us(context, model, six, conversions),
-        steady_share=float(rest[random].mean()),
+        steady_loaded_window_share=float(rest[random].mean()),
     ), {}
 
 

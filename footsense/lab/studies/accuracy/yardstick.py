@@ -140,6 +140,6 @@ STUDY = Study(
     name="yardstick",
     title="The yardstick: the paper's procedure on simulated feet",
     compute=compute,
-    names={"PAPER_LIKE_TOLERANCES": PAPER_LIKE_TOLERANCES},
+    template_names={"PAPER_LIKE_TOLERANCES": PAPER_LIKE_TOLERANCES},
     uses_network=False,
 )

@@ -29,21 +29,21 @@ from footsense.lab.training.load_cases import (
 #: Leaning force [gf]: at a lean of 40 deg its moment makes one newton close gaps on half the sheet.
 LEANING_FORCE_GF = 20.0
 #: Force of the share of leaning loads within the converter's range [gf]: the paper's.
-PAPER_FORCE_GF = 100.0
+IN_RANGE_SHARE_FORCE_GF = 100.0
 #: Force of the floor beside a second load [gf].
-FLOOR_FORCE_GF = 50.0
+FIRST_CONTACT_FORCE_GF = 50.0
 #: Angles between force and contact normal [deg].
 LEANS_DEG = tuple(np.arange(0.0, 41.0, 5.0).tolist())
 #: Elevations of the leaning forces [deg]: at a lean of 40 deg the table still reaches the contact.
 LEANING_ELEVATIONS_DEG = (65.0, 75.0, 85.0)
 #: The second load over that of the floor [1].
-SECOND_OVER_FLOOR_FORCE = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
+SECOND_OVER_FIRST_FORCE = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
 #: Lowest contact of the second load, as elevation of its normal [deg].
-SECOND_MIN_ELEVATION_DEG = 30.0
+SECOND_CONTACT_MIN_ELEVATION_DEG = 30.0
 #: Angle between both contacts, seen from the centre [deg]: borders of the classes.
-ANGLES_BETWEEN_CONTACTS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
+CONTACT_ANGLE_BIN_EDGES_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 #: Second load over that of the floor, in the table by the angle between both contacts [1].
-SECOND_OVER_FLOOR_FORCE_IN_ANGLE_TABLE = 0.5
+ANGLE_TABLE_SECOND_OVER_FIRST_FORCE = 0.5
 #: Draws of the second load for each floor force; random loads that the second linear estimator is fitted to.
 DRAWS, QUICK_DRAWS = 6, 1
 RANDOM_LOADS, QUICK_RANDOM_LOADS = 10_000, 1000
@@ -108,24 +108,25 @@ class Results:
     """Results of the study `beyond`: force errors of each estimator by lean, second force and contact angle.
 
     Attributes:
-        lever_arm_mm: Distance of the force's line from the middle at the smallest lean [mm].
-        friction_angle_deg: Largest lean in the network's training [deg].
+        smallest_lean_lever_arm_mm: Distance of the force's line from the middle at the smallest lean [mm].
+        max_trained_lean_deg: Largest lean in the network's training [deg].
         by_lean: At each of `LEANS_DEG`.
-        in_range_share: Share of the loads of `PAPER_FORCE_GF` within the converter's range at each lean [1].
-        by_second_force: At each of `SECOND_OVER_FLOOR_FORCE`.
-        by_angle_between_contacts: At `SECOND_OVER_FLOOR_FORCE_IN_ANGLE_TABLE`, by the angle between the contacts [deg].
+        in_range_share_by_lean: Share of the loads of `IN_RANGE_SHARE_FORCE_GF` within the converter's range at each
+            lean [1].
+        by_second_force: At each of `SECOND_OVER_FIRST_FORCE`.
+        by_angle_between_contacts: At `ANGLE_TABLE_SECOND_OVER_FIRST_FORCE`, by the angle between the contacts [deg].
     """
 
-    lever_arm_mm: float
-    friction_angle_deg: float
+    smallest_lean_lever_arm_mm: float
+    max_trained_lean_deg: float
     by_lean: list[dict[str, ForceErrors]]
-    in_range_share: list[float]
+    in_range_share_by_lean: list[float]
     by_second_force: list[dict[str, ForceErrors]]
     by_angle_between_contacts: dict[str, dict[str, ForceErrors]]
 
 
 def leaning_load_errors(estimators: _EstimatorsUnderTest) -> tuple[list[dict[str, ForceErrors]], list[float]]:
-    """Return the force errors at each lean, and the share of loads of `PAPER_FORCE_GF` within converter range.
+    """Return the force errors at each lean, and the share of loads of `IN_RANGE_SHARE_FORCE_GF` within converter range.
 
     108 force directions, the contact to four sides of each.
     """
@@ -138,7 +139,7 @@ def leaning_load_errors(estimators: _EstimatorsUnderTest) -> tuple[list[dict[str
         )
         measured_um, inside = estimators.measured_um(estimators.response.free_closure_um(normal, truth_n))
         found.append(estimators.errors_by_estimator(measured_um[inside], truth_n[inside]))
-        larger_n = truth_n * (PAPER_FORCE_GF / LEANING_FORCE_GF)
+        larger_n = truth_n * (IN_RANGE_SHARE_FORCE_GF / LEANING_FORCE_GF)
         _, inside = estimators.measured_um(estimators.response.free_closure_um(normal, larger_n))
         within.append(float(inside.mean()))
     return found, within
@@ -157,13 +158,13 @@ class _SecondLoads:
         self._tested = estimators
         direction = np.tile(paper_directions("verification"), (draws, 1))
         rng = np.random.default_rng(SEED)
-        self._normal = random_directions(rng, len(direction), SECOND_MIN_ELEVATION_DEG)
-        self._unit_n = FLOOR_FORCE_GF * GRAM_FORCE_N * self._normal
-        self.floor_n = FLOOR_FORCE_GF * GRAM_FORCE_N * direction
+        self._normal = random_directions(rng, len(direction), SECOND_CONTACT_MIN_ELEVATION_DEG)
+        self._unit_n = FIRST_CONTACT_FORCE_GF * GRAM_FORCE_N * self._normal
+        self.floor_n = FIRST_CONTACT_FORCE_GF * GRAM_FORCE_N * direction
         self._floor_um = estimators.response.free_closure_um(direction, self.floor_n)
         self.distance_deg = angles_between_deg(direction, self._normal)
 
-    def measured(self, share: float) -> tuple[Vector, Vector, Mask]:
+    def noisy_two_contact_loads(self, share: float) -> tuple[Vector, Vector, Mask]:
         """Return noisy closures [um], the sum of both forces [N], and which loads are in range, for a share."""
         second_n = share * self._unit_n
         free_um = self._floor_um + self._tested.response.free_closure_um(self._normal, second_n)
@@ -175,9 +176,9 @@ def _errors_by_angle_between_contacts(
     estimators: _EstimatorsUnderTest, second: _SecondLoads
 ) -> dict[str, dict[str, ForceErrors]]:
     """Return the force errors by estimator, for each angle between the two contacts."""
-    measured_um, truth_n, inside = second.measured(SECOND_OVER_FLOOR_FORCE_IN_ANGLE_TABLE)
+    measured_um, truth_n, inside = second.noisy_two_contact_loads(ANGLE_TABLE_SECOND_OVER_FIRST_FORCE)
     found = {}
-    for low, high in pairwise(ANGLES_BETWEEN_CONTACTS_DEG):
+    for low, high in pairwise(CONTACT_ANGLE_BIN_EDGES_DEG):
         here = inside & (second.distance_deg >= low) & (second.distance_deg < high)
         if here.any():
             found[f"{low:g} to {high:g}"] = estimators.errors_by_estimator(measured_um[here], truth_n[here])
@@ -191,20 +192,20 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     context.report_progress(f"beyond: {len(LEANS_DEG)} leans read")
     second = _SecondLoads(estimators, QUICK_DRAWS if context.quick else DRAWS)
     shared = []
-    for share in SECOND_OVER_FLOOR_FORCE:
-        measured_um, truth_n, inside = second.measured(share)
+    for share in SECOND_OVER_FIRST_FORCE:
+        measured_um, truth_n, inside = second.noisy_two_contact_loads(share)
         shared.append(estimators.errors_by_estimator(measured_um[inside], truth_n[inside]))
     results = Results(
-        lever_arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
-        friction_angle_deg=context.foot_design.loads.friction_angle_deg,
+        smallest_lean_lever_arm_mm=context.response.ball_radius_mm * float(np.sin(np.radians(LEANS_DEG[1]))),
+        max_trained_lean_deg=context.foot_design.loads.friction_angle_deg,
         by_lean=lean,
-        in_range_share=within,
+        in_range_share_by_lean=within,
         by_second_force=shared,
         by_angle_between_contacts=_errors_by_angle_between_contacts(estimators, second),
     )
     figures = {
         "beyond-lean.png": _curves(LEANS_DEG, "lean of the contact normal [deg]", lean),
-        "beyond-second.png": _curves(SECOND_OVER_FLOOR_FORCE, "second load over the floor's", shared),
+        "beyond-second.png": _curves(SECOND_OVER_FIRST_FORCE, "second load over the floor's", shared),
     }
     return results, figures
 

@@ -50,7 +50,7 @@ FEET, QUICK_FEET = 8, 2
 EPOCHS, QUICK_EPOCHS = 3000, 300
 SEED = 20090304
 #: Magnitudes of the bound [gf].
-BOUND_MAGNITUDES_GF = (20.0, 50.0, 100.0, 150.0)
+CRAMER_RAO_LOADS_GF = (20.0, 50.0, 100.0, 150.0)
 #: Loads of the search for the range [N].
 RANGE_SEARCH_LOADS_N = np.geomspace(0.2, 40.0, 120)
 #: Load of the figure on leaking [N], its hold [s], and the time constants [s].
@@ -64,17 +64,17 @@ _UPWARD = np.array([[0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CavityFigures:
+class CavityPerformance:
     """Sensitivity, range and errors of a foot with one kind of cavity.
 
     Attributes:
-        closure_um_per_n: Mean closure of a corner, an edge and the middle under a small upright force [um/N].
+        corner_edge_middle_um_per_n: Mean closure of each of these elements under a small upright force [um/N].
         upright_range_n: Largest upright force within the converter's range [N].
-        first_contact_force_n: Upright force that closes the first cell [N].
-        linear_change: Errors of a linear estimator of capacitance changes, exact foot, the paper's cases.
-        linear_elastance: The same of elastance.
-        bound_direction_deg: Rms of the least direction error at each of `BOUND_MAGNITUDES_GF` [deg].
-        bound_magnitude_gf: Rms of the least magnitude error [gf].
+        first_cell_closing_force_n: Upright force that closes the first cell [N].
+        linear_on_capacitance_errors: Errors of a linear estimator of capacitance changes, exact foot, paper's cases.
+        linear_on_elastance_errors: The same of elastance.
+        cramer_rao_direction_rms_deg: Rms of the least direction error at each of `CRAMER_RAO_LOADS_GF` [deg].
+        cramer_rao_magnitude_rms_gf: Rms of the least magnitude error [gf].
         exact_feet_direction_error_deg: Direction errors of the paper's procedure on exact feet, a network for each.
         exact_feet_magnitude_error_gf: Magnitude errors of it.
         fabricated_feet_direction_error_deg: The same with the paper's tolerances and a careful test stand.
@@ -83,13 +83,13 @@ class CavityFigures:
         read_as_vented_magnitude_error_gf: Magnitude errors of it.
     """
 
-    closure_um_per_n: tuple[float, float, float]
+    corner_edge_middle_um_per_n: tuple[float, float, float]
     upright_range_n: float
-    first_contact_force_n: float
-    linear_change: ForceErrors
-    linear_elastance: ForceErrors
-    bound_direction_deg: list[float]
-    bound_magnitude_gf: list[float]
+    first_cell_closing_force_n: float
+    linear_on_capacitance_errors: ForceErrors
+    linear_on_elastance_errors: ForceErrors
+    cramer_rao_direction_rms_deg: list[float]
+    cramer_rao_magnitude_rms_gf: list[float]
     exact_feet_direction_error_deg: MeanStd
     exact_feet_magnitude_error_gf: MeanStd
     fabricated_feet_direction_error_deg: MeanStd
@@ -105,31 +105,31 @@ class Results:
     Attributes:
         by_cavity_kind: Figures by kind.
         hand_reading_errors: Errors of the paper's procedure on a leaking foot read element by element, by leak time.
-        adiabatic_um_per_n: Closures of a sealed foot whose air keeps its heat [um/N].
+        adiabatic_sealed_closure_um_per_n: Closures of a sealed foot whose air keeps its heat [um/N].
         air_over_solid_stiffness: Stiffness of the air over that of the solid, smallest and largest over the patterns of
             closures [1].
-        drift_ff_per_kpa: Mean change of the unloaded readings per kPa less of ambient pressure, sealed [fF].
-        drift_gf_per_kpa: Upright load that changes the mean closure as much [gf].
-        drift_ff_per_k: Mean change of the unloaded readings per kelvin, sealed [fF].
-        hot_sealed_closure_um: Mean closure at rest of a foot whose air was sealed in at 100 degC [um].
+        sealed_drift_ff_per_kpa_drop: Mean change of unloaded readings per kPa less of ambient pressure, sealed [fF].
+        sealed_drift_gf_per_kpa_drop: Upright load that changes the mean closure as much [gf].
+        sealed_drift_ff_per_kelvin: Mean change of the unloaded readings per kelvin, sealed [fF].
+        closure_if_sealed_at_100_c_um: Mean closure at rest of a foot whose air was sealed in at 100 degC [um].
         sorption_half_time_s: Time in which the bare plates take up half of a cavity's excess air [s].
         parylene_time_constant_s: Time constant of a wall of parylene as large as the cavity [s].
         channel_time_constant_s: Time constant of a channel of `VENT_CHANNEL_MM` through a bar [s].
-        relaxation_factor: By how much closures relax slower than pressures, softest and stiffest pattern [1].
+        closure_over_pressure_relaxation: Relaxation time over that of pressures, softest and stiffest pattern [1].
     """
 
-    by_cavity_kind: dict[str, CavityFigures]
+    by_cavity_kind: dict[str, CavityPerformance]
     hand_reading_errors: dict[str, ForceErrors]
-    adiabatic_um_per_n: tuple[float, float, float]
+    adiabatic_sealed_closure_um_per_n: tuple[float, float, float]
     air_over_solid_stiffness: tuple[float, float]
-    drift_ff_per_kpa: float
-    drift_gf_per_kpa: float
-    drift_ff_per_k: float
-    hot_sealed_closure_um: float
+    sealed_drift_ff_per_kpa_drop: float
+    sealed_drift_gf_per_kpa_drop: float
+    sealed_drift_ff_per_kelvin: float
+    closure_if_sealed_at_100_c_um: float
     sorption_half_time_s: float
     parylene_time_constant_s: float
     channel_time_constant_s: float
-    relaxation_factor: tuple[float, float]
+    closure_over_pressure_relaxation: tuple[float, float]
 
 
 def _corner_edge_middle_means_um(cell_closures_um: Vector) -> tuple[float, float, float]:
@@ -174,13 +174,13 @@ def errors_over_feet(
     return MeanStd.of_values(direction_deg), MeanStd.of_values(magnitude_gf)
 
 
-def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
+def cavity_performance(context: StudyContext, cavity: Cavity) -> CavityPerformance:
     """Return sensitivity, range and errors of the released foot with one kind of cavity."""
     response = replace(context.response, cavity=cavity)
     foot, design = Foot(response), response.design
     n_feet, epochs = (QUICK_FEET, QUICK_EPOCHS) if context.quick else (FEET, EPOCHS)
     training, test = paper_training(response), paper_verification(response)
-    small_n = 0.05 * _UPWARD
+    small_um = foot.cell_closures_um(_UPWARD, 0.05 * _UPWARD)
     up, loads_n = (
         np.repeat(_UPWARD, len(RANGE_SEARCH_LOADS_N), axis=0),
         RANGE_SEARCH_LOADS_N[:, None] * _UPWARD,
@@ -191,28 +191,28 @@ def cavity_figures(context: StudyContext, cavity: Cavity) -> CavityFigures:
     direction = paper_directions("verification")
     bounds = [
         force_bound(foot, direction, gf * GRAM_FORCE_N * direction, Unknowns.LEANING)
-        for gf in BOUND_MAGNITUDES_GF
+        for gf in CRAMER_RAO_LOADS_GF
     ]
     own_deg, own_gf = errors_over_feet(response, FootTolerances(), Tolerances(), n_feet, epochs)
     made_deg, made_gf = errors_over_feet(response, PAPER_TOLERANCES, CAREFUL_TEST_STAND, n_feet, epochs)
     vented = replace(context.response, cavity=VENTED)
     designed = PaperTraining(design, paper_training(vented)).train(start_weights_by_seed(1), epochs)[0]
     misread = evaluate_force_errors(test.force_n, designed(test.closure_um))
+    by_capacitance_n = capacitance_estimator(design, training)(test.closure_um)
+    by_elastance_n = elastance_estimator(training)(test.closure_um)
     context.report_progress(f"cavity: {cavity.kind} measured")
-    return CavityFigures(
-        closure_um_per_n=_corner_edge_middle_means_um(foot.cell_closures_um(_UPWARD, small_n) / 0.05),
+    return CavityPerformance(
+        corner_edge_middle_um_per_n=_corner_edge_middle_means_um(small_um / 0.05),
         upright_range_n=float(
             RANGE_SEARCH_LOADS_N[beyond.argmax()] if beyond.any() else RANGE_SEARCH_LOADS_N[-1]
         ),
-        first_contact_force_n=float(
+        first_cell_closing_force_n=float(
             RANGE_SEARCH_LOADS_N[closed.argmax()] if closed.any() else RANGE_SEARCH_LOADS_N[-1]
         ),
-        linear_change=evaluate_force_errors(
-            test.force_n, capacitance_estimator(design, training)(test.closure_um)
-        ),
-        linear_elastance=evaluate_force_errors(test.force_n, elastance_estimator(training)(test.closure_um)),
-        bound_direction_deg=[float(np.sqrt(np.mean(bound.direction_rms_deg**2))) for bound in bounds],
-        bound_magnitude_gf=[float(np.sqrt(np.mean(bound.magnitude_rms_gf**2))) for bound in bounds],
+        linear_on_capacitance_errors=evaluate_force_errors(test.force_n, by_capacitance_n),
+        linear_on_elastance_errors=evaluate_force_errors(test.force_n, by_elastance_n),
+        cramer_rao_direction_rms_deg=[float(np.sqrt(np.mean(b.direction_rms_deg**2))) for b in bounds],
+        cramer_rao_magnitude_rms_gf=[float(np.sqrt(np.mean(bound.magnitude_rms_gf**2))) for bound in bounds],
         exact_feet_direction_error_deg=own_deg,
         exact_feet_magnitude_error_gf=own_gf,
         fabricated_feet_direction_error_deg=made_deg,
@@ -259,7 +259,7 @@ def hand_reading_errors(context: StudyContext, leak_time_s: float, epochs: int) 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Return the figures of vented, sealed and leaking cavities of the released foot."""
     response, design, made = context.response, context.response.design, context.foot_design
-    by_cavity_kind = {name: cavity_figures(context, cavity) for name, cavity in CAVITIES_BY_NAME.items()}
+    by_cavity_kind = {name: cavity_performance(context, cavity) for name, cavity in CAVITIES_BY_NAME.items()}
     epochs = QUICK_EPOCHS if context.quick else EPOCHS
     leaks_s = HAND_READ_LEAK_TIMES_S[1:2] if context.quick else HAND_READ_LEAK_TIMES_S
     read = {f"{leak_s:g}": hand_reading_errors(context, leak_s, epochs) for leak_s in leaks_s}
@@ -286,18 +286,18 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     results = Results(
         by_cavity_kind=by_cavity_kind,
         hand_reading_errors=read,
-        adiabatic_um_per_n=_corner_edge_middle_means_um(
+        adiabatic_sealed_closure_um_per_n=_corner_edge_middle_means_um(
             sealed.cell_closures_um(_UPWARD, 0.05 * _UPWARD, rest._replace(exponent=air.ADIABATIC)) / 0.05
         ),
         air_over_solid_stiffness=(float(stiffness.min()), float(stiffness.max())),
-        drift_ff_per_kpa=1e3 * thin_pf,
-        drift_gf_per_kpa=thin_pf / small_pf,
-        drift_ff_per_k=1e3 * warm_pf,
-        hot_sealed_closure_um=float(hot.cell_closures_um(_UPWARD, 0.0 * _UPWARD).mean()),
+        sealed_drift_ff_per_kpa_drop=1e3 * thin_pf,
+        sealed_drift_gf_per_kpa_drop=thin_pf / small_pf,
+        sealed_drift_ff_per_kelvin=1e3 * warm_pf,
+        closure_if_sealed_at_100_c_um=float(hot.cell_closures_um(_UPWARD, 0.0 * _UPWARD).mean()),
         sorption_half_time_s=venting.sorption_half_time_s(made.gap_um),
         parylene_time_constant_s=venting.parylene_time_constant_s(made.gap_um),
         channel_time_constant_s=venting.channel_time_constant_s(made.gap_um, made.electrode_mm, bar_mm),
-        relaxation_factor=(1.0 + float(stiffness.min()), 1.0 + float(stiffness.max())),
+        closure_over_pressure_relaxation=(1.0 + float(stiffness.min()), 1.0 + float(stiffness.max())),
     )
     return results, {"cavity.png": _figure(response)}
 
@@ -340,7 +340,7 @@ STUDY = Study(
     name="cavity",
     title="Air in the cavities",
     compute=compute,
-    names={
+    template_names={
         "VENT_CHANNEL_WIDTH_MM": venting.VENT_CHANNEL_WIDTH_MM,
         "MEASURED_DIRECTION_DEG": MEASURED_DIRECTION_DEG,
         "MEASURED_MAGNITUDE_GF": MEASURED_MAGNITUDE_GF,

@@ -24,7 +24,7 @@ from footsense.lab.studies.page import Plots, Study, StudyContext
 
 #: Loads of the full solve: elevation of contact normal and of force [deg], magnitude [gf]. The load of the
 #: paper's Fig. 17, one that leans away from the normal, and two that close gaps.
-FULL_CASES = ((45.0, 45.0, 100.0), (70.0, 90.0, 100.0), (90.0, 90.0, 150.0), (60.0, 60.0, 150.0))
+FULL_SOLVE_LOADS = ((45.0, 45.0, 100.0), (70.0, 90.0, 100.0), (90.0, 90.0, 150.0), (60.0, 60.0, 150.0))
 #: Loads that are solved forward.
 _FORWARD_LOADS, _FORWARD_LOADS_QUICK = 12, 2
 #: Adjoint solves of a table: one per cell of the quarter and class.
@@ -58,9 +58,10 @@ class Results:
         n_loads: The paper's loads.
         seconds_per_load: Time of a load [s], by model.
         differences_from_contact_level: Differences from `contact`.
-        formula_variants: Differences of the variants of the formula from `contact`.
-        sheet_force_share: Smallest and largest share of the vertical force that the formula puts on the sheet [1].
-        modulus_ratio: Contact modulus of the rubber over that of PDMS [1].
+        half_space_variant_differences: Differences of the variants of the formula from `contact`.
+        min_max_sheet_force_share: Smallest and largest share of the vertical force that the formula puts on the sheet
+            [1].
+        rubber_over_pdms_contact_modulus: Contact modulus of the rubber over that of PDMS [1].
         forward: One solve per load, beside the table.
         forward_on_coarse_mesh: Whether those solves are on a coarser mesh than the table's.
         differences_from_finite_strain: The cheap models beside the full solve; None in the quick form.
@@ -69,9 +70,9 @@ class Results:
     n_loads: int
     seconds_per_load: dict[str, float]
     differences_from_contact_level: Differences
-    formula_variants: Differences
-    sheet_force_share: tuple[float, float]
-    modulus_ratio: float
+    half_space_variant_differences: Differences
+    min_max_sheet_force_share: tuple[float, float]
+    rubber_over_pdms_contact_modulus: float
     forward: ForwardAgainstTable
     forward_on_coarse_mesh: bool
     differences_from_finite_strain: DifferencesFromFullSolve | None
@@ -135,7 +136,7 @@ def _compare_with_full(
 ) -> DifferencesFromFullSolve:
     """Return errors against the finite-strain solve, split into mesh and physics at the first load."""
     reduced, taken_s = time_level(
-        finite_strain_level(context.foot_design, reduced=True), loads_in_mirror_plane(FULL_CASES[:1])
+        finite_strain_level(context.foot_design, reduced=True), loads_in_mirror_plane(FULL_SOLVE_LOADS[:1])
     )
     context.report_progress(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
     first, contact = (
@@ -166,7 +167,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     )
     shown, finest, full, figures = apart, "contact", None, {}
     if not context.quick:
-        level_responses, taken = _time_levels(context, LEVEL_NAMES, loads_in_mirror_plane(FULL_CASES))
+        level_responses, taken = _time_levels(context, LEVEL_NAMES, loads_in_mirror_plane(FULL_SOLVE_LOADS))
         full = _compare_with_full(context, level_responses)
         shown, finest, seconds["full"] = full.differences, "full", taken["full"]
         unloaded_pf = context.response.design.unloaded_pf
@@ -179,9 +180,9 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         n_loads=len(loads.force_n),
         seconds_per_load=seconds,
         differences_from_contact_level=apart,
-        formula_variants=formula,
-        sheet_force_share=carried_rel,
-        modulus_ratio=foot_design.rubber.hertz_mpa / foot_design.pdms.hertz_mpa,
+        half_space_variant_differences=formula,
+        min_max_sheet_force_share=carried_rel,
+        rubber_over_pdms_contact_modulus=foot_design.rubber.hertz_mpa / foot_design.pdms.hertz_mpa,
         forward=forward,
         forward_on_coarse_mesh=context.quick,
         differences_from_finite_strain=full,

@@ -43,7 +43,7 @@ STRAIN_LIMIT_REL = 0.1
 #: Poisson's ratios of the table on confinement.
 POISSONS, QUICK_POISSONS = (0.3, 0.45, 0.49, 0.499, 0.4999), (0.3, 0.4999)
 #: Load of the sensitivity [N]: no gap closes.
-SMALL_FORCE_N = 0.05
+SENSITIVITY_FORCE_N = 0.05
 #: Loads of the search for the range [N].
 RANGE_SEARCH_LOADS_N = np.geomspace(0.05, 50.0, 200)
 #: Networks for each design, and epochs of training.
@@ -73,7 +73,7 @@ class SensorDesign:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DesignFigures:
+class DesignPerformance:
     """Capacitance, closure, sensitivity, force range and force errors of one sensor design.
 
     Attributes:
@@ -102,14 +102,14 @@ class ConfinedFilm:
     """Stiffness and closure of a gel film with another Poisson's ratio, confined between stiff layers.
 
     Attributes:
-        confined_mpa: Modulus of the confined layer [MPa].
-        relief_mm: Relief length at the rim [mm].
-        closure_um: Mean closure under an upright newton [um].
+        confined_modulus_mpa: Modulus of the confined layer [MPa].
+        rim_relief_length_mm: Relief length at the rim [mm].
+        mean_closure_um_per_n: Mean closure under an upright newton [um].
     """
 
-    confined_mpa: float
-    relief_mm: float
-    closure_um: float
+    confined_modulus_mpa: float
+    rim_relief_length_mm: float
+    mean_closure_um_per_n: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,8 +130,8 @@ class Results:
     plate_modulus_mpa: float
     sheet_mm: float
     electrode_mm: float
-    air_gap_design: DesignFigures
-    gel_film_design: DesignFigures
+    air_gap_design: DesignPerformance
+    gel_film_design: DesignPerformance
     by_poisson: dict[str, ConfinedFilm]
 
 
@@ -185,7 +185,7 @@ def _max_force_in_range_n(sensor: SensorDesign, direction: Vector) -> float:
     return float(RANGE_SEARCH_LOADS_N[inside])
 
 
-def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures:
+def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignPerformance:
     """Return sensitivity, range and errors of a sensor design under a noise [pF] equal for all."""
     rng = np.random.default_rng(NOISE_SEED)
     capacitor = sensor.capacitor
@@ -200,13 +200,13 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignFigures
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if context.quick else (SEEDS, EPOCHS)
     networks = PaperTraining(capacitor, training, "closure").train(start_weights_by_seed(seeds), epochs)
     answers = [evaluate_force_errors(test.force_n, read(test.closure_um)) for read in networks]
-    small_um = sensor.closure_um(_UPWARD, SMALL_FORCE_N * _UPWARD)
+    small_um = sensor.closure_um(_UPWARD, SENSITIVITY_FORCE_N * _UPWARD)
     change_pf = capacitor.capacitance_pf(small_um) - capacitor.unloaded_pf
     context.report_progress(f"film: {sensor.name} measured")
-    return DesignFigures(
+    return DesignPerformance(
         unloaded_pf=capacitor.unloaded_pf,
-        closure_um_per_n=float(small_um.mean() / SMALL_FORCE_N),
-        sensitivity_pf_per_n=float(change_pf.mean() / SMALL_FORCE_N),
+        closure_um_per_n=float(small_um.mean() / SENSITIVITY_FORCE_N),
+        sensitivity_pf_per_n=float(change_pf.mean() / SENSITIVITY_FORCE_N),
         upright_range_n=_max_force_in_range_n(sensor, _UPWARD),
         range_at_45_deg_n=_max_force_in_range_n(sensor, directions(0.0, 45.0)[None]),
         linear_errors=evaluate_force_errors(test.force_n, elastance_estimator(training)(test.closure_um)),
@@ -233,9 +233,9 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         gel_film_design=measure_design(context, gel),
         by_poisson={
             f"{nu:g}": ConfinedFilm(
-                confined_mpa=other.gel.confined_mpa,
-                relief_mm=other.relief_mm,
-                closure_um=closure_um,
+                confined_modulus_mpa=other.gel.confined_mpa,
+                rim_relief_length_mm=other.relief_mm,
+                mean_closure_um_per_n=closure_um,
             )
             for nu, other, closure_um in zip(poissons, films, closures, strict=True)
         },
@@ -265,6 +265,6 @@ STUDY = Study(
     name="film",
     title="A soft film without gaps",
     compute=compute,
-    names={"HIDDEN_NEURONS": HIDDEN_NEURONS, "NOISE_PF": NOISE_PF},
+    template_names={"HIDDEN_NEURONS": HIDDEN_NEURONS, "NOISE_PF": NOISE_PF},
     uses_network=False,
 )

@@ -49,14 +49,15 @@ class LoadComparison:
 
     Attributes:
         load: In words.
-        difference_rel: Largest difference of a mean closure over the largest closure [1], by what is left out.
+        max_closure_difference_rel: Largest difference of a mean closure over the largest closure [1], by what is left
+            out.
         patch_radius_mm: Radius of the patch of the full solve [mm].
         hertz_radius_mm: Hertz's radius [mm].
         newton_steps: Steps of the full solve.
     """
 
     load: str
-    difference_rel: dict[str, float]
+    max_closure_difference_rel: dict[str, float]
     patch_radius_mm: float
     hertz_radius_mm: float
     newton_steps: int
@@ -83,7 +84,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         }
         one = LoadComparison(
             load=_load_label(*case),
-            difference_rel={
+            max_closure_difference_rel={
                 name: float(np.abs(other.closure_um - full.closure_um).max() / full.closure_um.max())
                 for name, other in others.items()
             },
@@ -105,7 +106,7 @@ def _figure(loads: list[LoadComparison]) -> Figure:
     width = 0.8 / len(SIMPLIFICATIONS)
     for number, name in enumerate(SIMPLIFICATIONS):
         place = np.arange(len(loads)) + (number - (len(SIMPLIFICATIONS) - 1) / 2.0) * width
-        axes.bar(place, [100.0 * load.difference_rel[name] for load in loads], width, label=name)
+        axes.bar(place, [100.0 * load.max_closure_difference_rel[name] for load in loads], width, label=name)
     axes.axhline(1.0, color="k", ls=":", lw=1, label="accuracy of the table")
     axes.set_xticks(np.arange(len(loads)), [load.load.replace(", normal", ",\nnormal") for load in loads])
     axes.set(yscale="log", ylabel="closure, largest difference [%]")

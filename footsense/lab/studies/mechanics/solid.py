@@ -67,14 +67,14 @@ class MeshResult(ComputeTime):
         order: Polynomial order of the elements.
         unknowns: Number of unknowns of the equations.
         corner_closure_um: Closure of a corner under the upright load [um].
-        max_error_rel: Largest relative error of a closure [1], upright and inclined.
+        max_closure_error_rel_per_load: Largest relative error of a closure [1], upright and inclined.
     """
 
     name: str
     order: int
     unknowns: int
     corner_closure_um: float
-    max_error_rel: list[float]
+    max_closure_error_rel_per_load: list[float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,12 +82,12 @@ class HertzContact:
     """Hertz radius and corner closure at 1 N on ground of one material.
 
     Attributes:
-        modulus_mpa: E* of the contact [MPa].
+        contact_modulus_mpa: E* of the contact [MPa].
         radius_mm: Radius of the patch [mm].
         corner_closure_um: Closure of a corner [um].
     """
 
-    modulus_mpa: float
+    contact_modulus_mpa: float
     radius_mm: float
     corner_closure_um: float
 
@@ -101,14 +101,14 @@ class FringeResult:
         plate_formula_pf: Capacitance by the plate formula [pF].
         with_fringe_pf: Capacitance with edges [pF].
         elastance_closure_um: Closure by elastance [um].
-        corrected_closure_um: Closure by elastance with the stray taken off [um].
+        stray_corrected_closure_um: Closure by elastance with the stray taken off [um].
     """
 
     closure_um: float
     plate_formula_pf: float
     with_fringe_pf: float
     elastance_closure_um: float
-    corrected_closure_um: float
+    stray_corrected_closure_um: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,13 +121,13 @@ class Results:
         cases: Time of the paper's cases with contact.
         n_cases: Number of these cases.
         contacts_by_ground: Contact with the ground, by its material.
-        ground_change_rel: Largest relative change of a closure by the material of the ground [1].
+        max_closure_change_by_ground_rel: Largest relative change of a closure by the material of the ground [1].
         spacer_mm: Thickness of the spacer [mm].
-        traction_law_closure_um: Closure of a strip with the spacer as a law [um].
-        meshed_closure_um: Closure of a strip with the spacer meshed [um].
+        strip_closure_by_traction_law_um: Closure of a strip with the spacer as a law [um].
+        strip_closure_meshed_spacer_um: Closure of a strip with the spacer meshed [um].
         fringe: Elements with edges, unloaded first.
         table_errors_rel: Errors that the response table states [1].
-        closure_variation_um: Largest variation of the closure inside a cell, rms [um].
+        max_in_cell_closure_rms_um: Largest variation of the closure inside a cell, rms [um].
     """
 
     meshes: list[MeshResult]
@@ -135,13 +135,13 @@ class Results:
     cases: ComputeTime
     n_cases: int
     contacts_by_ground: dict[str, HertzContact]
-    ground_change_rel: float
+    max_closure_change_by_ground_rel: float
     spacer_mm: float
-    traction_law_closure_um: float
-    meshed_closure_um: float
+    strip_closure_by_traction_law_um: float
+    strip_closure_meshed_spacer_um: float
     fringe: list[FringeResult]
     table_errors_rel: dict[str, float]
-    closure_variation_um: float
+    max_in_cell_closure_rms_um: float
 
 
 def _timed(step: Callable[[], Measured]) -> tuple[Measured, ComputeTime]:
@@ -180,7 +180,7 @@ def _solve_meshes(context: StudyContext) -> list[MeshResult]:
             order=size.order,
             unknowns=found.unknowns,
             corner_closure_um=found.closure_um[0].max(),
-            max_error_rel=[
+            max_closure_error_rel_per_load=[
                 _largest_relative_error(own, of) for own, of in zip(found.closure_um, best, strict=False)
             ],
         )
@@ -200,7 +200,7 @@ def _compare_ground_materials(
         radius_mm = float(contact_radius_mm(1.0, response.ball_radius_mm, modulus_mpa))
         closures.append(replace(response, hertz_modulus_mpa=modulus_mpa).free_element_closures_um(up, up))
         floors[name] = HertzContact(
-            modulus_mpa=modulus_mpa, radius_mm=radius_mm, corner_closure_um=closures[-1].max()
+            contact_modulus_mpa=modulus_mpa, radius_mm=radius_mm, corner_closure_um=closures[-1].max()
         )
     return floors, float(np.abs(closures[1] / closures[0] - 1.0).max())
 
@@ -248,10 +248,10 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         cases=cases_taken,
         n_cases=sum(len(one.force_n) for one in cases),
         contacts_by_ground=floors,
-        ground_change_rel=ground_change_rel,
+        max_closure_change_by_ground_rel=ground_change_rel,
         spacer_mm=foot_design.spacer_mm,
-        traction_law_closure_um=cavity_strip_closure_um(foot_design, solid=False),
-        meshed_closure_um=cavity_strip_closure_um(foot_design, solid=True),
+        strip_closure_by_traction_law_um=cavity_strip_closure_um(foot_design, solid=False),
+        strip_closure_meshed_spacer_um=cavity_strip_closure_um(foot_design, solid=True),
         fringe=_fringe_results(foot_design),
         table_errors_rel={
             "foot against its transpose": stated["mesh_asymmetry_rel"],
@@ -259,7 +259,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
             "series four degrees shorter": stated["interpolation_rel"],
             "cells of 6 x 6: C of an element at 1 N, worst": cell_rel,
         },
-        closure_variation_um=cell_um,
+        max_in_cell_closure_rms_um=cell_um,
     )
     return results, {"solid.png": _figure(meshes)}
 
@@ -270,14 +270,15 @@ def _figure(meshes: Sequence[MeshResult]) -> Figure:
     names = ("upright, 1 N", f"{INCLINED_LOAD_ELEVATION_DEG:g} deg, 1 N")
     for load, (name, marker) in enumerate(zip(names, "os", strict=True)):
         points = [
-            (mesh.processor_s, 100.0 * mesh.max_error_rel[load])
+            (mesh.processor_s, 100.0 * mesh.max_closure_error_rel_per_load[load])
             for mesh in meshes
-            if len(mesh.max_error_rel) > load and mesh.max_error_rel[load] > 0.0
+            if len(mesh.max_closure_error_rel_per_load) > load
+            and mesh.max_closure_error_rel_per_load[load] > 0.0
         ]
         axes.plot(*zip(*sorted(points), strict=True), marker + "-", label=name, alpha=0.8)
     for mesh in meshes:
-        if mesh.max_error_rel[0] > 0.0:
-            place = (mesh.processor_s, 100.0 * mesh.max_error_rel[0])
+        if mesh.max_closure_error_rel_per_load[0] > 0.0:
+            place = (mesh.processor_s, 100.0 * mesh.max_closure_error_rel_per_load[0])
             axes.annotate(mesh.name, place, xytext=(5, 6), textcoords="offset points", fontsize=8)
     axes.axhline(1.0, color="k", lw=0.8, ls="--", label="target")
     axes.set(xscale="log", yscale="log", xlabel="processor time [s]", ylabel="worst error of a closure [%]")

@@ -30,9 +30,9 @@ TRAINING_GF = (50.0, 150.0)
 _DEPTH_LABELS = {"1": "one hidden layer", "2": "two hidden layers"}
 #: Mean errors of each network: name, words, the paper's figure.
 EVALUATED_ERRORS = (
-    ("direction_deg", "direction, 100 gf [deg]", PAPER_DIRECTION_DEG),
-    ("magnitude_gf", "magnitude, 100 gf [gf]", PAPER_MAGNITUDE_GF),
-    ("training_deg", "direction, 50 and 150 gf [deg]", None),
+    ("direction_error_deg", "direction, 100 gf [deg]", PAPER_DIRECTION_DEG),
+    ("magnitude_error_gf", "magnitude, 100 gf [gf]", PAPER_MAGNITUDE_GF),
+    ("direction_error_at_50_and_150_gf_deg", "direction, 50 and 150 gf [deg]", None),
 )
 
 #: Statistics over the seeds, for each number of neurons, by hidden layers.
@@ -47,17 +47,17 @@ class Results:
         epochs: Training epochs.
         seeds: Networks of each size.
         neurons: Neurons of each hidden layer.
-        direction_deg: Direction errors at 100 gf [deg].
-        magnitude_gf: Magnitude errors at 100 gf [gf].
-        training_deg: Direction errors at the magnitudes of the training cases [deg].
+        direction_error_deg: Direction errors at 100 gf [deg].
+        magnitude_error_gf: Magnitude errors at 100 gf [gf].
+        direction_error_at_50_and_150_gf_deg: Direction errors at the magnitudes of the training cases [deg].
     """
 
     epochs: int
     seeds: int
     neurons: tuple[int, ...]
-    direction_deg: ByDepth
-    magnitude_gf: ByDepth
-    training_deg: ByDepth
+    direction_error_deg: ByDepth
+    magnitude_error_gf: ByDepth
+    direction_error_at_50_and_150_gf_deg: ByDepth
 
 
 def n_weights(depth: int, neurons: int) -> int:
@@ -126,10 +126,10 @@ def _figure(results: Results) -> Figure:
     return figure
 
 
-def mean_differences(
+def mean_error_differences_by_claim(
     neurons: Sequence[int], errors_by_depth: list[ByDepth]
 ) -> dict[str, list[MeanDifference]]:
-    """Return differences of mean errors, positive where the paper's statements hold, by kind of error."""
+    """Return differences of mean errors by comparison, one per kind of error; positive where the paper is right."""
     mean_differences: dict[str, list[MeanDifference]] = defaultdict(list)
     for by_depth in errors_by_depth:
         best = {depth: min(sizes, key=lambda one: one.mean) for depth, sizes in by_depth.items()}
@@ -147,6 +147,6 @@ STUDY = Study(
     name="hidden-layers",
     title="How many hidden layers and neurons",
     compute=compute,
-    names={"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
+    template_names={"SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS},
     uses_network=False,
 )

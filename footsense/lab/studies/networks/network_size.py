@@ -18,7 +18,7 @@ from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
-from footsense.lab.training.snapshot.train import closure_moments
+from footsense.lab.training.snapshot.train import closure_pattern_second_moments
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
@@ -63,16 +63,16 @@ class Results:
     Attributes:
         steps: Training steps.
         batch: Windows in a step.
-        n_gaits: Random gaits for training.
-        n_steady_loads: Loads at rest for training.
+        n_training_gaits: Random gaits for training.
+        n_training_steady_loads: Loads at rest for training.
         min_test_force_n: Smallest force of the test loads at rest [N].
         sizes: The networks, the smallest first.
     """
 
     steps: int
     batch: int
-    n_gaits: int
-    n_steady_loads: int
+    n_training_gaits: int
+    n_training_steady_loads: int
     min_test_force_n: float
     sizes: list[NetworkSizeResult]
 
@@ -120,12 +120,14 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
             steady_windows(measured_closure_rel(design, test_rest.closure_um[counted], rng)),
         ),
     }
-    imputation = Imputation(closure_moments(rest.with_symmetric_copies().closure_um / design.gap_um))
+    imputation = Imputation(
+        closure_pattern_second_moments(rest.with_symmetric_copies().closure_um / design.gap_um)
+    )
     trained = []
     for c in channels:
         settings = WindowTrainingSettings(channels=c, steps=steps, min_force_n=loads.min_force_n)
         trained.append(train_windowed(gaits, rest, design, settings, imputation))
-        context.report_progress(f"network-size: {trained[-1].size} weights trained")
+        context.report_progress(f"network-size: {trained[-1].n_weights} weights trained")
     times_us = run_us([onnx_model(weights, {}).SerializeToString() for weights in trained])
     sizes = []
     for weights, time_us in zip(trained, times_us, strict=True):
@@ -134,13 +136,15 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
             for name, (force_n, window) in tests.items()
         }
         sizes.append(
-            NetworkSizeResult(channels=weights.channels, weights=weights.size, six_legs_us=time_us, **judged)
+            NetworkSizeResult(
+                channels=weights.channels, weights=weights.n_weights, six_legs_us=time_us, **judged
+            )
         )
     results = Results(
         steps=steps,
         batch=settings.batch,
-        n_gaits=n_gaits,
-        n_steady_loads=n_rests,
+        n_training_gaits=n_gaits,
+        n_training_steady_loads=n_rests,
         min_test_force_n=loads.min_evaluated_force_n,
         sizes=sizes,
     )

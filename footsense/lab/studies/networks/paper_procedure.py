@@ -24,7 +24,7 @@ from footsense.lab.training.paper.procedure import (
     EPOCHS,
     HIDDEN_NEURONS,
     QUICK_EPOCHS,
-    Feed,
+    NetworkInput,
     paper_networks,
     verification_cases,
 )
@@ -33,24 +33,24 @@ from footsense.lab.training.paper.procedure import (
 MAGNITUDES_GF = (50.0, 60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0, 130.0, 140.0, 150.0)
 INDEX_OF_100_GF = MAGNITUDES_GF.index(100.0)
 
-FEED_LABELS: dict[Feed, str] = {"capacitance": "ΔC", "closure": "closures"}
+NETWORK_INPUT_LABELS: dict[NetworkInput, str] = {"capacitance": "ΔC", "closure": "closures"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class FeedErrors:
+class NetworkInputErrors:
     """Errors of network and linear estimator for one kind of input.
 
     Attributes:
-        direction_deg: Direction errors of the networks at each magnitude [deg].
-        magnitude_gf: Magnitude errors of the networks at each magnitude [gf].
-        linear_direction_deg: Direction error of the linear estimator at 100 gf [deg].
-        linear_magnitude_gf: Magnitude error of the linear estimator [gf].
+        network_direction_error_deg: Direction errors of the networks at each magnitude [deg].
+        network_magnitude_error_gf: Magnitude errors of the networks at each magnitude [gf].
+        linear_direction_error_deg: Direction error of the linear estimator at 100 gf [deg].
+        linear_magnitude_error_gf: Magnitude error of the linear estimator [gf].
     """
 
-    direction_deg: list[MeanStd]
-    magnitude_gf: list[MeanStd]
-    linear_direction_deg: float
-    linear_magnitude_gf: float
+    network_direction_error_deg: list[MeanStd]
+    network_magnitude_error_gf: list[MeanStd]
+    linear_direction_error_deg: float
+    linear_magnitude_error_gf: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,11 +59,11 @@ class Results:
 
     Attributes:
         epochs: Training epochs.
-        by_feed: For `capacitance` and `closure`.
+        errors_by_network_input: For `capacitance` and `closure`.
     """
 
     epochs: int
-    by_feed: dict[str, FeedErrors]
+    errors_by_network_input: dict[str, NetworkInputErrors]
 
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
@@ -75,46 +75,52 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         "capacitance": capacitance_estimator(response.design, training),
         "closure": elastance_estimator(training),
     }
-    by_feed, points = {}, {}
-    for feed, name in FEED_LABELS.items():
-        networks = paper_networks(response, quick=context.quick, feed=feed)
+    errors_by_network_input, points = {}, {}
+    for network_input, name in NETWORK_INPUT_LABELS.items():
+        networks = paper_networks(response, quick=context.quick, network_input=network_input)
         rows = [
             [evaluate_force_errors(cases.force_n, read(cases.closure_um)) for read in networks]
             for cases in tests
         ]
         alone = evaluate_force_errors(
-            tests[INDEX_OF_100_GF].force_n, linear[feed](tests[INDEX_OF_100_GF].closure_um)
+            tests[INDEX_OF_100_GF].force_n, linear[network_input](tests[INDEX_OF_100_GF].closure_um)
         )
-        by_feed[str(feed)] = FeedErrors(
-            direction_deg=[MeanStd.of_values(one.direction_deg for one in row) for row in rows],
-            magnitude_gf=[MeanStd.of_values(one.magnitude_gf for one in row) for row in rows],
-            linear_direction_deg=alone.direction_deg,
-            linear_magnitude_gf=alone.magnitude_gf,
+        errors_by_network_input[str(network_input)] = NetworkInputErrors(
+            network_direction_error_deg=[MeanStd.of_values(one.direction_deg for one in row) for row in rows],
+            network_magnitude_error_gf=[MeanStd.of_values(one.magnitude_gf for one in row) for row in rows],
+            linear_direction_error_deg=alone.direction_deg,
+            linear_magnitude_error_gf=alone.magnitude_gf,
         )
-        points[str(feed)] = rows[INDEX_OF_100_GF]
+        points[str(network_input)] = rows[INDEX_OF_100_GF]
         context.report_progress(f"paper-procedure: {len(networks)} networks on {name} trained")
-    results = Results(epochs=QUICK_EPOCHS if context.quick else EPOCHS, by_feed=by_feed)
-    return results, {"paper-procedure.png": _figure(by_feed, points)}
+    results = Results(
+        epochs=QUICK_EPOCHS if context.quick else EPOCHS, errors_by_network_input=errors_by_network_input
+    )
+    return results, {"paper-procedure.png": _figure(errors_by_network_input, points)}
 
 
-def _figure(by_feed: dict[str, FeedErrors], points: dict[str, list[ForceErrors]]) -> Figure:
+def _figure(
+    errors_by_network_input: dict[str, NetworkInputErrors], points: dict[str, list[ForceErrors]]
+) -> Figure:
     """Return the figure of magnitude over direction error per network, and of direction error over force."""
     figure, (cloud, curve) = subplot_row(2, 8.2, 4.0)
-    for colour, (feed, name) in zip(("C0", "C1"), FEED_LABELS.items(), strict=True):
-        networks, found = points[feed], by_feed[feed]
+    for colour, (network_input, name) in zip(("C0", "C1"), NETWORK_INPUT_LABELS.items(), strict=True):
+        networks, found = points[network_input], errors_by_network_input[network_input]
         x, y = [one.direction_deg for one in networks], [one.magnitude_gf for one in networks]
         cloud.plot(x, y, "o", color=colour, alpha=0.6, label=f"networks on {name}")
         label = f"linear on {name}"
         cloud.plot(
-            found.linear_direction_deg,
-            found.linear_magnitude_gf,
+            found.linear_direction_error_deg,
+            found.linear_magnitude_error_gf,
             "X",
             color=colour,
             mec="k",
             ms=9,
             label=label,
         )
-        plot_band(curve, MAGNITUDES_GF, found.direction_deg, color=colour, label=f"networks on {name}")
+        plot_band(
+            curve, MAGNITUDES_GF, found.network_direction_error_deg, color=colour, label=f"networks on {name}"
+        )
     cloud.plot(PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, "k*", ms=13, label="the paper")
     cloud.set(xscale="log", yscale="log", title="180 directions at 100 gf")
     cloud.set(xlabel="mean direction error [deg]", ylabel="mean magnitude error [gf]")
@@ -135,6 +141,6 @@ STUDY = Study(
     name="paper-procedure",
     title="The paper's own procedure",
     compute=compute,
-    names={"HIDDEN_NEURONS": HIDDEN_NEURONS},
+    template_names={"HIDDEN_NEURONS": HIDDEN_NEURONS},
     uses_network=False,
 )

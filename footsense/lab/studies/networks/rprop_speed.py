@@ -39,26 +39,26 @@ class RpropComparison:
     Attributes:
         learning_rate: Learning rate of back-propagation.
         goal_loss: That loss [1].
-        descent_epochs: Epochs of back-propagation.
-        rprop_epochs: Epochs of RPROP; a seed that never reaches the loss counts with all of them.
+        descent_epochs_to_goal: Epochs of back-propagation.
+        rprop_epochs_to_goal: Epochs of RPROP; a seed that never reaches the loss counts with all of them.
         n_reached_goal: Seeds that reach it by RPROP.
-        epoch_ratio: Ratio of the epochs [1].
-        epoch_ratio_min: The lowest ratio of a seed.
-        epoch_ratio_max: The highest ratio of a seed.
-        descent_s: Processor time of back-propagation [s].
-        rprop_s: Processor time of RPROP [s].
+        descent_over_rprop_epochs: Ratio of the epochs [1].
+        descent_over_rprop_epochs_min: The lowest ratio of a seed.
+        descent_over_rprop_epochs_max: The highest ratio of a seed.
+        descent_time_to_goal_s: Processor time of back-propagation [s].
+        rprop_time_to_goal_s: Processor time of RPROP [s].
     """
 
     learning_rate: float
     goal_loss: float
-    descent_epochs: float
-    rprop_epochs: float
+    descent_epochs_to_goal: float
+    rprop_epochs_to_goal: float
     n_reached_goal: int
-    epoch_ratio: float
-    epoch_ratio_min: float
-    epoch_ratio_max: float
-    descent_s: float
-    rprop_s: float
+    descent_over_rprop_epochs: float
+    descent_over_rprop_epochs_min: float
+    descent_over_rprop_epochs_max: float
+    descent_time_to_goal_s: float
+    rprop_time_to_goal_s: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,14 +113,14 @@ def _compare_with_rprop(rate: float, descent: TrainedNetworks, rprop: TrainedNet
     return RpropComparison(
         learning_rate=rate,
         goal_loss=float(np.median(goal)),
-        descent_epochs=float(np.median(slow)),
-        rprop_epochs=float(np.median(fast)),
+        descent_epochs_to_goal=float(np.median(slow)),
+        rprop_epochs_to_goal=float(np.median(fast)),
         n_reached_goal=int((rprop.losses.min(axis=1) <= goal).sum()),
-        epoch_ratio=float(np.median(slow / fast)),
-        epoch_ratio_min=float((slow / fast).min()),
-        epoch_ratio_max=float((slow / fast).max()),
-        descent_s=float(np.median(slow)) * _epoch_s(descent),
-        rprop_s=float(np.median(fast)) * _epoch_s(rprop),
+        descent_over_rprop_epochs=float(np.median(slow / fast)),
+        descent_over_rprop_epochs_min=float((slow / fast).min()),
+        descent_over_rprop_epochs_max=float((slow / fast).max()),
+        descent_time_to_goal_s=float(np.median(slow)) * _epoch_s(descent),
+        rprop_time_to_goal_s=float(np.median(fast)) * _epoch_s(rprop),
     )
 
 
@@ -170,6 +170,6 @@ STUDY = Study(
     name="rprop-speed",
     title="RPROP against back-propagation",
     compute=compute,
-    names={"HIDDEN_NEURONS": HIDDEN_NEURONS},
+    template_names={"HIDDEN_NEURONS": HIDDEN_NEURONS},
     uses_network=False,
 )

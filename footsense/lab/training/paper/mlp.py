@@ -100,13 +100,13 @@ def _train_epochs(
     """Return the networks after several epochs, and their losses, shape (networks, epochs)."""
 
     def epoch(carry: tuple[Layers, Any], _: None) -> tuple[tuple[Layers, Any], jax.Array]:
-        """Return the state and the losses after one epoch."""
+        """Return the state after one epoch, and the loss that it started from."""
         before, gradient = jax.value_and_grad(loss)(carry[0], inputs, targets)
         change, after = rule.update(gradient, carry[1], carry[0])
         return (optax.apply_updates(carry[0], change), after), before
 
     def train_one(carry: tuple[Layers, Any]) -> tuple[Layers, jax.Array]:
-        """Return one network and its losses after all epochs."""
+        """Return one network after all epochs, and its loss before each epoch."""
         (after, _), losses = jax.lax.scan(epoch, carry, None, length=epochs)
         return after, losses
 

@@ -23,7 +23,7 @@ from footsense.lab.training.paper.mlp import Layers, network_outputs, random_lay
 from footsense.lab.training.paper.rprop import RPROP
 
 #: Inputs of a network: capacitance changes, as in the paper, or the gap closures that elastance measures.
-Feed = Literal["capacitance", "closure"]
+NetworkInput = Literal["capacitance", "closure"]
 
 #: Neurons of the two hidden layers, twice the inputs; the paper found its own by trial and error (Table I).
 HIDDEN_NEURONS = (18, 18)
@@ -39,24 +39,26 @@ class PaperTraining:
     Args:
         design: Electrical design of the capacitors.
         training: The cases.
-        feed: Inputs of the networks.
+        network_input: Inputs of the networks.
 
     Attributes:
         inputs: Shape (n, 9), the largest 1.
         targets: Shape (n, 3), the largest force component 1.
     """
 
-    def __init__(self, design: CapacitorDesign, training: Cases, feed: Feed = "capacitance") -> None:
-        self._design, self._feed = design, feed
-        fed = self._network_input(training.closure_um)
+    def __init__(
+        self, design: CapacitorDesign, training: Cases, network_input: NetworkInput = "capacitance"
+    ) -> None:
+        self._design, self._input_kind = design, network_input
+        fed = self._network_inputs(training.closure_um)
         self._input_scale = float(np.abs(fed).max())
         self._force_scale_n = float(np.abs(training.force_n).max())
         self.inputs = fed / self._input_scale
         self.targets = training.force_n / self._force_scale_n
 
-    def _network_input(self, closure_um: Vector) -> Vector:
+    def _network_inputs(self, closure_um: Vector) -> Vector:
         """Return the network's inputs from closures [um]: capacitance changes [pF] or closures, (n, 9)."""
-        if self._feed == "closure":
+        if self._input_kind == "closure":
             return closure_um
         return self._design.capacitance_pf(closure_um) - self._design.unloaded_pf
 
@@ -65,7 +67,7 @@ class PaperTraining:
 
         def read(closure_um: Vector) -> Vector:
             """Return forces [N] from closures [um]."""
-            inputs = (self._network_input(closure_um) / self._input_scale).astype(np.float32)
+            inputs = (self._network_inputs(closure_um) / self._input_scale).astype(np.float32)
             return np.asarray(network_outputs(network, inputs), dtype=np.float64) * self._force_scale_n
 
         return read
@@ -90,10 +92,10 @@ def start_weights_by_seed(seeds: int, widths: Sequence[int] = (9, *HIDDEN_NEURON
 
 
 def paper_networks(
-    response: FootResponse, *, quick: bool, feed: Feed = "capacitance"
+    response: FootResponse, *, quick: bool, network_input: NetworkInput = "capacitance"
 ) -> list[ForceEstimator]:
     """Return force estimators trained by the paper's procedure, one per seed; fewer and shorter if quick."""
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
-    return PaperTraining(response.design, paper_training(response), feed).train(
+    return PaperTraining(response.design, paper_training(response), network_input).train(
         start_weights_by_seed(seeds), epochs
     )

@@ -37,17 +37,20 @@ class ForwardModel:
 
     Attributes:
         response: The foot.
-        closure_per_mean: Closure of each cell per mean closure of each element [1], shape (elements, cells).
+        cell_closure_per_element_mean: Closure of each cell per mean closure of each element [1], shape (elements,
+            cells).
     """
 
     response: FootResponse
-    closure_per_mean: Vector
+    cell_closure_per_element_mean: Vector
 
     def capacitance_pf(self, mean_um: Vector) -> Vector:
         """Return the capacitances [pF] from closures without gap contact [um], shape (n, elements) each."""
-        return Foot(self.response).capacitance_of_free_closures_pf(mean_um @ self.closure_per_mean)
+        return Foot(self.response).capacitance_of_free_closures_pf(
+            mean_um @ self.cell_closure_per_element_mean
+        )
 
-    def mean_um(self, closure_um: Vector) -> Vector:
+    def element_free_closure_um(self, closure_um: Vector) -> Vector:
         """Return the closures without gap contact [um], (n, elements), that explain closures by elastance.
 
         Args:

@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits
 from footsense.estimation.gait.tracker import GaitTracker
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip, Vector
-from footsense.ports import Load
+from footsense.ports import LoadEstimate
 
 LEGS = 6
 STEP_NS = 2_716_700
@@ -40,7 +40,9 @@ class Robot:
         row = [point, 0.0, self.ratio * across[0], 0.0]
         for _ in range(n):
             self.now_ns += STEP_NS
-            load = Load(force_n, np.full((LEGS, 3), 1e-3), np.tile(row, (LEGS, 1)), np.full((LEGS, 4), SIGMA))
+            load = LoadEstimate(
+                force_n, np.full((LEGS, 3), 1e-3), np.tile(row, (LEGS, 1)), np.full((LEGS, 4), SIGMA)
+            )
             for contact, leg_n in zip(self.contacts, force_n[:, 2].tolist(), strict=True):
                 contact.observe(leg_n, 0.001, self.now_ns, self.now_ns, leg_n)
             frame = self.tracker.observe(load, self.contacts, self.now_ns)
@@ -171,7 +173,7 @@ def test_frames_come_with_events_and_ten_times_a_second() -> None:
         now_ns = k * STEP_NS
         force_n = 1.0 if k > 500 else 0.0
         contact.observe(force_n, 0.001, now_ns, now_ns, force_n)
-        load = Load(
+        load = LoadEstimate(
             np.array([[0.0, 0.0, force_n]]), np.full((1, 3), 1e-3), np.zeros((1, 4)), np.full((1, 4), SIGMA)
         )
         frame = tracker.observe(load, [contact], now_ns)
