@@ -23,16 +23,18 @@ class BusCosts(NamedTuple):
     """Duration of a transaction on one bus: bus clock rate, and fixed cost on the host.
 
     Attributes:
-        rate_hz: Clock of the bus [Hz].
-        host_cost_ns: Time that the host adds to each transaction [ns].
+        bus_hz: Clock of the bus [Hz].
+        host_ns_per_transaction: Time that the host adds to each transaction [ns].
     """
 
-    rate_hz: float
-    host_cost_ns: float
+    bus_hz: float
+    host_ns_per_transaction: float
 
     def transaction_ns(self, n_write: int, n_read: int = 0) -> float:
         """Return the duration of a transaction that writes and reads so many bytes [ns]."""
-        return transaction_bits(n_write, n_read) * 1e9 / self.rate_hz + BUS_FREE_NS + self.host_cost_ns
+        return (
+            transaction_bits(n_write, n_read) * 1e9 / self.bus_hz + BUS_FREE_NS + self.host_ns_per_transaction
+        )
 
     def total_ns(self, transactions: Iterable[Transaction]) -> float:
         """Return the total duration of several transactions [ns]."""
@@ -117,8 +119,8 @@ def bus_timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool
     limits = scan_lower_bounds(
         n_legs=n_legs,
         conversion_ns=plan.conversion_ns,
-        bus_hz=costs.rate_hz,
-        host_cost_ns=costs.host_cost_ns,
+        bus_hz=costs.bus_hz,
+        host_cost_ns=costs.host_ns_per_transaction,
         n_result_reads=len(plan.steps[0].read),
         kernel_mux=kernel_mux,
         traffic=plan.board.traffic,

@@ -258,7 +258,7 @@ class LegGroup:
                 leg.outcome = Reading.NO_ANSWER if answers is None else step.done.decode(answers[0])
 
     def _all_done(self, step: ConversionStep, selection: int) -> bool:
-        """Return whether all connected legs have finished, by one common poll, or by their results themselves."""
+        """Return whether one common poll shows all legs finished; True for a board without a poll."""
         if step.done is None:
             return True
         asks = (step.done.read,) if self.mux_read_back is None else (step.done.read, self.mux_read_back)

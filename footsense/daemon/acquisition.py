@@ -141,12 +141,12 @@ def _log_bus_timing(bus: Bus, timing: BusTiming | None) -> None:
     if timing is None:
         return
     _log.info("%s: %s", bus.device, timing)
-    if timing.costs.rate_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
+    if timing.costs.bus_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
         _log.warning(
             "%s runs at %.0f kHz, not at the %.0f kHz of the configuration: a Raspberry Pi's follows the core clock; "
             "set core_freq_min, or correct rate_hz",
             bus.device,
-            timing.costs.rate_hz * 1e-3,
+            timing.costs.bus_hz * 1e-3,
             bus.rate_hz * 1e-3,
         )
 

@@ -102,7 +102,8 @@ def _estimator_and_temperature_receiver(models: Models) -> tuple[Estimator, Call
         models.network, [foot.parameters if foot else None for foot in mounted], len(mounted)
     )
     set_temperature = partial(
-        feet.set_temperature, calibrated_at=[foot.calibrated_at if foot else None for foot in mounted]
+        feet.set_temperature,
+        calibrated_at=[foot.calibration_temperature if foot else None for foot in mounted],
     )
     set_temperature(np.full(len(mounted), np.nan))
     return feet, set_temperature

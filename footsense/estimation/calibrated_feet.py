@@ -6,7 +6,7 @@ import numpy as np
 
 from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
-from footsense.foot.temperature import CalibratedAt, force_factor_and_uncertainty
+from footsense.foot.temperature import CalibrationTemperature, force_factor_and_uncertainty
 from footsense.frames import Vector
 from footsense.ports import Estimator, LoadEstimate, Window
 
@@ -47,7 +47,9 @@ class CalibratedFeet:
         )
         self._apply_temperature_factors(np.ones(len(feet)), np.zeros(len(feet)))
 
-    def set_temperature(self, temperature_c: Vector, calibrated_at: Sequence[CalibratedAt | None]) -> None:
+    def set_temperature(
+        self, temperature_c: Vector, calibrated_at: Sequence[CalibrationTemperature | None]
+    ) -> None:
         """Set the feet's present temperature [degC], by which their forces are compensated.
 
         Args:

@@ -21,7 +21,7 @@ COLDEST_C, WARMEST_C = -40.0, 125.0
 _UNMEASURED_HALF_RANGE_K = 10.0
 
 
-class CalibratedAt(NamedTuple):
+class CalibrationTemperature(NamedTuple):
     """Temperature of a foot during its calibration, and stiffening per kelvin.
 
     Attributes:
@@ -33,7 +33,9 @@ class CalibratedAt(NamedTuple):
     stiffness_per_k: float = STIFFNESS_PER_K
 
 
-def force_factor_and_uncertainty(temperature_c: float, then: CalibratedAt | None) -> tuple[float, float]:
+def force_factor_and_uncertainty(
+    temperature_c: float, then: CalibrationTemperature | None
+) -> tuple[float, float]:
     """Return the factor by which to multiply a foot's force, and its remaining relative standard deviation [1].
 
     If either temperature is unknown or outside of a converter's range, the factor is 1.
@@ -43,11 +45,11 @@ def force_factor_and_uncertainty(temperature_c: float, then: CalibratedAt | None
         then: Its temperature on the test stand; None for an uncalibrated foot, which is not corrected.
 
     Example:
-        >>> force_factor_and_uncertainty(23.0, CalibratedAt(23.0))
+        >>> force_factor_and_uncertainty(23.0, CalibrationTemperature(23.0))
         (1.0, 0.0)
-        >>> force_factor_and_uncertainty(23.0, CalibratedAt(None))[0]
+        >>> force_factor_and_uncertainty(23.0, CalibrationTemperature(None))[0]
         1.0
-        >>> round(force_factor_and_uncertainty(43.0, CalibratedAt(23.0))[0], 3)
+        >>> round(force_factor_and_uncertainty(43.0, CalibrationTemperature(23.0))[0], 3)
         1.088
     """
     if then is None:

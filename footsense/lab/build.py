@@ -14,7 +14,7 @@ import ngsolve as ng
 import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import missing_sets
+from footsense.estimation.faults.missing_sets import trained_missing_sets
 from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import FORMAT, OUTPUTS, input_signals
@@ -222,7 +222,7 @@ def _rounded_moments(closure_rel: Any) -> Any:
 
 def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
     """Return the largest difference of forces between ONNX Runtime and JAX [N], over all sets of missing elements."""
-    masks = missing_sets(closure_rel.shape[1]).sets
+    masks = trained_missing_sets(closure_rel.shape[1]).sets
     window = steady_windows(closure_rel, masks[np.arange(len(closure_rel)) % len(masks)])
     pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
     return max(float(np.abs(one - unit * other).max()) for one, other in pairs)

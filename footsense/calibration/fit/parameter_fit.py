@@ -51,7 +51,7 @@ _MAX_ITERATIONS, _MAX_DAMPING = 25, 1e8
 #: Gain of the cost below which a fit ends, and one that is only the start of another.
 _TOLERANCE_REL, _ROUGH_TOLERANCE_REL = 1e-5, 1e-3
 #: Iteration before which the covariance is evaluated again, at parameters that are nearly right.
-_REWHITENING_ITERATION = 3
+_REWHITEN_AT_ITERATION = 3
 #: Light loads needed for a first fit, and how many of them are used.
 _MIN_LIGHT_LOADS, _MAX_LIGHT_LOADS = 15, 40
 
@@ -117,7 +117,7 @@ def _levenberg_marquardt(twin: FootTwin, loads: LoadSet, start: Vector, *, share
     state = _FitState(twin, loads, _whitening_matrices(twin, start, loads), start)
     damping, tolerance_rel = 1e-3, _ROUGH_TOLERANCE_REL if shared_gap else _TOLERANCE_REL
     for iteration in range(_MAX_ITERATIONS):
-        if iteration == _REWHITENING_ITERATION:
+        if iteration == _REWHITEN_AT_ITERATION:
             state = state.with_parameters(
                 state.parameters, _whitening_matrices(twin, state.parameters, loads)
             )
@@ -136,7 +136,7 @@ def _levenberg_marquardt(twin: FootTwin, loads: LoadSet, start: Vector, *, share
             break
         gain_rel = 1.0 - tried.cost / state.cost
         state, damping = tried, max(damping / 10.0, 1e-9)
-        if gain_rel < tolerance_rel and iteration > _REWHITENING_ITERATION:
+        if gain_rel < tolerance_rel and iteration > _REWHITEN_AT_ITERATION:
             break
     residual_jacobian = state.residual_jacobian(shared_gap=shared_gap)
     covariance = np.asarray(np.linalg.inv(residual_jacobian.T @ residual_jacobian), np.float64)

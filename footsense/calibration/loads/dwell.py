@@ -41,7 +41,7 @@ class UnloadedSpan(NamedTuple):
     reference_samples_n: Vector
 
 
-def mean_unloaded(press: Press, span_ns: tuple[int, int]) -> UnloadedSpan:
+def average_unloaded_span(press: Press, span_ns: tuple[int, int]) -> UnloadedSpan:
     """Return mean readings, their noise and the reference samples over an unloaded span [ns] of a press."""
     inside = is_in_span(press.t_ns, span_ns)
     scans = press.capacitance_pf[inside]

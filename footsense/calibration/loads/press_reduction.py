@@ -18,7 +18,7 @@ _MIN_ANSWERED_SCANS_REL = 0.9
 
 def reduce_press(press: Press) -> CalibrationLoad | RejectedPress:
     """Return the calibration load of a press, or the reason for its rejection."""
-    before = dwell.mean_unloaded(press, press.unloaded_before_ns)
+    before = dwell.average_unloaded_span(press, press.unloaded_before_ns)
     dwell_ns = dwell.longest_dwell(press, before)
     return next(_rejection_reasons(press, before, dwell_ns), None) or _mean_load(press, dwell_ns, before)
 
@@ -69,7 +69,11 @@ def _mean_load(
     """Return the means over the dwell relative to the unloaded spans before and after it, or a rejection."""
     scans, samples = is_in_span(press.t_ns, dwell_ns), is_in_span(press.reference.t_ns, dwell_ns)
     baseline_pf, offsets_n = before.capacitance_pf, press.reference_offset_samples_n
-    after = None if press.unloaded_after_ns is None else dwell.mean_unloaded(press, press.unloaded_after_ns)
+    after = (
+        None
+        if press.unloaded_after_ns is None
+        else dwell.average_unloaded_span(press, press.unloaded_after_ns)
+    )
     if after is not None and len(after.reference_samples_n) and not np.isnan(after.capacitance_pf).any():
         share = (sum(dwell_ns) // 2 - before.mean_t_ns) / (after.mean_t_ns - before.mean_t_ns)
         baseline_pf = baseline_pf + share * (after.capacitance_pf - before.capacitance_pf)

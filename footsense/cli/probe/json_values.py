@@ -54,8 +54,8 @@ def _bus_json(report: ProbedBus) -> dict[str, Any]:
         names = ("rate_hz", "host_cost_us", "conversion_limit_ms", "readout_limit_ms", "limit")
         return values | dict.fromkeys(names)
     return values | {
-        "rate_hz": round(timing.costs.rate_hz),
-        "host_cost_us": round(timing.costs.host_cost_ns * 1e-3, 1),
+        "rate_hz": round(timing.costs.bus_hz),
+        "host_cost_us": round(timing.costs.host_ns_per_transaction * 1e-3, 1),
         "conversion_limit_ms": round(timing.lower_bounds.conversion_bound_ns * 1e-6, 3),
         "readout_limit_ms": round(timing.lower_bounds.readout_bound_ns * 1e-6, 3),
         "limit": timing.lower_bounds.limiting_factor,

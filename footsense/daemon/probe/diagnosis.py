@@ -49,9 +49,9 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
             )
     if not scan.mux_answers:
         yield _missing_mux(report)
-    if scan.bus_timing is not None and scan.bus_timing.costs.rate_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
+    if scan.bus_timing is not None and scan.bus_timing.costs.bus_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
         yield (
-            f"it runs at {scan.bus_timing.costs.rate_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
+            f"it runs at {scan.bus_timing.costs.bus_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
             "dtparam=i2c_arm_baudrate and core_freq_min on a Raspberry Pi, or correct rate_hz",
         )
     skipped = [leg for leg, channel in bus.channels.items() if channel not in scan.channels]

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.faults.missing_sets import missing_sets
+from footsense.estimation.faults.missing_sets import trained_missing_sets
 from footsense.frames import BaselineDrift, Cause, Codes, Mask, Reading, State
 
 #: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
@@ -89,7 +89,7 @@ def leg_causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause:
         cause[faults.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
         cause[faults.stuck.any(axis=1)] = Cause.ELEMENT_STUCK
         cause[faults.opened.any(axis=1)] = Cause.ELEMENT_OPEN
-        sets = missing_sets(reading.shape[1])
+        sets = trained_missing_sets(reading.shape[1])
         for lines, broken in ((sets.columns, Cause.COLUMN_OPEN), (sets.rows, Cause.ROW_OPEN)):
             for line in lines:
                 cause[faults.opened[:, line].all(axis=1)] = broken

@@ -31,7 +31,7 @@ class MissingSets(NamedTuple):
 
 
 @cache
-def missing_sets(n_elements: int) -> MissingSets:
+def trained_missing_sets(n_elements: int) -> MissingSets:
     """Return the trained sets of missing elements for a foot with this number of elements (at most 16)."""
     element, n_rows = np.arange(n_elements), math.isqrt(n_elements)
     rows, columns = (np.array([n == line for n in range(n_rows)]) for line in divmod(element, n_rows))
@@ -49,7 +49,7 @@ def missing_sets(n_elements: int) -> MissingSets:
 
 
 #: Every set of the paper's foot, shape (16, 9).
-MISSING_SETS: Mask = missing_sets(ELEMENTS).sets
+MISSING_SETS: Mask = trained_missing_sets(ELEMENTS).sets
 
 
 def missing_set_index(missing: Mask) -> NDArray[np.intp]:
@@ -59,7 +59,7 @@ def missing_set_index(missing: Mask) -> NDArray[np.intp]:
         >>> MISSING_SETS[missing_set_index(np.array([[1, 1, 1, 0, 0, 0, 0, 0, 0]], bool))[0]].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    known = missing_sets(missing.shape[1])
+    known = trained_missing_sets(missing.shape[1])
     index: NDArray[np.intp] = known.set_index_of_pattern[missing @ known.bit_of_element]
     return index
 
@@ -75,7 +75,7 @@ def missing_sets_containing(faulty: Mask) -> Mask:
         >>> missing_sets_containing(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    known = missing_sets(faulty.shape[1])
+    known = trained_missing_sets(faulty.shape[1])
     missing: Mask = known.smallest_superset[faulty @ known.bit_of_element]
     return missing
 
@@ -89,5 +89,5 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
         >>> bin(int(fault_mask(unusable)[0]))
         '0b100000001'
     """
-    masks: NDArray[np.uint16] = unusable @ missing_sets(unusable.shape[1]).bit_of_element
+    masks: NDArray[np.uint16] = unusable @ trained_missing_sets(unusable.shape[1]).bit_of_element
     return masks

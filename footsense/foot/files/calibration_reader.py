@@ -21,7 +21,7 @@ from footsense.foot.files.calibration_format import (
 )
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.parameters import FootParameters
-from footsense.foot.temperature import STIFFNESS_PER_K, CalibratedAt
+from footsense.foot.temperature import STIFFNESS_PER_K, CalibrationTemperature
 from footsense.frames import Vector
 
 #: Largest file that is read [bytes]; a network has 18 thousand.
@@ -40,7 +40,7 @@ class FootCalibration:
         parameters: How the foot differs from its design.
         network: File of the network that the parameters were fitted on.
         network_sha256: Hash of that file without its checksum trailer.
-        calibrated_at: Temperature on the test stand.
+        calibration_temperature: Temperature on the test stand.
     """
 
     folder: Path
@@ -48,7 +48,7 @@ class FootCalibration:
     parameters: FootParameters
     network: Path
     network_sha256: str
-    calibrated_at: CalibratedAt
+    calibration_temperature: CalibrationTemperature
 
 
 def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> FootCalibration:
@@ -107,7 +107,7 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
         parameters=parameters,
         network=folder / NETWORK,
         network_sha256=network_sha256,
-        calibrated_at=CalibratedAt(
+        calibration_temperature=CalibrationTemperature(
             found.temperature_c,
             STIFFNESS_PER_K if found.stiffness_per_k is None else found.stiffness_per_k,
         ),

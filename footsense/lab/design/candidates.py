@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.frames import Vector
 from footsense.lab.design.inputs.requirements import Requirements
-from footsense.lab.design.prediction.shapes import Shape, pitch_mm
+from footsense.lab.design.prediction.shapes import Shape, sheet_filling_pitch_mm
 from footsense.lab.geometry import UM_PER_MM
 
 #: Steps of the ball's diameter.
@@ -54,7 +54,7 @@ class Candidates(NamedTuple):
     @property
     def pitch_mm(self) -> Vector:
         """Distance between the centres of neighbouring elements [mm]."""
-        return pitch_mm(self.electrode_over_pitch, self.ball_radius_mm)
+        return sheet_filling_pitch_mm(self.electrode_over_pitch, self.ball_radius_mm)
 
     @property
     def electrode_mm(self) -> Vector:

@@ -87,7 +87,7 @@ class MotionModel(NamedTuple):
 
 
 #: The models: slow, usual, sudden.
-MOTION_MODELS = (
+IMM_MOTION_MODELS = (
     MotionModel(3e4, 0.03, 10.0, 0.075),
     MotionModel(1e6, 0.03, 300.0, 2.0),
     MotionModel(3e9, 0.02, 3e3, 22.0),
@@ -108,13 +108,13 @@ class ContactFilter:
         self._model = model
         self._n = n
         self._step, self._lead = (
-            [one.transition(time_s) for one in MOTION_MODELS] for time_s in (step_s, send_delay_s)
+            [one.transition(time_s) for one in IMM_MOTION_MODELS] for time_s in (step_s, send_delay_s)
         )
-        self._state = np.zeros((len(MOTION_MODELS), n, _STATES))
-        self._covariance = np.tile(np.diag(_PRIOR_SIGMA**2), (len(MOTION_MODELS), n, 1, 1))
-        self._weight = np.full((len(MOTION_MODELS), n), 1.0 / len(MOTION_MODELS))
+        self._state = np.zeros((len(IMM_MOTION_MODELS), n, _STATES))
+        self._covariance = np.tile(np.diag(_PRIOR_SIGMA**2), (len(IMM_MOTION_MODELS), n, 1, 1))
+        self._weight = np.full((len(IMM_MOTION_MODELS), n), 1.0 / len(IMM_MOTION_MODELS))
         self._switch = np.full(
-            (len(MOTION_MODELS),) * 2, (1.0 - _STAY_PROBABILITY) / (len(MOTION_MODELS) - 1)
+            (len(IMM_MOTION_MODELS),) * 2, (1.0 - _STAY_PROBABILITY) / (len(IMM_MOTION_MODELS) - 1)
         )
         np.fill_diagonal(self._switch, _STAY_PROBABILITY)
         self._apart = np.zeros(n, int)
@@ -123,7 +123,7 @@ class ContactFilter:
         """Update the filters by one element's conversion on all feet: closures over the gap [1], shape (n,)."""
         self._mix_models()
         self._predict()
-        likelihood = self._correct(element, np.tile(closure_rel, len(MOTION_MODELS)))
+        likelihood = self._correct(element, np.tile(closure_rel, len(IMM_MOTION_MODELS)))
         weight = self._weight * np.exp(likelihood - likelihood.max(axis=0))
         weight = np.maximum(weight / weight.sum(axis=0), _MIN_WEIGHT)
         self._weight = weight / weight.sum(axis=0)
@@ -193,7 +193,7 @@ class ContactFilter:
 
     def force(self) -> tuple[Vector, Vector]:
         """Return force and its standard deviation at a given time [N], shapes (n, 3)."""
-        forces, variances = np.empty((2, len(MOTION_MODELS), self._n, 3))
+        forces, variances = np.empty((2, len(IMM_MOTION_MODELS), self._n, 3))
         for k, (step, noise) in enumerate(self._lead):
             coordinates = (self._state[k] @ step.T)[:, :COORDINATES]
             about = clip_to_response_range(coordinates)
@@ -225,5 +225,5 @@ class ContactFilter:
         sigma[:, COORDINATES] = 5.0
         self._state[:, seeded] = np.pad(start, ((0, 0), (0, _STATES - COORDINATES)))
         self._covariance[:, seeded] = sigma[:, :, None] ** 2 * np.eye(_STATES)
-        self._weight[:, seeded] = 1.0 / len(MOTION_MODELS)
+        self._weight[:, seeded] = 1.0 / len(IMM_MOTION_MODELS)
         self._apart[seeded] = -2 * _PATIENCE

@@ -37,7 +37,7 @@ class RoughWalk:
         slides: Truth of each leg on the ground.
         stances_s: Start and end of each stance of each leg [s], shapes (k, 2).
         reported: Every event with the row of the conversion after which it was reported.
-        has_estimate: Whether the force is known, shape (n, legs): all elements are within the converter's range.
+        is_force_known: Whether the force is known, shape (n, legs): all elements are within the converter's range.
         contact: Debounced contact, shape (n, legs).
         estimated_normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
         friction_use: Friction use, shape (n, legs), NaN where there is none.
@@ -50,7 +50,7 @@ class RoughWalk:
     slides: list[Slides]
     stances_s: list[Vector]
     reported: list[tuple[int, GaitEvent]]
-    has_estimate: Mask
+    is_force_known: Mask
     contact: Vector
     estimated_normal: Vector
     friction_use: Vector
@@ -94,7 +94,7 @@ def simulate_walk(
             for gait in gaits
         ],
         reported=found.reported,
-        has_estimate=found.has_estimate,
+        is_force_known=found.has_estimate,
         contact=np.array(found.contact, np.float64),
         estimated_normal=np.array(found.normal),
         friction_use=np.array(found.friction_use),

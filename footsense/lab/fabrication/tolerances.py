@@ -55,7 +55,7 @@ def etch_deviation_rel(electrode_mm: float) -> float:
 
 
 def offset_overlap_loss_rel(electrode_mm: float) -> float:
-    """Return the largest relative loss of overlap area by the offset of the flexes on both axes [1]."""
+    """Return the overlap area lost if row and column flex are off by the tolerance along both axes, relative [1]."""
     return math.sqrt(2.0) * dimensions.FLEX_OFFSET_TOLERANCE_MM / electrode_mm
 
 

@@ -42,7 +42,7 @@ class FidelityError:
     """Errors of one fidelity level against the finest on the same loads.
 
     Attributes:
-        closure_rms_rel: Difference of the closures, rms over rms of the reference [1].
+        closure_difference_rms_rel: Difference of the closures, rms over rms of the reference [1].
         closure_max_um: The largest difference of a closure [um].
         capacitance_rms_rel: Difference of the capacitance changes, rms over rms of the reference [1].
         capacitance_max_pf: The largest difference of a capacitance [pF].
@@ -51,7 +51,7 @@ class FidelityError:
         n: Loads.
     """
 
-    closure_rms_rel: float
+    closure_difference_rms_rel: float
     closure_max_um: float
     capacitance_rms_rel: float
     capacitance_max_pf: float
@@ -78,7 +78,7 @@ def fidelity_error(
         reported_force_n(network, design, finest), reported_force_n(network, design, level_response)
     )
     return FidelityError(
-        closure_rms_rel=rms(closure_um) / rms(finest.closure_um),
+        closure_difference_rms_rel=rms(closure_um) / rms(finest.closure_um),
         closure_max_um=float(np.abs(closure_um).max()),
         capacitance_rms_rel=rms(capacitance_pf) / rms(change_pf),
         capacitance_max_pf=float(np.abs(capacitance_pf).max()),

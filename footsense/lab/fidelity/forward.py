@@ -24,7 +24,7 @@ class ForwardAgainstTable:
         forward_s: One load by four solves [s].
         adjoint_s: One adjoint solve, of which a table takes one per cell of the quarter and class [s].
         table_s: One load by the table, many at once [s].
-        closure_rms_rel: Difference of the closures of cells, rms over rms [1].
+        closure_difference_rms_rel: Difference of the closures of cells, rms over rms [1].
         closure_max_um: The largest difference of an element's closure [um].
         n: Loads that were solved.
     """
@@ -33,7 +33,7 @@ class ForwardAgainstTable:
     forward_s: float
     adjoint_s: float
     table_s: float
-    closure_rms_rel: float
+    closure_difference_rms_rel: float
     closure_max_um: float
     n: int
 
@@ -76,7 +76,7 @@ def forward_against_table(
         forward_s=forward_s,
         adjoint_s=adjoint_s,
         table_s=table_s,
-        closure_rms_rel=rms(difference) / rms(tabled[some]),
+        closure_difference_rms_rel=rms(difference) / rms(tabled[some]),
         closure_max_um=float(np.abs(by_element).max()),
         n=n,
     )

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import missing_sets
+from footsense.estimation.faults.missing_sets import trained_missing_sets
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.lab.training.fit import (
     TrainingSettings,
@@ -128,7 +128,7 @@ def _training_constants(
     share = np.where(carries, 1.0, np.where(lately, _JUST_LIFTED_SHARE, _AIR_SHARE))
     where = np.flatnonzero((complete_window_ends(gaits) & (drawn < share)).ravel())
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
-    masks = missing_sets(gaits.rows**2).sets
+    masks = trained_missing_sets(gaits.rows**2).sets
     single = jnp.float32
     return _TrainingConstants(
         closure_rel=jnp.asarray(gaits.closure_rel.ravel(), single),

@@ -119,7 +119,7 @@ class SimulatedCan:
             self._switch_faults(t_ns)
         self.controller.process_due(t_ns)
         if self.queue.carrier_check_ns <= t_ns:
-            self.queue.check_carrier(t_ns)
+            self.queue.run_carrier_check(t_ns)
         for sender in self._senders:
             if sender.due_ns <= t_ns:
                 sender.queue_due_frame()

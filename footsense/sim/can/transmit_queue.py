@@ -83,7 +83,7 @@ class TransmitQueue:
         """Mark the carrier as present, and reactivate a deactivated queue at once."""
         self._active = self._carrier = True
 
-    def check_carrier(self, t_ns: int) -> None:
+    def run_carrier_check(self, t_ns: int) -> None:
         """Do the kernel's carrier check at `t_ns` [ns]: without a carrier, deactivate and empty the queue."""
         self.carrier_check_ns = math.inf
         self._next_check_ns = t_ns + _CARRIER_CHECK_PERIOD_NS

@@ -50,7 +50,7 @@ class FaultTrial(NamedTuple):
 _CONFIG_WITHOUT_RESET_LINE = msgspec.structs.replace(
     DEFAULT, buses=tuple(msgspec.structs.replace(bus, mux=Mux()) for bus in DEFAULT.buses)
 )
-_I2C_ERROR_RATE_REL = 0.02
+_TRANSFER_FAULT_PROBABILITY = 0.02
 _BUS_STUCK_DURATION_S = 0.1
 _FAULT_SPAN: dict[str, Any] = {"at_s": BREAKS_AT_S, "until_s": PASSES_AT_S}
 
@@ -66,11 +66,11 @@ LEG_FAULT_TRIALS = (
     FaultTrial("cable off and on", _faults_on_trial_leg(faults.Absent)),
     FaultTrial(
         "2 % of the acknowledges lost",
-        _faults_on_trial_leg(faults.NackAtRandom, rate_rel=_I2C_ERROR_RATE_REL),
+        _faults_on_trial_leg(faults.NackAtRandom, rate_rel=_TRANSFER_FAULT_PROBABILITY),
     ),
     FaultTrial(
         "a wrong bit in 2 % of the answers",
-        _faults_on_trial_leg(faults.CorruptReads, rate_rel=_I2C_ERROR_RATE_REL),
+        _faults_on_trial_leg(faults.CorruptReads, rate_rel=_TRANSFER_FAULT_PROBABILITY),
     ),
     FaultTrial("conversions never finish", _faults_on_trial_leg(faults.StuckConverter)),
     FaultTrial("another chip at the address", _faults_on_trial_leg(faults.WrongChip)),
@@ -85,7 +85,7 @@ LEG_FAULT_TRIALS = (
     ),
     FaultTrial(
         "2 % of the arbitrations lost",
-        (faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_I2C_ERROR_RATE_REL),),
+        (faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_TRANSFER_FAULT_PROBABILITY),),
     ),
     FaultTrial("mux reset", (faults.MuxReset(at_s=BREAKS_AT_S),)),
     FaultTrial("element open", _faults_on_trial_leg(faults.ElementOpen, element=4)),

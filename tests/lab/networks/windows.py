@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.missing_sets import MISSING_SETS, missing_sets
+from footsense.estimation.faults.missing_sets import MISSING_SETS, trained_missing_sets
 from footsense.estimation.steady_windows import steady_ages_s
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.gait_windows import age_in_conversions_table
@@ -37,7 +37,7 @@ def turned(window: Window, image: NDArray[np.intp]) -> Window:
 
 def windows_of_array(rows: int, n: int = 40) -> Window:
     """Return windows of feet in motion with so many rows and columns, with every set of missing elements."""
-    rng, sets = np.random.default_rng(2), missing_sets(rows**2).sets
+    rng, sets = np.random.default_rng(2), trained_missing_sets(rows**2).sets
     return Window(
         rng.uniform(-0.05, 0.8, (n, 1, rows**2)) + rng.normal(0.0, 0.1, (n, 3, rows**2)),
         steady_ages_s(rows**2) * rng.uniform(0.5, 2.0, (n, 1, 1)),

@@ -54,7 +54,7 @@ def test_the_scan_period_is_near_the_best(order: str, host_cost_us: int, n_buses
         assert math.isclose(
             bus.bus_timing.lower_bounds.scan_period_bound_ns, best.scan_period_bound_ns, rel_tol=1e-4
         )
-        assert math.isclose(bus.bus_timing.costs.host_cost_ns, host_cost_us * 1000, abs_tol=10)
+        assert math.isclose(bus.bus_timing.costs.host_ns_per_transaction, host_cost_us * 1000, abs_tol=10)
 
 
 def test_the_timing_of_a_bus_is_one_line_for_the_journal() -> None:

@@ -301,7 +301,7 @@ def test_adapters_of_a_kernel_mux_are_told_leg_by_leg() -> None:
     sound = ChannelScan((0x49, 0x50), Reading.OK)
     assert scan.channels == {0: ChannelScan((0x50,), Reading.NO_ANSWER, why), 1: sound, 2: sound}
     assert scan.bus_timing is not None
-    assert scan.bus_timing.costs.rate_hz == pytest.approx(400_000, rel=1e-3)
+    assert scan.bus_timing.costs.bus_hz == pytest.approx(400_000, rel=1e-3)
 
 
 class HeldLow(SimulatedKernelMuxChannel):

@@ -12,7 +12,7 @@ from footsense.estimation.gait.friction import ground_of
 from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
-from footsense.foot.temperature import CalibratedAt, unknown_temperature_sigma_rel
+from footsense.foot.temperature import CalibrationTemperature, unknown_temperature_sigma_rel
 from footsense.ports import LoadEstimate, Window
 
 Vector = NDArray[np.float64]
@@ -105,7 +105,9 @@ def test_a_temperature_scales_what_it_is_known_for() -> None:
     resting = steady_windows(np.full((6, 9), 0.3))
     read = CalibratedFeet(_Linear(), feet, 6)
     on_bench_n, bench_sigma_n, *_ = read.estimate(resting)
-    read.set_temperature(np.array([33.0, np.nan, np.nan]), [CalibratedAt(23.0), CalibratedAt(23.0), None])
+    read.set_temperature(
+        np.array([33.0, np.nan, np.nan]), [CalibrationTemperature(23.0), CalibrationTemperature(23.0), None]
+    )
     force_n, sigma_n, *_ = read.estimate(resting)
     np.testing.assert_allclose(force_n, on_bench_n * np.tile([1.044, 1.0, 1.0], 2)[:, None])
     np.testing.assert_allclose(sigma_n[[0, 3]], 1.044 * bench_sigma_n[[0, 3]])

@@ -5,7 +5,7 @@ import pytest
 
 from footsense.foot.temperature import (
     STIFFNESS_PER_K,
-    CalibratedAt,
+    CalibrationTemperature,
     force_factor_and_uncertainty,
     unknown_temperature_sigma_rel,
 )
@@ -15,7 +15,7 @@ from footsense.sim.foot.warming import STIFFENING_PER_K, softness_at
 @pytest.mark.parametrize("kelvin", [-40.0, -20.0, 5.0, 20.0, 60.0])
 def test_the_gain_undoes_what_the_temperature_did(kelvin: float) -> None:
     """As the simulated foot yields less by `softness_at`, its force is read too small by the same."""
-    gain, _ = force_factor_and_uncertainty(23.0 + kelvin, CalibratedAt(23.0))
+    gain, _ = force_factor_and_uncertainty(23.0 + kelvin, CalibrationTemperature(23.0))
     assert softness_at(kelvin) * gain == pytest.approx(1.0, abs=1e-12)
     assert STIFFNESS_PER_K == STIFFENING_PER_K
 
@@ -31,7 +31,7 @@ def test_the_unknown_temperature_widens_sigma_by_what_it_does_to_forces() -> Non
 @pytest.mark.parametrize("temperature_c", [float("nan"), -273.0, 126.0])
 def test_what_is_no_temperature_corrects_nothing(temperature_c: float) -> None:
     """A stand-in for a temperature would be a wrong force."""
-    assert force_factor_and_uncertainty(temperature_c, CalibratedAt(23.0)) == (
+    assert force_factor_and_uncertainty(temperature_c, CalibrationTemperature(23.0)) == (
         1.0,
         unknown_temperature_sigma_rel(10.0),
     )

@@ -49,14 +49,14 @@ class Shape(NamedTuple):
     """Dimensionless shape of a foot, after scaling by ball radius and modulus; each field may be an array.
 
     Attributes:
-        fill_rel: Side of an electrode over the pitch [1].
+        electrode_over_pitch: Side of an electrode over the pitch [1].
         plate_rel: Thickness of a plate over the ball's radius [1].
         spacer_rel: Thickness of the spacer over the ball's radius [1].
         sheet_modulus_rel: Young's modulus of the sheet over the rubber's [1].
         sheet_poisson: Poisson's ratio of the sheet [1].
     """
 
-    fill_rel: Vector | float
+    electrode_over_pitch: Vector | float
     plate_rel: Vector | float
     spacer_rel: Vector | float
     sheet_modulus_rel: Vector | float
@@ -74,7 +74,7 @@ class Shape(NamedTuple):
 CENTRE_SHAPE = Shape(0.8, 0.05, 0.0037, 3.0 / 5.2, 0.40)
 #: Values of each number beside the paper's that are solved: below and above, or twice above.
 NEIGHBOUR_VALUES = {
-    "fill_rel": (0.7, 0.88),
+    "electrode_over_pitch": (0.7, 0.88),
     "plate_rel": (0.025, 0.1),
     "spacer_rel": (0.0018, 0.0105),
     "sheet_modulus_rel": (0.2, 1.5),
@@ -94,9 +94,11 @@ def solved_shapes() -> list[Shape]:
     ]
 
 
-def pitch_mm(fill_rel: Vector | float, ball_radius_mm: Vector | float) -> Vector:
+def sheet_filling_pitch_mm(electrode_over_pitch: Vector | float, ball_radius_mm: Vector | float) -> Vector:
     """Return the electrode pitch [mm] of an array that fills the whole sheet."""
-    pitch: Vector = SHEET_SIDE_OVER_RADIUS * np.asarray(ball_radius_mm) / (2.0 + np.asarray(fill_rel))
+    pitch: Vector = (
+        SHEET_SIDE_OVER_RADIUS * np.asarray(ball_radius_mm) / (2.0 + np.asarray(electrode_over_pitch))
+    )
     return pitch
 
 
@@ -114,13 +116,13 @@ def shape_of(design: FootDesign) -> Shape:
 
 def design_of_shape(shape: Shape, reference_design: FootDesign) -> FootDesign:
     """Return the foot design that is solved for a shape: ball radius 10 mm, the paper's rubber."""
-    pitch = float(pitch_mm(shape.fill_rel, RADIUS_MM))
+    pitch = float(sheet_filling_pitch_mm(shape.electrode_over_pitch, RADIUS_MM))
     return msgspec.structs.replace(
         reference_design,
         ball_radius_mm=RADIUS_MM,
         sheet_mm=SHEET_SIDE_OVER_RADIUS * RADIUS_MM,
         pitch_mm=pitch,
-        electrode_mm=float(shape.fill_rel) * pitch,
+        electrode_mm=float(shape.electrode_over_pitch) * pitch,
         plate_mm=float(shape.plate_rel) * RADIUS_MM,
         spacer_mm=float(shape.spacer_rel) * RADIUS_MM,
         rubber=Material(YOUNGS_MPA, RUBBER_POISSON),

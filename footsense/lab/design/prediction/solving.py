@@ -28,7 +28,7 @@ from footsense.lab.response import make_response
 
 #: Values whose pairs are solved, by place in `NEIGHBOUR_VALUES`: narrow electrodes, thin plates, soft and
 #: incompressible sheets, where the feet of larger robots lie. Other pairs are left to multiply.
-_SOLVED_PAIR_VALUES = {"fill_rel": 0, "plate_rel": 0, "sheet_modulus_rel": 0, "sheet_poisson": 1}
+_SOLVED_PAIR_VALUES = {"electrode_over_pitch": 0, "plate_rel": 0, "sheet_modulus_rel": 0, "sheet_poisson": 1}
 
 
 def solve_shapes(reference_design: FootDesign, path: Path, report: Callable[[str], None]) -> None:

@@ -77,16 +77,16 @@ class Results:
     verification: dict[str, ForceErrors]
 
 
-def _estimated_forces_n(context: StudyContext, cases: Cases, draws: int) -> Vector:
+def _estimated_forces_n(context: StudyContext, cases: Cases, n_noise_draws: int) -> Vector:
     """Return the released network's force estimates [N] for load cases, shape (draws, n, 3).
 
     Args:
         context: The models.
         cases: The loads.
-        draws: Number of noise draws; 0 for one reading without noise.
+        n_noise_draws: Number of noise draws; 0 for one reading without noise.
     """
     design, rng = context.response.design, np.random.default_rng(_SEED)
-    closures_rel = [measured_closure_rel(design, cases.closure_um, rng) for _ in range(draws)]
+    closures_rel = [measured_closure_rel(design, cases.closure_um, rng) for _ in range(n_noise_draws)]
     return np.stack(
         [context.network.force_n(one) for one in closures_rel or [cases.closure_um / design.gap_um]]
     )

@@ -167,7 +167,7 @@ def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
                 at_cone += 1
         firm = where[pressing_n[where] > MIN_FRICTION_FORCE_N]
         if len(firm) and slides.slid_mm[firm[-1]] - slides.slid_mm[firm[0]] > SLID_MM:
-            if walk.has_estimate[firm[moving[firm]], leg].mean() < MIN_ESTIMATED_SHARE_REL:
+            if walk.is_force_known[firm[moving[firm]], leg].mean() < MIN_ESTIMATED_SHARE_REL:
                 n_beyond_range += 1
                 continue
             begun_mm = slides.slid_mm[firm[0]]

@@ -64,7 +64,7 @@ class SensorArray:
     pitch_mm: float
 
     def half_axis_element_borders_mm(self) -> list[tuple[float, float]]:
-        """Return the element borders on the positive half axis [mm], from the edge inwards, cut at zero."""
+        """Return inner and outer border of each element on the positive half axis [mm], outermost first, at least 0."""
         centres = [
             self.pitch_mm * ((self.elements_per_side - 1) / 2.0 - k)
             for k in range((self.elements_per_side + 1) // 2)

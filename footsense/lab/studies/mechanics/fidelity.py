@@ -149,10 +149,10 @@ def _compare_with_full(
         ),
         mesh_difference_rel=_differences_from_finest(context, {"contact": contact}, reduced)[
             "contact"
-        ].closure_rms_rel,
+        ].closure_difference_rms_rel,
         physics_difference_rel=_differences_from_finest(context, {"reduced": reduced}, first)[
             "reduced"
-        ].closure_rms_rel,
+        ].closure_difference_rms_rel,
     )
 
 

@@ -118,7 +118,7 @@ class Results:
 
     Attributes:
         film: The film.
-        plate_modulus_mpa: Young's modulus of the plates [MPa].
+        pdms_plate_youngs_mpa: Young's modulus of the plates [MPa].
         sheet_mm: Side of the sheet [mm].
         electrode_mm: Side of an electrode [mm].
         air_gap_design: Figures of the design with gaps.
@@ -127,7 +127,7 @@ class Results:
     """
 
     film: GelLayerDesign
-    plate_modulus_mpa: float
+    pdms_plate_youngs_mpa: float
     sheet_mm: float
     electrode_mm: float
     air_gap_design: DesignPerformance
@@ -226,7 +226,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     closures = upright_closure_um(foot_design, COARSE_FILM_SIZE, films)
     results = Results(
         film=film,
-        plate_modulus_mpa=foot_design.pdms.youngs_mpa,
+        pdms_plate_youngs_mpa=foot_design.pdms.youngs_mpa,
         sheet_mm=foot_design.sheet_mm,
         electrode_mm=foot_design.electrode_mm,
         air_gap_design=measure_design(context, gaps),

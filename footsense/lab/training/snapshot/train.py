@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import missing_sets
+from footsense.estimation.faults.missing_sets import trained_missing_sets
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import Vector
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
@@ -99,7 +99,7 @@ def _training_constants(
 ) -> _TrainingConstants:
     """Return load cases, noise and missing-element masks as JAX arrays."""
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
-    masks = missing_sets(cases.closure_um.shape[1]).sets
+    masks = trained_missing_sets(cases.closure_um.shape[1]).sets
     noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * settings.noise_rel
     return _TrainingConstants(
         closure_rel=jnp.asarray(cases.closure_um / design.gap_um, jnp.float32),
