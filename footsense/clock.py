@@ -71,7 +71,7 @@ def request_realtime(priority: int, cpu: int | None) -> tuple[str, ...]:
 
 
 @contextmanager
-def gc_disabled() -> Iterator[None]:
+def low_latency_interpreter() -> Iterator[None]:
     """Disable garbage collection and shorten the thread switch interval, within a `with` block.
 
     Reference cycles are not freed meanwhile, so the loop must not make any; a test counts them.

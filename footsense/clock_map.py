@@ -27,11 +27,11 @@ _MAX_DRIFT_REL = 0.01
 #: Stamps of one scan arrive out of order by less than this [ns].
 _MAX_REORDERING_NS = 20 * _NS_PER_MS
 #: A delay below the smallest by this much is a jump of the clock, and so is one above it for all of
-#: `_MAX_LATENESS_NS` [ns].
+#: `_MAX_LATE_DURATION_NS` [ns].
 _MIN_JUMP_NS = 20 * _NS_PER_MS
-_MAX_LATENESS_NS = 1_000 * _NS_PER_MS
+_MAX_LATE_DURATION_NS = 1_000 * _NS_PER_MS
 
-_Point = tuple[int, int]  # foreign time and offset [ns]
+_OffsetPoint = tuple[int, int]  # foreign time and offset [ns]
 
 
 class ClockMap:
@@ -49,9 +49,9 @@ class ClockMap:
     def __init__(self) -> None:
         self.restarts = 0
         self.drift_rel = 0.0
-        self._points: deque[_Point] = deque()
-        self._least: _Point | None = None  # of the current slot
-        self._origin: _Point = (0, 0)  # the line goes through it
+        self._points: deque[_OffsetPoint] = deque()
+        self._least: _OffsetPoint | None = None  # of the current slot
+        self._origin: _OffsetPoint = (0, 0)  # the line goes through it
         self._lowered_ns = 0  # since the last fit
         self._slot_ends_ns = 0
         self._late_since_ns: int | None = None
@@ -59,7 +59,7 @@ class ClockMap:
         self._arrived_ns = 0  # time of the last arrival
 
     @property
-    def residual_ns(self) -> int:
+    def mean_residual_ns(self) -> int:
         """Mean distance of the smallest clock offsets from the fitted straight line [ns]: error of a mapped time."""
         if not self._points:
             return 0
@@ -101,12 +101,12 @@ class ClockMap:
         elif self._late_since_ns is None:
             self._late_since_ns = t_arrival_ns
         stood_still = (
-            self._late_since_ns is not None and t_arrival_ns - self._late_since_ns > _MAX_LATENESS_NS
+            self._late_since_ns is not None and t_arrival_ns - self._late_since_ns > _MAX_LATE_DURATION_NS
         )
         # Reading a backlog lowers the line little by little, and its slope with it.
         return stood_still or late_ns - self._lowered_ns < -_MIN_JUMP_NS or since_ns < -_MAX_REORDERING_NS
 
-    def _restart(self, point: _Point, t_arrival_ns: int, *, leapt: bool) -> None:
+    def _restart(self, point: _OffsetPoint, t_arrival_ns: int, *, leapt: bool) -> None:
         """Restart the estimate of offset and drift from one point."""
         is_known = self._points and self._points[-1][0] - self._points[0][0] >= _MIN_FIT_SPAN_NS
         if is_known or leapt:
@@ -118,7 +118,7 @@ class ClockMap:
         self._lowered_ns = 0
         self._slot_ends_ns = t_arrival_ns + _SLOT_DURATION_NS
 
-    def _add_point(self, point: _Point, late_ns: int, t_arrival_ns: int) -> None:
+    def _add_point(self, point: _OffsetPoint, late_ns: int, t_arrival_ns: int) -> None:
         """Add an offset sample; at the end of a time slot, store its smallest one and fit again."""
         if late_ns < 0:
             self._lowered_ns -= late_ns
@@ -144,14 +144,14 @@ class ClockMap:
         self._origin = min(points, key=lambda point: point[1] - self.drift_rel * (point[0] - points[0][0]))
 
 
-def _lower_hull_slope(points: list[_Point]) -> float:
+def _lower_hull_slope(points: list[_OffsetPoint]) -> float:
     """Return the slope of the lower convex hull at the mean time of sorted points (not all of one time).
 
     Example:
         >>> _lower_hull_slope([(0, 0), (10, 7), (20, 2), (30, 9), (40, 4)])
         0.1
     """
-    hull: list[_Point] = []
+    hull: list[_OffsetPoint] = []
     for x, y in points:
         while len(hull) > 1 and _is_clockwise(hull[-2], hull[-1], (x, y)):
             hull.pop()
@@ -164,6 +164,6 @@ def _lower_hull_slope(points: list[_Point]) -> float:
     return (y1 - y0) / (x1 - x0)
 
 
-def _is_clockwise(a: _Point, b: _Point, c: _Point) -> bool:
-    """Return whether the turn from one point over the second to the third is clockwise."""
+def _is_clockwise(a: _OffsetPoint, b: _OffsetPoint, c: _OffsetPoint) -> bool:
+    """Return whether the turn from one point over the second to the third is clockwise, or there is none."""
     return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])

@@ -5,11 +5,11 @@
     ├── RecordingError        exit 74  not a recording, or cut short: what is whole was still replayed
     ├── ModelError            exit 66  a model is missing, corrupt, or made for another foot
     ├── HardwareError         exit 69  the bus or a chip that everything needs is not there
-    │   ├── SensorError                a test stand's force sensor does not match its description
+    │   ├── ReferenceSensorError   a test stand's force sensor does not match its description
     │   ├── WrongChipError             another chip answers; the scanner turns it into a state, as the next ones
-    │   └── BusError                   one transaction failed
+    │   └── I2cError                   one transaction failed
     │       ├── NackError              nobody acknowledged the address or a byte
-    │       └── BusTimeoutError        the adapter gave up: a line is held low
+    │       └── I2cTimeoutError        the adapter gave up: a line is held low
     ├── CanError              exit 71  the CAN channel is not there or is down
     └── CalibrationError      exit 65  a foot's recordings are inconsistent or not sufficient
 
@@ -54,7 +54,7 @@ class HardwareError(FootsenseError):
     exit_code = 69
 
 
-class SensorError(HardwareError):
+class ReferenceSensorError(HardwareError):
     """The reference force sensor of a test stand is missing, or its data do not match its description."""
 
 
@@ -62,15 +62,15 @@ class WrongChipError(HardwareError):
     """A chip other than the expected one answers at its I2C address."""
 
 
-class BusError(HardwareError):
+class I2cError(HardwareError):
     """An I2C transaction failed; its data are invalid."""
 
 
-class NackError(BusError):
-    """No device acknowledged its I2C address: absent, unpowered, or at another address."""
+class NackError(I2cError):
+    """A chip did not acknowledge its I2C address or a byte: absent, unpowered, or at another address."""
 
 
-class BusTimeoutError(BusError):
+class I2cTimeoutError(I2cError):
     """An I2C transaction timed out: SDA or SCL is held low."""
 
 

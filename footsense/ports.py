@@ -48,8 +48,8 @@ class I2cBus(Protocol):
 
         Raises:
             NackError: No device acknowledged the address or a byte.
-            BusTimeoutError: The adapter gave up waiting for a line.
-            BusError: Anything else that made the transaction void.
+            I2cTimeoutError: The adapter gave up waiting for a line.
+            I2cError: Anything else that made the transaction void.
         """
         ...
 
@@ -169,7 +169,7 @@ class ReferenceSensor(Protocol):
             now_ns: Current time [ns], to which the samples' own times are mapped.
 
         Raises:
-            SensorError: The bytes have the wrong framing or columns.
+            ReferenceSensorError: The bytes have the wrong framing or columns.
         """
         ...
 

@@ -50,7 +50,7 @@ def measure_bus_costs(bus: I2cBus, clock: Clock, address: int) -> BusCosts:
         address: Address of a TCA9548A or an ADG715.
 
     Raises:
-        BusError: The chip does not answer.
+        I2cError: The chip does not answer.
     """
 
     def transaction_ns(n_read: int) -> float:

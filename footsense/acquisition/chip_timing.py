@@ -46,7 +46,7 @@ def measure_chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming
         Its timing; None if it does not finish.
 
     Raises:
-        BusError: A transaction failed.
+        I2cError: A transaction failed.
     """
     board = plan.board
     rate_sps = max(board.conversion_ns)

@@ -19,7 +19,7 @@ from footsense.acquisition.chip_timing import measure_chip_timing
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
-from footsense.errors import BusError, BusTimeoutError
+from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import Codes, Reading, Stamps, Vector
 from footsense.ports import Clock, Transaction
 
@@ -198,7 +198,7 @@ class LegGroup:
         self.running = None
         try:
             timing = measure_chip_timing(self._transport.connect(leg.selection), self._clock, self._plan)
-        except BusError as error:
+        except I2cError as error:
             self._raise_if_stuck(error)
             self._transport.forget_selection()
         else:
@@ -213,7 +213,7 @@ class LegGroup:
         try:
             bus = self._transport.connect(selection)
             return list(map(bus.transfer, transactions))
-        except BusError as error:
+        except I2cError as error:
             self._raise_if_stuck(error)
             return None
 
@@ -226,7 +226,7 @@ class LegGroup:
                 bus = self._transport.connect(selection)
                 for write in (*select, step.trigger):
                     bus.transfer(write)
-            except BusError as error:
+            except I2cError as error:
                 self._raise_if_stuck(error)
                 self._transport.forget_selection()  # a mux that has lost its selection connects no leg
             else:
@@ -286,7 +286,7 @@ class LegGroup:
                     reading = Reading.DELAYED
                     continue
                 return reading, capacitance_pf + leg.capdac_offset_pf
-            except BusError as error:
+            except I2cError as error:
                 self._raise_if_stuck(error)
                 self._transport.forget_selection()
                 reading = Reading.NO_ANSWER
@@ -338,13 +338,13 @@ class LegGroup:
                 if outcome is not Reading.NO_ANSWER:
                     leg.outcome = outcome
 
-    def _raise_if_stuck(self, error: BusError) -> None:
+    def _raise_if_stuck(self, error: I2cError) -> None:
         """After a bus timeout, leave out the leg that holds SDA or SCL low, and raise an error.
 
         Raises:
             BusStuckError: The error is a timeout. The other legs have lost time, and the mux its selection.
         """
-        if isinstance(error, BusTimeoutError):
+        if isinstance(error, I2cTimeoutError):
             read = self._plan.steps[0].select_checks[0].read
             self._transport.leave_out_stuck([leg for leg in self.legs if leg.in_scan], read, self._clock)
             raise BusStuckError from error

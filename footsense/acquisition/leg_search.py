@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from footsense.acquisition.leg_connection import STUCK_BUS_PAUSE_FACTOR, STUCK_LEG_PAUSE_FACTOR, LegConnection
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport, release_sda
-from footsense.errors import BusError, BusTimeoutError, HardwareError, WrongChipError
+from footsense.errors import HardwareError, I2cError, I2cTimeoutError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus
 
@@ -25,12 +25,12 @@ def probe_leg(
     """
     try:
         bus = transport.connect(leg.selection)
-    except BusTimeoutError as error:
+    except I2cTimeoutError as error:
         leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), str(error), STUCK_BUS_PAUSE_FACTOR)
         for other in bus_legs:
             if not other.in_scan:
                 other.retry_at_ns = max(other.retry_at_ns, leg.retry_at_ns)
-    except BusError as error:
+    except I2cError as error:
         leg.leave_scan(Reading.NO_ANSWER, clock.now_ns(), str(error))
     else:
         _set_up_leg(bus, leg, plan, clock)
@@ -50,7 +50,7 @@ def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -
                 bus.transfer(write)
             if step is leg.doubted and any(bus.transfer(ask) != held for ask, held in step.select_checks):
                 reading = Reading.MISCONFIGURED
-    except BusTimeoutError as error:
+    except I2cTimeoutError as error:
         leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), STUCK_LEG_PAUSE_FACTOR)
     except WrongChipError as error:
         leg.leave_scan(Reading.WRONG_CHIP, now_ns, str(error))

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from firmware_interface.chips import adg715
 from footsense.acquisition.bus_timing import BusCosts, measure_bus_costs
 from footsense.acquisition.leg_connection import STUCK_BUS_PAUSE_FACTOR, STUCK_LEG_PAUSE_FACTOR, LegConnection
-from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
+from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, MuxResetLine, Transaction
 
@@ -29,15 +29,15 @@ def release_sda(bus: I2cBus) -> None:
     that does not, as that of a Raspberry Pi 0 to 4, reads a line that stays low as an acknowledge of any address.
 
     Raises:
-        BusTimeoutError: SDA stays low.
-        BusError: The transaction failed otherwise.
+        I2cTimeoutError: SDA stays low.
+        I2cError: The transaction failed otherwise.
     """
     for _ in range(2):
         try:
             bus.transfer(NINE_CLOCKS)
         except NackError:
             return
-    raise BusTimeoutError("SDA is held low: an address that no chip has is acknowledged")
+    raise I2cTimeoutError("SDA is held low: an address that no chip has is acknowledged")
 
 
 class UpstreamBus:
@@ -89,14 +89,14 @@ class UpstreamBus:
             raise HardwareError(
                 f"no answer from {mux}: check its power, its wires and its address straps A0..A2"
             ) from error
-        except BusError as error:
+        except I2cError as error:
             raise HardwareError(f"{mux} cannot be reached: {error}") from error
 
     def connect(self, selection: int) -> I2cBus:
         """Connect exactly these mux channels; return the bus on which their chips answer.
 
         Raises:
-            BusError: The mux did not take it; which channels are connected is then unknown.
+            I2cError: The mux did not take it; which channels are connected is then unknown.
         """
         if selection != self._selection:
             self._selection = None
@@ -115,7 +115,7 @@ class UpstreamBus:
         one, nine clocks and that write are tried all the same: the line may be released.
         """
         self._selection = None
-        with contextlib.suppress(BusError):
+        with contextlib.suppress(I2cError):
             if self._reset_line is not None:
                 self._reset_line.pulse()
             else:
@@ -142,17 +142,17 @@ class UpstreamBus:
                 continue
             try:
                 self.connect(leg.selection).transfer(read)
-            except BusTimeoutError:
+            except I2cTimeoutError:
                 free = self.free_bus()
                 leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), pause_factor=STUCK_LEG_PAUSE_FACTOR)
-            except BusError as error:  # of this leg alone, and met by the scan too
+            except I2cError as error:  # of this leg alone, and met by the scan too
                 _log.debug("leg %s: %s", leg.name, error)
 
     def disconnect_legs(self) -> None:
         """Disconnect all mux channels."""
         try:
             self.connect(0)
-        except BusError as error:
+        except I2cError as error:
             _log.info("the mux at %#04x was not released: %s", self.mux_address, error)
 
 
@@ -174,7 +174,7 @@ class KernelMux:
     def measure_bus_costs(self, clock: Clock) -> BusCosts | None:
         """Measure the duration of transactions by reads of the first line switch that answers; None if none does."""
         for adapter in self.adapters:
-            with contextlib.suppress(BusError):
+            with contextlib.suppress(I2cError):
                 return measure_bus_costs(adapter, clock, adg715.ADDRESS)
         return None
 

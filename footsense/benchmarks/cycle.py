@@ -17,7 +17,7 @@ from footsense.benchmarks.our_cycle import (
     send_time_ns,
     tared_c_program,
 )
-from footsense.clock import fifo_priority, gc_disabled, stopwatch_ns
+from footsense.clock import fifo_priority, low_latency_interpreter, stopwatch_ns
 from footsense.config import DEFAULT
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame, Mask, State, Vector
@@ -54,7 +54,7 @@ def _duration_quantiles(scans: list[CapFrame], cycles_per_turn: int) -> dict[str
     naive = NaiveCycle(DEFAULT) if has_cantools() else None
     with TemporaryDirectory() as folder, open_service_cycle() as ours:
         floor = tared_c_program(Path(folder), scans) if has_c_program() else None
-        with gc_disabled(), fifo_priority(REALTIME_PRIORITY):
+        with low_latency_interpreter(), fifo_priority(REALTIME_PRIORITY):
             times_ns = _time_programs(scans, cycles_per_turn, ours, floor, naive)
     ours_us, floor_us, naive_us = (
         np.array(times_ns[name][N_WARM_UP_CYCLES:]) * 1e-3 for name in _PROGRAM_NAMES

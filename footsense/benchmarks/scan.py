@@ -96,7 +96,7 @@ def _scan_period_lower_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> 
     """Return the lower bound of the scan period on a bus for any program [ns]."""
     return scan_lower_bounds(
         n_legs=len(bus.legs),
-        conversion_ns=config.rate.conversion_ns,
+        conversion_ns=config.conversion_rate.conversion_ns,
         bus_hz=bus.rate_hz,
         host_cost_ns=host_cost_us * 1e3,
         kernel_mux=bool(bus.adapters),

@@ -31,7 +31,7 @@ from footsense.benchmarks.our_cycle import (
     send_time_ns,
     tared_c_program,
 )
-from footsense.clock import MonotonicClock, gc_disabled, request_realtime
+from footsense.clock import MonotonicClock, low_latency_interpreter, request_realtime
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame
 
@@ -196,7 +196,7 @@ def answer_paced_cycles(connection: Connection, cycle: ServiceCycle, scans: list
     rounds = _repeat_scans([(scan, send_time_ns(scan)) for scan in scans[N_WARM_UP_CYCLES:]])
     for n in _requested_cycle_counts(connection):
         wakeup_latencies_ns = [0] * n
-        with gc_disabled():
+        with low_latency_interpreter():
             deadline_ns = clock.now_ns()
             for i in range(n):
                 # The next deadline that is still to come: missed ones are not made up for.

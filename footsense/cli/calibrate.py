@@ -17,9 +17,9 @@ from footsense.calibration.writer import check_calibration_target, write_calibra
 from footsense.cli.options import FOLDER, echo_json, json_option
 from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.cli.test_stand_options import (
-    design_models,
     foot_option,
     foot_type_option,
+    load_design_models,
     recordings_argument,
 )
 from footsense.clock import stopwatch_ns, wall_time_iso
@@ -63,7 +63,7 @@ def calibrate(
     for session in sessions:
         for line in session.warnings:
             click.echo(f"warning: {line}", err=True)
-    models, design = design_models(sessions[0].foot_type, foot_type_folder)
+    models, design = load_design_models(sessions[0].foot_type, foot_type_folder)
     result = calibrate_sessions(models, sessions, hold_out)
     manifest = Manifest(
         foot=foot,

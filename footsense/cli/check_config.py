@@ -40,7 +40,7 @@ def check_config(file: Path, dbc: Path | None) -> None:
 
 def _summary_lines(models: Models) -> list[str]:
     """Return the explanation of a configuration, as lines of text."""
-    config, network, calibrations = models.config, models.network, models.calibrations
+    config, network, calibrations = models.config, models.network, models.calibrations_by_leg
     realtime, metrics = config.realtime, config.metrics
     model = "that of the calibrations" if calibrations else config.model
     cpu = "" if realtime is None or realtime.cpu is None else f" on processor {realtime.cpu}"
@@ -78,7 +78,7 @@ def _scan_text(config: Config) -> str:
     """Return scan rate and order as text."""
     serial = config.serial
     if serial is None:
-        return f"{config.rate_sps} conversions/s in {config.order} order"
+        return f"{config.rate_sps} conversions/s in {config.conversion_order} order"
     return f"{serial.rate_hz:g}/s by the microcontroller at {serial.device}, {serial.baud} bit/s"
 
 
@@ -105,7 +105,7 @@ def _weight_text(config: Config) -> str:
 
 def _forces_text(config: Config) -> str:
     """Return the rate of the published forces as text."""
-    n = config.frames_per_force
+    n = config.cap_frames_per_force
     each = "record of the microcontroller" if config.serial is not None else "conversion"
     return f"one of {n} {each}s on CAN, a change at once" if n > 1 else f"one on CAN for every {each}"
 

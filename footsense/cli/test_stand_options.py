@@ -20,7 +20,7 @@ foot_type_option = click.option(
 )
 
 
-def design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Path]:
+def load_design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Path]:
     """Load the models (network, response table) of a foot type; return them and their folder.
 
     Args:

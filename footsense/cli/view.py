@@ -100,7 +100,9 @@ def view(
     with suppress(OSError):  # its unit denies the call, and has set its own
         os.nice(5)  # a viewer never competes with what else the robot's computer does
     with ExitStack() as stack:
-        tares = stack.enter_context(closing(_open_tares(config, file))) if allow_commands else None
+        tares = (
+            stack.enter_context(closing(_open_tare_command_sender(config, file))) if allow_commands else None
+        )
         _serve_until_stopped(stack, file, settings, settings.port if port is None else port, tares, origins)
 
 
@@ -136,7 +138,7 @@ def _serve_until_stopped(
     asyncio.run(serve())
 
 
-def _open_tares(config: Config | None, file: Path | None) -> "TareCommandSender":
+def _open_tare_command_sender(config: Config | None, file: Path | None) -> "TareCommandSender":
     """Open a CAN interface for the page's tare commands.
 
     Raises:

@@ -14,13 +14,13 @@ class CommandResult(NamedTuple):
         node: CAN node id of the leg, 1..8.
         kind: The command.
         result: DONE, or why it was refused.
-        duration_ns: From the command to the answer [ns].
+        response_time_ns: From the command to the answer [ns].
     """
 
     node: int
     kind: CommandKind
     result: Result
-    duration_ns: int
+    response_time_ns: int
 
 
 class PendingCommands:

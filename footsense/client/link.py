@@ -32,7 +32,7 @@ class LinkStatus(IntEnum):
     OK = 1  #: the last force is valid, in sequence, and young enough
     LOST = 2  #: the same, but up to `max_delta` - 1 forces before it did not arrive
     REPEATED = 3  #: the last frame came again: its counter has not advanced
-    WRONG = 4  #: a frame failed its check, and fewer than `min_good` forces have come since
+    WRONG = 4  #: a frame failed its check or too many were lost; fewer than `min_good` forces have come since
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ class Link:
             (QUALITY_ID, partial(decode_quality, n_elements=n_elements)),
         )
         self._n_elements = n_elements
-        self._legs = {node: _Leg(self._limits) for node in NODE_IDS.values()}
+        self._legs = {node: _LegStateMachine(self._limits) for node in NODE_IDS.values()}
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
         """Process any CAN frame; return whether its id is that of a force frame, even if the frame is invalid.
@@ -119,7 +119,7 @@ class Link:
             Whether it was a `Force` or `Quality` of a leg, or the `Forces` of all, valid or not.
         """
         if len(data) == DATA_BYTES_OF_FRAME.get(can_id):  # a classic frame with this id is somebody else's
-            self._feed_all(can_id, data, now_ns)
+            self._feed_all_legs_frame(can_id, data, now_ns)
             return True
         for base, decode in self._decoders:
             if can_id - base in self._legs:
@@ -133,7 +133,7 @@ class Link:
                 return True
         return False
 
-    def _feed_all(self, can_id: int, data: bytes, now_ns: int) -> None:
+    def _feed_all_legs_frame(self, can_id: int, data: bytes, now_ns: int) -> None:
         """Process a CAN FD frame with the forces of several legs."""
         try:
             forces = decode_forces(can_id, data, self._n_elements)
@@ -162,7 +162,7 @@ class Link:
         return read._replace(force_n=force_n, sigma_n=sigma_n)
 
 
-class _Leg:
+class _LegStateMachine:
     """State machine of one leg's forces."""
 
     def __init__(self, limits: LinkLimits) -> None:
@@ -180,13 +180,13 @@ class _Leg:
     def process_frame(self, half: Force | Quality, now_ns: int) -> None:
         """Process a `Force` or `Quality` frame with a valid CRC."""
         if not self._is_silent(now_ns) and self._force and half.counter == self._force.counter:
-            self._count_repeated()
+            self._mark_repeated()
             return
         counters = {other.counter for other in self._next.values()}
         if counters - {half.counter} or _has_elapsed(now_ns, self._next_ns, self._limits.timeout_ns):
             self._next.clear()
         if type(half) in self._next:
-            self._count_repeated()
+            self._mark_repeated()
             return
         if not self._next:
             self._next_ns = now_ns
@@ -236,12 +236,12 @@ class _Leg:
         self._force, self._quality, self._state = force, quality, force.state
         self._arrived_ns = self._next_ns
         self._n_good += counts
-        if self._has_enough_good_frames():
+        if self._has_enough_good_forces():
             self._status = LinkStatus.OK if delta == 1 else LinkStatus.LOST
 
-    def _count_repeated(self) -> None:
+    def _mark_repeated(self) -> None:
         """Set the status REPEATED, unless too few good frames have arrived."""
-        if self._has_enough_good_frames():
+        if self._has_enough_good_forces():
             self._status = LinkStatus.REPEATED
 
     def _reset(self, new_status: LinkStatus) -> None:
@@ -249,12 +249,12 @@ class _Leg:
         self._status = new_status
         self._n_good = 0
 
-    def _has_enough_good_frames(self) -> bool:
-        """Return whether enough good frames have arrived since the last error."""
+    def _has_enough_good_forces(self) -> bool:
+        """Return whether enough forces in sequence have arrived since the last error or silence."""
         return self._n_good >= max(1, self._limits.min_good)
 
     def _is_silent(self, now_ns: int) -> bool:
-        """Return whether no frame has arrived for longer than the timeout."""
+        """Return whether no complete force has arrived yet, or none for longer than the timeout."""
         return self._force is None or _has_elapsed(now_ns, self._arrived_ns, self._limits.timeout_ns)
 
     def _status_at(self, now_ns: int) -> LinkStatus:

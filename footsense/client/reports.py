@@ -48,8 +48,8 @@ class LegReport(NamedTuple):
         cause: Cause of its state. Sent on change alone, so unknown to a client that started later.
         cause_state: The state sent with the cause.
         baseline: Status of the baseline tracking.
-        baseline_mean_pf: Offset of the baseline since the last tare, mean over the elements [pF].
-        baseline_worst_pf: Offset of the element with the largest [pF].
+        baseline_mean_offset_pf: Offset of the baseline since the last tare, mean over the elements [pF].
+        baseline_worst_offset_pf: Offset of the element with the largest [pF].
         baseline_moved_ago_ns: Time since the baseline last moved [ns].
         node_state: NMT state of the heartbeat; None also without heartbeats.
         degraded_timing: Whether the service runs without the scheduling that it asked for.
@@ -60,8 +60,8 @@ class LegReport(NamedTuple):
     cause: Cause | None
     cause_state: State | None
     baseline: BaselineStatus | None
-    baseline_mean_pf: float
-    baseline_worst_pf: float
+    baseline_mean_offset_pf: float
+    baseline_worst_offset_pf: float
     baseline_moved_ago_ns: int | None
     node_state: NmtState | None
     degraded_timing: bool | None
@@ -106,11 +106,11 @@ class Reports:
             node: Its CAN node id, 1..8.
             now_ns: The present time [ns].
         """
-        fault, _ = self._recent(node, Fault, now_ns)
-        baseline, since_ns = self._recent(node, Baseline, now_ns)
-        beat, _ = self._recent(node, Heartbeat, now_ns)
-        gait, _ = self._recent(node, Gait, now_ns)
-        ground, _ = self._recent(node, Ground, now_ns)
+        fault, _ = self._latest_and_age_ns(node, Fault, now_ns)
+        baseline, since_ns = self._latest_and_age_ns(node, Baseline, now_ns)
+        beat, _ = self._latest_and_age_ns(node, Heartbeat, now_ns)
+        gait, _ = self._latest_and_age_ns(node, Gait, now_ns)
+        ground, _ = self._latest_and_age_ns(node, Ground, now_ns)
         baseline_moved_ago_ns = None
         if baseline is not None and baseline.age_ns is not None:
             baseline_moved_ago_ns = baseline.age_ns + since_ns
@@ -118,8 +118,8 @@ class Reports:
             cause=fault.cause if fault else None,
             cause_state=fault.state if fault else None,
             baseline=baseline.status if baseline else None,
-            baseline_mean_pf=baseline.mean_pf if baseline else float("nan"),
-            baseline_worst_pf=baseline.worst_pf if baseline else float("nan"),
+            baseline_mean_offset_pf=baseline.mean_pf if baseline else float("nan"),
+            baseline_worst_offset_pf=baseline.worst_pf if baseline else float("nan"),
             baseline_moved_ago_ns=baseline_moved_ago_ns,
             node_state=beat.state if beat else None,
             degraded_timing=beat.degraded_timing if beat else None,
@@ -127,7 +127,7 @@ class Reports:
             ground=ground,
         )
 
-    def _recent(self, node: int, kind: type[Report], now_ns: int) -> tuple[Report | None, int]:
+    def _latest_and_age_ns(self, node: int, kind: type[Report], now_ns: int) -> tuple[Report | None, int]:
         """Return the latest report of a type and its age [ns]; None if there is none, or it is too old."""
         report, arrived_ns = self._last.get((node, kind), (None, now_ns))
         since_ns = now_ns - arrived_ns

@@ -11,12 +11,12 @@ class BoardFacts(NamedTuple):
     """Conversion rates and I2C addresses of one board.
 
     Attributes:
-        rates: Time and noise of a conversion, by conversions per second.
-        leg_devices: Names of the chips on a leg's segment by their 7-bit address.
+        rate_by_sps: Time and noise of a conversion, by conversions per second.
+        chip_name_by_address: Names of the chips on a leg's segment by their 7-bit address.
     """
 
-    rates: Mapping[int, fdc1004.Rate | ad7746.Rate]
-    leg_devices: Mapping[int, str]
+    rate_by_sps: Mapping[int, fdc1004.Rate | ad7746.Rate]
+    chip_name_by_address: Mapping[int, str]
 
 
 BOARDS: Mapping[str, BoardFacts] = MappingProxyType(

@@ -6,12 +6,12 @@ from ipaddress import IPv4Address, IPv6Address, ip_address
 
 from firmware_interface.wire_timing import can_bits_per_s
 from footsense.config.boards import BOARDS
-from footsense.config.schema import PUBLISH_EVERY, Config
-from footsense.config.sections import PCA9685_ALLCALL, Bus, Leg, Scan
+from footsense.config.schema import DEFAULT_PUBLISH_EVERY, Config
+from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Leg, Scan
 from footsense.frames import ELEMENTS
 from footsense.strict_yaml import Problem
 
-#: Largest share of the bus for forces; the rest is the robot's.
+#: Largest share of the CAN bit rate for all frames of footsense; the rest is the robot's.
 _MAX_CAN_LOAD_REL = 0.7
 #: Supply of the bus, the voltage of a low line, and the current that a chip sinks at it.
 _SUPPLY_V, _LOW_V, _SINK_MA = 3.3, 0.4, 3.0
@@ -71,7 +71,7 @@ def _board_contradictions(config: Config) -> Iterator[Problem]:
             yield Problem("serial", f"is for board: mcu; the board {board} is read over I2C")
         if not config.buses:
             yield Problem("board", f"the board {board} is read over I2C: name its buses, with their legs")
-        rates = BOARDS[board].rates
+        rates = BOARDS[board].rate_by_sps
         if config.rate_sps not in rates:
             allowed = ", ".join(map(str, sorted(rates)))
             yield Problem(
@@ -86,12 +86,12 @@ def _board_contradictions(config: Config) -> Iterator[Problem]:
         yield Problem("buses", "the board mcu has no I2C bus; take buses away, or use another board")
     if config.scan != Scan():
         yield Problem("scan", "the microcontroller scans at serial.rate_hz; take scan away")
-    if config.publish_every != PUBLISH_EVERY:
+    if config.publish_every != DEFAULT_PUBLISH_EVERY:
         yield Problem(
             "publish_every", "every record of the microcontroller is published; take publish_every away"
         )
     legs = ((f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs))
-    yield from _repeated_values(legs, "{} is named twice")
+    yield from _repeated_value_problems(legs, "{} is named twice")
 
 
 def _bus_contradictions(config: Config) -> Iterator[Problem]:
@@ -99,9 +99,11 @@ def _bus_contradictions(config: Config) -> Iterator[Problem]:
     buses = list(enumerate(config.buses))
     devices = ((f"buses[{i}].device", bus.device, f"buses[{i}]") for i, bus in buses)
     remedy = "give each its own, or join their legs under one bus"
-    yield from _repeated_values(devices, "{} is already the device of {}; " + remedy)
+    yield from _repeated_value_problems(devices, "{} is already the device of {}; " + remedy)
     legs = ((f"buses[{i}].legs.{leg}", leg, f"buses[{i}]") for i, bus in buses for leg in bus.legs)
-    yield from _repeated_values(legs, "{} is already a leg of {}; a leg has one foot, so name it once")
+    yield from _repeated_value_problems(
+        legs, "{} is already a leg of {}; a leg has one foot, so name it once"
+    )
     simulated = [
         {device.startswith("sim") for device in (bus.device, *bus.adapters.values())} for _, bus in buses
     ]
@@ -122,15 +124,17 @@ def _bus_leg_contradictions(bus: Bus, path: str) -> Iterator[Problem]:
         )
     adapters = ((f"{path}.{leg}", device, f"that of {leg}") for leg, device in bus.adapters.items())
     devices = [(path, bus.device, "the bus itself"), *adapters]
-    yield from _repeated_values(devices, "{} is already {}; `i2cdetect -l` lists them")
+    yield from _repeated_value_problems(devices, "{} is already {}; `i2cdetect -l` lists them")
     free = sorted(set(range(8)) - set(bus.channels.values()))
     channels = ((f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items())
-    yield from _repeated_values(channels, f"channel {{}} is already that of {{}}; free channels are {free}")
+    yield from _repeated_value_problems(
+        channels, f"channel {{}} is already that of {{}}; free channels are {free}"
+    )
 
 
 def _address_contradictions(bus: Bus, path: str, board: str) -> Iterator[Problem]:
     """Yield devices with the I2C address of another device of the bus or of a leg's chips."""
-    if bus.mux.address == PCA9685_ALLCALL:
+    if bus.mux.address == PCA9685_ALLCALL_ADDRESS:
         for device in bus.other_devices:
             if "pca9685" in device.name.lower():
                 yield Problem(
@@ -139,7 +143,7 @@ def _address_contradictions(bus: Bus, path: str, board: str) -> Iterator[Problem
                     "strap the TCA9548A to 0x71 to 0x77",
                 )
     owners = {bus.mux.address: "the multiplexer; change one of them"}
-    for address, name in BOARDS[board].leg_devices.items():
+    for address, name in BOARDS[board].chip_name_by_address.items():
         owners[address] = f"the {name} of every leg; move it to another address or another bus"
     for k, device in enumerate(bus.other_devices):
         if owner := owners.get(device.address):
@@ -188,7 +192,7 @@ def _can_contradictions(config: Config) -> Iterator[Problem]:
 def _foot_contradictions(config: Config) -> Iterator[Problem]:
     """Yield contradictions of the settings of legs and feet."""
     feet = ((f"feet.{leg}", foot, leg) for leg, foot in config.feet.items())
-    yield from _repeated_values(feet, "{} is already mounted on {}")
+    yield from _repeated_value_problems(feet, "{} is already mounted on {}")
     sections: dict[str, Mapping[Leg, object]] = {
         "feet": config.feet,
         "stray_pf": config.stray_pf,
@@ -199,7 +203,7 @@ def _foot_contradictions(config: Config) -> Iterator[Problem]:
             yield Problem(
                 f"{section}.{leg}", f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}"
             )
-    yield from _array_contradictions(config)
+    yield from _element_count_contradictions(config)
     if config.calibrations is None:
         return
     if not config.feet:
@@ -214,7 +218,7 @@ def _foot_contradictions(config: Config) -> Iterator[Problem]:
             )
 
 
-def _array_contradictions(config: Config) -> Iterator[Problem]:
+def _element_count_contradictions(config: Config) -> Iterator[Problem]:
     """Yield per-element settings with a wrong number of elements."""
     n_elements = config.n_elements
     if config.serial is not None and n_elements != ELEMENTS:
@@ -228,7 +232,9 @@ def _array_contradictions(config: Config) -> Iterator[Problem]:
                 yield Problem(f"{section}.{leg}", message)
 
 
-def _repeated_values(entries: Iterable[tuple[str, int | str, str]], message: str) -> Iterator[Problem]:
+def _repeated_value_problems(
+    entries: Iterable[tuple[str, int | str, str]], message: str
+) -> Iterator[Problem]:
     """Yield a problem for every (path, value, owner) entry whose value occurred before.
 
     Args:
@@ -253,7 +259,7 @@ def _parse_ip(address: str) -> IPv4Address | IPv6Address | None:
 def _warnings(config: Config) -> Iterator[Problem]:
     """Yield a warning for each setting that is allowed but often a mistake."""
     for i, bus in enumerate(config.buses):
-        if bus.mux.address == PCA9685_ALLCALL:
+        if bus.mux.address == PCA9685_ALLCALL_ADDRESS:
             yield Problem(
                 f"buses[{i}].mux.address",
                 "0x70 is also the ALLCALL address of PCA9685 servo boards; prefer 0x71",

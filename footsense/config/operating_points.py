@@ -14,21 +14,21 @@ from footsense.errors import ConfigError
 
 
 class OperatingPoint(NamedTuple):
-    """Conversion rate and publishing interval, with the latency, error and noise that they give.
+    """Conversion rate and publishing interval, with the force age, force error and noise measured with them.
 
     Attributes:
         rate_sps: Conversions per second, `scan.rate_sps` of the configuration.
         publish_every: Conversions per force, `publish_every`.
-        age_ms: Median age of the measurement behind the force in use by a consumer [ms].
-        walk_error_mn: Error of that force on the walk, rms of its length [mN].
+        median_force_age_ms: Median age of the measurement behind the force in use by a consumer [ms].
+        walk_force_rmse_mn: Error of that force on the walk, rms of its length [mN].
         noise_mn: Noise of the force of a foot at rest, rms of its length [mN].
         purpose: Use of the operating point.
     """
 
     rate_sps: Literal[100, 200, 400]
     publish_every: int
-    age_ms: float
-    walk_error_mn: float
+    median_force_age_ms: float
+    walk_force_rmse_mn: float
     noise_mn: float
     purpose: str
 

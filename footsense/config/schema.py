@@ -11,7 +11,7 @@ from footsense.config.boards import BOARDS
 from footsense.foot.files.calibration_format import FootId
 
 #: Default of `publish_every`: 92 forces a second, with all other frames 34 % of 500 kbit/s for six legs.
-PUBLISH_EVERY = 4
+DEFAULT_PUBLISH_EVERY = 4
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -51,7 +51,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     serial: sections.Serial | None = None
     can: Annotated[sections.Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
     scan: sections.Scan = sections.Scan()
-    publish_every: Annotated[int, Meta(ge=1, le=36)] = PUBLISH_EVERY
+    publish_every: Annotated[int, Meta(ge=1, le=36)] = DEFAULT_PUBLISH_EVERY
     tare: sections.Tare = sections.Tare()
     baseline: sections.Baseline = sections.Baseline()
     contact: sections.Contact = sections.Contact()
@@ -91,10 +91,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Shortest duration of a scan [ms]: of all conversions, or the microcontroller's period."""
         if self.serial is not None:
             return 1e3 / self.serial.rate_hz
-        return self.n_elements * self.rate.conversion_ns * 1e-6
+        return self.n_elements * self.conversion_rate.conversion_ns * 1e-6
 
     @property
-    def frames_per_force(self) -> int:
+    def cap_frames_per_force(self) -> int:
         """Number of capacitance frames per force sent on CAN."""
         return self.publish_every if self.serial is None else 1
 
@@ -102,26 +102,26 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def forces_hz(self) -> float:
         """Rate at which each leg's forces are sent on CAN while no state changes [Hz]."""
         frames_hz = self.rate_sps if self.serial is None else self.serial.rate_hz
-        return frames_hz / self.frames_per_force
+        return frames_hz / self.cap_frames_per_force
 
     @property
     def rate_sps(self) -> int:
         """Conversions per second of one converter."""
-        return self.scan.rate_sps or max(self._rates)
+        return self.scan.rate_sps or max(self._conversion_rate_by_sps)
 
     @property
-    def rate(self) -> fdc1004.Rate | ad7746.Rate:
+    def conversion_rate(self) -> fdc1004.Rate | ad7746.Rate:
         """Conversion time and noise at the configured rate."""
-        return self._rates[self.rate_sps]
+        return self._conversion_rate_by_sps[self.rate_sps]
 
     @property
-    def _rates(self) -> Mapping[int, fdc1004.Rate | ad7746.Rate]:
+    def _conversion_rate_by_sps(self) -> Mapping[int, fdc1004.Rate | ad7746.Rate]:
         """Conversion rates of the configured board."""
         # The converters of a microcontroller are unknown here: assume those of the default board.
-        return BOARDS.get(self.board, BOARDS["fdc1004"]).rates
+        return BOARDS.get(self.board, BOARDS["fdc1004"]).rate_by_sps
 
     @property
-    def order(self) -> Literal["lo_shu", "raster"]:
+    def conversion_order(self) -> Literal["lo_shu", "raster"]:
         """Conversion order of the elements: the configured one, or the mux's default."""
         return self.scan.order or ("raster" if any(bus.adapters for bus in self.buses) else "lo_shu")
 

@@ -10,7 +10,7 @@ from footsense.frames import ALL_LEGS, LEGS
 Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
 
 #: PCA9685 servo boards answer to it beside their own address unless MODE1.ALLCALL is cleared.
-PCA9685_ALLCALL = 0x70
+PCA9685_ALLCALL_ADDRESS = 0x70
 
 Channel = Annotated[int, Meta(ge=0, le=tca9548a.N_CHANNELS - 1, description="a channel of the TCA9548A")]
 AdapterPath = Annotated[

@@ -14,8 +14,8 @@ from footsense.reference.record_columns import NS_PER_TIME_UNIT, integer_widths_
 Column = Literal["time_s", "time_ms", "time_us", "sequence", "fx", "fy", "fz", "saturated", "-"]
 Columns = Annotated[tuple[Column, ...], Meta(min_length=3, max_length=40)]
 Axis = Annotated[str, Meta(pattern=r"^[+-]?[xyz]$", description="an axis of the sensor, such as -z")]
-Rate = Annotated[float, Meta(ge=10.0, le=10_000.0)]
-Range = Annotated[float, Meta(gt=0.0, le=1e9)]
+SampleRateHz = Annotated[float, Meta(ge=10.0, le=10_000.0)]
+RatedForce = Annotated[float, Meta(gt=0.0, le=1e9)]
 
 
 class LineFraming(Section, frozen=True, kw_only=True, tag="lines", tag_field="kind"):
@@ -62,7 +62,7 @@ class SerialSensor(Section, frozen=True, kw_only=True, tag="serial", tag_field="
         str, Meta(pattern=r"^/dev/[^\s]+$", description="such as /dev/serial/by-id/usb-FTDI_...")
     ]
     framing: LineFraming | BinaryFraming
-    rate_hz: Rate
+    rate_hz: SampleRateHz
     baud: Annotated[int, Meta(ge=1200, le=12_000_000)] = 115_200
     start: Annotated[str, Meta(max_length=60)] = ""
     unit_per_count: Annotated[float, Meta(gt=0.0)] = 1.0
@@ -80,7 +80,7 @@ class NetFt(Section, frozen=True, kw_only=True, tag="net_ft", tag_field="kind"):
 
     host: Annotated[str, Meta(min_length=1, max_length=255)]
     counts_per_force: Annotated[float, Meta(gt=0.0)]
-    rate_hz: Rate
+    rate_hz: SampleRateHz
     port: Annotated[int, Meta(ge=1, le=65_535)] = 49_152
 
 
@@ -95,7 +95,7 @@ class FileSensor(Section, frozen=True, kw_only=True, tag="file", tag_field="kind
     path: Annotated[str, Meta(pattern=r"\.(csv|mcap)$", description="a .csv or .mcap file")]
 
 
-class Simulated(Section, frozen=True, kw_only=True, tag="simulated", tag_field="kind"):
+class SimulatedForceSensor(Section, frozen=True, kw_only=True, tag="simulated", tag_field="kind"):
     """Simulated BL Autotech MINI 4/20 under the simulated foot [gf], its axes opposite to the foot's.
 
     Attributes:
@@ -131,10 +131,10 @@ class StandConfig(Section, frozen=True, kw_only=True):
         description: One line for people.
     """
 
-    sensor: SerialSensor | NetFt | FileSensor | Simulated
+    sensor: SerialSensor | NetFt | FileSensor | SimulatedForceSensor
     axes: Axes
     units: Literal["N", "mN", "kgf", "gf", "lbf"]
-    rated: tuple[Range, Range, Range]
+    rated: tuple[RatedForce, RatedForce, RatedForce]
     mount_deg: tuple[
         Annotated[float, Meta(ge=-180.0, le=180.0)],
         Annotated[float, Meta(ge=-180.0, le=180.0)],

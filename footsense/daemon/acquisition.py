@@ -43,8 +43,8 @@ class ScanSource:
         response_sha256: Hash of the response table of the simulated feet, None on a real robot.
         true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         wakeups: Wake-up latency of the thread of each bus; none in virtual time.
-        temperature_c: Returns the temperature of each leg's converter [degC], shape (legs,), NaN for none; None where
-            no converter has a sensor.
+        converter_temperature_c: Returns the temperature of each leg's converter [degC], shape (legs,), NaN for none;
+            None where no converter has a sensor.
     """
 
     source: RobotScanner | McuSource
@@ -53,7 +53,7 @@ class ScanSource:
     response_sha256: str | None = None
     true_force_n_at: Callable[[int], Vector] | None = None
     wakeups: tuple[WakeupLatency, ...] = ()
-    temperature_c: Callable[[], Vector] | None = None
+    converter_temperature_c: Callable[[], Vector] | None = None
 
     def read_whole_scans(self, n: int) -> list[CapFrame]:
         """Read `n` scans; return the last frame of each."""
@@ -67,19 +67,19 @@ class ScanSource:
 
 def scan_plan_for(config: Config) -> ScanPlan:
     """Return the scan plan of a robot whose feet are read over I2C."""
-    return scan_plan(config.order, config.rate_sps, config.board, config.rows)
+    return scan_plan(config.conversion_order, config.rate_sps, config.board, config.rows)
 
 
 class OpenBus(NamedTuple):
     """Open I2C bus with its configuration and clock.
 
     Attributes:
-        bus: Its configuration.
+        bus_config: Its configuration.
         clock: Its clock.
         transport: Path to the chips of its legs.
     """
 
-    bus: Bus
+    bus_config: Bus
     clock: Clock
     transport: Transport
 
@@ -215,5 +215,5 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
         MonotonicClock(),
         config.n_elements,
         wakeups=tuple(bus.clock.wakeups for bus in buses if isinstance(bus.clock, MonotonicClock)),
-        temperature_c=source.temperature_c if plan.board.thermometer else None,
+        converter_temperature_c=source.temperature_c if plan.board.thermometer else None,
     )

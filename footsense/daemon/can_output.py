@@ -48,7 +48,7 @@ def can_sink(
         settings,
         config.legs,
         clock,
-        every=config.frames_per_force,
+        every=config.cap_frames_per_force,
         force_step_mn=force_step_mn,
         n_elements=config.n_elements,
     )

@@ -21,14 +21,14 @@ from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import Vector
 from footsense.ports import Estimator
 
-#: Least rise of a load over the fastest drift [1].
-_MIN_LOAD_RISE_OVER_DRIFT = 5.0
+#: Smallest limit of the rise of the load in swing, over the fastest drift [1].
+_SWING_RISE_LIMIT_TO_DRIFT_RATIO = 5.0
 #: Contact threshold over the feet's largest force, where none is configured [1].
-_CONTACT_THRESHOLD_REL = 0.015
+_DEFAULT_CONTACT_THRESHOLD_REL = 0.015
 #: Least contact threshold over the standard deviation of an element's noise [1].
-_MIN_THRESHOLD_OVER_NOISE = 5.0
+_MIN_CONTACT_THRESHOLD_TO_NOISE = 5.0
 #: Scans after which a step of the load has passed through all readings that the network sees.
-_SETTLED_SCANS = 4
+_N_SETTLING_SCANS = 4
 
 
 def pipeline_for(models: Models, flags: int) -> Pipeline:
@@ -42,12 +42,12 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         ModelError: A calibration cannot be used for its foot.
         ConfigError: A limit of `contact` is below the noise of these feet.
     """
-    config, network, calibrations = models.config, models.network, models.calibrations
+    config, network, calibrations = models.config, models.network, models.calibrations_by_leg
     trained_inputs = network.card.trained_inputs
     design = trained_inputs.design
-    stray_pf, unloaded_pf = unloaded_capacitance_pf(models)
+    stray_pf, unloaded_pf = stray_and_unloaded_pf(models)
     force_sensitivity = sensitivity(network, len(config.legs), trained_inputs.moments)
-    estimator, set_temperature = _estimator_and_temperature_receiver(models)
+    estimator, set_temperature = _estimator_and_temperature_setter(models)
     scan_ns = round(config.shortest_scan_ms * 1e6)
     return Pipeline(
         estimator=estimator,
@@ -64,7 +64,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         track_baseline=config.baseline.track,
         scan_ns=scan_ns,
         max_age_ns=round(config.stale_after_ms * 1e6),
-        settling_time_ns=_SETTLED_SCANS * scan_ns,
+        settling_time_ns=_N_SETTLING_SCANS * scan_ns,
         flags=flags,
         gap_um=_element_parameter(models, "gap_um", {}, design.gap_um),
         gain_rel=_element_parameter(models, "gain_rel", {}, 1.0),
@@ -77,7 +77,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
     )
 
 
-def unloaded_capacitance_pf(models: Models) -> tuple[Vector, Vector]:
+def stray_and_unloaded_pf(models: Models) -> tuple[Vector, Vector]:
     """Return stray, and unloaded capacitance without stray, of each element [pF], shape (legs, elements) each."""
     # The design's capacitance excludes stray; a configured or calibrated reading of the foot includes it.
     stray_pf = _element_parameter(models, "stray_pf", models.config.stray_pf, 0.0)
@@ -93,11 +93,11 @@ def distance_times_capacitance_pf(models: Models) -> Vector:
     return design.plate_distance_um(np.ones(1)) / design.gap_um / gain_rel
 
 
-def _estimator_and_temperature_receiver(models: Models) -> tuple[Estimator, Callable[[Vector], None] | None]:
+def _estimator_and_temperature_setter(models: Models) -> tuple[Estimator, Callable[[Vector], None] | None]:
     """Return the feet's estimator, and the function that takes their temperature (None uncalibrated)."""
-    if not models.calibrations:
+    if not models.calibrations_by_leg:
         return models.network, None
-    mounted = [models.calibrations.get(leg) for leg in models.config.legs]
+    mounted = [models.calibrations_by_leg.get(leg) for leg in models.config.legs]
     feet = CalibratedFeet(
         models.network, [foot.parameters if foot else None for foot in mounted], len(mounted)
     )
@@ -114,7 +114,7 @@ def _element_parameter(
 ) -> Vector:
     """Return a parameter of each element, shape (legs, elements): calibrated, else configured, else default."""
     values: dict[str, Sequence[float] | Vector] = dict(configured)
-    values |= {leg: getattr(found.parameters, name) for leg, found in models.calibrations.items()}
+    values |= {leg: getattr(found.parameters, name) for leg, found in models.calibrations_by_leg.items()}
     return np.array([values.get(leg, (default,) * models.config.n_elements) for leg in models.config.legs])
 
 
@@ -126,9 +126,9 @@ def _closure_rel_per_pf(design: CapacitorDesign) -> float:
 
 
 def contact_threshold_n(models: Models) -> float:
-    """Return the contact threshold of the load [N]: configured, or a fraction of the largest load."""
+    """Return the contact threshold [N]: configured, or a fraction of the largest force that the network knows."""
     configured = models.config.contact.threshold_n
-    default_n = round(_CONTACT_THRESHOLD_REL * models.network.card.max_trained_force_n, 6)
+    default_n = round(_DEFAULT_CONTACT_THRESHOLD_REL * models.network.card.max_trained_force_n, 6)
     return default_n if configured is None else configured
 
 
@@ -146,12 +146,12 @@ def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLi
         models.network.card.trained_inputs.design
     )
     threshold_n = contact_threshold_n(models)
-    least_n = _MIN_THRESHOLD_OVER_NOISE * models.config.rate.noise_ff * 1e-3 * n_per_pf
+    least_n = _MIN_CONTACT_THRESHOLD_TO_NOISE * models.config.conversion_rate.noise_ff * 1e-3 * n_per_pf
     if threshold_n < least_n:
         raise ConfigError(
             f"contact.threshold_n: {threshold_n:g} N are lost in the noise of these feet; "
             f"use at least {least_n:.2g}"
         )
-    drift_n_per_s = _MIN_LOAD_RISE_OVER_DRIFT * MAX_DRIFT_PF_PER_S * n_per_pf
-    limits = ContactLimits(threshold_n=threshold_n)
+    drift_n_per_s = _SWING_RISE_LIMIT_TO_DRIFT_RATIO * MAX_DRIFT_PF_PER_S * n_per_pf
+    limits = ContactLimits(min_threshold_n=threshold_n)
     return replace(limits, max_swing_rise_n_per_s=max(limits.max_swing_rise_n_per_s, drift_n_per_s))

@@ -22,7 +22,7 @@ def foot_type_of(config: Config) -> str:
     return Path(config.foot_type).name
 
 
-def artefact_path(config: Config, name: str) -> Path:
+def foot_type_file_path(config: Config, name: str) -> Path:
     """Return the path of a file of the configured foot type.
 
     Raises:

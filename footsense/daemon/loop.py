@@ -26,8 +26,8 @@ class Loop:
         observers: Notified of every cycle; more may be added between two runs.
         clock: Clock of the frames' stamps.
         reference: Force sensor of a test stand.
-        temperature_c: Returns the last temperature of each leg's converter [degC], shape (legs,), called once a cycle;
-            None where no converter has a sensor.
+        converter_temperature_c: Returns the last temperature of each leg's converter [degC], shape (legs,), called
+            once a cycle; None where no converter has a sensor.
     """
 
     pipeline: Pipeline
@@ -35,7 +35,7 @@ class Loop:
     observers: Sequence[Observer]
     clock: Clock
     reference: ReferenceSensor | None = None
-    temperature_c: Callable[[], Vector] | None = None
+    converter_temperature_c: Callable[[], Vector] | None = None
 
     def run_until(self, source: FrameSource, stop: Callable[[], bool], until_ns: float = math.inf) -> None:
         """Run cycles until the source ends, `stop` returns true, or the clock reaches a time.
@@ -52,8 +52,8 @@ class Loop:
                 return
             samples = None if self.reference is None else self.reference.read(self.clock.now_ns())
             new_c = None
-            if self.temperature_c is not None:
-                now_c = self.temperature_c()
+            if self.converter_temperature_c is not None:
+                now_c = self.converter_temperature_c()
                 if last_temperature_c is None or not np.array_equal(
                     now_c, last_temperature_c, equal_nan=True
                 ):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from footsense.config import Config
-from footsense.daemon.foot_types import artefact_path, check_foot_type, foot_type_of
+from footsense.daemon.foot_types import check_foot_type, foot_type_file_path, foot_type_of
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
@@ -21,12 +21,12 @@ class Models:
     Attributes:
         config: The robot.
         network: Network of the calibrations, of the configuration, or of the foot type.
-        calibrations: Calibrations of the feet by leg.
+        calibrations_by_leg: Calibrations of the feet by leg.
     """
 
     config: Config
     network: Network
-    calibrations: dict[str, FootCalibration]
+    calibrations_by_leg: dict[str, FootCalibration]
 
 
 def load_models(config: Config) -> Models:
@@ -36,7 +36,7 @@ def load_models(config: Config) -> Models:
         ModelError: One is missing, damaged, or made for another foot type.
     """
     calibrations = load_calibrations(config)
-    path = Path(config.model) if config.model else artefact_path(config, "network.onnx")
+    path = Path(config.model) if config.model else foot_type_file_path(config, "network.onnx")
     path = next((calibration.network for calibration in calibrations.values()), path)
     network = Network(path, n_rows=len(config.legs))
     check_foot_type(path, network.card.foot_type, network.card.rows, config)

@@ -10,7 +10,7 @@ from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
 from footsense.config.former_keys import with_present_keys
 from footsense.config.sections import Can
-from footsense.daemon.estimation import distance_times_capacitance_pf, unloaded_capacitance_pf
+from footsense.daemon.estimation import distance_times_capacitance_pf, stray_and_unloaded_pf
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError
 from footsense.frames import Flag
@@ -22,14 +22,16 @@ if TYPE_CHECKING:
     from footsense.recording.replay import Replay  # a run needs no reader of recordings
 
 _CALIBRATIONS_KEY = "calibrations"
-#: Key of the element values, which older recordings lack.
-ELEMENTS_KEY = "elements"
+#: Key of the parameters that convert readings into gap closures; older recordings lack it.
+CLOSURE_CONVERSION_KEY = "elements"
 
 
 def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: int) -> dict[str, str]:
     """Return the header of a new recording; `now_ns` is the start on the clock of its time stamps."""
     config, network = models.config, models.network
-    hashes = (f"{leg}={calibration.manifest.sha256}" for leg, calibration in models.calibrations.items())
+    hashes = (
+        f"{leg}={calibration.manifest.sha256}" for leg, calibration in models.calibrations_by_leg.items()
+    )
     return {
         "footsense": __version__,
         "started": wall_time_iso(),
@@ -43,7 +45,7 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
         _CALIBRATIONS_KEY: ",".join(hashes),
         **platform_versions(),
         **elements_entry(config.n_elements),
-        ELEMENTS_KEY: msgspec.json.encode(closure_conversion(models)).decode(),
+        CLOSURE_CONVERSION_KEY: msgspec.json.encode(closure_conversion(models)).decode(),
     }
 
 
@@ -52,16 +54,17 @@ class ClosureConversion(msgspec.Struct, frozen=True):
 
     Attributes:
         stray_pf: Capacitance in parallel with each element [pF], shape (legs, elements).
-        distance_pf: Distance of the plates over the gap, times capacitance without stray [pF], shape (legs, elements).
+        distance_times_capacitance_pf: Distance of the plates over the gap, times capacitance without stray [pF],
+            shape (legs, elements).
     """
 
     stray_pf: list[list[float]]
-    distance_pf: list[list[float]]
+    distance_times_capacitance_pf: list[list[float]] = msgspec.field(name="distance_pf")
 
 
 def closure_conversion(models: Models) -> ClosureConversion:
     """Return the parameters that convert a robot's readings into gap closures."""
-    stray_pf, _ = unloaded_capacitance_pf(models)
+    stray_pf, _ = stray_and_unloaded_pf(models)
     return ClosureConversion(stray_pf.tolist(), distance_times_capacitance_pf(models).tolist())
 
 
@@ -117,7 +120,8 @@ def model_mismatch_reason(header: Mapping[str, str], models: Models) -> str | No
     entries = [entry.partition("=") for entry in header.get(_CALIBRATIONS_KEY, "").split(",") if entry]
     then = {leg: f"the calibration {sha256[:12]}" for leg, _, sha256 in entries}
     here = {
-        leg: f"the calibration {found.manifest.sha256[:12]}" for leg, found in models.calibrations.items()
+        leg: f"the calibration {found.manifest.sha256[:12]}"
+        for leg, found in models.calibrations_by_leg.items()
     }
     for leg in sorted(then.keys() | here.keys()):
         if then.get(leg) != here.get(leg):

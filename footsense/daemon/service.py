@@ -13,7 +13,7 @@ import msgspec
 from firmware_interface.can.force import force_step_mn
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, gc_disabled, request_realtime
+from footsense.clock import MonotonicClock, low_latency_interpreter, request_realtime
 from footsense.config import Config
 from footsense.config.sections import Can, Realtime
 from footsense.daemon.acquisition import ScanSource, check_adapters, open_scan_source
@@ -53,7 +53,7 @@ class Service(Loop):
         source: Source of frames, paced by the wall clock if a simulation has to be.
         network: The network in use.
         recorder: Recorder, if the run is recorded.
-        can: Simulated CAN interface of a scene with CAN faults.
+        simulated_can: Simulated CAN interface of a scene with CAN faults.
     """
 
     sink: CanSink
@@ -64,14 +64,14 @@ class Service(Loop):
     source: FrameSource
     network: Network
     recorder: Recorder | None
-    can: SimulatedCan | None
+    simulated_can: SimulatedCan | None
 
     def run(self, stop: Callable[[], bool] = bool, until_ns: float = math.inf) -> None:
         """Run the main loop until `stop` returns true, or until a time of the clock [ns]."""
-        with gc_disabled():
+        with low_latency_interpreter():
             self.run_until(self.source, stop, until_ns)
 
-    def run_figures(self) -> dict[str, object]:
+    def run_counts(self) -> dict[str, object]:
         """Return the numbers of forces published, frames sent, and of frames, commands and cycles lost."""
         stats = self.sink.stats
         return {
@@ -175,9 +175,9 @@ def open_service(
             sink=sink,
             observers=observers,
             clock=scan.clock,
-            temperature_c=scan.temperature_c,
+            converter_temperature_c=scan.converter_temperature_c,
             recorder=recorder,
-            can=can,
+            simulated_can=can,
             reference=reference,
         )
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Config
-from footsense.daemon.foot_types import artefact_path, check_foot_type
+from footsense.daemon.foot_types import check_foot_type, foot_type_file_path
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
 from footsense.frames import CapFrame
@@ -41,12 +41,16 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     ]
     if config.serial is not None:  # any wiring: the microcontroller's is not simulated
         wiring = [Wiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
-    table = artefact_path(config, "response.npz")
+    table = foot_type_file_path(config, "response.npz")
     response = FootResponse.load(table)
     check_foot_type(table, response.foot_type, response.rows, config)
     for problem in _inapplicable_faults(config, scene, response.rows):
         raise ConfigError(f"scene: {problem}")
-    plan = scan_plan(config.order, config.rate_sps, config.board, config.rows) if config.buses else None
+    plan = (
+        scan_plan(config.conversion_order, config.rate_sps, config.board, config.rows)
+        if config.buses
+        else None
+    )
     return SimulatedRobot(scene, response, wiring, plan.conversion_wait_ns if plan else math.inf)
 
 

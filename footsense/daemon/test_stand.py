@@ -13,7 +13,7 @@ from footsense.config.test_stand import (
     LineFraming,
     NetFt,
     SerialSensor,
-    Simulated,
+    SimulatedForceSensor,
     StandConfig,
 )
 from footsense.daemon.acquisition import ScanSource
@@ -89,7 +89,7 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
             return NetFtReference(sensor.host, sensor.port, stream)
         case FileSensor() as sensor:
             return FileReference(_read_recorded_reference(Path(sensor.path), test_stand))
-        case Simulated() as sensor:
+        case SimulatedForceSensor() as sensor:
             true_force_n_at = scan_source.true_force_n_at
             if true_force_n_at is None:
                 raise ConfigError(

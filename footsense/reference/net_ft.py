@@ -18,7 +18,7 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.errors import SensorError
+from footsense.errors import ReferenceSensorError
 from footsense.frames import Mask, ReferenceSamples
 from footsense.reference.record_decoder import SensorRecords
 from footsense.reference.sample_stream import SampleStream
@@ -58,7 +58,7 @@ class NetFtReference:
         statistics: Counts so far; an opening is a request for the stream.
 
     Raises:
-        SensorError: There is no such address.
+        ReferenceSensorError: There is no such address.
     """
 
     def __init__(self, host: str, port: int, stream: SampleStream) -> None:
@@ -70,7 +70,9 @@ class NetFtReference:
             self._socket.connect((host, port))
         except OSError as error:
             self._socket.close()
-            raise SensorError(f"{self._name}: {error.strerror or error}; give the sensor's address") from None
+            raise ReferenceSensorError(
+                f"{self._name}: {error.strerror or error}; give the sensor's address"
+            ) from None
         self._socket.setblocking(False)
         self._requested_ns: int | None = None
         self._last_rdt: int | None = None
@@ -82,7 +84,7 @@ class NetFtReference:
         """Return the force samples received since the last call.
 
         Raises:
-            SensorError: The received data are not RDT records.
+            ReferenceSensorError: The received data are not RDT records.
         """
         packets = self._receive_packets()
         good = [packet for packet in packets if len(packet) % _RECORD_DTYPE.itemsize == 0]
@@ -123,7 +125,7 @@ class NetFtReference:
         """Return the UDP packets received so far.
 
         Raises:
-            SensorError: The socket fails.
+            ReferenceSensorError: The socket fails.
         """
         packets = []
         for _ in range(_MAX_PACKETS_PER_READ):
@@ -133,7 +135,7 @@ class NetFtReference:
                 break
             except OSError as error:
                 if error.errno != errno.ECONNREFUSED:  # the port is closed now
-                    raise SensorError(f"{self._name}: {error.strerror}") from None
+                    raise ReferenceSensorError(f"{self._name}: {error.strerror}") from None
         return packets
 
     def _sort_records(self, records: np.ndarray[tuple[int], np.dtype[np.void]]) -> SensorRecords:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from footsense.errors import SensorError
+from footsense.errors import ReferenceSensorError
 from footsense.frames import ReferenceSamples, Vector
 from footsense.reference.record_columns import NS_PER_TIME_UNIT, max_plausible_magnitude
 from footsense.reference.sensor_mounting import SensorMounting
@@ -56,7 +56,7 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
         latency_ns: Age of a sample at its recorded time [ns].
 
     Raises:
-        SensorError: A column is missing, a line is no sample, or the times do not increase.
+        ReferenceSensorError: A column is missing, a line is no sample, or the times do not increase.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -67,17 +67,19 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
             time = next((name for name in NS_PER_TIME_UNIT if name in names), None)
             if time is None or not {"fx", "fy", "fz"} <= set(names):
                 wanted = f"one of {', '.join(NS_PER_TIME_UNIT)}, and fx, fy, fz"
-                raise SensorError(f"{path}: its first line names {', '.join(names)[:60]}; it needs {wanted}")
+                raise ReferenceSensorError(
+                    f"{path}: its first line names {', '.join(names)[:60]}; it needs {wanted}"
+                )
             rows.fieldnames = names
             samples = [_parse_sample(path, rows.line_num, row, time) for row in rows]
     except OSError as error:
-        raise SensorError(f"{path}: cannot be read: {error.strerror}") from None
+        raise ReferenceSensorError(f"{path}: cannot be read: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error) as error:
-        raise SensorError(f"{path}: is no CSV: {error}") from None
+        raise ReferenceSensorError(f"{path}: is no CSV: {error}") from None
     values = np.array(samples, np.float64).reshape(-1, 4)
     t_ns = np.rint(values[:, 0] * NS_PER_TIME_UNIT[time]).astype(np.int64)
     if len(t_ns) == 0 or (np.diff(t_ns) <= 0).any():
-        raise SensorError(f"{path}: holds no samples, or not in the order of their times")
+        raise ReferenceSensorError(f"{path}: holds no samples, or not in the order of their times")
     force_n, saturated = mounting.to_foot_force_n(values[:, 1:])
     return ReferenceSamples(t_ns - latency_ns, force_n, saturated)
 
@@ -86,7 +88,7 @@ def _parse_sample(path: Path, line: int, row: dict[str, str], time: str) -> Vect
     """Return time and forces of one CSV row, shape (4,).
 
     Raises:
-        SensorError: They are not four plausible numbers.
+        ReferenceSensorError: They are not four plausible numbers.
     """
     columns = (time, "fx", "fy", "fz")
     try:
@@ -95,5 +97,5 @@ def _parse_sample(path: Path, line: int, row: dict[str, str], time: str) -> Vect
         values = np.full(4, np.nan)
     # A NaN fails every comparison.
     if not (np.abs(values) <= [max_plausible_magnitude(column) for column in columns]).all():
-        raise SensorError(f"{path}, line {line}: is not four numbers that a sensor can send")
+        raise ReferenceSensorError(f"{path}, line {line}: is not four numbers that a sensor can send")
     return values

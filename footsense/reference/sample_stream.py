@@ -4,7 +4,7 @@ import logging
 
 import numpy as np
 
-from footsense.errors import SensorError
+from footsense.errors import ReferenceSensorError
 from footsense.frames import ReferenceSamples
 from footsense.reference.record_decoder import SensorRecords
 from footsense.reference.sample_times import SampleTimes
@@ -56,7 +56,7 @@ class SampleStream:
             example: Bytes that were no record, for the message.
 
         Raises:
-            SensorError: There has never been a record, or never a byte.
+            ReferenceSensorError: There has never been a record, or never a byte.
         """
         t_ns = self._times.time_stamps_ns(records, now_ns)
         force_n, saturated = self._mounting.to_foot_force_n(records.sensor_values)
@@ -98,15 +98,15 @@ class SampleStream:
         """Raise an error if the sensor has sent no valid record for too long.
 
         Raises:
-            SensorError: It sends something else, or nothing for too long.
+            ReferenceSensorError: It sends something else, or nothing for too long.
         """
         if self._n_bytes > _WRONG_FORMAT_BYTES or (self._n_bytes and waited_ns > _FIRST_RECORD_TIMEOUT_NS):
-            raise SensorError(
+            raise ReferenceSensorError(
                 f"{self._name}: no record in {self._n_bytes} bytes, such as {example!r}; "
                 "baud, framing and columns have to be the sensor's"
             )
         if waited_ns > _FIRST_RECORD_TIMEOUT_NS:
-            raise SensorError(
+            raise ReferenceSensorError(
                 f"{self._name}: nothing arrives for {_FIRST_RECORD_TIMEOUT_NS * 1e-9:g} s; is it switched on, does it "
                 "need a start command (`start`), is the baud rate its own?"
             )

@@ -51,7 +51,7 @@ class SampleTimes:
     @property
     def residual_ns(self) -> int:
         """Uncertainty of the sampling times [ns], without the constant part of the delay."""
-        return self._map.residual_ns
+        return self._map.mean_residual_ns
 
     def restart(self) -> None:
         """Restart the clock synchronisation: the port was reopened, the sensor may have been restarted."""

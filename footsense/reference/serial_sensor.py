@@ -34,7 +34,7 @@ class SerialReference:
         """Return the force samples received since the last call.
 
         Raises:
-            SensorError: The bytes are no records of this sensor.
+            ReferenceSensorError: The bytes are no records of this sensor.
         """
         data = self._port.read()
         if self._port.n_opened != self.statistics.n_opened:

@@ -89,7 +89,7 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         max_age_s=config.stale_after_ms * 1e-3,
         gait_period_s=stretch.gait_period_s,
         checks_start_s=LEAD_IN_S + 1.0,
-        cycles_per_can_force=config.frames_per_force,
+        cycles_per_can_force=config.cap_frames_per_force,
         bitrate=config.can.bitrate,
     )
     fault_free, _ = _simulate_stretch(config, calm_scene, rules, calm_s)
@@ -160,10 +160,10 @@ def _simulate_stretch(
     """Simulate a walk up to a time [s]; return the checks, and the memory early and at the end [MiB]."""
     with open_service(config, scene, real_time=False) as running:
         assert running.true_force_n_at is not None, "a scene is simulated"
-        assert running.can is not None, "the scene has traffic on CAN"
+        assert running.simulated_can is not None, "the scene has traffic on CAN"
         checks = InvariantChecker(rules, scene.faults, running.true_force_n_at)
         running.observers.append(checks)
-        running.can.controller.on_delivered = checks.on_delivered
+        running.simulated_can.controller.on_delivered = checks.on_delivered
         running.run(until_ns=min(_FIRST_MEMORY_CHECK_AFTER_S, until_s) * _NS_PER_S)
         warm_mib = resident_mib()
         running.run(until_ns=until_s * _NS_PER_S)

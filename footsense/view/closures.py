@@ -12,12 +12,12 @@ class ClosureConverter:
     """Converts readings and baselines of all legs into gap closures.
 
     Args:
-        elements: What turns their readings into closures.
+        conversion: Parameters of the elements.
     """
 
-    def __init__(self, elements: ClosureConversion) -> None:
-        self.stray_pf = np.array(elements.stray_pf)
-        self._distance_pf = np.array(elements.distance_pf)
+    def __init__(self, conversion: ClosureConversion) -> None:
+        self.stray_pf = np.array(conversion.stray_pf)
+        self._distance_times_capacitance_pf = np.array(conversion.distance_times_capacitance_pf)
 
     @np.errstate(divide="ignore", invalid="ignore")
     def closure_rel(self, cycle: Cycle, baseline_pf: Vector) -> Vector:
@@ -28,7 +28,7 @@ class ClosureConverter:
             baseline_pf: Unloaded reading of each element, without stray [pF], shape (legs, elements).
         """
         reading_pf = cycle.scan.capacitance_pf - self.stray_pf
-        closure_rel: Vector = self._distance_pf * (1.0 / baseline_pf - 1.0 / reading_pf)
+        closure_rel: Vector = self._distance_times_capacitance_pf * (1.0 / baseline_pf - 1.0 / reading_pf)
         return closure_rel
 
 

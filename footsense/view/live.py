@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from footsense.daemon.recording_header import ELEMENTS_KEY, ClosureConversion
+from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion
 from footsense.errors import FootsenseError
 from footsense.frames import ELEMENTS, CanStatistics, Cycle
 from footsense.ports import Clock
@@ -116,7 +116,7 @@ class LiveSource:
         self._close()
         try:
             reader = CycleReader(self._path)
-            elements = msgspec.json.decode(reader.header[ELEMENTS_KEY], type=ClosureConversion)
+            elements = msgspec.json.decode(reader.header[CLOSURE_CONVERSION_KEY], type=ClosureConversion)
         except (KeyError, msgspec.MsgspecError) as error:
             self.problem = f"{self._path}: its header is of another version of footsense ({error})"
             return

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from footsense.config import Config
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import (
-    ELEMENTS_KEY,
+    CLOSURE_CONVERSION_KEY,
     ClosureConversion,
     closure_conversion,
     recorded_config,
@@ -80,9 +80,9 @@ class RecordingSource:
 
     def _closure_conversion(self, config: Config) -> ClosureConversion:
         """Return the closure parameters from the header, or from the models for old recordings."""
-        if ELEMENTS_KEY in self.header:
+        if CLOSURE_CONVERSION_KEY in self.header:
             with suppress(msgspec.MsgspecError):
-                return msgspec.json.decode(self.header[ELEMENTS_KEY], type=ClosureConversion)
+                return msgspec.json.decode(self.header[CLOSURE_CONVERSION_KEY], type=ClosureConversion)
         try:
             return closure_conversion(load_models(config))
         except FootsenseError as error:

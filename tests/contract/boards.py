@@ -12,7 +12,7 @@ from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
-from footsense.errors import BusError, BusTimeoutError
+from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
@@ -113,7 +113,7 @@ def leg_chips(
     return SimulatedAd7746(seen, None, clock_error_rel, 0.85 + 0.07 * channel), [rows, columns]
 
 
-class LateError(BusError):
+class LateError(I2cError):
     """A transaction that took effect before it failed: only the adapter did not hear of it."""
 
 
@@ -128,9 +128,9 @@ class Saboteur:
         self._bus = bus
         self._clock = clock
         self._n = 0
-        self.fails: Callable[[Transaction, int], BusError | None] = lambda transaction, n: None
+        self.fails: Callable[[Transaction, int], I2cError | None] = lambda transaction, n: None
 
-    def arm(self, fails: Callable[[Transaction, int], BusError | None]) -> None:
+    def arm(self, fails: Callable[[Transaction, int], I2cError | None]) -> None:
         self.fails, self._n = fails, 0
 
     def transfer(self, transaction: Transaction) -> bytes:
@@ -140,11 +140,11 @@ class Saboteur:
             return self._bus.transfer(transaction)
         if isinstance(error, LateError):
             self._bus.transfer(transaction)
-        self._clock.advance_ns(TIMEOUT_NS if isinstance(error, BusTimeoutError) else 27_500)
+        self._clock.advance_ns(TIMEOUT_NS if isinstance(error, I2cTimeoutError) else 27_500)
         raise error
 
 
-def only(n_failing: int, error: BusError) -> Callable[[Transaction, int], BusError | None]:
+def only(n_failing: int, error: I2cError) -> Callable[[Transaction, int], I2cError | None]:
     """Return a sabotage of one transaction."""
     return lambda transaction, n: error if n == n_failing else None
 

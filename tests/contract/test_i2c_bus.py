@@ -17,7 +17,7 @@ from footsense.acquisition.linux.linux_i2c import (
     kernel_drivers,
     shorten_timeout,
 )
-from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
+from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.mux import SimulatedMux
@@ -110,12 +110,12 @@ def test_silence_is_a_nack(make: Callable[[], I2cBus]) -> None:
     [
         (errno.EREMOTEIO, NackError),
         (errno.ENXIO, NackError),
-        (errno.ETIMEDOUT, BusTimeoutError),
-        (errno.EAGAIN, BusTimeoutError),
-        (errno.EIO, BusError),
+        (errno.ETIMEDOUT, I2cTimeoutError),
+        (errno.EAGAIN, I2cTimeoutError),
+        (errno.EIO, I2cError),
     ],
 )
-def test_the_kernel_s_errors_get_names(number: int, kind: type[BusError]) -> None:
+def test_the_kernel_s_errors_get_names(number: int, kind: type[I2cError]) -> None:
     """What the adapters of different boards say means the same to the scanner."""
     adapter = KernelAdapter()
     adapter.fails_with = number

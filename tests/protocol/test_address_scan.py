@@ -3,14 +3,14 @@
 import pytest
 
 from footsense.acquisition.probe.address_scan import probe_addresses
-from footsense.errors import BusError, BusTimeoutError, NackError
+from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.ports import Transaction
 
 
 class Bus:
     """A bus with chips at some addresses; notes what it is asked."""
 
-    def __init__(self, *chips: int, fails: type[BusError] = NackError) -> None:
+    def __init__(self, *chips: int, fails: type[I2cError] = NackError) -> None:
         self._chips = chips
         self._fails = fails
         self.asked: list[Transaction] = []
@@ -36,14 +36,14 @@ def test_every_address_is_asked_once_and_as_it_can_bear() -> None:
 
 def test_an_adapter_without_empty_writes_says_so() -> None:
     """What was not answered is not taken for silence."""
-    addresses = probe_addresses(Bus(0x50, fails=BusError))
+    addresses = probe_addresses(Bus(0x50, fails=I2cError))
     assert addresses.answering == (0x50,)
     assert set(range(0x08, 0x78)) - {0x50} == set(addresses.unprobeable)
 
 
 def test_a_held_line_ends_the_census() -> None:
     """It would cost a timeout for each address, and tell nothing."""
-    bus = Bus(fails=BusTimeoutError)
-    with pytest.raises(BusTimeoutError):
+    bus = Bus(fails=I2cTimeoutError)
+    with pytest.raises(I2cTimeoutError):
         probe_addresses(bus)
     assert len(bus.asked) == 1

@@ -53,7 +53,7 @@ class Standing:
             unloaded_pf,
             DESIGN,
             TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-            ContactLimits(threshold_n=TOUCH_N),
+            ContactLimits(min_threshold_n=TOUCH_N),
             SENSITIVITY,
             track=track,
         )

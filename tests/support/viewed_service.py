@@ -6,7 +6,7 @@ from typing import Self
 import msgspec
 import numpy as np
 
-from footsense.daemon.recording_header import ELEMENTS_KEY, ClosureConversion
+from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion
 from footsense.frames import (
     BaselineDrift,
     BaselineStatus,
@@ -37,7 +37,7 @@ def header_of(n_elements: int) -> dict[str, str]:
     conversion = ClosureConversion(np.zeros(shape).tolist(), np.full(shape, DISTANCE_PF).tolist())
     return {
         "scene": '{"description": "six feet under a thumb"}',
-        ELEMENTS_KEY: msgspec.json.encode(conversion).decode(),
+        CLOSURE_CONVERSION_KEY: msgspec.json.encode(conversion).decode(),
         **elements_entry(n_elements),
     }
 

@@ -36,8 +36,8 @@ class Watch:
 
     def observe(self, cycle: Cycle) -> None:
         self.cycles.append(cycle)
-        assert self.service.temperature_c is not None
-        self.temperature_c.append(self.service.temperature_c().tolist())
+        assert self.service.converter_temperature_c is not None
+        self.temperature_c.append(self.service.converter_temperature_c().tolist())
 
     def close(self) -> None:
         pass

@@ -112,7 +112,7 @@ def reset_and_check_identity(bus: I2cBus, clock: Clock) -> None:
     Raises:
         HardwareError: No chip answers.
         WrongChipError: Another chip answers; the text names the usual cause.
-        BusError: The transaction failed otherwise.
+        I2cError: The transaction failed otherwise.
     """
     try:
         bus.transfer(_RESET)
@@ -137,7 +137,7 @@ def configure_and_measure_capdac(bus: I2cBus, clock: Clock) -> tuple[Reading, fl
         OK and the capacitance that is subtracted from every result [pF]; or the reading of a chip that cannot be used.
 
     Raises:
-        BusError: A transaction failed.
+        I2cError: A transaction failed.
     """
     for write in _SELECT_NO_LINES:
         bus.transfer(write)
@@ -146,7 +146,7 @@ def configure_and_measure_capdac(bus: I2cBus, clock: Clock) -> tuple[Reading, fl
         bus.transfer(_write_settings(capdac))
         bus.transfer(_trigger_transaction(_FASTEST_SPS))
         start_ns, conversion_ns = clock.now_ns(), chip.RATES[_FASTEST_SPS].conversion_ns
-        for wait_ns in (_wait_ns(conversion_ns), round(MAX_WAIT_FACTOR * conversion_ns)):
+        for wait_ns in (_wait_ns(conversion_ns), round(MAX_WAIT_FACTOR * _wait_ns(conversion_ns))):
             clock.sleep_until_ns(start_ns + wait_ns)
             answer = bus.transfer(READ_RESULT)
             reading, level_pf = decode_result([answer])

@@ -117,9 +117,9 @@ class Board(NamedTuple):
         conversion_ns: Nominal time of one conversion by conversions per second [ns].
         step: Conversion of an element, by its flat index and conversions per second.
         check_identity: Checks that the connected chip is the right one. Raises HardwareError if no chip answers,
-            WrongChipError if another one does, and BusError.
+            WrongChipError if another one does, and I2cError.
         configure_and_get_capdac_pf: Sets up the chip of the leg that is connected alone. Returns OK and the capacitance
-            that its CAPDAC subtracts from each result [pF], or the reason why the chip cannot be used. Raises BusError.
+            that its CAPDAC subtracts from each result [pF], or the reason why the chip cannot be used. Raises I2cError.
         decode_result: Reading and capacitance [pF] of the answers to `ConversionStep.read`, CAPDAC not included; NaN
             unless the reading is OK.
         make_ready: Brings a converter in an unknown state to where it can convert: its settings, and no

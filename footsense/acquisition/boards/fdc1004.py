@@ -75,7 +75,7 @@ def check_identity(bus: I2cBus, clock: Clock) -> None:
     Raises:
         HardwareError: No chip answers.
         WrongChipError: Another chip answers; the text names the usual cause.
-        BusError: The transaction failed otherwise.
+        I2cError: The transaction failed otherwise.
     """
     del clock
     try:
@@ -100,7 +100,7 @@ def configure_and_get_capdac_pf(bus: I2cBus, clock: Clock, columns: int = 3) -> 
         OK, and 0 pF for the CAPDAC.
 
     Raises:
-        BusError: A write was not acknowledged.
+        I2cError: A write was not acknowledged.
     """
     del clock
     bus.transfer(_RESET)

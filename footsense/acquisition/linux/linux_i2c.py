@@ -13,7 +13,7 @@ from pathlib import Path
 
 import smbus2
 
-from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError
+from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.ports import Transaction
 
 _I2C_RETRIES, _I2C_TIMEOUT = 0x0701, 0x0702  # linux/i2c-dev.h
@@ -33,14 +33,14 @@ _OPEN_ERROR_TEXTS = {
     **dict.fromkeys((errno.ENOTTY, errno.EINVAL, errno.EISDIR), "not an I2C adapter; see `ls /dev/i2c-*`"),
 }
 #: Errors of a transaction (Documentation/i2c/fault-codes.rst of the kernel).
-_ERROR_OF_ERRNO: dict[int | None, tuple[type[BusError], str]] = {
+_ERROR_OF_ERRNO: dict[int | None, tuple[type[I2cError], str]] = {
     errno.EREMOTEIO: (NackError, "no acknowledge"),
     errno.ENXIO: (NackError, "no acknowledge"),
-    errno.ETIMEDOUT: (BusTimeoutError, "timeout, SDA or SCL is held low"),
+    errno.ETIMEDOUT: (I2cTimeoutError, "timeout, SDA or SCL is held low"),
     # A held SDA looks like another master to an adapter that compares the line with what it sends. A real one does not
     # win four times in a row; if it did, no leg would be found to hold the line.
     errno.EAGAIN: (
-        BusTimeoutError,
+        I2cTimeoutError,
         "arbitration lost four times, SDA is held low or another master is on this bus",
     ),
     errno.ENODEV: (NackError, "the adapter is gone"),
@@ -78,8 +78,8 @@ class LinuxI2cBus:
 
         Raises:
             NackError: No chip acknowledged, or the adapter is gone.
-            BusTimeoutError: A line is stuck.
-            BusError: The transaction failed otherwise.
+            I2cTimeoutError: A line is stuck.
+            I2cError: The transaction failed otherwise.
         """
         messages = self._messages.get(transaction)
         if messages is None:
@@ -92,7 +92,7 @@ class LinuxI2cBus:
             if number == errno.ENODEV:
                 self.close()
                 _log.warning("%s: gone; it is opened again when it comes back", self._device)
-            kind, why = _ERROR_OF_ERRNO.get(number, (BusError, error.strerror or str(error)))
+            kind, why = _ERROR_OF_ERRNO.get(number, (I2cError, error.strerror or str(error)))
             raise kind(f"{self._device}, address {transaction.address:#04x}: {why}") from error
         return bytes(messages[-1]) if transaction.n_read else b""
 

@@ -9,7 +9,7 @@ below 0x08 and above 0x77 are reserved (UM10204, table 4); they and chips held b
 from collections.abc import Collection
 from typing import NamedTuple
 
-from footsense.errors import BusError, BusTimeoutError, NackError
+from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.ports import I2cBus, Transaction
 
 #: Addresses that a chip may have.
@@ -38,7 +38,7 @@ def probe_addresses(bus: I2cBus, skipped: Collection[int] = ()) -> AddressProbe:
         skipped: Addresses not to probe.
 
     Raises:
-        BusTimeoutError: A line is stuck: no chip can answer.
+        I2cTimeoutError: A line is stuck: no chip can answer.
     """
     answering, not_probed = [], []
     for address in ADDRESSES:
@@ -48,9 +48,9 @@ def probe_addresses(bus: I2cBus, skipped: Collection[int] = ()) -> AddressProbe:
             bus.transfer(Transaction(address, b"", int(address in _ADDRESSES_PROBED_BY_READ)))
         except NackError:
             continue
-        except BusTimeoutError:
+        except I2cTimeoutError:
             raise
-        except BusError:
+        except I2cError:
             not_probed.append(address)
         else:
             answering.append(address)

@@ -14,7 +14,7 @@ from footsense.acquisition.bus_timing import BusTiming, bus_timing, measure_bus_
 from footsense.acquisition.probe.address_scan import AddressProbe, probe_addresses
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus, release_sda
-from footsense.errors import BusError, BusTimeoutError, HardwareError, NackError, WrongChipError
+from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -76,7 +76,7 @@ def scan_bus(
         bus.free_bus()
         upstream = probe_addresses(bus.bus, claimed)  # a stuck line times out
         has_mux = _select_and_check_read_back(bus, 0)
-    except BusError as error:
+    except I2cError as error:
         _log.info("the upstream bus: %s", error)
     if upstream is None or not has_mux:
         return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
@@ -90,11 +90,11 @@ def scan_bus(
             if not _select_and_check_read_back(bus, tca9548a.channel_control_byte(channel)):
                 return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
             channels[channel] = _scan_channel(bus.bus, clock, plan, known, is_leg=channel in legs.values())
-        except BusTimeoutError as error:
+        except I2cTimeoutError as error:
             channels[channel] = ChannelScan((), Reading.BUS_STUCK, str(error))
             if not bus.free_bus():
                 break
-        except BusError as error:
+        except I2cError as error:
             channels[channel] = ChannelScan((), Reading.DELAYED, str(error))
     bus.free_bus()
     return BusScan(upstream, mux_answers=True, channels=channels, bus_timing=limits)
@@ -113,7 +113,7 @@ def scan_adapters(
     for number, bus in enumerate(adapters):
         try:
             channels[number] = _scan_channel(bus, clock, plan, claimed, is_leg=True)
-        except BusTimeoutError as error:
+        except I2cTimeoutError as error:
             channels[number] = ChannelScan((), Reading.BUS_STUCK, str(error))
         if limits is None and channels[number].outcome is Reading.OK:
             costs = measure_bus_costs(bus, clock, plan.steps[0].select[0].address)
@@ -132,8 +132,8 @@ def _select_and_check_read_back(bus: UpstreamBus, selection: int) -> bool:
     """Select mux channels, and return whether the mux reads them back, as no other chip would.
 
     Raises:
-        BusTimeoutError: A line is stuck.
-        BusError: The transaction failed otherwise.
+        I2cTimeoutError: A line is stuck.
+        I2cError: The transaction failed otherwise.
     """
     try:
         bus.connect(selection)
@@ -149,7 +149,7 @@ def _scan_channel(
     """Return the chips behind the mux channel that is connected.
 
     Raises:
-        BusTimeoutError: A line is stuck.
+        I2cTimeoutError: A line is stuck.
     """
     release_sda(bus)
     answering = probe_addresses(bus, skipped).answering
@@ -158,11 +158,11 @@ def _scan_channel(
     converter, *switches = leg_chip_addresses(plan)
     try:
         plan.board.check_identity(bus, clock)
-    except BusTimeoutError:
+    except I2cTimeoutError:
         raise
     except WrongChipError as error:
         return ChannelScan(answering, Reading.WRONG_CHIP, str(error))
-    except (NackError, BusError) as error:
+    except (NackError, I2cError) as error:
         return ChannelScan(answering, Reading.DELAYED, str(error))
     except HardwareError as error:
         return ChannelScan(answering, Reading.NO_ANSWER, str(error))

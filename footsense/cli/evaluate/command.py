@@ -12,7 +12,12 @@ from footsense.calibration.session.recorded_session import RecordedSession, read
 from footsense.cli.evaluate.summary import evaluation_figures, summary_text
 from footsense.cli.options import FOLDER, echo_json, json_option
 from footsense.cli.recordings.file_bar import file_progress_bar
-from footsense.cli.test_stand_options import design_models, foot_option, foot_type_option, recordings_argument
+from footsense.cli.test_stand_options import (
+    foot_option,
+    foot_type_option,
+    load_design_models,
+    recordings_argument,
+)
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
 from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
@@ -49,7 +54,7 @@ def evaluate(
     with file_progress_bar("read", *recordings) as on_bytes_read:
         sessions = read_sessions(recordings, foot, on_bytes_read)
     foot_type = sessions[0].foot_type
-    models, _ = design_models(foot_type, foot_type_folder)
+    models, _ = load_design_models(foot_type, foot_type_folder)
     parameters = None
     calibration = _calibration_of(folder, foot, foot_type)
     if calibration is not None:

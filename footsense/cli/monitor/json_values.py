@@ -29,8 +29,8 @@ def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
         "elements_out": [e for e in range(mask.bit_length()) if mask >> e & 1] if known else None,
         "baseline": {
             "status": None if report.baseline is None else report.baseline.name.lower(),
-            "mean_ff": round(report.baseline_mean_pf * 1e3, 1),
-            "worst_ff": round(report.baseline_worst_pf * 1e3, 1),
+            "mean_ff": round(report.baseline_mean_offset_pf * 1e3, 1),
+            "worst_ff": round(report.baseline_worst_offset_pf * 1e3, 1),
             "moved_s_ago": None
             if report.baseline_moved_ago_ns is None
             else round(report.baseline_moved_ago_ns * 1e-9, 1),

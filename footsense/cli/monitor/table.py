@@ -151,8 +151,8 @@ _REPORT_COLUMNS: LegColumns[LegSnapshot] = {
     "cause": ("<15", _cause_cell),
     "elements": ("<11", _elements_cell),
     "baseline": ("<9", _baseline_cell),
-    "mean fF": (">7", lambda leg: number_cell(leg.report.baseline_mean_pf, "+.1f", 1e3)),
-    "worst": (">7", lambda leg: number_cell(leg.report.baseline_worst_pf, "+.1f", 1e3)),
+    "mean fF": (">7", lambda leg: number_cell(leg.report.baseline_mean_offset_pf, "+.1f", 1e3)),
+    "worst": (">7", lambda leg: number_cell(leg.report.baseline_worst_offset_pf, "+.1f", 1e3)),
     _AGO: (">7", lambda leg: number_cell(leg.report.baseline_moved_ago_ns, ".1f", 1e-9)),
     "node": ("<7", _node_state_cell),
 }

@@ -12,7 +12,7 @@ from footsense.cli.probe.json_values import adapters_json, probe_json
 from footsense.cli.probe.picture import adapters_picture, probe_picture
 from footsense.config import DEFAULT, load_config
 from footsense.daemon.probe.bus_probe import probe as probe_robot
-from footsense.daemon.probe.bus_probe import scan_adapters
+from footsense.daemon.probe.bus_probe import probe_adapters
 from footsense.daemon.simulation import is_simulated
 from footsense.sim.scene_files import load_scene
 
@@ -41,7 +41,7 @@ def probe(config_file: Path | None, scene_name: str | None, png: Path | None, *,
             raise click.BadParameter(
                 "without --config or --scene there are no feet to draw", param_hint="--png"
             )
-        adapters = scan_adapters()
+        adapters = probe_adapters()
         if as_json:
             echo_json(adapters_json(adapters))
         else:

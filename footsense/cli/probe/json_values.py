@@ -10,12 +10,14 @@ from footsense.frames import Reading
 
 def probe_json(result: ProbeResult) -> dict[str, Any]:
     """Return buses, legs, shortest scan and diagnoses as plain values."""
-    scan_ns = result.scan_ns
+    scan_ns = result.scan_period_bound_ns
     return {
         "buses": [_bus_json(report) for report in result.buses],
         "legs": {report.leg: _leg_json(report) for report in result.legs},
         "scan_ms": None if scan_ns is None else round(scan_ns * 1e-6, 3),
-        "scan_over_conversions": None if scan_ns is None else round(scan_ns / result.conversions_ns, 3),
+        "scan_over_conversions": None
+        if scan_ns is None
+        else round(scan_ns / result.scan_conversion_time_ns, 3),
         "frames_hz": None if scan_ns is None else round(1e9 / scan_ns, 2),
         "diagnoses": [diagnosis._asdict() for diagnosis in result.diagnoses],
     }
@@ -67,7 +69,7 @@ def _leg_json(report: ProbedLeg) -> dict[str, Any]:
     chips, scans = report.chips, report.scans
     return {
         "bus": report.device,
-        "channel": report.channel,
+        "channel": report.channel_or_adapter,
         "answering": None if chips is None else _addresses_json(chips.answering),
         "chips": None if chips is None else chips.outcome.name.lower(),
         "slowness_rel": None if report.timing is None else round(report.timing.wait_factor, 3),

@@ -57,11 +57,11 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
                 width=_MARK_WIDTH * max(map(_n_rows, scanned)) + _FOOT_SPACING,
             ),
         ]
-    if result.scan_ns is not None:
+    if (bound_ns := result.scan_period_bound_ns) is not None:
         parts.append(
             Text(
-                f"Shortest scan {result.scan_ns * 1e-6:.1f} ms, {result.scan_ns / result.conversions_ns:.2f} x its "
-                f"conversions: at most {1e9 / result.scan_ns:.1f} frames/s."
+                f"Shortest scan {bound_ns * 1e-6:.1f} ms, {bound_ns / result.scan_conversion_time_ns:.2f} x its "
+                f"conversions: at most {1e9 / bound_ns:.1f} frames/s."
             )
         )
     if known := [leg.timing.keeps_done_bit for leg in result.legs if leg.timing]:
@@ -169,7 +169,7 @@ def _legs_overview(legs: tuple[ProbedLeg, ...]) -> Table:
     several = len({report.device for report in legs}) > 1
     columns: LegColumns[ProbedLeg] = {
         **({"bus": ("<1", lambda leg: leg.device)} if several else {}),
-        "at": ("<1", lambda leg: str(leg.channel)),
+        "at": ("<1", lambda leg: str(leg.channel_or_adapter)),
         "answering": ("<1", _answering_chips_cell),
         "C0 [pF]": (
             ">1",

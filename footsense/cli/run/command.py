@@ -130,7 +130,7 @@ def run(
     figures = {
         "scene": scene_name,
         **statistics.summary(),
-        **service.run_figures(),
+        **service.run_counts(),
         "start_to_first_frame_s": first.process_age_s,
         "resident_mib": resident_mib(),
     }

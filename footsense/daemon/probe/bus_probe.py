@@ -17,7 +17,7 @@ from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
 from footsense.daemon.acquisition import open_buses, open_scan_source, scan_plan_for
-from footsense.daemon.estimation import unloaded_capacitance_pf
+from footsense.daemon.estimation import stray_and_unloaded_pf
 from footsense.daemon.models import load_models
 from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
 from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
@@ -32,7 +32,7 @@ _N_FOOT_SCANS = 20
 _N_DISCARDED_SCANS = 4
 
 
-def scan_adapters() -> list[ProbedAdapter]:
+def probe_adapters() -> list[ProbedAdapter]:
     """Return the I2C addresses that answer on every adapter of this computer; writes to no chip.
 
     Raises:
@@ -84,7 +84,7 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
             feet, timings = _scan_feet(config, scene)
         except HardwareError as error:
             diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
-    legs = tuple(_probe_legs(config, buses, feet, timings))
+    legs = tuple(_probed_legs(config, buses, feet, timings))
     diagnoses += [diagnosis for leg in legs for diagnosis in leg_diagnoses(leg)]
     return ProbeResult(buses, legs, tuple(diagnoses), conversions_ns)
 
@@ -94,7 +94,7 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
     robot = None if scene is None else simulated_robot(config, scene)
     with ExitStack() as stack:
         for opened in open_buses(config, robot, stack):
-            bus = opened.bus
+            bus = opened.bus_config
             drivers = kernel_drivers(bus.device) if robot is None else {}
             if isinstance(opened.transport, UpstreamBus):
                 scan = scan_bus(opened.transport, opened.clock, plan, bus.channels, drivers)
@@ -115,7 +115,7 @@ def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], li
     return [FootScans(*of_leg) for of_leg in zip(capacitance_pf, reading, strict=True)], timings
 
 
-def _probe_legs(
+def _probed_legs(
     config: Config,
     buses: tuple[ProbedBus, ...],
     feet: list[FootScans] | None,
@@ -124,13 +124,13 @@ def _probe_legs(
     """Yield the result of every leg, in the order of the configuration."""
     leg_channels: list[tuple[str, str, int | str, ChannelScan | None]] = []
     for report in buses:
-        for number, (leg, channel) in enumerate(report.bus.legs.items()):
+        for number, (leg, channel) in enumerate(report.bus_config.legs.items()):
             chips = report.scan.channels.get(channel if isinstance(channel, int) else number)
-            leg_channels.append((leg, report.bus.device, channel, chips))
+            leg_channels.append((leg, report.bus_config.device, channel, chips))
     if config.serial is not None:
         leg_channels = [(name, config.serial.device, "mcu", None) for name in config.legs]
     # By the configuration and the design alone, without the calibrations.
-    stray_pf, unloaded_pf = unloaded_capacitance_pf(replace(load_models(config), calibrations={}))
+    stray_pf, unloaded_pf = stray_and_unloaded_pf(replace(load_models(config), calibrations_by_leg={}))
     for row, place in enumerate(leg_channels):
         scans = None if feet is None or np.isin(feet[row].reading, SILENT_READINGS).all() else feet[row]
         faults: tuple[FootFault, ...] = ()

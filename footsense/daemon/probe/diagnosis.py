@@ -14,7 +14,7 @@ from footsense.frames import Reading
 
 _MUX_ADDRESSES = range(0x70, 0x78)
 
-_PARTS_TO_CHECK = {
+_ADVICE_OF_READING = {
     Reading.NO_ANSWER: "its plug, its 3.3 V, and whether this is its channel",
     Reading.WRONG_CHIP: "what is plugged in there, and `board` in the configuration",
     Reading.DELAYED: "other masters on this bus, its pull-ups and its clock",
@@ -24,7 +24,7 @@ _PARTS_TO_CHECK = {
 def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
     """Yield the faults that concern a whole bus."""
     for observation, advice in _bus_faults(report, plan):
-        yield Diagnosis(report.bus.device, observation, advice)
+        yield Diagnosis(report.bus_config.device, observation, advice)
 
 
 def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
@@ -48,7 +48,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
                 "what it is; move it to another address or another bus",
             )
     if not scan.mux_answers:
-        yield _missing_mux(report)
+        yield _missing_mux_fault(report)
     if scan.bus_timing is not None and scan.bus_timing.costs.bus_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
         yield (
             f"it runs at {scan.bus_timing.costs.bus_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
@@ -73,7 +73,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
             )
 
 
-def _missing_mux(report: ProbedBus) -> tuple[str, str]:
+def _missing_mux_fault(report: ProbedBus) -> tuple[str, str]:
     """Return observation and advice for a mux that does not answer."""
     bus, scan, drivers = report
     assert scan.upstream is not None
@@ -102,7 +102,7 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
 
     A leg that could not be scanned is a fault of its bus.
     """
-    location = f"{'channel' if isinstance(report.channel, int) else 'adapter'} {report.channel}"
+    location = f"{'channel' if isinstance(report.channel_or_adapter, int) else 'adapter'} {report.channel_or_adapter}"
     chips, scans = report.chips, report.scans
     chips_fail = chips is not None and chips.outcome is not Reading.OK
     if scans is not None and (scans.chips_fail_intermittently or chips_fail):
@@ -117,7 +117,7 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
             report.leg, observation, "short in its cable or plug, and whether its chips have power"
         )
     elif chips is not None and chips_fail:
-        yield Diagnosis(report.leg, f"{location}: {chips.why}", _PARTS_TO_CHECK[chips.outcome])
+        yield Diagnosis(report.leg, f"{location}: {chips.why}", _ADVICE_OF_READING[chips.outcome])
     if report.timing is not None and report.timing.wait_factor > 1.0:
         slower = f"{100 * (report.timing.wait_factor - 1):.0f} %"
         observation = (

@@ -30,12 +30,12 @@ class ProbedBus(NamedTuple):
     """Probe result of one I2C bus.
 
     Attributes:
-        bus: Its configuration.
+        bus_config: Its configuration.
         scan: Addresses, mux, channels and timing found on it.
         kernel_drivers: Kernel drivers by the address that each holds; those addresses were not scanned.
     """
 
-    bus: Bus
+    bus_config: Bus
     scan: BusScan
     kernel_drivers: Mapping[int, str]
 
@@ -46,7 +46,7 @@ class ProbedLeg(NamedTuple):
     Attributes:
         leg: Name of the leg.
         device: Device of its bus.
-        channel: Channel of the mux, or adapter where the kernel drives the mux.
+        channel_or_adapter: Channel of the mux, or adapter where the kernel drives the mux.
         chips: Chips that answer there; None if they could not be scanned.
         timing: Timing of its converter; None if it was not measured.
         scans: Scans of its foot; None if there are none.
@@ -55,7 +55,7 @@ class ProbedLeg(NamedTuple):
 
     leg: str
     device: str
-    channel: int | str
+    channel_or_adapter: int | str
     chips: ChannelScan | None
     timing: ChipTiming | None
     scans: FootScans | None
@@ -77,16 +77,16 @@ class ProbeResult(NamedTuple):
         buses: Every bus.
         legs: Every leg, in the order of the configuration.
         diagnoses: Faults, those of the buses first.
-        conversions_ns: Time of the conversions of a scan without any transaction [ns]; 0 without a bus.
+        scan_conversion_time_ns: Time of the conversions of a scan without any transaction [ns]; 0 without a bus.
     """
 
     buses: tuple[ProbedBus, ...]
     legs: tuple[ProbedLeg, ...]
     diagnoses: tuple[Diagnosis, ...]
-    conversions_ns: int
+    scan_conversion_time_ns: int
 
     @property
-    def scan_ns(self) -> int | None:
+    def scan_period_bound_ns(self) -> int | None:
         """Shortest scan period of the slowest bus [ns]; None without a bus, or if one could not be timed."""
         timings = [report.scan.bus_timing for report in self.buses]
         known_ns = [timing.lower_bounds.scan_period_bound_ns for timing in timings if timing is not None]

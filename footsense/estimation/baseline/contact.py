@@ -22,13 +22,13 @@ from footsense.estimation.baseline.swing_noise import SwingNoise
 from footsense.frames import CommandKind, Vector
 
 #: A fall ends contact below this share of the mean load over the last second or so [1].
-_LIFT_OFF_THRESHOLD_REL = 0.3
-_RECENT_MEAN_S = 1.0
+_LIFT_OFF_SHARE_OF_RECENT_MEAN = 0.3
+_RECENT_LOAD_TIME_CONSTANT_S = 1.0
 
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
 #: side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
-_CREEP_REL = 0.05
-_CREEP_S = 100.0
+_MAX_CREEP_REL = 0.05
+_CREEP_LOAD_TIME_CONSTANT_S = 100.0
 
 #: Time for which the load has to be low before that in swing follows it: a negative glitch must not make contact later.
 _SWING_LOAD_FOLLOWS_AFTER_NS = 50_000_000
@@ -40,7 +40,7 @@ _SHAKE_MAX_NS, _SHAKE_MAX_THRESHOLDS = 60_000_000, 2.0
 #: one after the other, of a load that falls or rises fast, ring.
 _CONTACT_HOLD_NS = 24_000_000
 #: After lift-off a prediction overshoots for this time, and predicts no contact.
-_OVERSHOOT_NS = 100_000_000
+_PREDICTION_OVERSHOOT_NS = 100_000_000
 
 #: Contact is kept for this time without a reading, and unknown afterwards.
 _CONTACT_TIMEOUT_NS = 250_000_000
@@ -51,16 +51,17 @@ class ContactLimits:
     """Thresholds for contact and for a confirmed swing.
 
     Attributes:
-        threshold_n: Least load above that in swing that is contact [N]; more where swings show more noise and shake.
+        min_threshold_n: Least load above that in swing that is contact [N]; more where swings show more noise and
+            shake.
         max_swing_rise_n_per_s: Fastest rise of the load in swing [N/s]: five times the fastest drift, a
             fiftieth of a slow load.
-        confirmed_s: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick recovery is
-            over by then, and half the swing of a fast gait is left.
+        swing_confirmed_after_s: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick
+            recovery is over by then, and half the swing of a fast gait is left.
     """
 
-    threshold_n: float
+    min_threshold_n: float
     max_swing_rise_n_per_s: float = 0.5e-3
-    confirmed_s: float = 0.2
+    swing_confirmed_after_s: float = 0.2
 
 
 def trimmed_means(closure_rel: Vector) -> list[float]:
@@ -96,7 +97,7 @@ class ContactDetector:
         limits: Thresholds.
         in_contact: Whether the foot is in contact; False where that is not known.
         raw: Whether the newest load alone is above the threshold.
-        in_swing: Whether swing is confirmed: lifted for `confirmed_s`, and the load not about to touch.
+        in_swing: Whether swing is confirmed: lifted for `swing_confirmed_after_s`, and the load not about to touch.
         load_n: Load along the leg above its baseline [N], NaN where it is not known.
         drift_n: Largest load that drift and creep alone could produce now [N].
         explained_by_drift: Whether drift and creep could explain the whole load; False where the load is not known.
@@ -108,9 +109,9 @@ class ContactDetector:
     def __init__(self, limits: ContactLimits) -> None:
         self.limits = limits
         self.noise, self.predicted_noise = (
-            SwingNoise(limits.threshold_n, limits.threshold_n) for _ in range(2)
+            SwingNoise(limits.min_threshold_n, limits.min_threshold_n) for _ in range(2)
         )
-        self._explained_n = limits.threshold_n / 2
+        self._explained_n = limits.min_threshold_n / 2
         self._creep_load_n = 0.0
         self.drift_n = 0.0
         self.reset(0)
@@ -136,7 +137,7 @@ class ContactDetector:
     def observe(
         self, load_n: float, baseline_error_n: float, t_ns: int, now_ns: int, predicted_n: float = math.nan
     ) -> None:
-        """Process the newest load: update contact, swing, and the load offset in swing.
+        """Process the newest load: update contact, confirmed swing, and the load in swing.
 
         Args:
             load_n: Load along the leg above its baseline [N], NaN where it is not known.
@@ -154,26 +155,26 @@ class ContactDetector:
             return
         elapsed_s = max(t_ns - self._t_ns, 0) * 1e-9
         self._t_ns = t_ns
-        self.drift_n = baseline_error_n + _CREEP_REL * self._creep_load_n
+        self.drift_n = baseline_error_n + _MAX_CREEP_REL * self._creep_load_n
         self.explained_by_drift = abs(load_n) <= self._explained_n + self.drift_n
         swing_load_n = self.swing_load_n
         above_n = load_n - swing_load_n
         predicted_above_n = predicted_n - swing_load_n
         noise, predicted_noise = self.noise, self.predicted_noise
-        overshoots = t_ns - self._lifted_ns <= _OVERSHOOT_NS
+        overshoots = t_ns - self._lifted_ns <= _PREDICTION_OVERSHOOT_NS
         is_predicted = predicted_above_n > predicted_noise.threshold_n and not overshoots
         self.raw = above_n > noise.threshold_n or is_predicted
         if self.in_contact:
             lift_n = 0.5 * noise.threshold_n
             # Measured above the baseline if the load in swing is below it: a foot must be able to leave contact.
             fallen = (
-                load_n < _LIFT_OFF_THRESHOLD_REL * self._recent_n
+                load_n < _LIFT_OFF_SHARE_OF_RECENT_MEAN * self._recent_n
                 and load_n - max(swing_load_n, 0.0) < lift_n + self.drift_n
             )
             if not (fallen or above_n < lift_n):
                 self._loaded_ns = t_ns
             elif t_ns - self._loaded_ns >= _CONTACT_HOLD_NS:
-                self._detect_lift_off(load_n, baseline_error_n, t_ns)
+                self._end_contact(load_n, baseline_error_n, t_ns)
         elif self.raw:
             self.in_contact = True
             self._touched_ns = self._loaded_ns = t_ns
@@ -196,13 +197,17 @@ class ContactDetector:
         self.in_swing = (
             not self.in_contact
             and load_n - self.swing_load_n < 0.5 * self._explained_n
-            and (t_ns - self._lifted_ns) * 1e-9 >= self.limits.confirmed_s
+            and (t_ns - self._lifted_ns) * 1e-9 >= self.limits.swing_confirmed_after_s
         )
         pressing_n = max(load_n, 0.0)
-        self._recent_n += (pressing_n - self._recent_n) * (elapsed_s / (_RECENT_MEAN_S + elapsed_s))
-        self._creep_load_n += (pressing_n - self._creep_load_n) * (elapsed_s / (_CREEP_S + elapsed_s))
+        self._recent_n += (pressing_n - self._recent_n) * (
+            elapsed_s / (_RECENT_LOAD_TIME_CONSTANT_S + elapsed_s)
+        )
+        self._creep_load_n += (pressing_n - self._creep_load_n) * (
+            elapsed_s / (_CREEP_LOAD_TIME_CONSTANT_S + elapsed_s)
+        )
 
-    def _detect_lift_off(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
+    def _end_contact(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
         """End the contact; a contact short and light enough to be shake raises the threshold."""
         self.in_contact = False
         if t_ns - self._touched_ns < _SHAKE_MAX_NS:

@@ -121,7 +121,7 @@ def _run_gait_tracker(
     n_legs, n = readings.closure_rel.shape
     loads, means_n = _estimate_loads(readings, estimator)
     means_n *= n_per_rel
-    contacts = [ContactDetector(ContactLimits(threshold_n=_THRESHOLD_N)) for _ in range(n_legs)]
+    contacts = [ContactDetector(ContactLimits(min_threshold_n=_THRESHOLD_N)) for _ in range(n_legs)]
     tracker = GaitTracker(n_legs, period_ns=0)
     found = _GaitOutputs([], np.isfinite(loads.force_n[..., 2]), [], [], [], [])
     for k in range(n):

@@ -66,7 +66,7 @@ class SimulatedBus:
 
         Raises:
             NackError: No connected chip acknowledges the address.
-            BusError: A fault of the wires prevents it.
+            I2cError: A fault of the wires prevents it.
         """
         address, data, n_read = transaction
         if self._faults is not None and not self._faults.apply_faults(
@@ -133,7 +133,7 @@ class SimulatedKernelMuxChannel:
         """Switch the mux to the channel if needed, do one I2C transaction, and return the bytes read.
 
         Raises:
-            BusError: As the upstream bus.
+            I2cError: As the upstream bus.
         """
         self._clock.advance_ns(self._host_cost_ns)
         if self._mux.control != self._selection:

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from footsense.errors import BusTimeoutError
+from footsense.errors import I2cTimeoutError
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, OnWires, StuckSda, StuckUpstreamBus
@@ -70,7 +70,7 @@ class WireFaults:
             address: Address of the transaction.
 
         Raises:
-            BusTimeoutError: SDA is held low, or arbitration was lost more often than the kernel retries.
+            I2cTimeoutError: SDA is held low, or arbitration was lost more often than the kernel retries.
         """
         t_ns = clock.now_ns()
         while self._resets_ns and self._resets_ns[0] <= t_ns:
@@ -87,12 +87,12 @@ class WireFaults:
             return False
         if holding:
             clock.advance_ns(host_cost_ns + self._timeout_ns)
-            raise BusTimeoutError("timeout, SDA or SCL is held low")
+            raise I2cTimeoutError("timeout, SDA or SCL is held low")
         for _ in range(1 + KERNEL_RETRIES):
             if not any(self._rng.random() < rate_rel for rate_rel in lost):
                 return True
             clock.advance_ns(host_cost_ns + _ARBITRATION_LOST_AFTER_NS)
-        raise BusTimeoutError("arbitration lost four times")
+        raise I2cTimeoutError("arbitration lost four times")
 
     def _holds_sda_low(self, fault: OnWires, selection: int) -> bool:
         """Return whether an active fault holds SDA of the bus low, given the selected mux channels."""

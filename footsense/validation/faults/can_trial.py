@@ -79,8 +79,8 @@ def can_trial(fault: CanFault, *, duration_s: float) -> CanFigures:
     consumer = _Consumer(DEFAULT.legs)
     scene = msgspec.structs.replace(WALK_SCENE, effects=Effects(), faults=(fault,))
     with open_service(DEFAULT, scene, real_time=False) as robot:
-        assert robot.can is not None, "the scene has a fault of CAN"
-        controller = robot.can.controller
+        assert robot.simulated_can is not None, "the scene has a fault of CAN"
+        controller = robot.simulated_can.controller
         controller.on_delivered = consumer.on_delivered
         robot.observers.append(consumer)
         robot.run(until_ns=duration_s * 1e9)

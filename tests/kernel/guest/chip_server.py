@@ -22,7 +22,7 @@ import time
 from pathlib import Path
 
 from footsense.daemon.foot_types import released_path
-from footsense.errors import BusError
+from footsense.errors import I2cError
 from footsense.foot.response_table import FootResponse
 from footsense.frames import LEGS
 from footsense.ports import Transaction
@@ -111,7 +111,7 @@ class ChipServer:
             if written or n_read:
                 return self._bus.transfer(Transaction(address, written, n_read))
             answering = [c for c in self._bus._connect(address) if c.acknowledges(self._clock.now_ns())]
-        except BusError:
+        except I2cError:
             return errno.ENXIO
         return b"" if answering else errno.ENXIO
 

@@ -119,9 +119,9 @@ def walk(publish_every: int, script: list[Fault]) -> InvariantChecker:
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
     with open_service(config, scene, real_time=False) as service:
         assert service.true_force_n_at is not None
-        assert service.can is not None
+        assert service.simulated_can is not None
         seen = InvariantChecker(rules, script, service.true_force_n_at)
-        service.can.controller.on_delivered = seen.on_delivered
+        service.simulated_can.controller.on_delivered = seen.on_delivered
         ends_s = max(seen.recovered_s, ends_s + 2.1, TARED_S)
         tail = Tail(ends_s)
         service.observers += [seen, tail]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from footsense.cli.calibrate import calibrate
 from footsense.config import Config
 from footsense.config.sections import Bus, Can, Tare
-from footsense.config.test_stand import Axes, Simulated, StandConfig
+from footsense.config.test_stand import Axes, SimulatedForceSensor, StandConfig
 from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
@@ -27,7 +27,7 @@ from footsense.sim.scene_loads import CalibrationLoads
 from tests.system.simulated_test_stand import MADE, presses
 
 STAND = StandConfig(
-    sensor=Simulated(seed=1, linearity_rel=0.0),
+    sensor=SimulatedForceSensor(seed=1, linearity_rel=0.0),
     axes=Axes(x="-x", y="-y", z="-z"),
     units="gf",
     rated=(4000.0, 4000.0, 8000.0),

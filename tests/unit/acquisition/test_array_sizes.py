@@ -94,7 +94,7 @@ def test_an_array_gives_forces_from_chip_to_pipeline(rows: int) -> None:
         np.full((6, n), DESIGN.unloaded_pf),
         sensitivity=sensitivity(linear, 6, moments),
         tare=TareLimits(window_frames=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-        contact=ContactLimits(threshold_n=0.03),
+        contact=ContactLimits(min_threshold_n=0.03),
         scan_ns=scan_ns,
         max_age_ns=500_000_000,
         settling_time_ns=4 * scan_ns,

@@ -16,7 +16,7 @@ from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import KernelMux
-from footsense.errors import BusError, BusTimeoutError, NackError
+from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
@@ -35,7 +35,7 @@ class FailingLeg(SimulatedKernelMuxChannel):
         counts: Number of each transaction.
     """
 
-    failing: Mapping[int, BusError] = MappingProxyType({})
+    failing: Mapping[int, I2cError] = MappingProxyType({})
     counts: Counter[Transaction]
     n = 0
 
@@ -43,7 +43,7 @@ class FailingLeg(SimulatedKernelMuxChannel):
         self.n += 1
         self.counts[transaction] += 1
         if error := self.failing.get(self.n):
-            self._clock.advance_ns(20_000_000 if isinstance(error, BusTimeoutError) else 27_500)
+            self._clock.advance_ns(20_000_000 if isinstance(error, I2cTimeoutError) else 27_500)
             raise error
         return super().transfer(transaction)
 
@@ -149,7 +149,7 @@ def test_a_leg_that_holds_a_line_is_left_out_at_once() -> None:
     robot = Robot(distinct)
     robot.read(2)
     leg = robot.legs["2"]
-    leg.failing = dict.fromkeys(range(leg.n, leg.n + 999), BusTimeoutError("stuck"))
+    leg.failing = dict.fromkeys(range(leg.n, leg.n + 999), I2cTimeoutError("stuck"))
     frame = robot.read()
     n_timeouts = leg.n
     assert (frame.reading[2] == Reading.BUS_STUCK).all()
@@ -201,8 +201,8 @@ def test_conversions_are_discarded_after_a_delay_of_the_loop_and_not_before() ->
         assert (frame.reading == Reading.OK).all()
 
 
-@pytest.mark.parametrize("error", [NackError("gone"), BusTimeoutError("stuck")])
-def test_without_a_leg_in_the_scan_frames_keep_their_pace(error: BusError) -> None:
+@pytest.mark.parametrize("error", [NackError("gone"), I2cTimeoutError("stuck")])
+def test_without_a_leg_in_the_scan_frames_keep_their_pace(error: I2cError) -> None:
     """No leg answers: a scan still takes its conversions' time, and time passes while a line is stuck."""
     robot = Robot(distinct)
     for leg in robot.legs.values():
@@ -243,7 +243,7 @@ def test_acknowledges_that_are_lost_while_the_bus_is_measured_do_not_end_the_sta
 def test_whatever_fails_a_reading_is_right_or_missing(board: Board, failing: dict[int, str]) -> None:
     """No failure of a transaction makes a wrong number, on its own leg or on another."""
     robot = Robot(distinct, board=board)
-    errors = {"nack": NackError("no"), "timeout": BusTimeoutError("stuck"), "error": BusError("arbitration")}
+    errors = {"nack": NackError("no"), "timeout": I2cTimeoutError("stuck"), "error": I2cError("arbitration")}
     robot.legs["3"].failing = {n: errors[kind] for n, kind in failing.items()}
     for _ in range(60):
         frame = robot.scanner.read()

@@ -17,7 +17,7 @@ from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import CONVERSION_ORDERS, scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.clock import MonotonicClock
-from footsense.errors import BusTimeoutError, HardwareError, NackError
+from footsense.errors import HardwareError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
@@ -88,7 +88,7 @@ def test_a_stuck_bus_costs_the_other_bus_nothing_and_comes_back() -> None:
     """SDA held low on one of two buses: its legs are silent, and the others keep their pace through each timeout."""
     robot = Robot(distinct, n_buses=2)
     period_ns = robot.period_ns()
-    robot.saboteurs[1].arm(lambda transaction, n: BusTimeoutError("a line is held low"))
+    robot.saboteurs[1].arm(lambda transaction, n: I2cTimeoutError("a line is held low"))
     robot.read()
     before_ns = robot.clock.now_ns()
     slow = 0
@@ -207,7 +207,7 @@ def test_a_bus_that_times_out_twice_costs_what_was_being_read() -> None:
         robot.convert()
     steps = scan_plan("lo_shu", 400).steps
     triggers = {step.trigger for step in steps}
-    robot.saboteurs[0].arm(lambda sent, n: BusTimeoutError("held low") if sent in triggers else None)
+    robot.saboteurs[0].arm(lambda sent, n: I2cTimeoutError("held low") if sent in triggers else None)
     delayed = robot.convert().reading == Reading.DELAYED
     assert (delayed == (np.arange(9) == steps[4].element)).all()
     robot.saboteurs[0].arm(lambda transaction, n: None)

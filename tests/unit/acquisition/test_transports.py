@@ -3,7 +3,7 @@
 import pytest
 
 from footsense.acquisition.transports import UpstreamBus
-from footsense.errors import BusError
+from footsense.errors import I2cError
 from footsense.ports import Transaction
 
 
@@ -17,7 +17,7 @@ class FlakyBus:
     def transfer(self, transaction: Transaction) -> bytes:
         self.selected.append(transaction.write[0])
         if self.fails:
-            raise BusError("not heard")
+            raise I2cError("not heard")
         return b""
 
 
@@ -29,7 +29,7 @@ def test_a_selection_that_may_have_been_taken_is_written_again() -> None:
     upstream.connect(0b11)
     assert bus.selected == [0b11]
     bus.fails = True
-    with pytest.raises(BusError):
+    with pytest.raises(I2cError):
         upstream.connect(0b100)
     bus.fails = False
     upstream.connect(0b11)

@@ -49,8 +49,8 @@ def snapshot(leg: str = "lf", fault_mask: int = 0b100_000_011, n_elements: int =
         cause=Cause.ELEMENT_SHORTED,
         cause_state=State.CONVERTER_FAULT,
         baseline=BaselineStatus.NOT_QUIET,
-        baseline_mean_pf=-1.2345,
-        baseline_worst_pf=3.2767,
+        baseline_mean_offset_pf=-1.2345,
+        baseline_worst_offset_pf=3.2767,
         baseline_moved_ago_ns=6_553_400_000_000,
         node_state=NmtState.STOPPED,
         degraded_timing=True,
@@ -227,14 +227,14 @@ def test_reports_are_known_as_long_as_they_come() -> None:
         5_600_000_000,
         Cause.ELEMENT_OPEN,
     )
-    assert (told.baseline_mean_pf, told.baseline_worst_pf) == (0.001, -0.002)
+    assert (told.baseline_mean_offset_pf, told.baseline_worst_offset_pf) == (0.001, -0.002)
     assert (told.node_state, told.degraded_timing) == (NmtState.OPERATIONAL, True)
     assert reports.leg(3, begin_ns + 601 * MS).node_state is None
     assert reports.leg(3, begin_ns + 3000 * MS).baseline is BaselineStatus.HELD
     late = reports.leg(3, begin_ns + 3000 * MS + 1)
     assert (late.baseline, late.baseline_moved_ago_ns, late.cause) == (None, None, Cause.ELEMENT_OPEN)
-    assert math.isnan(late.baseline_mean_pf)
-    assert math.isnan(late.baseline_worst_pf)
+    assert math.isnan(late.baseline_mean_offset_pf)
+    assert math.isnan(late.baseline_worst_offset_pf)
     assert reports.feed(BASELINE_ID + 3, bytes(8), begin_ns)
     assert reports.feed(BASELINE_ID + 4, bytes(8), begin_ns)
     assert not reports.feed(BASELINE_ID + 9, bytes(8), begin_ns)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from footsense.config.test_stand import SerialSensor, Simulated, load_test_stand
+from footsense.config.test_stand import SerialSensor, SimulatedForceSensor, load_test_stand
 from footsense.errors import ConfigError
 from footsense.reference.record_columns import integer_widths_bits
 
@@ -26,7 +26,7 @@ axes: {x: -x, y: -y, z: -z}
 def test_the_files_that_come_with_footsense_are_right() -> None:
     """Both load; the simulated one is for the simulated sensor."""
     assert isinstance(load_test_stand(DEPLOY / "test-stand.yaml").sensor, SerialSensor)
-    assert isinstance(load_test_stand(DEPLOY / "test-stand-simulated.yaml").sensor, Simulated)
+    assert isinstance(load_test_stand(DEPLOY / "test-stand-simulated.yaml").sensor, SimulatedForceSensor)
 
 
 @pytest.mark.parametrize(

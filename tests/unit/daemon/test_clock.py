@@ -8,7 +8,7 @@ import gc
 import subprocess
 import sys
 
-from footsense.clock import MonotonicClock, gc_disabled, process_age_ns, resident_mib
+from footsense.clock import MonotonicClock, low_latency_interpreter, process_age_ns, resident_mib
 from footsense.ports import WAKEUP_LATENCY_BUCKET_BOUNDS_S
 
 #: Limits as a user has them, whoever runs the test: neither rights nor what root may do without them.
@@ -57,7 +57,7 @@ def test_latency_and_overruns_are_counted() -> None:
 def test_the_interpreter_is_as_before_when_the_loop_has_ended() -> None:
     """Also when it ended with an error; meanwhile nothing is collected and threads change often."""
     before = sys.getswitchinterval()
-    with contextlib.suppress(KeyError), gc_disabled():
+    with contextlib.suppress(KeyError), low_latency_interpreter():
         assert not gc.isenabled()
         assert sys.getswitchinterval() < before
         raise KeyError

@@ -23,7 +23,7 @@ from footsense.config.sections import Bus, Mux, OtherDevice, PullUps, Serial
 from footsense.daemon.probe.bus_probe import probe
 from footsense.daemon.probe.diagnosis import bus_diagnoses
 from footsense.daemon.probe.report import ProbedBus, ProbeResult
-from footsense.errors import BusError, BusTimeoutError, FootsenseError, NackError
+from footsense.errors import FootsenseError, I2cError, I2cTimeoutError, NackError
 from footsense.foot.files.network_card import input_signals
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
@@ -181,7 +181,7 @@ def test_feet_of_another_array(rows: int, tmp_path: Path) -> None:
     assert marks == ["lost"] * (rows - 1) + ["short"]
     text = shown(found)
     assert max(map(len, text.splitlines())) <= 80
-    pasted, legs = tmp_path / "robot.yaml", {leg.leg: leg.channel for leg in found.legs}
+    pasted, legs = tmp_path / "robot.yaml", {leg.leg: leg.channel_or_adapter for leg in found.legs}
     pasted.write_text(
         f"buses: [{{device: sim, legs: {legs}}}]\ncan: {{interface: virtual}}\nfoot_type: {folder}\n"
         f"rows: {rows}\n{unloaded_yaml(found)}\n".replace("'", "")
@@ -196,7 +196,7 @@ def test_a_trunk_that_is_held_is_the_bus_s_fault_alone() -> None:
     assert [(diagnosis.location, "held low" in diagnosis.observation) for diagnosis in found.diagnoses] == [
         ("sim", True)
     ]
-    assert found.scan_ns is None
+    assert found.scan_period_bound_ns is None
     assert probe_json(found)["legs"]["lf"]["mean_pf"] is None
     assert unloaded_yaml(found) == ""
 
@@ -243,7 +243,7 @@ class LosingArbitration(SimulatedBus):
 
     def transfer(self, transaction: Transaction) -> bytes:
         if transaction == Transaction(0x71, b"", n_read=1):
-            raise BusError("arbitration lost")
+            raise I2cError("arbitration lost")
         return super().transfer(transaction)
 
 
@@ -308,7 +308,7 @@ class HeldLow(SimulatedKernelMuxChannel):
     """An adapter whose leg holds a line."""
 
     def transfer(self, transaction: Transaction) -> bytes:
-        raise BusTimeoutError(f"held low at {transaction.address:#04x}")
+        raise I2cTimeoutError(f"held low at {transaction.address:#04x}")
 
 
 def scanned_legs(*kinds: type[SimulatedKernelMuxChannel]) -> BusScan:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.errors import SensorError
+from footsense.errors import ReferenceSensorError
 from footsense.reference.binary_decoder import CHECKSUMS, BinaryDecoder
 from footsense.reference.line_decoder import TextLineDecoder
 from footsense.reference.net_ft import NetFtReference, rdt_request
@@ -241,7 +241,7 @@ def test_a_sensor_that_makes_no_sense_ends_the_run(sent: bytes, says: str) -> No
     clock, _, _ = simulated_stand()
     port = Port(lambda _: np.zeros(3), clock, 1)
     reference = SerialReference(port, TextLineDecoder(COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S")
-    with pytest.raises(SensorError, match=says):
+    with pytest.raises(ReferenceSensorError, match=says):
         watched(clock, reference, 20.0)
 
 
@@ -345,5 +345,5 @@ def test_a_file_that_holds_no_samples_says_so(tmp_path: Path, text: str, says: s
     """One line: where, and what would be right."""
     path = tmp_path / "log.csv"
     path.write_text(text)
-    with pytest.raises(SensorError, match=says):
+    with pytest.raises(ReferenceSensorError, match=says):
         read_csv(path, SensorMounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from footsense.errors import BusError, BusTimeoutError, ConfigError, NackError
+from footsense.errors import ConfigError, I2cError, I2cTimeoutError, NackError
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
@@ -69,14 +69,14 @@ def test_a_leg_that_holds_sda_blocks_all_until_the_mux_is_reset() -> None:
     bench.at(1.0)
     for transaction in (ASK_SWITCH, Transaction(MUX, b"\x00")):
         before_ns = bench.clock.now_ns()
-        with pytest.raises(BusTimeoutError):
+        with pytest.raises(I2cTimeoutError):
             bench.bus.transfer(transaction)
         assert bench.clock.now_ns() - before_ns == TIMEOUT_NS
     bench.mux.pulse()
     bench.select(0b10)
     assert bench.bus.transfer(ASK_SWITCH) == b"\x00"
     bench.select(0b01)
-    with pytest.raises(BusTimeoutError):
+    with pytest.raises(I2cTimeoutError):
         bench.bus.transfer(ASK_SWITCH)
     assert bench.at(2.0).bus.transfer(ASK_SWITCH) == b"\x00"
 
@@ -85,21 +85,21 @@ def test_a_held_trunk_is_not_freed_by_the_mux() -> None:
     """Nothing behind the mux holds it."""
     bench = Bench(scene_faults.StuckUpstreamBus(at_s=0.0, until_s=1.0))
     bench.mux.pulse()
-    with pytest.raises(BusTimeoutError):
+    with pytest.raises(I2cTimeoutError):
         bench.select(0)
     bench.at(1.0).select(0)
 
 
 def test_a_lost_arbitration_is_tried_again_three_times() -> None:
     """Always losing is an error that says so; losing half of the time fails a sixteenth."""
-    with pytest.raises(BusError, match="arbitration lost"):
+    with pytest.raises(I2cError, match="arbitration lost"):
         Bench(scene_faults.ArbitrationLost(at_s=0.0, rate_rel=1.0)).select(0)
     bench = Bench(scene_faults.ArbitrationLost(at_s=0.0, rate_rel=0.5))
     failed = 0
     for _ in range(1000):
         try:
             bench.select(0)
-        except BusError:
+        except I2cError:
             failed += 1
     assert 40 < failed < 90
 

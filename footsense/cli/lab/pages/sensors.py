@@ -145,7 +145,7 @@ def scan_ms(response: FootResponse) -> float:
     scene = msgspec.structs.replace(load_scene("hanging"), host_cost_us=HOST_COST_US)
     channels = {leg: channel for channel, leg in enumerate(DEFAULT.legs)}
     [bus] = SimulatedRobot(scene, response, [Wiring(400_000, _MUX_ADDRESS, channels)]).buses
-    plan = scan_plan(DEFAULT.order, DEFAULT.rate_sps, rows=response.rows)
+    plan = scan_plan(DEFAULT.conversion_order, DEFAULT.rate_sps, rows=response.rows)
     scanner = BusScanner(UpstreamBus(bus, _MUX_ADDRESS), bus.clock, channels, plan)
     scanner.start()
     scanner.read_next_element()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
 from footsense.frames import CommandKind
 
-LIMITS = ContactLimits(threshold_n=0.03)
+LIMITS = ContactLimits(min_threshold_n=0.03)
 MS = 1_000_000
 
 
