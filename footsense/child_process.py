@@ -20,9 +20,9 @@ _MAX_READ_BYTES = 1 << 18
 #: prctl(2).
 _PR_SET_PDEATHSIG = 1
 #: Processors of this process before the loop takes one of them: those that the unit allows.
-_CPUS = os.sched_getaffinity(0)
+_CPUS_AT_START = os.sched_getaffinity(0)
 #: So many bytes at once come only from a loop in virtual time, which waits for room [bytes].
-_BUSY_BATCH_BYTES = 1 << 17
+_MIN_BATCH_WITHOUT_PAUSE_BYTES = 1 << 17
 
 
 def check_new_file(name: str, path: Path) -> None:
@@ -65,7 +65,7 @@ def start_writer(
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     of_loop = os.sched_getaffinity(0)
     try:
-        os.sched_setaffinity(0, _CPUS)  # the child keeps them
+        os.sched_setaffinity(0, _CPUS_AT_START)  # the child keeps them
         writer = subprocess.Popen(  # noqa: S603 - our own module
             [sys.executable, "-P", "-m", module, *arguments],
             stdin=read_end,
@@ -94,7 +94,7 @@ def read_batches(pipe: int) -> Iterator[bytes]:
     os.set_blocking(pipe, False)
     n_read = -1
     while n_read:
-        end.poll(0 if n_read >= _BUSY_BATCH_BYTES else _READ_PERIOD_MS)
+        end.poll(0 if n_read >= _MIN_BATCH_WITHOUT_PAUSE_BYTES else _READ_PERIOD_MS)
         try:
             data = os.read(pipe, _MAX_READ_BYTES)
         except BlockingIOError:  # the loop sends nothing

@@ -133,7 +133,7 @@ class CanSink:
         gait = self._gait
         if frame.gait is not None:
             gait.queue_gait(frame.gait)
-        unreported = [] if present == self._reported else self._unreported_faults(present)
+        unreported = [] if present == self._reported else self._unreported_fault_changes(present)
         reports = unreported[:_MAX_EXTRA_FRAMES]
         frames = gait.event_frames(t_ns, _MAX_EXTRA_FRAMES - len(reports)) if gait.events else []
         n_events = n_before = len(frames)
@@ -144,7 +144,7 @@ class CanSink:
             frames.append(leg.fault_frame(*report))
         max_frames = _MAX_EXTRA_FRAMES - len(reports) - n_events
         if t_ns >= self._due[0][0]:
-            max_frames = self._add_periodic(frames, frame, present[0], max_frames)
+            max_frames = self._add_heartbeats_and_baselines(frames, frame, present[0], max_frames)
         if self._commands.unsolicited:
             unsolicited = self._commands.pop_unsolicited_frames(max_frames)
             max_frames -= len(unsolicited)
@@ -230,7 +230,9 @@ class CanSink:
         self._channel.send(last, self._clock.now_ns())
         self._channel.close()
 
-    def _unreported_faults(self, present: list[list[int]]) -> list[tuple[CanLeg, tuple[int, int, int]]]:
+    def _unreported_fault_changes(
+        self, present: list[list[int]]
+    ) -> list[tuple[CanLeg, tuple[int, int, int]]]:
         """Return the legs whose state, mask or cause has changed since their last report, with the new values."""
         of_legs = zip(self._legs, zip(*present, strict=True), strict=True)
         return [
@@ -239,7 +241,7 @@ class CanSink:
             if leg.reported != (state, mask, cause)
         ]
 
-    def _add_periodic(
+    def _add_heartbeats_and_baselines(
         self, frames: list[bytes], frame: ContactFrame, states: list[int], max_frames: int
     ) -> int:
         """Append the heartbeats and baselines that are due, at most `max_frames`; return how many more there may be.

@@ -19,7 +19,7 @@ from firmware_interface.can.socketcan import FD_FRAME, FD_FRAME_BYTES, FRAME_BYT
 QUEUE_FULL_ERRNOS = frozenset({errno.ENOBUFS, errno.EAGAIN})
 
 #: Most frames of one call; six legs send 30 at most.
-MAX_FRAMES_PER_CALL = 64
+MAX_SENT_PER_CALL = 64
 
 #: Most frames of one `receive`; a full bus of 1 Mbit/s carries fewer in a cycle.
 MAX_RECEIVED_PER_CALL = 1000
@@ -72,13 +72,13 @@ class SocketWire:
         self._socket = channel
         self._close = close or channel.close
         self._fd = channel.fileno()
-        self._frames = bytearray(MAX_FRAMES_PER_CALL * FD_FRAME_BYTES)
+        self._frames = bytearray(MAX_SENT_PER_CALL * FD_FRAME_BYTES)
         self._pinned = ctypes.c_char.from_buffer(
             self._frames
         )  # keeps its address as long as this object exists
         address = ctypes.addressof(self._pinned)
-        self._vectors = (_IoVec * MAX_FRAMES_PER_CALL)()
-        self._headers = (_MMsgHdr * MAX_FRAMES_PER_CALL)()
+        self._vectors = (_IoVec * MAX_SENT_PER_CALL)()
+        self._headers = (_MMsgHdr * MAX_SENT_PER_CALL)()
         # Addresses instead of ctypes pointers, which form reference cycles: the loop runs without garbage collection.
         for n, (vector, header) in enumerate(zip(self._vectors, self._headers, strict=True)):
             vector.base, vector.length = address + n * FRAME_BYTES, FRAME_BYTES
@@ -111,13 +111,11 @@ class SocketWire:
 
     def _fill_buffers(self, frames: bytes) -> int:
         """Copy frames into the buffers of sendmmsg; return their number."""
-        ends = frame_ends(frames)[:MAX_FRAMES_PER_CALL]
+        ends = frame_ends(frames)[:MAX_SENT_PER_CALL]
         is_mixed = ends[-1:] != [len(ends) * FRAME_BYTES]
         if is_mixed or self._is_mixed:
             self._is_mixed = is_mixed
-            starts = (
-                [0, *ends] if is_mixed else range(0, (MAX_FRAMES_PER_CALL + 1) * FRAME_BYTES, FRAME_BYTES)
-            )
+            starts = [0, *ends] if is_mixed else range(0, (MAX_SENT_PER_CALL + 1) * FRAME_BYTES, FRAME_BYTES)
             for vector, start, end in zip(self._vectors, starts, starts[1:], strict=False):
                 vector.base, vector.length = self._address + start, end - start
         self._frames[: ends[-1]] = frames[: ends[-1]]

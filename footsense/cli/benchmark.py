@@ -54,7 +54,7 @@ def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
     if as_json:
         echo_json(figures)
     else:
-        _print_figures(figures)
+        _print_results(figures)
 
 
 def _measure_all(n_cycles: int, *, quick: bool) -> dict[str, Any]:
@@ -75,11 +75,11 @@ def _measure_all(n_cycles: int, *, quick: bool) -> dict[str, Any]:
         "naive_over_cycle": cycle.pop("naive_over_cycle"),
         "wakeup_latency_us": measure_wakeup_latency(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
         "viewed_latency_us": measure_viewed_latency(scans, _QUICK_WAKEUP_S if quick else _WAKEUP_S),
-        **_start_time_and_memory(),
+        **_measure_startup_time_and_memory(),
     }
 
 
-def _start_time_and_memory() -> dict[str, float]:
+def _measure_startup_time_and_memory() -> dict[str, float]:
     """Return start time [s] and memory [MiB] of a `footsense run` process.
 
     Raises:
@@ -108,7 +108,7 @@ def _number_text(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def _print_figures(figures: dict[str, Any]) -> None:
+def _print_results(figures: dict[str, Any]) -> None:
     """Print the benchmark figures as tables."""
     cycle, wakeup = figures["cycle_us"], figures["wakeup_latency_us"]
     c_program, naive = figures["cycle_over_c_program"], figures["naive_over_cycle"]

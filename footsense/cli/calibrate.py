@@ -85,12 +85,12 @@ def calibrate(
     )
     took_s = (stopwatch_ns() - began_ns) * 1e-9
     if as_json:
-        echo_json(_calibration_figures(calibration, result, took_s))
+        echo_json(_calibration_json(calibration, result, took_s))
     else:
         click.echo(_calibration_text(calibration, result, took_s))
 
 
-def _calibration_figures(
+def _calibration_json(
     calibration: FootCalibration, result: CalibrationResult, took_s: float
 ) -> dict[str, Any]:
     """Return the figures of a calibration as plain values for JSON."""

@@ -49,7 +49,7 @@ def _summary_lines(models: Models) -> list[str]:
         f"{len(config.legs)} legs on the board {config.board}",
         f"feet: {config.foot_type}, {design.unloaded_pf:.2f} pF per unloaded element, gaps of {design.gap_um:g} um",
         f"scan: {_scan_text(config)}",
-        f"forces: {_forces_text(config)}",
+        f"forces: {_force_rate_text(config)}",
         *(_bus_line(bus, config) for bus in config.buses),
         *(_calibration_line(leg, calibration) for leg, calibration in calibrations.items()),
         f"tare: over {config.tare.window_scans} scans",
@@ -57,7 +57,7 @@ def _summary_lines(models: Models) -> list[str]:
         f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of the free foot's readings",
         f"baseline: {'follows the foot in swing' if config.baseline.track else 'constant between tares'}",
         f"contact from {contact_threshold_n(models):g} N",
-        f"all legs carry {_weight_text(config)}",
+        f"all legs carry {_body_weight_text(config)}",
         f"stale after {config.stale_after_ms:g} ms",
         f"network: {model or 'that of the foot type'}, {network.sha256[:12]}",
         f"CAN: {_can_text(models)}",
@@ -96,14 +96,14 @@ def _calibration_line(leg: str, calibration: FootCalibration) -> str:
     )
 
 
-def _weight_text(config: Config) -> str:
+def _body_weight_text(config: Config) -> str:
     """Return the configured body weight as text."""
     if config.body_weight_n is None:
         return "what they carried first (body_weight_n is not given)"
     return f"{config.body_weight_n:g} N together"
 
 
-def _forces_text(config: Config) -> str:
+def _force_rate_text(config: Config) -> str:
     """Return the rate of the published forces as text."""
     n = config.cap_frames_per_force
     each = "record of the microcontroller" if config.serial is not None else "conversion"

@@ -85,7 +85,7 @@ def is_paced(*, simulated: bool, realtime: bool | None, live: bool) -> bool:
 
 
 class StopRequest:
-    """Callable that returns True once SIGTERM or SIGINT has arrived."""
+    """Flag `requested` that becomes true when SIGTERM or SIGINT arrives; creating it installs the signal handlers."""
 
     def __init__(self) -> None:
         self.requested = False

@@ -35,7 +35,7 @@ from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
 from footsense.lab.model_card import readme
 from footsense.lab.response import make_response
-from footsense.lab.similarity import force_unit, loads_in_unit, response_in_force_unit
+from footsense.lab.similarity import force_unit, loads_in_force_unit, response_in_force_unit
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, library_versions, load_weights, onnx_model
 from footsense.lab.training.gait_readings import random_gaits
@@ -255,7 +255,10 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         response = FootResponse.load(Path(temporary) / RESPONSE_FILE)
         design, loads = response.design, foot_design.loads
         unit = force_unit(loads)
-        response_in_unit, loads_unit = response_in_force_unit(response, unit), loads_in_unit(loads, unit)
+        response_in_unit, loads_unit = (
+            response_in_force_unit(response, unit),
+            loads_in_force_unit(loads, unit),
+        )
         recipe = replace(recipe, released=replace(recipe.released, min_force_n=loads_unit.min_force_n))
         alone = _paper_only_estimators(response_in_unit, unit, recipe.paper_cases_only, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")

@@ -56,7 +56,7 @@ def _sheet_contradictions(design: FootDesign) -> Iterator[Problem]:
             f"electrodes of {design.electrode_mm:g} mm overlap at a pitch of {design.pitch_mm:g} mm; "
             "use less than the pitch",
         )
-    array_mm = design.array_mm
+    array_mm = design.array_side_mm
     if array_mm > design.sheet_mm + _ROUNDING_TOLERANCE_MM:
         yield Problem(
             "sheet_mm",

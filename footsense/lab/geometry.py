@@ -169,7 +169,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def cavity_air(self) -> Cavity:
-        """Kind of the cavities (vented, sealed or leaking), for the response table."""
+        """Kind of the cavities, leak time and gas pressure, for the response table."""
         return Cavity(
             kind=self.cavity,
             leak_time_s=VENTED.leak_time_s if self.leak_time_s is None else self.leak_time_s,
@@ -187,28 +187,28 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         )
 
     @property
-    def centres_mm(self) -> list[tuple[float, float]]:
+    def element_centres_mm(self) -> list[tuple[float, float]]:
         """Centre (x, y) of each element [mm], flat index rows * i + j: row 0 most forward, column 0 leftmost."""
         along = [((self.rows - 1) / 2 - n) * self.pitch_mm for n in range(self.rows)]
         return [(x, y) for x in along for y in along]
 
     @property
-    def array_mm(self) -> float:
+    def array_side_mm(self) -> float:
         """Side of the electrode array between its outer edges [mm]."""
         return (self.rows - 1) * self.pitch_mm + self.electrode_mm
 
     @property
-    def bars_mm(self) -> list[tuple[float, float]]:
+    def half_axis_bar_spans_mm(self) -> list[tuple[float, float]]:
         """Begin and end of each bar between electrodes along the positive half axis [mm], from the middle outwards."""
         half_mm = self.electrode_mm / 2.0
-        centres = sorted(x for x, _ in self.centres_mm[:: self.rows] if x >= 0.0)
+        centres = sorted(x for x, _ in self.element_centres_mm[:: self.rows] if x >= 0.0)
         starts = [] if self.rows % 2 else [0.0]
         starts += [centre + half_mm for centre in centres[:-1]]
         ends = [centre - half_mm for centre in centres if centre > 0.0]
         return list(zip(starts, ends, strict=True))
 
     @property
-    def cell_mm2(self) -> float:
+    def cavity_cell_area_mm2(self) -> float:
         """Area of one square cell of a cavity [mm2]."""
         return (self.electrode_mm / CELLS_PER_SIDE) ** 2
 

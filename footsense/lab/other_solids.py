@@ -19,19 +19,19 @@ from footsense.lab.geometry import FootDesign, ThinFilm
 from footsense.lab.response import make_response
 
 #: Mesh of the row `mesh`: as fine as the released one, with other elements.
-MISMATCH_MESH = MeshSize(
+ALTERNATIVE_MESH = MeshSize(
     ball_mm=6.0, plate_mm=2.5, surface_mm=3.5, bar_mm=0.6, grading=0.7, edge_layer_rel=0.12
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OtherSolid:
-    """A foot whose geometry or materials differ from the released design.
+class DesignVariant:
+    """Changes of the released foot design: thickness, materials, assembly errors, or mesh; none by default.
 
     Attributes:
         plate_thickness_factor: Thickness of the plates over that designed [1].
         sheet_modulus_factor: Young's modulus of the sheet over that designed [1].
-        poisson: Poisson's ratio of the rubber; None for that designed.
+        rubber_poisson: Poisson's ratio of the rubber; None for that designed.
         gold: Electrodes that stiffen the plates; None for those designed.
         imperfection: Assembly errors.
         mesh_size: Mesh that the whole table is solved on; None for a difference on coarse meshes.
@@ -39,17 +39,17 @@ class OtherSolid:
 
     plate_thickness_factor: float = 1.0
     sheet_modulus_factor: float = 1.0
-    poisson: float | None = None
+    rubber_poisson: float | None = None
     gold: ThinFilm | None = None
     imperfection: Imperfection = NO_IMPERFECTION
     mesh_size: MeshSize | None = None
 
-    def design(self, design: FootDesign) -> FootDesign:
-        """Return the foot design with this solid."""
+    def changed_design(self, design: FootDesign) -> FootDesign:
+        """Return the given foot design with the changed thickness, materials and electrodes."""
         stiffer = msgspec.structs.replace(
             design.pdms, youngs_mpa=design.pdms.youngs_mpa * self.sheet_modulus_factor
         )
-        poisson = design.rubber.poisson if self.poisson is None else self.poisson
+        poisson = design.rubber.poisson if self.rubber_poisson is None else self.rubber_poisson
         softer = msgspec.structs.replace(design.rubber, poisson=poisson)
         plate_mm = design.plate_mm * self.plate_thickness_factor
         gold = self.gold or design.gold
@@ -57,13 +57,13 @@ class OtherSolid:
 
 
 #: The released solid.
-AS_DESIGNED = OtherSolid()
+AS_DESIGNED = DesignVariant()
 
 
-def solid_response(
-    solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path
+def variant_response(
+    solid: DesignVariant, response: FootResponse, design: FootDesign, folder: Path
 ) -> FootResponse:
-    """Return the response table of a foot with the given solid, read from a cache file or solved.
+    """Return the response table of a changed foot design, read from a cache file or solved.
 
     Args:
         solid: The solid.
@@ -87,15 +87,15 @@ def solid_response(
 
 
 def _solve_response(
-    solid: OtherSolid, response: FootResponse, design: FootDesign, folder: Path
+    solid: DesignVariant, response: FootResponse, design: FootDesign, folder: Path
 ) -> FootResponse:
     if solid.mesh_size is not None:
-        return make_response(solid.design(design), solid.mesh_size)
+        return make_response(solid.changed_design(design), solid.mesh_size)
     if solid.imperfection != NO_IMPERFECTION:
-        series, compliance = _cached_whole_foot(design, solid.imperfection, folder)
-        designed, designed_compliance = _cached_whole_foot(design, NO_IMPERFECTION, folder)
+        series, compliance = _cached_whole_foot_solution(design, solid.imperfection, folder)
+        designed, designed_compliance = _cached_whole_foot_solution(design, NO_IMPERFECTION, folder)
         return with_added_response(response, design, series - designed, compliance - designed_compliance)
-    changed, coarse = (make_response(one, COARSE_MESH) for one in (solid.design(design), design))
+    changed, coarse = (make_response(one, COARSE_MESH) for one in (solid.changed_design(design), design))
     return replace(
         response,
         hertz_modulus_mpa=changed.hertz_modulus_mpa,
@@ -106,7 +106,9 @@ def _solve_response(
     )
 
 
-def _cached_whole_foot(design: FootDesign, imperfection: Imperfection, folder: Path) -> tuple[Vector, Vector]:
+def _cached_whole_foot_solution(
+    design: FootDesign, imperfection: Imperfection, folder: Path
+) -> tuple[Vector, Vector]:
     """Return response series and compliance of an unsymmetric foot, solved once and then read from a file."""
     path = folder / f"whole-{hashlib.sha256(f'{design} {imperfection}'.encode()).hexdigest()[:16]}.npz"
     if not path.exists():

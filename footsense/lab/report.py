@@ -45,9 +45,9 @@ _LAB_STUDY_MODULES = {
     "hard-cases": "accuracy.hard_cases",
 }
 #: The studies in the order of the report, each with its module.
-STUDIES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDY_MODULES.items()}
+STUDY_MODULES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDY_MODULES.items()}
 #: Pages about the daemon or its scan, which the lab does not import: `footsense.cli.lab` makes them.
-OTHER_PAGES = ("sensors", "tradeoff", "touchdown", "faults", "experiment", "mismatch")
+DAEMON_PAGES = ("sensors", "tradeoff", "touchdown", "faults", "experiment", "mismatch")
 #: Former names of studies.
 _FORMER_STUDY_NAMES = {
     "shipped": "released",
@@ -60,7 +60,7 @@ README, BUILD = "README.md", "build.json"
 STALE_PAGES_FILE = "stale.json"
 
 
-def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> Page:
+def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STUDY_MODULES) -> Page:
     """Run one study by name and return its page.
 
     Args:
@@ -79,7 +79,7 @@ def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STU
     return study.compute_page(context)
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def _read_json_or_empty(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file; empty if the file is missing or damaged."""
     try:
         return dict(json.loads(path.read_text(encoding="utf-8")))
@@ -89,10 +89,10 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 def page_values(name: str, folder: Path) -> dict[str, Any]:
     """Return the JSON values of a stored page; empty if the page is missing or damaged."""
-    return _read_json(folder / f"{name}.json") if (folder / f"{name}.md").exists() else {}
+    return _read_json_or_empty(folder / f"{name}.json") if (folder / f"{name}.md").exists() else {}
 
 
-def is_page_current(name: str, folder: Path, context: StudyContext) -> bool:
+def is_page_of_models(name: str, folder: Path, context: StudyContext) -> bool:
     """Tell whether a stored page belongs to the given models and form (quick or full)."""
     values = page_values(name, folder)
     if "response_sha256" in values:
@@ -102,9 +102,11 @@ def is_page_current(name: str, folder: Path, context: StudyContext) -> bool:
     return made and values.get("quick") == context.quick
 
 
-def stale_reason(name: str, folder: Path, context: StudyContext, studies: Mapping[str, str] = STUDIES) -> str:
+def stale_reason(
+    name: str, folder: Path, context: StudyContext, studies: Mapping[str, str] = STUDY_MODULES
+) -> str:
     """Return why a page is out of date (other network, or changed study code); empty if it is current."""
-    if not is_page_current(name, folder, context):
+    if not is_page_of_models(name, folder, context):
         return "missing, or made about another network or foot"
     if page_values(name, folder).get("code_sha256", "") != compute_function_sha256(studies[name]):
         return f"the code that measures its numbers has changed ({studies[name]})"
@@ -113,13 +115,13 @@ def stale_reason(name: str, folder: Path, context: StudyContext, studies: Mappin
 
 def noted_stale_reasons(folder: Path) -> dict[str, str]:
     """Return the reasons noted in a folder for pages that are known to be out of date."""
-    return _read_json(folder / STALE_PAGES_FILE)
+    return _read_json_or_empty(folder / STALE_PAGES_FILE)
 
 
 def make_report(
     folder: Path,
     context: StudyContext,
-    studies: Mapping[str, str] = STUDIES,
+    studies: Mapping[str, str] = STUDY_MODULES,
     *,
     build_s: float | None,
     resume: bool,
@@ -154,7 +156,9 @@ def make_report(
     with progress_bar("pages", sum(usual_s.values()) or len(missing)) as done_so_far:
         for at, name in enumerate(missing, 1):
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-                made = process.submit(_write_page, name, studies, context.models, folder, quick=context.quick)
+                made = process.submit(
+                    _run_study_and_write_page, name, studies, context.models, folder, quick=context.quick
+                )
                 seconds = made.result()
             report(f"{name}: {seconds:.0f} s")
             done_so_far(sum(usual_s[one] for one in missing[:at]) or at)
@@ -163,11 +167,13 @@ def make_report(
 
 def last_duration_s(name: str, folder: Path, *, quick: bool) -> float:
     """Return the stored computing time of a study's last run [s]; 0 if there is none of this form."""
-    page = _read_json(folder / f"{name}.json")
+    page = _read_json_or_empty(folder / f"{name}.json")
     return float(page["seconds"]) if page.get("quick") == quick else 0.0
 
 
-def _write_page(name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool) -> float:
+def _run_study_and_write_page(
+    name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool
+) -> float:
     """Run one study, write its page, and return the elapsed time [s]."""
     page = make_page(name, StudyContext(models=models, quick=quick, report_progress=_print_progress), studies)
     page.write(folder)
@@ -189,13 +195,13 @@ def bind_pages(folder: Path, context: StudyContext) -> Path:
         folder: Where the pages are.
         context: Tells the network; pages about another one, or of the other form, are left out and named.
     """
-    made = [name for name in (*STUDIES, *OTHER_PAGES) if is_page_current(name, folder, context)]
-    left_out = [name for name in (*STUDIES, *OTHER_PAGES) if name not in made]
+    made = [name for name in (*STUDY_MODULES, *DAEMON_PAGES) if is_page_of_models(name, folder, context)]
+    left_out = [name for name in (*STUDY_MODULES, *DAEMON_PAGES) if name not in made]
     values = {name: page_values(name, folder) for name in made}
     pages = [(folder / f"{name}.md").read_text(encoding="utf-8").strip() for name in made]
     titles = [page.partition("\n")[0].removeprefix("## ") for page in pages]
     studies_s = sum(value["seconds"] for value in values.values())
-    built = _read_json(folder / BUILD)
+    built = _read_json_or_empty(folder / BUILD)
     build_s = built["seconds"] if built.get("network_sha256") == context.network_sha256 else None
     if build_s is not None and not left_out:
         values["report"] = {"minutes": (build_s + studies_s) / 60.0}

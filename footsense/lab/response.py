@@ -38,14 +38,14 @@ from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, 
 #: Total degree of the series. Higher ones fit the mesh's noise; see `interpolation_rel` in the provenance.
 SERIES_DEGREE = 12
 #: Radius of the patch that G2 is got from, over the ball's [1]: that of 0.9 N on the shipped foot.
-MAX_PATCH_RADIUS_REL = 0.1
+FITTED_PATCH_RADIUS_REL = 0.1
 #: Decimals that are kept of the table [um/N]: a parallel solve differs from run to run by 1e-9, and two builds are to
 #: give the same bytes. What is cut off is below 0.1 nm per newton.
 STORED_DECIMALS = 6
 
 
 def fit_series(field: AdjointField, degree: int = SERIES_DEGREE) -> Vector:
-    """Return the polynomial series of an adjoint field [um/N], (products, 81, 3), by area-weighted least squares.
+    """Return the series of an adjoint field [um/N], shape (products, cells of a quarter, 3), by least squares.
 
     Args:
         field: Samples on the quarter.
@@ -94,7 +94,7 @@ def mean_over_patch(
     return patch_response_um_per_n
 
 
-def cap_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> Vector:
+def spherical_cap_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> Vector:
     """Return unit normals spread over the ball above a given elevation [deg], shape (rings * spokes, 3)."""
     elevation = np.radians(90.0 - (90.0 - lowest_deg) * (np.arange(rings) + 0.5) / rings)
     azimuth = 2.0 * np.pi * np.arange(spokes) / spokes
@@ -172,11 +172,11 @@ def tabulate_response(
         }
     )
     compliance = (compliance + compliance.transpose(1, 0, 3, 2)) / 2.0
-    normal = cap_normals(MIN_ELEVATION_DEG)
+    normal = spherical_cap_normals(MIN_ELEVATION_DEG)
     basis = series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     flat = point.reshape(len(point), -1)
     on_disc = basis @ flat
-    hertz_patch_radius_mm = MAX_PATCH_RADIUS_REL * foot_design.ball_radius_mm
+    hertz_patch_radius_mm = FITTED_PATCH_RADIUS_REL * foot_design.ball_radius_mm
     growth = (
         mean_over_patch(flat, normal, hertz_patch_radius_mm, foot_design) - on_disc
     ) / hertz_patch_radius_mm**2

@@ -35,6 +35,6 @@ def response_in_force_unit(response: FootResponse, unit: float) -> FootResponse:
     )
 
 
-def loads_in_unit(loads: LoadRange, unit: float) -> LoadRange:
+def loads_in_force_unit(loads: LoadRange, unit: float) -> LoadRange:
     """Return the load range with its forces divided by a unit."""
     return msgspec.structs.replace(loads, max_n=loads.max_n / unit)

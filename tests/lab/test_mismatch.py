@@ -40,7 +40,7 @@ def test_a_row_is_made_and_resumed(tmp_path: Path) -> None:
 
 def test_gold_is_in_the_solid_of_its_row() -> None:
     """A row is a foot of other dimensions or materials; one that changes nothing is no row."""
-    assert MISMATCH_ROWS["gold"].solid.design(FOOT_DESIGN).gold is not None
+    assert MISMATCH_ROWS["gold"].solid.changed_design(FOOT_DESIGN).gold is not None
     assert FOOT_DESIGN.gold is None
     titles = [row.title for row in MISMATCH_ROWS.values()]
     assert (

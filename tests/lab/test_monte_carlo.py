@@ -14,7 +14,7 @@ from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.lab.monte_carlo.resumable_run import EstimatorErrors, Job, Tolerances, Work, run_resumable
+from footsense.lab.monte_carlo.resumable_run import Job, JobFunction, JobMetrics, Tolerances, run_resumable
 from footsense.lab.monte_carlo.specimens import estimator_errors, measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import (
@@ -42,28 +42,30 @@ ABOUT: dict[str, str | int] = {"study": "test", "seed": 1}
 JOBS = [Job(Tolerances(gap_um=0.1 * foot), foot) for foot in range(5)]
 
 
-def double(job: Job) -> EstimatorErrors:
+def double(job: Job) -> JobMetrics:
     """Evaluate by the number alone; a float that JSON has to bring back to the last bit."""
     return {"twice": 2.0 * job.foot + 0.1}
 
 
-def abs_gap(job: Job) -> EstimatorErrors:
+def abs_gap(job: Job) -> JobMetrics:
     """Return what a worker process gets of a job."""
     return {"gap_um": abs(job.tolerances.gap_um), "foot": float(job.foot)}
 
 
-def refuses(job: Job) -> EstimatorErrors:
+def refuses(job: Job) -> JobMetrics:
     """Fail if anything is left to do."""
     raise AssertionError(job)
 
 
-def in_turn(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, EstimatorErrors], None, None]:
+def in_turn(work: JobFunction, jobs: Sequence[Job]) -> Generator[tuple[Job, JobMetrics], None, None]:
     """Evaluate the feet one after the other."""
     for job in jobs:
         yield job, work(job)
 
 
-def stopped_after_two(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, EstimatorErrors], None, None]:
+def stopped_after_two(
+    work: JobFunction, jobs: Sequence[Job]
+) -> Generator[tuple[Job, JobMetrics], None, None]:
     """Work in turn, until Ctrl-C."""
     yield from in_turn(work, jobs[:2])
     raise KeyboardInterrupt
@@ -87,7 +89,7 @@ def test_an_interrupted_run_continues_with_the_missing_feet(file: Path) -> None:
         run_resumable(ABOUT, JOBS, double, workers=stopped_after_two, file=file)
     asked: list[Job] = []
 
-    def noted(job: Job) -> EstimatorErrors:
+    def noted(job: Job) -> JobMetrics:
         asked.append(job)
         return double(job)
 
@@ -190,7 +192,7 @@ def test_an_exact_bench_measures_what_the_daemon_senses(released: FootResponse) 
         Foot(released, own), own.mount, cases.force_n, Tolerances(), np.random.default_rng(0)
     )
     np.testing.assert_allclose(measured.closure_um, cases.closure_um, atol=1e-9)
-    np.testing.assert_array_equal(measured.force_n, cases.force_n)
+    np.testing.assert_array_equal(measured.reference_force_n, cases.force_n)
 
 
 def test_a_foot_is_judged_the_same_each_time() -> None:
@@ -214,13 +216,15 @@ def test_a_foot_is_judged_the_same_each_time() -> None:
 def test_levels_are_interpolated_linearly() -> None:
     """The crossing of a target, or none; quick plans keep the exact foot and the largest level."""
     sweep = FOOT_SWEEPS[0]
-    assert QUICK_PLAN.levels(sweep)[0] == 0.0
-    assert QUICK_PLAN.levels(sweep)[-1] == FULL_PLAN.levels(sweep)[-1]
+    assert QUICK_PLAN.evaluated_levels(sweep)[0] == 0.0
+    assert QUICK_PLAN.evaluated_levels(sweep)[-1] == FULL_PLAN.evaluated_levels(sweep)[-1]
     levels = {
         f"{gap_um:g}": {"network_deg": MeanStd.of_values([2.0 * gap_um] * 2)}
-        for gap_um in FULL_PLAN.levels(sweep)
+        for gap_um in FULL_PLAN.evaluated_levels(sweep)
     }
-    results = SweepResults(plan=FULL_PLAN, gap_um=20.0, figures={sweep.varied_quantity: levels})
+    results = SweepResults(
+        plan=FULL_PLAN, designed_gap_um=20.0, statistics_by_sweep_and_level={sweep.varied_quantity: levels}
+    )
     assert results.level_reaching(sweep, "network_deg", 9.0) == pytest.approx(4.5)
     assert results.level_reaching(sweep, "network_deg", 0.0) == 0.0
     assert results.level_reaching(sweep, "network_deg", 99.0) is None
@@ -230,7 +234,7 @@ def test_levels_are_interpolated_linearly() -> None:
 def test_the_page_reports_the_level_of_the_papers_error() -> None:
     """With workers whose figures follow the gap alone: the level where the paper's error is met, or that it is not."""
 
-    def canned(_: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, EstimatorErrors], None, None]:
+    def canned(_: JobFunction, jobs: Sequence[Job]) -> Generator[tuple[Job, JobMetrics], None, None]:
         for job in jobs:
             yield job, dict.fromkeys(names, 4.0 * job.tolerances.gap_um)
 

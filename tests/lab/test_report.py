@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from footsense.cli.lab.study import DAEMON_STUDIES, EXPERIMENT_STUDIES
+from footsense.cli.lab.study import DAEMON_STUDIES, STUDIES_NOT_RUN_BY_REPORT
 from footsense.errors import FootsenseError
 from footsense.lab.report import (
-    OTHER_PAGES,
-    STUDIES,
+    DAEMON_PAGES,
+    STUDY_MODULES,
     bind_pages,
-    is_page_current,
+    is_page_of_models,
     make_page,
     noted_stale_reasons,
     page_values,
@@ -30,9 +30,9 @@ RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
 PAGES = Path(__file__).parents[2] / "docs" / "report"
 #: Errors of an estimator on the page of the experiment, and their units.
 _ERRORS = {"direction": "deg", "magnitude": "gf"}
-ALL = STUDIES | DAEMON_STUDIES
+ALL = STUDY_MODULES | DAEMON_STUDIES
 #: Studies whose text is rendered from their JSON.
-RENDERED = list(ALL | EXPERIMENT_STUDIES)
+RENDERED = list(ALL | STUDIES_NOT_RUN_BY_REPORT)
 
 
 @pytest.fixture
@@ -53,8 +53,8 @@ def test_a_study_makes_its_page(name: str, context: StudyContext, tmp_path: Path
     assert {part.partition(")")[0] for part in text.split("![](")[1:]} == set(page.figures)
     values = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
     assert values["quick"] is True
-    assert is_page_current(name, tmp_path, context)
-    assert not is_page_current(name, tmp_path, replace(context, quick=False))
+    assert is_page_of_models(name, tmp_path, context)
+    assert not is_page_of_models(name, tmp_path, replace(context, quick=False))
     if name == "hard-cases":
         assert not [case for group in values["groups"].values() for case in group if not case["passed"]]
 
@@ -78,14 +78,16 @@ def test_pages_about_another_network_are_left_out(context: StudyContext, tmp_pat
 @pytest.mark.parametrize("name", RENDERED)
 def test_a_committed_page_is_the_text_of_its_numbers(name: str) -> None:
     """Rendered again from its JSON, the page is the committed one to the byte."""
-    page: Page = import_module((ALL | EXPERIMENT_STUDIES)[name]).STUDY.rerender(page_values(name, PAGES))
+    page: Page = import_module((ALL | STUDIES_NOT_RUN_BY_REPORT)[name]).STUDY.rerender(
+        page_values(name, PAGES)
+    )
     assert page.markdown == (PAGES / f"{name}.md").read_text(encoding="utf-8")
 
 
 def test_no_committed_page_is_stale_without_a_note(context: StudyContext) -> None:
     """A page whose code has changed is made again with `footsense lab study`, or noted with the reason."""
     full = replace(context, quick=False)
-    stale = {name for name in RENDERED if stale_reason(name, PAGES, full, ALL | EXPERIMENT_STUDIES)}
+    stale = {name for name in RENDERED if stale_reason(name, PAGES, full, ALL | STUDIES_NOT_RUN_BY_REPORT)}
     assert stale == set(noted_stale_reasons(PAGES))
 
 
@@ -110,7 +112,7 @@ def test_the_released_report_has_every_target_and_says_why_one_is_missed() -> No
     """The committed pages hold all numbers that the table on top is made of."""
     values = {
         name: json.loads((PAGES / f"{name}.json").read_text(encoding="utf-8"))
-        for name in (*STUDIES, *OTHER_PAGES)
+        for name in (*STUDY_MODULES, *DAEMON_PAGES)
     }
     text = targets_markdown({**values, "report": {"minutes": 1.0}})
     assert "not measured" not in text
@@ -121,11 +123,11 @@ def test_the_front_page_has_the_figures_of_the_experiment_and_of_the_matrix() ->
     """README's accuracies of made feet are those of the committed pages, the worst physics beside the supposed one."""
     front = (PAGES.parents[1] / "README.md").read_text(encoding="utf-8")
     experiment, matrix = (
-        json.loads((PAGES / f"{name}.json").read_text("utf-8")) for name in EXPERIMENT_STUDIES
+        json.loads((PAGES / f"{name}.json").read_text("utf-8")) for name in STUDIES_NOT_RUN_BY_REPORT
     )
 
     def of_estimator(name: str, judge: str = "reference") -> str:
-        one = experiment["estimators"][name]
+        one = experiment["errors_by_estimator"][name]
         mean = {unit: one[f"{error}_vs_{judge}_{unit}"]["mean"] for error, unit in _ERRORS.items()}
         return f"{mean['deg']:.2f} deg, {mean['gf']:.2f} gf"
 

@@ -9,7 +9,7 @@ import click
 
 from footsense.calibration.evaluation import evaluate as evaluate_sessions
 from footsense.calibration.session.recorded_session import RecordedSession, read_sessions
-from footsense.cli.evaluate.summary import evaluation_figures, summary_text
+from footsense.cli.evaluate.summary import evaluation_results, summary_text
 from footsense.cli.options import FOLDER, echo_json, json_option
 from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.cli.test_stand_options import (
@@ -63,12 +63,12 @@ def evaluate(
             calibration.parameters,
         )
     evaluation = evaluate_sessions(sessions, models, parameters)
-    warnings = [line for session in sessions for line in session.warnings] + _fitted_on_warnings(
+    warnings = [line for session in sessions for line in session.warnings] + _warnings_of_fitted_recordings(
         sessions, calibration
     )
     for line in warnings:
         click.echo(f"warning: {line}", err=True)
-    figures = evaluation_figures(foot, foot_type, sessions, calibration, evaluation)
+    figures = evaluation_results(foot, foot_type, sessions, calibration, evaluation)
     if out is not None:
         from footsense.cli.evaluate.page import write_page
 
@@ -93,7 +93,7 @@ def _calibration_of(folder: Path | None, foot: str, foot_type: str) -> FootCalib
     return read_calibration(folder, foot_type, foot)
 
 
-def _fitted_on_warnings(
+def _warnings_of_fitted_recordings(
     sessions: Sequence[RecordedSession], calibration: FootCalibration | None
 ) -> list[str]:
     """Return a warning if the calibration was fitted on some of the evaluated recordings."""
@@ -116,6 +116,6 @@ def _require_writable_page(out: Path) -> None:
         raise ConfigError(
             f"--out needs {', '.join(missing)}: pip install 'footsense[lab]'; without --out the table alone"
         )
-    from footsense.cli.lab.options import require_writable
+    from footsense.cli.lab.options import ensure_writable_folder
 
-    require_writable(out)
+    ensure_writable_folder(out)

@@ -27,7 +27,7 @@ PAPER_DEG, PAPER_GF = 15.9, 18.7
 #: Steps of the map's colours [deg].
 _COLOUR_LEVELS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 15.0, 20.0, 30.0)
 #: Centre of the circles of the mean error, as in the paper's Fig. 19: a contact half way down the ball.
-_CIRCLE_CENTRE = np.array([np.cos(np.radians(60.0)), 0.0, np.sin(np.radians(60.0))])
+_MEAN_ERROR_CIRCLE_CENTRE = np.array([np.cos(np.radians(60.0)), 0.0, np.sin(np.radians(60.0))])
 _MAP_CIRCLE_ELEVATIONS_DEG = (30.0, 50.0, 70.0)
 
 
@@ -67,9 +67,14 @@ def error_map_figure(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> 
             linewidths=0.3,
         )
         mean_deg = float(error_deg.mean())
-        axes.plot(*map_circle(_CIRCLE_CENTRE, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg")
         axes.plot(
-            *map_circle(_CIRCLE_CENTRE, PAPER_DEG), "r--", lw=1.2, label=f"the paper's, {PAPER_DEG} deg"
+            *map_circle(_MEAN_ERROR_CIRCLE_CENTRE, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg"
+        )
+        axes.plot(
+            *map_circle(_MEAN_ERROR_CIRCLE_CENTRE, PAPER_DEG),
+            "r--",
+            lw=1.2,
+            label=f"the paper's, {PAPER_DEG} deg",
         )
         axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
         axes.set_title(f"{name}\nforward", fontsize=10)
@@ -103,7 +108,7 @@ def error_histograms_figure(reference_n: Vector, estimates_n: Mapping[str, Vecto
 
 
 def closure_patterns_figure(closures_um: Mapping[str, Mapping[str, Vector]]) -> Figure:
-    """Return a bar chart of the nine elements' gap closures under each load, front row first.
+    """Return a bar chart of all elements' gap closures under each load, front row first.
 
     Args:
         closures_um: Closures by load and source [um], shape (elements,) each; all loads have the same sources.

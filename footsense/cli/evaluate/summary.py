@@ -9,7 +9,7 @@ from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors
 
 
-def evaluation_figures(
+def evaluation_results(
     foot: str,
     foot_type: str,
     sessions: Sequence[RecordedSession],
@@ -35,10 +35,10 @@ def evaluation_figures(
 def _band_errors(evaluation: Evaluation, band: MagnitudeBand) -> dict[str, dict[str, float]]:
     """Return the force errors of the loads of a band, by estimator; empty without loads."""
     found = {way: evaluation.errors_of(estimates, band) for way, estimates in evaluation.estimates.items()}
-    return {way: _error_figures(errors) for way, errors in found.items() if errors is not None}
+    return {way: _error_values(errors) for way, errors in found.items() if errors is not None}
 
 
-def _error_figures(errors: ForceErrors) -> dict[str, float]:
+def _error_values(errors: ForceErrors) -> dict[str, float]:
     """Return force errors as plain values."""
     return {
         "loads": errors.n,

@@ -123,7 +123,7 @@ def design(
     if ball[0] > ball[1]:
         raise FootsenseError(f"--ball {ball[0]:g} {ball[1]:g}: the least diameter comes first")
     folder = out or Path("design")
-    options.require_writable(folder)
+    options.ensure_writable_folder(folder)
     requirements = Requirements(
         largest_n,
         least_n,

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from footsense.cli.lab.options import output_option
-from footsense.cli.lab.study import write_study
+from footsense.cli.lab.study import run_and_write_study
 from footsense.cli.options import json_option
 from footsense.daemon.foot_types import foot_type_folder
 from footsense.validation.test_stand_trial import FootBatch
@@ -53,4 +53,4 @@ def experiment(
     batch = FootBatch(seed=seed, foot_type=foot_type or FootBatch().foot_type)
     own = replace(STUDY, compute=partial(compute, batch=batch, n_feet=n_feet, jobs=jobs, kept=kept))
     models, bound = foot_type_folder(batch.foot_type), foot_type is None
-    write_study(own.compute_page, models, output, quick=quick, as_json=as_json, bound=bound)
+    run_and_write_study(own.compute_page, models, output, quick=quick, as_json=as_json, bound=bound)

@@ -37,7 +37,7 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
 
     path = _foot_description_path(foot)
     design = load_foot(path)
-    options.require_writable(out)
+    options.ensure_writable_folder(out)
     try:
         package = write_package(design, out, process)
     except ConfigError as error:

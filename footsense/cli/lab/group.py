@@ -11,7 +11,7 @@ from footsense.errors import FootsenseError
 _REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "optax", "onnx", "scipy")
 
 
-def _require_extra() -> None:
+def _require_lab_packages() -> None:
     """Raise FootsenseError unless the libraries of the extra `lab` are installed.
 
     Raises:
@@ -48,4 +48,4 @@ def _require_extra() -> None:
 )
 def lab() -> None:
     """From rubber to network: build, judge and compare the models, and study the foot."""
-    _require_extra()
+    _require_lab_packages()

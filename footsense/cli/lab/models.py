@@ -42,7 +42,7 @@ def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None
     folder = (out or Path("models-quick" if quick else "models")) / foot_design.foot_type
     for known in (folder, released_path(FOOT_FILE, foot_design.foot_type).parent):
         _require_unique_foot_type(known / FOOT_FILE, description, foot_design)
-    options.require_writable(folder)
+    options.ensure_writable_folder(folder)
     from footsense.lab.build import FULL_BUILD, QUICK_BUILD, SIMILAR_FOOT_BUILD
     from footsense.lab.build import build as build_models
     from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, as_markdown

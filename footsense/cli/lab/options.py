@@ -32,14 +32,14 @@ scheduler_option = click.option(
 )
 
 
-def report_folder(output: Path | None, *, quick: bool) -> Path:
-    """Return the folder for report pages, `output` or the default, checked to be writable.
+def ensure_report_folder(output: Path | None, *, quick: bool) -> Path:
+    """Return the folder for report pages, `output` or the default, created if missing and checked to be writable.
 
     Raises:
         FootsenseError: It cannot be made, or not be written to.
     """
     folder = output or Path("docs") / ("report-quick" if quick else "report")
-    require_writable(folder)
+    ensure_writable_folder(folder)
     return folder
 
 
@@ -48,7 +48,7 @@ def released_folder() -> Path:
     return released_path("network.onnx").parent
 
 
-def require_writable(folder: Path) -> None:
+def ensure_writable_folder(folder: Path) -> None:
     """Create a folder and check that it is writable, before minutes of computing start.
 
     Raises:

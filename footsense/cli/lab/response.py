@@ -43,7 +43,7 @@ def response(
     models: Path | None,
     as_json: bool,
 ) -> None:
-    """Print closures and capacitances of the nine elements under one centred load."""  # noqa: DOC501 - click shows this text
+    """Print closures and capacitances of all elements under one centred load."""  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluation.evaluate_models import open_models
     from footsense.lab.fidelity.levels import response_json
     from footsense.lab.foot_file import FOOT_FILE, load_foot

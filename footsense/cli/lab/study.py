@@ -26,13 +26,13 @@ DAEMON_STUDIES = {
 }
 
 #: The studies that are too long for the report, with their modules.
-EXPERIMENT_STUDIES = {
+STUDIES_NOT_RUN_BY_REPORT = {
     "experiment": "footsense.cli.lab.pages.experiment",
     "mismatch": "footsense.cli.lab.pages.mismatch",
 }
 
 
-def write_study(
+def run_and_write_study(
     study: "str | Callable[[StudyContext], Page]",
     models: Path | None,
     output: Path | None,
@@ -51,8 +51,8 @@ def write_study(
         as_json: Whether to print JSON.
         bound: Whether the page becomes part of the report.
     """
-    folder = options.report_folder(output, quick=quick)
-    from footsense.lab.report import STUDIES, bind_pages, last_duration_s, make_page
+    folder = options.ensure_report_folder(output, quick=quick)
+    from footsense.lab.report import STUDY_MODULES, bind_pages, last_duration_s, make_page
     from footsense.lab.studies.page import StudyContext
 
     report_progress = (lambda _: None) if as_json else options.elapsed_time_reporter()
@@ -62,7 +62,9 @@ def write_study(
     usual_s = last_duration_s(study, folder, quick=quick) if isinstance(study, str) else 0.0
     with timed_bar(str(study), usual_s):
         page = (
-            make_page(study, context, STUDIES | DAEMON_STUDIES) if isinstance(study, str) else study(context)
+            make_page(study, context, STUDY_MODULES | DAEMON_STUDIES)
+            if isinstance(study, str)
+            else study(context)
         )
     page.write(folder)
     if bound:
@@ -100,7 +102,7 @@ def mismatch(
     as_json: bool,
 ) -> None:
     """Calibrate and read feet whose physics the calibration does not know, on this machine or a cluster, resumable."""
-    from footsense.cli.lab.pages.mismatch import KEPT_FEET_FOLDER, STUDY, run_study
+    from footsense.cli.lab.pages.mismatch import DEFAULT_CACHE_FOLDER, STUDY, run_study
     from footsense.lab.monte_carlo.workers import job_runner
 
     given = tuple(rows.split(",")) if rows else ()
@@ -111,10 +113,10 @@ def mismatch(
             workers=job_runner(scheduler) if scheduler else None,
             rows=given,
             n_feet=n_feet,
-            kept=kept or KEPT_FEET_FOLDER,
+            kept=kept or DEFAULT_CACHE_FOLDER,
         ),
     )
-    write_study(own.compute_page, models, output, quick=quick, as_json=as_json, bound=not given)
+    run_and_write_study(own.compute_page, models, output, quick=quick, as_json=as_json, bound=not given)
 
 
 @click.command()
@@ -124,7 +126,7 @@ def mismatch(
 @options.quick_option
 def study(*, name: str, models: Path | None, output: Path | None, quick: bool) -> None:
     """Run the study NAME: its page with tables and figures goes into the report. An unknown name lists all."""
-    write_study(name, models, output, quick=quick)
+    run_and_write_study(name, models, output, quick=quick)
 
 
 def _study_command(name: str, help_text: str, *own_options: Decorator) -> click.Command:
@@ -132,7 +134,7 @@ def _study_command(name: str, help_text: str, *own_options: Decorator) -> click.
 
     def run(*, output: Path | None, quick: bool, models: Path | None = None, as_json: bool = False) -> None:
         """Run the study and write its page."""
-        write_study(name, models, output, quick=quick, as_json=as_json, bound=models is None)
+        run_and_write_study(name, models, output, quick=quick, as_json=as_json, bound=models is None)
 
     run.__doc__ = help_text
     command = click.command(name)(run)
@@ -201,4 +203,4 @@ def tolerance(
     from footsense.lab.studies.accuracy.tolerance import STUDY, run_study
 
     own = replace(STUDY, compute=partial(run_study, workers=job_runner(scheduler), file=file))
-    write_study(own.compute_page, models, output, quick=quick)
+    run_and_write_study(own.compute_page, models, output, quick=quick)

@@ -58,18 +58,18 @@ def monitor(
     end_ns = start_ns + duration_s * _NS_PER_S
     with closing(open_listener(interface, channel, clock, limits, force_step_mn, n_elements)) as listener:
         if as_json or not console.is_terminal:
-            for t_ns in _listening_periods(listener, start_ns, end_ns, _NS_PER_S, stop):
+            for t_ns in _listen_in_periods(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():
                     t_s = round((t_ns - start_ns) * 1e-9, 3)
                     echo_json({"t_s": t_s, **snapshot_json(snapshot)}, indent=0)
             return
         with Live(console=console, auto_refresh=False, screen=False) as live:
-            for t_ns in _listening_periods(listener, start_ns, end_ns, _REDRAW_PERIOD_NS, stop):
+            for t_ns in _listen_in_periods(listener, start_ns, end_ns, _REDRAW_PERIOD_NS, stop):
                 title = f"{channel}   {(t_ns - start_ns) * 1e-9:5.1f} s"
                 live.update(monitor_table(listener.snapshot(), title), refresh=True)
 
 
-def _listening_periods(
+def _listen_in_periods(
     listener: Listener, start_ns: int, end_ns: float, period_ns: int, stop: StopRequest
 ) -> Iterator[int]:
     """Receive from CAN in periods of `period_ns`, until the end or a signal; yield the time after each period.

@@ -35,13 +35,13 @@ def snapshot_json(snapshot: LegSnapshot) -> dict[str, Any]:
             if report.baseline_moved_ago_ns is None
             else round(report.baseline_moved_ago_ns * 1e-9, 1),
         },
-        **_gait_json(snapshot),
+        **_gait_ground_event_json(snapshot),
         "heartbeat": None if report.node_state is None else report.node_state.name.lower(),
         "degraded_timing": report.degraded_timing,
     }
 
 
-def _gait_json(snapshot: LegSnapshot) -> dict[str, Any]:
+def _gait_ground_event_json(snapshot: LegSnapshot) -> dict[str, Any]:
     """Return a leg's contact, ground and last event; None for each that is not known."""
     gait, ground, event = snapshot.report.gait, snapshot.report.ground, snapshot.event
     return {

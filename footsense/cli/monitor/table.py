@@ -50,7 +50,11 @@ def monitor_table(legs: list[LegSnapshot], title: str) -> Group:
         head.append("  in air", "cyan")
     by_name = {snapshot.leg: snapshot for snapshot in legs}
     is_wide = any(snapshot.n_elements > NARROW_ELEMENTS for snapshot in legs)
-    reports = {title: column for title, column in _REPORT_COLUMNS.items() if title != _AGO or not is_wide}
+    reports = {
+        title: column
+        for title, column in _REPORT_COLUMNS.items()
+        if title != _BASELINE_MOVED_AGO_TITLE or not is_wide
+    }
     return Group(head, *(leg_table(by_name, columns) for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, reports)))
 
 
@@ -146,13 +150,13 @@ _GAIT_COLUMNS: LegColumns[LegSnapshot] = {
     "y": (">5", _ground_number_cell(lambda ground: ground.normal[1], "+.2f")),
     "+- [deg]": (">8", _ground_number_cell(lambda ground: math.degrees(ground.normal_sigma_rad), ".1f")),
 }
-_AGO = "ago [s]"
+_BASELINE_MOVED_AGO_TITLE = "ago [s]"
 _REPORT_COLUMNS: LegColumns[LegSnapshot] = {
     "cause": ("<15", _cause_cell),
     "elements": ("<11", _elements_cell),
     "baseline": ("<9", _baseline_cell),
     "mean fF": (">7", lambda leg: number_cell(leg.report.baseline_mean_offset_pf, "+.1f", 1e3)),
     "worst": (">7", lambda leg: number_cell(leg.report.baseline_worst_offset_pf, "+.1f", 1e3)),
-    _AGO: (">7", lambda leg: number_cell(leg.report.baseline_moved_ago_ns, ".1f", 1e-9)),
+    _BASELINE_MOVED_AGO_TITLE: (">7", lambda leg: number_cell(leg.report.baseline_moved_ago_ns, ".1f", 1e-9)),
     "node": ("<7", _node_state_cell),
 }

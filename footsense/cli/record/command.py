@@ -11,7 +11,7 @@ from rich.console import Console
 
 from footsense.calibration.session.guide import SessionGuide
 from footsense.cli import options
-from footsense.cli.record.table import N_MESSAGES, RecordTable
+from footsense.cli.record.table import N_SHOWN_MESSAGES, RecordingView
 from footsense.cli.test_stand_options import foot_option
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.test_stand import load_test_stand
@@ -27,7 +27,7 @@ from footsense.sim.test_stand.press_sequence import PressSequence
 
 _NS_PER_S = 1_000_000_000
 #: Time that a simulated test stand runs on after its last press, for the offset of the reference [s].
-_PAUSE_AFTER_SESSION_S = 0.5
+_RUN_ON_AFTER_PRESSES_S = 0.5
 #: Limit of the unloaded readings of a foot that is not calibrated, over the designed ones minus one [1].
 _UNCALIBRATED_UNLOADED_LIMIT_REL = 0.5
 
@@ -106,13 +106,13 @@ def record(
         service = stack.enter_context(
             open_service(config, scene, record=out, real_time=paced or scene is None, test_stand=run)
         )
-        messages: deque[str] = deque(maxlen=N_MESSAGES)
+        messages: deque[str] = deque(maxlen=N_SHOWN_MESSAGES)
         report = messages.append if live else click.echo
         guide = session_guide(test_stand, row, wanted, service.network, report)
         service.observers.append(guide)
         if live:
             title = f"{foot} on {leg}, session {run.session}"
-            table = RecordTable(console, guide, messages, row, title)
+            table = RecordingView(console, guide, messages, row, title)
             stack.callback(table.close)
             service.observers.append(table)
         longest_s = min(duration_s, _session_end_s(scene))
@@ -136,7 +136,7 @@ def _one_leg_simulation(leg: str) -> Config:
 
 
 def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
-    """Return the configuration with the foot to calibrate on its leg, without a calibration.
+    """Return the configuration with the foot on its leg, without a calibration, and with a wide limit of the tare.
 
     Raises:
         ConfigError: There is no such leg, it has another foot, or the foot is on another leg.
@@ -163,7 +163,7 @@ def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
 def _session_end_s(scene: Scene | None) -> float:
     """Return the time at which a simulated test stand's presses are over [s]; infinity on a real one."""
     load = None if scene is None else scene.load.build(round(scene.lead_in_s * _NS_PER_S))
-    return load.end_ns / _NS_PER_S + _PAUSE_AFTER_SESSION_S if isinstance(load, PressSequence) else math.inf
+    return load.end_ns / _NS_PER_S + _RUN_ON_AFTER_PRESSES_S if isinstance(load, PressSequence) else math.inf
 
 
 def _print_session_summary(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:

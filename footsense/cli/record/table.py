@@ -15,10 +15,10 @@ from footsense.frames import USABLE, Cycle, State, Vector
 
 _REDRAW_PERIOD_NS = 100_000_000
 #: Messages that the picture shows.
-N_MESSAGES = 4
+N_SHOWN_MESSAGES = 4
 
 
-class RecordTable(LiveView):
+class RecordingView(LiveView):
     """Observer that redraws the session's live display ten times a second.
 
     Args:

@@ -11,7 +11,7 @@ from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.errors import RecordingError
 from footsense.recording.replay import Replay
 
-_Write = Callable[[Replay, Path], int]
+_RecordingWriter = Callable[[Replay, Path], int]
 
 
 @click.command("export")
@@ -41,7 +41,7 @@ def export(
     """  # noqa: DOC501 - click shows this text
     if tf is not None and ros2 is None:
         raise click.UsageError("--tf is for a bag: give --ros2 FOLDER too")
-    forms: list[tuple[Path, _Write]] = []
+    forms: list[tuple[Path, _RecordingWriter]] = []
     if ros2 is not None:
         from footsense.ros2.bag_export import write_bag
         from footsense.ros2.topics import load_foot_frames
@@ -69,7 +69,7 @@ def export(
         _convert(file, target, write)
 
 
-def _convert(file: Path, target: Path, write: _Write) -> None:
+def _convert(file: Path, target: Path, write: _RecordingWriter) -> None:
     """Write a recording in one output format, with a progress bar.
 
     Raises:

@@ -30,7 +30,7 @@ def sample_points_mm(design: FootDesign) -> tuple[Vector, Vector]:
     inside, _ = np.polynomial.legendre.leggauss(GAUSS_POINTS_PER_SIDE)
     along = (np.arange(CELLS_PER_SIDE)[:, None] + 0.5 * (inside + 1.0)) / CELLS_PER_SIDE
     offset = design.electrode_mm * (0.5 - along)
-    centres = np.array(design.centres_mm)
+    centres = np.array(design.element_centres_mm)
     x_mm = centres[:, 0, None, None, None, None] + offset[:, :, None, None]
     y_mm = centres[:, 1, None, None, None, None] + offset
     shape = (9, CELLS_PER_SIDE, GAUSS_POINTS_PER_SIDE, CELLS_PER_SIDE, GAUSS_POINTS_PER_SIDE)

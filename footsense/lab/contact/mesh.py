@@ -58,7 +58,7 @@ def _in_cavity(design: FootDesign, low: Any, high: Any) -> bool:
     reach = design.electrode_mm / 2.0 + EQUAL_WITHIN_MM
     return any(
         max(x_mm - low.x, high.x - x_mm, y_mm - low.y, high.y - y_mm) < reach
-        for x_mm, y_mm in design.centres_mm
+        for x_mm, y_mm in design.element_centres_mm
     )
 
 
@@ -119,7 +119,7 @@ def build_mesh(
     Returns:
         An NGSolve mesh of the materials `rubber_ground`, `pdms_ground`, `rubber_leg`, `pdms_leg`.
     """
-    cavities = [square(*centre_mm, design.electrode_mm) for centre_mm in design.centres_mm]
+    cavities = [square(*centre_mm, design.electrode_mm) for centre_mm in design.element_centres_mm]
     shapes = [*bodies(design, size.plate_mm, quarter=False), *cavities]
     if is_half_foot:
         shapes = [part for shape in shapes for part in _cut_at_y0(shape)]

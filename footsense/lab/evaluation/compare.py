@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
-from footsense.lab.response import cap_normals
+from footsense.lab.response import spherical_cap_normals
 
 #: Response: largest difference over the largest value.
 RESPONSE_TOLERANCE_REL = 1e-6
@@ -55,7 +55,7 @@ def error_difference(quantity: str, released: float, built: float, promised: flo
 def compare_builds(first: Path, second: Path) -> list[BuildDifference]:
     """Return the differences of the files in the second folder from the released ones in the first."""
     one, two = open_models(first)[0], open_models(second)[0]
-    normal = cap_normals(max(one.min_elevation_deg, two.min_elevation_deg))
+    normal = spherical_cap_normals(max(one.min_elevation_deg, two.min_elevation_deg))
     closures = [response.free_element_closures_um(normal, normal) for response in (one, two)]
     rows = [evaluate_models(folder)["paper_network"] for folder in (first, second)]
     return [

@@ -37,8 +37,8 @@ class ElementArray:
             (5.0, 0.0, -5.0)
         """
         return cls(
-            row_x_mm=_distinct_coordinates_mm(x for x, _ in design.centres_mm),
-            column_y_mm=_distinct_coordinates_mm(y for _, y in design.centres_mm),
+            row_x_mm=_distinct_coordinates_mm(x for x, _ in design.element_centres_mm),
+            column_y_mm=_distinct_coordinates_mm(y for _, y in design.element_centres_mm),
             electrode_mm=design.electrode_mm,
             sheet_mm=design.sheet_mm,
         )

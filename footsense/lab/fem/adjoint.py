@@ -50,7 +50,7 @@ class AdjointField:
 
 def solve_adjoint_fields(quarter: QuarterFoot) -> AdjointField:
     """Return the adjoint fields of one symmetry class on the ground-side surface, from one solve per gap cell."""
-    faces = [(cell.name, quarter.design.cell_mm2) for cell in quarter_cells(quarter.design)]
+    faces = [(cell.name, quarter.design.cavity_cell_area_mm2) for cell in quarter_cells(quarter.design)]
     return solve_face_closure_fields(quarter, faces)
 
 

@@ -56,7 +56,7 @@ def solve_centred_closures(
     upright = min(elevation_deg) >= 90.0
     cells = quarter_cells(design)
     parts = [[cell.name for cell in cells if cell.element == element] for element in _QUARTER_ELEMENTS]
-    faces = [("|".join(names), design.cell_mm2 * len(names)) for names in parts]
+    faces = [("|".join(names), design.cavity_cell_area_mm2 * len(names)) for names in parts]
     total = np.zeros((len(force), 9))
     for parity in (Parity(1, 1),) if upright else (Parity(1, 1), Parity(-1, 1)):
         quarter = QuarterFoot(design, size, parity, mesh)

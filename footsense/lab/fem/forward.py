@@ -56,7 +56,7 @@ class _FactorisedQuarterFoot:
 
     def __init__(self, quarter: QuarterFoot) -> None:
         self.quarter = quarter
-        cells, area_mm2 = quarter_cells(quarter.design), quarter.design.cell_mm2
+        cells, area_mm2 = quarter_cells(quarter.design), quarter.design.cavity_cell_area_mm2
         rows = np.stack([quarter.closure_functional(cell.name, area_mm2).vec.FV().NumPy() for cell in cells])
         self._used = np.flatnonzero(rows.any(axis=0))
         self._rows = rows[:, self._used]

@@ -98,7 +98,7 @@ def quarter_cells(design: FootDesign) -> list[CavityCell]:
     """Return the cavity cells in the quarter x > 0, y > 0: one whole element, two halves and a quarter."""
     step = design.electrode_mm / CELLS_PER_SIDE
     cells: list[CavityCell] = []
-    for element, (x_mm, y_mm) in enumerate(design.centres_mm):
+    for element, (x_mm, y_mm) in enumerate(design.element_centres_mm):
         for i in range(CELLS_PER_SIDE):
             for j in range(CELLS_PER_SIDE):
                 x = x_mm + design.electrode_mm / 2.0 - (i + 0.5) * step
@@ -146,7 +146,7 @@ def name_bar_faces(shape: Any) -> None:
 def is_bar_edge(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the border between a spacer bar and a cavity, not the crossing of two bars."""
     low, high = edge.bounding_box
-    bars_mm = design.bars_mm
+    bars_mm = design.half_axis_bar_spans_mm
     borders = [border for bar in bars_mm for border in bar if border > 0.0]
     for axis, along in (("x", "y"), ("y", "x")):
         across = (getattr(low, axis), getattr(high, axis))

@@ -27,7 +27,12 @@ from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy, strai
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, is_bar_edge, name_bar_faces
 from footsense.lab.fem.solids import BODY_SIDES, curved_mesh, hemisphere, plate, square
 from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, UM_PER_MM, FootDesign
-from footsense.lab.response import MAX_PATCH_RADIUS_REL, SERIES_DEGREE, cap_normals, mean_over_patch
+from footsense.lab.response import (
+    FITTED_PATCH_RADIUS_REL,
+    SERIES_DEGREE,
+    mean_over_patch,
+    spherical_cap_normals,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +77,7 @@ def _mesh(design: FootDesign, size: MeshSize, imperfection: Imperfection) -> Any
         design.electrode_mm / CELLS_PER_SIDE,
         (design.electrode_mm - design.electrode_mm / CELLS_PER_SIDE) / 2.0,
     )
-    for x_mm, y_mm in design.centres_mm:
+    for x_mm, y_mm in design.element_centres_mm:
         for cell in range(CELLS_PER_SIDE**2):
             forward, leftward = divmod(cell, CELLS_PER_SIDE)
             face = square(x_mm + inside - forward * step, y_mm + inside - leftward * step, step)
@@ -133,7 +138,7 @@ def solve_whole_foot(
     for side, u, p, stiffer in (("ground", u_ground, p_g, thicker**3), ("leg", u_leg, p_l, ng.CF(1.0))):
         form += ng.Variation(mixed_strain_energy(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
         form += ng.Variation(stiffer * strain_energy(design.pdms, u) * ng.dx(f"pdms_{side}"))
-    inner, outer = design.bars_mm[-1]
+    inner, outer = design.half_axis_bar_spans_mm[-1]
     in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
     layer = BondedLayer(design.pdms, design.spacer_mm)
     bonded = 1.0 - (1.0 - imperfection.bonded_rel) * in_bar
@@ -153,7 +158,7 @@ def solve_whole_foot(
         functionals = []
         for cell in range(design.rows**2 * CELLS_PER_ELEMENT):
             functional = ng.LinearForm(space)
-            functional += (v_ground[2] - v_leg[2]) / design.cell_mm2 * ng.ds(f"cell{cell}")
+            functional += (v_ground[2] - v_leg[2]) / design.cavity_cell_area_mm2 * ng.ds(f"cell{cell}")
             functionals.append(functional.Assemble())
         rows = np.stack([functional.vec.FV().NumPy() for functional in functionals])
         field = ng.GridFunction(space)
@@ -185,7 +190,10 @@ def with_added_response(
     side = response.quarter_compliance.shape[-1]
     grid = flat_of_grid(side)
     flat = series.reshape(len(series), -1)
-    normal, patch_mm = cap_normals(MIN_ELEVATION_DEG), MAX_PATCH_RADIUS_REL * design.ball_radius_mm
+    normal, patch_mm = (
+        spherical_cap_normals(MIN_ELEVATION_DEG),
+        FITTED_PATCH_RADIUS_REL * design.ball_radius_mm,
+    )
     basis = series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     growth = (mean_over_patch(flat, normal, patch_mm, design) - basis @ flat) / patch_mm**2
     patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(series.shape)

@@ -46,7 +46,7 @@ class HalfSpace:
         self.design, self._balanced = design, balanced
         place, share = np.polynomial.legendre.leggauss(_QUADRATURE_POINTS)
         half_mm = design.sheet_mm / 2.0
-        centres = np.array(design.centres_mm)
+        centres = np.array(design.element_centres_mm)
         low = np.maximum(centres - design.pitch_mm / 2.0, -half_mm)
         high = np.minimum(centres + design.pitch_mm / 2.0, half_mm)
         along = (low + high)[:, None] / 2.0 + place[:, None] * (high - low)[:, None] / 2.0

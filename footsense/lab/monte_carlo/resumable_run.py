@@ -35,7 +35,7 @@ class Tolerances(FootTolerances):
     reference_error_resolutions: float = 0.0
     press_lean_deg: float = 0.0
 
-    def plus(self, other: "Tolerances", factor: float) -> Self:
+    def plus_scaled(self, other: "Tolerances", factor: float) -> Self:
         """Return these tolerances plus a factor times the given ones.
 
         Example:
@@ -64,7 +64,7 @@ class Job:
 
 
 #: Errors of the estimators on one foot, by name such as `network_deg`.
-EstimatorErrors = dict[str, float]
+JobMetrics = dict[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,23 +72,23 @@ class _JobResult:
     """Result of one job, one line of the result file."""
 
     job: Job
-    figures: EstimatorErrors
+    figures: JobMetrics
 
 
 #: Evaluates one foot; picklable, the same result each time.
-Work = Callable[[Job], EstimatorErrors]
+JobFunction = Callable[[Job], JobMetrics]
 #: Runs the jobs, and yields each as it is finished.
-Workers = Callable[[Work, Sequence[Job]], Generator[tuple[Job, EstimatorErrors], None, None]]
+JobRunner = Callable[[JobFunction, Sequence[Job]], Generator[tuple[Job, JobMetrics], None, None]]
 
 
 def run_resumable(
     run_description: Mapping[str, str | int],
     jobs: Sequence[Job],
-    work: Work,
+    work: JobFunction,
     *,
-    workers: Workers,
+    workers: JobRunner,
     file: Path | None = None,
-) -> dict[Job, EstimatorErrors]:
+) -> dict[Job, JobMetrics]:
     """Evaluate the jobs missing in the result file and append them; return the figures of all jobs.
 
     Args:
@@ -104,7 +104,7 @@ def run_resumable(
     Raises:
         FootsenseError: The file holds another run, cannot be read or written, or there are no workers.
     """
-    finished = {} if file is None else _read_finished(file, run_description)
+    finished = {} if file is None else _prepare_and_read_results(file, run_description)
     missing = [job for job in dict.fromkeys(jobs) if job not in finished]
     if missing:
         try:
@@ -117,9 +117,9 @@ def run_resumable(
 
 def _evaluate_unfinished(
     missing: Sequence[Job],
-    work: Work,
-    workers: Workers,
-    finished: dict[Job, EstimatorErrors],
+    work: JobFunction,
+    workers: JobRunner,
+    finished: dict[Job, JobMetrics],
     ledger: TextIO | None,
 ) -> None:
     """Evaluate jobs and append each result to the file, with a progress bar on a terminal."""
@@ -136,7 +136,7 @@ def _evaluate_unfinished(
             feet_done(len(finished))
 
 
-def _read_finished(file: Path, run_description: Mapping[str, str | int]) -> dict[Job, EstimatorErrors]:
+def _prepare_and_read_results(file: Path, run_description: Mapping[str, str | int]) -> dict[Job, JobMetrics]:
     """Return the figures of finished jobs from a result file; create or repair the file for appending.
 
     Raises:

@@ -19,7 +19,7 @@ from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import ForceEstimator, capacitance_estimator, elastance_estimator
 from footsense.lab.evaluation.evaluate_models import open_models
-from footsense.lab.monte_carlo.resumable_run import EstimatorErrors, Job, Tolerances
+from footsense.lab.monte_carlo.resumable_run import Job, JobMetrics, Tolerances
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import (
     Cases,
@@ -32,7 +32,7 @@ from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining
 from footsense.sim.foot.fabrication import fabricate
 
 #: Resolution of the reference sensor's x, y, z (Table II) [N].
-REFERENCE_RESOLUTION_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N
+REFERENCE_SENSOR_RESOLUTION_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,12 +40,12 @@ class MeasuredLoads:
     """Measurements of one foot on the test stand, under loads close to the paper's.
 
     Attributes:
-        force_n: Forces of the reference sensor [N], shape (n, 3).
+        reference_force_n: Forces of the reference sensor [N], shape (n, 3).
         change_pf: Changes of the capacitances [pF], shape (n, 9).
         closure_um: Closures by the designed dimensions [um], shape (n, 9).
     """
 
-    force_n: Vector
+    reference_force_n: Vector
     change_pf: Vector
     closure_um: Vector
 
@@ -76,7 +76,8 @@ def measure_foot(
     )
     change_pf += tolerances.reading_noise_pf * noise[2]
     return MeasuredLoads(
-        force_n=true_n + tolerances.reference_error_resolutions * REFERENCE_RESOLUTION_N * noise[3, :, :3],
+        reference_force_n=true_n
+        + tolerances.reference_error_resolutions * REFERENCE_SENSOR_RESOLUTION_N * noise[3, :, :3],
         change_pf=change_pf,
         closure_um=response.design.closure_um(unloaded_pf + change_pf, unloaded_pf),
     )
@@ -90,19 +91,19 @@ class _TrainedEstimators:
         response: The design.
         network: The released network.
         estimators: By name: `plain`, the paper's kind of network, and `change`, linear in capacitance changes.
-        training_n: Forces of the 362 cases [N].
-        verification_n: Forces of the 180 cases [N].
+        training_force_n: Forces of the 362 cases [N].
+        verification_force_n: Forces of the 180 cases [N].
     """
 
     response: FootResponse
     network: OnnxNetwork
     estimators: dict[str, ForceEstimator]
-    training_n: Vector
-    verification_n: Vector
+    training_force_n: Vector
+    verification_force_n: Vector
 
 
 @lru_cache(maxsize=1)
-def _open_estimators(models: Path, seed: int, epochs: int) -> _TrainedEstimators:
+def _load_and_train_estimators(models: Path, seed: int, epochs: int) -> _TrainedEstimators:
     """Load the released models, and train the other force estimators."""
     response, network = open_models(models)
     training = paper_training(response)
@@ -110,22 +111,22 @@ def _open_estimators(models: Path, seed: int, epochs: int) -> _TrainedEstimators
         response=response,
         network=network,
         estimators={
-            "plain": _train_plain_network(response.design, training, np.random.default_rng(seed), epochs),
+            "plain": _train_paper_network(response.design, training, np.random.default_rng(seed), epochs),
             "change": capacitance_estimator(response.design, training),
         },
-        training_n=training.force_n,
-        verification_n=paper_verification(response).force_n,
+        training_force_n=training.force_n,
+        verification_force_n=paper_verification(response).force_n,
     )
 
 
-def _train_plain_network(
+def _train_paper_network(
     design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int
 ) -> ForceEstimator:
     """Return the paper's network, trained on capacitance changes, as a force estimator."""
     return PaperTraining(design, cases).train([random_layers(rng, (9, *HIDDEN_NEURONS, 3))], epochs)[0]
 
 
-def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> EstimatorErrors:
+def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> JobMetrics:
     """Return the mean errors of all force estimators on one foot over the 180 cases, and the coverage of sigma.
 
     Args:
@@ -140,32 +141,35 @@ def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> Estim
         for it, and `reference`: of the reference sensor itself; shares `within_1` and `within_2` of the force
         components within 1 and 2 sigma of the network.
     """
-    on_design = _open_estimators(models, seed, epochs)
+    on_design = _load_and_train_estimators(models, seed, epochs)
     design, network = on_design.response.design, on_design.network
     own = fabricate(on_design.response, job.tolerances, seed, job.foot)
     foot = Foot(on_design.response, own)
     rng = np.random.default_rng((seed, job.foot, 1))
-    training = measure_foot(foot, own.mount, on_design.training_n, job.tolerances, rng)
-    test = measure_foot(foot, own.mount, on_design.verification_n, job.tolerances, rng)
+    training = measure_foot(foot, own.mount, on_design.training_force_n, job.tolerances, rng)
+    test = measure_foot(foot, own.mount, on_design.verification_force_n, job.tolerances, rng)
     closure_rel = test.closure_um / design.gap_um
     changed_um = closure_of_designed_foot_um(design, test.change_pf)
-    own_changes = Cases(training.force_n, closure_of_designed_foot_um(design, training.change_pf))
+    own_changes = Cases(training.reference_force_n, closure_of_designed_foot_um(design, training.change_pf))
     network_n = network.force_n(closure_rel)
     estimates = {
         "network": network_n,
         **{name: read(changed_um) for name, read in on_design.estimators.items()},
-        "own_closure": elastance_estimator(Cases(training.force_n, training.closure_um))(test.closure_um),
+        "own_closure": elastance_estimator(Cases(training.reference_force_n, training.closure_um))(
+            test.closure_um
+        ),
         "own_change": capacitance_estimator(design, own_changes)(changed_um),
-        "reference": on_design.verification_n,
+        "reference": on_design.verification_force_n,
     }
     if job.with_network:
         rng = np.random.default_rng((seed, job.foot, 2))
-        estimates["own_network"] = _train_plain_network(design, own_changes, rng, epochs)(changed_um)
-    figures: EstimatorErrors = {}
+        estimates["own_network"] = _train_paper_network(design, own_changes, rng, epochs)(changed_um)
+    figures: JobMetrics = {}
     for name, estimate in estimates.items():
-        row = evaluate_force_errors(test.force_n, estimate)
+        row = evaluate_force_errors(test.reference_force_n, estimate)
         figures |= {f"{name}_deg": row.direction_deg, f"{name}_gf": row.magnitude_gf}
     off_rel = (
-        np.abs(network_n - on_design.verification_n) / network.estimate(steady_windows(closure_rel)).sigma_n
+        np.abs(network_n - on_design.verification_force_n)
+        / network.estimate(steady_windows(closure_rel)).sigma_n
     )
     return figures | {f"within_{k}": float((off_rel <= k).mean()) for k in (1, 2)}

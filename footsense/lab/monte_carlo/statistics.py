@@ -22,7 +22,7 @@ class MeanDifference(NamedTuple):
     standard_error: float
 
     @property
-    def sign(self) -> int:
+    def significant_sign(self) -> int:
         """Sign of the difference, 1 or -1; 0 if it is not significant."""
         significant = abs(self.difference) > SIGNIFICANT_STANDARD_ERRORS * self.standard_error
         return int(np.sign(self.difference)) if significant else 0

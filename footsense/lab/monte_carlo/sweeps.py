@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
-from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
+from footsense.lab.monte_carlo.resumable_run import Job, JobRunner, Tolerances, run_resumable
 from footsense.lab.monte_carlo.specimens import estimator_errors
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS
@@ -44,49 +44,77 @@ class Sweep:
 
     Attributes:
         varied_quantity: Varied quantity, with the unit of the levels.
-        step: Tolerances at level 1.
+        unit_level_tolerances: Tolerances at level 1.
         levels: Levels, rising, without 0.
         base: Tolerances at every level besides.
     """
 
     varied_quantity: str
-    step: Tolerances
+    unit_level_tolerances: Tolerances
     levels: tuple[float, ...]
     base: Tolerances = NO_DEVIATIONS
 
     def tolerances_at(self, level: float) -> Tolerances:
         """Return the tolerances at a level of the sweep."""
-        return self.base.plus(self.step, level)
+        return self.base.plus_scaled(self.unit_level_tolerances, level)
 
 
 FOOT_SWEEPS = (
-    Sweep(varied_quantity="gap [um]", step=Tolerances(gap_um=1.0), levels=(0.5, 1.0, 2.0, 3.0, 5.0, 8.0)),
     Sweep(
-        varied_quantity="unknown stray [pF]", step=Tolerances(stray_pf=1.0), levels=(0.05, 0.1, 0.2, 0.5, 1.0)
+        varied_quantity="gap [um]",
+        unit_level_tolerances=Tolerances(gap_um=1.0),
+        levels=(0.5, 1.0, 2.0, 3.0, 5.0, 8.0),
     ),
     Sweep(
-        varied_quantity="stiffness [%]", step=Tolerances(stiffness_rel=0.01), levels=(5.0, 10.0, 20.0, 40.0)
+        varied_quantity="unknown stray [pF]",
+        unit_level_tolerances=Tolerances(stray_pf=1.0),
+        levels=(0.05, 0.1, 0.2, 0.5, 1.0),
     ),
-    Sweep(varied_quantity="mount [deg]", step=Tolerances(mount_deg=1.0), levels=(1.0, 2.0, 5.0, 10.0)),
-    Sweep(varied_quantity="film [um]", step=Tolerances(film_um=1.0), levels=(0.5, 1.0, 2.0, 4.0)),
-    Sweep(varied_quantity="all, times typical", step=TYPICAL_TOLERANCES, levels=(0.5, 1.0, 2.0, 3.0, 5.0)),
+    Sweep(
+        varied_quantity="stiffness [%]",
+        unit_level_tolerances=Tolerances(stiffness_rel=0.01),
+        levels=(5.0, 10.0, 20.0, 40.0),
+    ),
+    Sweep(
+        varied_quantity="mount [deg]",
+        unit_level_tolerances=Tolerances(mount_deg=1.0),
+        levels=(1.0, 2.0, 5.0, 10.0),
+    ),
+    Sweep(
+        varied_quantity="film [um]",
+        unit_level_tolerances=Tolerances(film_um=1.0),
+        levels=(0.5, 1.0, 2.0, 4.0),
+    ),
+    Sweep(
+        varied_quantity="all, times typical",
+        unit_level_tolerances=TYPICAL_TOLERANCES,
+        levels=(0.5, 1.0, 2.0, 3.0, 5.0),
+    ),
 )
 TEST_STAND_SWEEPS = (
-    Sweep(varied_quantity="reading [fF]", step=Tolerances(reading_noise_pf=0.001), levels=(1.0, 5.0, 20.0)),
+    Sweep(
+        varied_quantity="reading [fF]",
+        unit_level_tolerances=Tolerances(reading_noise_pf=0.001),
+        levels=(1.0, 5.0, 20.0),
+    ),
     Sweep(
         varied_quantity="repeatability of ΔC [%]",
-        step=Tolerances(repeatability_rel=0.01),
+        unit_level_tolerances=Tolerances(repeatability_rel=0.01),
         levels=(2.0, 5.0, 20.0),
     ),
     Sweep(
         varied_quantity="reference [resolutions]",
-        step=Tolerances(reference_error_resolutions=1.0),
+        unit_level_tolerances=Tolerances(reference_error_resolutions=1.0),
         levels=(0.5, 1.0, 3.0),
     ),
-    Sweep(varied_quantity="stick [deg]", step=Tolerances(press_lean_deg=1.0), levels=(1.0, 2.0, 5.0, 8.0)),
+    Sweep(
+        varied_quantity="stick [deg]",
+        unit_level_tolerances=Tolerances(press_lean_deg=1.0),
+        levels=(1.0, 2.0, 5.0, 8.0),
+    ),
     Sweep(
         varied_quantity="all of it, times careful",
-        step=CAREFUL_TEST_STAND,
+        unit_level_tolerances=CAREFUL_TEST_STAND,
         levels=(1.0, 2.0, 4.0),
         base=TYPICAL_TOLERANCES,
     ),
@@ -98,32 +126,32 @@ class Plan:
     """Sizes of a Monte Carlo run: feet per level, training epochs, thinning of levels.
 
     Attributes:
-        n_feet: Feet at every level.
-        n_feet_with_network: Feet at every level of the test stand, each with a network of its own; at least 2.
+        n_feet_per_level: Feet at every level.
+        n_test_stand_feet_per_level: Feet at every level of the test stand, each with a network of its own; at least 2.
         epochs: Training epochs of such a network.
-        level_step: Every level_step-th level is done.
+        level_stride: Every `level_stride`-th level is done.
     """
 
-    n_feet: int
-    n_feet_with_network: int
+    n_feet_per_level: int
+    n_test_stand_feet_per_level: int
     epochs: int
-    level_step: int = 1
+    level_stride: int = 1
 
-    def levels(self, sweep: Sweep) -> tuple[float, ...]:
+    def evaluated_levels(self, sweep: Sweep) -> tuple[float, ...]:
         """Return the evaluated levels of a sweep: 0 first, the largest last."""
-        return (0.0, *sweep.levels[:: -self.level_step][::-1])
+        return (0.0, *sweep.levels[:: -self.level_stride][::-1])
 
     def jobs(self, sweep: Sweep, level: float) -> list[Job]:
         """Return one job per foot at a level of a sweep."""
         with_network = sweep in TEST_STAND_SWEEPS
         return [
             Job(sweep.tolerances_at(level), foot, with_network)
-            for foot in range(self.n_feet_with_network if with_network else self.n_feet)
+            for foot in range(self.n_test_stand_feet_per_level if with_network else self.n_feet_per_level)
         ]
 
 
-FULL_PLAN = Plan(n_feet=40, n_feet_with_network=20, epochs=EPOCHS)
-QUICK_PLAN = Plan(n_feet=2, n_feet_with_network=2, epochs=QUICK_EPOCHS, level_step=4)
+FULL_PLAN = Plan(n_feet_per_level=40, n_test_stand_feet_per_level=20, epochs=EPOCHS)
+QUICK_PLAN = Plan(n_feet_per_level=2, n_test_stand_feet_per_level=2, epochs=QUICK_EPOCHS, level_stride=4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,29 +160,31 @@ class SweepResults:
 
     Attributes:
         plan: Feet and levels.
-        gap_um: The designed gap [um].
-        figures: By sweep, level and name, as `estimator_errors` names them.
+        designed_gap_um: The designed gap [um].
+        statistics_by_sweep_and_level: By sweep, level and name, as `estimator_errors` names them.
     """
 
     plan: Plan
-    gap_um: float
-    figures: dict[str, dict[str, dict[str, MeanStd]]]
+    designed_gap_um: float
+    statistics_by_sweep_and_level: dict[str, dict[str, dict[str, MeanStd]]]
 
-    def over_feet(self, sweep: Sweep, level: float, name: str) -> MeanStd:
+    def statistics_over_feet(self, sweep: Sweep, level: float, name: str) -> MeanStd:
         """Return mean and standard deviation of a figure over the feet at a level."""
-        return self.figures[sweep.varied_quantity][f"{level:g}"][name]
+        return self.statistics_by_sweep_and_level[sweep.varied_quantity][f"{level:g}"][name]
 
-    def means(self, sweep: Sweep, name: str) -> list[float]:
+    def means_by_level(self, sweep: Sweep, name: str) -> list[float]:
         """Return a figure's mean over the feet, for each level of a sweep."""
-        return [self.over_feet(sweep, level, name).mean for level in self.plan.levels(sweep)]
+        return [
+            self.statistics_over_feet(sweep, level, name).mean for level in self.plan.evaluated_levels(sweep)
+        ]
 
-    def at_level(self, sweep: Sweep, name: str, level: float) -> float:
+    def interpolated_mean(self, sweep: Sweep, name: str, level: float) -> float:
         """Return a figure's mean over the feet at any level, by linear interpolation."""
-        return float(np.interp(level, self.plan.levels(sweep), self.means(sweep, name)))
+        return float(np.interp(level, self.plan.evaluated_levels(sweep), self.means_by_level(sweep, name)))
 
     def level_reaching(self, sweep: Sweep, name: str, target: float) -> float | None:
         """Return the lowest level at which a figure's mean reaches a target, interpolated; None if never."""
-        levels, means = self.plan.levels(sweep), self.means(sweep, name)
+        levels, means = self.plan.evaluated_levels(sweep), self.means_by_level(sweep, name)
         for k, mean in enumerate(means):
             if mean >= target:
                 return float(np.interp(target, means[k - 1 : k + 1], levels[k - 1 : k + 1])) if k else 0.0
@@ -162,7 +192,7 @@ class SweepResults:
 
 
 def sweep_results(
-    models: Path, gap_um: float, plan: Plan, workers: Workers, file: Path | None = None
+    models: Path, gap_um: float, plan: Plan, workers: JobRunner, file: Path | None = None
 ) -> SweepResults:
     """Return the results of a plan, evaluating the feet that are missing in the result file.
 
@@ -187,14 +217,14 @@ def sweep_results(
     jobs = [
         job
         for s in (*FOOT_SWEEPS, *TEST_STAND_SWEEPS)
-        for level in plan.levels(s)
+        for level in plan.evaluated_levels(s)
         for job in plan.jobs(s, level)
     ]
     found = run_resumable(about, jobs, work, workers=workers, file=file)
     figures: dict[str, dict[str, dict[str, MeanStd]]] = {}
     for sweep in (*FOOT_SWEEPS, *TEST_STAND_SWEEPS):
-        for level in plan.levels(sweep):
+        for level in plan.evaluated_levels(sweep):
             feet = [found[job] for job in plan.jobs(sweep, level)]
             over_feet = {name: MeanStd.of_values(foot[name] for foot in feet) for name in feet[0]}
             figures.setdefault(sweep.varied_quantity, {})[f"{level:g}"] = over_feet
-    return SweepResults(plan=plan, gap_um=gap_um, figures=figures)
+    return SweepResults(plan=plan, designed_gap_um=gap_um, statistics_by_sweep_and_level=figures)

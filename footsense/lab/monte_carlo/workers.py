@@ -9,13 +9,13 @@ from joblib.externals.loky import get_reusable_executor
 
 from footsense.errors import FootsenseError
 from footsense.lab.monte_carlo.cluster import dask_workers
-from footsense.lab.monte_carlo.resumable_run import EstimatorErrors, Job, Work, Workers
+from footsense.lab.monte_carlo.resumable_run import Job, JobFunction, JobMetrics, JobRunner
 
 #: Worker processes on this machine.
-LOCAL_WORKERS = 2
+DEFAULT_N_LOCAL_WORKERS = 2
 
 
-def job_runner(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> Workers:
+def job_runner(scheduler: str | None = None, n_workers: int = DEFAULT_N_LOCAL_WORKERS) -> JobRunner:
     """Return a function that runs jobs on local processes or a dask cluster.
 
     Args:
@@ -27,7 +27,7 @@ def job_runner(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> 
         The workers; they raise FootsenseError within seconds if the scheduler or its workers are missing.
     """
 
-    def run(work: Work, jobs: Sequence[Job]) -> Generator[tuple[Job, EstimatorErrors], None, None]:
+    def run(work: JobFunction, jobs: Sequence[Job]) -> Generator[tuple[Job, JobMetrics], None, None]:
         with _local_workers(n_workers) if scheduler is None else dask_workers(scheduler):
             try:
                 yield from Parallel(return_as="generator_unordered")(
@@ -41,7 +41,7 @@ def job_runner(scheduler: str | None = None, n_workers: int = LOCAL_WORKERS) -> 
     return run
 
 
-def _run_job(work: Work, job: Job) -> tuple[Job, EstimatorErrors]:
+def _run_job(work: JobFunction, job: Job) -> tuple[Job, JobMetrics]:
     """Return a job together with its computed figures."""
     return job, work(job)
 

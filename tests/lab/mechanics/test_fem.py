@@ -114,9 +114,9 @@ def test_bars_lie_between_the_electrodes_of_any_array(rows: int, electrode_mm: f
     """Bars of 1 mm on the sheet of 14 mm: the rest of a quarter is cells, and no cell is a bar."""
     design = replace(FOOT_DESIGN, rows=rows, electrode_mm=electrode_mm, pitch_mm=electrode_mm + 1.0)
     mesh = build_mesh(design, COARSE_MESH)
-    assert design.array_mm == pytest.approx(design.sheet_mm)
+    assert design.array_side_mm == pytest.approx(design.sheet_mm)
     bars_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("bars"), mesh)
     cells_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("cell.*"), mesh)
     assert cells_mm2 == pytest.approx(rows**2 * electrode_mm**2 / 4.0, rel=1e-6)
     assert bars_mm2 + cells_mm2 == pytest.approx(design.sheet_mm**2 / 4.0, rel=1e-6)
-    assert sum(end - start for start, end in design.bars_mm) == pytest.approx((rows - 1) / 2.0)
+    assert sum(end - start for start, end in design.half_axis_bar_spans_mm) == pytest.approx((rows - 1) / 2.0)

@@ -9,7 +9,7 @@ from footsense.foot.directions import angles_between_deg
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Mask, Vector
 from footsense.lab.geometry import LoadRange
-from footsense.lab.studies.accuracy.gaits import MIN_DIRECTION_FORCE_N, load_function, test_walks
+from footsense.lab.studies.accuracy.gaits import MIN_DIRECTION_FORCE_N, held_out_walks, leg_loads_function
 from footsense.lab.training.gait_readings import (
     GaitReadings,
     ReadingConditions,
@@ -62,23 +62,23 @@ class NetworkErrors:
     """Direction errors [deg] of one network, for forces from 0.1 N.
 
     Attributes:
-        weights: Number of its weights.
-        gaits_deg: Mean on random gaits.
+        n_weights: Number of its weights.
+        gaits_mean_deg: Mean on random gaits.
         gaits_p95_deg: 95th percentile on random gaits.
-        walk_deg: Mean on the measured walk.
+        walk_mean_deg: Mean on the measured walk.
         walk_p95_deg: 95th percentile on the measured walk.
-        element_missing_deg: Mean on the measured walk with one element missing, another in every reading.
+        walk_element_missing_mean_deg: Mean on the measured walk with one element missing, another in every reading.
     """
 
-    weights: int
-    gaits_deg: float
+    n_weights: int
+    gaits_mean_deg: float
     gaits_p95_deg: float
-    walk_deg: float
+    walk_mean_deg: float
     walk_p95_deg: float
-    element_missing_deg: float
+    walk_element_missing_mean_deg: float
 
 
-def network_errors(response: FootResponse, loads: LoadRange, size: TrainingSize) -> NetworkErrors:
+def train_and_evaluate_network(response: FootResponse, loads: LoadRange, size: TrainingSize) -> NetworkErrors:
     """Return the direction errors of a newly trained network on random gaits and on the measured walk.
 
     Args:
@@ -94,27 +94,27 @@ def network_errors(response: FootResponse, loads: LoadRange, size: TrainingSize)
     settings = replace(size.settings, min_force_n=loads.min_force_n)
     weights = train_windowed(gaits, rest, response.design, settings, imputation)
     test_gaits = random_gaits(response, _TEST_SEED, size.n_test_gaits, _CONVERSIONS, loads.max_n)
-    walk = _measured_walk_readings(response)
+    walk = _readings_under_measured_walk(response)
     gaits_deg = _direction_errors_deg(weights, imputation, test_gaits)
     walk_deg = _direction_errors_deg(weights, imputation, walk)
     missing_deg = _direction_errors_deg(weights, imputation, walk, element_missing=True)
     return NetworkErrors(
-        weights=weights.n_weights,
-        gaits_deg=float(gaits_deg.mean()),
+        n_weights=weights.n_weights,
+        gaits_mean_deg=float(gaits_deg.mean()),
         gaits_p95_deg=float(np.percentile(gaits_deg, 95)),
-        walk_deg=float(walk_deg.mean()),
+        walk_mean_deg=float(walk_deg.mean()),
         walk_p95_deg=float(np.percentile(walk_deg, 95)),
-        element_missing_deg=float(missing_deg.mean()),
+        walk_element_missing_mean_deg=float(missing_deg.mean()),
     )
 
 
-def _measured_walk_readings(response: FootResponse) -> GaitReadings:
+def _readings_under_measured_walk(response: FootResponse) -> GaitReadings:
     """Return simulated readings of a right and a left foot under the ground forces of the measured walk."""
-    source, _ = test_walks()
+    source, _ = held_out_walks()
     readings = [
         simulate_gait_readings(
             response,
-            load_function(source, leg),
+            leg_loads_function(source, leg),
             ReadingConditions(),
             np.random.default_rng((_TEST_SEED, number)),
             2 * _CONVERSIONS,

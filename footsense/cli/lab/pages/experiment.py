@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import asdict
 
-from footsense.cli.lab.pages.experiment_figure import errors_over_loads_figure
+from footsense.cli.lab.pages.experiment_figure import errors_over_n_loads_figure
 from footsense.errors import FootsenseError
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
@@ -33,7 +33,7 @@ N_FEET, QUICK_N_FEET, _QUICK_EVERY = 20, 2, 9
 #: Epochs of the network without physics in a quick run.
 _QUICK_EPOCHS = 500
 #: The estimators, in words.
-ESTIMATORS = {
+ESTIMATOR_DESCRIPTIONS = {
     "design_only": "network of the design alone",
     **{f"calibrated_{n}": f"calibrated with {n} loads" for n in CALIBRATION_LOAD_COUNTS},
     f"calibrated_{N_ALL_LOADS}": "calibrated with all loads",
@@ -41,7 +41,7 @@ ESTIMATORS = {
     "network_per_foot": "network on ΔC, the foot's own loads",
 }
 #: Where the loads of pressed feet are kept.
-KEPT_FEET_FOLDER = Path("build") / "experiment"
+DEFAULT_CACHE_FOLDER = Path("build") / "experiment"
 _FIGURE_FILE = "experiment.png"
 _DEFAULT_BATCH = FootBatch()
 
@@ -63,7 +63,7 @@ class MeanStdOverFeet:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Results:
+class ExperimentResults:
     """Results of the simulated experiment: force errors of all estimators, load counts and refused calibrations.
 
     Attributes:
@@ -72,12 +72,13 @@ class Results:
         tolerances: Fabrication tolerances.
         load_stride: Every n-th load of the session is applied.
         n_feet: Number of feet.
-        estimators: By estimator: number of feet (`n_feet`) that it could read, and mean errors as in `FootErrors`.
-        training_loads: Accepted loads of the training session.
-        test_loads: Loads of the test session that all estimators can read.
-        unread_loads: Loads of the test session that some estimator cannot read.
+        errors_by_estimator: By estimator: number of feet (`n_feet`) that it could read, and mean errors as in
+            `FootErrors`.
+        n_training_loads: Accepted loads of the training session.
+        n_compared_test_loads: Loads of the test session that all estimators can read.
+        n_excluded_test_loads: Loads of the test session that some estimator cannot read.
         calibrate_s: Time of a calibration [s].
-        refused: Reasons of refused calibrations, by foot and estimator.
+        refusals_by_foot: Reasons of refused calibrations, by foot and estimator.
     """
 
     seed: int
@@ -85,12 +86,12 @@ class Results:
     tolerances: FootTolerances
     load_stride: int
     n_feet: int
-    estimators: dict[str, dict[str, int | MeanStdOverFeet]]
-    training_loads: MeanStdOverFeet
-    test_loads: MeanStdOverFeet
-    unread_loads: MeanStdOverFeet
+    errors_by_estimator: dict[str, dict[str, int | MeanStdOverFeet]]
+    n_training_loads: MeanStdOverFeet
+    n_compared_test_loads: MeanStdOverFeet
+    n_excluded_test_loads: MeanStdOverFeet
     calibrate_s: MeanStdOverFeet
-    refused: dict[str, dict[str, str]]
+    refusals_by_foot: dict[str, dict[str, str]]
 
 
 def _progress_line(foot_result: FootResult) -> str:
@@ -114,7 +115,7 @@ def compute(
     n_feet: int | None = None,
     jobs: int | None = None,
     kept: Path | None = None,
-) -> tuple[Results, Plots]:
+) -> tuple[ExperimentResults, Plots]:
     """Simulate pressing and calibrating feet; return the errors of all estimators with a figure.
 
     Args:
@@ -131,7 +132,7 @@ def compute(
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
-    kept = kept or (None if context.quick else KEPT_FEET_FOLDER)
+    kept = kept or (None if context.quick else DEFAULT_CACHE_FOLDER)
     evaluate = partial(
         evaluate_foot, batch, per_foot_network=network, every_nth_press=every, cache_folder=kept
     )
@@ -146,26 +147,26 @@ def compute(
         """Return mean and standard deviation of a figure over the feet."""
         return MeanStdOverFeet.of_values([value(one) for one in feet])
 
-    results = Results(
+    results = ExperimentResults(
         seed=batch.seed,
         foot_type=batch.foot_type,
         tolerances=PAPER_TOLERANCES,
         load_stride=every,
         n_feet=len(feet),
-        estimators=_estimator_errors(feet),
-        training_loads=over_feet(lambda one: one.n_training_loads),
-        test_loads=over_feet(lambda one: one.n_compared_test_loads),
-        unread_loads=over_feet(lambda one: one.n_excluded_test_loads),
+        errors_by_estimator=_estimator_errors(feet),
+        n_training_loads=over_feet(lambda one: one.n_training_loads),
+        n_compared_test_loads=over_feet(lambda one: one.n_compared_test_loads),
+        n_excluded_test_loads=over_feet(lambda one: one.n_excluded_test_loads),
         calibrate_s=over_feet(lambda one: one.calibrate_s),
-        refused={one.foot: one.refusal_by_estimator for one in feet if one.refusal_by_estimator},
+        refusals_by_foot={one.foot: one.refusal_by_estimator for one in feet if one.refusal_by_estimator},
     )
-    return results, {_FIGURE_FILE: errors_over_loads_figure(feet)}
+    return results, {_FIGURE_FILE: errors_over_n_loads_figure(feet)}
 
 
 def _estimator_errors(feet: list[FootResult]) -> dict[str, dict[str, int | MeanStdOverFeet]]:
     """Return the errors of every estimator by name, averaged over the feet for which errors exist."""
     found: dict[str, dict[str, int | MeanStdOverFeet]] = {}
-    for name in ESTIMATORS:
+    for name in ESTIMATOR_DESCRIPTIONS:
         if read := [asdict(one.errors_by_estimator[name]) for one in feet if name in one.errors_by_estimator]:
             means = {
                 error: MeanStdOverFeet.of_values([errors[error] for errors in read]) for error in read[0]

@@ -16,7 +16,7 @@ _ERROR_PANELS = (
 )
 
 
-def errors_over_loads_figure(feet: Sequence[FootResult]) -> Figure:
+def errors_over_n_loads_figure(feet: Sequence[FootResult]) -> Figure:
     """Return the figure of errors over the number of calibration loads: one line per foot, and the mean."""
     figure, row = subplot_row(2, 10.0, 4.2)
     for axes, (error, label, paper) in zip(row, _ERROR_PANELS, strict=True):

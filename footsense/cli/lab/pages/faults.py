@@ -18,16 +18,17 @@ class FaultResults:
 
     Attributes:
         foot_type: Name of the feet.
-        peak_n: Largest vertical force on a foot [N]: half of that of its training.
+        peak_vertical_force_n: Largest vertical force on a foot [N]: half of that of its training.
         n_elements: Elements of a foot.
-        legs: `FaultFigures` of each fault of legs, buses and feet.
-        can: `CanFigures` of each fault of CAN; empty for other feet than the paper's, as they do not matter there.
+        leg_faults: `FaultFigures` of each fault of legs, buses and feet.
+        can_faults: `CanFigures` of each fault of CAN; empty for other feet than the paper's, as they do not matter
+            there.
     """
 
     foot_type: str
-    peak_n: float
-    legs: dict[str, dict[str, Any]]
-    can: dict[str, dict[str, Any]]
+    peak_vertical_force_n: float
+    leg_faults: dict[str, dict[str, Any]]
+    can_faults: dict[str, dict[str, Any]]
     n_elements: int = ELEMENTS
 
 
@@ -47,10 +48,10 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     can = {} if own else simulate_can_faults(context.report_progress, quick=context.quick)
     return FaultResults(
         foot_type=foot.foot_type,
-        peak_n=load.peak_force_n,
+        peak_vertical_force_n=load.peak_force_n,
         n_elements=foot.rows**2,
-        legs=legs,
-        can={words: f._asdict() for words, f in can.items()},
+        leg_faults=legs,
+        can_faults={words: f._asdict() for words, f in can.items()},
     ), {}
 
 

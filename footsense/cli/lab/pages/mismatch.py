@@ -26,9 +26,9 @@ from footsense.foot.specimen import ContactLoads
 from footsense.lab.fidelity.levels import finite_strain_level
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
-from footsense.lab.monte_carlo.resumable_run import Job, Tolerances, Workers, run_resumable
-from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, job_runner
-from footsense.lab.other_solids import solid_response
+from footsense.lab.monte_carlo.resumable_run import Job, JobRunner, Tolerances, run_resumable
+from footsense.lab.monte_carlo.workers import DEFAULT_N_LOCAL_WORKERS, job_runner
+from footsense.lab.other_solids import variant_response
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES
@@ -44,7 +44,7 @@ SEED = 8
 TARGET_DEG, TARGET_GF = 2.0, 3.0
 FIGURE = "mismatch.png"
 #: Where solved tables and finished feet are kept.
-KEPT_FEET_FOLDER = Path("build") / "mismatch"
+DEFAULT_CACHE_FOLDER = Path("build") / "mismatch"
 #: Test loads of the leaning sets, and the band of the full range [gf].
 _N_LEANING, FULL_RANGE_GF = 180, (20.0, 200.0)
 #: Lowest elevation of a leaning load [deg] with a mount turned by several degrees.
@@ -57,21 +57,22 @@ class MismatchResults:
 
     Attributes:
         n_feet: Feet of each row.
-        presses: Presses of a calibration.
+        n_presses_per_calibration: Presses of a calibration.
         mean_over_feet: By row and figure: mean over the feet.
         max_over_feet: By row and figure: the largest over the feet.
-        error_over_distance: By row: distance of each foot's loads, and its mean centred direction error [deg].
-        tables_s: Processor time of the tables that this run solved; those that it found are not in it [s].
-        full_solve_s: Processor time of one load by the full solve; None if not measured [s].
+        mahalanobis_distance_and_error: By row: distance of each foot's loads, and its mean centred direction error
+            [deg].
+        response_tables_cpu_s: Processor time of the tables that this run solved; those that it found are not in it [s].
+        full_solve_cpu_s: Processor time of one load by the full solve; None if not measured [s].
     """
 
     n_feet: int
-    presses: int
+    n_presses_per_calibration: int
     mean_over_feet: dict[str, dict[str, float]]
     max_over_feet: dict[str, dict[str, float]]
-    error_over_distance: dict[str, list[tuple[float, float]]]
-    tables_s: float
-    full_solve_s: float | None
+    mahalanobis_distance_and_error: dict[str, list[tuple[float, float]]]
+    response_tables_cpu_s: float
+    full_solve_cpu_s: float | None
 
     @property
     def total_cpu_s(self) -> float:
@@ -114,7 +115,9 @@ def evaluate_job(job: Job, *, models: Path, tables: Path, plan: TrialPlan) -> di
         plan: What is done with it.
     """
     design, known, row = load_foot(models / FOOT_FILE), _load_design_models(models), MISMATCH_ROWS[job.case]
-    truth = dataclasses.replace(solid_response(row.solid, known.response, design, tables), cavity=row.cavity)
+    truth = dataclasses.replace(
+        variant_response(row.solid, known.response, design, tables), cavity=row.cavity
+    )
     began_s = process_time()
     figures = run_mismatch_trial(known, truth, row.disturbance, plan, job.foot)
     return {**figures, "cpu_s": process_time() - began_s}
@@ -122,13 +125,13 @@ def evaluate_job(job: Job, *, models: Path, tables: Path, plan: TrialPlan) -> di
 
 def run_study(
     context: StudyContext,
-    workers: Workers | None = None,
+    workers: JobRunner | None = None,
     *,
     rows: Sequence[str] = (),
     n_feet: int | None = None,
-    kept: Path = KEPT_FEET_FOLDER,
+    kept: Path = DEFAULT_CACHE_FOLDER,
 ) -> tuple[MismatchResults, Plots]:
-    """Return the results of all rows, evaluating the feet that are not finished yet, with a figure.
+    """Return the results of the given rows, evaluating the feet that are not finished yet, with a figure.
 
     Args:
         context: The models.
@@ -152,7 +155,7 @@ def run_study(
     )
     began_s = process_time()
     for name in names:  # solved once, not by each worker
-        solid_response(MISMATCH_ROWS[name].solid, context.response, context.foot_design, kept)
+        variant_response(MISMATCH_ROWS[name].solid, context.response, context.foot_design, kept)
         context.report_progress(f"{name}: table ready")
     tables_s = process_time() - began_s
     about: dict[str, str | int] = {
@@ -164,7 +167,7 @@ def run_study(
         "code": code_digest(calibration, foot, estimation),
     }
     work = partial(evaluate_job, models=context.models.resolve(), tables=kept.resolve(), plan=plan)
-    run = workers or job_runner(n_workers=1 if context.quick else LOCAL_WORKERS)
+    run = workers or job_runner(n_workers=1 if context.quick else DEFAULT_N_LOCAL_WORKERS)
     mean_over_feet, max_over_feet, error_over_distance = {}, {}, {}
     for name in names:
         jobs = [Job(Tolerances(), foot, case=name) for foot in range(n_feet)]
@@ -185,14 +188,14 @@ def run_study(
     presses = len(paper_presses("training")[:: plan.every_nth_press])
     results = MismatchResults(
         n_feet=n_feet,
-        presses=presses,
+        n_presses_per_calibration=presses,
         mean_over_feet=mean_over_feet,
         max_over_feet=max_over_feet,
-        error_over_distance=error_over_distance,
-        tables_s=round(tables_s, 1),
-        full_solve_s=None
+        mahalanobis_distance_and_error=error_over_distance,
+        response_tables_cpu_s=round(tables_s, 1),
+        full_solve_cpu_s=None
         if context.quick or rows
-        else _full_solve_s(context, plan.test_loads_by_name["leaning"], kept),
+        else _full_solve_cpu_s(context, plan.test_loads_by_name["leaning"], kept),
     )
     return results, {FIGURE: _figure(results)}
 
@@ -215,15 +218,15 @@ def _figure(results: MismatchResults) -> Figure:
     )
     bars.invert_yaxis()
     bars.legend(fontsize="small")
-    _draw_error_over_distance(dots, results)
+    _draw_error_over_mahalanobis(dots, results)
     return figure
 
 
-def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
+def _draw_error_over_mahalanobis(dots: Axes, results: MismatchResults) -> None:
     """Draw each foot's error over the distance of its loads, in zones of trust, with outliers named."""
     marks = {True: ("o", "C0", "a calibration can represent it"), False: ("x", "C3", "it cannot")}
-    for name, feet in results.error_over_distance.items():
-        marker, color, _ = marks[MISMATCH_ROWS[name].represented]
+    for name, feet in results.mahalanobis_distance_and_error.items():
+        marker, color, _ = marks[MISMATCH_ROWS[name].is_representable]
         distance, error_deg = np.array(feet).T
         dots.scatter(distance, error_deg, s=12, marker=marker, color=color, alpha=0.7, linewidths=1.0)
         middle, highest = np.median(feet, axis=0)[0], np.max(feet, axis=0)[1]
@@ -234,7 +237,7 @@ def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
         dots.scatter([], [], marker=marker, color=color, label=label)
     last = 1.1 * max(
         MAX_MEDIAN_MAHALANOBIS_DISTANCE,
-        *(foot[0] for feet in results.error_over_distance.values() for foot in feet),
+        *(foot[0] for feet in results.mahalanobis_distance_and_error.values() for foot in feet),
     )
     edges = (0.0, WARNING_MEDIAN_MAHALANOBIS_DISTANCE, MAX_MEDIAN_MAHALANOBIS_DISTANCE, last)
     for left, right, color, word in zip(
@@ -255,7 +258,7 @@ def _draw_error_over_distance(dots: Axes, results: MismatchResults) -> None:
     dots.legend(fontsize="small", loc="lower right")
 
 
-def _full_solve_s(context: StudyContext, loads: ContactLoads, kept: Path) -> float:
+def _full_solve_cpu_s(context: StudyContext, loads: ContactLoads, kept: Path) -> float:
     """Return the processor time of one finite-strain solve with frictional ground contact, for the first load [s].
 
     It is measured once, and kept.

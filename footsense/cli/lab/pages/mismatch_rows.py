@@ -6,7 +6,7 @@ from footsense.foot.cavity.air import VENTED, Cavity
 from footsense.lab.fem.whole import Imperfection
 from footsense.lab.geometry import ThinFilm
 from footsense.lab.monte_carlo.sweeps import PAPER_LIKE_TOLERANCES
-from footsense.lab.other_solids import AS_DESIGNED, MISMATCH_MESH, OtherSolid
+from footsense.lab.other_solids import ALTERNATIVE_MESH, AS_DESIGNED, DesignVariant
 from footsense.sim.test_stand.reference_sensor import LINEARITY_REL
 from footsense.validation.mismatch_trial import UNDISTURBED, Disturbance
 
@@ -20,28 +20,32 @@ class MismatchRow:
         solid: The true solid.
         disturbance: What else is true.
         cavity: How its cavities hold their air.
-        represented: Whether the parameters of a calibration can represent it; else a warning is wanted.
+        is_representable: Whether the parameters of a calibration can represent it; else a warning is wanted.
     """
 
     title: str
-    solid: OtherSolid = AS_DESIGNED
+    solid: DesignVariant = AS_DESIGNED
     disturbance: Disturbance = UNDISTURBED
     cavity: Cavity = VENTED
-    represented: bool = True
+    is_representable: bool = True
 
 
 def _assembly_row(title: str, imperfection: Imperfection, *, represented: bool = True) -> MismatchRow:
     """Return the row of feet with one assembly error."""
-    return MismatchRow(title=title, solid=OtherSolid(imperfection=imperfection), represented=represented)
+    return MismatchRow(
+        title=title, solid=DesignVariant(imperfection=imperfection), is_representable=represented
+    )
 
 
 #: The rows by name; the first is the foot that the calibration supposes.
 MISMATCH_ROWS = {
     "none": MismatchRow(title="none: the foot that the calibration supposes"),
-    "mesh": MismatchRow(title="solved on another mesh", solid=OtherSolid(mesh_size=MISMATCH_MESH)),
-    "plate": MismatchRow(title="plates 10 % thicker", solid=OtherSolid(plate_thickness_factor=1.1)),
-    "pdms": MismatchRow(title="PDMS 30 % stiffer", solid=OtherSolid(sheet_modulus_factor=1.3)),
-    "poisson": MismatchRow(title="Poisson's ratio of the rubber 0.47", solid=OtherSolid(poisson=0.47)),
+    "mesh": MismatchRow(title="solved on another mesh", solid=DesignVariant(mesh_size=ALTERNATIVE_MESH)),
+    "plate": MismatchRow(title="plates 10 % thicker", solid=DesignVariant(plate_thickness_factor=1.1)),
+    "pdms": MismatchRow(title="PDMS 30 % stiffer", solid=DesignVariant(sheet_modulus_factor=1.3)),
+    "poisson": MismatchRow(
+        title="Poisson's ratio of the rubber 0.47", solid=DesignVariant(rubber_poisson=0.47)
+    ),
     "offset": _assembly_row("sheet off centre by 0.6 mm", Imperfection(sheet_offset_mm=(0.6, 0.0))),
     "offset-far": _assembly_row(
         "sheet off centre by 1.5 mm", Imperfection(sheet_offset_mm=(1.5, 0.0)), represented=False
@@ -56,17 +60,21 @@ MISMATCH_ROWS = {
     ),
     "bar-open": _assembly_row("one bar not bonded", Imperfection(bonded_rel=0.01), represented=False),
     "worn": MismatchRow(
-        title="ball worn flat by 0.3 mm", disturbance=Disturbance(worn_cap_height_mm=0.3), represented=False
+        title="ball worn flat by 0.3 mm",
+        disturbance=Disturbance(worn_cap_height_mm=0.3),
+        is_representable=False,
     ),
     "creep": MismatchRow(title="creep 3 times that assumed", disturbance=Disturbance(creep_factor=3.0)),
     "play": MismatchRow(title="play 3 times that assumed", disturbance=Disturbance(hysteresis_factor=3.0)),
     "touchdown": MismatchRow(
         title="floor adds 0.05 to 0.2 pF",
         disturbance=Disturbance(max_ground_capacitance_pf=0.2),
-        represented=False,
+        is_representable=False,
     ),
     "microphonics": MismatchRow(
-        title="cables in motion, 5 fF rms", disturbance=Disturbance(cable_noise_pf=5e-3), represented=False
+        title="cables in motion, 5 fF rms",
+        disturbance=Disturbance(cable_noise_pf=5e-3),
+        is_representable=False,
     ),
     "reference": MismatchRow(
         title="reference off by its linearity of 1.5 %",
@@ -81,13 +89,13 @@ MISMATCH_ROWS = {
     ),
     "gold": MismatchRow(
         title="0.1 um of gold stiffens the plates",
-        solid=OtherSolid(gold=ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)),
+        solid=DesignVariant(gold=ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)),
     ),
     "fringe": MismatchRow(
         title="fringe fields at the electrodes", disturbance=Disturbance(has_fringe_field=True)
     ),
-    "sealed": MismatchRow(title="cavities sealed", cavity=Cavity(kind="sealed"), represented=False),
+    "sealed": MismatchRow(title="cavities sealed", cavity=Cavity(kind="sealed"), is_representable=False),
     "leaking": MismatchRow(
-        title="cavities leak in 1 s", cavity=Cavity(kind="leaking", leak_time_s=1.0), represented=False
+        title="cavities leak in 1 s", cavity=Cavity(kind="leaking", leak_time_s=1.0), is_representable=False
     ),
 }

@@ -18,7 +18,13 @@ from firmware_interface.wire_timing import can_bits_per_s
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
-from footsense.cli.lab.pages.array_networks import FULL, QUICK, NetworkErrors, TrainingSize, network_errors
+from footsense.cli.lab.pages.array_networks import (
+    FULL,
+    QUICK,
+    NetworkErrors,
+    TrainingSize,
+    train_and_evaluate_network,
+)
 from footsense.config import DEFAULT
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, GAP_CLOSED_THRESHOLD_REL
 from footsense.foot.direction_sets import direction_grid, paper_directions
@@ -46,29 +52,29 @@ AZIMUTHS_DEG = np.array([0.0, 15.0, 30.0, 45.0])
 #: Steps of the range's force over the largest load of the training, and the most that is tried [1].
 STEP_REL, MOST_REL = 0.05, 5.0
 #: Load of the bound over the largest load of the training [1].
-BOUND_LOAD_REL = 0.5
+CRAMER_RAO_LOAD_REL = 0.5
 #: Scans of the simulated bus: every check has had its turn.
 N_SIMULATED_SCANS = 18
 #: Time that the host adds to a transaction [us].
-HOST_COST_US = 40.0
+HOST_COST_PER_TRANSACTION_US = 40.0
 #: Steps in which an electrode's side is rounded down [mm].
-_SIDE_STEP_MM = 0.05
+_ELECTRODE_SIDE_STEP_MM = 0.05
 _MUX_ADDRESS = 0x71
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ArrayFigures:
+class ArrayResults:
     """Predicted and measured figures of a foot with one array.
 
     Attributes:
         electrode_mm: Side of an electrode [mm].
-        bar_mm: Width of the bars [mm].
+        spacer_bar_width_mm: Width of the bars [mm].
         unloaded_pf: Capacitance of an unloaded element [pF].
         half_closed_pf: The same with its gap half closed [pF].
-        boards: Boards that read both.
+        usable_boards: Boards that read both.
         max_force_per_elevation_n: Least force over the azimuth at which a gap or the converter is at its end, at each
             elevation [N].
-        scan_ms: Time of a scan of six legs [ms].
+        six_leg_scan_ms: Time of a scan of six legs [ms].
         centred_bound_deg: Least rms direction error of one scan, known to be centred [deg].
         leaning_bound_deg: The same for five unknowns; None where there are fewer elements.
         equal_time_centred_bound_deg: As `centred_bound_deg`, if the scan takes as long as that of nine elements.
@@ -76,19 +82,19 @@ class ArrayFigures:
         half_range_bound_deg: As `leaning_bound_deg`, at half of the foot's own least range.
         equal_time_half_range_bound_deg: The same, if the scan takes as long as that of nine elements.
         leaning_bound_gf: Least rms magnitude error of one scan, five unknowns [gf]; None as above.
-        network: Errors of a network that was trained for it.
+        network_errors: Errors of a network that was trained for it.
         can_bits_per_s: Load of the CAN bus [bit/s].
         max_electrode_mm: Side of an electrode between bars as wide as those of the foot [mm].
         max_electrode_half_closed_pf: Capacitance of such an element with its gap half closed [pF].
     """
 
     electrode_mm: float
-    bar_mm: float
+    spacer_bar_width_mm: float
     unloaded_pf: float
     half_closed_pf: float
-    boards: list[str]
+    usable_boards: list[str]
     max_force_per_elevation_n: list[float]
-    scan_ms: float
+    six_leg_scan_ms: float
     centred_bound_deg: float
     leaning_bound_deg: float | None
     equal_time_centred_bound_deg: float
@@ -96,7 +102,7 @@ class ArrayFigures:
     half_range_bound_deg: float | None
     equal_time_half_range_bound_deg: float | None
     leaning_bound_gf: float | None
-    network: NetworkErrors
+    network_errors: NetworkErrors
     can_bits_per_s: float
     max_electrode_mm: float
     max_electrode_half_closed_pf: float
@@ -107,18 +113,19 @@ class SensorResults(block.Results):
     """Results of the study `sensors`: errors on the block, and figures of the arrays on the whole chain.
 
     Attributes:
-        bound_load_n: Load at which the Cramer-Rao bounds are computed [N].
-        arrays: Figures by rows.
+        cramer_rao_load_n: Load at which the Cramer-Rao bounds are computed [N].
+        array_by_rows: Figures by rows.
     """
 
-    bound_load_n: float
-    arrays: dict[int, ArrayFigures]
+    cramer_rao_load_n: float
+    array_by_rows: dict[int, ArrayResults]
 
 
 def max_electrode_mm(reference_design: FootDesign, rows: int) -> float:
     """Return the largest electrode side [mm] of an array on the same sheet, with spacer bars of the same width."""
     return (
-        reference_design.array_mm - (rows - 1) * (reference_design.pitch_mm - reference_design.electrode_mm)
+        reference_design.array_side_mm
+        - (rows - 1) * (reference_design.pitch_mm - reference_design.electrode_mm)
     ) / rows
 
 
@@ -133,16 +140,16 @@ def array_design(reference_design: FootDesign, rows: int) -> FootDesign:
         return reference_design
     half_open_um = 0.5 * reference_design.gap_um + reference_design.capacitor.film_equivalent_um
     read_mm = math.sqrt(fdc1004.capacitance_pf(fdc1004.CODE_MAX) * half_open_um / EPS0_PF_UM_PER_MM2)
-    electrode_mm = _SIDE_STEP_MM * math.floor(
-        min(max_electrode_mm(reference_design, rows), read_mm) / _SIDE_STEP_MM + 1e-9
+    electrode_mm = _ELECTRODE_SIDE_STEP_MM * math.floor(
+        min(max_electrode_mm(reference_design, rows), read_mm) / _ELECTRODE_SIDE_STEP_MM + 1e-9
     )
-    pitch_mm = (reference_design.array_mm - electrode_mm) / (rows - 1)
+    pitch_mm = (reference_design.array_side_mm - electrode_mm) / (rows - 1)
     return msgspec.structs.replace(reference_design, rows=rows, electrode_mm=electrode_mm, pitch_mm=pitch_mm)
 
 
-def scan_ms(response: FootResponse) -> float:
+def six_leg_scan_ms(response: FootResponse) -> float:
     """Return the scan time of six legs on one I2C bus at 400 kHz with board `fdc1004` [ms]."""
-    scene = msgspec.structs.replace(load_scene("hanging"), host_cost_us=HOST_COST_US)
+    scene = msgspec.structs.replace(load_scene("hanging"), host_cost_us=HOST_COST_PER_TRANSACTION_US)
     channels = {leg: channel for channel, leg in enumerate(DEFAULT.legs)}
     [bus] = SimulatedRobot(scene, response, [Wiring(400_000, _MUX_ADDRESS, channels)]).buses
     plan = scan_plan(DEFAULT.conversion_order, DEFAULT.rate_sps, rows=response.rows)
@@ -185,9 +192,9 @@ def _rms_bounds(foot: Foot, load_n: float, noise_pf: float) -> tuple[float, floa
     return centred_bound_deg, deg, gf
 
 
-def array_figures(
+def evaluate_array(
     reference_design: FootDesign, design: FootDesign, response: FootResponse, training: TrainingSize
-) -> ArrayFigures:
+) -> ArrayResults:
     """Return all figures of a foot with one array.
 
     Args:
@@ -203,23 +210,23 @@ def array_figures(
     # As long a scan as of nine elements leaves each conversion another share of the time; the noise is white.
     same_time_pf = NOISE_PF * math.sqrt(response.n_elements / 9.0)
     centred_bound_deg, leaning_bound_deg, leaning_bound_gf = _rms_bounds(
-        foot, BOUND_LOAD_REL * max_n, NOISE_PF
+        foot, CRAMER_RAO_LOAD_REL * max_n, NOISE_PF
     )
-    same_centred_deg, same_leaning_deg, _ = _rms_bounds(foot, BOUND_LOAD_REL * max_n, same_time_pf)
+    same_centred_deg, same_leaning_deg, _ = _rms_bounds(foot, CRAMER_RAO_LOAD_REL * max_n, same_time_pf)
     max_force_n = max_force_per_elevation_n(foot, max_n)
     own_deg, same_own_deg = (
-        _rms_bounds(foot, BOUND_LOAD_REL * min(max_force_n), pf)[1] for pf in (NOISE_PF, same_time_pf)
+        _rms_bounds(foot, CRAMER_RAO_LOAD_REL * min(max_force_n), pf)[1] for pf in (NOISE_PF, same_time_pf)
     )
-    return ArrayFigures(
+    return ArrayResults(
         electrode_mm=design.electrode_mm,
-        bar_mm=design.pitch_mm - design.electrode_mm,
+        spacer_bar_width_mm=design.pitch_mm - design.electrode_mm,
         unloaded_pf=capacitor.unloaded_pf,
         half_closed_pf=half_pf,
-        boards=[
+        usable_boards=[
             b.name for b in boards if b.min_unloaded_pf <= capacitor.unloaded_pf and half_pf <= b.range_end_pf
         ],
         max_force_per_elevation_n=max_force_n,
-        scan_ms=scan_ms(response),
+        six_leg_scan_ms=six_leg_scan_ms(response),
         centred_bound_deg=centred_bound_deg,
         leaning_bound_deg=leaning_bound_deg,
         equal_time_centred_bound_deg=same_centred_deg,
@@ -227,30 +234,30 @@ def array_figures(
         half_range_bound_deg=own_deg,
         equal_time_half_range_bound_deg=same_own_deg,
         leaning_bound_gf=leaning_bound_gf,
-        network=network_errors(response, design.loads, training),
+        network_errors=train_and_evaluate_network(response, design.loads, training),
         can_bits_per_s=can_bits_per_s(len(DEFAULT.legs), DEFAULT.forces_hz),
         max_electrode_mm=widest,
         max_electrode_half_closed_pf=half_pf * widest**2 / design.electrode_mm**2,
     )
 
 
-def compute_arrays(context: StudyContext) -> dict[int, ArrayFigures]:
+def compute_arrays(context: StudyContext) -> dict[int, ArrayResults]:
     """Return the figures of every array by its number of rows, after solving the foot on the coarse mesh."""
     arrays, training = {}, QUICK if context.quick else FULL
     for rows in QUICK_ROWS if context.quick else ROWS:
         design = array_design(context.foot_design, rows)
-        arrays[rows] = array_figures(
+        arrays[rows] = evaluate_array(
             context.foot_design, design, make_response(design, COARSE_MESH), training
         )
         context.report_progress(f"sensors: {rows} x {rows} elements on the whole chain")
     if context.quick:
-        arrays[context.foot_design.rows] = array_figures(
+        arrays[context.foot_design.rows] = evaluate_array(
             context.foot_design, context.foot_design, context.response, training
         )
     return arrays
 
 
-def arrays_figure(arrays: dict[int, ArrayFigures]) -> Figure:
+def bounds_and_ranges_figure(arrays: dict[int, ArrayResults]) -> Figure:
     """Return the figure of bound and range over the number of elements."""
     drawing, (error, reach) = subplot_row(2, 8.2, 3.6)
     number = [rows**2 for rows in arrays]
@@ -284,9 +291,9 @@ def compute(context: StudyContext) -> tuple[SensorResults, Plots]:
     """Return the errors of every sensor on the block, and the figures of every array on the foot."""
     on_block, plots = block.compute(context)
     arrays = compute_arrays(context)
-    bound_load_n = BOUND_LOAD_REL * context.foot_design.loads.max_n
-    results = SensorResults(**vars(on_block), bound_load_n=bound_load_n, arrays=arrays)
-    return results, plots | {"sensors-arrays.png": arrays_figure(arrays)}
+    bound_load_n = CRAMER_RAO_LOAD_REL * context.foot_design.loads.max_n
+    results = SensorResults(**vars(on_block), cramer_rao_load_n=bound_load_n, array_by_rows=arrays)
+    return results, plots | {"sensors-arrays.png": bounds_and_ranges_figure(arrays)}
 
 
 STUDY = Study(

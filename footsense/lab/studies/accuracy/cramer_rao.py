@@ -37,13 +37,13 @@ from footsense.lab.training.load_cases import (
 )
 
 #: The project's target of the network's error over the bound [1].
-TARGET_RATIO = 1.2
+TARGET_CRB_RATIO = 1.2
 #: Magnitude of the map [gf], and those of the search for ambiguous loads.
 MAP_GF, AMBIGUOUS_GF = 100.0, (20.0, 50.0, 100.0, 150.0)
 #: Elevations of the centred loads that the search takes [deg].
-ELEVATIONS_DEG = np.arange(40.0, 49.01, 0.5)
+AMBIGUITY_ELEVATIONS_DEG = np.arange(40.0, 49.01, 0.5)
 #: Rounds of Gauss-Newton after which the fit is evaluated.
-GAUSS_NEWTON_ROUNDS = (1, 2, 4, 12)
+GAUSS_NEWTON_ITERATIONS = (1, 2, 4, 12)
 #: Largest misfit of an explained scan: of right fits one in twenty thousand has more.
 MAX_EXPLAINED_MISFIT = 5.0
 
@@ -53,25 +53,25 @@ class GaussNewtonResult:
     """Force errors after a number of Gauss-Newton rounds, relative to the bound.
 
     Attributes:
-        explained_rel: Share of the scans with a misfit below `MAX_EXPLAINED_MISFIT` [1].
+        explained_share: Share of the scans with a misfit below `MAX_EXPLAINED_MISFIT` [1].
         ratio: Rms angle of the explained scans over the bound's [1].
     """
 
-    explained_rel: float
+    explained_share: float
     ratio: float
 
 
 @dataclass(frozen=True, slots=True)
 class Ambiguity:
-    """Distance [sigma] and force angle [deg] of ambiguous load pairs, at each of `ELEVATIONS_DEG`.
+    """Closure distance [noise sigmas] and angle between forces [deg] of ambiguous load pairs, by elevation.
 
     Attributes:
         distance_in_noise_sigmas: Distance of the closures in standard deviations of the noise.
-        force_angle_deg: Angle between the two forces [deg].
+        angle_between_forces_deg: Angle between the two forces [deg].
     """
 
     distance_in_noise_sigmas: list[float]
-    force_angle_deg: list[float]
+    angle_between_forces_deg: list[float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,28 +79,28 @@ class Results:
     """Results of the study `cramer-rao`: errors of network and Gauss-Newton relative to the bound, ambiguous loads.
 
     Attributes:
-        ratio: The network beside the bound.
+        crb_ratio_by_magnitude: The network beside the bound.
         crb_ratio: The headline: direction error over the bound's in the worst bin of centred loads [1].
-        centred_share: Share of centred loads in the network's training [1].
+        training_centred_share: Share of centred loads in the network's training [1].
         noiseless_direction_rms_deg: The network's own error [deg], at each magnitude of the ratio.
-        gauss_newton: After each of `GAUSS_NEWTON_ROUNDS`, by kind and magnitude of the loads.
-        bound_range_deg: Smallest and largest bound on the map [deg].
-        ambiguous: By magnitude [gf].
+        gauss_newton: After each of `GAUSS_NEWTON_ITERATIONS`, by kind and magnitude of the loads.
+        map_direction_bound_range_deg: Smallest and largest bound on the map [deg].
+        ambiguity_by_magnitude: By magnitude [gf].
     """
 
-    ratio: CrbRatio
+    crb_ratio_by_magnitude: CrbRatio
     crb_ratio: float
-    centred_share: float
+    training_centred_share: float
     noiseless_direction_rms_deg: list[float]
     gauss_newton: dict[str, list[GaussNewtonResult]]
-    bound_range_deg: tuple[float, float]
-    ambiguous: dict[str, Ambiguity]
+    map_direction_bound_range_deg: tuple[float, float]
+    ambiguity_by_magnitude: dict[str, Ambiguity]
 
 
 def gauss_newton_results(
     context: StudyContext, contacts: tuple[Vector, Vector], magnitude_gf: float, draws: int
 ) -> list[GaussNewtonResult]:
-    """Return errors relative to the bound after each of `GAUSS_NEWTON_ROUNDS` Gauss-Newton rounds.
+    """Return direction errors relative to the bound after each of the listed counts of Gauss-Newton iterations.
 
     Args:
         context: Foot and network.
@@ -116,7 +116,7 @@ def gauss_newton_results(
     guess, force = context.network.force_n(measured), np.tile(force, (draws, 1))
     fit = Fit(clamp_to_min_elevation(normalized(guess)), guess, np.zeros(len(guess)))
     after = []
-    for more in np.diff([0, *GAUSS_NEWTON_ROUNDS]).tolist():
+    for more in np.diff([0, *GAUSS_NEWTON_ITERATIONS]).tolist():
         fit = maximum_likelihood(foot, measured * design.gap_um, (fit.normal, fit.force_n), more)
         good = fit.misfit < MAX_EXPLAINED_MISFIT
         angle_deg = angles_between_deg(force, fit.force_n)
@@ -152,7 +152,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     context.report_progress("cramer-rao: maximum likelihood compared with the bound")
     ambiguous = {}
     for gf in AMBIGUOUS_GF[: 2 if quick else 4]:
-        distance, apart_deg = distance_to_ambiguous_loads(foot, gf, ELEVATIONS_DEG)
+        distance, apart_deg = distance_to_ambiguous_loads(foot, gf, AMBIGUITY_ELEVATIONS_DEG)
         ambiguous[f"{gf:g}"] = Ambiguity(distance.tolist(), apart_deg.tolist())
     steps = 11 if quick else 37
     azimuth, elevation = np.linspace(0.0, 360.0, 4 * steps + 1), np.linspace(30.0, 90.0, steps)
@@ -161,19 +161,19 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         foot, direction, direction * MAP_GF * GRAM_FORCE_N, Unknowns.LEANING
     ).direction_rms_deg
     results = Results(
-        ratio=ratio,
+        crb_ratio_by_magnitude=ratio,
         crb_ratio=ratio.worst_direction_ratio,
-        centred_share=loads.centred_share,
+        training_centred_share=loads.centred_share,
         noiseless_direction_rms_deg=[_noiseless_direction_error_deg(context, gf) for gf in magnitudes],
         gauss_newton=gauss_newton,
-        bound_range_deg=(bound.min(), bound.max()),
-        ambiguous=ambiguous,
+        map_direction_bound_range_deg=(bound.min(), bound.max()),
+        ambiguity_by_magnitude=ambiguous,
     )
     drawing = _bound_map_figure(azimuth, elevation, bound.reshape(len(azimuth), steps), ambiguous)
-    return results, {"cramer-rao.png": _ratio_figure(ratio.centred), "cramer-rao-map.png": drawing}
+    return results, {"cramer-rao.png": _error_and_bound_figure(ratio.centred), "cramer-rao-map.png": drawing}
 
 
-def _ratio_figure(bins: Sequence[MagnitudeBin]) -> Figure:
+def _error_and_bound_figure(bins: Sequence[MagnitudeBin]) -> Figure:
     """Return the figure of network error and bound over the force magnitude, centred loads."""
     figure, row = subplot_row(2, 8.6, 3.9)
     gf = [one.magnitude_gf for one in bins]
@@ -187,7 +187,7 @@ def _ratio_figure(bins: Sequence[MagnitudeBin]) -> Figure:
             for of in ("estimator", "bound_five_unknowns", "bound_three_unknowns")
         )
         axes.loglog(gf, network, "o-C3", label="network")
-        axes.loglog(gf, TARGET_RATIO * five, ":k", label=f"target, {TARGET_RATIO:g} of the bound")
+        axes.loglog(gf, TARGET_CRB_RATIO * five, ":k", label=f"target, {TARGET_CRB_RATIO:g} of the bound")
         axes.loglog(gf, five, "s-C0", label="bound, five unknowns")
         axes.loglog(gf, three, "^--C2", label="bound, known to be centred")
         axes.set(xlabel="force [gf]", ylabel=label)
@@ -200,7 +200,7 @@ def _ratio_figure(bins: Sequence[MagnitudeBin]) -> Figure:
 def _bound_map_figure(
     azimuth: Vector, elevation: Vector, bound_deg: Vector, ambiguous: dict[str, Ambiguity]
 ) -> Figure:
-    """Return the figure of two maps of the ball: the bound, and the distance to ambiguous loads."""
+    """Return the figure of a ball map of the bound, and of the distance to ambiguous loads over the elevation."""
     figure = Figure(figsize=(9.2, 4.1), layout="constrained")
     polar = figure.add_subplot(1, 2, 1, projection="polar")
     filled = polar.contourf(np.radians(azimuth), 90.0 - elevation, bound_deg.T, levels=16, cmap="viridis")
@@ -209,7 +209,9 @@ def _bound_map_figure(
     figure.colorbar(filled, ax=polar, label="[deg]", shrink=0.8)
     axes = figure.add_subplot(1, 2, 2)
     for gf, found in ambiguous.items():
-        axes.semilogy(ELEVATIONS_DEG, np.maximum(found.distance_in_noise_sigmas, 0.1), ".-", label=f"{gf} gf")
+        axes.semilogy(
+            AMBIGUITY_ELEVATIONS_DEG, np.maximum(found.distance_in_noise_sigmas, 0.1), ".-", label=f"{gf} gf"
+        )
     axes.axhline(4.0, color="k", ls=":", lw=1)
     axes.set(
         xlabel=f"elevation of a centred load, azimuth {AZIMUTH_DEG:g} deg [deg]",

@@ -37,7 +37,7 @@ from footsense.lab.training.load_cases import (
 
 MAGNITUDE_GF = 100.0
 #: Lowest elevation that is computed, a little below the rim of the map [deg].
-_MIN_ELEVATION_DEG = 26.0
+_MIN_COMPUTED_ELEVATION_DEG = 26.0
 #: Steps of the map's colours, and its iso-lines [deg].
 _COLOUR_LEVELS_DEG = (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 #: Points along a side of the map, and draws of the noise.
@@ -45,7 +45,7 @@ _POINTS, _POINTS_QUICK = 91, 41
 _DRAWS, _DRAWS_QUICK = 40, 8
 _SEED = 19
 #: Where the paper's circles are drawn, azimuth and elevation [deg].
-_CIRCLE_CENTRE_DEG = (0.0, 60.0)
+_PAPER_ERROR_CIRCLE_CENTRE_DEG = (0.0, 60.0)
 
 
 def _map_normals(right: Vector, up: Vector) -> Vector:
@@ -59,22 +59,22 @@ class Results:
     """Results of the study `error-map`: noiseless direction errors on the map, and errors of the 180 cases.
 
     Attributes:
-        noise_draws: Draws of the converter's noise.
+        n_noise_draws: Draws of the converter's noise.
         map_min_elevation_deg: Lowest elevation of the map [deg].
-        map_mean_deg: Mean direction error over the map [deg].
-        map_max_deg: Largest direction error on the map [deg].
+        map_mean_error_deg: Mean direction error over the map [deg].
+        map_max_error_deg: Largest direction error on the map [deg].
         max_error_azimuth_deg: Azimuth of the force of the largest error [deg].
         max_error_elevation_deg: Elevation of the worst direction [deg].
-        verification: Errors on the verification cases, by reading.
+        verification_errors_by_noise: Errors on the verification cases, by reading.
     """
 
-    noise_draws: int
+    n_noise_draws: int
     map_min_elevation_deg: float
-    map_mean_deg: float
-    map_max_deg: float
+    map_mean_error_deg: float
+    map_max_error_deg: float
     max_error_azimuth_deg: float
     max_error_elevation_deg: float
-    verification: dict[str, ForceErrors]
+    verification_errors_by_noise: dict[str, ForceErrors]
 
 
 def _estimated_forces_n(context: StudyContext, cases: Cases, n_noise_draws: int) -> Vector:
@@ -110,7 +110,7 @@ def _draw_map(
         axes.text(
             float(right), float(up), f"{elevation_deg:g} deg", fontsize=8, color="w", ha="center", va="top"
         )
-    (middle,) = directions(*np.array(_CIRCLE_CENTRE_DEG)[:, None])
+    (middle,) = directions(*np.array(_PAPER_ERROR_CIRCLE_CENTRE_DEG)[:, None])
     for radius_deg, style in ((PAPER_DIRECTION_DEG, "-"), (MEASURED_DIRECTION_DEG, "--")):
         axes.plot(*map_circle(middle, radius_deg), "r" + style, lw=1.8, label=f"{radius_deg} deg")
     axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
@@ -157,13 +157,13 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Return the network's errors on centred loads over the whole ball and on the 180 cases, with figures."""
     points, draws = (_POINTS_QUICK, _DRAWS_QUICK) if context.quick else (_POINTS, _DRAWS)
     along = np.linspace(
-        -elevation_circle_map_radius(_MIN_ELEVATION_DEG),
-        elevation_circle_map_radius(_MIN_ELEVATION_DEG),
+        -elevation_circle_map_radius(_MIN_COMPUTED_ELEVATION_DEG),
+        elevation_circle_map_radius(_MIN_COMPUTED_ELEVATION_DEG),
         points,
     )
     right, up = np.meshgrid(along, along)
     normal = _map_normals(right, up)
-    computed = normal[..., 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG))
+    computed = normal[..., 2] >= np.sin(np.radians(_MIN_COMPUTED_ELEVATION_DEG))
     force_n = normal[computed] * MAGNITUDE_GF * GRAM_FORCE_N
     cases = Cases(force_n, sensed_closure_um(Foot(context.response), normal[computed], force_n))
     verification = paper_verification(context.response)
@@ -184,13 +184,13 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     )
     worst = normal.reshape(-1, 3)[np.nanargmax(exact)]
     results = Results(
-        noise_draws=draws,
+        n_noise_draws=draws,
         map_min_elevation_deg=map_min_elevation_deg,
-        map_mean_deg=float(np.nanmean(exact)),
-        map_max_deg=float(np.nanmax(exact)),
+        map_mean_error_deg=float(np.nanmean(exact)),
+        map_max_error_deg=float(np.nanmax(exact)),
         max_error_azimuth_deg=float(np.degrees(np.arctan2(worst[1], worst[0]))),
         max_error_elevation_deg=float(np.degrees(np.arcsin(worst[2]))),
-        verification=readings,
+        verification_errors_by_noise=readings,
     )
     return results, {
         "error-map.png": _map_figure((right, up), maps, map_min_elevation_deg),

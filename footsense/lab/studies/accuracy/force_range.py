@@ -46,22 +46,22 @@ class ClosureBandErrors:
         share_of_loads: Of all loads [1].
         mean_force_gf: Mean force [gf].
         readable_share: Share of them with a force [1].
-        direction_deg: Mean direction error of those [deg].
-        direction_p95_deg: 95th percentile [deg].
-        sigma_deg: Median sigma as an angle [deg].
+        mean_direction_error_deg: Mean direction error of those [deg].
+        direction_error_p95_deg: 95th percentile [deg].
+        median_sigma_deg: Median sigma as an angle [deg].
         within_2_sigma_share: Share of the components within two sigma [1].
-        large_error_share: Share with an error above `TOO_LARGE_DEG` [1].
+        large_direction_error_share: Share with an error above `TOO_LARGE_DEG` [1].
         reported_large_error_share: Share of these that the residual test finds inconsistent [1]; None without any.
     """
 
     share_of_loads: float
     mean_force_gf: float
     readable_share: float
-    direction_deg: float = 0.0
-    direction_p95_deg: float = 0.0
-    sigma_deg: float = 0.0
+    mean_direction_error_deg: float = 0.0
+    direction_error_p95_deg: float = 0.0
+    median_sigma_deg: float = 0.0
     within_2_sigma_share: float = 0.0
-    large_error_share: float = 0.0
+    large_direction_error_share: float = 0.0
     reported_large_error_share: float | None = None
 
 
@@ -70,17 +70,17 @@ class ForceRangeResults:
     """Results of the study `force-range`: force limits under centred loads, errors by closure band.
 
     Attributes:
-        limits_n: By limit (`contact`, `closed`, `saturated`): lowest force of it over the elevations [N], the smallest
-            over the azimuths.
-        n_feet: Feet made like the paper's.
-        max_n: Largest force of the network's training [N].
+        force_limits_n: By limit (`contact`, `closed`, `saturated`): lowest force of it over the elevations [N], the
+            smallest over the azimuths.
+        n_fabricated_feet: Feet made like the paper's.
+        max_training_force_n: Largest force of the network's training [N].
         on_designed_foot: Errors of the designed foot, in the order of the bands.
         on_fabricated_feet: Errors of made feet whose parameters are known exactly.
     """
 
-    limits_n: dict[str, list[float]]
-    n_feet: int
-    max_n: float
+    force_limits_n: dict[str, list[float]]
+    n_fabricated_feet: int
+    max_training_force_n: float
     on_designed_foot: list[ClosureBandErrors | None]
     on_fabricated_feet: list[ClosureBandErrors | None]
 
@@ -105,7 +105,7 @@ def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
     return {name: force.reshape(shape) for name, force in reached.items()}
 
 
-def _estimate_foot(
+def _estimate_loads_on_foot(
     context: StudyContext, trained: TrainedInputs, deviations: Deviations, normal: Vector, force_n: Vector
 ) -> tuple[Vector, Mask, Vector, Vector, Mask]:
     """Return for loads on a foot: relative closure, readable mask, force [N], sigma [N], inconsistent mask."""
@@ -152,11 +152,11 @@ def _band_errors(in_band: Mask, parts: tuple[Any, ...]) -> ClosureBandErrors | N
         share_of_loads=share,
         mean_force_gf=mean_force_gf,
         readable_share=len(known) / len(read),
-        direction_deg=float(angle_deg.mean()),
-        direction_p95_deg=float(np.percentile(angle_deg, 95)),
-        sigma_deg=float(np.median(sigma_deg)),
+        mean_direction_error_deg=float(angle_deg.mean()),
+        direction_error_p95_deg=float(np.percentile(angle_deg, 95)),
+        median_sigma_deg=float(np.median(sigma_deg)),
         within_2_sigma_share=float((np.abs(force_n - true_n) <= 2.0 * sigma_n)[known].mean()),
-        large_error_share=float(large.mean()),
+        large_direction_error_share=float(large.mean()),
         reported_large_error_share=float(said[known][large].mean()) if large.any() else None,
     )
 
@@ -171,7 +171,7 @@ def _errors_by_band(context: StudyContext, feet: list[Deviations]) -> list[Closu
         normal = leaning_normals(loads, rng, direction)
         reached = np.flatnonzero(normal[:, 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG)))[:_LOADS]
         force_n = direction[reached] * rng.uniform(0.1 * loads.max_n, loads.max_n, (len(reached), 1))
-        rel, read, estimate_n, sigma_n, said = _estimate_foot(
+        rel, read, estimate_n, sigma_n, said = _estimate_loads_on_foot(
             context, trained, deviations, normal[reached], force_n
         )
         collected.append((rel, read, force_n, estimate_n, sigma_n, said))
@@ -208,13 +208,17 @@ def compute(context: StudyContext) -> tuple[ForceRangeResults, Plots]:
     feet = _QUICK_FEET if context.quick else _FEET
     made = [fabricate(context.response, PAPER_TOLERANCES, _SEED, number) for number in range(feet)]
     results = ForceRangeResults(
-        limits_n={name: [round(float(v), 2) for v in force.min(axis=0)] for name, force in limits_n.items()},
-        n_feet=feet,
-        max_n=loads.max_n,
+        force_limits_n={
+            name: [round(float(v), 2) for v in force.min(axis=0)] for name, force in limits_n.items()
+        },
+        n_fabricated_feet=feet,
+        max_training_force_n=loads.max_n,
         on_designed_foot=_errors_by_band(context, [Deviations()] * feet),
         on_fabricated_feet=_errors_by_band(context, made),
     )
-    context.report_progress(f"force-range: a gap begins to close at {min(results.limits_n['contact']):.2f} N")
+    context.report_progress(
+        f"force-range: a gap begins to close at {min(results.force_limits_n['contact']):.2f} N"
+    )
     return results, {_FIGURE_FILE: _figure(limits_n, loads.max_n)}
 
 

@@ -25,15 +25,15 @@ MIN_FRICTION_FORCE_N, MIN_NORMAL_FORCE_N = 0.3, 0.5
 #: Way of a slide that has to be reported [mm], and way below which nothing has slid.
 SLID_MM, STUCK_MM = 5.0, 0.3
 #: Way from one conversion to the next from which a foot slides [mm].
-SLIDING_STEP_MM = 0.01
+MIN_SLIDE_PER_CONVERSION_MM = 0.01
 #: Share of a slide in which the force has to be known for the slide to count [1].
-MIN_ESTIMATED_SHARE_REL = 0.5
+MIN_KNOWN_FORCE_SHARE = 0.5
 #: A slip is false if friction use stayed so far below the ground's coefficient for the last conversions.
 FALSE_SLIP_MARGIN, FALSE_SLIP_CONVERSIONS = 0.05, 30
 #: Touchdowns that were reported later do not count in the error of the back-dated time [ms].
 _MAX_SCORED_REPORT_DELAY_MS = 60.0
 #: Time after a stance in which a word belongs to it [s].
-_REPORT_AFTER_STANCE_S = 0.08
+_MAX_REPORT_AFTER_STANCE_S = 0.08
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,21 +48,21 @@ class Results:
         touchdown_delay_p95_ms: The same, 95th percentile [ms].
         missed_touchdown_share: Share never reported [1].
         n_false_touchdowns: In swing, in all.
-        touchdown_time_rms_ms: Error of the back-dated time of those reported promptly, rms [ms].
-        touchdown_time_rms_sigmas: The same over its sigma, rms [1].
-        n_lift_offs: Lift-offs that were reported.
-        lift_off_time_rms_ms: Error of the back-dated time, rms [ms].
+        touchdown_time_error_rms_ms: Error of the back-dated time of those reported promptly, rms [ms].
+        touchdown_time_error_rms_sigmas: The same over its sigma, rms [1].
+        n_reported_lift_offs: Lift-offs that were reported.
+        lift_off_time_error_rms_ms: Error of the back-dated time, rms [ms].
         contact_correct_share: Share of the conversions whose contact is right [1].
-        friction: Error of friction use, mean [1].
-        normal_error_deg: Error of the normal, mean [deg].
-        n_slides_beyond_range: Slides that drive the foot beyond the converter's range, where no force is known.
-        n_slides: Slides that have to be reported.
-        slide_before_report_mm: Way until they are, mean [mm].
+        mean_abs_friction_use_error: Error of friction use, mean [1].
+        mean_contact_normal_error_deg: Error of the normal, mean [deg].
+        n_slides_with_unknown_force: Slides that drive the foot beyond the converter's range, where no force is known.
+        n_reportable_slides: Slides that have to be reported.
+        mean_slide_before_report_mm: Way until they are, mean [mm].
         slide_before_report_p95_mm: The same, 95th percentile [mm].
         missed_slide_share: Share never reported [1].
         n_false_slips: Reported far below the cone, in all.
-        n_slips_at_friction_limit: Said at the cone without a way worth the name, in all.
-        friction_coefficient_error: Error of the learnt coefficient at the end of a walk, rms [1].
+        n_slip_reports_without_slide: Said at the cone without a way worth the name, in all.
+        friction_coefficient_error_rms: Error of the learnt coefficient at the end of a walk, rms [1].
     """
 
     leg_hours: float
@@ -72,41 +72,41 @@ class Results:
     touchdown_delay_p95_ms: float
     missed_touchdown_share: float
     n_false_touchdowns: int
-    touchdown_time_rms_ms: float
-    touchdown_time_rms_sigmas: float
-    n_lift_offs: int
-    lift_off_time_rms_ms: float
+    touchdown_time_error_rms_ms: float
+    touchdown_time_error_rms_sigmas: float
+    n_reported_lift_offs: int
+    lift_off_time_error_rms_ms: float
     contact_correct_share: float
-    friction: float
-    normal_error_deg: float
-    n_slides_beyond_range: int
-    n_slides: int
-    slide_before_report_mm: float
+    mean_abs_friction_use_error: float
+    mean_contact_normal_error_deg: float
+    n_slides_with_unknown_force: int
+    n_reportable_slides: int
+    mean_slide_before_report_mm: float
     slide_before_report_p95_mm: float
     missed_slide_share: float
     n_false_slips: int
-    n_slips_at_friction_limit: int
-    friction_coefficient_error: float
+    n_slip_reports_without_slide: int
+    friction_coefficient_error_rms: float
 
 
-class _ReportedEvents(NamedTuple):
-    """Reported touchdowns and lift-offs matched with true ones: delay, error and sigma [ms] of each."""
+class _MatchedEvents(NamedTuple):
+    """Report delay, time error and its sigma [ms] of each true touchdown and lift-off; infinite delay if missed."""
 
-    touchdowns: list[tuple[float, float, float]]
-    lift_offs: list[tuple[float, float, float]]
-    n_false: int
+    touchdown_timings_ms: list[tuple[float, float, float]]
+    lift_off_timings_ms: list[tuple[float, float, float]]
+    n_false_touchdowns: int
 
 
 class _SlipReports(NamedTuple):
     """Reported slips matched with true slides: sliding distance until the report [mm] (infinite if never)."""
 
-    slide_distances_mm: list[float]
-    n_beyond_range: int
-    n_false: int
-    n_slips_at_friction_limit: int
+    slides_before_report_mm: list[float]
+    n_slides_with_unknown_force: int
+    n_false_slips: int
+    n_slip_reports_without_slide: int
 
 
-def _friction_use(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
+def _friction_use_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
     """Return true tangential over normal force [1], NaN without a load, and normal force [N], shapes (...)."""
     pressing_n = (force_n * normal).sum(axis=-1)
     tangential_n = np.linalg.norm(force_n - pressing_n[..., None] * normal, axis=-1)
@@ -116,20 +116,20 @@ def _friction_use(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
 def _evaluated_stances(walk: RoughWalk, leg: int) -> Iterator[tuple[int, float, float, Mask]]:
     """Yield number, start [s], end [s] and conversion mask (n,) of each stance that is evaluated."""
     for number, (start_s, end_s) in enumerate(walk.stances_s[leg].tolist()):
-        if start_s > WARM_UP_S and end_s + _REPORT_AFTER_STANCE_S < walk.t_s[-1]:
+        if start_s > WARM_UP_S and end_s + _MAX_REPORT_AFTER_STANCE_S < walk.t_s[-1]:
             yield number, start_s, end_s, walk.slides[leg].stance == number
 
 
-def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _ReportedEvents:
+def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _MatchedEvents:
     """Match a leg's reported touchdowns and lift-offs with its true stances."""
-    found = _ReportedEvents([], [], 0)
+    found = _MatchedEvents([], [], 0)
     words = [(walk.t_s[row], event) for row, event in walk.reported if event.leg == leg]
     down, up = (
         np.array([(t_s, 1e-9 * e.t_ns, e.sigma_s) for t_s, e in words if e.kind is kind]).reshape(-1, 3)
         for kind in (GaitEventKind.TOUCHDOWN, GaitEventKind.LIFT_OFF)
     )
     starts_s, ends_s = walk.stances_s[leg].T
-    in_stance = ((down[:, :1] >= starts_s) & (down[:, :1] < ends_s + _REPORT_AFTER_STANCE_S)).any(axis=1)
+    in_stance = ((down[:, :1] >= starts_s) & (down[:, :1] < ends_s + _MAX_REPORT_AFTER_STANCE_S)).any(axis=1)
     n_false = int((~in_stance & (down[:, 0] > WARM_UP_S)).sum())
     for number, start_s, end_s, rows in _evaluated_stances(walk, leg):
         before_s = start_s - (ends_s[number - 1] if number else 0.0)
@@ -137,24 +137,24 @@ def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _ReportedEvent
             continue
         for reported, true_s, first_s, last_s in (
             (down, start_s, start_s, end_s),
-            (up, end_s, end_s, end_s + _REPORT_AFTER_STANCE_S),
+            (up, end_s, end_s, end_s + _MAX_REPORT_AFTER_STANCE_S),
         ):
             own = reported[(reported[:, 0] >= first_s) & (reported[:, 0] < last_s)]
-            kept = found.touchdowns if reported is down else found.lift_offs
+            kept = found.touchdown_timings_ms if reported is down else found.lift_off_timings_ms
             row = 1e3 * (own[0] - (true_s, true_s, 0.0)) if len(own) else np.array((np.inf, np.nan, np.nan))
             kept.append((float(row[0]), float(row[1]), float(row[2])))
-    return found._replace(n_false=n_false)
+    return found._replace(n_false_touchdowns=n_false)
 
 
 def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
     """Match a leg's reported slips with its true slides."""
-    use, pressing_n = _friction_use(walk.force_n[:, leg], walk.normal[:, leg])
+    use, pressing_n = _friction_use_and_normal_force(walk.force_n[:, leg], walk.normal[:, leg])
     slides = walk.slides[leg]
     room = use - slides.friction
     reported = np.array(
         [row for row, e in walk.reported if e.leg == leg and e.kind is GaitEventKind.SLIP], int
     )
-    moving = np.diff(slides.slid_mm, append=0.0) > SLIDING_STEP_MM
+    moving = np.diff(slides.slid_mm, append=0.0) > MIN_SLIDE_PER_CONVERSION_MM
     slide_distances_mm, n_beyond_range, n_false, at_cone = [], 0, 0, 0
     for number, _, _, rows in _evaluated_stances(walk, leg):
         own = reported[slides.stance[reported] == number]
@@ -167,7 +167,7 @@ def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
                 at_cone += 1
         firm = where[pressing_n[where] > MIN_FRICTION_FORCE_N]
         if len(firm) and slides.slid_mm[firm[-1]] - slides.slid_mm[firm[0]] > SLID_MM:
-            if walk.is_force_known[firm[moving[firm]], leg].mean() < MIN_ESTIMATED_SHARE_REL:
+            if walk.is_force_known[firm[moving[firm]], leg].mean() < MIN_KNOWN_FORCE_SHARE:
                 n_beyond_range += 1
                 continue
             begun_mm = slides.slid_mm[firm[0]]
@@ -192,13 +192,13 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     legs = [(walk, leg) for walk in walks for leg in range(len(walk.slides))]
     flanks = [_match_touchdowns_and_lift_offs(walk, leg) for walk, leg in legs]
     slips = [_match_slip_reports(walk, leg) for walk, leg in legs]
-    downs = np.array([row for one in flanks for row in one.touchdowns])
-    ups = np.array([row for one in flanks for row in one.lift_offs])
-    slide_distances_mm = np.array([way for one in slips for way in one.slide_distances_mm])
+    downs = np.array([row for one in flanks for row in one.touchdown_timings_ms])
+    ups = np.array([row for one in flanks for row in one.lift_off_timings_ms])
+    slide_distances_mm = np.array([way for one in slips for way in one.slides_before_report_mm])
     down_ms, up_ms = downs[downs[:, 0] < _MAX_SCORED_REPORT_DELAY_MS], ups[np.isfinite(ups[:, 0])]
     frictions, normals_deg, stands, contacts = [], [], [], []
     for walk in walks:
-        use, pressing_n = _friction_use(walk.force_n, walk.normal)
+        use, pressing_n = _friction_use_and_normal_force(walk.force_n, walk.normal)
         later = walk.t_s > WARM_UP_S
         frictions.append((walk.friction_use - use)[(pressing_n > MIN_FRICTION_FORCE_N) & later[:, None]])
         firm = (pressing_n > MIN_NORMAL_FORCE_N) & np.isfinite(walk.estimated_normal[..., 0])
@@ -219,26 +219,26 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         touchdown_delay_p50_ms=float(np.percentile(downs[:, 0], 50, method="nearest")),
         touchdown_delay_p95_ms=float(np.percentile(downs[:, 0], 95, method="nearest")),
         missed_touchdown_share=float(np.isinf(downs[:, 0]).mean()),
-        n_false_touchdowns=sum(one.n_false for one in flanks),
-        touchdown_time_rms_ms=_rms(down_ms[:, 1]),
-        touchdown_time_rms_sigmas=_rms(down_ms[:, 1] / down_ms[:, 2]),
-        n_lift_offs=len(up_ms),
-        lift_off_time_rms_ms=_rms(up_ms[:, 1]),
+        n_false_touchdowns=sum(one.n_false_touchdowns for one in flanks),
+        touchdown_time_error_rms_ms=_rms(down_ms[:, 1]),
+        touchdown_time_error_rms_sigmas=_rms(down_ms[:, 1] / down_ms[:, 2]),
+        n_reported_lift_offs=len(up_ms),
+        lift_off_time_error_rms_ms=_rms(up_ms[:, 1]),
         contact_correct_share=float((np.concatenate(contacts) == stand).mean()),
-        friction=float(np.nanmean(np.abs(np.concatenate(frictions)))),
-        normal_error_deg=float(np.concatenate(normals_deg).mean()),
-        n_slides_beyond_range=sum(one.n_beyond_range for one in slips),
-        n_slides=len(slide_distances_mm),
-        slide_before_report_mm=float(reported_mm.mean()) if len(reported_mm) else float("nan"),
+        mean_abs_friction_use_error=float(np.nanmean(np.abs(np.concatenate(frictions)))),
+        mean_contact_normal_error_deg=float(np.concatenate(normals_deg).mean()),
+        n_slides_with_unknown_force=sum(one.n_slides_with_unknown_force for one in slips),
+        n_reportable_slides=len(slide_distances_mm),
+        mean_slide_before_report_mm=float(reported_mm.mean()) if len(reported_mm) else float("nan"),
         slide_before_report_p95_mm=float(np.percentile(reported_mm, 95))
         if len(reported_mm)
         else float("nan"),
         missed_slide_share=float(np.isinf(slide_distances_mm).mean())
         if len(slide_distances_mm)
         else float("nan"),
-        n_false_slips=sum(one.n_false for one in slips),
-        n_slips_at_friction_limit=sum(one.n_slips_at_friction_limit for one in slips),
-        friction_coefficient_error=_rms(np.array(last)),
+        n_false_slips=sum(one.n_false_slips for one in slips),
+        n_slip_reports_without_slide=sum(one.n_slip_reports_without_slide for one in slips),
+        friction_coefficient_error_rms=_rms(np.array(last)),
     ), {}
 
 

@@ -120,7 +120,7 @@ _NONE_MISSING = np.zeros(9, bool)
 _NO_INPUT_FAULT = _InputFault(_NONE_MISSING)
 
 
-def load_function(source: ContactSource, leg: str) -> Callable[[Vector], ContactLoads]:
+def leg_loads_function(source: ContactSource, leg: str) -> Callable[[Vector], ContactLoads]:
     """Return a function from times [s] to the loads of one leg, built from a source of contacts."""
 
     def loads(t_s: Vector) -> ContactLoads:
@@ -133,7 +133,7 @@ def load_function(source: ContactSource, leg: str) -> Callable[[Vector], Contact
     return loads
 
 
-def test_walks() -> tuple[ContactSource, ContactSource]:
+def held_out_walks() -> tuple[ContactSource, ContactSource]:
     """Return the two test walks as contact sources: the measured walk and the tripod scene."""
     tripod = Walk(
         dict.fromkeys(LEGS, smooth_stance(0.6, 1.0, 0.15)),
@@ -154,7 +154,7 @@ def _walk_readings(
         [
             simulate_gait_readings(
                 context.response,
-                load_function(source, leg),
+                leg_loads_function(source, leg),
                 timing,
                 np.random.default_rng((TEST_GAIT_SEED, k)),
                 n,
@@ -261,7 +261,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     )
     usual = select_gaits(random, at_usual_pace)
     context.report_progress("gaits: random gaits read")
-    walk, tripod = test_walks()
+    walk, tripod = held_out_walks()
     sides = ("rf", "lf")
     walked = _walk_readings(context, walk, sides, ReadingConditions())
     middle, row = np.arange(9) == 4, np.arange(9) < 3

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 
 from footsense.lab.evaluation import evaluate
 from footsense.lab.monte_carlo import sweeps
-from footsense.lab.monte_carlo.resumable_run import Tolerances, Workers
+from footsense.lab.monte_carlo.resumable_run import JobRunner, Tolerances
 from footsense.lab.monte_carlo.sweeps import Plan, Sweep, SweepResults, sweep_results
-from footsense.lab.monte_carlo.workers import LOCAL_WORKERS, job_runner
+from footsense.lab.monte_carlo.workers import DEFAULT_N_LOCAL_WORKERS, job_runner
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import plot_band
 
@@ -38,7 +38,7 @@ def distinct_levels(plan: Plan, selected_sweeps: tuple[Sweep, ...]) -> Iterable[
     """Return the distinct (sweep, level) pairs of several sweeps, shared tolerances once."""
     levels: dict[Tolerances, tuple[Sweep, float]] = {}
     for sweep in selected_sweeps:
-        for level in plan.levels(sweep):
+        for level in plan.evaluated_levels(sweep):
             levels.setdefault(sweep.tolerances_at(level), (sweep, level))
     return levels.values()
 
@@ -48,9 +48,9 @@ def _figure(results: SweepResults, selected_sweeps: tuple[Sweep, ...], estimator
     figure = Figure(figsize=(9.0, 5.8), layout="constrained")
     subplot_row = figure.subplots(2, 3, sharey=True).ravel()
     for axes, sweep in zip(subplot_row, selected_sweeps, strict=False):
-        levels = results.plan.levels(sweep)
+        levels = results.plan.evaluated_levels(sweep)
         for name, label in estimators.items():
-            statistics = [results.over_feet(sweep, level, f"{name}_deg") for level in levels]
+            statistics = [results.statistics_over_feet(sweep, level, f"{name}_deg") for level in levels]
             plot_band(axes, levels, statistics, color=_COLOURS[label], label=label)
         axes.axhline(evaluate.MEASURED_DIRECTION_DEG, color="k", ls=":", label="the paper, measured")
         axes.set(xlabel=f"{sweep.varied_quantity}, rms", ylim=(0.0, 45.0))
@@ -66,7 +66,7 @@ def _figure(results: SweepResults, selected_sweeps: tuple[Sweep, ...], estimator
 
 
 def run_study(
-    context: StudyContext, workers: Workers, file: Path | None = None
+    context: StudyContext, workers: JobRunner, file: Path | None = None
 ) -> tuple[SweepResults, Plots]:
     """Return the sweep results of the full or quick plan, evaluated by the given workers, with a figure.
 
@@ -78,8 +78,8 @@ def run_study(
     plan = sweeps.QUICK_PLAN if context.quick else sweeps.FULL_PLAN
     results = sweep_results(context.models, context.response.design.gap_um, plan, workers, file)
     context.report_progress(
-        f"tolerance: {plan.n_feet} feet at each level of fabrication, "
-        f"{plan.n_feet_with_network} at each of the test stand"
+        f"tolerance: {plan.n_feet_per_level} feet at each level of fabrication, "
+        f"{plan.n_test_stand_feet_per_level} at each of the test stand"
     )
     figures = {
         "tolerance-feet.png": _figure(results, sweeps.FOOT_SWEEPS, DESIGN_TRAINED_ESTIMATORS),
@@ -90,7 +90,7 @@ def run_study(
 
 def compute(context: StudyContext) -> tuple[SweepResults, Plots]:
     """Return the sweep results, evaluated by processes on this machine, with a figure."""
-    return run_study(context, job_runner(n_workers=1 if context.quick else LOCAL_WORKERS))
+    return run_study(context, job_runner(n_workers=1 if context.quick else DEFAULT_N_LOCAL_WORKERS))
 
 
 STUDY = Study(name="tolerance", title="What fabrication and calibration cost", compute=compute)

@@ -22,8 +22,8 @@ from footsense.lab.studies.accuracy.gaits import (
     MIN_DIRECTION_FORCE_N,
     TEST_GAIT_SEED,
     estimate_in_batches,
-    load_function,
-    test_walks,
+    held_out_walks,
+    leg_loads_function,
 )
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.gait_readings import (
@@ -132,9 +132,9 @@ def _readings(context: StudyContext) -> tuple[GaitReadings, list[str]]:
     for own in np.random.SeedSequence(TEST_GAIT_SEED).spawn(n_random):
         rng = np.random.default_rng(own)
         sources.append((LOADS[0], RandomGait(rng, context.foot_design.loads.max_n, n * STEP_S).loads, rng))
-    for name, walk in zip(LOADS[1:3], test_walks(), strict=True):
+    for name, walk in zip(LOADS[1:3], held_out_walks(), strict=True):
         sources += [
-            (name, load_function(walk, leg), np.random.default_rng((TEST_GAIT_SEED, k)))
+            (name, leg_loads_function(walk, leg), np.random.default_rng((TEST_GAIT_SEED, k)))
             for k, leg in enumerate(LEGS)
         ]
     for k in range(N_STEPS):

@@ -91,9 +91,9 @@ def foot_trained_network_errors(
         for cases in (paper_training, paper_verification)
     )
     estimate_n = per_foot_force_n(
-        response.design, training.change_pf, training.force_n, test.change_pf, epochs
+        response.design, training.change_pf, training.reference_force_n, test.change_pf, epochs
     )
-    row = evaluate_force_errors(test.force_n, estimate_n)
+    row = evaluate_force_errors(test.reference_force_n, estimate_n)
     return row.direction_deg, row.magnitude_gf
 
 

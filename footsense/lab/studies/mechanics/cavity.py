@@ -156,7 +156,7 @@ def paper_procedure_errors(
         for cases in (paper_training(foot.response), paper_verification(foot.response))
     ]
     training, test = (
-        Cases(one.force_n, closure_of_designed_foot_um(design, one.change_pf)) for one in measured
+        Cases(one.reference_force_n, closure_of_designed_foot_um(design, one.change_pf)) for one in measured
     )
     read = PaperTraining(design, training).train(start_weights_by_seed(seed + 1)[-1:], epochs)[0]
     return evaluate_force_errors(test.force_n, read(test.closure_um))

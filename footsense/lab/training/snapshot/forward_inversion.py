@@ -19,7 +19,7 @@ from footsense.foot import gap_contact
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.response import cap_normals
+from footsense.lab.response import spherical_cap_normals
 
 #: Lowest elevation of the centred loads that the profile is fitted on [deg]: a little below the paper's lowest.
 _MIN_FITTED_ELEVATION_DEG = 38.0
@@ -77,7 +77,7 @@ class ForwardModel:
 
 def forward_model(response: FootResponse) -> ForwardModel:
     """Return the forward model of a foot under centred loads."""
-    direction = cap_normals(_MIN_FITTED_ELEVATION_DEG, rings=24, spokes=72)
+    direction = spherical_cap_normals(_MIN_FITTED_ELEVATION_DEG, rings=24, spokes=72)
     cells = response.free_closure_um(direction, direction)
     closure_per_mean = np.asarray(
         np.linalg.lstsq(gap_contact.element_means(cells), cells, rcond=None)[0], np.float64
