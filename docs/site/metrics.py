@@ -10,6 +10,6 @@ def markdown() -> str:
     """Return a table of all metrics."""
     rows: list[list[object]] = []
     for family in service_metrics(LEGS, [0.001]):
-        labels = ", ".join(f"`{label}`" for label in family.labels)
-        rows.append([f"`{family.name}`", family.kind, labels, family.help])
+        labels = ", ".join(f"`{label}`" for label in family.label_values)
+        rows.append([f"`{family.name}`", family.metric_type, labels, family.help])
     return table(["metric", "type", "labels", "meaning"], rows)

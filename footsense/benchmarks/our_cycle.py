@@ -31,7 +31,7 @@ from footsense.recording.cycle_pipe import CyclePipe
 from footsense.recording.shared_cycles import SharedCycles
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene_files import load_scene
-from footsense.telemetry.journal import Journal
+from footsense.telemetry.journal import LegStateLogger
 from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdNotifier
 
@@ -122,7 +122,7 @@ def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
         counters, cycles = Path(folder) / "counters", Path(folder) / "cycles"
         metrics = MetricsObserver(DEFAULT.legs, sink.stats, counters)
         observers: list[Observer] = [
-            Journal(DEFAULT.legs),
+            LegStateLogger(DEFAULT.legs),
             SystemdNotifier(DEFAULT.legs, {}),
             metrics,
             _PipeRecorder(loopback.pipe, DEFAULT.legs),

@@ -9,7 +9,7 @@ from footsense.cli.options import FILE, config_option
 from footsense.config import load_config
 from footsense.config.sections import Metrics
 from footsense.errors import ConfigError
-from footsense.telemetry.exporter import serve
+from footsense.telemetry.exporter import start_metrics_server
 
 
 @click.command()
@@ -28,6 +28,8 @@ def exporter(config_file: Path | None, counters: Path | None, port: int | None) 
         raise ConfigError(f"{config_file}: has no section metrics, so the service counts nothing")
     ends = {signal.SIGINT, signal.SIGTERM}
     signal.pthread_sigmask(signal.SIG_BLOCK, ends)  # before the server's threads begin, which inherit it
-    port = serve(counters or Path(metrics.counters), metrics.address, metrics.port if port is None else port)
+    port = start_metrics_server(
+        counters or Path(metrics.counters), metrics.address, metrics.port if port is None else port
+    )
     click.echo(f"http://{metrics.address}:{port}/metrics")
     signal.sigwait(ends)

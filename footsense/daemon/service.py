@@ -32,7 +32,7 @@ from footsense.recording.recorder import Recorder, check_recording_target
 from footsense.recording.shared_cycles import SharedCycles
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
-from footsense.telemetry.journal import Journal
+from footsense.telemetry.journal import LegStateLogger
 from footsense.telemetry.log_lines import n_lost_log_lines
 from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdNotifier
@@ -128,7 +128,7 @@ def open_service(
         if scan.response_sha256 not in {None, models.network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
         observers: list[Observer] = [
-            Journal(legs, on_test_stand=test_stand is not None),
+            LegStateLogger(legs, on_test_stand=test_stand is not None),
             SystemdNotifier(legs),
         ]
         source: FrameSource = scan.source

@@ -10,8 +10,8 @@ from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
 from footsense.frames import CapFrame
 from footsense.ports import Clock, FrameSource
-from footsense.sim.faults.scene_faults import OnChips, OnWires
-from footsense.sim.robot import SimulatedRobot, Wiring
+from footsense.sim.faults.scene_faults import ChipFault, WireFault
+from footsense.sim.robot import BusWiring, SimulatedRobot
 from footsense.sim.scene import Scene
 
 
@@ -30,7 +30,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         ConfigError: A fault of the scene is for a leg, bus or element that the robot does not have.
     """
     wiring = [
-        Wiring(
+        BusWiring(
             bus.rate_hz,
             bus.mux.address,
             bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)},
@@ -40,7 +40,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         for bus in config.buses
     ]
     if config.serial is not None:  # any wiring: the microcontroller's is not simulated
-        wiring = [Wiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
+        wiring = [BusWiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
     table = foot_type_file_path(config, "response.npz")
     response = FootResponse.load(table)
     check_foot_type(table, response.foot_type, response.rows, config)
@@ -58,7 +58,7 @@ def _inapplicable_faults(config: Config, scene: Scene, rows: int) -> Iterator[st
     """Yield the faults of a scene that this robot cannot have, as text."""
     for n, fault in enumerate(scene.faults):
         leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", None)
-        if config.serial is not None and isinstance(fault, OnChips | OnWires):
+        if config.serial is not None and isinstance(fault, ChipFault | WireFault):
             yield f"faults[{n}]: is for chips or wires of an I2C bus, which the board mcu does not have"
         if leg is not None and leg not in config.legs:
             yield f"faults[{n}].leg: {leg} is no leg of this robot; it has {', '.join(config.legs)}"

@@ -95,14 +95,14 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
                 raise ConfigError(
                     "sensor.kind: simulated needs a simulated foot; this configuration names real buses"
                 )
-            port = simulated.SimulatedSensor(
+            port = simulated.SimulatedForceSensor(
                 lambda t_ns: true_force_n_at(t_ns)[row],
                 scan_source.clock,
                 sensor.seed,
                 sensor.linearity_rel,
             )
-            stream = _sample_stream("simulated sensor", test_stand, simulated.RATE_HZ, 1.0)
-            return SerialReference(port, TextLineDecoder(simulated.COLUMNS, ","), stream, b"start")
+            stream = _sample_stream("simulated sensor", test_stand, simulated.SAMPLE_RATE_HZ, 1.0)
+            return SerialReference(port, TextLineDecoder(simulated.LINE_COLUMNS, ","), stream, b"start")
 
 
 def _sample_stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_count: float) -> SampleStream:

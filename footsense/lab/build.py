@@ -25,7 +25,7 @@ from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
     NETWORK_FILE,
-    PAPER_NETWORK_362,
+    PAPER_362_CASES_ROW_PREFIX,
     RESPONSE_FILE,
     error_table,
     evaluate_models,
@@ -146,7 +146,7 @@ def _paper_only_estimators(
     training, gap_um = paper_training(response), response.design.gap_um
     plain = train(training, response.design, settings)
     alone: dict[str, ForceEstimator] = {
-        f"{PAPER_NETWORK_362}_elastance": lambda closure_um: (
+        f"{PAPER_362_CASES_ROW_PREFIX}_elastance": lambda closure_um: (
             unit * predict_alone(plain, closure_um / gap_um)[0]
         )
     }
@@ -154,11 +154,11 @@ def _paper_only_estimators(
     try:
         inverted_um = model.element_free_closure_um(training.closure_um)
     except ArithmeticError as error:
-        report(f"no {PAPER_NETWORK_362}: the paper's loads are too large for this foot: {error}")
+        report(f"no {PAPER_362_CASES_ROW_PREFIX}: the paper's loads are too large for this foot: {error}")
         return alone
     inverted = train(Cases(training.force_n, inverted_um), response.design, settings)
     return {
-        PAPER_NETWORK_362: lambda closure_um: (
+        PAPER_362_CASES_ROW_PREFIX: lambda closure_um: (
             unit * predict_alone(inverted, model.element_free_closure_um(closure_um) / gap_um)[0]
         ),
         **alone,

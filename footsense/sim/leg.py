@@ -4,12 +4,12 @@ import numpy as np
 
 from footsense.foot.specimen import Foot
 from footsense.sim.chips.electronics import leg_electronics
-from footsense.sim.faults.chip_faults import failing_chips
+from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import WiredFoot
-from footsense.sim.faults.scene_faults import OnChips, OnFoot
+from footsense.sim.faults.scene_faults import ChipFault, FootDamage
 from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.sticking_gaps import StickingGaps
-from footsense.sim.foot.viscoelastic import ViscoelasticElement
+from footsense.sim.foot.viscoelastic import ViscoelasticRubber
 from footsense.sim.foot.warming import WarmingFoot
 from footsense.sim.loads.gait_table import GaitTable
 from footsense.sim.loads.ground_load import ContactSource, GroundContact
@@ -49,7 +49,7 @@ class SimulatedLeg:
         self._load = load
         self._table = table
         self._foot = foot
-        self._rubber = ViscoelasticElement() if effects.rubber else None
+        self._rubber = ViscoelasticRubber() if effects.rubber else None
         self._air = None if foot.cavity.gas is None else CavityAir(foot, effects.ambient_kpa)
         sticks = effects.stiction_kpa > 0.0 and self._air is None  # compressed air lets no gap close
         self._gaps = StickingGaps(foot, effects.stiction_kpa) if sticks else None
@@ -58,11 +58,11 @@ class SimulatedLeg:
         # Faults draw from a stream of their own, so that converters make the same noise with and without them.
         noise, faults, drift = ((scene.seed, number, *stream) for stream in ((), (1,), (2,)))
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
-        on_foot = [fault for fault in own if isinstance(fault, OnFoot)]
+        on_foot = [fault for fault in own if isinstance(fault, FootDamage)]
         self.wired = WiredFoot(self._undamaged_capacitance_pf, on_foot, foot)
-        self.chips = failing_chips(
+        self.chips = inject_chip_faults(
             *leg_electronics(board, self.wired, effects, noise),
-            [fault for fault in own if isinstance(fault, OnChips)],
+            [fault for fault in own if isinstance(fault, ChipFault)],
             np.random.default_rng(faults),
         )
         self._softening = effects.softening if effects.softening and effects.softening.leg == leg else None
@@ -72,23 +72,25 @@ class SimulatedLeg:
             self._warming = WarmingFoot(effects.warming, np.random.default_rng(drift), n_elements)
 
     def _undamaged_capacitance_pf(self, t_ns: int) -> list[float]:
-        """Return each element's capacitance at a time without damage and without stray [pF]."""
+        """Return each element's capacitance at a time [ns], without damage and without the scene's `stray_pf` [pF]."""
         softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
         if self._softening is not None:
             softness *= self._softening.softness(t_ns)
         if self._table is not None and isinstance(self._load, Walk):
-            element_pf = self._table.capacitance_pf(self._load.stance_phase(self._leg, t_ns), softness)
+            element_pf = self._table.capacitance_pf(
+                self._load.gait_phase_in_stance(self._leg, t_ns), softness
+            )
         else:
             contact = self._load.contact(self._leg, t_ns)
             if self._rubber is not None:
-                contact = GroundContact(*self._rubber.effective_load(t_ns, *contact))
+                contact = GroundContact(*self._rubber.next_effective_load(t_ns, *contact))
             if self._air is None:
                 if softness != 1.0:  # a stiffer solid yields as under a smaller load
                     contact = contact._replace(force_n=contact.force_n * softness)
                 element_pf = self._loaded_capacitance_pf(contact)
             else:
-                kelvin = 0.0 if self._warming is None else self._warming.kelvin(t_ns)
-                element_pf = self._air.capacitance_pf(t_ns, *contact, softness, kelvin).tolist()
+                kelvin = 0.0 if self._warming is None else self._warming.temperature_change_k(t_ns)
+                element_pf = self._air.next_capacitance_pf(t_ns, *contact, softness, kelvin).tolist()
         if self._warming is not None:
             drift_pf = self._warming.drift_pf(t_ns)
             element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]
@@ -101,6 +103,6 @@ class SimulatedLeg:
             if self._gaps is None:
                 element_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0]
             else:
-                element_pf = self._gaps.capacitance_pf(normal, force_n)
+                element_pf = self._gaps.next_capacitance_pf(normal, force_n)
             self._last_pf = element_pf.tolist()
         return self._last_pf

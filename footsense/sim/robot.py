@@ -17,9 +17,9 @@ from footsense.frames import Vector
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
-from footsense.sim.faults.scene_faults import OnWires, StuckSda
+from footsense.sim.faults.scene_faults import StuckSda, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
-from footsense.sim.foot.fabrication import fabricate, with_new_mounting
+from footsense.sim.foot.fabrication import draw_deviations, with_new_mounting
 from footsense.sim.foot.warming import softness_at
 from footsense.sim.leg import SimulatedLeg
 from footsense.sim.loads.gait_table import GaitTable
@@ -28,18 +28,18 @@ from footsense.sim.loads.walk import Walk
 from footsense.sim.scene import Scene
 
 
-class Wiring(NamedTuple):
+class BusWiring(NamedTuple):
     """Wiring of one simulated bus: bus rate, mux address, mux channel of each leg, board.
 
     Attributes:
-        rate_hz: Clock of the bus [Hz].
+        bus_clock_hz: Clock of the bus [Hz].
         mux_address: Address of its mux.
         channels: Mux channel of each leg.
         kernel_mux: Whether the kernel drives the mux, and each leg is an adapter of its own.
         board: Electronics of its legs: `fdc1004` or `ad7746`.
     """
 
-    rate_hz: int
+    bus_clock_hz: int
     mux_address: int
     channels: dict[str, int]
     kernel_mux: bool = False
@@ -49,13 +49,13 @@ class Wiring(NamedTuple):
 def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str, Foot]:
     """Return the foot of each leg: the same designed foot for all, or one fabricated foot per leg."""
     made, contact = scene.fabrication, scene.effects.gap_contact
-    cavity = None if scene.effects.cavity is None else scene.effects.cavity.air
+    cavity = None if scene.effects.cavity is None else scene.effects.cavity.cavity_model
     if made is None:
         own = Deviations(cavity=cavity, fringe=scene.effects.fringe)
         return dict.fromkeys(legs, Foot(response, own, contact=contact))
     feet = {}
     for number, leg in enumerate(legs, made.first):
-        own = fabricate(response, made.tolerances, made.seed, number)
+        own = draw_deviations(response, made.tolerances, made.seed, number)
         own = with_new_mounting(own, made.remount_deg, made.seed, number, made.mounting)
         own = replace(own, cavity=cavity, fringe=scene.effects.fringe)
         feet[leg] = Foot(response, own, contact=contact)
@@ -99,7 +99,7 @@ class SimulatedRobot:
     """
 
     def __init__(
-        self, scene: Scene, response: FootResponse, buses: Sequence[Wiring], grace_ns: float = math.inf
+        self, scene: Scene, response: FootResponse, buses: Sequence[BusWiring], grace_ns: float = math.inf
     ) -> None:
         self._load = scene.load.build(round(scene.lead_in_s * 1e9))
         self.response_sha256 = response.sha256
@@ -118,14 +118,14 @@ class SimulatedRobot:
             broken = [
                 fault
                 for fault in scene.faults
-                if isinstance(fault, OnWires)
+                if isinstance(fault, WireFault)
                 and (fault.leg in wiring.channels if isinstance(fault, StuckSda) else fault.bus == number)
             ]
             timeout_ns = round(scene.effects.adapter_timeout_ms * 1e6)
             rng = np.random.default_rng((scene.seed, number, 3))
             bus = SimulatedBus(
                 VirtualClock(),
-                rate_hz=wiring.rate_hz,
+                rate_hz=wiring.bus_clock_hz,
                 host_cost_ns=0 if wiring.kernel_mux else leg_cost_ns,
                 mux=SimulatedMux(wiring.mux_address),
                 legs={channel: self.legs[leg].chips for leg, channel in wiring.channels.items()},

@@ -13,14 +13,14 @@ from msgspec import Meta
 from footsense.foot.cavity.air import AMBIENT_KPA, Cavity, CavityKind
 from footsense.sim import scene_loads
 from footsense.sim.faults.scene_faults import Fault, Leg
-from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_DEG, FootTolerances
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
 
 
 class ScenePart(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base class of the parts of a scene file; unknown keys are errors."""
 
 
-class _Gradual(ScenePart, frozen=True):
+class _GradualChange(ScenePart, frozen=True):
     """A linear change that starts at a time and takes a duration.
 
     Attributes:
@@ -36,7 +36,7 @@ class _Gradual(ScenePart, frozen=True):
         return min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
 
 
-class Warming(_Gradual, frozen=True, kw_only=True):
+class Warming(_GradualChange, frozen=True, kw_only=True):
     """A linear change of the temperature of all feet.
 
     Attributes:
@@ -45,12 +45,12 @@ class Warming(_Gradual, frozen=True, kw_only=True):
 
     kelvin: Annotated[float, Meta(ge=-60.0, le=60.0)]
 
-    def kelvin_at(self, t_ns: int) -> float:
+    def temperature_change_k_at(self, t_ns: int) -> float:
         """Return the temperature change at a time [K]."""
         return self.kelvin * self.elapsed_share(t_ns)
 
 
-class Softening(_Gradual, frozen=True, kw_only=True):
+class Softening(_GradualChange, frozen=True, kw_only=True):
     """One foot becomes softer than the others over time: ageing rubber, or a sheet that comes off.
 
     Attributes:
@@ -85,10 +85,10 @@ class Cavities(ScenePart, frozen=True):
         Raises:
             ValueError: They do not.
         """
-        _ = self.air
+        _ = self.cavity_model
 
     @property
-    def air(self) -> Cavity:
+    def cavity_model(self) -> Cavity:
         """The cavity model of the simulated feet."""
         leak_time_s = math.inf if self.leak_time_s is None else self.leak_time_s
         return Cavity(kind=self.kind, leak_time_s=leak_time_s, gas_kpa=self.gas_kpa)
@@ -160,7 +160,7 @@ class Fabrication(ScenePart, frozen=True):
     def with_paper_tolerances(cls, *, seed: int, first: int, mounting: int) -> "Fabrication":
         """Return the settings of feet with the paper's fabrication tolerances, in a given mounting."""
         rms = dataclasses.asdict(PAPER_TOLERANCES)
-        return cls(seed=seed, first=first, mounting=mounting, remount_deg=REMOUNT_DEG, **rms)
+        return cls(seed=seed, first=first, mounting=mounting, remount_deg=REMOUNT_RMS_DEG, **rms)
 
     @property
     def tolerances(self) -> FootTolerances:

@@ -7,7 +7,7 @@ from pathlib import Path
 from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.sim import scene_loads
-from footsense.sim.faults.scene_faults import FORMER_FAULTS
+from footsense.sim.faults.scene_faults import FORMER_FAULT_HINTS
 from footsense.sim.scene import Scene
 
 #: Lowest elevation of a contact [deg].
@@ -38,13 +38,17 @@ def load_scene(name_or_path: str) -> Scene:
             f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
         )
     return strict_yaml.load(
-        text_or_path, Scene, where, check=_contradiction, former=FORMER_FAULTS | scene_loads.FORMER_LOADS
+        text_or_path,
+        Scene,
+        where,
+        check=_contradiction,
+        former=FORMER_FAULT_HINTS | scene_loads.FORMER_LOAD_HINTS,
     )
 
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
     """Return the first contradiction between keys that are valid each for itself; None if there is none."""
-    problem = _low_elevation_contradiction(scene) or _effect_without_its_cause(scene)
+    problem = _low_elevation_contradiction(scene) or _effect_contradiction(scene)
     if problem is not None:
         return problem
     if scene.gait_table and not isinstance(scene.load, scene_loads.Tripod | scene_loads.MeasuredWalk):
@@ -59,7 +63,7 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
     return None
 
 
-def _effect_without_its_cause(scene: Scene) -> strict_yaml.Problem | None:
+def _effect_contradiction(scene: Scene) -> strict_yaml.Problem | None:
     """Return the first effect that the scene's other keys rule out (needs memory, or closing gaps); None if none."""
     for past in ("rubber", "stiction_kpa"):
         if scene.gait_table and getattr(scene.effects, past):

@@ -9,16 +9,16 @@ from footsense.frames import ALL_LEGS
 from footsense.sim.faults.scene_faults import Leg
 from footsense.sim.loads import ground_load
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import SECOND_LEG_GROUP, Walk, smooth_stance
+from footsense.sim.loads.walk import SECOND_LEG_GROUP, Walk, smooth_stance_reaction
 from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
-Force = Annotated[float, Meta(ge=0.0, le=500.0)]
+ForceMagnitudeN = Annotated[float, Meta(ge=0.0, le=500.0)]
 Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
 #: Constant ground reaction x, y, z on a foot [N]; z presses the foot along its leg.
 ReactionForce = tuple[float, float, Annotated[float, Meta(gt=0.0, le=500.0)]]
 
 #: Words of earlier versions of `CalibrationLoads`, each with what replaces it.
-FORMER_LOADS = {
+FORMER_LOAD_HINTS = {
     "pokes": "now called calibration_loads",
     "hold_s": "now called dwell_s",
     "rest_s": "now called pause_s",
@@ -75,7 +75,7 @@ class Ramp(Constant, frozen=True, kw_only=True, tag="ramp"):
         return ground_load.RampContact(self.force_n, from_ns, _nanoseconds(self.rise_s))
 
 
-class Stand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Standstill(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A standstill in a walk: from the middle of each leg's next stance on, for whole gait periods.
 
     Attributes:
@@ -103,15 +103,15 @@ class Tripod(_Load, frozen=True, kw_only=True, tag="tripod"):
 
     period_s: Annotated[float, Meta(ge=0.1, le=10.0)]
     duty_rel: Annotated[float, Meta(gt=0.0, lt=1.0)]
-    peak_force_n: Force
+    peak_force_n: ForceMagnitudeN
     friction_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
     pitch_deg: Pitch = 0.0
-    stands: tuple[Stand, ...] = ()
+    stands: tuple[Standstill, ...] = ()
     second: tuple[Leg, ...] = SECOND_LEG_GROUP
 
     def build(self, from_ns: int) -> Walk:
         """Return the walk, starting at `from_ns` [ns]."""
-        reaction = smooth_stance(self.duty_rel, self.peak_force_n, self.friction_rel)
+        reaction = smooth_stance_reaction(self.duty_rel, self.peak_force_n, self.friction_rel)
         return Walk(
             dict.fromkeys(ALL_LEGS, reaction),
             period_ns=_nanoseconds(self.period_s),
@@ -133,7 +133,7 @@ class MeasuredWalk(_Load, frozen=True, kw_only=True, tag="measured_walk"):
         pitch_deg: Lean of the legs at touchdown [deg].
     """
 
-    peak_force_n: Force
+    peak_force_n: ForceMagnitudeN
     pitch_deg: Pitch = 0.0
 
     def build(self, from_ns: int) -> ground_load.ContactSource:

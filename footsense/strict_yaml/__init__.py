@@ -14,7 +14,7 @@ from typing import TypeVar
 import msgspec
 
 from footsense.errors import ConfigError
-from footsense.strict_yaml.error_details import Problem, locate_error
+from footsense.strict_yaml.error_details import Problem, problem_from_error
 from footsense.strict_yaml.plain_data import MAX_BYTES, YamlError, read_yaml
 
 __all__ = ["MAX_BYTES", "Problem", "load"]
@@ -49,10 +49,10 @@ def load(
         place = where if fault.line is None else f"{where}:{fault.line}"
         raise ConfigError(f"{place}: {fault}") from None
     try:
-        result = msgspec.convert(text.data, type_)
+        result = msgspec.convert(text.root_value, type_)
         problem = check(result) if check else None
     except msgspec.ValidationError as error:
-        problem = locate_error(text.data, type_, str(error), former or {})
+        problem = problem_from_error(text.root_value, type_, str(error), former or {})
     if problem:
         raise ConfigError(f"{where}:{text.line_of(problem.path)}: {problem}")
     return result

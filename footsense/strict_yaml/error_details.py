@@ -33,7 +33,7 @@ class Problem(NamedTuple):
         return f"{self.path}: {self.message}" if self.path else self.message
 
 
-def locate_error(data: Any, type_: type[object], error: str, former: Mapping[str, str]) -> Problem:  # noqa: ANN401
+def problem_from_error(data: Any, type_: type[object], error: str, former: Mapping[str, str]) -> Problem:  # noqa: ANN401
     """Return a msgspec validation error as a problem with the path, the value and the allowed values.
 
     Args:
@@ -66,7 +66,7 @@ def locate_error(data: Any, type_: type[object], error: str, former: Mapping[str
         )
     if missing := _MISSING_FIELD_PATTERN.fullmatch(fault):
         info = _item_type(info, value, missing["name"])
-        return Problem(path, fault.replace("`", "") + _expected_values(info))
+        return Problem(path, fault.replace("`", "") + _expected_values_text(info))
     return Problem(path, fault.replace("`", "") + _error_hint(fault, value, info, former))
 
 
@@ -81,10 +81,10 @@ def _error_hint(fault: str, value: object, info: inspect.Type, former: Mapping[s
             got += f" (YAML reads that as text, write {float(value):g})"
     elif "got" not in fault:
         got = f", got {len(value) if isinstance(value, dict | list) else value}"
-    return got + _expected_values(info)
+    return got + _expected_values_text(info)
 
 
-def _expected_values(info: inspect.Type) -> str:
+def _expected_values_text(info: inspect.Type) -> str:
     """Return the allowed values of a type, or descriptions of its fields, as text."""
     if choices := _allowed_values(info):
         return f"; expected {', '.join(map(str, choices))}"

@@ -44,18 +44,19 @@ class PlainData(NamedTuple):
     """Python data of one YAML text, with the line number of each key.
 
     Attributes:
-        data: Dicts with text keys, lists and scalars.
-        lines: Line of every value, from 1, by its path, such as "buses[0].legs"; of a dict's item that of its key.
+        root_value: Dicts with text keys, lists and scalars.
+        line_by_path: Line of every value, from 1, by its path, such as "buses[0].legs"; of a dict's item that of its
+            key.
     """
 
-    data: object
-    lines: dict[str, int]
+    root_value: object
+    line_by_path: dict[str, int]
 
     def line_of(self, path: str) -> int:
         """Return the line number, from 1, of the value at `path`, or of the nearest enclosing value."""
-        while path not in self.lines:
+        while path not in self.line_by_path:
             path = path[: max(path.rfind("."), path.rfind("["), 0)]
-        return self.lines[path]
+        return self.line_by_path[path]
 
 
 def item_path(path: str, key: str | int) -> str:

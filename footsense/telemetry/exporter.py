@@ -55,25 +55,25 @@ class CountersCollector(Collector):
 
 def _metric(family: MetricFamily, cells: Sequence[float]) -> Metric:
     """Return a metric family's values as one Prometheus metric."""
-    names = list(family.labels)
-    combinations = product(*family.labels.values())
-    if family.kind == "histogram":
+    names = list(family.label_values)
+    combinations = product(*family.label_values.values())
+    if family.metric_type == "histogram":
         histogram = HistogramMetricFamily(family.name, family.help, labels=names)
-        bounds = [*(f"{bound:g}" for bound in family.bounds), "+Inf"]
+        bounds = [*(f"{bound:g}" for bound in family.bucket_bounds), "+Inf"]
         for number, labels in enumerate(combinations):
             *counts, total = cells[
                 number * family.cells_per_label_set : (number + 1) * family.cells_per_label_set
             ]
             histogram.add_metric(labels, list(zip(bounds, accumulate(counts), strict=True)), total)
         return histogram
-    kind = CounterMetricFamily if family.kind == "counter" else GaugeMetricFamily
+    kind = CounterMetricFamily if family.metric_type == "counter" else GaugeMetricFamily
     metric = kind(family.name, family.help, labels=names)
     for labels, value in zip(combinations, cells, strict=True):
         metric.add_metric(labels, value)
     return metric
 
 
-def serve(path: Path, address: str, port: int) -> int:
+def start_metrics_server(path: Path, address: str, port: int) -> int:
     """Serve the counters over HTTP from a daemon thread until the process ends; return the port.
 
     Args:

@@ -13,11 +13,11 @@ _log = logging.getLogger(__name__)
 #: States that a foot without a calibration keeps changing between while it is pressed.
 _UNLOGGED_ON_TEST_STAND = frozenset({State.VALID, State.DEGRADED, State.SATURATED, State.OUT_OF_RANGE})
 
-_LINES_PER_MINUTE = 10
+_MAX_LEG_LINES_PER_MINUTE = 10
 _MINUTE_NS = 60_000_000_000
 
 
-class Journal:
+class LegStateLogger:
     """Observer that logs each leg's changes of state and cause, and the results of commands.
 
     Args:
@@ -69,7 +69,7 @@ class Journal:
 
     def _log_line(self, leg: int, level: int, text: str) -> None:
         """Log one message about a leg, unless its limit per minute is reached."""
-        if self._lines[leg] >= _LINES_PER_MINUTE:
+        if self._lines[leg] >= _MAX_LEG_LINES_PER_MINUTE:
             self._suppressed[leg] += 1
             return
         self._lines[leg] += 1

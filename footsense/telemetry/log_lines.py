@@ -17,7 +17,7 @@ import stat
 from collections.abc import Callable
 
 #: Up to this length a pipe takes a line whole or not at all [bytes]. Source: pipe(7), PIPE_BUF.
-_MAX_LINE_BYTES = 4096
+_PIPE_ATOMIC_WRITE_BYTES = 4096
 
 
 class NonBlockingLogHandler(logging.Handler):
@@ -80,7 +80,7 @@ def n_lost_log_lines() -> int:
 def _encoded_line(text: str) -> bytes:
     """Return a text as one UTF-8 line of limited length."""
     data = " ".join(text.splitlines()).encode(errors="backslashreplace")
-    return data[: _MAX_LINE_BYTES // 2 - 1] + b"\n"
+    return data[: _PIPE_ATOMIC_WRITE_BYTES // 2 - 1] + b"\n"
 
 
 def _nonblocking_writer(fd: int) -> tuple[Callable[[bytes], int], Callable[[], None]]:

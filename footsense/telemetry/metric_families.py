@@ -17,11 +17,11 @@ from footsense.leg_phase import LegPhase
 from footsense.telemetry.shared_counters import MetricFamily
 
 #: Close together around one conversion of 2.5, 5, 10 and 11 ms.
-PERIOD_BOUNDS_S = [
+CYCLE_PERIOD_BUCKET_BOUNDS_S = [
     *(0.002, 0.0025, 0.0026, 0.0027, 0.0028, 0.003, 0.004, 0.005, 0.0055, 0.006, 0.01, 0.0105, 0.011, 0.0115),
     *(0.012, 0.015, 0.02, 0.03, 0.05, 0.1, 0.12, 0.15, 0.5),
 ]
-AGE_BOUNDS_S = [
+READING_AGE_BUCKET_BOUNDS_S = [
     *(
         0.001,
         0.002,
@@ -117,10 +117,13 @@ def service_metrics(legs: tuple[str, ...], wakeup_bounds_s: Sequence[float] | No
             "footsense_cycle_period_seconds",
             "Time from one estimate of the forces to the next.",
             {},
-            PERIOD_BOUNDS_S,
+            CYCLE_PERIOD_BUCKET_BOUNDS_S,
         ),
         _metric_family(
-            "footsense_frame_age_seconds", "Age of a leg's newest reading at its estimate.", leg, AGE_BOUNDS_S
+            "footsense_frame_age_seconds",
+            "Age of a leg's newest reading at its estimate.",
+            leg,
+            READING_AGE_BUCKET_BOUNDS_S,
         ),
         *(
             _metric_family(name, meaning, {**leg, label: _code_names(codes)})

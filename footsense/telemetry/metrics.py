@@ -25,11 +25,11 @@ from footsense.frames import (
 from footsense.leg_phase import phase_of
 from footsense.ports import Observer, WakeupLatency
 from footsense.telemetry.metric_families import (
-    AGE_BOUNDS_S,
     CAN_COUNTERS,
+    CYCLE_PERIOD_BUCKET_BOUNDS_S,
     FAULT_STATES,
     GAIT_GAUGES,
-    PERIOD_BOUNDS_S,
+    READING_AGE_BUCKET_BOUNDS_S,
     STATE_SETS,
     service_metrics,
 )
@@ -39,7 +39,7 @@ _SLOW_COPY_PERIOD_NS = 100_000_000
 _FARADS_PER_PF = 1e-12
 
 # Looked up by plain numbers: an enumeration's arithmetic costs a microsecond each time.
-_N_CODES = {name: len(codes) for name, (_, codes, _) in STATE_SETS.items()}
+_N_CODES_OF_STATE_SET = {name: len(codes) for name, (_, codes, _) in STATE_SETS.items()}
 _PHASE_OF_STATE = {state.value: phase_of(state).value for state in State}
 _CONTACT, _DEGRADED_TIMING = int(Flag.CONTACT), int(Flag.DEGRADED_TIMING)
 
@@ -89,7 +89,7 @@ class MetricsObserver(Observer):
         self._states = [-1] * len(legs)
         self._fault_column = {state.value: column for column, state in enumerate(FAULT_STATES)}
         self._period = self._first["footsense_cycle_period_seconds"]
-        cells_per_label_set = len(AGE_BOUNDS_S) + 2
+        cells_per_label_set = len(READING_AGE_BUCKET_BOUNDS_S) + 2
         self._ages = [
             self._first["footsense_frame_age_seconds"] + row * cells_per_label_set for row in range(len(legs))
         ]
@@ -103,14 +103,14 @@ class MetricsObserver(Observer):
         sent_ns = forces.t_sent_ns
         if self._t_sent_ns is not None:
             period_s = (sent_ns - self._t_sent_ns) / 1e9
-            cells[self._period + bisect_left(PERIOD_BOUNDS_S, period_s)] += 1
-            cells[self._period + len(PERIOD_BOUNDS_S) + 1] += period_s
+            cells[self._period + bisect_left(CYCLE_PERIOD_BUCKET_BOUNDS_S, period_s)] += 1
+            cells[self._period + len(CYCLE_PERIOD_BUCKET_BOUNDS_S) + 1] += period_s
         self._t_sent_ns = sent_ns
         for first, t_ns in zip(self._ages, forces.t_ns.tolist(), strict=True):
             if t_ns:
                 age_s = (sent_ns - t_ns) / 1e9
-                cells[first + bisect_left(AGE_BOUNDS_S, age_s)] += 1
-                cells[first + len(AGE_BOUNDS_S) + 1] += age_s
+                cells[first + bisect_left(READING_AGE_BUCKET_BOUNDS_S, age_s)] += 1
+                cells[first + len(READING_AGE_BUCKET_BOUNDS_S) + 1] += age_s
         present = (forces.state.tobytes(), forces.cause.tobytes(), forces.flags.tobytes())
         if present != self._last:
             self._last = present
@@ -121,7 +121,7 @@ class MetricsObserver(Observer):
             self._update_gait(forces.gait)
         if self._copy_due_ns is None or sent_ns >= self._copy_due_ns:
             self._copy_due_ns = sent_ns + _SLOW_COPY_PERIOD_NS
-            self._copy_external_counts(forces)
+            self._copy_slow_metrics(forces)
         for outcome in cycle.outcomes:
             if outcome.command.kind == CommandKind.TARE:
                 column = outcome.command.leg * len(Result) + outcome.result
@@ -134,9 +134,9 @@ class MetricsObserver(Observer):
     def _update_states(self, forces: ContactFrame) -> None:
         """Update the states, causes and flags, and the choice of counters for the following cycles."""
         states, flags = forces.state.tolist(), forces.flags.tolist()
-        self._set_states("footsense_leg_state", states)
-        self._set_states("footsense_leg_phase", [_PHASE_OF_STATE[state] for state in states])
-        self._set_states("footsense_leg_cause", forces.cause.tolist())
+        self._set_state_set("footsense_leg_state", states)
+        self._set_state_set("footsense_leg_phase", [_PHASE_OF_STATE[state] for state in states])
+        self._set_state_set("footsense_leg_cause", forces.cause.tolist())
         self._set_cells("footsense_leg_contact", [bool(flag & _CONTACT) for flag in flags])
         self._set_cells("footsense_degraded_timing", [any(flag & _DEGRADED_TIMING for flag in flags)])
         by_state, n_states = self._first["footsense_leg_cycles_total"], len(State)
@@ -156,19 +156,19 @@ class MetricsObserver(Observer):
         self._set_cells("footsense_ground_normal", gait.normal.ravel().tolist())
         self._set_cells("footsense_ground_friction_coefficient", [gait.friction])
         self._set_cells("footsense_all_in_air", [gait.all_in_air])
-        self._set_states("footsense_leg_slip", gait.slip.tolist())
+        self._set_state_set("footsense_leg_slip", gait.slip.tolist())
         first = self._first["footsense_gait_events_total"]
         for event in gait.events:
             self._counters.cells[first + event.leg * len(GaitEventKind) + event.kind - 1] += 1
 
-    def _copy_external_counts(self, forces: ContactFrame) -> None:
+    def _copy_slow_metrics(self, forces: ContactFrame) -> None:
         """Copy counts kept by other parts (CAN, clocks, log) and the baselines to the metrics."""
         baseline, cells = forces.baseline, self._counters.cells
         for cell, field in self._can_cells:
             cells[cell] = getattr(self._can, field)
         self._set_cells("footsense_recorder_lost_cycles_total", [self._n_lost_cycles()])
         self._set_cells("footsense_log_lost_lines_total", [self._n_lost_log_lines()])
-        self._set_states("footsense_baseline_status", baseline.status.tolist())
+        self._set_state_set("footsense_baseline_status", baseline.status.tolist())
         self._set_cells("footsense_baseline_mean_offset_farads", (baseline.mean_pf * _FARADS_PER_PF).tolist())
         self._set_cells(
             "footsense_baseline_worst_offset_farads", (baseline.worst_pf * _FARADS_PER_PF).tolist()
@@ -184,9 +184,9 @@ class MetricsObserver(Observer):
             self._set_cells("footsense_overruns_total", [sum(wakeups.overruns for wakeups in self._wakeups)])
             self._set_cells("footsense_missed_deadlines_total", [self._late_discards()])
 
-    def _set_states(self, name: str, states: Sequence[int]) -> None:
+    def _set_state_set(self, name: str, states: Sequence[int]) -> None:
         """Set each leg's series of a state set: 1 for its present code, 0 for the previous one."""
-        first, n_codes = self._first[name], _N_CODES[name]
+        first, n_codes = self._first[name], _N_CODES_OF_STATE_SET[name]
         present = [first + row * n_codes + state for row, state in enumerate(states)]
         before = self._state_cells.get(name, present)
         cells = self._counters.cells

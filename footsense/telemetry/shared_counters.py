@@ -40,27 +40,27 @@ class MetricFamily:
 
     Attributes:
         name: Name in Prometheus, with its unit; a counter's ends in `_total`.
-        kind: Type in Prometheus.
+        metric_type: Type in Prometheus.
         help: One sentence for readers of the metrics.
-        labels: Values that each label can have, in order.
-        bounds: Upper bounds of a histogram's buckets, rising, without infinity.
+        label_values: Values that each label can have, in order.
+        bucket_bounds: Upper bounds of a histogram's buckets, rising, without infinity.
     """
 
     name: str
-    kind: Literal["counter", "gauge", "histogram"]
+    metric_type: Literal["counter", "gauge", "histogram"]
     help: str
-    labels: dict[str, list[str]] = field(default_factory=dict)
-    bounds: list[float] = field(default_factory=list)
+    label_values: dict[str, list[str]] = field(default_factory=dict)
+    bucket_bounds: list[float] = field(default_factory=list)
 
     @property
     def cells_per_label_set(self) -> int:
         """Number of values for one combination of label values."""
-        return len(self.bounds) + 2 if self.kind == "histogram" else 1
+        return len(self.bucket_bounds) + 2 if self.metric_type == "histogram" else 1
 
     @property
     def n_cells(self) -> int:
         """Number of values of the whole family."""
-        return self.cells_per_label_set * math.prod(len(values) for values in self.labels.values())
+        return self.cells_per_label_set * math.prod(len(values) for values in self.label_values.values())
 
 
 class SharedCountersWriter:

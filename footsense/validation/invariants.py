@@ -38,7 +38,7 @@ TOLERATED_CAN_RECOVERY_S = 2.0
 #: Delay of the next cycle by the search for a leg [s].
 _TOLERATED_LEG_SEARCH_DELAY_S = 1.5e-3
 #: Frames ahead of one on the wire: a full queue and the mailboxes, each of which loses to another node's [bits].
-_QUEUE_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.mailboxes) * LONGEST_FRAME_BITS
+_QUEUE_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.n_mailboxes) * LONGEST_FRAME_BITS
 #: Values of the counter in a frame of CAN.
 _COUNTER_VALUES = 15
 

@@ -27,10 +27,14 @@ from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Deviations, Foot
 from footsense.frames import ELEMENTS, Mask, Vector
-from footsense.sim.foot.fabrication import REMOUNT_DEG, FootTolerances, fabricate, with_new_mounting
-from footsense.sim.foot.viscoelastic import ViscoelasticElement
+from footsense.sim.foot.fabrication import REMOUNT_RMS_DEG, FootTolerances, draw_deviations, with_new_mounting
+from footsense.sim.foot.viscoelastic import ViscoelasticRubber
 from footsense.sim.test_stand.press_sequence import paper_presses
-from footsense.sim.test_stand.reference_sensor import RESOLUTION_GF, drawn_bow_gf, nonlinearity_gf
+from footsense.sim.test_stand.reference_sensor import (
+    RESOLUTION_GF,
+    draw_nonlinearity_amplitude_gf,
+    nonlinearity_gf,
+)
 
 if TYPE_CHECKING:
     from footsense.foot.parameters import FootParameters
@@ -120,7 +124,7 @@ class _FootOnTestStand:
         )
         self._flat_sine = 1.0 - disturbance.worn_cap_height_mm / response.ball_radius_mm
         self._min_sine = np.sin(np.radians(response.min_elevation_deg))
-        self._bow_gf = drawn_bow_gf(rng, disturbance.reference_nonlinearity_rel)
+        self._bow_gf = draw_nonlinearity_amplitude_gf(rng, disturbance.reference_nonlinearity_rel)
         self._touchdown_pf = (
             disturbance.max_ground_capacitance_pf * rng.uniform(0.25, 1.0) * rng.uniform(0.7, 1.0, ELEMENTS)
         )
@@ -133,13 +137,13 @@ class _FootOnTestStand:
             noise_pf: Noise of a reading [pF].
             on_floor: Whether the floor adds its capacitance.
         """
-        rubber = ViscoelasticElement(self._disturbance.creep_factor, self._disturbance.hysteresis_factor)
+        rubber = ViscoelasticRubber(self._disturbance.creep_factor, self._disturbance.hysteresis_factor)
         step_ns = [round(1e9 * part) for part in (_PAUSE_S, _RISE_S, _DWELL_S / 2, _DWELL_S / 2, _RISE_S)]
         t_ns, normals, forces = 0, [], []
         for normal, force_n in zip(self._contact_normals(loads.normal), loads.force_n, strict=True):
             for duration_ns, share in zip(step_ns, (0.0, 1.0, 1.0, 1.0, 0.0), strict=True):
                 t_ns += duration_ns
-                effective = rubber.effective_load(t_ns, normal, share * force_n)
+                effective = rubber.next_effective_load(t_ns, normal, share * force_n)
                 normals.append(effective[0])
                 forces.append(effective[1])
         pf = self._capacitance_pf(np.array(normals), np.array(forces), step_ns).reshape(-1, 5, ELEMENTS)
@@ -212,7 +216,7 @@ def run_mismatch_trial(
         force, `_unexplained` of those that the residual test finds inconsistent.
     """
     rng = np.random.default_rng((plan.seed, number, 4))
-    own = fabricate(truth, plan.tolerances, plan.seed, number)
+    own = draw_deviations(truth, plan.tolerances, plan.seed, number)
     turned = rotation(np.array([0.0, 0.0, np.radians(disturbance.sheet_rotation_deg)]))
     own = Deviations(
         **{name: getattr(own, name) for name in ("gap_um", "film_um", "stray_pf", "stiffness_rel")},
@@ -245,7 +249,7 @@ def run_mismatch_trial(
             f"distance_{name}": fit.median_mahalanobis_distance,
             f"said_{name}": float(fit.median_mahalanobis_distance > WARNING_MEDIAN_MAHALANOBIS_DISTANCE),
         }
-    again = with_new_mounting(own, REMOUNT_DEG, plan.seed, number, 2)
+    again = with_new_mounting(own, REMOUNT_RMS_DEG, plan.seed, number, 2)
     remade = _FootOnTestStand(truth, again, disturbance, np.random.default_rng((plan.seed, number, 5)))
     for test, test_loads in plan.test_loads_by_name.items():
         read = remade.press(test_loads, _ONE_PF, on_floor=True)

@@ -10,7 +10,7 @@ from footsense.sim.faults import scene_faults
 
 #: Kinds of faults of a leg or its bus, kinds of faults of CAN, and the share of the latter.
 ROBOT_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(
-    scene_faults.OnChips | scene_faults.OnFoot | scene_faults.OnWires
+    scene_faults.ChipFault | scene_faults.FootDamage | scene_faults.WireFault
 )
 CAN_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.CanFault)
 _CAN_FAULT_SHARE_REL = 0.2

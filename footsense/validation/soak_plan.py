@@ -6,7 +6,7 @@ import numpy as np
 from footsense.config import DEFAULT, Config
 from footsense.sim.faults.scene_faults import CanTraffic
 from footsense.sim.scene import Effects, Scene, Warming
-from footsense.sim.scene_loads import Stand, Tripod
+from footsense.sim.scene_loads import Standstill, Tripod
 
 #: Hours of a day at the full rate.
 _FAST_GAIT_HOURS = 4.0
@@ -99,7 +99,7 @@ def robot_and_scene(stretch: Stretch, *, calm_rel: float | None = None) -> tuple
             friction_rel=0.15,
             pitch_deg=10.0,
             stands=tuple(
-                Stand(from_s=from_s, until_s=until_s) for from_s, until_s in stretch.standstill_spans_s
+                Standstill(from_s=from_s, until_s=until_s) for from_s, until_s in stretch.standstill_spans_s
             ),
         ),
         lead_in_s=LEAD_IN_S,

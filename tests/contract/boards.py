@@ -16,8 +16,8 @@ from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
-from footsense.sim.chips.ad7746 import MutualCapacitance, SimulatedAd7746
-from footsense.sim.chips.fdc1004 import CinCapacitance, SimulatedFdc1004
+from footsense.sim.chips.ad7746 import MeanMutualCapacitance, SimulatedAd7746
+from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
@@ -56,7 +56,7 @@ def distinct(element: int, t_ns: int) -> float:
     return float(DISTINCT_PF[element])
 
 
-def column_through(switch: SimulatedLineSwitch, capacitance_pf: Capacitance) -> CinCapacitance:
+def column_through(switch: SimulatedLineSwitch, capacitance_pf: Capacitance) -> MeanCinCapacitance:
     """Return what a pin sees of its column through the rows that the switch grounds."""
 
     def seen_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
@@ -64,7 +64,7 @@ def column_through(switch: SimulatedLineSwitch, capacitance_pf: Capacitance) -> 
             share * capacitance_pf(3 * row + cin, (t_start_ns + t_end_ns) // 2)
             for share, rows in switch.states_between(t_start_ns, t_end_ns)
             for row in range(3)
-            if rows.selected >> row & 1
+            if rows.selected_mask >> row & 1
         )
 
     return seen_pf
@@ -72,7 +72,7 @@ def column_through(switch: SimulatedLineSwitch, capacitance_pf: Capacitance) -> 
 
 def crossing_through(
     rows: SimulatedLineSwitch, columns: SimulatedLineSwitch, capacitance_pf: Capacitance
-) -> MutualCapacitance:
+) -> MeanMutualCapacitance:
     """Return what an input sees of the excited rows through the columns that are switched to it."""
 
     def seen(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:
@@ -81,7 +81,7 @@ def crossing_through(
             since_ns = max(row_states.since_ns, t_start_ns)
             for share, column_states in columns.states_between(since_ns, until_ns):
                 for row, column in ((r, c) for r in range(3) for c in range(3)):
-                    if row_states.selected >> row & column_states.selected >> column & 1:
+                    if row_states.selected_mask >> row & column_states.selected_mask >> column & 1:
                         total_pf += row_share * share * capacitance_pf(3 * row + column, t_middle_ns)
             until_ns = since_ns
         return total_pf, False
@@ -89,11 +89,11 @@ def crossing_through(
     return seen
 
 
-def _more_at_a_pin(seen_pf: CinCapacitance, added_pf: float) -> CinCapacitance:
+def _more_at_a_pin(seen_pf: MeanCinCapacitance, added_pf: float) -> MeanCinCapacitance:
     return lambda cin, t_start_ns, t_end_ns: seen_pf(cin, t_start_ns, t_end_ns) + added_pf
 
 
-def _more_mutual(seen: MutualCapacitance, added_pf: float) -> MutualCapacitance:
+def _more_mutual(seen: MeanMutualCapacitance, added_pf: float) -> MeanMutualCapacitance:
     def more(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:
         pf, shorted = seen(t_start_ns, t_end_ns)
         return pf + added_pf, shorted

@@ -31,9 +31,9 @@ def requirements(
     """Return the requirements of a robot, with few materials."""
     return Requirements(
         max_n=max_n,
-        min_n=max_n / 20.0,
-        max_lean_deg=30.0,
-        max_direction_error_deg=1.0,
+        min_evaluated_force_n=max_n / 20.0,
+        max_force_to_leg_axis_deg=30.0,
+        max_noise_direction_error_deg=1.0,
         ball_diameter_range_mm=ball_mm,
         materials=load_materials().select_materials(material),
         process=load_processes()[process],
@@ -158,7 +158,7 @@ def test_a_released_foot_is_as_predicted(library: ShapeLibrary, foot_type: str) 
             r"--ball 110 120 and --board fdc1004 conflict.*up to",
         ),
         (
-            requirements(12.0, (20.0, 30.0), "urethane-90a")._replace(min_n=1e-3),
+            requirements(12.0, (20.0, 30.0), "urethane-90a")._replace(min_evaluated_force_n=1e-3),
             r"--min-force 0\.001 and --max-force 12 conflict at --error 1:.*process makes 20 um.*--min-force",
         ),
     ],

@@ -33,7 +33,7 @@ from footsense.lab.studies.accuracy.tolerance import (
 )
 from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
-from footsense.sim.foot.fabrication import MIN_DRAWN_OVER_DESIGN, fabricate
+from footsense.sim.foot.fabrication import MIN_DRAWN_OVER_DESIGN, draw_deviations
 
 pytestmark = pytest.mark.lab
 
@@ -163,30 +163,30 @@ def test_a_dask_cluster_judges_alike(file: Path) -> None:
 
 def test_each_foot_is_reproducible_by_itself(released: FootResponse) -> None:
     """By number and seed; at twice the tolerance twice the deviation, whatever else is inexact."""
-    once = fabricate(released, Tolerances(gap_um=0.5), 7, 3)
-    mixed = fabricate(released, Tolerances(gap_um=1.0, mount_deg=3.0, film_um=1.0), 7, 3)
+    once = draw_deviations(released, Tolerances(gap_um=0.5), 7, 3)
+    mixed = draw_deviations(released, Tolerances(gap_um=1.0, mount_deg=3.0, film_um=1.0), 7, 3)
     np.testing.assert_allclose(mixed.gap_um, 2.0 * once.gap_um, rtol=1e-12)
     np.testing.assert_allclose(mixed.mount @ mixed.mount.T, np.eye(3), atol=1e-12)
-    assert not np.allclose(once.gap_um, fabricate(released, Tolerances(gap_um=0.5), 7, 4).gap_um)
-    assert not np.allclose(once.gap_um, fabricate(released, Tolerances(gap_um=0.5), 8, 3).gap_um)
+    assert not np.allclose(once.gap_um, draw_deviations(released, Tolerances(gap_um=0.5), 7, 4).gap_um)
+    assert not np.allclose(once.gap_um, draw_deviations(released, Tolerances(gap_um=0.5), 8, 3).gap_um)
 
 
 def test_feet_have_the_stated_distribution(released: FootResponse) -> None:
     """The rms values over many feet; what cannot be made is drawn again."""
     tolerances = Tolerances(gap_um=2.0, stray_pf=0.1, stiffness_rel=0.1, mount_deg=2.0)
-    feet = [fabricate(released, tolerances, 1, foot) for foot in range(400)]
+    feet = [draw_deviations(released, tolerances, 1, foot) for foot in range(400)]
     rms = [float(np.sqrt(np.mean(np.square([getattr(f, k) for f in feet])))) for k in ("gap_um", "stray_pf")]
     np.testing.assert_allclose(rms, [2.0, 0.1], rtol=0.05)
     turned_deg = np.degrees(np.arccos([(np.trace(f.mount) - 1.0) / 2.0 for f in feet]))
     np.testing.assert_allclose(np.sqrt(np.mean(turned_deg**2)), 2.0, rtol=0.05)
-    wild = [fabricate(released, Tolerances(gap_um=20.0, mount_deg=20.0), 1, foot) for foot in range(20)]
+    wild = [draw_deviations(released, Tolerances(gap_um=20.0, mount_deg=20.0), 1, foot) for foot in range(20)]
     assert min(f.gap_um.min() for f in wild) >= (MIN_DRAWN_OVER_DESIGN - 1.0) * released.design.gap_um
     assert min(f.mount[2, 2] for f in wild) >= np.cos(np.radians(15.0))
 
 
 def test_an_exact_bench_measures_what_the_daemon_senses(released: FootResponse) -> None:
     """Of a foot with any deviations: the closures of the project's own verification cases, to rounding."""
-    own = fabricate(released, Tolerances(gap_um=2.0, stray_pf=0.1, mount_deg=2.0), 1, 0)
+    own = draw_deviations(released, Tolerances(gap_um=2.0, stray_pf=0.1, mount_deg=2.0), 1, 0)
     cases = paper_verification(released, own)
     measured = measure_foot(
         Foot(released, own), own.mount, cases.force_n, Tolerances(), np.random.default_rng(0)
@@ -247,5 +247,5 @@ def test_the_page_reports_the_level_of_the_papers_error() -> None:
     assert "| gap [um] | 4 | 4 | 4 | 4.7 | 4.7 | 4.7 |" in page.body
     assert "| film [um] | no (0.0 at 4) |" in page.body
     assert all(f"![]({figure})" in page.body for figure in page.figures)
-    assert page.values["figures"]["gap [um]"]["8"]["network_deg"]["mean"] == 32.0
+    assert page.values["statistics_by_sweep_and_level"]["gap [um]"]["8"]["network_deg"]["mean"] == 32.0
     assert len(lines) == 1

@@ -84,7 +84,7 @@ class CanWalk:
                 )
             )
         self.clock.t_ns = max(self.clock.t_ns, round(until_s * 1e9))
-        self.can.advance()
+        self.can.process_events_until_now()
 
     def forces(self, node: int | None = None) -> list[Heard]:
         """Return the Force frames that were heard, of one node or of all."""

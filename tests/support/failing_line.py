@@ -50,7 +50,7 @@ class FailingLine(SimulatedSerialPort):
         self._lead = b""
         self._is_out = False
 
-    def send(self, data: bytes, t_ns: int) -> None:
+    def schedule_arrival(self, data: bytes, t_ns: int) -> None:
         """Put the bytes of a scan on the line that get through."""
         data, self._lead = self._lead + data, b""
         while self._resets_ns and self._resets_ns[0] <= t_ns:
@@ -60,7 +60,7 @@ class FailingLine(SimulatedSerialPort):
         was_out, self._is_out = self._is_out, in_any_span(list(self._faults.unplugged_ns), t_ns)
         if not self._is_out:
             self.n_opened += was_out
-            super().send(self._harmed(data), t_ns)
+            super().schedule_arrival(self._harmed(data), t_ns)
 
     def _harmed(self, data: bytes) -> bytes:
         lost_rel, corrupt_rel, *_ = self._faults

@@ -10,7 +10,7 @@ from footsense.calibration.loads.load_set import LoadSet
 from footsense.daemon.foot_types import released_path
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
-from footsense.sim.foot.fabrication import FootTolerances, fabricate
+from footsense.sim.foot.fabrication import FootTolerances, draw_deviations
 
 Vector = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def design() -> DesignModels:
 
 def made(number: int) -> Deviations:
     """Return a foot as made."""
-    return fabricate(design().response, MADE, 7, number)
+    return draw_deviations(design().response, MADE, 7, number)
 
 
 def load_set(

@@ -15,7 +15,7 @@ from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import ReferenceSamples
-from footsense.sim.foot.fabrication import fabricate
+from footsense.sim.foot.fabrication import draw_deviations
 from footsense.sim.scene import Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
 
@@ -76,7 +76,7 @@ def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool 
 def true_parameters(number: int = 0) -> FootParameters:
     """Return what a perfect calibration of the foot on a leg would find, by the leg's number."""
     response = FootResponse.load(released_path("response.npz"))
-    made = fabricate(response, MADE.tolerances, MADE.seed, MADE.first + number)
+    made = draw_deviations(response, MADE.tolerances, MADE.seed, MADE.first + number)
     return FootParameters(
         stray_pf=made.stray_pf,
         unloaded_pf=Foot(response, made).unloaded_pf,

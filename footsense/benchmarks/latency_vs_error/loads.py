@@ -12,7 +12,7 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import TrueLoads
 from footsense.frames import ELEMENTS, LEGS
 from footsense.sim.loads.ground_load import GroundContact, RampContact
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance
+from footsense.sim.loads.walk import Walk, smooth_stance_reaction
 
 #: Largest vertical force of a walk [N] and lean of its legs [deg].
 PEAK_N, PITCH_DEG = 1.0, 10.0
@@ -84,7 +84,7 @@ def load_cases(strides: int, phases: int) -> dict[str, TradeoffLoad]:
         strides: Strides that are counted.
         phases: Phases of a scan at which a foot is pressed.
     """
-    reactions = dict.fromkeys(LEGS, smooth_stance(_DUTY_FACTOR, PEAK_N, 0.15))
+    reactions = dict.fromkeys(LEGS, smooth_stance_reaction(_DUTY_FACTOR, PEAK_N, 0.15))
     tripod = partial(Walk, reactions, _TRIPOD_NS, _DUTY_FACTOR, PITCH_DEG)
     sideways = measured_walk_truth(strides, sideways=True)
     return {

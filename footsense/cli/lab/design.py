@@ -103,7 +103,7 @@ def design(
     from footsense.lab.design.inputs import materials as material_table
     from footsense.lab.design.inputs import processes as process_table
     from footsense.lab.design.inputs.boards import converter
-    from footsense.lab.design.inputs.recorded import largest_recorded_n
+    from footsense.lab.design.inputs.recorded import largest_recorded_vertical_force_n
     from footsense.lab.design.inputs.requirements import Requirements, largest_force_n
 
     given = {"--mass": mass, "--max-force": max_force, "--recorded": recorded}
@@ -113,7 +113,7 @@ def design(
     if mass is not None:
         largest_n = largest_force_n(mass, legs, load_factor)
     if recorded is not None:
-        largest_n = largest_recorded_n(recorded)
+        largest_n = largest_recorded_vertical_force_n(recorded)
     known = process_table.load_processes(processes or process_table.PROCESSES_TABLE)
     if process not in known:
         raise FootsenseError(f"--process {process}: not in the table, which has {', '.join(known)}")
@@ -166,8 +166,8 @@ def _print(designed: "DesignResult") -> None:
     requirements = designed.requirements
     board = requirements.board
     click.echo(
-        f"{designed.choice.n_all_candidates} feet compared for {requirements.min_n:.3g} to {requirements.max_n:.3g} N "
-        f"up to {requirements.max_lean_deg:g} deg from the leg"
+        f"{designed.choice.n_all_candidates} feet compared for {requirements.min_evaluated_force_n:.3g} to "
+        f"{requirements.max_n:.3g} N up to {requirements.max_force_to_leg_axis_deg:g} deg from the leg"
     )
     click.echo(
         f"board {board.name}: {1e3 * board.noise_pf:.2g} fF of noise, {1e3 * board.scan_s:.1f} ms for a scan"

@@ -45,7 +45,7 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
     element = next(iter(package.elements.values()))
     range_pf = f"{element.min_unloaded_pf:.2f} to {element.max_unloaded_pf:.2f}"
     click.echo(
-        f"wrote {out}, process {package.assumed.name}: {len(package.elements)} elements of "
+        f"wrote {out}, process {package.assumed.process_name}: {len(package.elements)} elements of "
         f"{element.unloaded_pf:.2f} pF ({range_pf}); {len(package.checks)} checks of the files passed"
     )
 

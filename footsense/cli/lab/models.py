@@ -87,11 +87,11 @@ def _require_unique_foot_type(known: Path, description: Path, foot_design: "Foot
 def evaluate(*, models: Path | None, protocol: str, as_json: bool) -> None:
     """Print the error table of the released network beside the paper and the linear read-outs."""
     from footsense.lab.evaluation.evaluate_models import as_json as table_json
-    from footsense.lab.evaluation.evaluate_models import as_markdown, evaluate_models, paper_protocol
+    from footsense.lab.evaluation.evaluate_models import as_markdown, compute_key_figures, evaluate_models
 
     folder = models or options.released_folder()
     table = evaluate_models(folder)
-    beside = paper_protocol(folder) if protocol == "paper" else {}
+    beside = compute_key_figures(folder) if protocol == "paper" else {}
     if as_json:
         echo_json(table_json(table, beside))
         return
@@ -113,6 +113,8 @@ def compare(*, other: Path, models: Path | None) -> None:
     differences = compare_builds(models or options.released_folder(), other)
     for row in differences:
         result = "same" if row.is_within_tolerance else "DIFFERS"
-        click.echo(f"{row.quantity}: {row.measured:.3g}, tolerated {row.tolerance:.3g}: {result}")
+        click.echo(
+            f"{row.quantity}: {row.difference_or_second_error:.3g}, tolerated {row.max_allowed:.3g}: {result}"
+        )
     if not all(row.is_within_tolerance for row in differences):
         raise FootsenseError(f"{other} is not the same release")

@@ -52,10 +52,10 @@ def choose_candidates(library: ShapeLibrary, requirements: Requirements, keep: i
     everything = all_candidates(requirements)
     feet = _manufacturable_candidates(library, requirements, everything)
     screened = screen_candidates(library, requirements, feet)
-    works = np.flatnonzero(screened.direction_bound_deg <= requirements.max_direction_error_deg)
+    works = np.flatnonzero(screened.direction_error_bound_deg <= requirements.max_noise_direction_error_deg)
     if not len(works):
         raise FootsenseError(_conflict_message(library, requirements, feet, screened))
-    error = screened.direction_bound_deg
+    error = screened.direction_error_bound_deg
     pareto_front = works[
         _pareto_rows(np.stack([-screened.range_n[works], error[works], feet.ball_radius_mm[works]], axis=1))
     ]
@@ -121,12 +121,12 @@ def _conflict_message(
     """Return the message naming the requirements that no candidate meets, and the nearest design that works."""
     able = screened.range_n >= requirements.max_n
     if able.any():
-        best = int(np.nanargmin(screened.direction_bound_deg))
+        best = int(np.nanargmin(screened.direction_error_bound_deg))
         thinnest = min(requirements.process.gap_um)
         return (
-            f"--min-force {requirements.min_n:g} and --max-force {requirements.max_n:g} conflict at --error "
-            f"{requirements.max_direction_error_deg:g}: the noise of board {requirements.board.name} alone gives "
-            f"{screened.direction_bound_deg[best]:.2g} deg over this range, "
+            f"--min-force {requirements.min_evaluated_force_n:g} and --max-force {requirements.max_n:g} conflict at "
+            f"--error {requirements.max_noise_direction_error_deg:g}: the noise of board {requirements.board.name} "
+            f"alone gives {screened.direction_error_bound_deg[best]:.2g} deg over this range, "
             f"with the gap of {feet.gap_um[best]:g} um (the process makes {thinnest:g} um and more); "
             f"nearest that works: --min-force {_lowest_feasible_min_force_n(library, requirements, feet):.2g}"
         )
@@ -137,7 +137,7 @@ def _conflict_message(
         f"rubber and gap at "
         f"hand carry more than {screened.range_n[best]:.3g} N on such a ball "
         f"({rubbers[int(feet.rubber[best])].name}, gap {feet.gap_um[best]:g} um, ends "
-        f"by the {LIMIT_NAMES[int(screened.limiting_factor[best])]})"
+        f"by the {LIMIT_NAMES[int(screened.limiting_factor_index[best])]})"
     )
     larger = requirements._replace(
         ball_diameter_range_mm=(requirements.ball_diameter_range_mm[1], _LARGEST_BALL_MM)
@@ -166,12 +166,12 @@ def _lowest_feasible_min_force_n(
     library: ShapeLibrary, requirements: Requirements, feet: Candidates
 ) -> float:
     """Return the lowest minimum force at which some candidate meets the required error [N]."""
-    low, high = np.log(requirements.min_n), np.log(requirements.max_n)
+    low, high = np.log(requirements.min_evaluated_force_n), np.log(requirements.max_n)
     for _ in range(8):
         middle = (low + high) / 2.0
-        trial = requirements._replace(min_n=float(np.exp(middle)))
-        bound_deg = screen_candidates(library, trial, feet).direction_bound_deg
-        if np.nanmin(bound_deg) <= requirements.max_direction_error_deg:
+        trial = requirements._replace(min_evaluated_force_n=float(np.exp(middle)))
+        bound_deg = screen_candidates(library, trial, feet).direction_error_bound_deg
+        if np.nanmin(bound_deg) <= requirements.max_noise_direction_error_deg:
             high = middle
         else:
             low = middle

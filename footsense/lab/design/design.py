@@ -57,6 +57,7 @@ class DesignResult(NamedTuple):
     def table_rows(self) -> dict[str, list[str]]:
         """Return the rows of the printed table of chosen feet: one formatted cell per foot, by row name."""
         table_rows: dict[str, list[str]] = {}
+        max_deg = self.requirements.max_force_to_leg_axis_deg
         for foot in self.feet:
             one, design, row = foot.figures, foot.design, foot.candidate_row
             materials = self.requirements.materials
@@ -73,13 +74,19 @@ class DesignResult(NamedTuple):
                 "electrode [mm]": f"{design.electrode_mm:g}",
                 "cavity": design.cavity,
                 "unloaded [pF]": f"{one.unloaded_pf:.2f}",
-                f"range to {self.requirements.max_lean_deg:g} deg [N]": f"{one.all_directions_range_n:.3g}",
-                **{f"  at {e} deg [N]": f"{n:.3g}" for e, n in zip(ELEVATIONS_DEG, one.range_n, strict=True)},
+                f"range to {max_deg:g} deg [N]": f"{one.all_directions_range_n:.3g}",
+                **{
+                    f"  at {e} deg [N]": f"{n:.3g}"
+                    for e, n in zip(ELEVATIONS_DEG, one.range_by_elevation_n, strict=True)
+                },
                 "limited by": foot.limiting_factor,
                 **{
                     f"noise at {size:.3g} N": f"{deg:.2g} deg, {100.0 * rel:.2g} %"
                     for size, deg, rel in zip(
-                        one.force_levels_n, one.direction_bound_deg, one.magnitude_bound_rel, strict=True
+                        one.force_levels_n,
+                        one.direction_error_bound_deg,
+                        one.magnitude_error_bound_rel,
+                        strict=True,
                     )
                 },
                 "made, calibrated": (
@@ -95,7 +102,7 @@ class DesignResult(NamedTuple):
         """Return the predicted figures of the chosen feet as JSON values."""
         return {
             "max_n": self.requirements.max_n,
-            "min_n": self.requirements.min_n,
+            "min_n": self.requirements.min_evaluated_force_n,
             "candidates": self.choice.n_all_candidates,
             "scan_s": self.requirements.board.scan_s,
             "feet": [
@@ -143,7 +150,12 @@ def design(requirements: Requirements, name: str, keep: int, folder: Path) -> De
                 path = write_foot(folder / own, text)
                 feet.append(
                     DesignedFoot(
-                        own, row, path, made, figures, LIMIT_NAMES[int(choice.screened.limiting_factor[row])]
+                        own,
+                        row,
+                        path,
+                        made,
+                        figures,
+                        LIMIT_NAMES[int(choice.screened.limiting_factor_index[row])],
                     )
                 )
                 break

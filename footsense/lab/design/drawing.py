@@ -34,12 +34,12 @@ def draw_design(
     """
     figure, (cloud, directions) = subplot_row(2, 10.0, 4.4)
     feet, screened = choice.manufacturable, choice.screened
-    works = np.flatnonzero(np.isfinite(screened.direction_bound_deg))
+    works = np.flatnonzero(np.isfinite(screened.direction_error_bound_deg))
     shown = np.random.default_rng(1).permutation(works)[:_MAX_DRAWN_POINTS]
     diameter = 2.0 * feet.ball_radius_mm
     colour = cloud.scatter(
         screened.range_n[shown],
-        screened.direction_bound_deg[shown],
+        screened.direction_error_bound_deg[shown],
         c=diameter[shown],
         s=3,
         alpha=0.35,
@@ -47,7 +47,7 @@ def draw_design(
         cmap="viridis",
     )
     cloud.scatter(
-        *(screened.range_n[choice.pareto_front], screened.direction_bound_deg[choice.pareto_front]),
+        *(screened.range_n[choice.pareto_front], screened.direction_error_bound_deg[choice.pareto_front]),
         c=diameter[choice.pareto_front],
         s=14,
         edgecolors="black",
@@ -58,11 +58,13 @@ def draw_design(
         label="Pareto front",
     )
     for number, foot in enumerate(chosen):
-        at = screened.range_n[foot.candidate_row], screened.direction_bound_deg[foot.candidate_row]
+        at = screened.range_n[foot.candidate_row], screened.direction_error_bound_deg[foot.candidate_row]
         cloud.plot(*at, "*", ms=13, mec="black", color=f"C{number}", label=foot.name, ls="none")
-        directions.plot(ELEVATIONS_DEG, foot.figures.range_n, "o-", ms=4, color=f"C{number}", label=foot.name)
+        directions.plot(
+            ELEVATIONS_DEG, foot.figures.range_by_elevation_n, "o-", ms=4, color=f"C{number}", label=foot.name
+        )
     cloud.axvline(requirements.max_n, color="grey", ls=":", lw=1)
-    cloud.axhline(requirements.max_direction_error_deg, color="grey", ls=":", lw=1)
+    cloud.axhline(requirements.max_noise_direction_error_deg, color="grey", ls=":", lw=1)
     cloud.set(
         xscale="log", yscale="log", xlabel="range [N]", ylabel="direction, Cramer-Rao bound, mean [deg rms]"
     )

@@ -54,8 +54,8 @@ def foot_text(name: str, description: str, feet: Candidates, row: int, requireme
     solids = {"rubber": rubber, "pdms": sheet}
     loads = {"max_n": float(f"{TRAINED_RANGE_FACTOR * requirements.max_n:.3g}"), **_DEFAULT_LOAD_RANGE}
     title = (
-        f"# Designed for {requirements.min_n:.3g} to {requirements.max_n:.3g} N up to {requirements.max_lean_deg:g} "
-        f"deg from the leg, board {requirements.board.name}."
+        f"# Designed for {requirements.min_evaluated_force_n:.3g} to {requirements.max_n:.3g} N up to "
+        f"{requirements.max_force_to_leg_axis_deg:g} deg from the leg, board {requirements.board.name}."
     )
     lines = [
         title,

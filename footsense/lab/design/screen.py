@@ -36,16 +36,16 @@ class ScreeningResult(NamedTuple):
 
     Attributes:
         range_n: Largest force in every direction of the design [N], shape (n,).
-        limiting_factor: What ends it, a number in `LIMIT_NAMES`, shape (n,).
-        direction_bound_deg: Cramer-Rao bound of the direction, mean over loads [deg rms], shape (n,); NaN if the
+        limiting_factor_index: What ends it, a number in `LIMIT_NAMES`, shape (n,).
+        direction_error_bound_deg: Cramer-Rao bound of the direction, mean over loads [deg rms], shape (n,); NaN if the
             largest force is beyond the range.
-        magnitude_bound_rel: The same of the magnitude over the force [1].
+        magnitude_error_bound_rel: The same of the magnitude over the force [1].
     """
 
     range_n: Vector
-    limiting_factor: NDArray[np.intp]
-    direction_bound_deg: Vector
-    magnitude_bound_rel: Vector
+    limiting_factor_index: NDArray[np.intp]
+    direction_error_bound_deg: Vector
+    magnitude_error_bound_rel: Vector
 
 
 def patch_limit_n(feet: Candidates) -> Vector:
@@ -57,7 +57,7 @@ def patch_limit_n(feet: Candidates) -> Vector:
 
 def screen_candidates(library: ShapeLibrary, requirements: Requirements, feet: Candidates) -> ScreeningResult:
     """Return force range and error bounds of every candidate."""
-    model = ClosureModel(library, design_loads(requirements.max_lean_deg))
+    model = ClosureModel(library, design_loads(requirements.max_force_to_leg_axis_deg))
     parts = [
         _screen_batch(model, requirements, feet.select(slice(first, first + _FEET_PER_CALL)))
         for first in range(0, len(feet.gap_um), _FEET_PER_CALL)
@@ -76,7 +76,7 @@ def _screen_batch(model: ClosureModel, requirements: Requirements, feet: Candida
     direction, magnitude = np.full((2, len(range_n)), np.nan)
     able = np.flatnonzero(range_n >= requirements.max_n)
     if len(able):
-        some = Influence(influence.point_force[able], influence.contact_patch[able])
+        some = Influence(influence.point_force_um_per_n[able], influence.patch_correction_um_per_n[able])
         direction[able], magnitude[able] = _mean_error_bounds(model, some, feet.select(able), requirements)
     return ScreeningResult(range_n, limit, direction, magnitude)
 
@@ -90,8 +90,10 @@ def _force_at_closure_n(
     """
     direction, normal = model.loads
     pressing = (direction * normal).sum(axis=1) ** (2.0 / 3.0)
-    point = np.einsum("nmce,mc->nme", influence.point_force[:, :, 0], direction)
-    patch = np.einsum("nmce,mc->nme", influence.contact_patch[:, :, 0], direction) * pressing[:, None]
+    point = np.einsum("nmce,mc->nme", influence.point_force_um_per_n[:, :, 0], direction)
+    patch = (
+        np.einsum("nmce,mc->nme", influence.patch_correction_um_per_n[:, :, 0], direction) * pressing[:, None]
+    )
     read, open_um = closure_um[:, None, None], feet.unloaded_distance_um[:, None, None]
     # The mean d of distances D - d that reads as r: d + v d^2 / (D - d) = r to second order, v the relative variance.
     even = 1.0 - model.unevenness
@@ -124,7 +126,7 @@ def _mean_error_bounds(
     direction = model.loads.direction
     across = np.stack(tangent_frame(direction), axis=1)
     angles, sizes = [], []
-    for force_n in np.geomspace(requirements.min_n, requirements.max_n, _N_FORCE_LEVELS):
+    for force_n in np.geomspace(requirements.min_evaluated_force_n, requirements.max_n, _N_FORCE_LEVELS):
         closure, slopes = model.closures_and_jacobian_um(
             influence, np.full((len(feet.gap_um), len(direction)), force_n)
         )

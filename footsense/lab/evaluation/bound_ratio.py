@@ -57,40 +57,40 @@ class ErrorSummary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MagnitudeBin:
+class ErrorsAtMagnitude:
     """Errors of a force estimator and the Cramer-Rao bound at one force magnitude.
 
     Attributes:
         magnitude_gf: The force magnitude [gf].
         n: Loads.
         n_saturated: Loads beyond the converter's range, left out.
-        estimator: Errors of the force estimator.
+        estimator_errors: Errors of the force estimator.
         bound_five_unknowns: The Cramer-Rao bound with five unknowns.
         bound_three_unknowns: The bound with three unknowns; None where the loads lean.
-        median_direction_ratio: Median over the loads of the rms angle over the bound's, load by load.
+        median_direction_error_ratio: Median over the loads of the rms angle over the bound's, load by load.
     """
 
     magnitude_gf: float
     n: int
     n_saturated: int
-    estimator: ErrorSummary
+    estimator_errors: ErrorSummary
     bound_five_unknowns: ErrorSummary
     bound_three_unknowns: ErrorSummary | None
-    median_direction_ratio: float
+    median_direction_error_ratio: float
 
     @property
-    def direction_ratio(self) -> float:
+    def direction_error_ratio(self) -> float:
         """Ratio of the rms angle to that of the Cramer-Rao bound with five unknowns [1]."""
-        return self.estimator.direction_rms_deg / self.bound_five_unknowns.direction_rms_deg
+        return self.estimator_errors.direction_rms_deg / self.bound_five_unknowns.direction_rms_deg
 
     @property
-    def magnitude_ratio(self) -> float:
+    def magnitude_error_ratio(self) -> float:
         """Ratio of the rms magnitude error to that of the Cramer-Rao bound with five unknowns [1]."""
-        return self.estimator.magnitude_rms_gf / self.bound_five_unknowns.magnitude_rms_gf
+        return self.estimator_errors.magnitude_rms_gf / self.bound_five_unknowns.magnitude_rms_gf
 
 
 @dataclass(frozen=True, slots=True)
-class CrbRatio:
+class BoundComparison:
     """Errors of a force estimator and the Cramer-Rao bound, for each force magnitude.
 
     Attributes:
@@ -98,13 +98,13 @@ class CrbRatio:
         leaning: Random directions on contacts that lean by up to the friction angle.
     """
 
-    centred: tuple[MagnitudeBin, ...]
-    leaning: tuple[MagnitudeBin, ...]
+    centred: tuple[ErrorsAtMagnitude, ...]
+    leaning: tuple[ErrorsAtMagnitude, ...]
 
     @property
-    def worst_direction_ratio(self) -> float:
-        """Largest `direction_ratio` over the magnitudes of the centred loads."""
-        return max(one.direction_ratio for one in self.centred)
+    def worst_centred_direction_error_ratio(self) -> float:
+        """Largest `direction_error_ratio` over the magnitudes of the centred loads."""
+        return max(one.direction_error_ratio for one in self.centred)
 
 
 def leaning_contacts(loads: LoadRange, rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
@@ -125,7 +125,7 @@ def _errors_at_magnitude(
     magnitude_gf: float,
     draws: int,
     rng: np.random.Generator,
-) -> MagnitudeBin:
+) -> ErrorsAtMagnitude:
     """Return the error statistics of a force estimator at one force magnitude."""
     design = foot.response.design
     normal, force = contacts[0], contacts[1] * magnitude_gf * GRAM_FORCE_N
@@ -139,11 +139,11 @@ def _errors_at_magnitude(
     excess_gf = np.linalg.norm(estimate, axis=-1) / GRAM_FORCE_N - magnitude_gf
     bound = force_bound(foot, normal, force, Unknowns.LEANING)
     centred = np.allclose(contacts[0], contacts[1])
-    return MagnitudeBin(
+    return ErrorsAtMagnitude(
         magnitude_gf=magnitude_gf,
         n=len(force),
         n_saturated=len(in_range) - len(force),
-        estimator=ErrorSummary(
+        estimator_errors=ErrorSummary(
             direction_rms_deg=rms(angle),
             direction_mean_deg=float(angle.mean()),
             magnitude_rms_gf=rms(excess_gf),
@@ -153,18 +153,20 @@ def _errors_at_magnitude(
         bound_three_unknowns=ErrorSummary.of_bound(force_bound(foot, normal, force, Unknowns.CENTRED))
         if centred
         else None,
-        median_direction_ratio=float(np.median(np.sqrt((angle**2).mean(axis=0)) / bound.direction_rms_deg)),
+        median_direction_error_ratio=float(
+            np.median(np.sqrt((angle**2).mean(axis=0)) / bound.direction_rms_deg)
+        ),
     )
 
 
-def crb_ratio(
+def compare_with_cramer_rao_bound(
     response: FootResponse,
     loads: LoadRange,
     estimate_force_n: Callable[[Vector], Vector],
     *,
     draws: int = 64,
     magnitudes_gf: tuple[float, ...] = MAGNITUDES_GF,
-) -> CrbRatio:
+) -> BoundComparison:
     """Return the errors of a force estimator under noise beside the Cramer-Rao bound.
 
     Args:
@@ -181,4 +183,4 @@ def crb_ratio(
         tuple(_errors_at_magnitude(foot, estimate_force_n, contacts, gf, draws, rng) for gf in magnitudes_gf)
         for contacts in sets
     )
-    return CrbRatio(centred, leaning)
+    return BoundComparison(centred, leaning)

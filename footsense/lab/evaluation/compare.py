@@ -23,51 +23,51 @@ ERROR_INCREASE_TOLERANCE_REL = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class BuildDifference:
+class BuildComparison:
     """Difference of one figure between two builds, with its tolerance.
 
     Attributes:
         quantity: Name and unit.
-        measured: Difference between the builds; for an error, its value in the second build.
-        tolerance: Largest value of the same release.
+        difference_or_second_error: Difference between the builds; for an error, its value in the second build.
+        max_allowed: Largest value of the same release.
     """
 
     quantity: str
-    measured: float
-    tolerance: float
+    difference_or_second_error: float
+    max_allowed: float
 
     @property
     def is_within_tolerance(self) -> bool:
-        """Whether the difference is at most the tolerance."""
-        return self.measured <= self.tolerance
+        """Whether the difference, or the second build's error, is at most its limit."""
+        return self.difference_or_second_error <= self.max_allowed
 
 
-def error_difference(quantity: str, released: float, built: float, promised: float) -> BuildDifference:
-    """Return the difference between a build's error and the released one, with its tolerance.
+def error_comparison(quantity: str, released: float, built: float, promised: float) -> BuildComparison:
+    """Return a build's error with its limit: the promised error, or the released one plus 20 % if that is larger.
 
     Example:
-        >>> [error_difference("error", 0.08, built, 0.24).is_within_tolerance for built in (0.19, 0.25)]
+        >>> [error_comparison("error", 0.08, built, 0.24).is_within_tolerance for built in (0.19, 0.25)]
         [True, False]
     """
-    return BuildDifference(quantity, built, max(promised, released * (1.0 + ERROR_INCREASE_TOLERANCE_REL)))
+    return BuildComparison(quantity, built, max(promised, released * (1.0 + ERROR_INCREASE_TOLERANCE_REL)))
 
 
-def compare_builds(first: Path, second: Path) -> list[BuildDifference]:
+def compare_builds(first: Path, second: Path) -> list[BuildComparison]:
     """Return the differences of the files in the second folder from the released ones in the first."""
     one, two = open_models(first)[0], open_models(second)[0]
     normal = spherical_cap_normals(max(one.min_elevation_deg, two.min_elevation_deg))
     closures = [response.free_element_closures_um(normal, normal) for response in (one, two)]
     rows = [evaluate_models(folder)["paper_network"] for folder in (first, second)]
     return [
-        BuildDifference(
+        BuildComparison(
             "response, largest over largest",
             float(np.abs(closures[0] - closures[1]).max() / np.abs(closures[0]).max()),
             RESPONSE_TOLERANCE_REL,
         ),
-        error_difference(
+        error_comparison(
             "network, mean direction error [deg]", rows[0].direction_deg, rows[1].direction_deg, DIRECTION_DEG
         ),
-        error_difference(
+        error_comparison(
             "network, mean magnitude error [gf]", rows[0].magnitude_gf, rows[1].magnitude_gf, MAGNITUDE_GF
         ),
     ]

@@ -20,8 +20,8 @@ from footsense.lab.evaluation.contact_model import (
     COORDINATES,
     POINT,
     RATIO,
-    ContactModel,
-    clip_to_response_range,
+    ContactMeasurementModel,
+    clip_to_coordinate_bounds,
     contact_coordinates_of,
     force_and_slopes,
 )
@@ -36,13 +36,13 @@ _IS_NORMAL_FORCE_STATE = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 
 #: Linearisations of a measurement, and longest change of friction ratio and contact point by one [1].
 _ITERATIONS, _LONGEST = 2, np.array([0.25, 0.25, 0.12, 0.12])
 #: Contact point over which the closures turn by as much as they are [1].
-_CURVATURE_SCALE_REL = 0.25
+_CONTACT_POINT_CURVATURE_SCALE = 0.25
 #: Probability of a model to stay, and least probability of one.
 _STAY_PROBABILITY, _MIN_WEIGHT = 0.97, 1e-4
 #: Bounds of the normal force [N], and normal force below which the contact is forgotten [N].
 _FORCE_N, _AIR_N = (-0.05, 3.0), 0.01
 #: Innovations beyond this square weigh no more in the likelihood [1].
-_MAX_SQUARED_INNOVATION = 60.0
+_MAX_NORMALIZED_SQUARED_INNOVATION = 60.0
 #: The network re-seeds after so many conversions of force apart by so many of its sigma and newtons.
 _PATIENCE, _SIGMAS, _APART_N, _SEEDING_N = 4, 5.0, 0.01, 0.05
 
@@ -55,13 +55,13 @@ class MotionModel(NamedTuple):
 
     Attributes:
         normal_force_noise_density: Of the normal force's third derivative [N2/s5].
-        normal_force_memory_s: Memory of the normal force's acceleration [s].
+        force_acceleration_correlation_s: Memory of the normal force's acceleration [s].
         friction_ratio_noise_density: Of the friction ratio's second derivative [1/s3].
         contact_point_noise_density: Of the contact point's second derivative [1/s3].
     """
 
     normal_force_noise_density: float
-    normal_force_memory_s: float
+    force_acceleration_correlation_s: float
     friction_ratio_noise_density: float
     contact_point_noise_density: float
 
@@ -70,7 +70,9 @@ class MotionModel(NamedTuple):
         rate, noise = np.zeros((2, _STATES, _STATES))
         rate[range(COORDINATES), range(COORDINATES, 2 * COORDINATES)] = 1.0
         rate[COORDINATES, _ACCELERATION] = 1.0
-        memory_s = np.array([np.inf, _RATIO_S, _RATIO_S, _POINT_S, _POINT_S, self.normal_force_memory_s])
+        memory_s = np.array(
+            [np.inf, _RATIO_S, _RATIO_S, _POINT_S, _POINT_S, self.force_acceleration_correlation_s]
+        )
         moving = np.arange(COORDINATES, _STATES)
         rate[moving, moving] = -1.0 / memory_s
         noise[moving, moving] = [
@@ -104,7 +106,7 @@ class ContactFilter:
         send_delay_s: Time from a conversion to the asked time [s].
     """
 
-    def __init__(self, model: ContactModel, n: int, step_s: float, send_delay_s: float) -> None:
+    def __init__(self, model: ContactMeasurementModel, n: int, step_s: float, send_delay_s: float) -> None:
         self._model = model
         self._n = n
         self._step, self._lead = (
@@ -154,12 +156,12 @@ class ContactFilter:
         state, covariance = self._state.reshape(-1, _STATES), self._covariance.reshape(-1, _STATES, _STATES)
         contact = np.arange(1, COORDINATES)
         contact_variance = covariance[:, contact, contact]
-        noise = self._model.reading_sigma(closure_rel) ** 2
-        noise[~self._model.in_range(closure_rel)] = 1e6
+        noise = self._model.closure_sigma_rel(closure_rel) ** 2
+        noise[~self._model.is_in_converter_range(closure_rel)] = 1e6
         found, unknown = state, np.zeros(len(state))
         slope = np.zeros_like(state)
         for _ in range(_ITERATIONS):
-            about = clip_to_response_range(found[:, :COORDINATES])
+            about = clip_to_coordinate_bounds(found[:, :COORDINATES])
             closure, slopes = (part[:, element] for part in self._model.closure_and_slopes(about))
             slope[:, :COORDINATES] = slopes
             innovation = closure_rel - closure - (slopes * (state[:, :COORDINATES] - about)).sum(axis=1)
@@ -169,15 +171,15 @@ class ContactFilter:
             product = ((slopes[:, 1:] / about[:, :1]) ** 2 * contact_variance).sum(axis=1) * covariance[
                 :, 0, 0
             ]
-            bend = 0.5 * ((slopes[:, 3:] / _CURVATURE_SCALE_REL) ** 2 * contact_variance[:, 2:] ** 2).sum(
-                axis=1
-            )
+            bend = 0.5 * (
+                (slopes[:, 3:] / _CONTACT_POINT_CURVATURE_SCALE) ** 2 * contact_variance[:, 2:] ** 2
+            ).sum(axis=1)
             error = noise + unknown * product + bend
             unknown = np.minimum(1.0, error / np.maximum(explained, 1e-30))
             gain = carried / (explained + error)[:, None]
             last, found = found[:, contact], state + gain * innovation[:, None]
             found[:, contact] = np.clip(found[:, contact], last - _LONGEST, last + _LONGEST)
-        found[:, contact] = clip_to_response_range(found[:, :COORDINATES])[:, contact]
+        found[:, contact] = clip_to_coordinate_bounds(found[:, :COORDINATES])[:, contact]
         found[:, 0] = np.clip(found[:, 0], *_FORCE_N)
         left = np.eye(_STATES) - gain[:, :, None] * slope[:, None]
         added = (gain * error[:, None])[:, :, None] * gain[:, None]
@@ -187,16 +189,16 @@ class ContactFilter:
         )
         variance = explained + error
         likelihood: Vector = -0.5 * np.minimum(
-            innovation**2 / variance, _MAX_SQUARED_INNOVATION
+            innovation**2 / variance, _MAX_NORMALIZED_SQUARED_INNOVATION
         ) - 0.5 * np.log(variance)
         return likelihood.reshape(self._weight.shape)
 
-    def force(self) -> tuple[Vector, Vector]:
-        """Return force and its standard deviation at a given time [N], shapes (n, 3)."""
+    def force_and_sigma_n(self) -> tuple[Vector, Vector]:
+        """Return force and its standard deviation at the time of sending [N], shapes (n, 3)."""
         forces, variances = np.empty((2, len(IMM_MOTION_MODELS), self._n, 3))
         for k, (step, noise) in enumerate(self._lead):
             coordinates = (self._state[k] @ step.T)[:, :COORDINATES]
-            about = clip_to_response_range(coordinates)
+            about = clip_to_coordinate_bounds(coordinates)
             whole_n, slopes = force_and_slopes(about)
             forces[k] = whole_n * (np.clip(coordinates[:, :1], 0.0, about[:, :1]) / about[:, :1])
             spread = (step @ self._covariance[k] @ step.T + noise)[:, :COORDINATES, :COORDINATES]
@@ -205,14 +207,14 @@ class ContactFilter:
         force_n: Vector = (weight * forces).sum(axis=0)
         return force_n, np.sqrt((weight * (variances + (forces - force_n) ** 2)).sum(axis=0))
 
-    def seed(self, network: LoadEstimate, valid: Mask) -> None:
+    def restart_where_inconsistent(self, network: LoadEstimate, valid: Mask) -> None:
         """Reset the filters to the network's estimate where both have disagreed for several conversions.
 
         Args:
             network: The network's answer at the asked time.
             valid: Feet that have one, shape (n,).
         """
-        apart_n = np.abs(self.force()[0] - network.force_n) - _SIGMAS * network.sigma_n
+        apart_n = np.abs(self.force_and_sigma_n()[0] - network.force_n) - _SIGMAS * network.sigma_n
         far = valid & (apart_n > _APART_N).any(axis=1)
         far &= np.linalg.norm(network.force_n, axis=1) > _SEEDING_N
         self._apart = np.where(far, self._apart + 1, 0)

@@ -22,15 +22,15 @@ _FINITE_DIFFERENCE_STEPS = np.array([0.02, 0.01, 0.01, 0.005, 0.005])
 _MODEL_REL, _FULL_MARGIN_REL = 1e-3, 1e-3
 
 
-def unit_normals(point: Vector) -> Vector:
-    """Return the unit normals, shape (n, 3), at contact points, shape (n, 2)."""
+def normals_of_stereographic_points(point: Vector) -> Vector:
+    """Return the unit contact normals, shape (n, 3), of stereographic contact points, shape (n, 2)."""
     square = (point**2).sum(axis=1, keepdims=True)
     normal: Vector = np.hstack([2.0 * point, 1.0 - square]) / (1.0 + square)
     return normal
 
 
-def clip_to_response_range(coordinates: Vector) -> Vector:
-    """Return the contact coordinates clipped to the range of the response table, shape (n, 5)."""
+def clip_to_coordinate_bounds(coordinates: Vector) -> Vector:
+    """Return the contact coordinates clipped to the constant bounds of this module, shape (n, 5)."""
     inside = coordinates.copy()
     inside[:, 0] = np.clip(coordinates[:, 0], MIN_NORMAL_FORCE_N, _MOST_N)
     for part, most in ((RATIO, _MOST_RATIO), (POINT, _MOST_POINT)):
@@ -40,15 +40,15 @@ def clip_to_response_range(coordinates: Vector) -> Vector:
 
 
 def contact_coordinates_of(force_n: Vector, contact: Vector) -> Vector:
-    """Return contact coordinates (n, 5) from forces [N], contact points and friction ratios as in `Load`."""
-    _, pressing_n = contact_and_normal_force(force_n, unit_normals(contact[:, :2]))
-    return clip_to_response_range(np.column_stack([pressing_n, contact[:, 2:], contact[:, :2]]))
+    """Return contact coordinates (n, 5), clipped, from forces [N] and `LoadEstimate.contact_point_and_friction`."""
+    _, pressing_n = contact_and_normal_force(force_n, normals_of_stereographic_points(contact[:, :2]))
+    return clip_to_coordinate_bounds(np.column_stack([pressing_n, contact[:, 2:], contact[:, :2]]))
 
 
 def force_and_slopes(coordinates: Vector) -> tuple[Vector, Vector]:
     """Return forces [N], shape (n, 3), and their Jacobian by the contact coordinates, shape (n, 3, 5)."""
     ratio, point = coordinates[:, RATIO], coordinates[:, POINT]
-    normal = unit_normals(point)
+    normal = normals_of_stereographic_points(point)
     unit = _force_per_normal_force(ratio, point)
     pressing_n = coordinates[:, :1]
     slopes = np.zeros((len(unit), 3, COORDINATES))
@@ -63,13 +63,13 @@ def force_and_slopes(coordinates: Vector) -> tuple[Vector, Vector]:
 
 def _force_per_normal_force(ratio: Vector, point: Vector) -> Vector:
     """Return force over normal force [1], shape (n, 3); friction acts perpendicular to the normal."""
-    normal = unit_normals(point)
+    normal = normals_of_stereographic_points(point)
     along = -(normal[:, :2] * ratio).sum(axis=1, keepdims=True) / normal[:, 2:]
     force: Vector = normal + np.hstack([ratio, along])
     return force
 
 
-class ContactModel:
+class ContactMeasurementModel:
     """Measurement model of the designed foot: closures from contact coordinates.
 
     Args:
@@ -88,14 +88,14 @@ class ContactModel:
         steps[:, 0] *= coordinates[:, 0]
         changed = [coordinates, *(coordinates - steps * one for one in np.eye(COORDINATES))]
         every = np.concatenate(changed)
-        normal = unit_normals(every[:, POINT])
+        normal = normals_of_stereographic_points(every[:, POINT])
         force_n = every[:, :1] * _force_per_normal_force(every[:, RATIO], every[:, POINT])
         closure_um = sensed_closure_um(self._foot, normal, force_n)
         closure_rel = (closure_um / self._design.gap_um).reshape(len(changed), len(coordinates), -1)
         slopes = (closure_rel[0] - closure_rel[1:]).transpose(1, 2, 0) / steps[:, None]
         return closure_rel[0], slopes
 
-    def reading_sigma(self, closure_rel: Vector) -> Vector:
+    def closure_sigma_rel(self, closure_rel: Vector) -> Vector:
         """Return the standard deviation of measured closures [1], same shape: noise and model error."""
         design = self._design
         distance_um = design.gap_um * (1.0 - closure_rel) + design.film_equivalent_um
@@ -104,7 +104,7 @@ class ContactModel:
         sigma: Vector = np.hypot(noise_rel * distance_um**2 / unloaded_um, _MODEL_REL * closure_rel)
         return sigma
 
-    def in_range(self, closure_rel: Vector) -> Mask:
+    def is_in_converter_range(self, closure_rel: Vector) -> Mask:
         """Return which measured closures are within the converter's range, same shape."""
         within: Mask = closure_rel < self._full_rel
         return within

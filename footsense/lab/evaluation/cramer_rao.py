@@ -45,11 +45,11 @@ class Bound:
     """Cramer-Rao bound: least covariance of an unbiased force estimate, for each of n loads.
 
     Attributes:
-        force_n: The loads [N], shape (n, 3).
+        true_force_n: The loads [N], shape (n, 3).
         covariance_n2: Bound on the covariance of the estimated force [N2], shape (n, 3, 3).
     """
 
-    force_n: Vector
+    true_force_n: Vector
     covariance_n2: Vector
 
     @property
@@ -61,7 +61,7 @@ class Bound:
     @property
     def magnitude_rms_gf(self) -> Vector:
         """Least rms error of the force magnitude [gf], shape (n,)."""
-        along = normalized(self.force_n)
+        along = normalized(self.true_force_n)
         variance = np.einsum("ni,nij,nj->n", along, self.covariance_n2, along)
         rms: Vector = np.sqrt(variance) / GRAM_FORCE_N
         return rms
@@ -85,9 +85,9 @@ class Bound:
 
     def _angular_variances(self) -> Vector:
         """Return the direction variances along the error ellipse's axes [rad2], shape (n, 2), smaller first."""
-        across = np.stack(tangent_frame(normalized(self.force_n)), axis=1)
+        across = np.stack(tangent_frame(normalized(self.true_force_n)), axis=1)
         plane = np.einsum("nai,nij,nbj->nab", across, self.covariance_n2, across)
-        squared = (self.force_n**2).sum(axis=1)[:, None]
+        squared = (self.true_force_n**2).sum(axis=1)[:, None]
         variances: Vector = np.maximum(np.linalg.eigvalsh(plane), 0.0) / squared
         return variances
 

@@ -28,7 +28,7 @@ def _fit_least_squares(features: Vector, force_n: Vector) -> Vector:
     return np.asarray(matrix, dtype=np.float64)
 
 
-def capacitance_estimator(design: CapacitorDesign, training: Cases) -> ForceEstimator:
+def capacitance_based_force_estimator(design: CapacitorDesign, training: Cases) -> ForceEstimator:
     """Return the least-squares force estimator from capacitance changes, the inputs of the paper's network."""
 
     def change_pf(closure_um: Vector) -> Vector:
@@ -39,7 +39,7 @@ def capacitance_estimator(design: CapacitorDesign, training: Cases) -> ForceEsti
     return lambda closure_um: change_pf(closure_um) @ matrix
 
 
-def elastance_estimator(training: Cases) -> ForceEstimator:
+def elastance_based_force_estimator(training: Cases) -> ForceEstimator:
     """Return the least-squares force estimator from gap closures, which elastance (1/C) measures."""
     matrix = _fit_least_squares(training.closure_um, training.force_n)
     return lambda closure_um: closure_um @ matrix

@@ -14,8 +14,8 @@ from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
     ForceEstimator,
-    capacitance_estimator,
-    elastance_estimator,
+    capacitance_based_force_estimator,
+    elastance_based_force_estimator,
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign, LoadRange
@@ -35,7 +35,7 @@ RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
 #: Seed and size of the held-out random loads.
 HELD_OUT_SEED, HELD_OUT_CASES = 2, 10_000
 #: Rows of the networks trained on the paper's 362 cases alone; without suffix: fed by inversion of the forward model.
-PAPER_NETWORK_362 = "paper_network_362"
+PAPER_362_CASES_ROW_PREFIX = "paper_network_362"
 
 
 def error_table(
@@ -65,11 +65,11 @@ def error_table(
     noisy_um = measured_closure_rel(response.design, held_out.closure_um, rng) * response.design.gap_um
     test = Cases(held_out.force_n[counted], noisy_um[counted])
     estimators: dict[str, tuple[ForceEstimator, Cases]] = {
-        "paper_linear_dc": (capacitance_estimator(response.design, training), verification),
-        "paper_linear_elastance": (elastance_estimator(training), verification),
+        "paper_linear_dc": (capacitance_based_force_estimator(response.design, training), verification),
+        "paper_linear_elastance": (elastance_based_force_estimator(training), verification),
         "paper_network": (released, verification),
         "random_linear_elastance": (
-            elastance_estimator(random_loads(response, loads, HELD_OUT_CASES, 3)),
+            elastance_based_force_estimator(random_loads(response, loads, HELD_OUT_CASES, 3)),
             test,
         ),
         "random_network": (released, test),
@@ -140,19 +140,19 @@ def evaluate_models(folder: Path) -> dict[str, ForceErrors]:
     loads, gap_um = load_foot(folder / FOOT_FILE).loads, response.design.gap_um
     table = error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
     for name, row in network.card["errors"].items():
-        if name.startswith(PAPER_NETWORK_362):
+        if name.startswith(PAPER_362_CASES_ROW_PREFIX):
             table[name] = ForceErrors(**row)
     return table
 
 
-def paper_protocol(folder: Path) -> dict[str, float]:
-    """Return the errors of newly trained networks of the paper and the ratios to the Cramer-Rao bound, by name.
+def compute_key_figures(folder: Path) -> dict[str, float]:
+    """Train new networks by the paper's procedure; return their errors and the released network's bound ratios.
 
     Raises:
         ModelError: As `open_models`.
     """
     # Late: they take seconds to import that the table alone does not need.
-    from footsense.lab.evaluation.bound_ratio import crb_ratio
+    from footsense.lab.evaluation.bound_ratio import compare_with_cramer_rao_bound
     from footsense.lab.training.paper.procedure import paper_networks
 
     response, network = open_models(folder)
@@ -161,12 +161,12 @@ def paper_protocol(folder: Path) -> dict[str, float]:
         evaluate_force_errors(cases.force_n, read(cases.closure_um))
         for read in paper_networks(response, quick=False)
     ]
-    ratio = crb_ratio(response, load_foot(folder / FOOT_FILE).loads, network.force_n)
+    ratio = compare_with_cramer_rao_bound(response, load_foot(folder / FOOT_FILE).loads, network.force_n)
     return {
         "paper_procedure_direction_deg": float(np.mean([row.direction_deg for row in rows])),
         "paper_procedure_magnitude_gf": float(np.mean([row.magnitude_gf for row in rows])),
-        "crb_ratio": ratio.worst_direction_ratio,
-        "crb_ratio_typical": max(one.median_direction_ratio for one in ratio.centred),
+        "crb_ratio": ratio.worst_centred_direction_error_ratio,
+        "crb_ratio_typical": max(one.median_direction_error_ratio for one in ratio.centred),
     }
 
 
@@ -177,7 +177,7 @@ def as_json(table: dict[str, ForceErrors], key_figures: dict[str, float] | None 
         table: Result of `evaluate_models`.
         key_figures: Figures that are not of the table, such as `crb_ratio`.
     """
-    released, alone = table["paper_network"], table.get(PAPER_NETWORK_362)
+    released, alone = table["paper_network"], table.get(PAPER_362_CASES_ROW_PREFIX)
     linear = table["paper_linear_elastance"]
     return {
         **(key_figures or {}),

@@ -16,7 +16,7 @@ AZIMUTH_DEG, _START_DEG, _START_CONTACT_DEG = 45.0, (225.0, 50.0), (225.0, 57.0)
 #: Largest step of a round, of the force relative to itself and of the normal [rad].
 _MAX_STEP_REL = 0.2
 #: Lowest elevation of a contact normal [deg], so that differences stay within the table.
-_MIN_ELEVATION_DEG = 26.0
+_MIN_NORMAL_ELEVATION_DEG = 26.0
 
 
 class Fit(NamedTuple):
@@ -25,12 +25,12 @@ class Fit(NamedTuple):
     Attributes:
         normal: Contact normals, shape (n, 3).
         force_n: Forces [N], shape (n, 3).
-        misfit: Distance between measured and explained closures, in their standard deviations, shape (n,).
+        misfit_sigmas: Distance between measured and explained closures, in their standard deviations, shape (n,).
     """
 
     normal: Vector
     force_n: Vector
-    misfit: Vector
+    misfit_sigmas: Vector
 
 
 def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vector], rounds: int = 8) -> Fit:
@@ -62,12 +62,12 @@ def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vect
 
 def clamp_to_min_elevation(unit_vectors: Vector) -> Vector:
     """Return unit vectors with elevations raised to the lowest allowed one, shape (n, 3)."""
-    z = np.maximum(unit_vectors[:, 2:], np.sin(np.radians(_MIN_ELEVATION_DEG)))
+    z = np.maximum(unit_vectors[:, 2:], np.sin(np.radians(_MIN_NORMAL_ELEVATION_DEG)))
     across = np.linalg.norm(unit_vectors[:, :2], axis=1, keepdims=True)
     return np.concatenate([unit_vectors[:, :2] * np.sqrt(1.0 - z**2) / np.maximum(across, 1e-12), z], axis=1)
 
 
-def distance_to_ambiguous_loads(
+def ambiguous_load_distance_and_angle(
     foot: Foot, magnitude_gf: float, elevation_deg: Vector
 ) -> tuple[Vector, Vector]:
     """Return distance [sigma of the noise] and force angle [deg] from centred loads to a most similar other load.
@@ -86,4 +86,4 @@ def distance_to_ambiguous_loads(
     other, normal = (directions(t1 * alike, t2 * alike) for t1, t2 in (_START_DEG, _START_CONTACT_DEG))
     start = (normal, other * 0.88 * magnitude_gf * GRAM_FORCE_N)
     fit = maximum_likelihood(foot, sensed_closure_um(foot, direction, force), start, rounds=25)
-    return fit.misfit, angles_between_deg(force, fit.force_n)
+    return fit.misfit_sigmas, angles_between_deg(force, fit.force_n)

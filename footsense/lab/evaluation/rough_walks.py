@@ -18,7 +18,7 @@ from footsense.lab.training.gait_readings import (
 )
 from footsense.lab.training.gait_windows import complete_window_ends, windows_of
 from footsense.ports import Estimator, LoadEstimate, Window
-from footsense.sim.loads.rough_gait import FRICTION, RoughGait, Slides
+from footsense.sim.loads.rough_gait import FRICTION, RoughGait, TrueSlip
 
 #: Threshold of contact before swings have shown their noise, and error of a baseline [N].
 _THRESHOLD_N, _BASELINE_N = 0.03, 4e-3
@@ -32,26 +32,26 @@ class RoughWalk:
 
     Attributes:
         t_s: Times of sending [s], shape (n,).
-        force_n: True forces at sending [N], shape (n, legs, 3).
-        normal: True normals, same shape.
+        true_force_n: True forces at sending [N], shape (n, legs, 3).
+        true_normal: True normals, same shape.
         slides: Truth of each leg on the ground.
-        stances_s: Start and end of each stance of each leg [s], shapes (k, 2).
-        reported: Every event with the row of the conversion after which it was reported.
-        is_force_known: Whether the force is known, shape (n, legs): all elements are within the converter's range.
-        contact: Debounced contact, shape (n, legs).
+        stance_intervals_s: Start and end of each stance of each leg [s], shapes (k, 2).
+        reported_events: Every event with the row of the conversion after which it was reported.
+        has_load_estimate: Whether the force is known, shape (n, legs): all elements are within the converter's range.
+        debounced_contact: Debounced contact, shape (n, legs).
         estimated_normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
         friction_use: Friction use, shape (n, legs), NaN where there is none.
         estimated_friction_coefficient: Learnt estimated_friction_coefficient of friction, shape (n,).
     """
 
     t_s: Vector
-    force_n: Vector
-    normal: Vector
-    slides: list[Slides]
-    stances_s: list[Vector]
-    reported: list[tuple[int, GaitEvent]]
-    is_force_known: Mask
-    contact: Vector
+    true_force_n: Vector
+    true_normal: Vector
+    slides: list[TrueSlip]
+    stance_intervals_s: list[Vector]
+    reported_events: list[tuple[int, GaitEvent]]
+    has_load_estimate: Mask
+    debounced_contact: Vector
     estimated_normal: Vector
     friction_use: Vector
     estimated_friction_coefficient: Vector
@@ -86,16 +86,16 @@ def simulate_walk(
     found = _run_gait_tracker(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64))
     return RoughWalk(
         t_s=t_s,
-        force_n=readings.true_force_at_sending_n.swapaxes(0, 1).astype(np.float64),
-        normal=readings.true_normal_at_sending.swapaxes(0, 1).astype(np.float64),
-        slides=[gait.slides(t_s) for gait in gaits],
-        stances_s=[
+        true_force_n=readings.true_force_at_sending_n.swapaxes(0, 1).astype(np.float64),
+        true_normal=readings.true_normal_at_sending.swapaxes(0, 1).astype(np.float64),
+        slides=[gait.true_slip(t_s) for gait in gaits],
+        stance_intervals_s=[
             np.array([(start_s, start_s + stance.duration_s) for start_s, stance in gait.stances])
             for gait in gaits
         ],
-        reported=found.reported,
-        is_force_known=found.has_estimate,
-        contact=np.array(found.contact, np.float64),
+        reported_events=found.reported,
+        has_load_estimate=found.has_estimate,
+        debounced_contact=np.array(found.contact, np.float64),
         estimated_normal=np.array(found.normal),
         friction_use=np.array(found.friction_use),
         estimated_friction_coefficient=np.array(found.estimated_friction_coefficient),
@@ -119,7 +119,7 @@ def _run_gait_tracker(
 ) -> _GaitOutputs:
     """Return the gait tracker's outputs for readings, conversion by conversion."""
     n_legs, n = readings.closure_rel.shape
-    loads, means_n = _estimate_loads(readings, estimator)
+    loads, means_n = _estimate_loads_and_trimmed_means(readings, estimator)
     means_n *= n_per_rel
     contacts = [ContactDetector(ContactLimits(min_threshold_n=_THRESHOLD_N)) for _ in range(n_legs)]
     tracker = GaitTracker(n_legs, period_ns=0)
@@ -141,8 +141,10 @@ def _run_gait_tracker(
     return found
 
 
-def _estimate_loads(readings: GaitReadings, estimator: Estimator) -> tuple[LoadEstimate, Vector]:
-    """Return load estimates after every conversion, (n, legs, ...), and trimmed means (NaN until a full window)."""
+def _estimate_loads_and_trimmed_means(
+    readings: GaitReadings, estimator: Estimator
+) -> tuple[LoadEstimate, Vector]:
+    """Return load estimates (n, legs, ...) and trimmed means of closures (n, legs); NaN where no window is complete."""
     n_legs, n = readings.closure_rel.shape
     windows = windows_of(readings)
     gait, time = np.nonzero(complete_window_ends(readings))

@@ -20,8 +20,8 @@ from footsense.lab.evaluation.contact_model import (
     MIN_NORMAL_FORCE_N,
     POINT,
     RATIO,
-    ContactModel,
-    clip_to_response_range,
+    ContactMeasurementModel,
+    clip_to_coordinate_bounds,
     contact_coordinates_of,
     force_and_slopes,
 )
@@ -34,34 +34,34 @@ _N_UNKNOWNS = 2 * COORDINATES + 1
 #: Prior of the rates: of the normal force over itself [1/s], [1/s2], of friction ratio and contact point [1/s].
 _LOAD_RATE, _LOAD_RATE_2, _RATIO_RATE, _POINT_RATE = 15.0, 400.0, 2.5, 0.6
 #: Least normal force of those priors [N].
-_MIN_PRIOR_FORCE_N = 0.05
+_MIN_RATE_PRIOR_FORCE_N = 0.05
 #: Sigma of the prior over that of the network: the network has seen the same readings.
-_PRIOR_SIGMA_FACTOR = 1.5
+_PRIOR_OVER_NETWORK_SIGMA = 1.5
 #: Error of the parabola one scan ago over the second difference of the readings [1].
 _CURVATURE_ERROR_FACTOR = 1.0
 #: The fit's sigma is at least that of the network times this: steps after the last reading are in no window.
-_MIN_SIGMA_FACTOR = 0.5
+_MIN_FIT_OVER_NETWORK_SIGMA = 0.5
 #: Longest change of friction ratio and contact point in a round, and within a window [1].
 _LONGEST, _WITHIN = 0.2, 0.3
 
 
 class _WeightedReadings(NamedTuple):
-    """Readings of n windows, 27 each: closures [1], ages at the estimated time [s], weights."""
+    """Readings of n windows, 27 each: closures over the gap [1], times from the estimated one (<= 0) [s], weights."""
 
     closure_rel: Vector
     time_s: Vector
     weight: Vector
 
 
-def is_steady(model: ContactModel, window: Window, sigmas: float = 20.0) -> Mask:
+def is_steady(model: ContactMeasurementModel, window: Window, sigmas: float = 20.0) -> Mask:
     """Return in which windows the readings of every element are constant within the noise, shape (n,)."""
-    apart = np.ptp(window.closure_rel, axis=1) / model.reading_sigma(window.closure_rel[:, 0])
+    apart = np.ptp(window.closure_rel, axis=1) / model.closure_sigma_rel(window.closure_rel[:, 0])
     rest: Mask = (apart < sigmas).all(axis=1)
     return rest
 
 
-def fit_contact(
-    model: ContactModel, window: Window, network: LoadEstimate, rounds: int
+def fit_force_and_sigma(
+    model: ContactMeasurementModel, window: Window, network: LoadEstimate, rounds: int
 ) -> tuple[Vector, Vector]:
     """Return fitted forces and their sigma [N], shapes (n, 3), of windows without missing elements.
 
@@ -76,15 +76,15 @@ def fit_contact(
     unknown, prior_sigma = np.zeros((2, len(start), _N_UNKNOWNS))
     unknown[:, :COORDINATES] = start
     prior = unknown.copy()
-    scale_n = np.maximum(start[:, :1], _MIN_PRIOR_FORCE_N)
+    scale_n = np.maximum(start[:, :1], _MIN_RATE_PRIOR_FORCE_N)
     prior_sigma[:, :1] = 10.0
-    prior_sigma[:, RATIO] = _PRIOR_SIGMA_FACTOR * network.contact_sigma[:, 2:] + 0.005
-    prior_sigma[:, POINT] = _PRIOR_SIGMA_FACTOR * network.contact_sigma[:, :2] + 0.003
+    prior_sigma[:, RATIO] = _PRIOR_OVER_NETWORK_SIGMA * network.contact_sigma[:, 2:] + 0.005
+    prior_sigma[:, POINT] = _PRIOR_OVER_NETWORK_SIGMA * network.contact_sigma[:, :2] + 0.003
     prior_sigma[:, _RATE_SLICE] = np.array([0.0, _RATIO_RATE, _RATIO_RATE, _POINT_RATE, _POINT_RATE])
     prior_sigma[:, [COORDINATES, _N_UNKNOWNS - 1]] = scale_n * np.array([_LOAD_RATE, _LOAD_RATE_2])
-    force_weight = 1.0 / (_PRIOR_SIGMA_FACTOR * network.sigma_n + 1e-3) ** 2
+    force_weight = 1.0 / (_PRIOR_OVER_NETWORK_SIGMA * network.sigma_n + 1e-3) ** 2
     for _ in range(rounds):
-        expansion_point = clip_to_response_range(unknown[:, :COORDINATES])
+        expansion_point = clip_to_coordinate_bounds(unknown[:, :COORDINATES])
         residual, slopes = _residual(model, rows, expansion_point, unknown)
         force_n, force_slopes = force_and_slopes(expansion_point)
         weighted = slopes * rows.weight[..., None]
@@ -97,14 +97,14 @@ def fit_contact(
         step = np.linalg.solve(information, gradient[..., None])[..., 0]
         step[:, 1:COORDINATES] = np.clip(step[:, 1:COORDINATES], -_LONGEST, _LONGEST)
         unknown = unknown + step
-        unknown[:, :COORDINATES] = clip_to_response_range(unknown[:, :COORDINATES])
+        unknown[:, :COORDINATES] = clip_to_coordinate_bounds(unknown[:, :COORDINATES])
     force_n, force_slopes = force_and_slopes(unknown[:, :COORDINATES])
     covariance = np.linalg.inv(information)[:, :COORDINATES, :COORDINATES]
     variance = ((force_slopes @ covariance) * force_slopes).sum(axis=2)
-    return force_n, np.maximum(np.sqrt(variance), _MIN_SIGMA_FACTOR * network.sigma_n)
+    return force_n, np.maximum(np.sqrt(variance), _MIN_FIT_OVER_NETWORK_SIGMA * network.sigma_n)
 
 
-def _weighted_readings(model: ContactModel, window: Window) -> _WeightedReadings:
+def _weighted_readings(model: ContactMeasurementModel, window: Window) -> _WeightedReadings:
     """Return the readings of windows with their least-squares weights."""
     n = len(window.missing)
     closure_rel, age_s = window.closure_rel.reshape(n, -1), window.age_s.reshape(n, -1)
@@ -112,14 +112,14 @@ def _weighted_readings(model: ContactModel, window: Window) -> _WeightedReadings
     curved = np.sqrt(((newest - 2.0 * before + oldest) ** 2).mean(axis=1, keepdims=True))
     scan_s = (window.age_s[:, 1] - window.age_s[:, 0]).mean(axis=1, keepdims=True)
     variance = (
-        model.reading_sigma(closure_rel) ** 2
+        model.closure_sigma_rel(closure_rel) ** 2
         + (_CURVATURE_ERROR_FACTOR * curved * (age_s / scan_s) ** 2) ** 2
     )
-    return _WeightedReadings(closure_rel, -age_s, model.in_range(closure_rel) / variance)
+    return _WeightedReadings(closure_rel, -age_s, model.is_in_converter_range(closure_rel) / variance)
 
 
 def _residual(
-    model: ContactModel, rows: _WeightedReadings, expansion_point: Vector, unknown: Vector
+    model: ContactMeasurementModel, rows: _WeightedReadings, expansion_point: Vector, unknown: Vector
 ) -> tuple[Vector, Vector]:
     """Return measured minus modelled closures, (n, 27), and their Jacobian, (n, 27, unknowns)."""
     closure_rel, slopes = model.closure_and_slopes(expansion_point)

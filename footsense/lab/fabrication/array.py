@@ -55,7 +55,7 @@ class ElementArray:
         return max(0.0, self.sheet_mm / 2.0 - outermost - self.electrode_mm / 2.0)
 
     @property
-    def bar_mm(self) -> float:
+    def spacer_bar_width_mm(self) -> float:
         """Width of the spacer's bars [mm]: the smallest distance between neighbouring electrodes."""
         pitches = [a - b for lines in (self.row_x_mm, self.column_y_mm) for a, b in pairwise(lines)]
         return min(pitches) - self.electrode_mm

@@ -10,21 +10,21 @@ from footsense.sim.foot.fabrication import FootTolerances
 
 
 @dataclass(frozen=True, slots=True)
-class Assumptions:
+class AssumedProcess:
     """Manufacturing process of a foot, and the rms deviations it causes.
 
     Attributes:
-        name: Its name in the table of `footsense lab design`.
+        process_name: Its name in the table of `footsense lab design`.
         process: What it can make, and how well.
         rms_deviations: Rms deviations of feet that it makes.
     """
 
-    name: str
+    process_name: str
     process: Process
     rms_deviations: FootTolerances
 
 
-def assumptions(design: FootDesign, name: str | None = None) -> Assumptions:
+def assumed_process(design: FootDesign, name: str | None = None) -> AssumedProcess:
     """Return the manufacturing assumptions of a foot's design.
 
     Args:
@@ -58,7 +58,7 @@ def assumptions(design: FootDesign, name: str | None = None) -> Assumptions:
         stiffness_rel=process.stiffness_tolerance_rel,
         mount_deg=process.mount_tolerance_deg,
     )
-    return Assumptions(name, process, rms_deviations)
+    return AssumedProcess(name, process, rms_deviations)
 
 
 def _has_film(process: Process, design: FootDesign) -> bool:

@@ -70,14 +70,14 @@ def check_flex_files(folder: Path, flex: Flex) -> Iterator[Check]:
     yield check_at_least(file, "narrowest conductor", dimensions.MIN_TRACE_MM, narrowest)
     whole = [shapely.union_all([shape.area for shape in one]) for one in conductors]
     gap = min(a.distance(b) for k, a in enumerate(whole) for b in whole[:k])
-    yield check_at_least(file, "least distance of two nets", dimensions.MIN_GAP_MM, gap)
+    yield check_at_least(file, "least distance of two nets", dimensions.MIN_NET_CLEARANCE_MM, gap)
     outline = read_outline(folder / flex.name / "profile.gbr")
     inner = [shape.area for shape in shapes if shape.function != "ConnectorPad"]
     to_edge = min(_inset_mm(outline, area) for area in inner)
     yield check_at_least(
         f"{flex.name}/profile.gbr",
         "copper to the cut edge, contacts apart",
-        dimensions.COPPER_TO_EDGE_MM,
+        dimensions.MIN_COPPER_TO_EDGE_MM,
         to_edge,
     )
     holes = read_holes(folder / flex.name / "drill.drl")
@@ -85,7 +85,7 @@ def check_flex_files(folder: Path, flex: Flex) -> Iterator[Check]:
     yield check_at_least(
         f"{flex.name}/drill.drl",
         f"{len(holes)} holes, distance to copper",
-        dimensions.COPPER_TO_EDGE_MM,
+        dimensions.MIN_COPPER_TO_EDGE_MM,
         to_copper,
     )
 

@@ -6,9 +6,9 @@ Every figure is one that common offers of 2024 to 2026 hold without a surcharge;
 # ------------------------------------------------------------------------------------------------ flexible circuits
 #: Least width of a trace and least distance of two nets, of one layer of copper of 12 um [mm].
 MIN_TRACE_MM = 0.075
-MIN_GAP_MM = 0.075
+MIN_NET_CLEARANCE_MM = 0.075
 #: Least distance from copper to the cut edge [mm]; electrodes may reach the edge of the sheet, where it is laser-cut.
-COPPER_TO_EDGE_MM = 0.3
+MIN_COPPER_TO_EDGE_MM = 0.3
 #: Width of the traces [mm]: thin, since they are stray capacitance, and well above what can be made.
 TRACE_WIDTH_MM = 0.2
 #: Deviation of an electrode's side by etching [mm].
@@ -20,13 +20,13 @@ PROFILE_LINE_WIDTH_MM = 0.05
 
 # ------------------------------------------------------------------------------------------------ contacts and tail
 #: Pitch of a zero-insertion-force connector for flexes of 0.3 mm, contact width and bare length [mm].
-CONTACT_PITCH_MM = 0.5
-CONTACT_WIDTH_MM = 0.3
-CONTACT_LENGTH_MM = 4.0
+CONNECTOR_CONTACT_PITCH_MM = 0.5
+CONNECTOR_CONTACT_WIDTH_MM = 0.3
+CONNECTOR_CONTACT_LENGTH_MM = 4.0
 #: Length of the stiffener under the contacts [mm].
 STIFFENER_LENGTH_MM = 6.0
 #: Length of the tail beyond the ball [mm]: up the leg beside the socket to the converter board.
-TAIL_LENGTH_MM = 60.0
+TAIL_BEYOND_BALL_MM = 60.0
 
 # ------------------------------------------------------------------------------------------------ alignment
 #: Holes for dowel pins of 2 mm [mm], their play, and distance of their centre from the ball.
@@ -38,7 +38,7 @@ FLEX_OFFSET_TOLERANCE_MM = 0.1
 
 # ------------------------------------------------------------------------------------------------ spacer and film
 #: Width of a channel that vents a cavity [mm].
-VENT_WIDTH_MM = 0.3
+CAVITY_VENT_WIDTH_MM = 0.3
 #: Least rim of the spacer around cavities that have to be tight [mm].
 MIN_SPACER_RIM_MM = 0.5
 
@@ -51,16 +51,16 @@ SOCKET_TOP_THICKNESS_MM = 6.0
 #: Gap between ball and socket that the adhesive fills [mm].
 ADHESIVE_THICKNESS_MM = 0.1
 #: Dowels of the mould, sprue and vents of its lid, and their diameters [mm].
-DOWEL_DIAMETER_MM = 3.0
+MOULD_DOWEL_DIAMETER_MM = 3.0
 SPRUE_DIAMETER_MM = 4.0
 MOULD_VENT_DIAMETER_MM = 1.5
 #: Tapped holes for the leg, M2.5: core diameter, depth, and number on the circle.
 CORE_MM, CORE_DEPTH_MM, SCREWS = 2.05, 5.0, 4
 #: Play of a tail in its channel on the socket on either side, and depth of the channel [mm].
-TAIL_CHANNEL_PLAY_MM = 0.25
+TAIL_CHANNEL_PLAY_PER_SIDE_MM = 0.25
 TAIL_CHANNEL_DEPTH_MM = 0.8
 
 
-def socket_radius_mm(ball_radius_mm: float) -> float:
+def socket_outer_radius_mm(ball_radius_mm: float) -> float:
     """Return the outer radius of the socket for a ball of given radius [mm]."""
     return ball_radius_mm + ADHESIVE_THICKNESS_MM + SOCKET_WALL_MM

@@ -19,14 +19,14 @@ class ExpectedCapacitance:
     Attributes:
         plate_formula_pf: Capacitance of its plates [pF].
         fringe_pf: Capacitance of the field at their edges [pF].
-        tolerance_rel: Largest deviation of the plates' capacitance within the printed tolerances [1].
-        stray_pf: Largest stray capacitance that the design assumed to be unknown [pF].
+        plate_tolerance_rel: Largest deviation of the plates' capacitance within the printed tolerances [1].
+        max_unknown_stray_pf: Largest stray capacitance that the design assumed to be unknown [pF].
     """
 
     plate_formula_pf: float
     fringe_pf: float
-    tolerance_rel: float
-    stray_pf: float
+    plate_tolerance_rel: float
+    max_unknown_stray_pf: float
 
     @property
     def unloaded_pf(self) -> float:
@@ -36,12 +36,12 @@ class ExpectedCapacitance:
     @property
     def min_unloaded_pf(self) -> float:
         """Lowest reading within the fabrication tolerances [pF]."""
-        return self.unloaded_pf - self.plate_formula_pf * self.tolerance_rel - self.stray_pf
+        return self.unloaded_pf - self.plate_formula_pf * self.plate_tolerance_rel - self.max_unknown_stray_pf
 
     @property
     def max_unloaded_pf(self) -> float:
         """Highest reading within the fabrication tolerances [pF]."""
-        return self.unloaded_pf + self.plate_formula_pf * self.tolerance_rel + self.stray_pf
+        return self.unloaded_pf + self.plate_formula_pf * self.plate_tolerance_rel + self.max_unknown_stray_pf
 
 
 def expected_capacitance(
@@ -61,8 +61,8 @@ def expected_capacitance(
     return ExpectedCapacitance(
         plate_formula_pf=capacitor.unloaded_pf * overlap_mm2 / capacitor.electrode_area_mm2,
         fringe_pf=float(fringe_pf(capacitor, spacing_um)[0]),
-        tolerance_rel=math.hypot(
+        plate_tolerance_rel=math.hypot(
             math.hypot(*limits_um) / distance_um, area_deviation_rel(design.electrode_mm)
         ),
-        stray_pf=LIMIT_OVER_RMS * assumed.stray_pf,
+        max_unknown_stray_pf=LIMIT_OVER_RMS * assumed.stray_pf,
     )

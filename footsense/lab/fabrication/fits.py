@@ -77,7 +77,7 @@ def check_ball(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> I
     for flex in flexes:
         tail = _tail_in_channel(folder, design, flex)
         what = f"play of the tail of the {flex.kind}s in its channel"
-        yield check_near(file, what, dimensions.TAIL_CHANNEL_PLAY_MM, socket.Distance(tail), "mm")
+        yield check_near(file, what, dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM, socket.Distance(tail), "mm")
     cast = solids.cast_hemisphere(design)
     file = "step/mould-body.step"
     yield check_near(file, "overlap of the hemisphere with the mould", 0.0, (body * cast).mass, "mm3")
@@ -93,7 +93,7 @@ def _tail_in_channel(folder: Path, design: FootDesign, flex: Flex) -> Any:
         shapely.LineString([(flex.tail_end_mm - 1.0, -99.0), (flex.tail_end_mm - 1.0, 99.0)])
     )
     _, low_v, _, high_v = across.bounds
-    u = dimensions.socket_radius_mm(design.ball_radius_mm) - dimensions.TAIL_CHANNEL_DEPTH_MM / 2.0
+    u = dimensions.socket_outer_radius_mm(design.ball_radius_mm) - dimensions.TAIL_CHANNEL_DEPTH_MM / 2.0
     (x, y), (far_x, far_y) = flex.to_foot((u - 0.05, low_v)), flex.to_foot((u + 0.05, high_v))
     low, high = design.plate_mm, design.plate_mm + design.ball_radius_mm
     corners = (min(x, far_x), min(y, far_y), low), (max(x, far_x), max(y, far_y), high)

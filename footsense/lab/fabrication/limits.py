@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from footsense.errors import ConfigError
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.assumptions import Assumptions
+from footsense.lab.fabrication.assumptions import AssumedProcess
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.fabrication.parts.sheets import has_spacer_rim
 from footsense.lab.fabrication.tolerances import area_deviation_rel, hardness_tolerance_shore_a
@@ -19,7 +19,7 @@ _MAX_AREA_DEVIATION_REL = 0.15
 _ROUNDING_TOLERANCE_MM = 1e-9
 
 
-def require_manufacturable(design: FootDesign, array: ElementArray, assumed: Assumptions) -> None:
+def require_manufacturable(design: FootDesign, array: ElementArray, assumed: AssumedProcess) -> None:
     """Raise an error unless workshops can make a foot and a converter board can address it.
 
     Args:
@@ -35,7 +35,7 @@ def require_manufacturable(design: FootDesign, array: ElementArray, assumed: Ass
         raise ConfigError(problem)
 
 
-def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
+def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: AssumedProcess) -> Iterator[str]:
     """Yield the reasons why a foot cannot be made, each with its key first and a remedy last.
 
     Args:
@@ -52,8 +52,8 @@ def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Ass
     yield from _sheet_problems(design, array, assumed)
     yield from _layer_problems(design, array, assumed)
     tail_half, socket_mm = (
-        _max_tail_width_mm(design, array) / 2.0 + dimensions.TAIL_CHANNEL_PLAY_MM,
-        dimensions.socket_radius_mm(design.ball_radius_mm),
+        _max_tail_width_mm(design, array) / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM,
+        dimensions.socket_outer_radius_mm(design.ball_radius_mm),
     )
     inside = socket_mm - dimensions.TAIL_CHANNEL_DEPTH_MM
     if tail_half > inside / math.sqrt(2.0) - 1.0:
@@ -64,19 +64,19 @@ def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Ass
         )
 
 
-def _sheet_problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
+def _sheet_problems(design: FootDesign, array: ElementArray, assumed: AssumedProcess) -> Iterator[str]:
     """Yield the reasons why the sheet or its tails cannot be made."""
-    pitch, bar = array.bar_mm + array.electrode_mm, assumed.process.bar_mm
+    pitch, bar = array.spacer_bar_width_mm + array.electrode_mm, assumed.process.bar_mm
     leave = f"electrodes of {array.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
-    if array.bar_mm < dimensions.MIN_GAP_MM - _ROUNDING_TOLERANCE_MM:
+    if array.spacer_bar_width_mm < dimensions.MIN_NET_CLEARANCE_MM - _ROUNDING_TOLERANCE_MM:
         yield (
-            f"electrode_mm: {leave} {array.bar_mm:.3g} mm between the nets, a flex needs {dimensions.MIN_GAP_MM:g} and "
-            f"the spacer's bars {bar:g}; use at most {pitch - bar:g}"
+            f"electrode_mm: {leave} {array.spacer_bar_width_mm:.3g} mm between the nets, a flex needs "
+            f"{dimensions.MIN_NET_CLEARANCE_MM:g} and the spacer's bars {bar:g}; use at most {pitch - bar:g}"
         )
-    if array.bar_mm < bar - _ROUNDING_TOLERANCE_MM:
+    if array.spacer_bar_width_mm < bar - _ROUNDING_TOLERANCE_MM:
         yield (
-            f"electrode_mm: {leave} bars of {array.bar_mm:.3g} mm in the spacer, process {assumed.name} needs {bar:g} "
-            f"to bond; use at most {pitch - bar:g}"
+            f"electrode_mm: {leave} bars of {array.spacer_bar_width_mm:.3g} mm in the spacer, process "
+            f"{assumed.process_name} needs {bar:g} to bond; use at most {pitch - bar:g}"
         )
     if not has_spacer_rim(array) and design.cavity != "vented":
         closed_mm = array.sheet_mm + 2.0 * (dimensions.MIN_SPACER_RIM_MM - array.rim_mm)
@@ -89,7 +89,7 @@ def _sheet_problems(design: FootDesign, array: ElementArray, assumed: Assumption
         )
 
 
-def _layer_problems(design: FootDesign, array: ElementArray, assumed: Assumptions) -> Iterator[str]:
+def _layer_problems(design: FootDesign, array: ElementArray, assumed: AssumedProcess) -> Iterator[str]:
     """Yield the reasons why gap, film or rubber cannot be made by the process."""
     gaps, films = assumed.process.gap_um, [film.um for film in assumed.process.film]
     layers = (("gap_um", design.gap_um, gaps, "gap"), ("film_um", design.film_um, films, "film"))
@@ -101,7 +101,8 @@ def _layer_problems(design: FootDesign, array: ElementArray, assumed: Assumption
                 else f"{made[0]:g} um"
             )
             nearest = f"at least {min(made):g}" if value < min(made) else f"at most {max(made):g}"
-            yield f"{key}: a {word} of {value:g} um cannot be made, process {assumed.name} makes {text}; use {nearest}"
+            process = assumed.process_name
+            yield f"{key}: a {word} of {value:g} um cannot be made, process {process} makes {text}; use {nearest}"
     filled_um, spacer_um = design.gap_um + design.film_um, UM_PER_MM * design.spacer_mm
     if abs(filled_um - spacer_um) > UM_PER_MM * _ROUNDING_TOLERANCE_MM:
         yield (

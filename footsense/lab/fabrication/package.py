@@ -6,7 +6,7 @@ from pathlib import Path
 from footsense.errors import FootsenseError
 from footsense.lab.fabrication import checks, fits
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.assumptions import Assumptions, assumptions
+from footsense.lab.fabrication.assumptions import AssumedProcess, assumed_process
 from footsense.lab.fabrication.documents import papers
 from footsense.lab.fabrication.documents.drawing import drawing_sheets, write_drawing
 from footsense.lab.fabrication.documents.picture import draw_parts
@@ -35,7 +35,7 @@ class FabricationPackage:
 
     design: FootDesign
     array: ElementArray
-    assumed: Assumptions
+    assumed: AssumedProcess
     flexes: tuple[Flex, Flex]
     parts: list[solids.Part]
     tolerances: list[Tolerance]
@@ -77,7 +77,7 @@ def write_parts(design: FootDesign, folder: Path, process: str | None = None) ->
     Raises:
         ConfigError: It cannot be made; the message begins with the key.
     """
-    array, assumed = ElementArray.from_design(design), assumptions(design, process)
+    array, assumed = ElementArray.from_design(design), assumed_process(design, process)
     require_manufacturable(design, array, assumed)
     both = flexes(array, design.ball_radius_mm)
     parts = solids.all_parts(design)

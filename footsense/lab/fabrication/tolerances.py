@@ -87,7 +87,7 @@ def drawing_tolerances(design: FootDesign, assumed: FootTolerances) -> list[Tole
     gap_limit, film_limit = (math.floor(10.0 * value) / 10.0 for value in (gap, film))
     mount_deg, stiffness = LIMIT_OVER_RMS * assumed.mount_deg, LIMIT_OVER_RMS * assumed.stiffness_rel
     play_deg = math.degrees(
-        dimensions.TAIL_CHANNEL_PLAY_MM / dimensions.socket_radius_mm(design.ball_radius_mm)
+        dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM / dimensions.socket_outer_radius_mm(design.ball_radius_mm)
     )
     side, mpa = design.electrode_mm, design.rubber.youngs_mpa
     shore, shore_limit = shore_a_from_modulus(mpa), hardness_tolerance_shore_a(design, assumed)

@@ -39,7 +39,7 @@ class Tolerances(FootTolerances):
         """Return these tolerances plus a factor times the given ones.
 
         Example:
-            >>> Tolerances(gap_um=1.0).plus(Tolerances(gap_um=0.5), 4.0).gap_um
+            >>> Tolerances(gap_um=1.0).plus_scaled(Tolerances(gap_um=0.5), 4.0).gap_um
             3.0
         """
         added = {name: mine + factor * getattr(other, name) for name, mine in asdict(self).items()}

@@ -17,7 +17,11 @@ from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import ForceEstimator, capacitance_estimator, elastance_estimator
+from footsense.lab.evaluation.evaluate import (
+    ForceEstimator,
+    capacitance_based_force_estimator,
+    elastance_based_force_estimator,
+)
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.monte_carlo.resumable_run import Job, JobMetrics, Tolerances
 from footsense.lab.training.export import OnnxNetwork
@@ -29,7 +33,7 @@ from footsense.lab.training.load_cases import (
 )
 from footsense.lab.training.paper.mlp import random_layers
 from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining
-from footsense.sim.foot.fabrication import fabricate
+from footsense.sim.foot.fabrication import draw_deviations
 
 #: Resolution of the reference sensor's x, y, z (Table II) [N].
 REFERENCE_SENSOR_RESOLUTION_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N
@@ -112,7 +116,7 @@ def _load_and_train_estimators(models: Path, seed: int, epochs: int) -> _Trained
         network=network,
         estimators={
             "plain": _train_paper_network(response.design, training, np.random.default_rng(seed), epochs),
-            "change": capacitance_estimator(response.design, training),
+            "change": capacitance_based_force_estimator(response.design, training),
         },
         training_force_n=training.force_n,
         verification_force_n=paper_verification(response).force_n,
@@ -143,7 +147,7 @@ def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> JobMe
     """
     on_design = _load_and_train_estimators(models, seed, epochs)
     design, network = on_design.response.design, on_design.network
-    own = fabricate(on_design.response, job.tolerances, seed, job.foot)
+    own = draw_deviations(on_design.response, job.tolerances, seed, job.foot)
     foot = Foot(on_design.response, own)
     rng = np.random.default_rng((seed, job.foot, 1))
     training = measure_foot(foot, own.mount, on_design.training_force_n, job.tolerances, rng)
@@ -155,10 +159,10 @@ def estimator_errors(job: Job, *, models: Path, seed: int, epochs: int) -> JobMe
     estimates = {
         "network": network_n,
         **{name: read(changed_um) for name, read in on_design.estimators.items()},
-        "own_closure": elastance_estimator(Cases(training.reference_force_n, training.closure_um))(
-            test.closure_um
-        ),
-        "own_change": capacitance_estimator(design, own_changes)(changed_um),
+        "own_closure": elastance_based_force_estimator(
+            Cases(training.reference_force_n, training.closure_um)
+        )(test.closure_um),
+        "own_change": capacitance_based_force_estimator(design, own_changes)(changed_um),
         "reference": on_design.verification_force_n,
     }
     if job.with_network:

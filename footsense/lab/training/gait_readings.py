@@ -19,7 +19,7 @@ from footsense.frames import Mask, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.progress import progress_bar
 from footsense.sim.foot.cavity_air import CavityAir
-from footsense.sim.foot.viscoelastic import ViscoelasticElement
+from footsense.sim.foot.viscoelastic import ViscoelasticRubber
 from footsense.sim.loads.random_gait import RandomGait
 
 #: Orders of the conversions that a window may come from; almost all robots use the first.
@@ -77,10 +77,10 @@ def _equivalent_elastic_load(
     t_s: Vector, normal: Vector, force_n: Vector, amount: float
 ) -> tuple[Vector, Vector]:
     """Return normal and force of the elastic load that deforms a foot as the viscoelastic one does."""
-    rubber = ViscoelasticElement()
+    rubber = ViscoelasticRubber()
     normals, forces = normal.copy(), np.empty_like(force_n)
     for k, t_ns in enumerate((t_s * 1e9).astype(np.int64).tolist()):
-        normals[k], sensed_n = rubber.effective_load(t_ns, normal[k], force_n[k])
+        normals[k], sensed_n = rubber.next_effective_load(t_ns, normal[k], force_n[k])
         forces[k] = force_n[k] + amount * (sensed_n - force_n[k])
     return normals, forces
 
@@ -90,7 +90,7 @@ def _gait_closures_um(foot: Foot, t_s: Vector, normal: Vector, force_n: Vector) 
     if foot.cavity.kind == "leaking":
         air = CavityAir(foot)
         loads = zip((t_s * 1e9).astype(np.int64).tolist(), normal, force_n, strict=True)
-        capacitance_pf = np.array([air.capacitance_pf(*load) for load in loads])
+        capacitance_pf = np.array([air.next_capacitance_pf(*load) for load in loads])
         return foot.response.design.closure_um(capacitance_pf, foot.unloaded_pf)
     closure_um = np.zeros((len(t_s), foot.response.n_elements))
     loaded = force_n.any(axis=1)

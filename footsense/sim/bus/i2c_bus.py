@@ -69,7 +69,7 @@ class SimulatedBus:
             I2cError: A fault of the wires prevents it.
         """
         address, data, n_read = transaction
-        if self._faults is not None and not self._faults.apply_faults(
+        if self._faults is not None and not self._faults.attempt_transaction(
             self.clock, self.mux, self._host_cost_ns, address
         ):
             self.clock.advance_ns(self._host_cost_ns + _i2c_bus_time_ns(len(data), n_read, self._rate_hz))

@@ -36,7 +36,7 @@ class SimulatedSerialPort:
         """Return the bytes that have arrived by the present virtual time, and scan the feet whenever a scan is due."""
         now_ns = self._clock.now_ns()
         while self._next_ns + self._mcu.conversion_span_ns <= now_ns:
-            self.send(self._mcu.scan(self._next_ns), self._next_ns)
+            self.schedule_arrival(self._mcu.scan(self._next_ns), self._next_ns)
             self._next_ns += self._period_ns
         arrived = b""
         while self._due and self._due[0][0] <= now_ns:
@@ -54,8 +54,8 @@ class SimulatedSerialPort:
     def close(self) -> None:
         """Do nothing: a simulated port holds no resources."""
 
-    def send(self, data: bytes, t_ns: int) -> None:
-        """Schedule the arrival of a scan's bytes, sent serial record by serial record from `t_ns` [ns] on."""
+    def schedule_arrival(self, data: bytes, t_ns: int) -> None:
+        """Schedule the arrival of a scan's bytes, record by record; `t_ns` is the scan's first conversion [ns]."""
         sends_ns = t_ns + self._mcu.conversion_span_ns
         for end in range(FRAME_BYTES, len(data) + FRAME_BYTES, FRAME_BYTES):
             piece = data[end - FRAME_BYTES : end]

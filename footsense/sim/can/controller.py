@@ -28,9 +28,9 @@ _AFTER_ACK_BITS = 1 + 7 + 3
 #: Recessive bits after which a controller may leave bus-off.
 _BUS_OFF_RECOVERY_BITS = 128 * 11
 
-_ERROR_PASSIVE_COUNT = 128
-_BUS_OFF_COUNT = 256
-_TX_PASSIVE = 0x20
+_ERROR_PASSIVE_THRESHOLD = 128
+_BUS_OFF_THRESHOLD = 256
+_CONTROLLER_TX_PASSIVE = 0x20
 
 
 class CanSettings(NamedTuple):
@@ -41,14 +41,14 @@ class CanSettings(NamedTuple):
         head_drop: Whether a full queue drops its oldest frame instead of refusing the newest.
         one_shot: Whether the controller sends each frame once only.
         restart_ns: Time from bus-off to the automatic restart [ns]; 0 for none.
-        mailboxes: Transmit mailboxes of the controller.
+        n_mailboxes: Transmit mailboxes of the controller.
     """
 
     queue_frames: int
     head_drop: bool
     one_shot: bool
     restart_ns: int
-    mailboxes: int = 3
+    n_mailboxes: int = 3
 
 
 class CanController:
@@ -114,7 +114,7 @@ class CanController:
             self._report_error(error_frame(ErrorClass.RESTARTED))
             self._occupy_wire(t_ns, _BUS_OFF_RECOVERY_BITS, None)
 
-    def stop(self) -> None:
+    def reset(self) -> None:
         """Discard mailboxes and the frame in transmission, and reset the errors, as an interface that goes down."""
         self._flush_mailboxes()
         self._free_ns = self._restart_ns = math.inf
@@ -122,18 +122,18 @@ class CanController:
 
     def start_transmission(self, t_ns: int) -> None:
         """Fill the mailboxes from the queue, and start sending a frame if the bus is idle."""
-        while len(self._mailboxes) < self._settings.mailboxes and self.running and self._queue.frames:
+        while len(self._mailboxes) < self._settings.n_mailboxes and self.running and self._queue.frames:
             self._mailboxes.append(self._queue.frames.popleft())
         if self._free_ns < math.inf:
             return
         sent = None
-        if self.running and self._mailboxes and self._error_count < _BUS_OFF_COUNT:
+        if self.running and self._mailboxes and self._error_count < _BUS_OFF_THRESHOLD:
             sent = self._mailboxes[0]
         # Without acknowledgement, and on a shorted bus, no frame of another node arrives.
         reachable = not (self.no_ack or self.shorted)
         waiting = [node for node in self._others if node.waiting] if reachable else []
         other = min(waiting, key=lambda node: node.can_id, default=None)
-        our_id, data = next(split_frames(sent.data)) if sent else (0, b"")
+        our_id, data = next(split_frames(sent.packed_frame)) if sent else (0, b"")
         if other and not (sent and our_id < other.can_id):
             other.waiting = False
             if sent and self._settings.one_shot:  # the arbitration was lost
@@ -143,7 +143,7 @@ class CanController:
             self._occupy_wire(t_ns, 1 + _ERROR_FRAME_BITS + self._suspend_bits(), self._count_bit_error)
         elif sent and self.no_ack:
             bits = max_can_frame_bits(len(data)) - _AFTER_ACK_BITS + _ERROR_FRAME_BITS + self._suspend_bits()
-            self._occupy_wire(t_ns, bits, self._miss_ack)
+            self._occupy_wire(t_ns, bits, self._count_missing_ack)
         elif sent:
             self._occupy_wire(t_ns, max_can_frame_bits(len(data)), self._deliver_frame)
 
@@ -154,7 +154,7 @@ class CanController:
 
     def _suspend_bits(self) -> int:
         """Return the bits that the controller must pause after a frame: 8 if it is error passive, else 0."""
-        return _SUSPEND_TRANSMISSION_BITS if self._error_count >= _ERROR_PASSIVE_COUNT else 0
+        return _SUSPEND_TRANSMISSION_BITS if self._error_count >= _ERROR_PASSIVE_THRESHOLD else 0
 
     def _flush_mailboxes(self) -> None:
         """Discard the frames in the mailboxes."""
@@ -169,22 +169,22 @@ class CanController:
         """Deliver the transmitted frame to its receivers, and decrement the transmit error counter."""
         frame = self._mailboxes.popleft()
         if self._error_count:
-            self._count_errors(-1)
+            self._change_error_count(-1)
         if frame.from_socket and self.on_delivered is not None:
-            self.on_delivered(t_ns, frame.queued_ns, frame.data)
+            self.on_delivered(t_ns, frame.queued_ns, frame.packed_frame)
 
-    def _miss_ack(self, t_ns: int) -> None:
+    def _count_missing_ack(self, t_ns: int) -> None:
         """Count a missing acknowledgement; alone it takes no controller beyond error passive."""
         del t_ns
-        if self._error_count < _ERROR_PASSIVE_COUNT:
-            self._count_errors(8)
+        if self._error_count < _ERROR_PASSIVE_THRESHOLD:
+            self._change_error_count(8)
         if self._settings.one_shot:
             self._drop_frame()
 
     def _count_bit_error(self, t_ns: int) -> None:
         """Count a bit error, and go bus-off at an error count of 256."""
-        self._count_errors(8)
-        if self._error_count >= _BUS_OFF_COUNT:
+        self._change_error_count(8)
+        if self._error_count >= _BUS_OFF_THRESHOLD:
             self.n_bus_off += 1
             self._queue.lose_carrier(t_ns)
             if self._settings.restart_ns:
@@ -192,13 +192,13 @@ class CanController:
         elif self._settings.one_shot:
             self._drop_frame()
 
-    def _count_errors(self, change: int) -> None:
+    def _change_error_count(self, change: int) -> None:
         """Add `change` to the transmit error counter, and report a change of the error state."""
         before, after = self._error_count, max(0, self._error_count + change)
         self._error_count = after
-        if after >= _BUS_OFF_COUNT:
+        if after >= _BUS_OFF_THRESHOLD:
             self._report_error(error_frame(ErrorClass.BUS_OFF))
-        elif before < _ERROR_PASSIVE_COUNT <= after:
-            self._report_error(error_frame(ErrorClass.CONTROLLER, _TX_PASSIVE))
-        elif after < _ERROR_PASSIVE_COUNT <= before:
+        elif before < _ERROR_PASSIVE_THRESHOLD <= after:
+            self._report_error(error_frame(ErrorClass.CONTROLLER, _CONTROLLER_TX_PASSIVE))
+        elif after < _ERROR_PASSIVE_THRESHOLD <= before:
             self._report_error(error_frame(ErrorClass.CONTROLLER, CONTROLLER_ACTIVE))

@@ -73,7 +73,7 @@ class SimulatedCan:
         self.up = self.present = True
         self.queue = TransmitQueue(settings.queue_frames, head_drop=settings.head_drop)
         nodes = [sender for sender in self._senders if sender.is_node]
-        self.controller = CanController(self.queue, settings, bitrate, nodes, self._deliver)
+        self.controller = CanController(self.queue, settings, bitrate, nodes, self._deliver_to_sockets)
 
     def connect(self) -> CanWire:
         """Return a new socket that is bound to the interface.
@@ -81,7 +81,7 @@ class SimulatedCan:
         Raises:
             CanError: The interface does not exist at the moment.
         """
-        self.advance()
+        self.process_events_until_now()
         if not self.present:
             raise CanError("the simulated CAN interface does not exist at the moment")
         socket = _Socket(self, self._sockets)
@@ -90,7 +90,7 @@ class SimulatedCan:
             socket.error = errno.ENETDOWN
         return socket
 
-    def enqueue_sent_frame(self, frame: bytes) -> bool:
+    def enqueue_socket_frame(self, frame: bytes) -> bool:
         """Append a frame to the transmit queue; return whether it was accepted.
 
         Returns:
@@ -100,7 +100,7 @@ class SimulatedCan:
         self.controller.start_transmission(self._t_ns)
         return taken
 
-    def advance(self) -> None:
+    def process_events_until_now(self) -> None:
         """Process all CAN events up to the present time."""
         now_ns = self._clock.now_ns()
         while (t_ns := self._due_ns()) <= now_ns:
@@ -122,7 +122,7 @@ class SimulatedCan:
             self.queue.run_carrier_check(t_ns)
         for sender in self._senders:
             if sender.due_ns <= t_ns:
-                sender.queue_due_frame()
+                sender.mark_frame_waiting()
                 if not sender.is_node and self.up:
                     self.queue.put(QueuedFrame(t_ns, pack_frame(sender.can_id, bytes(8)), from_socket=False))
         self.controller.start_transmission(t_ns)
@@ -132,8 +132,8 @@ class SimulatedCan:
         acting = self._faults.at(t_ns)
         down = [fault for fault in acting if isinstance(fault, CanDown)]
         if self.up and down:
-            self.queue.stop()
-            self.controller.stop()
+            self.queue.reset()
+            self.controller.reset()
             for socket in self._sockets:
                 socket.error = errno.ENETDOWN
         self.up = self.controller.running = not down
@@ -144,8 +144,8 @@ class SimulatedCan:
         self.controller.no_ack = any(isinstance(fault, CanNoAck) for fault in acting)
         self.controller.shorted = any(isinstance(fault, CanBusOff) for fault in acting)
 
-    def _deliver(self, frame: bytes) -> None:
-        """Append a received frame to the receive buffer of every socket."""
+    def _deliver_to_sockets(self, frame: bytes) -> None:
+        """Append an error frame of the controller to the receive buffer of every socket."""
         for socket in self._sockets:
             socket.unread.append(frame)
 
@@ -170,13 +170,13 @@ class _Socket:
             OSError: The interface is down or gone.
         """
         del t_ns
-        self._can.advance()
+        self._can.process_events_until_now()
         if self.gone or not self._can.up:
             code = errno.ENXIO if self.gone else errno.ENETDOWN
             raise OSError(code, os.strerror(code))
         ends = frame_ends(frames)
         for n, (start, end) in enumerate(pairwise([0, *ends])):
-            if not self._can.enqueue_sent_frame(frames[start:end]):
+            if not self._can.enqueue_socket_frame(frames[start:end]):
                 return n
         return len(ends)
 
@@ -186,7 +186,7 @@ class _Socket:
         Raises:
             OSError: The interface has gone down.
         """
-        self._can.advance()
+        self._can.process_events_until_now()
         if self.error:
             code, self.error = self.error, 0
             raise OSError(code, os.strerror(code))

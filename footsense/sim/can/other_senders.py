@@ -28,7 +28,7 @@ class OtherSender:
         self._period_ns = _NS_PER_S / fault.rate_hz
         self._until_ns = fault.until_ns
 
-    def queue_due_frame(self) -> None:
+    def mark_frame_waiting(self) -> None:
         """Mark the frame that is due as waiting, and schedule the next one a period later."""
         self.waiting = True
         self.due_ns += self._period_ns

@@ -9,7 +9,7 @@ from collections import deque
 from typing import NamedTuple
 
 #: Least time between two looks of the kernel at interfaces without carrier [ns].
-_CARRIER_CHECK_PERIOD_NS = 1_000_000_000
+_MIN_CARRIER_CHECK_INTERVAL_NS = 1_000_000_000
 
 
 class QueuedFrame(NamedTuple):
@@ -17,12 +17,12 @@ class QueuedFrame(NamedTuple):
 
     Attributes:
         queued_ns: Time at which it was handed to the kernel [ns].
-        data: The frame, as in `firmware_interface.can.socketcan`.
+        packed_frame: The frame, as in `firmware_interface.can.socketcan`.
         from_socket: Whether it came from a socket, and not from another program.
     """
 
     queued_ns: int
-    data: bytes
+    packed_frame: bytes
     from_socket: bool
 
 
@@ -68,7 +68,7 @@ class TransmitQueue:
         self.n_purged += len(self.frames)
         self.frames.clear()
 
-    def stop(self) -> None:
+    def reset(self) -> None:
         """Discard all queued frames and reset the carrier to present, as when the interface goes down."""
         self.purge()
         self.regain_carrier()
@@ -86,7 +86,7 @@ class TransmitQueue:
     def run_carrier_check(self, t_ns: int) -> None:
         """Do the kernel's carrier check at `t_ns` [ns]: without a carrier, deactivate and empty the queue."""
         self.carrier_check_ns = math.inf
-        self._next_check_ns = t_ns + _CARRIER_CHECK_PERIOD_NS
+        self._next_check_ns = t_ns + _MIN_CARRIER_CHECK_INTERVAL_NS
         if not self._carrier:
             self._active = False
             self.purge()

@@ -27,15 +27,15 @@ from footsense.sim.faults.schedule import Span, in_any_span
 
 #: Smallest and largest step of a chip's CAPDAC over the nominal one [1]: 17 pF of full scale are guaranteed, 21 pF
 #: typical.
-CAPDAC_GAIN_REL = (0.85, 1.2)
+CAPDAC_GAIN_RANGE_REL = (0.85, 1.2)
 #: Largest error of a chip's thermometer [K].
-TEMPERATURE_ERROR_K = 2.0
+MAX_TEMPERATURE_ERROR_K = 2.0
 
 _RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
 _CAP, _VT = chip.NOT_RDYCAP, chip.NOT_RDYVT
 
 #: Mean capacitance [pF] between EXCA and CIN1 between two times [ns], and whether EXCA was shorted to ground in it.
-MutualCapacitance = Callable[[int, int], tuple[float, bool]]
+MeanMutualCapacitance = Callable[[int, int], tuple[float, bool]]
 
 
 class SimulatedAd7746(LegChip):
@@ -55,7 +55,7 @@ class SimulatedAd7746(LegChip):
 
     def __init__(
         self,
-        mutual_capacitance: MutualCapacitance,
+        mutual_capacitance: MeanMutualCapacitance,
         noise: np.random.Generator | None,
         clock_error_rel: float = 0.0,
         capdac_gain_rel: float = 1.0,
@@ -85,7 +85,7 @@ class SimulatedAd7746(LegChip):
             if Register.CAP_SETUP <= self._pointer < chip.N_REGISTERS:
                 self._registers[self._pointer] = value
             if self._pointer == Register.CONFIGURATION:
-                self._start_conversion(t_ns)
+                self._start_conversions(t_ns)
             self._pointer += 1
 
     def read(self, n: int, t_ns: int) -> bytes:
@@ -111,8 +111,8 @@ class SimulatedAd7746(LegChip):
         #: Channel, start and end of the pending conversions, in their order.
         self._running: list[tuple[int, int, int]] = []
 
-    def _start_conversion(self, t_ns: int) -> None:
-        """Read the configuration registers, and start a single conversion."""
+    def _start_conversions(self, t_ns: int) -> None:
+        """Abort pending conversions; in single mode, schedule one for each enabled channel."""
         self._running = []
         configuration = self._registers[Register.CONFIGURATION]
         if configuration & 0x07 != chip.MODE_SINGLE:
@@ -136,7 +136,9 @@ class SimulatedAd7746(LegChip):
             del self._running[0]
             data = Register.CAP_DATA if kind == _CAP else Register.VT_DATA
             code = (
-                self._capacitance_code(start_ns, end_ns) if kind == _CAP else self._temperature_code(end_ns)
+                self._convert_capacitance(start_ns, end_ns)
+                if kind == _CAP
+                else self._temperature_code(end_ns)
             )
             self._registers[data : data + 3] = code.to_bytes(3, "big")
             self._registers[Register.STATUS] &= ~kind
@@ -144,8 +146,8 @@ class SimulatedAd7746(LegChip):
                 self._registers[Register.STATUS] &= ~chip.NOT_RDY
                 self._registers[Register.CONFIGURATION] &= ~0x07
 
-    def _capacitance_code(self, start_ns: int, end_ns: int) -> int:
-        """Return the capacitance code, averaged over the conversion from `start_ns` to `end_ns`."""
+    def _convert_capacitance(self, start_ns: int, end_ns: int) -> int:
+        """Return the code of the mean capacitance between two times [ns], noise included, and set or clear EXCERR."""
         registers = self._registers
         capacitance_pf, shorted = 0.0, False
         if registers[Register.EXC_SETUP] & chip.EXC_A and not registers[Register.CAP_SETUP] & chip.CAP_CIN2:

@@ -4,18 +4,18 @@ import numpy as np
 
 from firmware_interface.chips import adg715
 from footsense.sim.chips.ad7746 import (
-    CAPDAC_GAIN_REL,
-    TEMPERATURE_ERROR_K,
-    MutualCapacitance,
+    CAPDAC_GAIN_RANGE_REL,
+    MAX_TEMPERATURE_ERROR_K,
+    MeanMutualCapacitance,
     SimulatedAd7746,
 )
-from footsense.sim.chips.fdc1004 import CinCapacitance, SimulatedFdc1004
+from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.scene import Effects
 
 #: Temperature of a scene that does not change it [deg C].
-ROOM_C = 25.0
+ROOM_TEMPERATURE_C = 25.0
 
 #: Random streams of a leg besides that of its noise.
 _CAPDAC_DRAW, _THERMOMETER_DRAW = 4, 5
@@ -37,24 +37,28 @@ def leg_electronics(
     clock_error_rel = effects.converter_clock_rel * random.uniform(-1, 1)
     rows = SimulatedLineSwitch(adg715.ADDRESS, foot.rows)
     if board == "fdc1004":
-        pins = _column_pins(foot, rows, effects.stray_pf)
+        pins = _column_pin_capacitance(foot, rows, effects.stray_pf)
         chip = SimulatedFdc1004(pins, noise, clock_error_rel)
         chip.trigger_clears_done = effects.trigger_clears_done
         return chip, (rows,)
     columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS, foot.rows)
-    error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * TEMPERATURE_ERROR_K
+    error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * MAX_TEMPERATURE_ERROR_K
     warming = effects.warming
     converter = SimulatedAd7746(
-        _crossing_capacitance(foot, rows, columns),
+        _mutual_capacitance(foot, rows, columns),
         noise,
         clock_error_rel,
-        capdac_gain_rel=np.random.default_rng((*seed, _CAPDAC_DRAW)).uniform(*CAPDAC_GAIN_REL),
-        temperature_c=lambda t_ns: ROOM_C + error_k + (warming.kelvin_at(t_ns) if warming else 0.0),
+        capdac_gain_rel=np.random.default_rng((*seed, _CAPDAC_DRAW)).uniform(*CAPDAC_GAIN_RANGE_REL),
+        temperature_c=lambda t_ns: (
+            ROOM_TEMPERATURE_C + error_k + (warming.temperature_change_k_at(t_ns) if warming else 0.0)
+        ),
     )
     return converter, (rows, columns)
 
 
-def _column_pins(foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float) -> CinCapacitance:
+def _column_pin_capacitance(
+    foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float
+) -> MeanCinCapacitance:
     """Return the capacitance function of board `fdc1004`'s pins: a column's elements to ground, and stray."""
 
     def pin_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
@@ -69,9 +73,9 @@ def _column_pins(foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float) ->
     return pin_pf
 
 
-def _crossing_capacitance(
+def _mutual_capacitance(
     foot: WiredFoot, rows: SimulatedLineSwitch, columns: SimulatedLineSwitch
-) -> MutualCapacitance:
+) -> MeanMutualCapacitance:
     """Return the mutual-capacitance function of board `ad7746`, between excited rows and selected columns."""
 
     def mutual_pf(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:

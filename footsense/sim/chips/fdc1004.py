@@ -32,15 +32,15 @@ _CONF_MEAS1, _GAIN_CAL_CIN4 = int(chip.Register.CONF_MEAS1), int(chip.Register.G
 _RESET, _DONE = chip.CONF_RESET.encode(1), chip.CONF_DONE.encode(0xF)
 
 #: Mean capacitance [pF] that a CIN pin (0..3) saw to ground between two times [ns].
-CinCapacitance = Callable[[int, int, int], float]
+MeanCinCapacitance = Callable[[int, int, int], float]
 
 
 class _Conversion(NamedTuple):
     """A one-shot conversion started by a write to FDC_CONF: measurement slot, nominal time [ns], noise [pF]."""
 
     slot: int
-    duration_ns: int
-    noise_pf: float
+    nominal_duration_ns: int
+    noise_rms_pf: float
 
 
 @cache
@@ -83,7 +83,7 @@ class SimulatedFdc1004(LegChip):
 
     def __init__(
         self,
-        cin_capacitance_pf: CinCapacitance,
+        cin_capacitance_pf: MeanCinCapacitance,
         noise: np.random.Generator | None,
         clock_error_rel: float = 0.0,
     ) -> None:
@@ -113,7 +113,7 @@ class SimulatedFdc1004(LegChip):
             return
         word = data[1] << 8 | data[2]
         if self._pointer == _FDC_CONF:
-            self._configure(word, t_ns)
+            self._write_fdc_conf(word, t_ns)
         elif _CONF_MEAS1 <= self._pointer <= _GAIN_CAL_CIN4:
             self._registers[self._pointer] = word
 
@@ -123,7 +123,7 @@ class SimulatedFdc1004(LegChip):
         word = self._read_register(self._pointer).to_bytes(2, "big")
         return word if n == len(word) else word[:n] + b"\xff" * (n - 2)
 
-    def _configure(self, word: int, t_ns: int) -> None:
+    def _write_fdc_conf(self, word: int, t_ns: int) -> None:
         """Process a write to FDC_CONF: reset the chip, or start a conversion."""
         if word & _RESET:
             self.power_up(t_ns)
@@ -137,7 +137,7 @@ class SimulatedFdc1004(LegChip):
             self._done = 0
         self._results[conversion.slot] = chip.CODE_MAX
         self._started_ns = t_ns
-        self._ends_ns = t_ns + round(conversion.duration_ns * self.clock_factor)
+        self._ends_ns = t_ns + round(conversion.nominal_duration_ns * self.clock_factor)
 
     def _finish_conversions_by(self, t_ns: int) -> None:
         """Store the result of the conversion, if it ends by `t_ns` [ns]."""
@@ -153,7 +153,7 @@ class SimulatedFdc1004(LegChip):
         cin, capdac = _pin_and_capdac(self._registers[_CONF_MEAS1 + conversion.slot])
         capacitance_pf = self._cin_capacitance_pf(cin, self._started_ns, self._ends_ns)
         capacitance_pf -= capdac * chip.CAPDAC_STEP_PF
-        capacitance_pf += conversion.noise_pf * next(self._noise)
+        capacitance_pf += conversion.noise_rms_pf * next(self._noise)
         return min(max(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN), chip.CODE_MAX)
 
     def _read_register(self, address: int) -> int:

@@ -19,8 +19,8 @@ class LineStates(NamedTuple):
     """States of a foot's row or column lines from `since_ns` on, as bit masks: selected, waiting, the others float."""
 
     since_ns: int
-    selected: int
-    waiting: int
+    selected_mask: int
+    waiting_mask: int
 
 
 class SimulatedLineSwitch(LegChip):
@@ -64,7 +64,7 @@ class SimulatedLineSwitch(LegChip):
         return bytes((self._switches,)) * n
 
     def states_between(self, t_from_ns: int, t_to_ns: int) -> list[tuple[float, LineStates]]:
-        """Return the line states between two times [ns], each with its share of that time; shares sum to 1."""
+        """Return the line states between two times [ns], latest first, each with its share of that time."""
         shares = []
         until_ns = t_to_ns
         for states in reversed(self._history):

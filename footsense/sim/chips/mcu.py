@@ -28,12 +28,12 @@ _TIMER_WRAP_US = 1 << 32
 #: Records of a leg with the flag of a recent start.
 _N_STARTING_RECORDS = 256
 #: Noise of one conversion [pF]: that of the default board at its fastest rate; no such board was measured.
-_NOISE_PF = fdc1004.RATES[400].noise_ff * 1e-3
+_NOISE_RMS_PF = fdc1004.RATES[400].noise_ff * 1e-3
 #: Relative error of its crystal [1].
 _CLOCK_ERROR_REL = 40e-6
 
 #: Capacitances of a leg's elements at a time [ns], stray included [pF], shape (9,); NaN where no converter answers.
-Elements = Callable[[int], Vector]
+ElementCapacitancesAt = Callable[[int], Vector]
 
 
 class SimulatedRobotMcu:
@@ -50,7 +50,11 @@ class SimulatedRobotMcu:
     """
 
     def __init__(
-        self, legs: Mapping[str, Elements], *, step_us: int = 0, noise: np.random.Generator | None = None
+        self,
+        legs: Mapping[str, ElementCapacitancesAt],
+        *,
+        step_us: int = 0,
+        noise: np.random.Generator | None = None,
     ) -> None:
         self._legs = dict(legs)
         self._step_us = step_us
@@ -70,7 +74,7 @@ class SimulatedRobotMcu:
                     flags=flags,
                     step_us=self._step_us,
                     t_us=t_us,
-                    values=pack_values(self._values_af(elements_pf, t_ns)),
+                    values=pack_values(self._record_values(elements_pf, t_ns)),
                 )
             )
             for leg, elements_pf in self._legs.items()
@@ -81,15 +85,15 @@ class SimulatedRobotMcu:
         """Time from the first to the last conversion of a scan [ns]; the records are sent after it."""
         return (ELEMENTS - 1) * self._step_us * _NS_PER_US
 
-    def _values_af(self, elements_pf: Elements, t_ns: int) -> list[int]:
-        """Return the measured capacitances of one leg's elements [aF], clipped to the full scale."""
+    def _record_values(self, elements_pf: ElementCapacitancesAt, t_ns: int) -> list[int]:
+        """Return one leg's record values: capacitances [aF], or a `NoValue` code without an answer or over range."""
         if self._step_us:
             step_ns = self._step_us * _NS_PER_US
             values_pf = np.array([elements_pf(t_ns + n * step_ns)[n] for n in range(ELEMENTS)])
         else:
             values_pf = elements_pf(t_ns)
         if self._noise is not None:
-            values_pf = values_pf + self._noise.normal(0.0, _NOISE_PF, ELEMENTS)
+            values_pf = values_pf + self._noise.normal(0.0, _NOISE_RMS_PF, ELEMENTS)
         values_af = values_pf * _AF_PER_PF
         missing = (np.isnan(values_af), values_af >= _FULL_SCALE_AF)
         codes = (NO_VALUE_BASE + NoValue.NO_ANSWER, NO_VALUE_BASE + NoValue.OVER_RANGE)

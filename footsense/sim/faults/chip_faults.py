@@ -31,8 +31,8 @@ class SimulatedEeprom:
         return bytes(self._memory[(self._pointer + k) % 256] for k in range(n))
 
 
-_I2C_FAULT_TYPES = (scene_faults.NackAtRandom, scene_faults.CorruptReads)
-_CONVERTER_FAULT_TYPES = (*_I2C_FAULT_TYPES, scene_faults.WrongChip)
+_WRAPPED_CHIP_FAULT_TYPES = (scene_faults.NackAtRandom, scene_faults.CorruptReads)
+_WRAPPED_CONVERTER_FAULT_TYPES = (*_WRAPPED_CHIP_FAULT_TYPES, scene_faults.WrongChip)
 
 
 class _FailingChip:
@@ -78,10 +78,10 @@ class _FailingChip:
         return bytes(answer)
 
 
-def failing_chips(
+def inject_chip_faults(
     converter: SimulatedFdc1004 | SimulatedAd7746,
     switches: Sequence[SimulatedLineSwitch],
-    faults: Sequence[scene_faults.OnChips],
+    faults: Sequence[scene_faults.ChipFault],
     rng: np.random.Generator,
 ) -> tuple[SimulatedChip, ...]:
     """Return a leg's chips with its faults injected, the converter first.
@@ -109,7 +109,7 @@ def failing_chips(
                 pass
     failing: list[SimulatedChip] = []
     for chip, kinds in zip(
-        chips, (_CONVERTER_FAULT_TYPES, *(_I2C_FAULT_TYPES for _ in switches)), strict=True
+        chips, (_WRAPPED_CONVERTER_FAULT_TYPES, *(_WRAPPED_CHIP_FAULT_TYPES for _ in switches)), strict=True
     ):
         own = [fault for fault in faults if isinstance(fault, kinds)]
         failing.append(_FailingChip(chip, own, rng) if own else chip)

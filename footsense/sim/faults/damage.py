@@ -30,7 +30,10 @@ class WiredFoot:
     """
 
     def __init__(
-        self, undamaged_pf: Callable[[int], list[float]], faults: Sequence[scene_faults.OnFoot], foot: Foot
+        self,
+        undamaged_pf: Callable[[int], list[float]],
+        faults: Sequence[scene_faults.FootDamage],
+        foot: Foot,
     ) -> None:
         self._undamaged_pf = undamaged_pf
         self._on_lines = Schedule(
@@ -51,7 +54,7 @@ class WiredFoot:
         self._held_pf: dict[scene_faults.ElementStuck, float] = {}
 
     def elements_pf(self, t_ns: int) -> list[float]:
-        """Return the capacitance of each element at a time [ns], with damage, without stray [pF]."""
+        """Return each element's capacitance at a time [ns], with damage, without the scene's `stray_pf` [pF]."""
         undamaged_pf = self._undamaged_pf(t_ns)
         acting = self._on_elements.at(t_ns)
         if not acting:
@@ -74,7 +77,7 @@ class WiredFoot:
 
     def pin_pf(self, cin: int, column_pf: list[float], states: LineStates, t_ns: int) -> float:
         """Return the capacitance of pin `cin` to ground at a time [pF], with damage; see `pin_capacitance_pf`."""
-        broken_rows, broken_columns, shorted = self._broken_lines(t_ns)
+        broken_rows, broken_columns, shorted = self._line_damage(t_ns)
         if broken_columns >> cin & 1:
             return OPEN_ELEMENT_PF
         shorted_rows = sum({1 << element // self.rows for element in shorted if element % self.rows == cin})
@@ -84,9 +87,9 @@ class WiredFoot:
         self, element_pf: list[float], rows: LineStates, columns: LineStates, t_ns: int
     ) -> tuple[float, bool]:
         """Return mutual capacitance [pF] and whether it is shorted, with damage; see `mutual_capacitance_pf`."""
-        return mutual_capacitance_pf(element_pf, rows, columns, *self._broken_lines(t_ns))
+        return mutual_capacitance_pf(element_pf, rows, columns, *self._line_damage(t_ns))
 
-    def _broken_lines(self, t_ns: int) -> tuple[int, int, list[int]]:
+    def _line_damage(self, t_ns: int) -> tuple[int, int, list[int]]:
         """Return the interrupted row lines and column lines at a time (bit masks), and the shorted elements."""
         rows = columns = 0
         shorted: list[int] = []

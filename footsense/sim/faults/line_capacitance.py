@@ -34,18 +34,18 @@ def pin_capacitance_pf(
     """
     # A short is on the foot's side of a broken line: the row floats with the pin.
     broken = broken_rows & ~shorted_rows
-    if shorted_rows & states.selected & ~broken_rows:
+    if shorted_rows & states.selected_mask & ~broken_rows:
         return SHORTED_ELEMENT_PF
-    if shorted_rows & states.waiting & ~broken_rows:
+    if shorted_rows & states.waiting_mask & ~broken_rows:
         return 0.0
     total_pf = 0.0
     for row, pf in enumerate(column_pf):
         bit = 1 << row
         if shorted_rows & bit:
             total_pf += FLOATING_ROW_PF
-        elif broken & bit or not (states.selected | states.waiting) & bit:
+        elif broken & bit or not (states.selected_mask | states.waiting_mask) & bit:
             total_pf += pf * FLOATING_ROW_PF / (pf + FLOATING_ROW_PF)
-        elif states.selected & bit:
+        elif states.selected_mask & bit:
             total_pf += pf
     return total_pf
 
@@ -71,8 +71,8 @@ def mutual_capacitance_pf(
     Returns:
         Capacitance [pF], and whether a short ties the excitation to ground.
     """
-    excited, earthed = rows.selected & ~broken_rows, rows.waiting & ~broken_rows
-    sensed, idle = columns.selected & ~broken_columns, columns.waiting & ~broken_columns
+    excited, earthed = rows.selected_mask & ~broken_rows, rows.waiting_mask & ~broken_rows
+    sensed, idle = columns.selected_mask & ~broken_columns, columns.waiting_mask & ~broken_columns
     total_pf, to_ground, over = 0.0, False, False
     n_columns = math.isqrt(len(element_pf))
     for element in shorted:

@@ -33,15 +33,15 @@ _PRESENT_NAME_OF_FORMER = {
     "gap_shut": "gap_closed",
 }
 #: Names of faults in earlier versions, each with what replaces it.
-FORMER_FAULTS = {name: f"now called {present}" for name, present in _PRESENT_NAME_OF_FORMER.items()}
+FORMER_FAULT_HINTS = {name: f"now called {present}" for name, present in _PRESENT_NAME_OF_FORMER.items()}
 
 
-def _tag(name: str) -> str:
+def _snake_case(name: str) -> str:
     return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
 
 
 class _Fault(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="fault", tag=_tag
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="fault", tag=_snake_case
 ):
     """A fault that starts at a time."""
 
@@ -53,7 +53,7 @@ class _Fault(
         return round(self.at_s * _NS_PER_S)
 
 
-class _Lasting(_Fault, frozen=True, kw_only=True):
+class _LastingFault(_Fault, frozen=True, kw_only=True):
     """A fault with an optional end time."""
 
     until_s: Annotated[float, Meta(gt=0.0)] | None = None
@@ -69,13 +69,13 @@ class _Lasting(_Fault, frozen=True, kw_only=True):
         return self.at_ns, self.until_ns
 
 
-class _OnLeg(_Lasting, frozen=True, kw_only=True):
+class _LegFault(_LastingFault, frozen=True, kw_only=True):
     """A fault of one leg."""
 
     leg: Leg
 
 
-class _OnElement(_OnLeg, frozen=True, kw_only=True):
+class _ElementFault(_LegFault, frozen=True, kw_only=True):
     """A fault of one element of a foot."""
 
     element: ElementIndex
@@ -84,27 +84,27 @@ class _OnElement(_OnLeg, frozen=True, kw_only=True):
 # ---------------------------------------------------------------- the chips of a leg
 
 
-class Absent(_OnLeg, frozen=True, kw_only=True):
+class Absent(_LegFault, frozen=True, kw_only=True):
     """No chip of the leg answers: the leg's cable is unplugged."""
 
 
-class NackAtRandom(_OnLeg, frozen=True, kw_only=True):
+class NackAtRandom(_LegFault, frozen=True, kw_only=True):
     """Each acknowledge of the leg's chips is lost with probability `rate_rel`: a loose contact."""
 
     rate_rel: Probability
 
 
-class CorruptReads(_OnLeg, frozen=True, kw_only=True):
+class CorruptReads(_LegFault, frozen=True, kw_only=True):
     """Each read from the leg has one flipped bit with probability `rate_rel`: noise on its I2C lines."""
 
     rate_rel: Probability
 
 
-class StuckConverter(_OnLeg, frozen=True, kw_only=True):
+class StuckConverter(_LegFault, frozen=True, kw_only=True):
     """The leg's converter never finishes a conversion."""
 
 
-class WrongChip(_OnLeg, frozen=True, kw_only=True):
+class WrongChip(_LegFault, frozen=True, kw_only=True):
     """An EEPROM answers at the address of the leg's converter."""
 
 
@@ -114,14 +114,14 @@ class BrownOut(_Fault, frozen=True, kw_only=True):
     leg: Leg
 
 
-class SwitchIgnoresWrites(_OnLeg, frozen=True, kw_only=True):
+class SwitchIgnoresWrites(_LegFault, frozen=True, kw_only=True):
     """The leg's row switch acknowledges writes but does not switch."""
 
 
 # ---------------------------------------------------------------- the wires of a bus
 
 
-class StuckSda(_OnLeg, frozen=True, kw_only=True):
+class StuckSda(_LegFault, frozen=True, kw_only=True):
     """The leg holds SDA low: while its mux channel is connected, no transaction passes, not even to the mux.
 
     Attributes:
@@ -132,13 +132,13 @@ class StuckSda(_OnLeg, frozen=True, kw_only=True):
     within_byte: bool = False
 
 
-class StuckUpstreamBus(_Lasting, frozen=True, kw_only=True):
+class StuckUpstreamBus(_LastingFault, frozen=True, kw_only=True):
     """SDA is held low between host and mux: no transaction passes."""
 
     bus: BusIndex = 0
 
 
-class ArbitrationLost(_Lasting, frozen=True, kw_only=True):
+class ArbitrationLost(_LastingFault, frozen=True, kw_only=True):
     """Another master wins the arbitration on the upstream bus with probability `rate_rel` per attempt."""
 
     bus: BusIndex = 0
@@ -154,35 +154,35 @@ class MuxReset(_Fault, frozen=True, kw_only=True):
 # ---------------------------------------------------------------- the foot and its lines
 
 
-class ElementOpen(_OnElement, frozen=True, kw_only=True):
+class ElementOpen(_ElementFault, frozen=True, kw_only=True):
     """An element has lost its electrode: only a trace's capacitance remains."""
 
 
-class ElementShorted(_OnElement, frozen=True, kw_only=True):
+class ElementShorted(_ElementFault, frozen=True, kw_only=True):
     """The two electrodes of an element touch: its row line is shorted to its column line."""
 
 
-class ElementStuck(_OnElement, frozen=True, kw_only=True):
+class ElementStuck(_ElementFault, frozen=True, kw_only=True):
     """An element's electrode has come off the rubber: its capacitance no longer follows the load."""
 
 
-class ElementDrifts(_OnElement, frozen=True, kw_only=True):
+class ElementDrifts(_ElementFault, frozen=True, kw_only=True):
     """The capacitance of an element drifts at a constant rate, as by moisture; the drift remains after the end."""
 
     rate_ff_per_s: Annotated[float, Meta(ge=-1000.0, le=1000.0)]
 
 
-class GapClosed(_OnElement, frozen=True, kw_only=True):
+class GapClosed(_ElementFault, frozen=True, kw_only=True):
     """Water fills an element's gap: the element reads as if the gap were closed."""
 
 
-class BrokenRow(_OnLeg, frozen=True, kw_only=True):
+class BrokenRow(_LegFault, frozen=True, kw_only=True):
     """A row line is interrupted between the switch and the foot."""
 
     row: LineIndex
 
 
-class BrokenColumn(_OnLeg, frozen=True, kw_only=True):
+class BrokenColumn(_LegFault, frozen=True, kw_only=True):
     """A column line is interrupted between the converter's pin and the foot."""
 
     column: LineIndex
@@ -191,35 +191,37 @@ class BrokenColumn(_OnLeg, frozen=True, kw_only=True):
 # ---------------------------------------------------------------- the CAN bus
 
 
-class CanNoAck(_Lasting, frozen=True, kw_only=True):
+class CanNoAck(_LastingFault, frozen=True, kw_only=True):
     """No other CAN node acknowledges: the plug is out, or the receiver is off."""
 
 
-class CanBusOff(_Lasting, frozen=True, kw_only=True):
+class CanBusOff(_LastingFault, frozen=True, kw_only=True):
     """CANH and CANL are shorted: no bit passes, and the controller repeatedly goes bus-off."""
 
 
-class CanDown(_Lasting, frozen=True, kw_only=True):
+class CanDown(_LastingFault, frozen=True, kw_only=True):
     """The CAN interface is down, or was unplugged and replaced by a new one."""
 
     unplugged: bool = False
 
 
-class CanQueueFull(_Lasting, frozen=True, kw_only=True):
+class CanQueueFull(_LastingFault, frozen=True, kw_only=True):
     """Another program on the same computer floods the transmit queue with frames of the lowest priority."""
 
     rate_hz: Annotated[float, Meta(gt=0.0, le=100_000.0)] = 10_000.0
 
 
-class CanTraffic(_Lasting, frozen=True, kw_only=True):
+class CanTraffic(_LastingFault, frozen=True, kw_only=True):
     """Another CAN node sends 8-byte frames periodically."""
 
     can_id: Annotated[int, Meta(ge=0, le=0x7FF)] = 0x080
     rate_hz: Annotated[float, Meta(gt=0.0, le=10_000.0)]
 
 
-OnChips = Absent | NackAtRandom | CorruptReads | StuckConverter | WrongChip | BrownOut | SwitchIgnoresWrites
-OnWires = StuckSda | StuckUpstreamBus | ArbitrationLost | MuxReset
-OnFoot = ElementOpen | ElementShorted | ElementStuck | ElementDrifts | GapClosed | BrokenRow | BrokenColumn
+ChipFault = Absent | NackAtRandom | CorruptReads | StuckConverter | WrongChip | BrownOut | SwitchIgnoresWrites
+WireFault = StuckSda | StuckUpstreamBus | ArbitrationLost | MuxReset
+FootDamage = (
+    ElementOpen | ElementShorted | ElementStuck | ElementDrifts | GapClosed | BrokenRow | BrokenColumn
+)
 CanFault = CanNoAck | CanBusOff | CanDown | CanQueueFull | CanTraffic
-Fault = OnChips | OnWires | OnFoot | CanFault
+Fault = ChipFault | WireFault | FootDamage | CanFault

@@ -18,7 +18,7 @@ import numpy as np
 from footsense.errors import I2cTimeoutError
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
-from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, OnWires, StuckSda, StuckUpstreamBus
+from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, StuckSda, StuckUpstreamBus, WireFault
 from footsense.sim.faults.schedule import Schedule
 
 #: Retries that `footsense/acquisition/linux/linux_i2c.py` sets.
@@ -43,7 +43,7 @@ class WireFaults:
 
     def __init__(
         self,
-        faults: Sequence[OnWires],
+        faults: Sequence[WireFault],
         channels: Mapping[str, int],
         timeout_ns: int,
         rng: np.random.Generator,
@@ -51,14 +51,16 @@ class WireFaults:
         adapter_compares: bool = True,
     ) -> None:
         self._adapter_compares = adapter_compares
-        self._released: list[OnWires] = []
+        self._released: list[WireFault] = []
         self._channels = dict(channels)
         self._timeout_ns = timeout_ns
         self._rng = rng
         self._faults = Schedule((fault.span_ns, fault) for fault in faults if not isinstance(fault, MuxReset))
         self._resets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
-    def apply_faults(self, clock: VirtualClock, mux: SimulatedMux, host_cost_ns: int, address: int) -> bool:
+    def attempt_transaction(
+        self, clock: VirtualClock, mux: SimulatedMux, host_cost_ns: int, address: int
+    ) -> bool:
         """Apply the active faults to the next transaction: wait for failed attempts, return whether it succeeds.
 
         One that does not pass is acknowledged, has no effect, and reads zeros.
@@ -94,7 +96,7 @@ class WireFaults:
             clock.advance_ns(host_cost_ns + _ARBITRATION_LOST_AFTER_NS)
         raise I2cTimeoutError("arbitration lost four times")
 
-    def _holds_sda_low(self, fault: OnWires, selection: int) -> bool:
+    def _holds_sda_low(self, fault: WireFault, selection: int) -> bool:
         """Return whether an active fault holds SDA of the bus low, given the selected mux channels."""
         if fault in self._released:
             return False

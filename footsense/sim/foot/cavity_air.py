@@ -29,7 +29,7 @@ class CavityAir:
         self._amount_mpa = np.array([self._ambient_mpa]) if leaking else gas.amount_mpa
         self._t_ns: int | None = None
 
-    def capacitance_pf(
+    def next_capacitance_pf(
         self, t_ns: int, normal: Vector, force_n: Vector, softness: float = 1.0, kelvin: float = 0.0
     ) -> Vector:
         """Return the capacitance of each element under a load [pF], shape (elements,), with stray; advances the air.

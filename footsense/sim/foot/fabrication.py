@@ -41,10 +41,10 @@ class FootTolerances:
 #: stray makes the one, the stiffness the other. Twenty feet differ from another twenty by 1.6 deg and 2.3 gf (rms).
 PAPER_TOLERANCES = FootTolerances(gap_um=2.0, film_um=1.0, stray_pf=0.34, stiffness_rel=0.2, mount_deg=3.0)
 #: Rms rotation by taking a foot off and mounting it again [deg].
-REMOUNT_DEG = 0.3
+REMOUNT_RMS_DEG = 0.3
 
 
-def fabricate(response: FootResponse, tolerances: FootTolerances, seed: int, foot: int) -> Deviations:
+def draw_deviations(response: FootResponse, tolerances: FootTolerances, seed: int, foot: int) -> Deviations:
     """Return one foot's random deviations from its design, drawn with the tolerances as rms values.
 
     Each kind of deviation has its own random stream: a foot has the same gaps with any tolerance of its mount, and

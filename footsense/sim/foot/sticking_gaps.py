@@ -24,7 +24,7 @@ class StickingGaps:
         self._stiction_kpa = stiction_kpa
         self._stuck = np.zeros(foot.response.n_cells, bool)
 
-    def capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
+    def next_capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the capacitance of each element under the next load [pF], shape (elements,); updates which stick.
 
         Args:

@@ -30,7 +30,7 @@ PLAY_OPERATOR_WIDTHS_N = np.array([0.02, 0.06, 0.12])
 _MIN_LOAD_N = 1e-6
 
 
-class ViscoelasticElement:
+class ViscoelasticRubber:
     """Creep and hysteresis state of the rubber of one foot; call in order of time.
 
     Args:
@@ -46,7 +46,7 @@ class ViscoelasticElement:
         self._normal = np.array([0.0, 0.0, 1.0])
         self._t_ns: int | None = None
 
-    def effective_load(self, t_ns: int, normal: Vector, force_n: Vector) -> tuple[Vector, Vector]:
+    def next_effective_load(self, t_ns: int, normal: Vector, force_n: Vector) -> tuple[Vector, Vector]:
         """Return normal and force [N] that would deform an elastic foot as much, shape (3,) each; advances the state.
 
         Args:

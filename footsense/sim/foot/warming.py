@@ -35,15 +35,15 @@ class WarmingFoot:
         spread_rel = DRIFT_SPREAD_REL * rng.standard_normal(n_elements)
         self._pf_per_k: list[float] = (DRIFT_PF_PER_K * (1.0 + spread_rel)).tolist()
 
-    def kelvin(self, t_ns: int) -> float:
+    def temperature_change_k(self, t_ns: int) -> float:
         """Return the temperature change since the start at a time [K]."""
-        return self._warming.kelvin_at(t_ns)
+        return self._warming.temperature_change_k_at(t_ns)
 
     def drift_pf(self, t_ns: int) -> list[float]:
         """Return the baseline drift of each element at a time [pF]."""
-        kelvin = self._warming.kelvin_at(t_ns)
+        kelvin = self._warming.temperature_change_k_at(t_ns)
         return [pf_per_k * kelvin for pf_per_k in self._pf_per_k]
 
     def softness(self, t_ns: int) -> float:
         """Return the factor on the gap closures under the same load at a time [1]; 1 at the start."""
-        return softness_at(self._warming.kelvin_at(t_ns))
+        return softness_at(self._warming.temperature_change_k_at(t_ns))

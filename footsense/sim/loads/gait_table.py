@@ -36,7 +36,7 @@ class GaitTable:
         self._per_phase = self._n_steps / walk.duty_rel
         # The last point belongs to the stance: at its end a foot may still carry.
         phases = np.linspace(0.0, walk.duty_rel, self._n_steps + 1)
-        contacts = [walk.contact_at(leg, phase) for phase in phases.tolist()]
+        contacts = [walk.contact_at_phase(leg, phase) for phase in phases.tolist()]
         normal = np.array([contact.normal for contact in contacts])
         force_n = np.array([contact.force_n for contact in contacts])
         low, high = min(softness), max(softness)
@@ -49,7 +49,7 @@ class GaitTable:
         ]
 
     def capacitance_pf(self, phase: float | None, softness: float = 1.0) -> list[float]:
-        """Return the capacitance of each element at a stance phase [pF], interpolated; phase None is the swing.
+        """Return each element's capacitance at a gait phase in stance [pF], interpolated; phase None is the swing.
 
         Args:
             phase: Phase of the leg within its stance [1]; None in the air.

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.frames import ALL_LEGS, Vector
-from footsense.sim.loads.walk import Reaction, Walk
+from footsense.sim.loads.walk import ReactionOverPhase, Walk
 
 _NS_PER_S = 1_000_000_000
 _RIGHT_LEGS = ("rf", "rm", "rr", "r4")
@@ -21,7 +21,7 @@ class MeasuredStride(NamedTuple):
     stance_s: float
 
 
-def measured_strides() -> dict[str, MeasuredStride]:
+def measured_strides_by_side() -> dict[str, MeasuredStride]:
     """Return the measured strides of the "right" and "left" foot of a person; x forward, y left, z up.
 
     Source:
@@ -57,12 +57,12 @@ def measured_walk(peak_force_n: float, pitch_deg: float, from_ns: int) -> Walk:
         pitch_deg: As of `Walk`.
         from_ns: As of `Walk`.
     """
-    strides = measured_strides()
+    strides = measured_strides_by_side()
     largest_n = max(float(stride.force_n[:, 2].max()) for stride in strides.values())
     scale = peak_force_n / largest_n
     right = strides["right"]
 
-    def replay_stride(stride: MeasuredStride) -> Reaction:
+    def replay_stride(stride: MeasuredStride) -> ReactionOverPhase:
         scaled_n = stride.force_n * scale
         last = len(scaled_n) - 1
         dt_s = float(stride.t_s[1] - stride.t_s[0])

@@ -36,8 +36,8 @@ class _SuddenChange(NamedTuple):
 
     start_s: float
     duration_s: float
-    load_rel: float
-    shear: Vector
+    load_change_rel: float
+    tangential_ratio_change: Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,23 +45,25 @@ class _Oscillation:
     """A sum of sines: amplitude, angular frequency [rad/s] and phase [rad], shape (..., k) each."""
 
     amplitude: Vector
-    rate: Vector
-    phase: Vector
+    angular_frequency_rad_per_s: Vector
+    phase_rad: Vector
 
     def at(self, t_s: Vector) -> Vector:
         """Return the sum of the sines at n times [s], shape (n, ...)."""
-        turns = np.multiply.outer(t_s, self.rate) + self.phase
+        turns = np.multiply.outer(t_s, self.angular_frequency_rad_per_s) + self.phase_rad
         total: Vector = (self.amplitude * np.sin(turns)).sum(axis=-1)
         return total
 
 
-def _oscillation(
+def _draw_oscillation(
     rng: np.random.Generator, size: float, hertz: tuple[float, float], shape: tuple[int, ...]
 ) -> _Oscillation:
-    """Return a random sum of sines of a size, in a frequency band [Hz]."""
+    """Return a random sum of sines: amplitudes of rms `size`, frequencies log-uniform within a band [Hz]."""
     rate = 2.0 * np.pi * _log_uniform(rng, hertz, shape)
     return _Oscillation(
-        amplitude=size * rng.normal(size=shape), rate=rate, phase=rng.uniform(0.0, 2.0 * np.pi, shape)
+        amplitude=size * rng.normal(size=shape),
+        angular_frequency_rad_per_s=rate,
+        phase_rad=rng.uniform(0.0, 2.0 * np.pi, shape),
     )
 
 
@@ -100,7 +102,7 @@ class RandomStance:
         self._max_n = max_n
         still = rng.random() < 0.2
         self._hump, self._n_humps = rng.uniform(-0.1, 0.4) * (rng.random() < 0.6), rng.integers(1, 3)
-        self._wave = _oscillation(rng, 0.06 * (rng.random() < 0.6), (0.5, 15.0), (3,))
+        self._wave = _draw_oscillation(rng, 0.06 * (rng.random() < 0.6), (0.5, 15.0), (3,))
         impact = rng.uniform(0.0, 0.5) * (rng.random() < 0.4)
         self._impact = impact, rng.uniform(0.01, 0.05), rng.uniform(0.006, 0.02)
         self._load_steps = self._sudden_changes(rng, 0.3)
@@ -109,9 +111,9 @@ class RandomStance:
         self._lean = lean * np.array([np.cos(around), np.sin(around)])
         self._roll = rng.uniform(0.0, 1.0) * (rng.random() < 0.7)
         self._off = np.radians(3.0) * rng.normal(size=2) * (rng.random() < 0.8)
-        self._wander = _oscillation(rng, np.radians(1.0) * (rng.random() < 0.6), (0.2, 5.0), (2, 2))
+        self._wander = _draw_oscillation(rng, np.radians(1.0) * (rng.random() < 0.6), (0.2, 5.0), (2, 2))
         self._friction = 0.1 * rng.normal(size=2) * (rng.random() < 0.75)
-        self._shear = _oscillation(rng, 0.0 if still else 0.07, (0.4, 12.0), (2, 3))
+        self._shear = _draw_oscillation(rng, 0.0 if still else 0.07, (0.4, 12.0), (2, 3))
         self._shear_steps = self._sudden_changes(rng, 0.0 if still else 0.3)
 
     def _sudden_changes(self, rng: np.random.Generator, probability: float) -> list[_SuddenChange]:
@@ -122,24 +124,24 @@ class RandomStance:
             _SuddenChange(
                 start_s=rng.uniform(0.0, self.duration_s),
                 duration_s=rng.uniform(0.005, 0.04),
-                load_rel=rng.uniform(-0.5, 0.4),
-                shear=0.15 * rng.normal(size=2),
+                load_change_rel=rng.uniform(-0.5, 0.4),
+                tangential_ratio_change=0.15 * rng.normal(size=2),
             )
             for _ in range(rng.integers(1, 3))
         ]
 
     def loads(self, t_s: Vector) -> ContactLoads:
         """Return the loads at n times since touchdown [s]."""
-        normal = _normals(self._lean_at(t_s))
-        shear = self._shear_at(t_s)
+        normal = _normals(self._lean_rad_at(t_s))
+        shear = self._tangential_ratio_at(t_s)
         # Tangential to the ball: sideways as drawn, and along z what keeps it perpendicular to the normal.
         along = -(normal[:, :2] * shear).sum(axis=1, keepdims=True) / normal[:, 2:]
         tangential = np.hstack([shear, along])
         length = np.linalg.norm(tangential, axis=1, keepdims=True)
         tangential *= np.minimum(1.0, MAX_FRICTION_REL / np.maximum(length, 1e-9))
-        return ContactLoads(normal, self._pressing_n(t_s)[:, None] * (normal + tangential))
+        return ContactLoads(normal, self._normal_force_n(t_s)[:, None] * (normal + tangential))
 
-    def _pressing_n(self, t_s: Vector) -> Vector:
+    def _normal_force_n(self, t_s: Vector) -> Vector:
         """Return the normal force at n times since touchdown [N]."""
         rise, fall = t_s / self._rise_s, (self.duration_s - t_s) / self._fall_s
         if self._kind == 0:
@@ -152,11 +154,11 @@ class RandomStance:
         size, at_s, width_s = self._impact
         shape *= (1.0 + self._wave.at(t_s)) * (1.0 + size * np.exp(-0.5 * ((t_s - at_s) / width_s) ** 2))
         for step in self._load_steps:
-            shape *= 1.0 + step.load_rel * _smooth_step((t_s - step.start_s) / step.duration_s)
+            shape *= 1.0 + step.load_change_rel * _smooth_step((t_s - step.start_s) / step.duration_s)
         pressing = np.clip(self._peak_n * envelope * shape, 0.0, self._max_n)
         return np.where((t_s >= 0.0) & (t_s < self.duration_s), pressing, 0.0)
 
-    def _lean_at(self, t_s: Vector) -> Vector:
+    def _lean_rad_at(self, t_s: Vector) -> Vector:
         """Return the lean of the contact normal at n times, forward and to the left [rad], shape (n, 2)."""
         rolled = 1.0 - 2.0 * self._roll * t_s / self.duration_s
         lean = self._lean * rolled[:, None] + self._off + self._wander.at(t_s)
@@ -164,12 +166,12 @@ class RandomStance:
         limited: Vector = lean * np.minimum(1.0, np.radians(_LARGEST_LEAN_DEG) / np.maximum(size, 1e-9))
         return limited
 
-    def _shear_at(self, t_s: Vector) -> Vector:
+    def _tangential_ratio_at(self, t_s: Vector) -> Vector:
         """Return the ratio of tangential to normal force, forward and to the left [1], shape (n, 2)."""
         shear = self._friction + self._shear.at(t_s)
         for step in self._shear_steps:
             shear = shear + np.multiply.outer(
-                _smooth_step((t_s - step.start_s) / step.duration_s), step.shear
+                _smooth_step((t_s - step.start_s) / step.duration_s), step.tangential_ratio_change
             )
         return shear
 

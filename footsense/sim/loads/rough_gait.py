@@ -12,7 +12,7 @@ import numpy as np
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import Vector
 from footsense.sim.loads.random_gait import SWING_DURATION_RANGE_S, RandomStance
-from footsense.sim.loads.sliding_ground import STEP_S, SlidingGround
+from footsense.sim.loads.sliding_ground import INTEGRATION_STEP_S, SlidingGround
 from footsense.sim.loads.swing_shake import SwingShake
 
 #: Kinetic friction of the ground of a gait, and its spread between stances [1]; static over kinetic friction [1].
@@ -25,18 +25,18 @@ _STONE_DEG, _STONE_SHARE, _LARGEST_DEG = 30.0, 0.5, 45.0
 _DRAGGED_SHARE, _DRAG_MM, _DRAG_MM_PER_S, _DRAG_EASE_S = 0.3, (5.0, 30.0), (20.0, 300.0), 0.02
 
 
-class Slides(NamedTuple):
+class TrueSlip(NamedTuple):
     """True stance number, slid distance and friction coefficient of one foot at n times.
 
     Attributes:
-        stance: Number of the stance, -1 in the air, shape (n,).
+        stance_number: Number of the stance, -1 in the air, shape (n,).
         slid_mm: Distance slid since touchdown [mm], shape (n,).
-        friction: Coefficient of kinetic friction below the foot, NaN in the air, shape (n,).
+        kinetic_friction: Coefficient of kinetic friction below the foot, NaN in the air, shape (n,).
     """
 
-    stance: Vector
+    stance_number: Vector
     slid_mm: Vector
-    friction: Vector
+    kinetic_friction: Vector
 
 
 class RoughStance:
@@ -55,11 +55,13 @@ class RoughStance:
         self.friction = friction
         ground = SlidingGround(
             kinetic_friction=friction,
-            static_rel=rng.uniform(*_STATIC_REL),
-            stiffness_n_per_mm=rng.uniform(*_STIFFNESS[is_soft]),
+            static_over_kinetic_friction=rng.uniform(*_STATIC_REL),
+            leg_stiffness_n_per_mm=rng.uniform(*_STIFFNESS[is_soft]),
             max_creep_mm_per_s=_CREEP[is_soft],
         )
-        self._t_s = np.asarray(STEP_S * np.arange(round(self.duration_s / STEP_S) + 2), np.float64)
+        self._t_s = np.asarray(
+            INTEGRATION_STEP_S * np.arange(round(self.duration_s / INTEGRATION_STEP_S) + 2), np.float64
+        )
         loads = stance.loads(self._t_s)
         self._pressing_n = np.einsum("ij,ij->i", loads.normal, loads.force_n)
         stone = rng.random() < _STONE_SHARE
@@ -72,8 +74,8 @@ class RoughStance:
         wanted = loads.force_n[:, :2] / pressed - loads.normal[:, :2]
         downhill = rng.random() * stone * self._normal[:, :2] / self._normal[:, 2:]
         demand_n = pressed * (np.where(pressed > 1e-6, wanted, 0.0) - downhill)
-        demand_n += ground.stiffness_n_per_mm * self._drag_mm(rng)
-        tangential_n, self._slid_mm = ground.ground_forces(self._pressing_n, demand_n)
+        demand_n += ground.leg_stiffness_n_per_mm * self._drag_mm(rng)
+        tangential_n, self._slid_mm = ground.tangential_n_and_slid_mm(self._pressing_n, demand_n)
         self._force_n = _contact_forces_n(self._normal, self._pressing_n, tangential_n)
 
     def _drag_mm(self, rng: np.random.Generator) -> Vector:
@@ -164,7 +166,7 @@ class RoughGait:
                 normal[on], force_n[on] = stance.loads(t_s[on] - start_s)
         return ContactLoads(normal, force_n)
 
-    def slides(self, t_s: Vector) -> Slides:
+    def true_slip(self, t_s: Vector) -> TrueSlip:
         """Return true stance number, slid distance and friction coefficient at n times [s]."""
         number = np.full(len(t_s), -1.0)
         slid_mm, friction = np.zeros(len(t_s)), np.full(len(t_s), np.nan)
@@ -172,4 +174,4 @@ class RoughGait:
             on = (t_s >= start_s) & (t_s < start_s + stance.duration_s)
             number[on], friction[on] = k, stance.friction
             slid_mm[on] = stance.slid_mm(t_s[on] - start_s)
-        return Slides(number, slid_mm, friction)
+        return TrueSlip(number, slid_mm, friction)

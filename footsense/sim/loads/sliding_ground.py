@@ -18,7 +18,7 @@ import numpy as np
 from footsense.frames import Vector
 
 #: Step of the integration [s].
-STEP_S = 1e-3
+INTEGRATION_STEP_S = 1e-3
 #: Power of the creep in friction use.
 _CREEP_EXPONENT = 4
 
@@ -29,34 +29,34 @@ class SlidingGround:
 
     Attributes:
         kinetic_friction: Coefficient of kinetic friction.
-        static_rel: Coefficient of static friction over it, at least 1.
-        stiffness_n_per_mm: Spring between contact and body, along the ground [N/mm].
+        static_over_kinetic_friction: Coefficient of static friction over it, at least 1.
+        leg_stiffness_n_per_mm: Spring between contact and body, along the ground [N/mm].
         max_creep_mm_per_s: Creep at the cone [mm/s].
     """
 
     kinetic_friction: float
-    static_rel: float
-    stiffness_n_per_mm: float
+    static_over_kinetic_friction: float
+    leg_stiffness_n_per_mm: float
     max_creep_mm_per_s: float
 
-    def ground_forces(self, pressing_n: Vector, demand_n: Vector) -> tuple[Vector, Vector]:
+    def tangential_n_and_slid_mm(self, pressing_n: Vector, demand_n: Vector) -> tuple[Vector, Vector]:
         """Return the tangential ground forces [N] and the distance slid [mm] over one stance.
 
         Args:
-            pressing_n: Normal force at every `STEP_S` from touchdown [N], shape (n,).
+            pressing_n: Normal force at every `INTEGRATION_STEP_S` from touchdown [N], shape (n,).
             demand_n: Tangential force if the foot did not slide [N], shape (n, 2).
 
         Returns:
             Tangential force [N], shape (n, 2), and length of the way slid since touchdown [mm], shape (n,).
         """
-        stiffness, creep = self.stiffness_n_per_mm, self.max_creep_mm_per_s * STEP_S
+        stiffness, creep = self.leg_stiffness_n_per_mm, self.max_creep_mm_per_s * INTEGRATION_STEP_S
         slid_x = slid_y = slid_mm = 0.0
         slides = False
         forces, ways = [], []
         for s_n, (demand_x, demand_y) in zip(pressing_n.tolist(), demand_n.tolist(), strict=True):
             x, y = demand_x - stiffness * slid_x, demand_y - stiffness * slid_y
             size = math.hypot(x, y)
-            cone_n = self.kinetic_friction * s_n * (1.0 if slides else self.static_rel)
+            cone_n = self.kinetic_friction * s_n * (1.0 if slides else self.static_over_kinetic_friction)
             slides = size > cone_n
             if slides:
                 step_mm = (size - self.kinetic_friction * s_n) / stiffness

@@ -13,7 +13,7 @@ from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 SECOND_LEG_GROUP: tuple[Leg, ...] = ("rf", "lm", "rr", "l4")
 
 #: Ground reaction in the world frame [N] over the phase of the gait cycle, 0 at touchdown, in [0, 1).
-Reaction = Callable[[float], Vector]
+ReactionOverPhase = Callable[[float], Vector]
 
 
 class Walk:
@@ -39,7 +39,7 @@ class Walk:
 
     def __init__(
         self,
-        reaction: dict[str, Reaction],
+        reaction: dict[str, ReactionOverPhase],
         period_ns: int,
         duty_rel: float,
         pitch_deg: float,
@@ -54,21 +54,21 @@ class Walk:
         self._from_ns = from_ns
         self._stands_ns = tuple(standstills_ns)
         self._second = frozenset(second)
-        self._last_contact: tuple[Reaction, float, GroundContact] | None = (
+        self._last_contact: tuple[ReactionOverPhase, float, GroundContact] | None = (
             None  # three legs touch the ground alike
         )
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
         """Return the true ground contact of a leg at a time [ns]."""
-        phase = self.stance_phase(leg, t_ns)
+        phase = self.gait_phase_in_stance(leg, t_ns)
         if phase is None:
             return IN_THE_AIR
         reaction = self.reaction[leg]
         if self._last_contact is None or self._last_contact[:2] != (reaction, phase):
-            self._last_contact = reaction, phase, self.contact_at(leg, phase)
+            self._last_contact = reaction, phase, self.contact_at_phase(leg, phase)
         return self._last_contact[2]
 
-    def stance_phase(self, leg: str, t_ns: int) -> float | None:
+    def gait_phase_in_stance(self, leg: str, t_ns: int) -> float | None:
         """Return the gait phase of a leg at a time [ns]: 0 at touchdown, up to `duty_rel`; None in swing."""
         from_ns = self._from_ns + (self.period_ns // 2 if leg in self._second else 0)
         since_ns = t_ns - from_ns
@@ -84,8 +84,8 @@ class Walk:
         phase = since_ns % self.period_ns / self.period_ns
         return phase if phase < self.duty_rel else None
 
-    def contact_at(self, leg: str, phase: float) -> GroundContact:
-        """Return the true ground contact of a leg at a stance phase [1]."""
+    def contact_at_phase(self, leg: str, phase: float) -> GroundContact:
+        """Return the true ground contact of a leg at a gait phase [1], 0 at touchdown, up to `duty_rel`."""
         x, y, z = self.reaction[leg](phase).tolist()
         if z <= 0.0:
             return IN_THE_AIR
@@ -96,7 +96,7 @@ class Walk:
         )
 
 
-def smooth_stance(duty_rel: float, peak_force_n: float, friction_rel: float) -> Reaction:
+def smooth_stance_reaction(duty_rel: float, peak_force_n: float, friction_rel: float) -> ReactionOverPhase:
     """Return a stance's reaction force as a function of phase: braking, then propulsion, rounded at both ends.
 
     Args:

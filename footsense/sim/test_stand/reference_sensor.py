@@ -24,11 +24,11 @@ from footsense.ports import Clock
 RATED_GF = np.array([4000.0, 4000.0, 8000.0])
 RESOLUTION_GF = np.array([4.0, 4.0, 12.0])
 #: Nonlinearity over the rated value [1]; table II of the paper.
-LINEARITY_REL = 0.015
-RATE_HZ = 200
-_PERIOD_NS = 1_000_000_000 // RATE_HZ
+MAX_NONLINEARITY_REL = 0.015
+SAMPLE_RATE_HZ = 200
+_SAMPLE_PERIOD_NS = 1_000_000_000 // SAMPLE_RATE_HZ
 #: Columns of a line: the sensor's time, and the forces in whole gf.
-COLUMNS = ("time_us", "fx", "fy", "fz")
+LINE_COLUMNS = ("time_us", "fx", "fy", "fz")
 #: Duration of a line of 24 characters at 115200 baud [ns].
 LINE_TRANSMISSION_NS = 2_083_000
 #: Noise that dithers the quantisation, so that averaging helps [steps].
@@ -40,7 +40,7 @@ _MAX_CLOCK_ERROR_REL = 50e-6
 _MAX_CUBIC_BOW = 2.0 / (3.0 * math.sqrt(3.0))
 
 
-def drawn_bow_gf(random: np.random.Generator, linearity_rel: float) -> Vector:
+def draw_nonlinearity_amplitude_gf(random: np.random.Generator, linearity_rel: float) -> Vector:
     """Return a random nonlinearity amplitude per axis [gf], shape (3,), of one sensor specimen."""
     bow_gf: Vector = linearity_rel / _MAX_CUBIC_BOW * RATED_GF * random.uniform(-1, 1, 3)
     return bow_gf
@@ -53,7 +53,7 @@ def nonlinearity_gf(bow_gf: Vector, load_gf: Vector) -> Vector:
     return nonlinearity_error_gf
 
 
-class SimulatedSensor:
+class SimulatedForceSensor:
     """One simulated specimen of the force sensor with its errors, as a serial port.
 
     Args:
@@ -71,15 +71,17 @@ class SimulatedSensor:
         true_force_n_at: Callable[[int], Vector],
         clock: Clock,
         seed: int,
-        linearity_rel: float = LINEARITY_REL,
+        linearity_rel: float = MAX_NONLINEARITY_REL,
     ) -> None:
         self.n_opened = 1
         self._true_force_n_at = true_force_n_at
         self._clock = clock
         self._random = np.random.default_rng((seed, 6))
-        self._bow_gf = drawn_bow_gf(self._random, linearity_rel)
+        self._bow_gf = draw_nonlinearity_amplitude_gf(self._random, linearity_rel)
         self._offset_gf = RESOLUTION_GF * self._random.uniform(-_MAX_OFFSET_STEPS, _MAX_OFFSET_STEPS, 3)
-        self._period_ns = _PERIOD_NS * (1 + self._random.uniform(-_MAX_CLOCK_ERROR_REL, _MAX_CLOCK_ERROR_REL))
+        self._period_ns = _SAMPLE_PERIOD_NS * (
+            1 + self._random.uniform(-_MAX_CLOCK_ERROR_REL, _MAX_CLOCK_ERROR_REL)
+        )
         self._t_first_us = int(self._random.integers(0, 1_000_000_000))
         self._started_ns: int | None = None
         self._n_sent = 0
@@ -107,11 +109,11 @@ class SimulatedSensor:
             if taken_ns + LINE_TRANSMISSION_NS > now_ns:
                 return b"".join(lines)
             self._n_sent += 1
-            sensor_us = self._t_first_us + self._n_sent * _PERIOD_NS // 1000
+            sensor_us = self._t_first_us + self._n_sent * _SAMPLE_PERIOD_NS // 1000
             lines.append(b"%d,%d,%d,%d\r\n" % (sensor_us, *self._quantized_reading_gf(taken_ns)))
 
     def _quantized_reading_gf(self, t_ns: int) -> list[int]:
-        """Return the sensor's output per axis at a time, in steps of its resolution [gf]."""
+        """Return the sensor's output per axis at a time [gf], rounded to its resolution and limited to its range."""
         load_gf = -self._true_force_n_at(t_ns) / GRAM_FORCE_N
         noise_gf = _DITHER_NOISE_STEPS * RESOLUTION_GF * self._random.normal(size=3)
         reading_gf = load_gf + nonlinearity_gf(self._bow_gf, load_gf) + self._offset_gf + noise_gf

@@ -28,7 +28,7 @@ from footsense.frames import LEGS
 from footsense.ports import Transaction
 from footsense.sim.clock import VirtualClock
 from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact, RampContact
-from footsense.sim.robot import SimulatedRobot, Wiring
+from footsense.sim.robot import BusWiring, SimulatedRobot
 from footsense.sim.scene_files import load_scene
 
 DEVICE = Path("/dev/feet-adapter")
@@ -68,7 +68,7 @@ class ChipServer:
 
     def __init__(self) -> None:
         response = FootResponse.load(released_path("response.npz"))
-        wiring = Wiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(LEGS)})
+        wiring = BusWiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(LEGS)})
         self._robot = SimulatedRobot(load_scene("hanging"), response, [wiring])
         (self._bus,) = self._robot.buses
         self._clock = RealClock()

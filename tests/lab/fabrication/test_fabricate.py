@@ -20,18 +20,18 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.lab.fabrication import checks, fits
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.assumptions import assumptions
+from footsense.lab.fabrication.assumptions import assumed_process
 from footsense.lab.fabrication.limits import manufacturing_problems, require_manufacturable
 from footsense.lab.fabrication.package import FabricationPackage, fabricate, write_parts
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.foot_file import FOOT_FILE
-from footsense.sim.foot.fabrication import fabricate as sim_fabricate
+from footsense.sim.foot.fabrication import draw_deviations as sim_fabricate
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
 
-ARRAY, ASSUMED = ElementArray.from_design(FOOT_DESIGN), assumptions(FOOT_DESIGN)
+ARRAY, ASSUMED = ElementArray.from_design(FOOT_DESIGN), assumed_process(FOOT_DESIGN)
 
 
 @pytest.fixture(scope="module")
@@ -287,7 +287,7 @@ def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
 def test_the_value_that_an_error_names_works(wish: dict[str, Any]) -> None:
     design, keys = replace(FOOT_DESIGN, **wish), []
     while problem := next(
-        manufacturing_problems(design, ElementArray.from_design(design), assumptions(design)), None
+        manufacturing_problems(design, ElementArray.from_design(design), assumed_process(design)), None
     ):
         found = re.search(r"use (?:(\w+): |at least |at most |)([\d.]*\d)", problem)
         assert found is not None, problem

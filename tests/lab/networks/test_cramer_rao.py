@@ -8,7 +8,7 @@ from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.bound_ratio import crb_ratio, leaning_contacts
+from footsense.lab.evaluation.bound_ratio import compare_with_cramer_rao_bound, leaning_contacts
 from footsense.lab.evaluation.cramer_rao import Bound, Unknowns, force_bound
 from footsense.lab.evaluation.maximum_likelihood import maximum_likelihood
 from footsense.lab.training.load_cases import measured_closure_rel, sensed_closure_um
@@ -53,7 +53,7 @@ def test_the_best_fit_of_noisy_scans_scatters_as_the_bound_says(
     size_gf = np.linalg.norm(fit.force_n, axis=1) / GRAM_FORCE_N - 60.0
     assert np.sqrt(np.mean(size_gf**2)) == pytest.approx(bound.magnitude_rms_gf[0], rel=0.12)
     # Five closures' worth of freedom is fitted away from nine: what is left is chi squared with four degrees.
-    assert np.mean(fit.misfit**2) == pytest.approx(4.0, rel=0.15)
+    assert np.mean(fit.misfit_sigmas**2) == pytest.approx(4.0, rel=0.15)
 
 
 def test_knowing_that_a_load_is_centred_never_hurts(foot: Foot) -> None:
@@ -89,9 +89,13 @@ def test_a_read_out_of_known_scatter_has_the_ratio_of_its_scatter(foot: Foot) ->
         turned: np.ndarray = np.cos(np.radians(1.0)) * force + np.sin(np.radians(1.0)) * sideways
         return np.resize(turned, (len(closure_rel), 3))
 
-    ratio = crb_ratio(foot.response, FOOT_DESIGN.loads, never_sure, draws=2, magnitudes_gf=(100.0,))
+    ratio = compare_with_cramer_rao_bound(
+        foot.response, FOOT_DESIGN.loads, never_sure, draws=2, magnitudes_gf=(100.0,)
+    )
     (only,) = ratio.centred
-    assert only.estimator.direction_rms_deg == pytest.approx(1.0)
-    assert ratio.worst_direction_ratio == pytest.approx(1.0 / only.bound_five_unknowns.direction_rms_deg)
-    assert only.estimator.magnitude_rms_gf == pytest.approx(0.0, abs=1e-9)
+    assert only.estimator_errors.direction_rms_deg == pytest.approx(1.0)
+    assert ratio.worst_centred_direction_error_ratio == pytest.approx(
+        1.0 / only.bound_five_unknowns.direction_rms_deg
+    )
+    assert only.estimator_errors.magnitude_rms_gf == pytest.approx(0.0, abs=1e-9)
     assert calls[:2] == [180, 180]

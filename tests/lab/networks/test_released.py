@@ -10,7 +10,7 @@ from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, sigma_coverage_shares
 from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
-from footsense.lab.evaluation.maximum_likelihood import distance_to_ambiguous_loads
+from footsense.lab.evaluation.maximum_likelihood import ambiguous_load_distance_and_angle
 from footsense.lab.model_card import readme
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from tests.lab.released import FOOT_DESIGN, RELEASED
@@ -56,7 +56,7 @@ def test_light_loads_have_a_twin_and_heavy_ones_none() -> None:
     response, _ = open_models(RELEASED)
     apart = {}
     for magnitude_gf in (20.0, 100.0):
-        sigmas, angle_deg = distance_to_ambiguous_loads(
+        sigmas, angle_deg = ambiguous_load_distance_and_angle(
             Foot(response), magnitude_gf, np.arange(43.0, 46.0, 0.5)
         )
         assert angle_deg.min() > 60.0

@@ -20,7 +20,7 @@ from footsense.foot.files.calibration_reader import read_calibration
 from footsense.recording.replay import Replay
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene_files import load_scene
-from footsense.sim.test_stand.reference_sensor import SimulatedSensor
+from footsense.sim.test_stand.reference_sensor import SimulatedForceSensor
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
 
 RING_N = [[0.25, 0.0, 0.43], [-0.125, 0.22, 0.43], [-0.125, -0.22, 0.43]]
@@ -169,7 +169,7 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     path, out = scene(tmp_path, 20 * SIX, dwell_s=0.8), tmp_path / "one.mcap"
     stick = load_scene(str(path)).load.build(1_000_000_000)
     clock = VirtualClock()
-    sensor = SimulatedSensor(lambda t_ns: stick.contact("lf", t_ns).force_n, clock, 1, 0.0)
+    sensor = SimulatedForceSensor(lambda t_ns: stick.contact("lf", t_ns).force_n, clock, 1, 0.0)
     line, its_end = os.openpty()
     tty.setraw(its_end)
     described = f"""kind: serial, device: {os.ttyname(its_end)}, rate_hz: 200, start: "S\\r\\n",

@@ -17,7 +17,7 @@ from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.frames import ContactFrame, Reading, State
 from footsense.ports import LoadEstimate, Window
-from footsense.sim.robot import SimulatedRobot, Wiring
+from footsense.sim.robot import BusWiring, SimulatedRobot
 from footsense.sim.scene_files import load_scene
 from tests.support.arrays import response
 from tests.support.feet import DESIGN
@@ -40,7 +40,7 @@ def test_in_the_order_of_a_square_no_growing_force_is_a_tilt(rows: int) -> None:
 @pytest.mark.parametrize("rows", [2, 3, 4])
 def test_every_element_of_an_array_is_read_at_its_place(rows: int, board: str) -> None:
     """Six standing legs over one simulated bus: all readings are OK, each of its own element."""
-    wiring = Wiring(400_000, 0x71, LEGS, kernel_mux=False, board=board)
+    wiring = BusWiring(400_000, 0x71, LEGS, kernel_mux=False, board=board)
     robot = SimulatedRobot(load_scene("hanging"), response(rows), [wiring])
     made_pf = np.linspace(4.2, 8.5, rows**2)
     for leg in robot.legs.values():
@@ -75,7 +75,7 @@ def test_an_array_gives_forces_from_chip_to_pipeline(rows: int) -> None:
     table, force_n, n = response(rows), np.array([0.1, -0.05, 0.6]), rows**2
     up, axes = np.tile([0.0, 0.0, 1.0], (3, 1)), np.eye(3)
     per_newton = table.free_element_closures_um(up, axes).T / DESIGN.gap_um
-    robot = SimulatedRobot(load_scene("hanging"), table, [Wiring(400_000, 0x71, LEGS)])
+    robot = SimulatedRobot(load_scene("hanging"), table, [BusWiring(400_000, 0x71, LEGS)])
     [bus] = robot.buses
     plan = scan_plan("lo_shu", 400, rows=rows)
     source = RobotScanner([BusScanner(UpstreamBus(bus, 0x71), bus.clock, LEGS, plan)])

@@ -18,9 +18,9 @@ from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
-from footsense.sim.faults.chip_faults import failing_chips
+from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.line_capacitance import pin_capacitance_pf
-from footsense.sim.faults.scene_faults import Leg, OnChips, OnWires
+from footsense.sim.faults.scene_faults import ChipFault, Leg, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
 
 LEGS = {"lf": 0, "lm": 1, "lr": 2}
@@ -41,7 +41,9 @@ def column_pf(switch: SimulatedLineSwitch, cin: int, t_start_ns: int, t_end_ns: 
 class Robot:
     """Three legs on a bus on which something breaks, and their scanner, started."""
 
-    def __init__(self, script: list[OnChips | OnWires], *, reset: bool = True, compares: bool = True) -> None:
+    def __init__(
+        self, script: list[ChipFault | WireFault], *, reset: bool = True, compares: bool = True
+    ) -> None:
         self.clock = VirtualClock()
         rng = np.random.default_rng(1)
         mux = SimulatedMux(0x71)
@@ -49,10 +51,10 @@ class Robot:
         for leg, channel in LEGS.items():
             switch = SimulatedLineSwitch()
             converter = SimulatedFdc1004(partial(column_pf, switch), None)
-            own = [f for f in script if isinstance(f, OnChips) and f.leg == leg]
-            chips[channel] = failing_chips(converter, (switch,), own, rng)
+            own = [f for f in script if isinstance(f, ChipFault) and f.leg == leg]
+            chips[channel] = inject_chip_faults(converter, (switch,), own, rng)
         faults = WireFaults(
-            [f for f in script if isinstance(f, OnWires)], LEGS, TIMEOUT_NS, rng, adapter_compares=compares
+            [f for f in script if isinstance(f, WireFault)], LEGS, TIMEOUT_NS, rng, adapter_compares=compares
         )
         bus = SimulatedBus(self.clock, 400_000, 0, mux, chips, faults)
         plan = scan_plan("lo_shu", 400)
@@ -169,14 +171,14 @@ SPANS = st.tuples(st.floats(0.0, 0.6), st.floats(0.01, 0.3))
 
 
 @st.composite
-def scripts(draw: st.DrawFn) -> list[OnChips | OnWires]:
+def scripts(draw: st.DrawFn) -> list[ChipFault | WireFault]:
     """Return faults of any kind but those that falsify what is read, all over after `WORKS_AGAIN_S`.
 
     Acknowledges that are lost at random are not among them: a leg that misses the broadcast of its row and then the
     broadcast question about it converts the wrong row unseen, at the square of that rate.
     """
     kinds = st.sampled_from(["absent", "converter", "switch", "brown_out", "sda", "trunk", "mux", "lost"])
-    script: list[OnChips | OnWires] = []
+    script: list[ChipFault | WireFault] = []
     for kind in draw(st.lists(kinds, max_size=5)):
         at_s, lasts_s = draw(SPANS)
         leg, until_s = draw(LEG_NAMES), at_s + lasts_s
@@ -207,7 +209,7 @@ def scripts(draw: st.DrawFn) -> list[OnChips | OnWires]:
 @given(scripts())
 @settings(max_examples=20)
 def test_whatever_breaks_a_reading_is_right_or_missing_and_all_come_back(
-    script: list[OnChips | OnWires],
+    script: list[ChipFault | WireFault],
 ) -> None:
     """No exception, no wrong number, no stamp older than its scan; all is well some seconds after the last."""
     robot = Robot(script)

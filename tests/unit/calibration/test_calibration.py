@@ -27,7 +27,7 @@ from footsense.foot.directions import angles_between_deg, normalized, rotation
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import ContactLoads, Deviations, Foot
-from footsense.sim.foot.fabrication import fabricate
+from footsense.sim.foot.fabrication import draw_deviations
 from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.arrays import response
 from tests.support.test_stand_loads import MADE, design, load_set, made
@@ -86,7 +86,7 @@ def test_exact_loads_identify_the_foot() -> None:
 def test_feet_of_other_arrays_are_identified_as_well(rows: int) -> None:
     """As many strays as elements, and the same stiffness and mount for all; drawn by the simulator's fabrication."""
     table = response(rows)
-    own = fabricate(table, MADE, 7, 1)
+    own = draw_deviations(table, MADE, 7, 1)
     loads = load_set(own, _TRAINING[::6], response=table)
     fit = fit_parameters(FootTwin(table, loads.median_baseline_pf), loads)
     np.testing.assert_allclose(fit.parameters[element_slices(rows**2).stray], own.stray_pf, atol=0.05)

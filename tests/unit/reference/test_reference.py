@@ -22,10 +22,10 @@ from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
 from footsense.reference.serial_sensor import SerialReference
 from footsense.sim.clock import VirtualClock
 from footsense.sim.test_stand.reference_sensor import (
-    COLUMNS,
+    LINE_COLUMNS,
     LINE_TRANSMISSION_NS,
-    RATE_HZ,
-    SimulatedSensor,
+    SAMPLE_RATE_HZ,
+    SimulatedForceSensor,
 )
 
 AGAINST = {"x": "-x", "y": "-y", "z": "-z"}
@@ -132,7 +132,7 @@ def stream_of(times: SampleTimes) -> SampleStream:
     )
 
 
-class UnpluggableSensor(SimulatedSensor):
+class UnpluggableSensor(SimulatedForceSensor):
     """A simulated sensor that loses what it sends while it is unplugged."""
 
     unplugged = False
@@ -143,14 +143,17 @@ class UnpluggableSensor(SimulatedSensor):
 
 
 def simulated_stand(
-    columns: tuple[str, ...] = COLUMNS,
+    columns: tuple[str, ...] = LINE_COLUMNS,
 ) -> tuple[VirtualClock, UnpluggableSensor, SerialReference]:
     """Return a simulated sensor that feels one newton upwards, and what reads it."""
     clock = VirtualClock()
     clock.sleep_until_ns(10**12)
     port = UnpluggableSensor(lambda _: np.array([0.0, 0.0, 1.0]), clock, 3, 0.0)
     reference = SerialReference(
-        port, TextLineDecoder(columns, ","), stream_of(SampleTimes(RATE_HZ, LINE_TRANSMISSION_NS)), b"S"
+        port,
+        TextLineDecoder(columns, ","),
+        stream_of(SampleTimes(SAMPLE_RATE_HZ, LINE_TRANSMISSION_NS)),
+        b"S",
     )
     return clock, port, reference
 
@@ -167,7 +170,7 @@ def watched(
     return np.concatenate(parts)
 
 
-@pytest.mark.parametrize("columns", [COLUMNS, ("-", "fx", "fy", "fz")], ids=["stamped", "counted"])
+@pytest.mark.parametrize("columns", [LINE_COLUMNS, ("-", "fx", "fy", "fz")], ids=["stamped", "counted"])
 def test_samples_have_the_time_at_which_they_were_taken(columns: tuple[str, ...]) -> None:
     """To a millisecond after a second, with a drifting clock and with none, though the loop looks once a scan."""
     clock, _, reference = simulated_stand(columns)
@@ -181,7 +184,7 @@ def test_samples_have_the_time_at_which_they_were_taken(columns: tuple[str, ...]
     assert samples[:, 3].mean() - 1.0 == pytest.approx(samples[0, 3] - 1.0, abs=0.4)  # but for its own zero
 
 
-@pytest.mark.parametrize("columns", [COLUMNS, ("-", "fx", "fy", "fz")], ids=["stamped", "counted"])
+@pytest.mark.parametrize("columns", [LINE_COLUMNS, ("-", "fx", "fy", "fz")], ids=["stamped", "counted"])
 def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
     columns: tuple[str, ...], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -234,13 +237,15 @@ def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCa
 def test_a_sensor_that_makes_no_sense_ends_the_run(sent: bytes, says: str) -> None:
     """Silence from the beginning, and another format, are said in one line with what to check."""
 
-    class Port(SimulatedSensor):
+    class Port(SimulatedForceSensor):
         def read(self) -> bytes:
             return sent
 
     clock, _, _ = simulated_stand()
     port = Port(lambda _: np.zeros(3), clock, 1)
-    reference = SerialReference(port, TextLineDecoder(COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S")
+    reference = SerialReference(
+        port, TextLineDecoder(LINE_COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S"
+    )
     with pytest.raises(ReferenceSensorError, match=says):
         watched(clock, reference, 20.0)
 
@@ -257,7 +262,7 @@ def test_the_simulated_sensor_is_that_of_the_data_sheet() -> None:
             return load_gf * NEWTONS_PER_UNIT["gf"]
 
         clock = VirtualClock()
-        sensor = SimulatedSensor(felt_n, clock, seed)
+        sensor = SimulatedForceSensor(felt_n, clock, seed)
         sensor.write(b"S")
         read = {}
         for number, share in enumerate((0.0, 0.577, 1.2)):

@@ -59,12 +59,14 @@ def test_warmth_and_weather_move_sealed_feet_alone() -> None:
         Foot(replace(RESPONSE, cavity=cavity))
         for cavity in (Cavity(kind="sealed"), Cavity(kind="leaking", leak_time_s=9.0))
     )
-    high_pf = CavityAir(sealed, AMBIENT_KPA - 1.2).capacitance_pf(0, UP, 0.0 * UP)
-    warm_pf = CavityAir(sealed).capacitance_pf(0, UP, 0.0 * UP, kelvin=5.0)
+    high_pf = CavityAir(sealed, AMBIENT_KPA - 1.2).next_capacitance_pf(0, UP, 0.0 * UP)
+    warm_pf = CavityAir(sealed).next_capacitance_pf(0, UP, 0.0 * UP, kelvin=5.0)
     assert (high_pf < sealed.unloaded_pf - 0.01).all()
     assert (warm_pf < sealed.unloaded_pf - 0.01).all()
     np.testing.assert_allclose(
-        CavityAir(leaking, AMBIENT_KPA - 1.2).capacitance_pf(0, UP, 0.0 * UP), leaking.unloaded_pf, rtol=1e-12
+        CavityAir(leaking, AMBIENT_KPA - 1.2).next_capacitance_pf(0, UP, 0.0 * UP),
+        leaking.unloaded_pf,
+        rtol=1e-12,
     )
 
 
@@ -72,11 +74,11 @@ def test_air_that_leaked_out_is_missing_after_lift_off() -> None:
     """A leaking foot stays drawn together when the load is gone, and recovers."""
     air = CavityAir(foot := Foot(replace(RESPONSE, cavity=Cavity(kind="leaking", leak_time_s=1.0))))
     for tenth in range(100):
-        air.capacitance_pf(tenth * SECOND_NS // 10, UP, FORCE_N)
-    lifted_pf = air.capacitance_pf(10 * SECOND_NS, UP, 0.0 * UP)
+        air.next_capacitance_pf(tenth * SECOND_NS // 10, UP, FORCE_N)
+    lifted_pf = air.next_capacitance_pf(10 * SECOND_NS, UP, 0.0 * UP)
     assert (lifted_pf > foot.unloaded_pf + 0.1).all()
     for tenth in range(101, 1500):
-        recovered_pf = air.capacitance_pf(tenth * SECOND_NS // 10, UP, 0.0 * UP)
+        recovered_pf = air.next_capacitance_pf(tenth * SECOND_NS // 10, UP, 0.0 * UP)
     np.testing.assert_allclose(recovered_pf, foot.unloaded_pf, atol=1e-3)
 
 

@@ -13,10 +13,10 @@ from footsense.sim.chips.line_switch import FLOATING_ROW_PF, LineStates, Simulat
 from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
-from footsense.sim.faults.chip_faults import failing_chips
+from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import OPEN_ELEMENT_PF
 from footsense.sim.faults.line_capacitance import SHORTED_ELEMENT_PF, pin_capacitance_pf
-from footsense.sim.faults.scene_faults import OnChips, OnWires
+from footsense.sim.faults.scene_faults import ChipFault, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
 from footsense.sim.foot.warming import DRIFT_PF_PER_K, WarmingFoot
 from footsense.sim.scene import Warming
@@ -29,18 +29,18 @@ S_NS = 1_000_000_000
 ASK_SWITCH = Transaction(SWITCH, b"", 1)
 COLUMN_PF = (5.0, 6.0, 7.0)
 #: Row 0 at ground, the others at the shield.
-ROW_0 = LineStates(0, selected=0b001, waiting=0b110)
+ROW_0 = LineStates(0, selected_mask=0b001, waiting_mask=0b110)
 
 
 class Bench:
     """Two legs on channels 0 and 1 of a bus on which something breaks."""
 
-    def __init__(self, *on_wires: OnWires, on_leg_0: tuple[OnChips, ...] = ()) -> None:
+    def __init__(self, *on_wires: WireFault, on_leg_0: tuple[ChipFault, ...] = ()) -> None:
         self.clock = VirtualClock()
         self.mux = SimulatedMux(MUX)
         rng = np.random.default_rng(1)
         legs = {
-            leg: failing_chips(
+            leg: inject_chip_faults(
                 SimulatedFdc1004(lambda cin, t_start, t_end: 5.0, None),
                 (SimulatedLineSwitch(),),
                 list(on_leg_0) if leg == 0 else [],

@@ -8,7 +8,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import LEGS
 from footsense.sim.loads.gait_table import GaitTable
-from footsense.sim.scene_loads import Stand, Tripod
+from footsense.sim.scene_loads import Standstill, Tripod
 
 WALK = Tripod(period_s=1.2, duty_rel=0.6, peak_force_n=0.9, friction_rel=0.15, pitch_deg=10.0)
 MS = 1_000_000
@@ -20,7 +20,7 @@ def test_the_table_is_the_foot(softness: float) -> None:
     foot, walk = Foot(FootResponse.load(released_path("response.npz"))), WALK.build(0)
     table = GaitTable(foot, walk, "lf", (1.0, 0.92))
     phases = np.random.default_rng(1).uniform(0.0, 0.6, 300)
-    contacts = [walk.contact_at("lf", phase) for phase in phases.tolist()]
+    contacts = [walk.contact_at_phase("lf", phase) for phase in phases.tolist()]
     exact_pf = foot.capacitance_pf(
         np.array([contact.normal for contact in contacts]),
         softness * np.array([contact.force_n for contact in contacts]),
@@ -34,9 +34,11 @@ def test_a_robot_that_stands_is_on_all_six_and_walks_on_as_if_it_had_not() -> No
     """From the middle of the next stance on, with the force of that moment, for whole cycles."""
     walk = WALK.build(500 * MS)
     stands = Tripod(
-        period_s=1.2, duty_rel=0.6, peak_force_n=0.9, stands=(Stand(from_s=4.0, until_s=9.0),)
+        period_s=1.2, duty_rel=0.6, peak_force_n=0.9, stands=(Standstill(from_s=4.0, until_s=9.0),)
     ).build(500 * MS)
     for t_ns in (*range(0, 4_000 * MS, 7 * MS), *range(11_500 * MS, 14_000 * MS, 7 * MS)):
-        assert all(stands.stance_phase(leg, t_ns) == walk.stance_phase(leg, t_ns) for leg in LEGS)
+        assert all(
+            stands.gait_phase_in_stance(leg, t_ns) == walk.gait_phase_in_stance(leg, t_ns) for leg in LEGS
+        )
     for t_ns in range(5_200 * MS, 9_000 * MS, 50 * MS):
-        assert {stands.stance_phase(leg, t_ns) for leg in LEGS} == {0.3}
+        assert {stands.gait_phase_in_stance(leg, t_ns) for leg in LEGS} == {0.3}

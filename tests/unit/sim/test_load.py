@@ -5,14 +5,14 @@ import pytest
 
 from footsense.frames import LEGS
 from footsense.sim.loads.ground_load import RampContact
-from footsense.sim.loads.measured_walk import measured_strides, measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance
+from footsense.sim.loads.measured_walk import measured_strides_by_side, measured_walk
+from footsense.sim.loads.walk import Walk, smooth_stance_reaction
 
 S = 1_000_000_000
 
 
 def tripod() -> Walk:
-    return Walk(dict.fromkeys(LEGS, smooth_stance(0.6, 1.2, 0.15)), S, 0.6, 10.0, from_ns=S // 2)
+    return Walk(dict.fromkeys(LEGS, smooth_stance_reaction(0.6, 1.2, 0.15)), S, 0.6, 10.0, from_ns=S // 2)
 
 
 def test_three_legs_carry_at_any_time_and_change_with_the_others() -> None:
@@ -46,7 +46,7 @@ def test_a_leaning_leg_sees_the_vertical_in_its_own_frame() -> None:
 
 def test_the_measured_walk_is_what_was_measured_scaled() -> None:
     """The largest vertical force becomes 1.5 N, the shape stays: both feet have a stance of 0.8 s in 1.145 s."""
-    strides = measured_strides()
+    strides = measured_strides_by_side()
     assert strides["right"].stride_s == pytest.approx(1.145, abs=2e-3)
     assert strides["left"].stance_s == pytest.approx(0.795, abs=5e-3)
     walk = measured_walk(1.5, 0.0, 0)

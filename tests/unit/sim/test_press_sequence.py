@@ -16,9 +16,9 @@ from footsense.sim.foot.viscoelastic import (
     CREEP_TIME_S,
     PLAY_OPERATOR_WEIGHTS,
     PLAY_OPERATOR_WIDTHS_N,
-    ViscoelasticElement,
+    ViscoelasticRubber,
 )
-from footsense.sim.robot import SimulatedRobot, Wiring
+from footsense.sim.robot import BusWiring, SimulatedRobot
 from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_files import load_scene
 from footsense.sim.scene_loads import Unloaded
@@ -70,10 +70,10 @@ def test_rubber_creeps_as_its_chain_says_whatever_the_sampling() -> None:
     """A load that stands still grows by c (1 - exp(-t / tau)) in the solid."""
     load_n = 1.0 * _UP
     for step_ns in (1 * _MS, 170 * _MS):
-        rubber = ViscoelasticElement()
-        rubber.effective_load(0, _UP, load_n)
+        rubber = ViscoelasticRubber()
+        rubber.next_effective_load(0, _UP, load_n)
         for t_ns in range(step_ns, 3400 * _MS + 1, step_ns):
-            true_force_n = rubber.effective_load(t_ns, _UP, load_n)[1]
+            true_force_n = rubber.next_effective_load(t_ns, _UP, load_n)[1]
         loop_n = PLAY_OPERATOR_WEIGHTS @ PLAY_OPERATOR_WIDTHS_N
         crept = CREEP_REL @ (1.0 - np.exp(-3.4 / CREEP_TIME_S))
         assert true_force_n[2] == pytest.approx(1.0 - loop_n + crept, rel=1e-12)
@@ -81,9 +81,9 @@ def test_rubber_creeps_as_its_chain_says_whatever_the_sampling() -> None:
 
 def test_the_loop_is_as_wide_as_its_plays_and_the_rubber_is_at_rest_at_first() -> None:
     """On the way up and on the way down the plays lie on the two sides of the load; nothing pressed, nothing felt."""
-    rubber = ViscoelasticElement()
-    np.testing.assert_array_equal(rubber.effective_load(0, _UP, np.zeros(3))[1], np.zeros(3))
-    true_force_n = [rubber.effective_load(0, _UP, size_n * _UP)[1][2] for size_n in (0.5, 1.0, 0.5)]
+    rubber = ViscoelasticRubber()
+    np.testing.assert_array_equal(rubber.next_effective_load(0, _UP, np.zeros(3))[1], np.zeros(3))
+    true_force_n = [rubber.next_effective_load(0, _UP, size_n * _UP)[1][2] for size_n in (0.5, 1.0, 0.5)]
     assert true_force_n[2] - true_force_n[0] == pytest.approx(
         2 * PLAY_OPERATOR_WEIGHTS @ PLAY_OPERATOR_WIDTHS_N
     )
@@ -100,7 +100,7 @@ def test_made_feet_differ_and_are_the_same_each_time() -> None:
             effects=Effects(gap_contact=True),
             fabrication=Fabrication(first=first, gap_um=2.0, stray_pf=0.3),
         )
-        robot = SimulatedRobot(scene, response, [Wiring(400_000, 0x71, {"lf": 0, "lm": 1})])
+        robot = SimulatedRobot(scene, response, [BusWiring(400_000, 0x71, {"lf": 0, "lm": 1})])
         return [float(foot.unloaded_pf[0]) for foot in robot.feet.values()]
 
     assert unloaded_pf(0) == unloaded_pf(0)

@@ -4,16 +4,18 @@ import numpy as np
 import pytest
 
 from footsense.sim.loads.rough_gait import RoughGait
-from footsense.sim.loads.sliding_ground import STEP_S, SlidingGround
+from footsense.sim.loads.sliding_ground import INTEGRATION_STEP_S, SlidingGround
 from footsense.sim.loads.swing_shake import SwingShake
 
-GROUND = SlidingGround(kinetic_friction=0.4, static_rel=1.2, stiffness_n_per_mm=0.5, max_creep_mm_per_s=0.0)
+GROUND = SlidingGround(
+    kinetic_friction=0.4, static_over_kinetic_friction=1.2, leg_stiffness_n_per_mm=0.5, max_creep_mm_per_s=0.0
+)
 
 
 def test_a_foot_sticks_below_the_cone() -> None:
     """The force is the demanded one, and nothing slides."""
     demand_n = np.outer(np.linspace(0.0, 0.47, 100), [0.6, 0.8])
-    force_n, slid_mm = GROUND.ground_forces(np.ones(100), demand_n)
+    force_n, slid_mm = GROUND.tangential_n_and_slid_mm(np.ones(100), demand_n)
     assert np.allclose(force_n, demand_n)
     assert slid_mm[-1] == 0.0
 
@@ -21,7 +23,7 @@ def test_a_foot_sticks_below_the_cone() -> None:
 def test_a_dragged_foot_slides_at_the_cone() -> None:
     """10 mm of drag: the spring takes what the cone allows, the foot slides the rest, slower friction when it moves."""
     drag_mm = np.linspace(0.0, 10.0, 1000)
-    force_n, slid_mm = GROUND.ground_forces(np.ones(1000), 0.5 * np.outer(drag_mm, [1.0, 0.0]))
+    force_n, slid_mm = GROUND.tangential_n_and_slid_mm(np.ones(1000), 0.5 * np.outer(drag_mm, [1.0, 0.0]))
     assert np.max(force_n) == pytest.approx(0.48, abs=0.01)
     assert np.max(force_n[200:]) <= 0.48
     assert slid_mm[-1] == pytest.approx(10.0 - force_n[-1, 0] / 0.5)
@@ -30,10 +32,13 @@ def test_a_dragged_foot_slides_at_the_cone() -> None:
 def test_creep_relaxes_the_spring() -> None:
     """A held drag at 0.9 of the cone creeps at 0.9 to the fourth of the rate at the cone."""
     creeping = SlidingGround(
-        kinetic_friction=0.4, static_rel=1.0, stiffness_n_per_mm=0.5, max_creep_mm_per_s=1.0
+        kinetic_friction=0.4,
+        static_over_kinetic_friction=1.0,
+        leg_stiffness_n_per_mm=0.5,
+        max_creep_mm_per_s=1.0,
     )
-    _, slid_mm = creeping.ground_forces(np.ones(10), np.tile([0.36, 0.0], (10, 1)))
-    assert slid_mm[0] == pytest.approx(0.9**4 * STEP_S)
+    _, slid_mm = creeping.tangential_n_and_slid_mm(np.ones(10), np.tile([0.36, 0.0], (10, 1)))
+    assert slid_mm[0] == pytest.approx(0.9**4 * INTEGRATION_STEP_S)
     assert slid_mm[-1] < 10.0 * slid_mm[0]
 
 
@@ -42,18 +47,18 @@ def test_forces_stay_in_the_cone_of_their_ground() -> None:
     t_s = np.arange(0.0, 5.0, 2.7e-3)
     for seed in range(6):
         gait, again = (RoughGait(np.random.default_rng(seed), 2.0, 5.0) for _ in range(2))
-        loads, slides = gait.loads(t_s), gait.slides(t_s)
+        loads, slides = gait.loads(t_s), gait.true_slip(t_s)
         assert np.array_equal(loads.force_n, again.loads(t_s).force_n)
         assert np.allclose(np.linalg.norm(loads.normal, axis=1), 1.0)
         pressing_n = (loads.normal * loads.force_n).sum(axis=1)
         tangential_n = np.linalg.norm(loads.force_n - pressing_n[:, None] * loads.normal, axis=1)
-        stands = (slides.stance >= 0) & (pressing_n > 0.01)
+        stands = (slides.stance_number >= 0) & (pressing_n > 0.01)
         assert stands.any()
         # Between two steps of the integration, force and cone are interpolated.
-        assert (tangential_n <= 1.16 * slides.friction * pressing_n + 0.02)[stands].all()
+        assert (tangential_n <= 1.16 * slides.kinetic_friction * pressing_n + 0.02)[stands].all()
         assert np.degrees(np.arccos(loads.normal[stands, 2].min())) <= 45.1
-        for number in np.unique(slides.stance[slides.stance >= 0]):
-            assert (np.diff(slides.slid_mm[slides.stance == number]) >= 0.0).all()
+        for number in np.unique(slides.stance_number[slides.stance_number >= 0]):
+            assert (np.diff(slides.slid_mm[slides.stance_number == number]) >= 0.0).all()
 
 
 def test_a_swing_shakes_and_a_stance_does_not() -> None:

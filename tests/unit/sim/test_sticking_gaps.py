@@ -22,7 +22,7 @@ CYCLE_N = np.concatenate([np.linspace(0.0, 2.5, 7), np.linspace(2.5, 0.0, 7)])
 def cycle_pf(stiction_kpa: float) -> Vector:
     """Return the mean capacitance over a load cycle [pF], shape (14,)."""
     gaps = StickingGaps(FOOT, stiction_kpa)
-    return np.array([gaps.capacitance_pf(UP, force * UP).mean() for force in CYCLE_N])
+    return np.array([gaps.next_capacitance_pf(UP, force * UP).mean() for force in CYCLE_N])
 
 
 def test_without_stiction_the_way_back_is_the_way_there() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from footsense.frames import Cause, Cycle, Flag, State
-from footsense.telemetry.journal import Journal
+from footsense.telemetry.journal import LegStateLogger
 from footsense.telemetry.systemd import SystemdNotifier
 from tests.support.cycles import LEGS, cycle
 
@@ -38,7 +38,7 @@ def lines(caplog: pytest.LogCaptureFixture) -> list[str]:
 def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture) -> None:
     """It says what was, what is, and why; a state that stays says nothing."""
     caplog.set_level(logging.INFO)
-    journal = Journal(LEGS)
+    journal = LegStateLogger(LEGS)
     for cause in (Cause.NO_ANSWER, Cause.NO_ANSWER, Cause.BUS_STUCK):
         journal.observe(at(1, State.ABSENT, cause))
     journal.observe(at(1, State.STARTING))
@@ -52,7 +52,7 @@ def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture
 def test_a_foot_on_a_bench_contradicts_its_design_in_silence(caplog: pytest.LogCaptureFixture) -> None:
     """That its elements do not fit is why it is there; that it does not answer is told."""
     caplog.set_level(logging.INFO)
-    journal = Journal(LEGS, on_test_stand=True)
+    journal = LegStateLogger(LEGS, on_test_stand=True)
     journal.observe(at(0.0, State.VALID))
     journal.observe(at(0.1, State.DEGRADED, Cause.ELEMENT_DRIFTS))
     assert not lines(caplog)
@@ -62,7 +62,7 @@ def test_a_foot_on_a_bench_contradicts_its_design_in_silence(caplog: pytest.LogC
 
 def test_a_leg_that_flickers_fills_no_journal(caplog: pytest.LogCaptureFixture) -> None:
     """Ten lines a minute, and then how many there would have been."""
-    journal = Journal(LEGS)
+    journal = LegStateLogger(LEGS)
     for n in range(30):
         journal.observe(at(1, State.STALE if n % 2 else State.ELEMENT_FAULT))
     journal.observe(at(61, State.STALE))

@@ -7,7 +7,7 @@ from footsense.lab.fem.whole import Imperfection
 from footsense.lab.geometry import ThinFilm
 from footsense.lab.monte_carlo.sweeps import PAPER_LIKE_TOLERANCES
 from footsense.lab.other_solids import ALTERNATIVE_MESH, AS_DESIGNED, DesignVariant
-from footsense.sim.test_stand.reference_sensor import LINEARITY_REL
+from footsense.sim.test_stand.reference_sensor import MAX_NONLINEARITY_REL
 from footsense.validation.mismatch_trial import UNDISTURBED, Disturbance
 
 
@@ -78,7 +78,7 @@ MISMATCH_ROWS = {
     ),
     "reference": MismatchRow(
         title="reference off by its linearity of 1.5 %",
-        disturbance=Disturbance(reference_nonlinearity_rel=LINEARITY_REL),
+        disturbance=Disturbance(reference_nonlinearity_rel=MAX_NONLINEARITY_REL),
     ),
     "stand": MismatchRow(
         title="test stand of the yardstick",

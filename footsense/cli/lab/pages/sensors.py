@@ -40,7 +40,7 @@ from footsense.lab.studies.accuracy import sensors as block
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import FULL_SCALE_PF, NOISE_PF
-from footsense.sim.robot import SimulatedRobot, Wiring
+from footsense.sim.robot import BusWiring, SimulatedRobot
 from footsense.sim.scene_files import load_scene
 
 #: Rows of the arrays; the quick form solves the smallest alone, the table of the foot itself being at hand.
@@ -151,7 +151,7 @@ def six_leg_scan_ms(response: FootResponse) -> float:
     """Return the scan time of six legs on one I2C bus at 400 kHz with board `fdc1004` [ms]."""
     scene = msgspec.structs.replace(load_scene("hanging"), host_cost_us=HOST_COST_PER_TRANSACTION_US)
     channels = {leg: channel for channel, leg in enumerate(DEFAULT.legs)}
-    [bus] = SimulatedRobot(scene, response, [Wiring(400_000, _MUX_ADDRESS, channels)]).buses
+    [bus] = SimulatedRobot(scene, response, [BusWiring(400_000, _MUX_ADDRESS, channels)]).buses
     plan = scan_plan(DEFAULT.conversion_order, DEFAULT.rate_sps, rows=response.rows)
     scanner = BusScanner(UpstreamBus(bus, _MUX_ADDRESS), bus.clock, channels, plan)
     scanner.start()

@@ -9,7 +9,7 @@ from footsense.errors import FootsenseError
 _FORCE_COLUMN_SUFFIX = "z_n"
 
 
-def largest_recorded_n(path: Path) -> float:
+def largest_recorded_vertical_force_n(path: Path) -> float:
     """Return the largest vertical force in a recording [N], over all columns named `..z_n`.
 
     Args:

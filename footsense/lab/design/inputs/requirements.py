@@ -18,10 +18,10 @@ class Requirements(NamedTuple):
 
     Attributes:
         max_n: Largest force on a foot [N].
-        min_n: Smallest force whose direction matters [N].
-        max_lean_deg: Largest angle between a force and the leg's axis [deg].
-        max_direction_error_deg: Largest error of the direction that the converter's noise may cause, mean over the
-            range [deg].
+        min_evaluated_force_n: Smallest force whose direction matters [N].
+        max_force_to_leg_axis_deg: Largest angle between a force and the leg's axis [deg].
+        max_noise_direction_error_deg: Largest error of the direction that the converter's noise may cause, mean over
+            the range [deg].
         ball_diameter_range_mm: Least and largest diameter of the ball [mm].
         materials: At hand.
         process: How the sheet is made.
@@ -29,9 +29,9 @@ class Requirements(NamedTuple):
     """
 
     max_n: float
-    min_n: float
-    max_lean_deg: float
-    max_direction_error_deg: float
+    min_evaluated_force_n: float
+    max_force_to_leg_axis_deg: float
+    max_noise_direction_error_deg: float
     ball_diameter_range_mm: tuple[float, float]
     materials: Materials
     process: Process

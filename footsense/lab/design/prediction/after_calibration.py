@@ -28,7 +28,7 @@ _GAP_STEP_REL, _STRAY_STEP_PF, _STIFFNESS_STEP, _MOUNT_STEP = 0.01, 0.01, 0.01, 
 _AZIMUTHS_DEG, _ELEVATIONS_DEG, _SIZES_REL = tuple(range(0, 360, 30)), (55.0, 75.0), (0.35, 0.8)
 
 
-def calibrated_errors(
+def force_errors_after_calibration(
     response: FootResponse, process: Process, max_lean_deg: float, max_n: float
 ) -> tuple[float, float]:
     """Return rms direction [deg] and relative magnitude errors [1] after calibration, over the design loads.
@@ -43,7 +43,7 @@ def calibrated_errors(
     pressed_n = np.concatenate([size * max_n * presses for size in _SIZES_REL])
     test = direction_grid([0.0, 22.5, 45.0], [90.0 - max_lean_deg / 2.0, 90.0 - max_lean_deg])
     tested_n = 0.6 * max_n * test
-    slopes = _closure_jacobians_um(response, np.concatenate([pressed_n, tested_n]))
+    slopes = _jacobians_and_closures_um(response, np.concatenate([pressed_n, tested_n]))
     by_deviation, by_force, by_normal, closure = slopes
     n = len(pressed_n)
     prior = _prior_sigma(process, response.design.gap_um)
@@ -86,7 +86,9 @@ def _prior_sigma(process: Process, gap_um: float) -> Vector:
     return prior
 
 
-def _closure_jacobians_um(response: FootResponse, force_n: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+def _jacobians_and_closures_um(
+    response: FootResponse, force_n: Vector
+) -> tuple[Vector, Vector, Vector, Vector]:
     """Return closure Jacobians by deviations (n, 9, 22), force (n, 9, 3) and normal (n, 9, 2), and the closures [um].
 
     Args:

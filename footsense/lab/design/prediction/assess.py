@@ -16,7 +16,7 @@ from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.design.inputs.boards import Converter
 from footsense.lab.design.inputs.requirements import MAX_READABLE_CLOSURE_REL, Requirements
-from footsense.lab.design.prediction.after_calibration import calibrated_errors
+from footsense.lab.design.prediction.after_calibration import force_errors_after_calibration
 from footsense.lab.design.prediction.closures import LoadDirections, design_loads
 from footsense.lab.evaluation.cramer_rao import Unknowns, jacobian_um
 from footsense.lab.training.load_cases import sensed_closure_um
@@ -32,22 +32,22 @@ class Assessment(NamedTuple):
 
     Attributes:
         unloaded_pf: Capacitance of an unloaded element [pF].
-        range_n: Largest centred force at each of `ELEVATIONS_DEG` [N].
+        range_by_elevation_n: Largest centred force at each of `ELEVATIONS_DEG` [N].
         all_directions_range_n: Largest force in every direction of the design, leaning contacts included [N].
         force_levels_n: Force magnitudes of the following errors [N], shape (levels,).
-        direction_bound_deg: Cramer-Rao bound of the direction, mean over directions [deg rms], shape (levels,).
-        magnitude_bound_rel: The same of the magnitude over the force [1].
+        direction_error_bound_deg: Cramer-Rao bound of the direction, mean over directions [deg rms], shape (levels,).
+        magnitude_error_bound_rel: The same of the magnitude over the force [1].
         calibrated_direction_error_deg: Error of the direction from the fabrication tolerances that calibration leaves
             [deg rms].
         calibrated_magnitude_error_rel: The same of the magnitude over the force [1].
     """
 
     unloaded_pf: float
-    range_n: Vector
+    range_by_elevation_n: Vector
     all_directions_range_n: float
     force_levels_n: Vector
-    direction_bound_deg: Vector
-    magnitude_bound_rel: Vector
+    direction_error_bound_deg: Vector
+    magnitude_error_bound_rel: Vector
     calibrated_direction_error_deg: float
     calibrated_magnitude_error_rel: float
 
@@ -57,13 +57,13 @@ def assess_foot(response: FootResponse, requirements: Requirements) -> Assessmen
     foot, board = Foot(response), requirements.board
     grids = [direction_grid(list(_AZIMUTHS_DEG), [float(elevation)]) for elevation in ELEVATIONS_DEG]
     by_elevation = [_max_readable_force_n(foot, board, LoadDirections(grid, grid)) for grid in grids]
-    loads = design_loads(requirements.max_lean_deg)
+    loads = design_loads(requirements.max_force_to_leg_axis_deg)
     all_directions_range_n = _max_readable_force_n(foot, board, loads)
-    force_n = np.geomspace(requirements.min_n, requirements.max_n, N_FORCE_LEVELS)
-    rows = [_cramer_rao_bound(foot, board, loads.normal, size * loads.direction) for size in force_n]
+    force_n = np.geomspace(requirements.min_evaluated_force_n, requirements.max_n, N_FORCE_LEVELS)
+    rows = [_mean_cramer_rao_bounds(foot, board, loads.normal, size * loads.direction) for size in force_n]
     direction_bound_deg, magnitude_bound_rel = np.array(rows).T
-    calibrated_direction_error_deg, calibrated_magnitude_error_rel = calibrated_errors(
-        response, requirements.process, requirements.max_lean_deg, float(force_n[-1])
+    calibrated_direction_error_deg, calibrated_magnitude_error_rel = force_errors_after_calibration(
+        response, requirements.process, requirements.max_force_to_leg_axis_deg, float(force_n[-1])
     )
     return Assessment(
         response.design.unloaded_pf,
@@ -105,7 +105,9 @@ def closure_sigma_um(board: Converter, design: CapacitorDesign, closure_um: Vect
     return sigma
 
 
-def _cramer_rao_bound(foot: Foot, board: Converter, normal: Vector, force_n: Vector) -> tuple[float, float]:
+def _mean_cramer_rao_bounds(
+    foot: Foot, board: Converter, normal: Vector, force_n: Vector
+) -> tuple[float, float]:
     """Return the Cramer-Rao bounds of direction [deg] and relative magnitude [1], rms, averaged over the loads."""
     closure_um = sensed_closure_um(foot, normal, force_n)
     slopes = jacobian_um(foot, normal, force_n, Unknowns.LEANING)

@@ -19,8 +19,8 @@ from footsense.foot.symmetry import whole_series
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.prediction.shapes import (
+    AMPLITUDE_INDEX_OF_ELEMENT,
     CELLS_PER_SHEET_SIDE,
-    QUARTER_ELEMENT_OF,
     RADIUS_MM,
     RUBBER_POISSON,
     YOUNGS_MPA,
@@ -74,12 +74,12 @@ class Influence(NamedTuple):
     """Closure per newton of n feet under m loads, by element [um/N].
 
     Attributes:
-        point_force: Of a point force, and its slopes by two turns of the normal [um/N], shape (n, m, 3, 3, 9).
-        contact_patch: The same of the contact patch, for (F/N)^(2/3) = 1 [um/N].
+        point_force_um_per_n: Of a point force, and its slopes by two turns of the normal [um/N], shape (n, m, 3, 3, 9).
+        patch_correction_um_per_n: The same of the contact patch, for (F/N)^(2/3) = 1 [um/N].
     """
 
-    point_force: Vector
-    contact_patch: Vector
+    point_force_um_per_n: Vector
+    patch_correction_um_per_n: Vector
 
 
 class ClosureModel:
@@ -128,7 +128,7 @@ class ClosureModel:
     def influence(self, feet: Candidates) -> Influence:
         """Return the closures per newton of a batch of feet (12 kB of memory each)."""
         weights = self._library.interpolation_weights(feet.shape)
-        amplitude = self._library.amplitudes(weights)[:, QUARTER_ELEMENT_OF]
+        amplitude = self._library.interpolated_amplitudes(weights)[:, AMPLITUDE_INDEX_OF_ELEMENT]
         size = RADIUS_MM / feet.ball_radius_mm
         softness = (YOUNGS_MPA / feet.rubber_mpa) * size
         m = len(self.loads.normal)
@@ -153,10 +153,13 @@ class ClosureModel:
         direction, normal = self.loads
         pressing = (direction * normal).sum(axis=1)
         grown = (force_n * pressing) ** (2.0 / 3.0)
-        unit = influence.point_force + grown[:, :, None, None, None] * influence.contact_patch
+        unit = (
+            influence.point_force_um_per_n
+            + grown[:, :, None, None, None] * influence.patch_correction_um_per_n
+        )
         # per newton, by force component, at the normal and its turns: shape (n, m, 3 turns, 9)
         along = np.einsum("nmtce,mc->nmte", unit, direction)
-        patch = np.einsum("nmce,mc->nme", influence.contact_patch[:, :, 0], direction)
+        patch = np.einsum("nmce,mc->nme", influence.patch_correction_um_per_n[:, :, 0], direction)
         closure = force_n[..., None] * along[:, :, 0]
         # The patch grows with the pressing force: d(p^(2/3)) = 2/3 p^(2/3) dp / p.
         growth = (2.0 / 3.0) * grown[..., None] * patch / pressing[:, None]

@@ -40,9 +40,9 @@ _SERIES_DEGREE = 12
 #: Cells along a side of the array: the designs have the paper's 3 x 3 elements.
 CELLS_PER_SHEET_SIDE = 3 * CELLS_PER_SIDE
 #: Element of each cell of a quarter, as a number of an amplitude: corner, edge, middle.
-_ELEMENT = np.add.outer(*[np.arange(CELLS_PER_SHEET_SIDE // 2) // CELLS_PER_SIDE] * 2)
+_AMPLITUDE_INDEX_OF_QUARTER_CELL = np.add.outer(*[np.arange(CELLS_PER_SHEET_SIDE // 2) // CELLS_PER_SIDE] * 2)
 #: Element of each element of the foot, likewise.
-QUARTER_ELEMENT_OF = np.add.outer([0, 1, 0], [0, 1, 0]).ravel()
+AMPLITUDE_INDEX_OF_ELEMENT = np.add.outer([0, 1, 0], [0, 1, 0]).ravel()
 
 
 class Shape(NamedTuple):
@@ -63,7 +63,7 @@ class Shape(NamedTuple):
     sheet_poisson: Vector | float
 
     @property
-    def coordinates(self) -> Vector:
+    def interpolation_coordinates(self) -> Vector:
         """Interpolation coordinates: logarithms of the shape's numbers, shape (..., 5)."""
         numbers = (*self[:4], 1.0 - 2.0 * np.asarray(self.sheet_poisson))
         logarithms: Vector = np.log(np.stack(np.broadcast_arrays(*numbers), axis=-1))
@@ -71,9 +71,9 @@ class Shape(NamedTuple):
 
 
 #: The paper's foot.
-CENTRE_SHAPE = Shape(0.8, 0.05, 0.0037, 3.0 / 5.2, 0.40)
+PAPER_SHAPE = Shape(0.8, 0.05, 0.0037, 3.0 / 5.2, 0.40)
 #: Values of each number beside the paper's that are solved: below and above, or twice above.
-NEIGHBOUR_VALUES = {
+SHAPE_INTERPOLATION_NODES = {
     "electrode_over_pitch": (0.7, 0.88),
     "plate_rel": (0.025, 0.1),
     "spacer_rel": (0.0018, 0.0105),
@@ -85,10 +85,10 @@ NEIGHBOUR_VALUES = {
 def solved_shapes() -> list[Shape]:
     """Return the foot shapes in the library: the paper's, then those with one dimension changed."""
     return [
-        CENTRE_SHAPE,
+        PAPER_SHAPE,
         *(
-            CENTRE_SHAPE._replace(**{name: value})
-            for name, values in NEIGHBOUR_VALUES.items()
+            PAPER_SHAPE._replace(**{name: value})
+            for name, values in SHAPE_INTERPOLATION_NODES.items()
             for value in values
         ),
     ]
@@ -130,7 +130,7 @@ def design_of_shape(shape: Shape, reference_design: FootDesign) -> FootDesign:
     )
 
 
-def amplitudes(series: Vector, compliance: Vector) -> Vector:
+def response_amplitudes(series: Vector, compliance: Vector) -> Vector:
     """Return the four amplitudes that characterise a response [um/N], shape (4,).
 
     They are the mean closures upright of a corner, of an edge and of the middle element, and the rms of the compliance.
@@ -141,7 +141,7 @@ def amplitudes(series: Vector, compliance: Vector) -> Vector:
     """
     upright = series_basis(np.array([0.0, 0.0, 1.0]), _SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     closures = np.tensordot(upright, series[0, ..., 2], 1)
-    of_element = [closures[number == _ELEMENT].mean() for number in range(3)]
+    of_element = [closures[number == _AMPLITUDE_INDEX_OF_QUARTER_CELL].mean() for number in range(3)]
     return np.array([*of_element, np.sqrt((compliance**2).mean())])
 
 
@@ -162,15 +162,17 @@ class ShapeLibrary:
             series, compliance, self._pairs = (
                 stored[name].astype(np.float64) for name in ("quarter_series", "quarter_compliance", "pairs")
             )
-        each = np.stack([amplitudes(one, other) for one, other in zip(series, compliance, strict=True)])
+        each = np.stack(
+            [response_amplitudes(one, other) for one, other in zip(series, compliance, strict=True)]
+        )
         self._ln_amplitudes = np.log(each)
-        self.series = series / each[:, _ELEMENT][:, None, None, :, :, None]
+        self.series = series / each[:, _AMPLITUDE_INDEX_OF_QUARTER_CELL][:, None, None, :, :, None]
         self.compliance = compliance / each[:, 3, None, None, None, None]
-        self._coordinates = np.stack([shape.coordinates for shape in solved_shapes()])
+        self._coordinates = np.stack([shape.interpolation_coordinates for shape in solved_shapes()])
 
     def interpolation_weights(self, shape: Shape) -> Vector:
         """Return the interpolation weight of each solved shape [1], shape (..., shapes)."""
-        moved = shape.coordinates - self._coordinates[0]
+        moved = shape.interpolation_coordinates - self._coordinates[0]
         interpolation_weights = np.zeros((*moved.shape[:-1], len(self._coordinates)))
         interpolation_weights[..., 0] = 1.0
         for axis in range(moved.shape[-1]):
@@ -186,7 +188,7 @@ class ShapeLibrary:
                 interpolation_weights[..., 0] -= part
         return interpolation_weights
 
-    def amplitudes(self, interpolation_weights: Vector) -> Vector:
+    def interpolated_amplitudes(self, interpolation_weights: Vector) -> Vector:
         """Return the interpolated response amplitudes at the solved feet's scale [um/N], (..., 4)."""
         pairs = np.einsum("...a,...b,abk->...k", interpolation_weights, interpolation_weights, self._pairs)
         each: Vector = np.exp(interpolation_weights @ self._ln_amplitudes + pairs)
@@ -198,7 +200,8 @@ class ShapeLibrary:
         low, high = corners.min(axis=0), corners.max(axis=0)
         slack = margin_rel * (high - low)
         inside: NDArray[np.bool_] = (
-            (shape.coordinates >= low - slack) & (shape.coordinates <= high + slack)
+            (shape.interpolation_coordinates >= low - slack)
+            & (shape.interpolation_coordinates <= high + slack)
         ).all(axis=-1)
         return inside
 
@@ -209,11 +212,13 @@ class ShapeLibrary:
             design: The foot; its array fills its sheet.
         """
         interpolation_weights = self.interpolation_weights(shape_of(design))
-        amplitude = self.amplitudes(interpolation_weights)
+        amplitude = self.interpolated_amplitudes(interpolation_weights)
         size = RADIUS_MM / design.ball_radius_mm
         softness = YOUNGS_MPA / design.rubber.youngs_mpa * size
         point, patch = (
-            softness * amplitude[_ELEMENT][:, :, None] * np.tensordot(interpolation_weights, self.series, 1)
+            softness
+            * amplitude[_AMPLITUDE_INDEX_OF_QUARTER_CELL][:, :, None]
+            * np.tensordot(interpolation_weights, self.series, 1)
         )
         return FootResponse(
             foot_type=design.foot_type,

@@ -15,20 +15,25 @@ import numpy as np
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 from footsense.lab.design.prediction.shapes import (
-    CENTRE_SHAPE,
-    NEIGHBOUR_VALUES,
+    PAPER_SHAPE,
+    SHAPE_INTERPOLATION_NODES,
     Shape,
-    amplitudes,
     design_of_shape,
+    response_amplitudes,
     solved_shapes,
 )
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import make_response
 
-#: Values whose pairs are solved, by place in `NEIGHBOUR_VALUES`: narrow electrodes, thin plates, soft and
+#: Values whose pairs are solved, by place in `SHAPE_INTERPOLATION_NODES`: narrow electrodes, thin plates, soft and
 #: incompressible sheets, where the feet of larger robots lie. Other pairs are left to multiply.
-_SOLVED_PAIR_VALUES = {"electrode_over_pitch": 0, "plate_rel": 0, "sheet_modulus_rel": 0, "sheet_poisson": 1}
+_SOLVED_PAIR_VALUE_INDICES = {
+    "electrode_over_pitch": 0,
+    "plate_rel": 0,
+    "sheet_modulus_rel": 0,
+    "sheet_poisson": 1,
+}
 
 
 def solve_shapes(reference_design: FootDesign, path: Path, report: Callable[[str], None]) -> None:
@@ -48,7 +53,7 @@ def solve_shapes(reference_design: FootDesign, path: Path, report: Callable[[str
         """Return the logarithms of a shape's response amplitudes on the coarse mesh."""
         made = make_response(design_of_shape(shape, reference_design), COARSE_MESH)
         report(f"{shape}, coarse")
-        return np.log(amplitudes(made.quarter_series, made.quarter_compliance))
+        return np.log(response_amplitudes(made.quarter_series, made.quarter_compliance))
 
     store_shapes(path, fine, pair_interaction_corrections(coarse_ln_amplitudes))
 
@@ -59,22 +64,25 @@ def pair_interaction_corrections(ln_amplitude: Callable[[Shape], Vector]) -> Vec
     Args:
         ln_amplitude: Returns the logarithms of the amplitudes of a shape, shape (4,).
     """
-    places = {name: 1 + 2 * number for number, name in enumerate(NEIGHBOUR_VALUES)}
-    values = {name: NEIGHBOUR_VALUES[name][side] for name, side in _SOLVED_PAIR_VALUES.items()}
-    centre = ln_amplitude(CENTRE_SHAPE)
-    alone = {
-        name: ln_amplitude(CENTRE_SHAPE._replace(**{name: value})) - centre for name, value in values.items()
+    places = {name: 1 + 2 * number for number, name in enumerate(SHAPE_INTERPOLATION_NODES)}
+    values = {
+        name: SHAPE_INTERPOLATION_NODES[name][side] for name, side in _SOLVED_PAIR_VALUE_INDICES.items()
     }
-    n_shapes = 1 + 2 * len(NEIGHBOUR_VALUES)
+    centre = ln_amplitude(PAPER_SHAPE)
+    alone = {
+        name: ln_amplitude(PAPER_SHAPE._replace(**{name: value})) - centre for name, value in values.items()
+    }
+    n_shapes = 1 + 2 * len(SHAPE_INTERPOLATION_NODES)
     pairs = np.zeros((n_shapes, n_shapes, 4))
-    for one, other in combinations(_SOLVED_PAIR_VALUES, 2):
-        both = ln_amplitude(CENTRE_SHAPE._replace(**{one: values[one], other: values[other]})) - centre
-        at = places[one] + _SOLVED_PAIR_VALUES[one], places[other] + _SOLVED_PAIR_VALUES[other]
+    for one, other in combinations(_SOLVED_PAIR_VALUE_INDICES, 2):
+        both = ln_amplitude(PAPER_SHAPE._replace(**{one: values[one], other: values[other]})) - centre
+        at = places[one] + _SOLVED_PAIR_VALUE_INDICES[one], places[other] + _SOLVED_PAIR_VALUE_INDICES[other]
         pairs[at] = both - alone[one] - alone[other]
     # The nearer Poisson's ratio in proportion to the logarithm.
     nearer, farther = (
-        CENTRE_SHAPE._replace(sheet_poisson=value).coordinates[-1] - CENTRE_SHAPE.coordinates[-1]
-        for value in NEIGHBOUR_VALUES["sheet_poisson"]
+        PAPER_SHAPE._replace(sheet_poisson=value).interpolation_coordinates[-1]
+        - PAPER_SHAPE.interpolation_coordinates[-1]
+        for value in SHAPE_INTERPOLATION_NODES["sheet_poisson"]
     )
     pairs[:, -2] = pairs[:, -1] * nearer / farther
     return pairs

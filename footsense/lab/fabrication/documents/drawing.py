@@ -10,7 +10,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.documents.paper_sheet import PaperSheet, View, largest_scale
-from footsense.lab.fabrication.documents.papers import film_material_name
+from footsense.lab.fabrication.documents.papers import film_material_text
 from footsense.lab.fabrication.documents.views import edge_polylines, section_y0
 from footsense.lab.fabrication.parts import sheets, solids
 from footsense.lab.fabrication.parts.flex import GUARD_NET, Flex
@@ -71,7 +71,7 @@ def _draw_assembly(
     """Return the sheet with the foot in its socket, in section, and the stack of layers."""
     radius, plate, half = design.ball_radius_mm, design.plate_mm, design.sheet_mm / 2.0
     outer, top = (
-        dimensions.socket_radius_mm(design.ball_radius_mm),
+        dimensions.socket_outer_radius_mm(design.ball_radius_mm),
         plate + radius + dimensions.SOCKET_TOP_THICKNESS_MM,
     )
     scale = largest_scale((2.0 * outer, top + radius + plate), (150.0, 165.0))
@@ -125,7 +125,7 @@ def _draw_layer_stack(page: PaperSheet, design: FootDesign) -> None:
             "w",
             7.0,
         ),
-        ("film", f"{design.film_um:g} um of {film_material_name(design)}", "#bfe0c4", 6.0),
+        ("film", f"{design.film_um:g} um of {film_material_text(design)}", "#bfe0c4", 6.0),
         ("row flex, copper up", "polyimide and copper, or gold on the plate", _COPPER, 4.0),
         ("plate", f"elastomer of {design.pdms.youngs_mpa:g} MPa, {design.plate_mm:g} +-0.05 mm", _PDMS, 8.0),
         ("hemisphere of the ground", f"rubber of {design.rubber.youngs_mpa:g} MPa", _RUBBER, 10.0),
@@ -161,18 +161,18 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
         (-34.0, 6.0),
         f"4 x dia. {dimensions.MOULD_VENT_DIAMETER_MM:g}",
     )
-    inset = dimensions.DOWEL_DIAMETER_MM
+    inset = dimensions.MOULD_DOWEL_DIAMETER_MM
     lid.draw_note(
         (half_x - inset, half_y - inset),
         (18.0, 12.0),
-        f"2 x dia. {dimensions.DOWEL_DIAMETER_MM:g} H7, {wall:g} thick",
+        f"2 x dia. {dimensions.MOULD_DOWEL_DIAMETER_MM:g} H7, {wall:g} thick",
     )
     body = page.add_view((105.0, 130.0), scale, (-half_x, -deep, half_x, 0.0), "Section of the body, *", 8.0)
     body.draw_area(section_y0(parts["mould-body"]), _METAL, "////")
     body.draw_dimension([(half_x, -deep), (half_x, 0.0)], 10.0, f"{deep:g}")
     body.draw_note((off - 0.7 * radius, -0.7 * radius), (-10.0, 34.0), f"2 x R {radius:g} +-0.05, polished")
     outer, top, rim = (
-        dimensions.socket_radius_mm(design.ball_radius_mm),
+        dimensions.socket_outer_radius_mm(design.ball_radius_mm),
         design.plate_mm + radius + dimensions.SOCKET_TOP_THICKNESS_MM,
         design.plate_mm,
     )
@@ -192,7 +192,7 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
     for k, at in enumerate(
         ((outer - dimensions.TAIL_CHANNEL_DEPTH_MM, 0.0), (0.0, outer - dimensions.TAIL_CHANNEL_DEPTH_MM))
     ):
-        width = 2.0 * dimensions.TAIL_CHANNEL_PLAY_MM + solids.tail_widths_mm(design)[k]
+        width = 2.0 * dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM + solids.tail_widths_mm(design)[k]
         socket.draw_note(
             at,
             ((24.0, -22.0), (26.0, 16.0))[k],
@@ -241,7 +241,7 @@ def _draw_flexes_and_sheets(
             (310.0, height), scale, shape.bounds, f"{name.capitalize()}, {thickness:g} um, from above, *"
         )
         view.draw_area(shape, "#bfe0c4")
-        _draw_sheet(view, array, ball, name)
+        _draw_sheet_dimensions(view, array, ball, name)
     return page
 
 
@@ -263,11 +263,15 @@ def _draw_flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
     if len(v) > 1:
         left = outline.bounds[0]
         view.draw_dimension([(left, v[0]), (left, v[1])], -6.0, f"{v[1] - v[0]:g}")
-    size = f"{dimensions.CONTACT_WIDTH_MM:g} x {dimensions.CONTACT_LENGTH_MM:g}, pitch {dimensions.CONTACT_PITCH_MM:g}"
+    size = f"{dimensions.CONNECTOR_CONTACT_WIDTH_MM:g} x {dimensions.CONNECTOR_CONTACT_LENGTH_MM:g}"
+    size += f", pitch {dimensions.CONNECTOR_CONTACT_PITCH_MM:g}"
     contacts = f"{len(flex.contact_v_mm)} contacts {size}; contact 1 is the lowest;\n"
     contacts += f"even: {', '.join(flex.nets)}; odd: {GUARD_NET}"
     view.draw_note(
-        (flex.tail_end_mm - dimensions.CONTACT_LENGTH_MM / 2.0, tail), (-8.0, 16.0), contacts, "center"
+        (flex.tail_end_mm - dimensions.CONNECTOR_CONTACT_LENGTH_MM / 2.0, tail),
+        (-8.0, 16.0),
+        contacts,
+        "center",
     )
     stiff = f"stiffener {dimensions.STIFFENER_LENGTH_MM:g}, other side; 0.3 thick with it"
     view.draw_note(
@@ -275,8 +279,8 @@ def _draw_flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
     )
 
 
-def _draw_sheet(view: View, array: ElementArray, ball_radius_mm: float, name: str) -> None:
-    """Draw the spacer or the film with its dimensions."""
+def _draw_sheet_dimensions(view: View, array: ElementArray, ball_radius_mm: float, name: str) -> None:
+    """Draw the dimensions of spacer or film into a view that already shows its area."""
     half = array.sheet_mm / 2.0
     far = ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
     view.draw_dimension([(-half, half), (half, half)], 6.0, f"{array.sheet_mm:g} +-0.05")
@@ -291,4 +295,6 @@ def _draw_sheet(view: View, array: ElementArray, ball_radius_mm: float, name: st
         side = array.electrode_mm
         view.draw_dimension([(half, y - side / 2.0), (half, y + side / 2.0)], 8.0, f"{side:g} +-0.05")
         bar = array.column_y_mm[0] - side / 2.0
-        view.draw_note((x, bar - array.bar_mm / 2.0), (34.0, -8.0), f"bars {array.bar_mm:g}")
+        view.draw_note(
+            (x, bar - array.spacer_bar_width_mm / 2.0), (34.0, -8.0), f"bars {array.spacer_bar_width_mm:g}"
+        )

@@ -15,11 +15,11 @@ _STANDARD_SCALES = (20.0, 10.0, 5.0, 4.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 #: Line widths of outlines and of dimensions [pt], as ISO 128 has them: 0.5 and 0.25 mm.
 _THICK, _THIN = 1.2, 0.5
 #: Length on paper below which the text of a dimension stands beside it [mm].
-_MIN_DIMENSION_LINE_MM = 16.0
+_MIN_LINE_WITH_CENTRED_TEXT_MM = 16.0
 
 
 def largest_scale(size_mm: tuple[float, float], room_mm: tuple[float, float]) -> float:
-    """Return the largest standard drawing scale at which a part fits the available space on the sheet.
+    """Return the largest standard scale at which a part fits the space on the sheet; the smallest if none does.
 
     Example:
         >>> largest_scale((26.0, 17.0), (150.0, 120.0))
@@ -98,7 +98,7 @@ class View:
         (ax, ay), (bx, by) = line
         shift = 0.8 / self.scale
         if (
-            max(abs(ax - bx), abs(ay - by)) * self.scale < _MIN_DIMENSION_LINE_MM
+            max(abs(ax - bx), abs(ay - by)) * self.scale < _MIN_LINE_WITH_CENTRED_TEXT_MM
         ):  # the text beside the arrows
             side = {"ha": "right" if upright and off < 0.0 else "left", "va": "center"}
             x = ax + 2.0 * np.sign(off) * shift if upright else max(ax, bx) + 2.0 * shift

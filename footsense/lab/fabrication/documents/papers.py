@@ -7,7 +7,7 @@ from typing import Any
 
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.assumptions import Assumptions
+from footsense.lab.fabrication.assumptions import AssumedProcess
 from footsense.lab.fabrication.checks import Check
 from footsense.lab.fabrication.expected import ExpectedCapacitance
 from footsense.lab.fabrication.hardness import shore_a_from_modulus
@@ -19,13 +19,13 @@ from footsense.lab.template import render
 #: Density of the rubbers and of PDMS, for the amounts to weigh [g/cm3]; the paper's butadiene rubber has 0.91.
 _RUBBER_DENSITY_G_PER_CM3 = 1.1
 #: What is weighed over what ends up in the part [1].
-_CASTING_EXCESS_REL = 1.3
+_CASTING_EXCESS_FACTOR = 1.3
 
 
 def write_documents(
     folder: Path,
     design: FootDesign,
-    assumed: Assumptions,
+    assumed: AssumedProcess,
     flexes: tuple[Flex, Flex],
     checks: list[Check],
     tolerances: list[Tolerance],
@@ -54,8 +54,8 @@ def write_documents(
         "tolerances": tolerances,
         "elements": list(elements.items()),
         "shore": shore_a_from_modulus(design.rubber.youngs_mpa),
-        "rubber_g": rubber_mass_g(design),
-        "film_material": film_material_name(design),
+        "rubber_g": rubber_mass_to_weigh_g(design),
+        "film_material": film_material_text(design),
         "UM_PER_MM": UM_PER_MM,
     }
     for name in ("README", "assembly", "checklist"):
@@ -74,10 +74,10 @@ def bill_of_materials(
     shore, side, plate = shore_a_from_modulus(design.rubber.youngs_mpa), design.sheet_mm, design.plate_mm
     rubber = f"Shore A {shore:.0f}, {design.rubber.youngs_mpa:g} MPa, cures at room temperature, shrinks below 0.5 %"
     pdms = f"elastomer of {design.pdms.youngs_mpa:g} MPa (PDMS), {side:g} x {side:g} x {plate:g} mm"
-    dowel_mm = 2.0 * dimensions.DOWEL_DIAMETER_MM + dimensions.MOULD_WALL_MM
+    dowel_mm = 2.0 * dimensions.MOULD_DOWEL_DIAMETER_MM + dimensions.MOULD_WALL_MM
     rows: list[tuple[float | int, str, str, str, str]] = [
         (
-            round(rubber_mass_g(design), 1),
+            round(rubber_mass_to_weigh_g(design), 1),
             "g",
             "rubber for two hemispheres",
             rubber,
@@ -85,9 +85,15 @@ def bill_of_materials(
         ),
         (2, "piece", "plate", pdms, "drawing.pdf"),
         (1, "piece", "spacer", f"{design.gap_um:g} um, film or PDMS, laser-cut", "spacer.dxf"),
-        (1, "piece", "film", f"{design.film_um:g} um of {film_material_name(design)}", "film.dxf"),
+        (1, "piece", "film", f"{design.film_um:g} um of {film_material_text(design)}", "film.dxf"),
         (1, "set", "mould", "aluminium or acrylic, hollows polished; serves all feet", "step/mould-*.step"),
-        (2, "piece", "dowel pin of the mould", f"{dimensions.DOWEL_DIAMETER_MM:g} x {dowel_mm:g} mm", ""),
+        (
+            2,
+            "piece",
+            "dowel pin of the mould",
+            f"{dimensions.MOULD_DOWEL_DIAMETER_MM:g} x {dowel_mm:g} mm",
+            "",
+        ),
         (2, "piece", "dowel pin of the stack", "2 x 10 mm", ""),
         (1, "piece", "socket of the leg", "aluminium or printed resin", "step/leg-socket.step"),
         (dimensions.SCREWS, "piece", "screw of the socket", "M2.5 x 6", ""),
@@ -98,7 +104,7 @@ def bill_of_materials(
     for flex in flexes:
         lines, count = len(flex.nets), len(flex.contact_v_mm)
         layers = f"one layer of copper on polyimide, {lines} lines, {count} contacts, 0.3 mm at the contacts"
-        plug = f"zero insertion force, pitch {dimensions.CONTACT_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
+        plug = f"zero insertion force, pitch {dimensions.CONNECTOR_CONTACT_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
         rows += [
             (1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"),
             (1, "piece", f"connector of the {flex.kind}s", plug, ""),
@@ -106,17 +112,17 @@ def bill_of_materials(
     return rows
 
 
-def film_material_name(design: FootDesign) -> str:
-    """Return the material name of the insulating film, chosen by its permittivity."""
+def film_material_text(design: FootDesign) -> str:
+    """Return material name and permittivity of the insulating film as text; the name follows from the permittivity."""
     known = {2.7: "PDMS", 3.2: "polyester", 3.4: "polyimide"}
     name = known.get(round(design.film_eps_r, 1), "polymer")
     return f"{name}, relative permittivity {design.film_eps_r:g}"
 
 
-def rubber_mass_g(design: FootDesign) -> float:
+def rubber_mass_to_weigh_g(design: FootDesign) -> float:
     """Return the mass of rubber to weigh for both hemispheres of a foot, casting excess included [g]."""
     return (
-        _CASTING_EXCESS_REL
+        _CASTING_EXCESS_FACTOR
         * 2.0
         * 2.0
         / 3.0

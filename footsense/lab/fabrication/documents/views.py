@@ -11,7 +11,7 @@ from footsense.frames import Vector
 #: Points along an edge.
 _POINTS_PER_EDGE = 49
 #: Points of one vertex, rounded [mm].
-_EQUAL_WITHIN_MM = 1e-6
+_VERTEX_GRID_MM = 1e-6
 _BEYOND_ALL_PARTS_MM = 1e3
 
 
@@ -23,7 +23,7 @@ def section_y0(solid: Any) -> Any:
     faces = []
     for face in cut.faces:
         lines = [shapely.LineString(points[:, (0, 2)]) for points in edge_polylines(face)]
-        rings = shapely.get_parts(shapely.polygonize(shapely.set_precision(lines, _EQUAL_WITHIN_MM)))
+        rings = shapely.get_parts(shapely.polygonize(shapely.set_precision(lines, _VERTEX_GRID_MM)))
         outer, *inner = sorted(rings, key=lambda ring: -ring.area)
         faces.append(outer.difference(shapely.union_all(inner)) if inner else outer)
     return shapely.union_all(faces)

@@ -62,19 +62,19 @@ class Flex:
     def contact_v_mm(self) -> list[float]:
         """Coordinates v of the contacts [mm], contact 1 first: guards at odd numbers, signals at even ones."""
         contacts = 2 * len(self.line_v_mm) + 1
-        return [(k - (contacts - 1) / 2.0) * dimensions.CONTACT_PITCH_MM for k in range(contacts)]
+        return [(k - (contacts - 1) / 2.0) * dimensions.CONNECTOR_CONTACT_PITCH_MM for k in range(contacts)]
 
     @property
     def tail_half_width_mm(self) -> float:
         """Half the width of the tail [mm]."""
-        return self.contact_v_mm[-1] + dimensions.CONTACT_PITCH_MM
+        return self.contact_v_mm[-1] + dimensions.CONNECTOR_CONTACT_PITCH_MM
 
     @property
     def trace_fan_length_mm(self) -> float:
         """Length along u over which the traces converge [mm]: at 45 degrees, or steeper near the socket."""
         pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
         room = (
-            dimensions.socket_radius_mm(self.ball_radius_mm)
+            dimensions.socket_outer_radius_mm(self.ball_radius_mm)
             - dimensions.INNER_CORNER_RADIUS_MM
             - self.trace_fan_start_mm
         )
@@ -88,12 +88,12 @@ class Flex:
     @property
     def trace_fan_start_mm(self) -> float:
         """Coordinate u from which the traces converge [mm], outside the sheet."""
-        return self.polymer_half_side_mm + dimensions.COPPER_TO_EDGE_MM
+        return self.polymer_half_side_mm + dimensions.MIN_COPPER_TO_EDGE_MM
 
     @property
     def tail_end_mm(self) -> float:
         """Coordinate u of the tail's end [mm]."""
-        return self.ball_radius_mm + dimensions.TAIL_LENGTH_MM
+        return self.ball_radius_mm + dimensions.TAIL_BEYOND_BALL_MM
 
     @property
     def holes(self) -> list[tuple[Point, float]]:
@@ -109,7 +109,7 @@ class Flex:
         """Pads and traces of the copper layer."""
         shapes: list[Pad | Trace] = []
         side, width = self.array.electrode_mm, dimensions.TRACE_WIDTH_MM
-        contact_u = self.tail_end_mm - dimensions.CONTACT_LENGTH_MM / 2.0
+        contact_u = self.tail_end_mm - dimensions.CONNECTOR_CONTACT_LENGTH_MM / 2.0
         for k, (net, v) in enumerate(zip(self.nets, self.line_v_mm, strict=True)):
             shapes += [
                 Pad(centre=(u, v), size=(side, side), function="Other,Electrode", net=net)
@@ -131,7 +131,7 @@ class Flex:
             shapes.append(
                 Pad(
                     centre=(contact_u, w),
-                    size=(dimensions.CONTACT_LENGTH_MM, dimensions.CONTACT_WIDTH_MM),
+                    size=(dimensions.CONNECTOR_CONTACT_LENGTH_MM, dimensions.CONNECTOR_CONTACT_WIDTH_MM),
                     function="ConnectorPad",
                     net=net,
                     pin=f"{CONNECTOR},{number}",
@@ -143,7 +143,7 @@ class Flex:
     def openings(self) -> list[Pad | Trace]:
         """Openings of the coverlay: the whole sheet area (bare electrodes) and the contacts."""
         sheet, contacts = 2.0 * self.polymer_half_side_mm, 2.0 * self.tail_half_width_mm
-        bare = dimensions.CONTACT_LENGTH_MM
+        bare = dimensions.CONNECTOR_CONTACT_LENGTH_MM
         return [
             Pad(centre=(0.0, 0.0), size=(sheet, sheet), function="Material"),
             Pad(centre=(self.tail_end_mm - bare / 2.0, 0.0), size=(bare, contacts), function="Material"),
@@ -159,7 +159,7 @@ class Flex:
     @property
     def polymer_half_side_mm(self) -> float:
         """Half the side of the polymer inside the ball [mm]: at least the sheet's, and clear of the copper."""
-        return self.array.sheet_mm / 2.0 + max(0.0, dimensions.COPPER_TO_EDGE_MM - self.array.rim_mm)
+        return self.array.sheet_mm / 2.0 + max(0.0, dimensions.MIN_COPPER_TO_EDGE_MM - self.array.rim_mm)
 
     @cached_property
     def outline(self) -> Any:

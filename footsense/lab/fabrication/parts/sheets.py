@@ -73,7 +73,7 @@ def vent_channels(array: ElementArray) -> list[Any]:
         if len(columns) < 3:
             return []
         rows, ends = rows[1:-1], (columns[-2], columns[0])
-    half = dimensions.VENT_WIDTH_MM / 2.0
+    half = dimensions.CAVITY_VENT_WIDTH_MM / 2.0
     return [shapely.box(x - half, ends[0], x + half, ends[1]) for x in rows]
 
 

@@ -67,13 +67,13 @@ def mould(design: FootDesign) -> list[Part]:
         for u, v, diameter in bores:
             lid -= _cylinder(u, v, diameter, (-1.0, wall + 1.0))
             lid_mm3 -= math.pi / 4.0 * diameter**2 * wall
-    inset = dimensions.DOWEL_DIAMETER_MM
+    inset = dimensions.MOULD_DOWEL_DIAMETER_MM
     for sign in (-1.0, 1.0):
-        place = (sign * (half_x - inset), sign * (half_y - inset), dimensions.DOWEL_DIAMETER_MM)
-        body -= _cylinder(*place, (-2.0 * dimensions.DOWEL_DIAMETER_MM, 1.0))
+        place = (sign * (half_x - inset), sign * (half_y - inset), dimensions.MOULD_DOWEL_DIAMETER_MM)
+        body -= _cylinder(*place, (-2.0 * dimensions.MOULD_DOWEL_DIAMETER_MM, 1.0))
         lid -= _cylinder(*place, (-1.0, wall + 1.0))
-        area = math.pi / 4.0 * dimensions.DOWEL_DIAMETER_MM**2
-        body_mm3, lid_mm3 = body_mm3 - 2.0 * dimensions.DOWEL_DIAMETER_MM * area, lid_mm3 - wall * area
+        area = math.pi / 4.0 * dimensions.MOULD_DOWEL_DIAMETER_MM**2
+        body_mm3, lid_mm3 = body_mm3 - 2.0 * dimensions.MOULD_DOWEL_DIAMETER_MM * area, lid_mm3 - wall * area
     return [
         Part(name="mould-body", solid=body, volume_mm3=body_mm3),
         Part(name="mould-lid", solid=lid, volume_mm3=lid_mm3),
@@ -95,7 +95,7 @@ def tail_widths_mm(design: FootDesign) -> tuple[float, float]:
 def socket(design: FootDesign) -> Part:
     """Return the leg's socket as a part: it holds the whole curved surface of the leg-side hemisphere."""
     outer, hollow = (
-        dimensions.socket_radius_mm(design.ball_radius_mm),
+        dimensions.socket_outer_radius_mm(design.ball_radius_mm),
         design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM,
     )
     rim = design.plate_mm
@@ -106,7 +106,7 @@ def socket(design: FootDesign) -> Part:
     )  # excess adhesive leaves here
     inside = outer - dimensions.TAIL_CHANNEL_DEPTH_MM
     for width, forward in zip(tail_widths_mm(design), (True, False), strict=True):
-        half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_MM
+        half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
         corners = [(inside, -half), (outer + 1.0, half)]
         if not forward:
             corners = [(-half, inside), (half, outer + 1.0)]
@@ -125,7 +125,7 @@ def socket(design: FootDesign) -> Part:
 def _socket_volume_mm3(design: FootDesign) -> float:
     """Return the volume of the socket by formula [mm3]."""
     outer, hollow = (
-        dimensions.socket_radius_mm(design.ball_radius_mm),
+        dimensions.socket_outer_radius_mm(design.ball_radius_mm),
         design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM,
     )
     height, air = (
@@ -136,7 +136,7 @@ def _socket_volume_mm3(design: FootDesign) -> float:
     # What the bore for the adhesive cuts beyond the hollow.
     volume -= math.pi * air**2 * height - 2.0 / 3.0 * math.pi * (hollow**3 - (hollow**2 - air**2) ** 1.5)
     for width in tail_widths_mm(design):
-        half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_MM
+        half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
         segment = half * math.sqrt(outer**2 - half**2) + outer**2 * math.asin(half / outer)
         volume -= height * (segment - 2.0 * half * (outer - dimensions.TAIL_CHANNEL_DEPTH_MM))
     volume -= dimensions.SCREWS * math.pi / 4.0 * dimensions.CORE_MM**2 * dimensions.CORE_DEPTH_MM

@@ -13,9 +13,9 @@ from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.bound_ratio import (
     MAGNITUDES_GF,
-    CrbRatio,
-    MagnitudeBin,
-    crb_ratio,
+    BoundComparison,
+    ErrorsAtMagnitude,
+    compare_with_cramer_rao_bound,
     leaning_contacts,
 )
 from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
@@ -23,8 +23,8 @@ from footsense.lab.evaluation.evaluate import rms
 from footsense.lab.evaluation.maximum_likelihood import (
     AZIMUTH_DEG,
     Fit,
+    ambiguous_load_distance_and_angle,
     clamp_to_min_elevation,
-    distance_to_ambiguous_loads,
     maximum_likelihood,
 )
 from footsense.lab.studies.page import Plots, Study, StudyContext
@@ -88,7 +88,7 @@ class Results:
         ambiguity_by_magnitude: By magnitude [gf].
     """
 
-    crb_ratio_by_magnitude: CrbRatio
+    crb_ratio_by_magnitude: BoundComparison
     crb_ratio: float
     training_centred_share: float
     noiseless_direction_rms_deg: list[float]
@@ -118,7 +118,7 @@ def gauss_newton_results(
     after = []
     for more in np.diff([0, *GAUSS_NEWTON_ITERATIONS]).tolist():
         fit = maximum_likelihood(foot, measured * design.gap_um, (fit.normal, fit.force_n), more)
-        good = fit.misfit < MAX_EXPLAINED_MISFIT
+        good = fit.misfit_sigmas < MAX_EXPLAINED_MISFIT
         angle_deg = angles_between_deg(force, fit.force_n)
         ratio = rms(angle_deg[good]) / rms(bound_deg[good]) if good.any() else float("nan")
         after.append(GaussNewtonResult(float(good.mean()), ratio))
@@ -137,9 +137,11 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Return errors of the network and of Gauss-Newton fits relative to the Cramer-Rao bound, with figures."""
     quick, foot, loads = context.quick, Foot(context.response), context.foot_design.loads
     magnitudes, draws = ((20.0, 50.0, 100.0), 8) if quick else (MAGNITUDES_GF, 64)
-    ratio = crb_ratio(context.response, loads, context.network.force_n, draws=draws, magnitudes_gf=magnitudes)
+    ratio = compare_with_cramer_rao_bound(
+        context.response, loads, context.network.force_n, draws=draws, magnitudes_gf=magnitudes
+    )
     context.report_progress(
-        f"cramer-rao: the network is at {ratio.worst_direction_ratio:.2f} of the bound in its worst bin"
+        f"cramer-rao: the network is at {ratio.worst_centred_direction_error_ratio:.2f} of the bound in its worst bin"
     )
     straight = paper_directions("verification")
     leaning = leaning_contacts(loads, np.random.default_rng(3), 600)
@@ -152,7 +154,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     context.report_progress("cramer-rao: maximum likelihood compared with the bound")
     ambiguous = {}
     for gf in AMBIGUOUS_GF[: 2 if quick else 4]:
-        distance, apart_deg = distance_to_ambiguous_loads(foot, gf, AMBIGUITY_ELEVATIONS_DEG)
+        distance, apart_deg = ambiguous_load_distance_and_angle(foot, gf, AMBIGUITY_ELEVATIONS_DEG)
         ambiguous[f"{gf:g}"] = Ambiguity(distance.tolist(), apart_deg.tolist())
     steps = 11 if quick else 37
     azimuth, elevation = np.linspace(0.0, 360.0, 4 * steps + 1), np.linspace(30.0, 90.0, steps)
@@ -162,7 +164,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     ).direction_rms_deg
     results = Results(
         crb_ratio_by_magnitude=ratio,
-        crb_ratio=ratio.worst_direction_ratio,
+        crb_ratio=ratio.worst_centred_direction_error_ratio,
         training_centred_share=loads.centred_share,
         noiseless_direction_rms_deg=[_noiseless_direction_error_deg(context, gf) for gf in magnitudes],
         gauss_newton=gauss_newton,
@@ -173,7 +175,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     return results, {"cramer-rao.png": _error_and_bound_figure(ratio.centred), "cramer-rao-map.png": drawing}
 
 
-def _error_and_bound_figure(bins: Sequence[MagnitudeBin]) -> Figure:
+def _error_and_bound_figure(bins: Sequence[ErrorsAtMagnitude]) -> Figure:
     """Return the figure of network error and bound over the force magnitude, centred loads."""
     figure, row = subplot_row(2, 8.6, 3.9)
     gf = [one.magnitude_gf for one in bins]
@@ -184,7 +186,7 @@ def _error_and_bound_figure(bins: Sequence[MagnitudeBin]) -> Figure:
     for axes, (name, label) in zip(row, quantities, strict=True):
         network, five, three = (
             np.array([getattr(getattr(one, of), name) for one in bins])
-            for of in ("estimator", "bound_five_unknowns", "bound_three_unknowns")
+            for of in ("estimator_errors", "bound_five_unknowns", "bound_three_unknowns")
         )
         axes.loglog(gf, network, "o-C3", label="network")
         axes.loglog(gf, TARGET_CRB_RATIO * five, ":k", label=f"target, {TARGET_CRB_RATIO:g} of the bound")

@@ -24,7 +24,7 @@ from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Mask, Vector
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import FULL_SCALE_PF, leaning_normals
-from footsense.sim.foot.fabrication import PAPER_TOLERANCES, fabricate
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES, draw_deviations
 
 #: Azimuths over an eighth of the square, elevations [deg] and forces of the map [N].
 AZIMUTHS_DEG, ELEVATIONS_DEG = (0.0, 15.0, 30.0, 45.0), tuple(float(e) for e in range(35, 91, 5))
@@ -206,7 +206,7 @@ def compute(context: StudyContext) -> tuple[ForceRangeResults, Plots]:
     loads = context.foot_design.loads
     limits_n = _force_limits_n(Foot(context.response), loads.max_n)
     feet = _QUICK_FEET if context.quick else _FEET
-    made = [fabricate(context.response, PAPER_TOLERANCES, _SEED, number) for number in range(feet)]
+    made = [draw_deviations(context.response, PAPER_TOLERANCES, _SEED, number) for number in range(feet)]
     results = ForceRangeResults(
         force_limits_n={
             name: [round(float(v), 2) for v in force.min(axis=0)] for name, force in limits_n.items()

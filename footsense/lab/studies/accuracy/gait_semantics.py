@@ -115,25 +115,25 @@ def _friction_use_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vec
 
 def _evaluated_stances(walk: RoughWalk, leg: int) -> Iterator[tuple[int, float, float, Mask]]:
     """Yield number, start [s], end [s] and conversion mask (n,) of each stance that is evaluated."""
-    for number, (start_s, end_s) in enumerate(walk.stances_s[leg].tolist()):
+    for number, (start_s, end_s) in enumerate(walk.stance_intervals_s[leg].tolist()):
         if start_s > WARM_UP_S and end_s + _MAX_REPORT_AFTER_STANCE_S < walk.t_s[-1]:
-            yield number, start_s, end_s, walk.slides[leg].stance == number
+            yield number, start_s, end_s, walk.slides[leg].stance_number == number
 
 
 def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _MatchedEvents:
     """Match a leg's reported touchdowns and lift-offs with its true stances."""
     found = _MatchedEvents([], [], 0)
-    words = [(walk.t_s[row], event) for row, event in walk.reported if event.leg == leg]
+    words = [(walk.t_s[row], event) for row, event in walk.reported_events if event.leg == leg]
     down, up = (
         np.array([(t_s, 1e-9 * e.t_ns, e.sigma_s) for t_s, e in words if e.kind is kind]).reshape(-1, 3)
         for kind in (GaitEventKind.TOUCHDOWN, GaitEventKind.LIFT_OFF)
     )
-    starts_s, ends_s = walk.stances_s[leg].T
+    starts_s, ends_s = walk.stance_intervals_s[leg].T
     in_stance = ((down[:, :1] >= starts_s) & (down[:, :1] < ends_s + _MAX_REPORT_AFTER_STANCE_S)).any(axis=1)
     n_false = int((~in_stance & (down[:, 0] > WARM_UP_S)).sum())
     for number, start_s, end_s, rows in _evaluated_stances(walk, leg):
         before_s = start_s - (ends_s[number - 1] if number else 0.0)
-        if walk.force_n[rows, leg, 2].max(initial=0.0) < PEAK_N or before_s < SWING_DURATION_RANGE_S:
+        if walk.true_force_n[rows, leg, 2].max(initial=0.0) < PEAK_N or before_s < SWING_DURATION_RANGE_S:
             continue
         for reported, true_s, first_s, last_s in (
             (down, start_s, start_s, end_s),
@@ -148,16 +148,16 @@ def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _MatchedEvents
 
 def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
     """Match a leg's reported slips with its true slides."""
-    use, pressing_n = _friction_use_and_normal_force(walk.force_n[:, leg], walk.normal[:, leg])
+    use, pressing_n = _friction_use_and_normal_force(walk.true_force_n[:, leg], walk.true_normal[:, leg])
     slides = walk.slides[leg]
-    room = use - slides.friction
+    room = use - slides.kinetic_friction
     reported = np.array(
-        [row for row, e in walk.reported if e.leg == leg and e.kind is GaitEventKind.SLIP], int
+        [row for row, e in walk.reported_events if e.leg == leg and e.kind is GaitEventKind.SLIP], int
     )
     moving = np.diff(slides.slid_mm, append=0.0) > MIN_SLIDE_PER_CONVERSION_MM
     slide_distances_mm, n_beyond_range, n_false, at_cone = [], 0, 0, 0
     for number, _, _, rows in _evaluated_stances(walk, leg):
-        own = reported[slides.stance[reported] == number]
+        own = reported[slides.stance_number[reported] == number]
         where = np.flatnonzero(rows)
         for row in own.tolist():
             lately = room[max(row - FALSE_SLIP_CONVERSIONS, where[0]) : row + 1]
@@ -167,7 +167,7 @@ def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
                 at_cone += 1
         firm = where[pressing_n[where] > MIN_FRICTION_FORCE_N]
         if len(firm) and slides.slid_mm[firm[-1]] - slides.slid_mm[firm[0]] > SLID_MM:
-            if walk.is_force_known[firm[moving[firm]], leg].mean() < MIN_KNOWN_FORCE_SHARE:
+            if walk.has_load_estimate[firm[moving[firm]], leg].mean() < MIN_KNOWN_FORCE_SHARE:
                 n_beyond_range += 1
                 continue
             begun_mm = slides.slid_mm[firm[0]]
@@ -198,17 +198,18 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     down_ms, up_ms = downs[downs[:, 0] < _MAX_SCORED_REPORT_DELAY_MS], ups[np.isfinite(ups[:, 0])]
     frictions, normals_deg, stands, contacts = [], [], [], []
     for walk in walks:
-        use, pressing_n = _friction_use_and_normal_force(walk.force_n, walk.normal)
+        use, pressing_n = _friction_use_and_normal_force(walk.true_force_n, walk.true_normal)
         later = walk.t_s > WARM_UP_S
         frictions.append((walk.friction_use - use)[(pressing_n > MIN_FRICTION_FORCE_N) & later[:, None]])
         firm = (pressing_n > MIN_NORMAL_FORCE_N) & np.isfinite(walk.estimated_normal[..., 0])
-        normals_deg.append(angles_between_deg(walk.estimated_normal[firm], walk.normal[firm]))
-        stands.append(np.stack([slides.stance[later] >= 0 for slides in walk.slides], axis=1))
-        contacts.append(walk.contact[later] > 0.0)
+        normals_deg.append(angles_between_deg(walk.estimated_normal[firm], walk.true_normal[firm]))
+        stands.append(np.stack([slides.stance_number[later] >= 0 for slides in walk.slides], axis=1))
+        contacts.append(walk.debounced_contact[later] > 0.0)
     stand = np.concatenate(stands)
     hours = float(stand.size * np.diff(walks[0].t_s).mean()) / 3600.0
     last = [
-        walk.estimated_friction_coefficient[-1] - np.nanmean([slides.friction for slides in walk.slides])
+        walk.estimated_friction_coefficient[-1]
+        - np.nanmean([slides.kinetic_friction for slides in walk.slides])
         for walk in walks
     ]
     reported_mm = slide_distances_mm[np.isfinite(slide_distances_mm)]

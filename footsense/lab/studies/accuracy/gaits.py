@@ -16,7 +16,7 @@ from footsense.foot.directions import angles_between_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import LEGS, Mask, Vector
-from footsense.lab.evaluation.contact_model import unit_normals
+from footsense.lab.evaluation.contact_model import normals_of_stereographic_points
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_SEED
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.gait_readings import (
@@ -33,7 +33,7 @@ from footsense.lab.training.load_cases import measured_closure_rel, paper_verifi
 from footsense.ports import LoadEstimate, Window
 from footsense.sim.loads.ground_load import ContactSource, RampContact
 from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance
+from footsense.sim.loads.walk import Walk, smooth_stance_reaction
 
 #: Seed of the gaits that judge; training uses another.
 TEST_GAIT_SEED = 990_001
@@ -136,7 +136,7 @@ def leg_loads_function(source: ContactSource, leg: str) -> Callable[[Vector], Co
 def held_out_walks() -> tuple[ContactSource, ContactSource]:
     """Return the two test walks as contact sources: the measured walk and the tripod scene."""
     tripod = Walk(
-        dict.fromkeys(LEGS, smooth_stance(0.6, 1.0, 0.15)),
+        dict.fromkeys(LEGS, smooth_stance_reaction(0.6, 1.0, 0.15)),
         period_ns=1_200_000_000,
         duty_rel=0.6,
         pitch_deg=10.0,
@@ -198,7 +198,7 @@ def _gait_errors(
     direction_deg = angles_between_deg(load.force_n[loaded], force_n[loaded])
     true_contact, pressing_n = contact_and_normal_force(force_n, normal)
     firm, firmer = pressing_n > MIN_FRICTION_FORCE_N, pressing_n > MIN_NORMAL_FORCE_N
-    found = unit_normals(load.contact_point_and_friction[:, :2])
+    found = normals_of_stereographic_points(load.contact_point_and_friction[:, :2])
     friction = _friction_ratio(load.contact_point_and_friction[:, 2:], found) - _friction_ratio(
         true_contact[:, 2:], normal
     )

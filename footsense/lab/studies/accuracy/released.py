@@ -22,7 +22,7 @@ from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
-from footsense.sim.foot.fabrication import fabricate
+from footsense.sim.foot.fabrication import draw_deviations
 
 #: Missing elements, as an index into `MISSING_SETS`.
 MISSING_SET_INDEX_BY_NAME = {
@@ -84,7 +84,7 @@ def _coverage_on_feet(context: StudyContext, tolerances: Tolerances, n_feet: int
     response, n_loads = context.response, 100 if context.quick else N_LOADS
     parts = []
     for number in range(n_feet):
-        deviations = fabricate(response, tolerances, _FEET_SEED, number)
+        deviations = draw_deviations(response, tolerances, _FEET_SEED, number)
         cases = random_loads(response, context.foot_design.loads, n_loads, 1000 + number, deviations)
         rng = np.random.default_rng((number, _FEET_SEED))
         closure_rel = measured_closure_rel(response.design, cases.closure_um, rng)

@@ -16,8 +16,8 @@ from footsense.foot.directions import angles_between_deg
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import LEGS, Mask, Vector
 from footsense.lab.evaluation.contact_filter import ContactFilter
-from footsense.lab.evaluation.contact_model import ContactModel
-from footsense.lab.evaluation.window_fit import fit_contact, is_steady
+from footsense.lab.evaluation.contact_model import ContactMeasurementModel
+from footsense.lab.evaluation.window_fit import fit_force_and_sigma, is_steady
 from footsense.lab.studies.accuracy.gaits import (
     MIN_DIRECTION_FORCE_N,
     TEST_GAIT_SEED,
@@ -153,7 +153,7 @@ def _select_rows(parts: _Parts, chosen: NDArray[Any]) -> _Parts:
 
 
 def _fit_windows(
-    model: ContactModel, window: Window, network: LoadEstimate
+    model: ContactMeasurementModel, window: Window, network: LoadEstimate
 ) -> tuple[dict[str, _ForceEstimate], Mask]:
     """Return by method the fits' estimates (the network's for unloaded windows), and the mask of steady windows."""
     loaded = np.linalg.norm(network.force_n, axis=1) > _MIN_FIT_FORCE_N
@@ -161,14 +161,14 @@ def _fit_windows(
     answers = {}
     for name, rounds, where in ((ONE, 1, loaded), (TWO, 2, loaded), (RESTING, 2, rest)):
         answers[name] = _ForceEstimate(network.force_n.copy(), network.sigma_n.copy())
-        found = fit_contact(model, _select_rows(window, where), _select_rows(network, where), rounds)
+        found = fit_force_and_sigma(model, _select_rows(window, where), _select_rows(network, where), rounds)
         for part, own in zip(answers[name], found, strict=True):
             part[where] = own
     return answers, rest
 
 
 def _run_filter(
-    model: ContactModel, readings: GaitReadings, is_complete: Mask, network: LoadEstimate
+    model: ContactMeasurementModel, readings: GaitReadings, is_complete: Mask, network: LoadEstimate
 ) -> _ForceEstimate:
     """Return the Kalman filter's estimates after every conversion with a complete window."""
     n_gaits, n = is_complete.shape
@@ -179,8 +179,8 @@ def _run_filter(
     tracker = ContactFilter(model, n_gaits, STEP_S, NOMINAL_SEND_DELAY_S)
     for k, element in enumerate(conversion_elements(0, n).tolist()):
         tracker.update(element, readings.closure_rel[:, k].astype(np.float64))
-        tracker.seed(LoadEstimate(*(part[:, k] for part in by_time)), is_complete[:, k])
-        force_n[:, k], sigma_n[:, k] = tracker.force()
+        tracker.restart_where_inconsistent(LoadEstimate(*(part[:, k] for part in by_time)), is_complete[:, k])
+        force_n[:, k], sigma_n[:, k] = tracker.force_and_sigma_n()
     return _ForceEstimate(force_n[is_complete], sigma_n[is_complete])
 
 
@@ -226,7 +226,7 @@ def _method_errors(
 
 
 def _six_leg_times_us(
-    context: StudyContext, model: ContactModel, six: Window, conversions: NDArray[Any]
+    context: StudyContext, model: ContactMeasurementModel, six: Window, conversions: NDArray[Any]
 ) -> dict[str, float]:
     """Return by method the median computing time of one conversion of six legs, network included [us].
 
@@ -243,13 +243,13 @@ def _six_leg_times_us(
     def track() -> None:
         """Update the Kalman filters of six legs by one conversion."""
         tracker.update(*next(following))
-        tracker.seed(network, np.zeros(len(LEGS), bool))
-        tracker.force()
+        tracker.restart_where_inconsistent(network, np.zeros(len(LEGS), bool))
+        tracker.force_and_sigma_n()
 
     calls: list[Callable[[], object]] = [
         lambda: context.network.estimate(six),
-        lambda: fit_contact(model, six, network, 1),
-        lambda: fit_contact(model, six, network, 2),
+        lambda: fit_force_and_sigma(model, six, network, 1),
+        lambda: fit_force_and_sigma(model, six, network, 2),
         track,
     ]
     network_us, *added_us = (
@@ -282,7 +282,7 @@ def meets_adoption_criteria(results: Results, method: str) -> bool:
 
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Return errors and times of network, least-squares fits and Kalman filter on the same windows."""
-    model = ContactModel(context.response)
+    model = ContactMeasurementModel(context.response)
     readings, names = _readings(context)
     windows, whole = windows_of(readings), complete_window_ends(readings)
     window = Window(windows.closure_rel, windows.age_s, np.zeros((len(windows.gait), 9), bool))

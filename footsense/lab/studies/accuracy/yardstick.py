@@ -25,7 +25,7 @@ from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
 from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS
-from footsense.sim.foot.fabrication import fabricate
+from footsense.sim.foot.fabrication import draw_deviations
 
 #: Feet of a full run and of a quick one; processes.
 N_FEET, QUICK_N_FEET, _PROCESSES = 20, 2, 2
@@ -84,7 +84,7 @@ def foot_trained_network_errors(
         number: Number of the foot.
         epochs: Training epochs.
     """
-    own = fabricate(response, tolerances, SEED, number)
+    own = draw_deviations(response, tolerances, SEED, number)
     foot, rng = Foot(response, own), np.random.default_rng((SEED, number, 1))
     training, test = (
         measure_foot(foot, own.mount, cases(response).force_n, tolerances, rng)

@@ -16,7 +16,7 @@ from footsense.foot.directions import angles_between_deg, normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Mask, Vector
-from footsense.lab.evaluation.evaluate import ForceEstimator, elastance_estimator
+from footsense.lab.evaluation.evaluate import ForceEstimator, elastance_based_force_estimator
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import (
@@ -81,8 +81,8 @@ class _EstimatorsUnderTest:
         n_random = QUICK_RANDOM_LOADS if context.quick else RANDOM_LOADS
         self._estimators: dict[str, ForceEstimator] = {
             NETWORK: lambda closure_um: network.force_n(closure_um / gap_um),
-            CENTRED: elastance_estimator(paper_training(self.response)),
-            LEANING_ESTIMATOR: elastance_estimator(
+            CENTRED: elastance_based_force_estimator(paper_training(self.response)),
+            LEANING_ESTIMATOR: elastance_based_force_estimator(
                 random_loads(self.response, context.foot_design.loads, n_random, SEED)
             ),
         }

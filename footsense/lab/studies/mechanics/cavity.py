@@ -22,8 +22,8 @@ from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
 from footsense.lab.evaluation.evaluate import (
     MEASURED_DIRECTION_DEG,
     MEASURED_MAGNITUDE_GF,
-    capacitance_estimator,
-    elastance_estimator,
+    capacitance_based_force_estimator,
+    elastance_based_force_estimator,
 )
 from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.monte_carlo.specimens import measure_foot
@@ -40,7 +40,7 @@ from footsense.lab.training.load_cases import (
 )
 from footsense.lab.training.paper.procedure import PaperTraining, start_weights_by_seed
 from footsense.sim.foot.cavity_air import CavityAir
-from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances, fabricate
+from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
 
 SEALED = Cavity(kind="sealed")
 #: The compared cavities.
@@ -168,7 +168,7 @@ def errors_over_feet(
     """Return direction [deg] and magnitude errors [gf] of the paper's procedure, statistics over random feet."""
     rows = []
     for number in range(n_feet):
-        own = fabricate(response, tolerances, SEED, number)
+        own = draw_deviations(response, tolerances, SEED, number)
         rows.append(paper_procedure_errors(Foot(response, own), own.mount, stand, number, epochs))
     direction_deg, magnitude_gf = zip(*((row.direction_deg, row.magnitude_gf) for row in rows), strict=True)
     return MeanStd.of_values(direction_deg), MeanStd.of_values(magnitude_gf)
@@ -198,8 +198,8 @@ def cavity_performance(context: StudyContext, cavity: Cavity) -> CavityPerforman
     vented = replace(context.response, cavity=VENTED)
     designed = PaperTraining(design, paper_training(vented)).train(start_weights_by_seed(1), epochs)[0]
     misread = evaluate_force_errors(test.force_n, designed(test.closure_um))
-    by_capacitance_n = capacitance_estimator(design, training)(test.closure_um)
-    by_elastance_n = elastance_estimator(training)(test.closure_um)
+    by_capacitance_n = capacitance_based_force_estimator(design, training)(test.closure_um)
+    by_elastance_n = elastance_based_force_estimator(training)(test.closure_um)
     context.report_progress(f"cavity: {cavity.kind} measured")
     return CavityPerformance(
         corner_edge_middle_um_per_n=_corner_edge_middle_means_um(small_um / 0.05),
@@ -273,11 +273,12 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     )
     low_pressure = CavityAir(sealed, air.AMBIENT_KPA - 1.0)
     thin_pf = float(
-        (low_pressure.capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0]) - sealed.unloaded_pf).mean()
+        (low_pressure.next_capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0]) - sealed.unloaded_pf).mean()
     )
     warm_pf = float(
         (
-            CavityAir(sealed).capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0], kelvin=1.0) - sealed.unloaded_pf
+            CavityAir(sealed).next_capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0], kelvin=1.0)
+            - sealed.unloaded_pf
         ).mean()
     )
     small_pf = float((sealed.capacitance_pf(_UPWARD, GRAM_FORCE_N * _UPWARD) - sealed.unloaded_pf).mean())
@@ -308,7 +309,7 @@ def leaking_closure_um(response: FootResponse, leak_time_s: float, times_s: Vect
     leaking, unloaded_um = CavityAir(foot), response.design.plate_distance_um(foot.unloaded_pf)
     closures = []
     for t_s in times_s.tolist():
-        pf = leaking.capacitance_pf(round(1e9 * t_s), _UPWARD[0], HOLD_N * _UPWARD[0])
+        pf = leaking.next_capacitance_pf(round(1e9 * t_s), _UPWARD[0], HOLD_N * _UPWARD[0])
         closures.append(float((unloaded_um - response.design.plate_distance_um(pf)).mean()))
     return np.array(closures)
 

@@ -17,7 +17,7 @@ from footsense.foot.directions import directions, normalized
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import elastance_estimator
+from footsense.lab.evaluation.evaluate import elastance_based_force_estimator
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
 from footsense.lab.geometry import Material
@@ -209,7 +209,9 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignPerform
         sensitivity_pf_per_n=float(change_pf.mean() / SENSITIVITY_FORCE_N),
         upright_range_n=_max_force_in_range_n(sensor, _UPWARD),
         range_at_45_deg_n=_max_force_in_range_n(sensor, directions(0.0, 45.0)[None]),
-        linear_errors=evaluate_force_errors(test.force_n, elastance_estimator(training)(test.closure_um)),
+        linear_errors=evaluate_force_errors(
+            test.force_n, elastance_based_force_estimator(training)(test.closure_um)
+        ),
         direction_error_deg=MeanStd.of_values(answer.direction_deg for answer in answers),
         magnitude_error_gf=MeanStd.of_values(answer.magnitude_gf for answer in answers),
     )

@@ -13,8 +13,8 @@ from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.lab.evaluation.evaluate import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
-    capacitance_estimator,
-    elastance_estimator,
+    capacitance_based_force_estimator,
+    elastance_based_force_estimator,
 )
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.studies.page import Plots, Study, StudyContext
@@ -72,8 +72,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     tests = [verification_cases(response, magnitude_gf) for magnitude_gf in MAGNITUDES_GF]
     training = paper_training(response)
     linear = {
-        "capacitance": capacitance_estimator(response.design, training),
-        "closure": elastance_estimator(training),
+        "capacitance": capacitance_based_force_estimator(response.design, training),
+        "closure": elastance_based_force_estimator(training),
     }
     errors_by_network_input, points = {}, {}
     for network_input, name in NETWORK_INPUT_LABELS.items():

@@ -19,7 +19,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, LEGS, CapFrame, Cause, State, Vector
 from footsense.sim.foot.warming import softness_at
-from footsense.sim.loads.walk import Walk, smooth_stance
+from footsense.sim.loads.walk import Walk, smooth_stance_reaction
 
 SCAN_NS, FRAMES = 24_400_000, 32
 PERIOD_NS = FRAMES * SCAN_NS
@@ -37,7 +37,7 @@ MODELS = load_models(DEFAULT)
 def stride_pf(softness: float) -> tuple[Vector, Vector]:
     """Return what a scan of a foot at rest reads, and those of a stride by frame and leg [pF]."""
     foot = Foot(FootResponse.load(released_path("response.npz")))
-    reaction = smooth_stance(0.6, 0.8, 0.15)
+    reaction = smooth_stance_reaction(0.6, 0.8, 0.15)
     walk = Walk(dict.fromkeys(LEGS, reaction), PERIOD_NS, duty_rel=0.6, pitch_deg=10.0, from_ns=0)
     scans = np.empty((FRAMES, len(LEGS), ELEMENTS))
     for row, leg in enumerate(LEGS):
