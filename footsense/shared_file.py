@@ -15,7 +15,7 @@ from typing import BinaryIO
 from footsense.errors import FootsenseError
 
 
-class SharedFile:
+class SharedFileWriter:
     """Writer's end of a memory-mapped file: creates it, locks it, and removes it when closed.
 
     Args:

@@ -62,7 +62,9 @@ def _meaning(words: str) -> str:
 
 
 def _kind(field: CycleField) -> str:
-    if field.code_names is not None:
-        return "one of " + ", ".join(f"`{code.name}`" for code in field.code_names)
+    if field.code_enum is not None:
+        return "one of " + ", ".join(f"`{code.name}`" for code in field.code_enum)
     kind = {"<f8": "number or null", "<i8": "integer"}.get(field.dtype, f"0 to {field.max_code}")
-    return f"list, an entry for each element: {kind}" if field.shape and len(field.json_keys) == 1 else kind
+    return (
+        f"list, an entry for each element: {kind}" if field.row_shape and len(field.json_keys) == 1 else kind
+    )

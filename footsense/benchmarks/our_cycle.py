@@ -28,7 +28,7 @@ from footsense.daemon.recording_header import recording_header
 from footsense.frames import ELEMENTS, CapFrame, Cycle, Flag, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import CyclePipe
-from footsense.recording.shared_cycles import SharedCycles
+from footsense.recording.shared_cycles import SharedCycleWriter
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.journal import LegStateLogger
@@ -130,7 +130,7 @@ def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
         if shared:
             header = recording_header(models, None, Flag.SIMULATED, clock.now_ns())
             observers.append(
-                SharedCycles(cycles, DEFAULT.legs, header, lambda: pipeline.baseline_pf, sink.stats)
+                SharedCycleWriter(cycles, DEFAULT.legs, header, lambda: pipeline.baseline_pf, sink.stats)
             )
 
         loop = Loop(pipeline, sink, observers, clock)

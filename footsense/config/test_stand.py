@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from footsense import strict_yaml
 from footsense.config.sections import Section
-from footsense.reference.record_columns import NS_PER_TIME_UNIT, integer_widths_bits
+from footsense.reference.record_columns import NS_PER_TIME_COLUMN_UNIT, integer_widths_bits
 
 Column = Literal["time_s", "time_ms", "time_us", "sequence", "fx", "fy", "fz", "saturated", "-"]
 Columns = Annotated[tuple[Column, ...], Meta(min_length=3, max_length=40)]
@@ -177,7 +177,7 @@ def _framing_contradiction(framing: LineFraming | BinaryFraming) -> strict_yaml.
     for axis in ("fx", "fy", "fz"):
         if axis not in named:
             return strict_yaml.Problem(f"{where}.columns", f"no column is {axis}; a force has fx, fy and fz")
-    if len(set(named)) < len(named) or len(set(named) & set(NS_PER_TIME_UNIT)) > 1:
+    if len(set(named)) < len(named) or len(set(named) & set(NS_PER_TIME_COLUMN_UNIT)) > 1:
         return strict_yaml.Problem(f"{where}.columns", "name one thing twice; call an unused column -")
     if isinstance(framing, LineFraming):
         return None

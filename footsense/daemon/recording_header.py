@@ -14,7 +14,7 @@ from footsense.daemon.estimation import distance_times_capacitance_pf, stray_and
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError
 from footsense.frames import Flag
-from footsense.recording.frame_shape import elements_entry
+from footsense.recording.frame_shape import n_elements_header_entry
 from footsense.recording.machine import platform_versions
 from footsense.sim.scene import Scene
 
@@ -44,7 +44,7 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
         _CALIBRATIONS_KEY: ",".join(hashes),
         **platform_versions(),
-        **elements_entry(config.n_elements),
+        **n_elements_header_entry(config.n_elements),
         CLOSURE_CONVERSION_KEY: msgspec.json.encode(closure_conversion(models)).decode(),
     }
 

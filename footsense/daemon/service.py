@@ -29,7 +29,7 @@ from footsense.estimation.pipeline import Pipeline
 from footsense.frames import Flag, Vector
 from footsense.ports import FrameSource, Observer, WakeupLatency
 from footsense.recording.recorder import Recorder, check_recording_target
-from footsense.recording.shared_cycles import SharedCycles
+from footsense.recording.shared_cycles import SharedCycleWriter
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import LegStateLogger
@@ -81,7 +81,7 @@ class Service(Loop):
                 "dropped": stats.dropped,
                 "rejected_commands": stats.rejected_commands,
             },
-            "cycles_not_recorded": self.recorder.n_lost if self.recorder else None,
+            "cycles_not_recorded": self.recorder.n_lost_cycles if self.recorder else None,
         }
 
 
@@ -199,7 +199,7 @@ def _open_metrics(
             Path(config.metrics.counters),
             wakeups=wakeups,
             n_late_discards=lambda: scan.source.n_late_discards,
-            n_lost_cycles=lambda: recorder.n_lost if recorder else 0,
+            n_lost_cycles=lambda: recorder.n_lost_cycles if recorder else 0,
             n_lost_log_lines=n_lost_log_lines,
         )
     except FootsenseError as error:
@@ -210,13 +210,13 @@ def _open_metrics(
 
 def _open_shared_cycles(
     config: Config, header: Mapping[str, str], pipeline: Pipeline, sink: CanSink
-) -> list[SharedCycles]:
+) -> list[SharedCycleWriter]:
     """Open the shared memory of cycles for viewers; return none if its file cannot be written."""
     if config.view is None:
         return []
     try:
         return [
-            SharedCycles(
+            SharedCycleWriter(
                 Path(config.view.cycles), config.legs, header, lambda: pipeline.baseline_pf, sink.stats
             )
         ]

@@ -41,7 +41,7 @@ def _column_names(fields: Mapping[str, CycleField]) -> list[str]:
     """Return the column names of fields, one per component."""
     names: list[str] = []
     for field in fields.values():
-        n_values = int(np.prod(field.shape))
+        n_values = int(np.prod(field.row_shape))
         names += (
             field.json_keys
             if len(field.json_keys) == n_values
@@ -100,8 +100,8 @@ def _rows_by_leg(frame: Any, fields: Mapping[str, CycleField]) -> list[Row]:  # 
     for path, field in fields.items():
         array = attrgetter(path)(frame)
         flat = array.reshape(len(array), -1).T.tolist()
-        if field.code_names is not None:
-            flat = [[_code_name(field.code_names, code) for code in one] for one in flat]
+        if field.code_enum is not None:
+            flat = [[_code_name(field.code_enum, code) for code in one] for one in flat]
         elif field.dtype == "<i8":  # times, 0 for none
             flat = [[t_ns or None for t_ns in one] for one in flat]
         columns += flat

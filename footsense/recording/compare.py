@@ -81,7 +81,7 @@ def _leg_difference(
         same = _is_close(then, now, 0.0 if exact else _field_tolerance(path, field))
         for k in np.flatnonzero(~same).tolist():
             words = [
-                str(value) if field.code_names is None else field.code_names(value).name
+                str(value) if field.code_enum is None else field.code_enum(value).name
                 for value in (then[k], now[k])
             ]
             return f"{field.json_keys[k]} was {words[0]}, is now {words[1]}"

@@ -24,7 +24,7 @@ from footsense.frames import (
 )
 
 #: A counter or time: not negative, 63 bits.
-Count = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
+NonNegativeInt64 = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
 
 #: Stands for the cause in recordings from before causes were recorded; no `Cause` has this code.
 CAUSE_NOT_RECORDED = 255
@@ -35,17 +35,17 @@ class CycleField(NamedTuple):
 
     Attributes:
         dtype: Type of its entries, as numpy calls it.
-        shape: Shape of a leg's row.
+        row_shape: Shape of a leg's row.
         json_keys: Keys of a leg's row in JSON: one, or one for each component.
         max_code: Largest code or mask with a meaning; None for numbers.
-        code_names: Enumeration by whose names JSON calls the codes; None for numbers.
+        code_enum: Enumeration by whose names JSON calls the codes; None for numbers.
     """
 
     dtype: str
-    shape: tuple[int, ...]
+    row_shape: tuple[int, ...]
     json_keys: tuple[str, ...]
     max_code: int | None = None
-    code_names: type[IntEnum] | None = None
+    code_enum: type[IntEnum] | None = None
 
 
 @cache
@@ -95,13 +95,13 @@ GAIT_FIELDS = {
 
 def scan_from_arrays(sequence: int, arrays: Mapping[str, NDArray[Any]]) -> CapFrame:
     """Return the capacitance frame made of arrays by their paths in `CYCLE_FIELDS`."""
-    return CapFrame(sequence, **_frame_arrays("scan", arrays))
+    return CapFrame(sequence, **_arrays_under_path("scan", arrays))
 
 
 def forces_from_arrays(sequence: int, t_sent_ns: int, arrays: Mapping[str, NDArray[Any]]) -> ContactFrame:
     """Return the force frame made of arrays by their paths in `CYCLE_FIELDS`."""
-    baseline = BaselineDrift(**_frame_arrays("forces.baseline", arrays))
-    return ContactFrame(sequence, t_sent_ns, **_frame_arrays("forces", arrays), baseline=baseline)
+    baseline = BaselineDrift(**_arrays_under_path("forces.baseline", arrays))
+    return ContactFrame(sequence, t_sent_ns, **_arrays_under_path("forces", arrays), baseline=baseline)
 
 
 def gait_from_arrays(
@@ -118,6 +118,6 @@ def gait_from_arrays(
     return GaitFrame(t_ns=t_ns, friction=friction, all_in_air=all_in_air, events=events, **values)
 
 
-def _frame_arrays(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def _arrays_under_path(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     split = (path.rpartition(".") for path in CYCLE_FIELDS)
     return {name: arrays[f"{parent}.{name}"] for parent, _, name in split if parent == place}

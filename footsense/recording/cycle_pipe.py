@@ -13,14 +13,20 @@ import msgspec
 import numpy as np
 
 from footsense.frames import Cycle, GaitFrame
-from footsense.recording.cycle_records import ARRAY_ORDER, GAIT_ARRAY_ORDER, LENGTH_BYTES, Header, LostCycles
+from footsense.recording.cycle_records import (
+    CYCLE_ARRAY_ORDER,
+    GAIT_ARRAY_ORDER,
+    LENGTH_PREFIX_BYTES,
+    Header,
+    LostCycles,
+)
 
 #: Longest reason of a command's result [characters].
 _MAX_REASON_CHARACTERS = 10_000
 
 #: Integers of numpy become Python's.
 _encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
-_arrays_of = attrgetter(*ARRAY_ORDER)
+_arrays_of = attrgetter(*CYCLE_ARRAY_ORDER)
 _gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in GAIT_ARRAY_ORDER))
 
 
@@ -155,9 +161,9 @@ def _pack_gait(gait: GaitFrame) -> tuple[object, ...]:
 
 
 def _with_length(record: bytes) -> bytes:
-    return len(record).to_bytes(LENGTH_BYTES, "little") + record
+    return len(record).to_bytes(LENGTH_PREFIX_BYTES, "little") + record
 
 
 def _encodable_text(reason: str) -> str:
-    """Return a text with unencodable characters (lone surrogates) replaced."""
+    """Return a reason, cut to `_MAX_REASON_CHARACTERS`, with unencodable characters (lone surrogates) escaped."""
     return reason[:_MAX_REASON_CHARACTERS].encode(errors="backslashreplace").decode()

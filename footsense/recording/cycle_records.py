@@ -2,8 +2,8 @@
 
 Each record is its length (u32, little-endian) and one msgpack array: the header first, then cycles, and a loss before
 the cycle that follows a gap. The arrays of a cycle's frames stand in one binary field, in the order of
-`ARRAY_ORDER`, so that packing is copying. The reader checks every field: a damaged record ends the recording in one
-line.
+`CYCLE_ARRAY_ORDER`, so that packing is copying. The reader checks every field: a damaged record ends the recording
+in one line.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,8 +18,8 @@ from footsense.frames import Command, CommandResult, Cycle, GaitEvent, GaitFrame
 from footsense.recording.cycle_fields import (
     CYCLE_FIELDS,
     GAIT_FIELDS,
-    Count,
     CycleField,
+    NonNegativeInt64,
     cycle_fields,
     forces_from_arrays,
     gait_from_arrays,
@@ -27,7 +27,7 @@ from footsense.recording.cycle_fields import (
 )
 from footsense.recording.frame_shape import FrameShape, frame_shape
 
-LENGTH_BYTES = 4
+LENGTH_PREFIX_BYTES = 4
 #: Longest record [bytes], far above any cycle.
 _MAX_RECORD_BYTES = 1 << 24
 
@@ -36,11 +36,11 @@ class NumberedCycle(NamedTuple):
     """One cycle with its number in the recording.
 
     Attributes:
-        counter: Number of the cycle since the recording began, lost ones counted.
+        cycle_number: Number of the cycle since the recording began, lost ones counted.
         cycle: The cycle.
     """
 
-    counter: int
+    cycle_number: int
     cycle: Cycle
 
 
@@ -48,14 +48,14 @@ class LostCycles(msgspec.Struct, frozen=True, array_like=True, tag="loss"):
     """Number of cycles lost in a row because the pipe was full, with the place and time of the loss.
 
     Attributes:
-        counter: Number of the next recorded cycle.
-        t_ns: Time of sending of that cycle [ns].
+        next_cycle_number: Number of the next recorded cycle.
+        next_t_sent_ns: Time of sending of that cycle [ns].
         n_cycles: Number of lost cycles before it.
     """
 
-    counter: Count
-    t_ns: Count
-    n_cycles: Count
+    next_cycle_number: NonNegativeInt64
+    next_t_sent_ns: NonNegativeInt64
+    n_cycles: NonNegativeInt64
 
 
 class Header(msgspec.Struct, array_like=True, tag="header"):
@@ -64,31 +64,33 @@ class Header(msgspec.Struct, array_like=True, tag="header"):
     entries: dict[str, str]
 
 
-class _Gait(msgspec.Struct, array_like=True):
-    t_ns: Count
+class _GaitRecord(msgspec.Struct, array_like=True):
+    t_ns: NonNegativeInt64
     friction: float
     all_in_air: bool
     events: tuple[GaitEvent, ...]
     arrays: bytes
 
 
-class _Cycle(msgspec.Struct, array_like=True, tag="cycle"):
-    counter: Count
-    scan_sequence: Count
-    force_sequence: Count
-    t_sent_ns: Count
+class _CycleRecord(msgspec.Struct, array_like=True, tag="cycle"):
+    counter: NonNegativeInt64
+    scan_sequence: NonNegativeInt64
+    force_sequence: NonNegativeInt64
+    t_sent_ns: NonNegativeInt64
     arrays: bytes
     commands: tuple[Command, ...]
     outcomes: tuple[CommandResult, ...]
-    reference: tuple[bytes, bytes, bytes] | None
+    reference_samples: tuple[bytes, bytes, bytes] | None
     temperature_c: bytes | None
-    gait: _Gait | None
+    gait: _GaitRecord | None
 
 
-_decode = msgspec.msgpack.Decoder(Header | _Cycle | LostCycles).decode
+_decode = msgspec.msgpack.Decoder(Header | _CycleRecord | LostCycles).decode
 
 #: The fields of a record in their order, wide entries first so that all are aligned.
-ARRAY_ORDER = sorted(CYCLE_FIELDS, key=lambda path: np.dtype(CYCLE_FIELDS[path].dtype).itemsize, reverse=True)
+CYCLE_ARRAY_ORDER = sorted(
+    CYCLE_FIELDS, key=lambda path: np.dtype(CYCLE_FIELDS[path].dtype).itemsize, reverse=True
+)
 GAIT_ARRAY_ORDER = sorted(
     GAIT_FIELDS, key=lambda path: np.dtype(GAIT_FIELDS[path].dtype).itemsize, reverse=True
 )
@@ -110,12 +112,12 @@ def unpack_records(
         RecordingError: The bytes are no such record, or its fields have no meaning.
     """
     try:
-        while len(buffer) >= LENGTH_BYTES:
-            end = LENGTH_BYTES + int.from_bytes(buffer[:LENGTH_BYTES], "little")
+        while len(buffer) >= LENGTH_PREFIX_BYTES:
+            end = LENGTH_PREFIX_BYTES + int.from_bytes(buffer[:LENGTH_PREFIX_BYTES], "little")
             require_valid(end <= _MAX_RECORD_BYTES, f"a record of {end} bytes")
             if len(buffer) < end:
                 return
-            record = _decode(bytes(buffer[LENGTH_BYTES:end]))
+            record = _decode(bytes(buffer[LENGTH_PREFIX_BYTES:end]))
             del buffer[:end]
             if isinstance(record, Header):
                 shape = frame_shape(record.entries)
@@ -139,9 +141,9 @@ def require_valid(holds: bool, error_text: str) -> None:  # noqa: FBT001 - reads
         raise ValueError(error_text)
 
 
-def _decode_cycle(record: _Cycle, shape: FrameShape) -> NumberedCycle:
+def _decode_cycle(record: _CycleRecord, shape: FrameShape) -> NumberedCycle:
     n_legs = shape.n_legs
-    entry = _decode_arrays(record.arrays, cycle_fields(shape.n_elements), ARRAY_ORDER, n_legs)
+    entry = _decode_arrays(record.arrays, cycle_fields(shape.n_elements), CYCLE_ARRAY_ORDER, n_legs)
     commands = (*record.commands, *(outcome.command for outcome in record.outcomes))
     require_valid(
         all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs"
@@ -150,7 +152,7 @@ def _decode_cycle(record: _Cycle, shape: FrameShape) -> NumberedCycle:
     forces = forces_from_arrays(record.force_sequence, record.t_sent_ns, entry)
     if record.gait is not None:
         forces = forces._replace(gait=_decode_gait(record.gait, n_legs))
-    reference = None if record.reference is None else _decode_reference(*record.reference)
+    reference = None if record.reference_samples is None else _decode_reference(*record.reference_samples)
     temperature_c = None if record.temperature_c is None else np.frombuffer(record.temperature_c, "<f8")
     require_valid(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
     cycle = Cycle(scan, record.commands, forces, record.outcomes, reference, temperature_c)
@@ -168,7 +170,7 @@ def _decode_arrays(
         order: Their places in the order of the field.
         n_legs: Rows of each array.
     """
-    layout = np.dtype([(path, fields[path].dtype, (n_legs, *fields[path].shape)) for path in order])
+    layout = np.dtype([(path, fields[path].dtype, (n_legs, *fields[path].row_shape)) for path in order])
     require_valid(len(data) == layout.itemsize, f"arrays of {len(data)} bytes")
     entry: Mapping[str, NDArray[Any]] = np.frombuffer(data, dtype=layout)[0]
     for path, field in fields.items():
@@ -178,7 +180,7 @@ def _decode_arrays(
     return entry
 
 
-def _decode_gait(record: _Gait, n_legs: int) -> GaitFrame:
+def _decode_gait(record: _GaitRecord, n_legs: int) -> GaitFrame:
     """Return the gait frame of a decoded record."""
     require_valid(
         all(0 <= event.leg < n_legs for event in record.events), f"an event of none of {n_legs} legs"

@@ -9,7 +9,7 @@ from footsense.frames import ALL_LEGS, ELEMENTS
 N_ELEMENTS_KEY = "n_elements"
 
 #: Numbers of elements of a foot: 2 x 2, 3 x 3 and 4 x 4.
-_ARRAY_SIZES = (4, 9, 16)
+_VALID_N_ELEMENTS = (4, 9, 16)
 
 
 class FrameShape(NamedTuple):
@@ -34,21 +34,21 @@ def frame_shape(header: Mapping[str, str]) -> FrameShape:
     legs = text.split(",")
     if len(set(legs)) < len(legs) or not set(legs) <= set(ALL_LEGS):
         raise ValueError(f"the recording names its legs {text[:40]!r}, not some of {', '.join(ALL_LEGS)}")
-    return FrameShape(len(legs), header_elements(header))
+    return FrameShape(len(legs), n_elements_from_header(header))
 
 
-def header_elements(header: Mapping[str, str]) -> int:
+def n_elements_from_header(header: Mapping[str, str]) -> int:
     """Return the number of elements per foot from a recording's header; 9 if there is no entry.
 
     Raises:
         ValueError: No foot has such an array.
     """
     text = header.get(N_ELEMENTS_KEY, str(ELEMENTS))
-    if text not in map(str, _ARRAY_SIZES):
+    if text not in map(str, _VALID_N_ELEMENTS):
         raise ValueError(f"the recording is of feet with {text[:20]!r} elements, not 4, 9 or 16")
     return int(text)
 
 
-def elements_entry(n_elements: int) -> dict[str, str]:
+def n_elements_header_entry(n_elements: int) -> dict[str, str]:
     """Return the header entry for the number of elements; empty for 9, the number without an entry."""
     return {} if n_elements == ELEMENTS else {N_ELEMENTS_KEY: str(n_elements)}

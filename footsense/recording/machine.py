@@ -9,7 +9,7 @@ from pathlib import Path
 _PROCESSOR_KEYS = ("model name", "CPU implementer", "CPU part", "CPU variant", "CPU revision")
 
 #: Lines that list its instruction sets: a virtual machine may hide some, and kernels are chosen by them.
-_FEATURE_KEYS = ("flags", "Features")
+_CPU_FLAG_KEYS = ("flags", "Features")
 
 
 def platform_versions(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, str]:
@@ -29,7 +29,7 @@ def _processor_description(cpuinfo: Path) -> str:
         key, _, value = line.partition(":")
         first_values.setdefault(key.strip(), value.strip())
     names = " ".join(first_values[key] for key in _PROCESSOR_KEYS if key in first_values)
-    features = " ".join(sorted(" ".join(first_values.get(key, "") for key in _FEATURE_KEYS).split()))
+    features = " ".join(sorted(" ".join(first_values.get(key, "") for key in _CPU_FLAG_KEYS).split()))
     return f"{platform.machine()} {names} [{zlib.crc32(features.encode()):08x}]"
 
 

@@ -103,7 +103,7 @@ class Recorder:
         self.observe = self._pipe.send  # the loop calls it every cycle
 
     @property
-    def n_lost(self) -> int:
+    def n_lost_cycles(self) -> int:
         """Number of cycles known to be missing in the recording; final after `close`."""
         return (
             self._pipe.lost
@@ -140,7 +140,7 @@ class Recorder:
         self._n_cycles_written = int(parsed["n_cycles"])
         if parsed["failure"]:
             raise RecordingError(
-                f"{self._path}: {parsed['failure']}; {self.n_lost} of {self._pipe.n_cycles} cycles are missing, "
+                f"{self._path}: {parsed['failure']}; {self.n_lost_cycles} of {self._pipe.n_cycles} cycles are missing, "
                 f"the others are in {partial_path(self._path).name}"
             )
 

@@ -16,11 +16,11 @@ class RecoveryResult(NamedTuple):
     """Result of a recovery: number of cycles recovered, and the damage that ended the recording.
 
     Attributes:
-        n_cycles: Cycles in the new file.
+        n_recovered_cycles: Cycles in the new file.
         damage: Error about the lost part; None if only the index was missing.
     """
 
-    n_cycles: int
+    n_recovered_cycles: int
     damage: RecordingError | None
 
 

@@ -8,7 +8,7 @@ from footsense.frames import CapFrame, Command, Cycle
 from footsense.recording.container.mcap_header import read_header
 from footsense.recording.container.mcap_reader import read_entries
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
-from footsense.recording.frame_shape import header_elements
+from footsense.recording.frame_shape import n_elements_from_header
 
 
 class Replay:
@@ -33,7 +33,7 @@ class Replay:
         self._on_read = on_bytes_read or (lambda _: None)
         self.header = read_header(path)
         self.legs = tuple(self.header["legs"].split(","))
-        self.n_elements = header_elements(self.header)
+        self.n_elements = n_elements_from_header(self.header)
 
     def entries(self) -> Iterator[NumberedCycle | LostCycles]:
         """Return an iterator over complete cycles and recorded losses, in file order.

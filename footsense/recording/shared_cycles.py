@@ -33,8 +33,8 @@ from footsense.frames import CanStatistics, Cycle, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import pack_cycle
 from footsense.recording.cycle_records import NumberedCycle, unpack_records
-from footsense.recording.frame_shape import frame_shape, header_elements
-from footsense.shared_file import SharedFile, is_locked
+from footsense.recording.frame_shape import frame_shape, n_elements_from_header
+from footsense.shared_file import SharedFileWriter, is_locked
 
 _MAGIC = b"FSCYCLE1"
 _HEADER_STRUCT = struct.Struct("<8sQ")
@@ -43,11 +43,11 @@ _COUNTER_STRUCT = struct.Struct("<Q")
 N_SLOTS = 512
 #: Bytes of a slot: twice a cycle of eight legs of 16 elements with its gait.
 SLOT_BYTES = 8192
-_N_COUNTS = len(fields(CanStatistics))
+_N_CAN_COUNTERS = len(fields(CanStatistics))
 _STATISTICS_COPY_PERIOD_NS = 100_000_000
 
 
-class SharedCycles(Observer):
+class SharedCycleWriter(Observer):
     """Observer that copies every cycle into the ring buffer in shared memory.
 
     Args:
@@ -76,9 +76,9 @@ class SharedCycles(Observer):
         header = {**header, "legs": ",".join(legs)}
         text = json.dumps(header).encode()
         text += b" " * (-len(text) % 8)
-        n_doubles = len(legs) * header_elements(header) + _N_COUNTS
+        n_doubles = len(legs) * n_elements_from_header(header) + _N_CAN_COUNTERS
         n_bytes = _COUNTER_STRUCT.size + 8 * n_doubles + N_SLOTS * SLOT_BYTES
-        self._file = SharedFile(path, _HEADER_STRUCT.pack(_MAGIC, len(text)) + text, n_bytes)
+        self._file = SharedFileWriter(path, _HEADER_STRUCT.pack(_MAGIC, len(text)) + text, n_bytes)
         self._cells = self._file.cells
         self._float64_values = self._cells[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + 8 * n_doubles].cast(
             "d"
@@ -98,7 +98,7 @@ class SharedCycles(Observer):
             self._float64_values[: baseline.size] = baseline.ravel().data
         if cycle.forces.t_sent_ns >= self._copy_due_ns:
             self._copy_due_ns = cycle.forces.t_sent_ns + _STATISTICS_COPY_PERIOD_NS
-            self._float64_values[-_N_COUNTS:] = array("d", astuple(self._can))
+            self._float64_values[-_N_CAN_COUNTERS:] = array("d", astuple(self._can))
         record = pack_cycle(self._n, cycle)
         if len(record) > SLOT_BYTES - _COUNTER_STRUCT.size:  # a burst of a test stand's samples
             record = pack_cycle(self._n, cycle._replace(reference=None))
@@ -141,7 +141,7 @@ class CycleReader:
         shape: Number of legs, and of elements of each foot.
 
     Raises:
-        FootsenseError: No running service writes the file, or `SharedCycles` did not create it.
+        FootsenseError: No running service writes the file, or `SharedCycleWriter` did not create it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -151,15 +151,15 @@ class CycleReader:
         except OSError as error:
             raise FootsenseError(f"{path}: {error.strerror}") from error
         try:
-            length = self._open()
+            length = self._map_and_read_header()
         except BaseException:
             self._file.close()
             raise
         self._start = _HEADER_STRUCT.size + length
         self._first_slot = self._start + _COUNTER_STRUCT.size + 8 * self._n_doubles
-        self._next = max(0, self._n_written - N_SLOTS // 2)
+        self._next = max(0, self._n_cycles_written - N_SLOTS // 2)
 
-    def _open(self) -> int:
+    def _map_and_read_header(self) -> int:
         """Map the shared-memory file, and read its header; return the header's length [bytes].
 
         Raises:
@@ -175,7 +175,7 @@ class CycleReader:
             )
             self.legs = tuple(self.header["legs"].split(","))
             self.shape = frame_shape(self.header)
-            self._n_doubles = math.prod(self.shape) + _N_COUNTS
+            self._n_doubles = math.prod(self.shape) + _N_CAN_COUNTERS
         except (ValueError, LookupError, struct.error, OSError, RecursionError) as error:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles: {error}") from error
         n_bytes = (
@@ -186,23 +186,23 @@ class CycleReader:
         return int(length)
 
     @property
-    def _n_written(self) -> int:
+    def _n_cycles_written(self) -> int:
         number: int = _COUNTER_STRUCT.unpack_from(self._map, self._start)[0]
         return number
 
-    def is_current(self) -> bool:
+    def is_still_written(self) -> bool:
         """Return whether the service still runs and its file has not been replaced."""
         with suppress(OSError):
             return self._path.stat().st_ino == os.fstat(self._file.fileno()).st_ino and is_locked(self._file)
         return False
 
     def read(self) -> NewCycles:
-        """Return the cycles since the last call; at the first call, all in the ring buffer.
+        """Return the cycles since the last call; the first call begins with the newest half of the ring buffer.
 
         Raises:
             FootsenseError: A record is damaged.
         """
-        n_written = self._n_written
+        n_written = self._n_cycles_written
         first = max(self._next, n_written - N_SLOTS + 1)
         cycles = list(self._cycles(first, n_written))
         n_missed = n_written - self._next - len(cycles)
@@ -222,7 +222,7 @@ class CycleReader:
                 for entry in unpack_records(
                     bytearray(record[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + length]), self.shape
                 ):
-                    if isinstance(entry, NumberedCycle) and entry.counter == number:
+                    if isinstance(entry, NumberedCycle) and entry.cycle_number == number:
                         yield entry
             except RecordingError as error:
                 raise FootsenseError(f"{self._path}: {error}") from None
@@ -230,14 +230,16 @@ class CycleReader:
     @property
     def baseline_pf(self) -> Vector:
         """Unloaded reading of each element, without stray [pF], shape (legs, elements), NaN where unknown."""
-        return self._float64_values()[:-_N_COUNTS].reshape(self.shape)
+        return self._baseline_and_can_counters()[:-_N_CAN_COUNTERS].reshape(self.shape)
 
     @property
-    def can(self) -> CanStatistics:
+    def can_statistics(self) -> CanStatistics:
         """CAN statistics of the service, at most 0.1 s old while cycles arrive."""
-        return CanStatistics(*map(int, np.nan_to_num(self._float64_values()[-_N_COUNTS:]).tolist()))
+        return CanStatistics(
+            *map(int, np.nan_to_num(self._baseline_and_can_counters()[-_N_CAN_COUNTERS:]).tolist())
+        )
 
-    def _float64_values(self) -> Vector:
+    def _baseline_and_can_counters(self) -> Vector:
         return np.frombuffer(
             self._map, np.float64, self._n_doubles, self._start + _COUNTER_STRUCT.size
         ).copy()

@@ -27,8 +27,8 @@ FLUSH_PERIOD_NS = 400_000_000
 _MAX_WAITING_BATCHES = 100
 
 
-class PipeWriter:
-    """Decodes the records received from the pipe, and writes them to an MCAP file.
+class RecordingWriter:
+    """Decodes the bytes received from the pipe, and writes their cycles and losses to an MCAP file.
 
     Args:
         fd: The open file.
@@ -95,7 +95,7 @@ class PipeWriter:
         self._file.finish()
 
 
-def _write_until_eof(writer: PipeWriter, pipe: int) -> None:
+def _write_until_eof(writer: RecordingWriter, pipe: int) -> None:
     # A disk may hang for longer than the pipe has room, so a thread of its own empties the pipe.
     batches: queue.Queue[bytes] = queue.Queue(_MAX_WAITING_BATCHES)
 
@@ -140,7 +140,7 @@ def main(path: Path, pipe: int = 0, fd: int = 1, report: int = 2) -> int:
         The exit code: 0 if the recording is complete and has its name.
     """
     drop_realtime()
-    writer = PipeWriter(fd)
+    writer = RecordingWriter(fd)
     failure = ""
     try:
         _write_until_eof(writer, pipe)

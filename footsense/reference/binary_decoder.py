@@ -58,14 +58,14 @@ class BinaryDecoder(RecordDecoder):
         records: list[list[float]] = []
         at = 0
         while (found := buffer.find(self._sync, at)) >= 0:
-            self._skip_to_sync(buffer[at:found])
+            self._keep_skipped_bytes(buffer[at:found])
             at = found
             end = at + self._length + self._n_ahead
             if len(buffer) < end:
                 break
             record = self._parse_record(bytes(buffer[at:end]))
             if record is None:
-                self._skip_to_sync(buffer[at : at + 1])
+                self._keep_skipped_bytes(buffer[at : at + 1])
                 at += 1
             else:
                 if self._skipped and self._synchronised:
@@ -75,7 +75,7 @@ class BinaryDecoder(RecordDecoder):
                 at += self._length
         else:  # the last bytes may be the first of the next sync bytes
             keep = max(at, len(buffer) - len(self._sync) + 1)
-            self._skip_to_sync(buffer[at:keep])
+            self._keep_skipped_bytes(buffer[at:keep])
             at = keep
         del buffer[:at]
         return records
@@ -90,6 +90,6 @@ class BinaryDecoder(RecordDecoder):
             return None
         return self._plausible_or_none([float(value) for value in self._values.unpack(body)])
 
-    def _skip_to_sync(self, data: bytes | bytearray) -> None:
-        """Discard buffered bytes up to the next sync bytes."""
+    def _keep_skipped_bytes(self, data: bytes | bytearray) -> None:
+        """Append bytes that belong to no record to the example for error messages, up to `MAX_RECORD_BYTES`."""
         self._skipped += data[: MAX_RECORD_BYTES - len(self._skipped)]

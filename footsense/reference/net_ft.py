@@ -90,14 +90,14 @@ class NetFtReference:
         good = [packet for packet in packets if len(packet) % _RECORD_DTYPE.itemsize == 0]
         for packet in packets:
             if len(packet) % _RECORD_DTYPE.itemsize:
-                self.statistics.n_bad, self._bad = self.statistics.n_bad + 1, packet[:40]
-        records = self._sort_records(np.frombuffer(b"".join(good), _RECORD_DTYPE))
+                self.statistics.n_bad_records, self._bad = self.statistics.n_bad_records + 1, packet[:40]
+        records = self._drop_late_records(np.frombuffer(b"".join(good), _RECORD_DTYPE))
         # If all records come late, the sensor has restarted its sequence at the request of another client.
         silent = self._requested_ns is None or now_ns - self._requested_ns > _REQUEST_RETRY_NS
-        if self._requested_ns is None or (silent and not len(records.sensor_values)):
+        if self._requested_ns is None or (silent and not len(records.raw_forces)):
             self._request_stream()
             self._requested_ns = now_ns
-        elif len(records.sensor_values):
+        elif len(records.raw_forces):
             self._requested_ns = now_ns
         return self._stream.convert(records, sum(map(len, packets)), now_ns, self._bad)
 
@@ -108,10 +108,10 @@ class NetFtReference:
 
     def _request_stream(self) -> None:
         """Send the request to start streaming."""
-        if self.statistics.n_opened:
-            self._stream.restart()
+        if self.statistics.n_stream_starts:
+            self._stream.restart_clock_sync()
             self._last_rdt = None
-        self.statistics.n_opened += 1
+        self.statistics.n_stream_starts += 1
         self._send(_START)
 
     def _send(self, command: int) -> None:
@@ -138,8 +138,8 @@ class NetFtReference:
                     raise ReferenceSensorError(f"{self._name}: {error.strerror}") from None
         return packets
 
-    def _sort_records(self, records: np.ndarray[tuple[int], np.dtype[np.void]]) -> SensorRecords:
-        """Return the records in sequence order; count and discard repeated and late ones."""
+    def _drop_late_records(self, records: np.ndarray[tuple[int], np.dtype[np.void]]) -> SensorRecords:
+        """Return the records without repeated and late ones, which are counted as bad."""
         sequence, keep = [], []
         for number in records["rdt"].tolist():
             step = 1 if self._last_rdt is None else (number - self._last_rdt) % (1 << 32)
@@ -149,7 +149,7 @@ class NetFtReference:
                 self._last_rdt = number
                 self._unwrapped += step
                 sequence.append(self._unwrapped)
-        self.statistics.n_bad += keep.count(False)
+        self.statistics.n_bad_records += keep.count(False)
         kept = records[np.array(keep, np.bool_)]
         return SensorRecords(
             None,

@@ -4,9 +4,9 @@ import re
 import struct
 
 #: Time columns and their unit [ns].
-NS_PER_TIME_UNIT = {"time_s": 1_000_000_000, "time_ms": 1_000_000, "time_us": 1_000}
+NS_PER_TIME_COLUMN_UNIT = {"time_s": 1_000_000_000, "time_ms": 1_000_000, "time_us": 1_000}
 #: Columns with a meaning; others are called "-".
-COLUMNS = (*NS_PER_TIME_UNIT, "sequence", "fx", "fy", "fz", "saturated")
+COLUMNS = (*NS_PER_TIME_COLUMN_UNIT, "sequence", "fx", "fy", "fz", "saturated")
 
 #: Longest line or record [bytes].
 MAX_RECORD_BYTES = 1024
@@ -18,8 +18,8 @@ _MAX_NS, _MAX_SEQUENCE, _MAX_FORCE = 4e18, 3e10, 1e12
 
 def max_plausible_magnitude(column: str) -> float:
     """Return the largest plausible magnitude of a column, in the column's unit."""
-    if column in NS_PER_TIME_UNIT:
-        return _MAX_NS / NS_PER_TIME_UNIT[column]
+    if column in NS_PER_TIME_COLUMN_UNIT:
+        return _MAX_NS / NS_PER_TIME_COLUMN_UNIT[column]
     return _MAX_SEQUENCE if column == "sequence" else _MAX_FORCE
 
 

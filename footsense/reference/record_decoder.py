@@ -10,22 +10,22 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.frames import Mask, Stamps, Vector
-from footsense.reference.record_columns import NS_PER_TIME_UNIT, max_plausible_magnitude
+from footsense.reference.record_columns import NS_PER_TIME_COLUMN_UNIT, max_plausible_magnitude
 
 
 class SensorRecords(NamedTuple):
     """Decoded records of a force sensor: times, sequence numbers, raw values; oldest first.
 
     Attributes:
-        t_ns: Time of each by the sensor's clock [ns], shape (n,), int64; None if it sends none.
+        t_sensor_ns: Time of each by the sensor's clock [ns], shape (n,), int64; None if it sends none.
         sequence: Sequence numbers, shape (n,), int64; None if it sends none.
-        sensor_values: Forces as sent, shape (n, 3).
+        raw_forces: Forces as sent, shape (n, 3).
         saturated: Whether the sensor flags them as saturated, shape (n,).
     """
 
-    t_ns: Stamps | None
+    t_sensor_ns: Stamps | None
     sequence: Stamps | None
-    sensor_values: Vector
+    raw_forces: Vector
     saturated: Mask
 
 
@@ -45,7 +45,8 @@ class RecordDecoder(ABC):
         self._n_columns = len(names)
         self._forces = [names.index(axis) for axis in ("fx", "fy", "fz")]
         self._time = next(
-            ((names.index(name), unit) for name, unit in NS_PER_TIME_UNIT.items() if name in names), None
+            ((names.index(name), unit) for name, unit in NS_PER_TIME_COLUMN_UNIT.items() if name in names),
+            None,
         )
         self._sequence = names.index("sequence") if "sequence" in names else None
         self._saturated = names.index("saturated") if "saturated" in names else None

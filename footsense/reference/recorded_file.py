@@ -8,7 +8,7 @@ import numpy as np
 
 from footsense.errors import ReferenceSensorError
 from footsense.frames import ReferenceSamples, Vector
-from footsense.reference.record_columns import NS_PER_TIME_UNIT, max_plausible_magnitude
+from footsense.reference.record_columns import NS_PER_TIME_COLUMN_UNIT, max_plausible_magnitude
 from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.sensor_statistics import SensorStatistics
 
@@ -29,7 +29,7 @@ class FileReference:
     def __init__(self, reference: ReferenceSamples) -> None:
         self._reference = reference
         self._offset_ns: int | None = None
-        self.statistics = SensorStatistics(n_opened=1)
+        self.statistics = SensorStatistics(n_stream_starts=1)
 
     def read(self, now_ns: int) -> ReferenceSamples:
         """Return the recorded samples due since the last call."""
@@ -64,9 +64,9 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
                 iter(partial(file.readline, _MAX_LINE_CHARACTERS), ""), skipinitialspace=True
             )
             names = [name.strip() for name in rows.fieldnames or ()]
-            time = next((name for name in NS_PER_TIME_UNIT if name in names), None)
+            time = next((name for name in NS_PER_TIME_COLUMN_UNIT if name in names), None)
             if time is None or not {"fx", "fy", "fz"} <= set(names):
-                wanted = f"one of {', '.join(NS_PER_TIME_UNIT)}, and fx, fy, fz"
+                wanted = f"one of {', '.join(NS_PER_TIME_COLUMN_UNIT)}, and fx, fy, fz"
                 raise ReferenceSensorError(
                     f"{path}: its first line names {', '.join(names)[:60]}; it needs {wanted}"
                 )
@@ -77,7 +77,7 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
     except (UnicodeDecodeError, csv.Error) as error:
         raise ReferenceSensorError(f"{path}: is no CSV: {error}") from None
     values = np.array(samples, np.float64).reshape(-1, 4)
-    t_ns = np.rint(values[:, 0] * NS_PER_TIME_UNIT[time]).astype(np.int64)
+    t_ns = np.rint(values[:, 0] * NS_PER_TIME_COLUMN_UNIT[time]).astype(np.int64)
     if len(t_ns) == 0 or (np.diff(t_ns) <= 0).any():
         raise ReferenceSensorError(f"{path}: holds no samples, or not in the order of their times")
     force_n, saturated = mounting.to_foot_force_n(values[:, 1:])

@@ -15,7 +15,7 @@ from footsense.reference.sensor_statistics import SensorStatistics
 _SILENCE_WARNING_NS = 500_000_000
 _FIRST_RECORD_TIMEOUT_NS = 3_000_000_000
 #: Bytes without a single record that are another format [bytes].
-_WRONG_FORMAT_BYTES = 4096
+_MAX_BYTES_WITHOUT_RECORD = 4096
 
 _log = logging.getLogger(__name__)
 
@@ -42,9 +42,9 @@ class SampleStream:
         self._silent = False
         self._n_missing_before = 0
 
-    def restart(self) -> None:
+    def restart_clock_sync(self) -> None:
         """Restart the clock synchronisation, after the port was reopened."""
-        self._times.restart()
+        self._times.restart_clock_sync()
 
     def convert(self, records: SensorRecords, n_bytes: int, now_ns: int, example: bytes) -> ReferenceSamples:
         """Return records as timed forces; records buffered before the first call are discarded.
@@ -58,8 +58,8 @@ class SampleStream:
         Raises:
             ReferenceSensorError: There has never been a record, or never a byte.
         """
-        t_ns = self._times.time_stamps_ns(records, now_ns)
-        force_n, saturated = self._mounting.to_foot_force_n(records.sensor_values)
+        t_ns = self._times.sampling_times_ns(records, now_ns)
+        force_n, saturated = self._mounting.to_foot_force_n(records.raw_forces)
         saturated |= records.saturated
         # Samples older than the clock of a simulation have no time.
         fresh = np.full(len(t_ns), self._heard_ns is not None) & (t_ns >= 0)
@@ -68,15 +68,15 @@ class SampleStream:
         return ReferenceSamples(t_ns[fresh], force_n[fresh], saturated[fresh])
 
     def _update_statistics(self, n: int, n_bytes: int, now_ns: int, example: bytes) -> None:
-        """Update the counts, and log the start and end of silence."""
+        """Update the counts, log the start and end of silence, and check that a first record arrives."""
         if self._heard_ns is None:
             self._heard_ns = now_ns
         counts, times = self.statistics, self._times
         counts.n_samples += n
-        counts.n_missing, counts.residual_ms = times.n_missing, times.residual_ns * 1e-6
+        counts.n_missing, counts.clock_fit_residual_ms = times.n_missing, times.clock_fit_residual_ns * 1e-6
         self._n_bytes += n_bytes
         if counts.n_samples == 0:
-            self._check_first_record(now_ns - self._heard_ns, example)
+            self._check_first_record_arrived(now_ns - self._heard_ns, example)
         elif n:
             if self._silent:
                 missing = counts.n_missing - self._n_missing_before
@@ -94,13 +94,15 @@ class SampleStream:
             counts.n_clock_jumps = times.n_clock_jumps
             _log.warning("%s: its clock has jumped; the clock map restarts", self._name)
 
-    def _check_first_record(self, waited_ns: int, example: bytes) -> None:
+    def _check_first_record_arrived(self, waited_ns: int, example: bytes) -> None:
         """Raise an error if the sensor has sent no valid record for too long.
 
         Raises:
             ReferenceSensorError: It sends something else, or nothing for too long.
         """
-        if self._n_bytes > _WRONG_FORMAT_BYTES or (self._n_bytes and waited_ns > _FIRST_RECORD_TIMEOUT_NS):
+        if self._n_bytes > _MAX_BYTES_WITHOUT_RECORD or (
+            self._n_bytes and waited_ns > _FIRST_RECORD_TIMEOUT_NS
+        ):
             raise ReferenceSensorError(
                 f"{self._name}: no record in {self._n_bytes} bytes, such as {example!r}; "
                 "baud, framing and columns have to be the sensor's"

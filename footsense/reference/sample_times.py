@@ -16,7 +16,7 @@ from footsense.reference.record_decoder import SensorRecords
 
 _NS_PER_S = 1_000_000_000
 #: Reads in a row whose newest sample is late before counted samples are taken as missing.
-_N_LATE_READS = 8
+_N_LATE_READS_FOR_LOSS = 8
 #: Lateness that a miscount causes, in periods: a sample that has just arrived is up to one period old.
 _MIN_LATENESS_PERIODS = 1.05
 
@@ -37,7 +37,7 @@ class SampleTimes:
         self._latency_ns = latency_ns
         self._map = ClockMap()
         self._count = 0
-        self._late_ns: deque[int] = deque(maxlen=_N_LATE_READS)
+        self._late_ns: deque[int] = deque(maxlen=_N_LATE_READS_FOR_LOSS)
         self._last: tuple[int, int] | None = None  # time of the last sample, sensor's clock and ours
         self._restarted = False
         self._n_jumps_before = 0
@@ -49,30 +49,30 @@ class SampleTimes:
         return self._n_jumps_before + self._map.restarts
 
     @property
-    def residual_ns(self) -> int:
+    def clock_fit_residual_ns(self) -> int:
         """Uncertainty of the sampling times [ns], without the constant part of the delay."""
         return self._map.mean_residual_ns
 
-    def restart(self) -> None:
+    def restart_clock_sync(self) -> None:
         """Restart the clock synchronisation: the port was reopened, the sensor may have been restarted."""
         self._n_jumps_before = self.n_clock_jumps
         self._map = ClockMap()
         self._restarted = True
         self._late_ns.clear()
 
-    def time_stamps_ns(self, records: SensorRecords, arrival_ns: int) -> Stamps:
+    def sampling_times_ns(self, records: SensorRecords, arrival_ns: int) -> Stamps:
         """Return the sampling time of each record [ns], shape (n,).
 
         Args:
             records: Records received at once.
             arrival_ns: Time at which they were read [ns].
         """
-        n = len(records.sensor_values)
+        n = len(records.raw_forces)
         if n == 0:
             return np.zeros(0, np.int64)
-        counted = records.t_ns is None and records.sequence is None
-        if records.t_ns is not None:
-            sensor_times_ns = records.t_ns.tolist()
+        counted = records.t_sensor_ns is None and records.sequence is None
+        if records.t_sensor_ns is not None:
+            sensor_times_ns = records.t_sensor_ns.tolist()
         else:
             numbers = list(range(self._count + 1, self._count + n + 1))
             if records.sequence is not None:
@@ -94,7 +94,7 @@ class SampleTimes:
         self._count_missing(sensor_times_ns, daemon_times_ns, from_arrival_ns, is_restart)
         self._last = sensor_times_ns[-1], daemon_times_ns[-1]
         if counted:
-            self._correct_missing_count(arrival_ns - daemon_times_ns[-1])
+            self._skip_lost_sample_numbers(arrival_ns - daemon_times_ns[-1])
         return np.array(daemon_times_ns, np.int64) - self._latency_ns
 
     def _count_missing(
@@ -114,10 +114,13 @@ class SampleTimes:
                 self.n_missing += max(round(since_ns / self._period_ns) - 1, 0)
             before = t_theirs_ns, t_ours_ns
 
-    def _correct_missing_count(self, late_ns: int) -> None:
-        """Count samples that are missing although the sensor's clock shows no gap: persistent lateness."""
+    def _skip_lost_sample_numbers(self, late_ns: int) -> None:
+        """Skip the numbers of lost samples, if the newest counted sample was late in several reads in a row."""
         self._late_ns.append(late_ns)
         least_ns = min(self._late_ns)
-        if len(self._late_ns) == _N_LATE_READS and least_ns > _MIN_LATENESS_PERIODS * self._period_ns:
+        if (
+            len(self._late_ns) == _N_LATE_READS_FOR_LOSS
+            and least_ns > _MIN_LATENESS_PERIODS * self._period_ns
+        ):
             self._count += int(least_ns // self._period_ns)
             self._late_ns.clear()

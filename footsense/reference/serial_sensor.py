@@ -27,7 +27,7 @@ class SerialReference:
         self._stream = stream
         self.statistics = stream.statistics
         self._start = start
-        self.statistics.n_opened = port.n_opened
+        self.statistics.n_stream_starts = port.n_opened
         port.write(start)
 
     def read(self, now_ns: int) -> ReferenceSamples:
@@ -37,13 +37,13 @@ class SerialReference:
             ReferenceSensorError: The bytes are no records of this sensor.
         """
         data = self._port.read()
-        if self._port.n_opened != self.statistics.n_opened:
-            self.statistics.n_opened = self._port.n_opened
+        if self._port.n_opened != self.statistics.n_stream_starts:
+            self.statistics.n_stream_starts = self._port.n_opened
             self._decoder.reset()
-            self._stream.restart()
+            self._stream.restart_clock_sync()
             self._port.write(self._start)
         records = self._decoder.feed(data)
-        self.statistics.n_bad = self._decoder.n_bad
+        self.statistics.n_bad_records = self._decoder.n_bad
         return self._stream.convert(records, len(data), now_ns, self._decoder.last_bad or data[:60])
 
     def close(self) -> None:

@@ -16,8 +16,8 @@ from mcap.writer import CompressionType, Writer
 
 from footsense.errors import RecordingError
 from footsense.ros2.cdr import encode
-from footsense.ros2.definitions import message_definition, ros_name
-from footsense.ros2.topics import TF_STATIC, TopicMessage, Topics
+from footsense.ros2.definitions import message_definition, ros_type_name
+from footsense.ros2.topics import TF_STATIC, TopicMessage, TopicMessageBuilder
 
 #: Codes of rmw: keep the last, reliable, transient local or volatile, automatic liveliness; and its infinite time.
 _KEEP_LAST, _RELIABLE, _TRANSIENT_LOCAL, _VOLATILE, _AUTOMATIC = 1, 1, 1, 2, 1
@@ -43,7 +43,7 @@ def qos_profile(topic: str) -> str:
 class Bag:
     """ROS 2 bag that is being written; see `create_bag`."""
 
-    def __init__(self, folder: Path, name: str, topics: Topics) -> None:
+    def __init__(self, folder: Path, name: str, topics: TopicMessageBuilder) -> None:
         self._folder, self._file_name = folder, f"{name}_0.mcap"
         self._topics = topics
         self._n_messages: Counter[str] = Counter()
@@ -56,7 +56,7 @@ class Bag:
         for topic, kind in topics.types.items():
             if kind not in schemas:
                 schemas[kind] = self._writer.register_schema(
-                    ros_name(kind), "ros2msg", message_definition(kind).encode()
+                    ros_type_name(kind), "ros2msg", message_definition(kind).encode()
                 )
             metadata = {"offered_qos_profiles": qos_profile(topic)}
             self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[kind], metadata)
@@ -105,7 +105,7 @@ class Bag:
                 {
                     "topic_metadata": {
                         "name": topic,
-                        "type": ros_name(kind),
+                        "type": ros_type_name(kind),
                         "serialization_format": "cdr",
                         "offered_qos_profiles": qos_profile(topic),
                     },
@@ -126,7 +126,7 @@ class Bag:
 
 
 @contextmanager
-def create_bag(folder: Path, topics: Topics) -> Iterator[Bag]:
+def create_bag(folder: Path, topics: TopicMessageBuilder) -> Iterator[Bag]:
     """Create a ROS 2 bag during a `with` block; the folder gets its name once it is complete.
 
     Args:

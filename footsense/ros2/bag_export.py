@@ -5,8 +5,8 @@ from pathlib import Path
 from footsense.errors import RecordingError
 from footsense.recording.replay import Replay
 from footsense.ros2.bag import Bag, create_bag
-from footsense.ros2.recorded_samples import RecordedSamples, recorded_samples
-from footsense.ros2.topics import DIAGNOSTICS_PERIOD_NS, FootFrame, Topics
+from footsense.ros2.recorded_samples import RecordedCycleSamples, recorded_samples
+from footsense.ros2.topics import DIAGNOSTICS_PERIOD_NS, FootFrame, TopicMessageBuilder
 
 
 def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None = None) -> int:
@@ -24,7 +24,7 @@ def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None 
         RecordingError: The folder exists or cannot be written, or the recording is cut short; then what is whole was
             written.
     """
-    topics = Topics(replay.legs, frames)
+    topics = TopicMessageBuilder(replay.legs, frames)
     damage: RecordingError | None = None
     n_cycles = 0
     with create_bag(folder, topics) as bag:
@@ -43,21 +43,21 @@ def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None 
 class _CycleWriter:
     """Writes the ROS 2 messages of each cycle to a bag."""
 
-    def __init__(self, bag: Bag, topics: Topics) -> None:
+    def __init__(self, bag: Bag, topics: TopicMessageBuilder) -> None:
         self._bag, self._topics = bag, topics
         self._measured_ns: dict[str, int | None] = {}
         self._states: list[object] = []
         self._diagnosed_ns: int | None = None
 
-    def add(self, cycle: RecordedSamples) -> None:
+    def add(self, cycle: RecordedCycleSamples) -> None:
         """Write the ROS 2 messages of one cycle to the bag."""
         t_ns, samples, has_gait = cycle
         if self._diagnosed_ns is None:
             for message in self._topics.transforms(t_ns):
                 self._bag.add(message, t_ns)
         for sample in samples:
-            if sample.t_ns != self._measured_ns.get(sample.leg):
-                self._measured_ns[sample.leg] = sample.t_ns
+            if sample.t_wall_ns != self._measured_ns.get(sample.leg):
+                self._measured_ns[sample.leg] = sample.t_wall_ns
                 for message in self._topics.wrench(sample):
                     self._bag.add(message, t_ns)
             if has_gait:

@@ -19,11 +19,11 @@ from footsense.ros2.messages import Message
 _CDR_HEADER = b"\x00\x01\x00\x00"
 _STRUCT_FORMATS = {"byte": "B", "uint8": "B", "int32": "i", "uint32": "I", "float64": "d"}
 
-_Write = Callable[[bytearray, Any], None]
+_ValueWriter = Callable[[bytearray, Any], None]
 
 
 def encode(message: Message) -> bytes:
-    """Return a ROS 2 message as CDR bytes, after the encapsulation header of 4 bytes."""
+    """Return a ROS 2 message as CDR bytes that begin with the encapsulation header of 4 bytes."""
     out, kind = bytearray(), _message_class(message)
     _value_writer(kind)(out, message)
     return _CDR_HEADER + out
@@ -34,14 +34,17 @@ def _message_class(message: Message) -> type:
 
 
 @cache
-def _value_writer(kind: type | str) -> _Write:
+def _value_writer(kind: type | str) -> _ValueWriter:
     """Return the function that appends values of a type to CDR bytes."""
     if kind == "string":
         return _write_string
     if isinstance(kind, str):
         return _number_writer(struct.Struct(f"<{_STRUCT_FORMATS[kind]}"))
     parts = [
-        (attrgetter(field.name), _list_writer(field.kind) if field.is_list else _value_writer(field.kind))
+        (
+            attrgetter(field.name),
+            _list_writer(field.value_type) if field.is_list else _value_writer(field.value_type),
+        )
         for field in fields_of(kind)
     ]
 
@@ -52,7 +55,7 @@ def _value_writer(kind: type | str) -> _Write:
     return write
 
 
-def _number_writer(form: struct.Struct) -> _Write:
+def _number_writer(form: struct.Struct) -> _ValueWriter:
     def write(out: bytearray, value: float) -> None:
         out.extend(bytes(-len(out) % form.size) + form.pack(value))
 
@@ -68,7 +71,7 @@ def _write_string(out: bytearray, value: str) -> None:
     out.extend(data)
 
 
-def _list_writer(kind: type | str) -> _Write:
+def _list_writer(kind: type | str) -> _ValueWriter:
     write_entry = _value_writer(kind)
 
     def write(out: bytearray, values: list[object]) -> None:

@@ -15,12 +15,12 @@ class Field(NamedTuple):
     Attributes:
         name: Its name.
         is_list: Whether it holds any number of values.
-        kind: Class of a nested message; of a plain value, the ROS name of its type.
+        value_type: Class of a nested message; of a plain value, the ROS name of its type.
     """
 
     name: str
     is_list: bool
-    kind: type | str
+    value_type: type | str
 
 
 @cache
@@ -36,12 +36,12 @@ def _field_from_hint(name: str, hint: Any) -> Field:  # noqa: ANN401 - a type
     return Field(name, is_list, kind if kind in ROS_PACKAGE_OF_TYPE else get_args(kind)[1])
 
 
-def ros_name(message: type, middle: str = "/msg/") -> str:
+def ros_type_name(message: type, middle: str = "/msg/") -> str:
     """Return the ROS 2 type name of a message class, such as `geometry_msgs/msg/Wrench`.
 
     Example:
         >>> from footsense.ros2.messages import Wrench
-        >>> ros_name(Wrench)
+        >>> ros_type_name(Wrench)
         'geometry_msgs/msg/Wrench'
     """
     return f"{ROS_PACKAGE_OF_TYPE[message]}{middle}{message.__name__}"
@@ -63,7 +63,7 @@ def message_definition(message: type) -> str:
     """
     parts = [_definition_lines(message)]
     parts += [
-        f"{_DEFINITION_SEPARATOR}\nMSG: {ros_name(one, '/')}\n{_definition_lines(one)}"
+        f"{_DEFINITION_SEPARATOR}\nMSG: {ros_type_name(one, '/')}\n{_definition_lines(one)}"
         for one in nested_types(message)
     ]
     return "".join(parts)
@@ -73,14 +73,14 @@ def nested_types(message: type) -> list[type]:
     """Return the message classes that a message class contains, each once, in the order of their occurrence."""
     types_found: dict[type, None] = {}
     for field in fields_of(message):
-        if isinstance(field.kind, type):
-            types_found |= dict.fromkeys([field.kind, *nested_types(field.kind)])
+        if isinstance(field.value_type, type):
+            types_found |= dict.fromkeys([field.value_type, *nested_types(field.value_type)])
     return list(types_found)
 
 
 def _definition_lines(message: type) -> str:
     return "".join(
-        f"{field.kind if isinstance(field.kind, str) else ros_name(field.kind, '/')}"
+        f"{field.value_type if isinstance(field.value_type, str) else ros_type_name(field.value_type, '/')}"
         f"{'[]' if field.is_list else ''} {field.name}\n"
         for field in fields_of(message)
     )

@@ -47,35 +47,35 @@ class LegSample(NamedTuple):
 
     Attributes:
         leg: Name of the leg.
-        foot: Identity of its foot; empty if unknown.
-        t_ns: Time of its newest reading, since 1970 [ns]; None without a usable force.
+        foot_id: Identity of its foot; empty if unknown.
+        t_wall_ns: Time of its newest reading, since 1970 [ns]; None without a usable force.
         state: Its state; None if the leg is silent.
         cause: Cause of the state; None if unknown.
         force_n: Ground reaction on the foot in the foot frame [N]; NaN unless usable.
         sigma_n: Standard deviation of each component [N]; NaN unless usable.
         fault_mask: Bit e set where element e is not usable.
         age_ms: Age of the newest reading when the sample was taken [ms]; NaN unless usable.
-        baseline: Status of the baseline tracking; None if unknown.
+        baseline_status: Status of the baseline tracking; None if unknown.
         contact: Debounced contact; None if unknown.
         slip: Whether the foot slides.
-        normal: Unit normal of the ground into the foot, foot frame; NaN if unknown.
-        friction: Coefficient of the ground's friction; NaN if unknown.
+        ground_normal: Unit normal of the ground into the foot, foot frame; NaN if unknown.
+        friction_coefficient: Coefficient of the ground's friction; NaN if unknown.
     """
 
     leg: str
-    foot: str = ""
-    t_ns: int | None = None
+    foot_id: str = ""
+    t_wall_ns: int | None = None
     state: State | None = None
     cause: Cause | None = None
     force_n: tuple[float, float, float] = _NAN_VECTOR
     sigma_n: tuple[float, float, float] = _NAN_VECTOR
     fault_mask: int = 0
     age_ms: float = math.nan
-    baseline: BaselineStatus | None = None
+    baseline_status: BaselineStatus | None = None
     contact: bool | None = None
     slip: Slip = Slip.UNKNOWN
-    normal: tuple[float, float, float] = _NAN_VECTOR
-    friction: float = math.nan
+    ground_normal: tuple[float, float, float] = _NAN_VECTOR
+    friction_coefficient: float = math.nan
 
 
 def wrench(sample: LegSample, frame: str) -> WrenchStamped | None:
@@ -85,9 +85,9 @@ def wrench(sample: LegSample, frame: str) -> WrenchStamped | None:
         sample: The leg.
         frame: Name of the foot's frame.
     """
-    if sample.t_ns is None:
+    if sample.t_wall_ns is None:
         return None
-    return WrenchStamped(Header(Time.from_ns(sample.t_ns), frame), _wrench(sample))
+    return WrenchStamped(Header(Time.from_ns(sample.t_wall_ns), frame), _wrench(sample))
 
 
 def contact_state(sample: LegSample, frame: str) -> ContactState:
@@ -104,8 +104,8 @@ def contact_state(sample: LegSample, frame: str) -> ContactState:
         pose=Pose(Point(), Quaternion()),
         velocity=Twist(Vector3(), Vector3()),
         wrench=_wrench(sample),
-        surface_normal=Vector3(*sample.normal),
-        friction_coefficient=sample.friction,
+        surface_normal=Vector3(*sample.ground_normal),
+        friction_coefficient=sample.friction_coefficient,
     )
 
 
@@ -120,7 +120,7 @@ def diagnostics(samples: Sequence[LegSample], t_ns: int) -> DiagnosticArray:
 
 
 def _wrench(sample: LegSample) -> Wrench:
-    torque = Vector3() if sample.t_ns is None else Vector3(0.0, 0.0, 0.0)
+    torque = Vector3() if sample.t_wall_ns is None else Vector3(0.0, 0.0, 0.0)
     return Wrench(Vector3(*sample.force_n), torque)
 
 
@@ -144,13 +144,13 @@ def _diagnostic_status(sample: LegSample) -> DiagnosticStatus:
         "elements_out": " ".join(elements),
         "age_ms": f"{sample.age_ms:.1f}",
         "sigma_n": " ".join(f"{sigma:.4f}" for sigma in sample.sigma_n),
-        "baseline": "unknown" if sample.baseline is None else sample.baseline.name,
+        "baseline": "unknown" if sample.baseline_status is None else sample.baseline_status.name,
     }
     return DiagnosticStatus(
         _diagnostic_level(state),
         f"footsense: {sample.leg}",
         words,
-        sample.foot,
+        sample.foot_id,
         [KeyValue(*item) for item in values.items()],
     )
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 from footsense.daemon.can_listener import LegSnapshot
 from footsense.ros2.leg_messages import LegSample
-from footsense.ros2.topics import DIAGNOSTICS_PERIOD_NS, TopicMessage, Topics
+from footsense.ros2.topics import DIAGNOSTICS_PERIOD_NS, TopicMessage, TopicMessageBuilder
 
 if TYPE_CHECKING:
     from footsense.client import LegEvent
 
 #: Period of the contacts [ns]: that of `Gait` and `Ground` on CAN.
-_CONTACT_PERIOD_NS = 100_000_000
+_CONTACT_MESSAGE_PERIOD_NS = 100_000_000
 
 
 def live_sample(snapshot: LegSnapshot, wall_ns: int) -> LegSample:
@@ -32,14 +32,16 @@ def live_sample(snapshot: LegSnapshot, wall_ns: int) -> LegSample:
         force_n=force.force_n,
         sigma_n=force.sigma_n,
         fault_mask=force.fault_mask,
-        baseline=report.baseline,
+        baseline_status=report.baseline,
     )
     if force.usable and force.age_ns is not None:
-        sample = sample._replace(t_ns=wall_ns - force.age_ns, age_ms=force.age_ns * 1e-6)
+        sample = sample._replace(t_wall_ns=wall_ns - force.age_ns, age_ms=force.age_ns * 1e-6)
     if report.gait is not None:
         sample = sample._replace(contact=report.gait.contact, slip=report.gait.slip)
     if report.ground is not None:
-        sample = sample._replace(normal=report.ground.normal, friction=report.ground.friction)
+        sample = sample._replace(
+            ground_normal=report.ground.normal, friction_coefficient=report.ground.friction
+        )
     return sample
 
 
@@ -50,7 +52,7 @@ class LiveMessages:
         topics: The messages of the legs.
     """
 
-    def __init__(self, topics: Topics) -> None:
+    def __init__(self, topics: TopicMessageBuilder) -> None:
         self._topics = topics
         self._n_frames: dict[str, int] = {}
         self._events: dict[str, LegEvent | None] = {}
@@ -66,7 +68,7 @@ class LiveMessages:
             now_ns: The present time on a clock that does not step [ns].
         """
         messages = self._topics.transforms(wall_ns) if self._diagnosed_ns < 0 else []
-        contacts_due = now_ns - self._contact_ns >= _CONTACT_PERIOD_NS
+        contacts_due = now_ns - self._contact_ns >= _CONTACT_MESSAGE_PERIOD_NS
         samples = [live_sample(snapshot, wall_ns) for snapshot in snapshots]
         for snapshot, sample in zip(snapshots, samples, strict=True):
             leg = snapshot.leg

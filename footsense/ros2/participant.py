@@ -14,7 +14,7 @@ from functools import cache
 from typing import Any
 
 from footsense.errors import FootsenseError
-from footsense.ros2.definitions import fields_of, ros_name
+from footsense.ros2.definitions import fields_of, ros_type_name
 from footsense.ros2.messages import ContactState, DiagnosticArray, TFMessage, WrenchStamped
 from footsense.ros2.topics import TF_STATIC, TopicMessage
 
@@ -48,9 +48,9 @@ def dds_type(message: type) -> Any:  # noqa: ANN401 - a class of the library, wh
     }
     annotations = {}
     for field in fields_of(message):
-        kind = plain[field.kind] if isinstance(field.kind, str) else dds_type(field.kind)
+        kind = plain[field.value_type] if isinstance(field.value_type, str) else dds_type(field.value_type)
         annotations[field.name] = types.sequence[kind] if field.is_list else kind
-    name = ros_name(message, ".msg.dds_.") + "_"
+    name = ros_type_name(message, ".msg.dds_.") + "_"
     return make_idl_struct(f"{message.__name__}_", name, annotations)
 
 

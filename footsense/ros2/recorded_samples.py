@@ -13,21 +13,21 @@ from footsense.ros2.leg_messages import LegSample
 _NS_PER_S = 1_000_000_000
 
 
-class RecordedSamples(NamedTuple):
+class RecordedCycleSamples(NamedTuple):
     """Samples of all legs in one recorded cycle.
 
     Attributes:
-        t_sent_ns: Time of sending, since 1970 [ns].
+        t_sent_wall_ns: Time of sending, since 1970 [ns].
         samples: The legs.
         has_gait: Whether the cycle has the contact of the legs.
     """
 
-    t_sent_ns: int
+    t_sent_wall_ns: int
     samples: list[LegSample]
     has_gait: bool
 
 
-def recorded_samples(replay: Replay) -> Iterator[RecordedSamples]:
+def recorded_samples(replay: Replay) -> Iterator[RecordedCycleSamples]:
     """Yield the samples of all legs for each cycle of a recording.
 
     Args:
@@ -46,7 +46,7 @@ def recorded_samples(replay: Replay) -> Iterator[RecordedSamples]:
         if offset_ns is None:
             offset_ns = _wall_offset_ns(replay, forces.t_sent_ns)
         samples = [_leg_sample(forces, row, leg, feet, offset_ns) for row, leg in enumerate(replay.legs)]
-        yield RecordedSamples(forces.t_sent_ns + offset_ns, samples, forces.gait is not None)
+        yield RecordedCycleSamples(forces.t_sent_ns + offset_ns, samples, forces.gait is not None)
 
 
 def _wall_offset_ns(replay: Replay, t_first_ns: int) -> int:
@@ -69,15 +69,15 @@ def _leg_sample(forces: ContactFrame, row: int, leg: str, feet: dict[str, str], 
     usable = state in USABLE
     sample = LegSample(
         leg=leg,
-        foot=feet.get(leg, ""),
+        foot_id=feet.get(leg, ""),
         state=state,
         cause=None if cause == CAUSE_NOT_RECORDED else Cause(cause),
         fault_mask=int(forces.fault_mask[row]),
-        baseline=BaselineStatus(int(forces.baseline.status[row])),
+        baseline_status=BaselineStatus(int(forces.baseline.status[row])),
     )
     if usable:
         sample = sample._replace(
-            t_ns=int(forces.t_ns[row]) + offset_ns,
+            t_wall_ns=int(forces.t_ns[row]) + offset_ns,
             force_n=tuple(forces.force_n[row].tolist()),
             sigma_n=tuple(forces.sigma_n[row].tolist()),
             age_ms=float(forces.age_ns[row]) * 1e-6,
@@ -89,6 +89,6 @@ def _with_gait(sample: LegSample, gait: GaitFrame, row: int) -> LegSample:
     return sample._replace(
         contact=bool(gait.contact[row]),
         slip=Slip(int(gait.slip[row])),
-        normal=tuple(gait.normal[row].tolist()),
-        friction=gait.friction,
+        ground_normal=tuple(gait.normal[row].tolist()),
+        friction_coefficient=gait.friction,
     )

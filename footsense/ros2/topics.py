@@ -29,7 +29,7 @@ DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 DIAGNOSTICS, TF_STATIC = "/diagnostics", "/tf_static"
 
 _Metres = Annotated[float, msgspec.Meta(ge=-100, le=100, description="-100 to 100 m")]
-_Part = Annotated[float, msgspec.Meta(ge=-1, le=1, description="-1 to 1")]
+_QuaternionComponent = Annotated[float, msgspec.Meta(ge=-1, le=1, description="-1 to 1")]
 
 
 class FootFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -45,7 +45,9 @@ class FootFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     frame: str
     parent: str | None = None
     xyz_m: tuple[_Metres, _Metres, _Metres] = (0.0, 0.0, 0.0)
-    quaternion_xyzw: tuple[_Part, _Part, _Part, _Part] = (0.0, 0.0, 0.0, 1.0)
+    quaternion_xyzw: tuple[
+        _QuaternionComponent, _QuaternionComponent, _QuaternionComponent, _QuaternionComponent
+    ] = (0.0, 0.0, 0.0, 1.0)
 
 
 class TopicMessage(NamedTuple):
@@ -55,7 +57,7 @@ class TopicMessage(NamedTuple):
     message: Message
 
 
-class Topics:
+class TopicMessageBuilder:
     """Builds the ROS 2 messages of a robot's legs, with their topics.
 
     Args:
@@ -111,10 +113,10 @@ def load_foot_frames(path: Path) -> dict[str, FootFrame]:
     Raises:
         ConfigError: The file is missing or wrong; the message names the line.
     """
-    return strict_yaml.load(path, dict[str, FootFrame], check=_frame_contradiction)
+    return strict_yaml.load(path, dict[str, FootFrame], check=_first_frame_problem)
 
 
-def _frame_contradiction(frames: dict[str, FootFrame]) -> strict_yaml.Problem | None:
+def _first_frame_problem(frames: dict[str, FootFrame]) -> strict_yaml.Problem | None:
     for leg, foot in frames.items():
         if leg not in ALL_LEGS:
             return strict_yaml.Problem(leg, f"is no leg; there are {', '.join(ALL_LEGS)}")

@@ -26,7 +26,7 @@ from typing import Literal
 import msgspec
 
 from footsense.errors import FootsenseError
-from footsense.shared_file import SharedFile, is_locked
+from footsense.shared_file import SharedFileWriter, is_locked
 
 _MAGIC = b"FSCOUNT1"
 _HEADER_STRUCT = struct.Struct("<8sQ")
@@ -86,7 +86,7 @@ class SharedCountersWriter:
         for family in families:
             self.first_cell[family.name] = n_cells
             n_cells += family.n_cells
-        self._file = SharedFile(
+        self._file = SharedFileWriter(
             path, _HEADER_STRUCT.pack(_MAGIC, len(description)) + description, 8 * n_cells
         )
         self.cells = self._file.cells.cast("d")

@@ -108,9 +108,9 @@ class LiveSource:
 
     def _find_service(self) -> None:
         """Open the shared-memory file of a service; notice if the service has ended."""
-        if self._reader is not None and self._reader.is_current():
+        if self._reader is not None and self._reader.is_still_written():
             with suppress(ValueError):
-                self.can = self._reader.can
+                self.can = self._reader.can_statistics
             return
         ended = self._reader is not None
         self._close()

@@ -102,7 +102,9 @@ class RecordingSource:
                     return
                 if isinstance(entry, LostCycles):
                     self._add_event(
-                        Event(entry.t_ns, None, "loss", "fault", f"{entry.n_cycles} cycles were lost")
+                        Event(
+                            entry.next_t_sent_ns, None, "loss", "fault", f"{entry.n_cycles} cycles were lost"
+                        )
                     )
                 else:
                     self._add_cycle(entry.cycle, on_progress)

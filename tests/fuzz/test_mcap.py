@@ -47,7 +47,7 @@ def judge(path: Path) -> None:
         assert damage is not None or len(found) == len(CYCLES)
         target = path.with_name("walk.recovered.mcap")
         target.unlink(missing_ok=True)
-        assert recover(path, target).n_cycles == len(found)
+        assert recover(path, target).n_recovered_cycles == len(found)
         assert read_until_damage(target)[1] is None
 
     refusal(read)

@@ -12,7 +12,7 @@ from footsense.frames import CommandResult, Result
 from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
 from footsense.recording.frame_shape import FrameShape
-from footsense.recording.writer import PipeWriter
+from footsense.recording.writer import RecordingWriter
 from tests.fuzz.outcome import TRIED, refusal
 from tests.support.cycles import LEGS, TARE, cycle, same
 
@@ -70,7 +70,7 @@ def test_feet_that_a_recording_cannot_have(legs: str, n_elements: str) -> None:
 
 def write(stream: bytes, fd: int) -> None:
     """Write a recording of what stands on the pipe."""
-    writer = PipeWriter(fd)
+    writer = RecordingWriter(fd)
     writer.feed(stream)
     writer.finish()
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.frames import CanStatistics
-from footsense.recording.shared_cycles import N_SLOTS, CycleReader, SharedCycles
+from footsense.recording.shared_cycles import N_SLOTS, CycleReader, SharedCycleWriter
 from footsense.view.access import is_allowed_origin, is_own_host
 from footsense.view.page_messages import Request, decode_request
 from tests.fuzz.outcome import TRIED, refusal
@@ -24,7 +24,7 @@ from tests.support.cycles import LEGS, cycle
 def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """Return a file with some cycles."""
     path = tmp_path_factory.mktemp("cycles") / "cycles"
-    shared = SharedCycles(path, LEGS, {}, lambda: np.ones((6, 9)), CanStatistics())
+    shared = SharedCycleWriter(path, LEGS, {}, lambda: np.ones((6, 9)), CanStatistics())
     for number in range(5):
         shared.observe(cycle(number, warm=True, n_samples=2))
     content = path.read_bytes()
@@ -40,7 +40,7 @@ def read(path: Path, content: bytes) -> str | None:
         with closing(CycleReader(path)) as reader:
             assert len(reader.read().cycles) <= N_SLOTS
             assert reader.baseline_pf.shape == (len(reader.legs), 9)
-            assert isinstance(reader.can, CanStatistics)
+            assert isinstance(reader.can_statistics, CanStatistics)
 
     with path.open("rb") as running:
         fcntl.flock(running, fcntl.LOCK_EX)

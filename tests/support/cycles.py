@@ -30,7 +30,7 @@ from footsense.frames import (
 from footsense.recording.compare import first_difference
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
-from footsense.recording.frame_shape import elements_entry
+from footsense.recording.frame_shape import n_elements_header_entry
 from footsense.recording.replay import Replay
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
@@ -165,7 +165,7 @@ def write(path: Path, cycles: list[Cycle], every: int = 10, n_elements: int = 9)
     """Write a finished recording in this process, a chunk for every so many cycles."""
     with path.open("wb") as file:
         recording = McapFile(
-            file.fileno(), {"legs": ",".join(LEGS), "scene": "test", **elements_entry(n_elements)}
+            file.fileno(), {"legs": ",".join(LEGS), "scene": "test", **n_elements_header_entry(n_elements)}
         )
         for number, one in enumerate(cycles):
             recording.add_entry(NumberedCycle(number, one))

@@ -22,8 +22,8 @@ from footsense.frames import (
     State,
     Vector,
 )
-from footsense.recording.frame_shape import elements_entry, header_elements
-from footsense.recording.shared_cycles import SharedCycles
+from footsense.recording.frame_shape import n_elements_from_header, n_elements_header_entry
+from footsense.recording.shared_cycles import SharedCycleWriter
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
 PERIOD_NS = 2_700_000
@@ -38,7 +38,7 @@ def header_of(n_elements: int) -> dict[str, str]:
     return {
         "scene": '{"description": "six feet under a thumb"}',
         CLOSURE_CONVERSION_KEY: msgspec.json.encode(conversion).decode(),
-        **elements_entry(n_elements),
+        **n_elements_header_entry(n_elements),
     }
 
 
@@ -61,9 +61,9 @@ class ViewedService:
     """
 
     def __init__(self, path: Path, header: dict[str, str] = HEADER) -> None:
-        self._shape = 6, header_elements(header)
+        self._shape = 6, n_elements_from_header(header)
         self._baseline_pf = np.full(self._shape, UNLOADED_PF)
-        self._shared = SharedCycles(path, LEGS, header, lambda: self._baseline_pf, CanStatistics())
+        self._shared = SharedCycleWriter(path, LEGS, header, lambda: self._baseline_pf, CanStatistics())
         self._n = 0
         self.force_n = np.zeros((6, 3))
         self.state = np.full(6, State.VALID, np.uint8)

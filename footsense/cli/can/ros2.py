@@ -13,7 +13,7 @@ from footsense.daemon.can_listener import open_listener
 from footsense.frames import ALL_LEGS
 from footsense.ros2.live_samples import LiveMessages
 from footsense.ros2.participant import Participant
-from footsense.ros2.topics import Topics, load_foot_frames
+from footsense.ros2.topics import TopicMessageBuilder, load_foot_frames
 
 #: Period of reading CAN and publishing [ns].
 _PUBLISH_PERIOD_NS = 5_000_000
@@ -45,7 +45,7 @@ def ros2(
 
     Only listens on CAN. A leg without a usable force sends no wrench; its contact state and /diagnostics say so.
     """
-    topics = Topics(ALL_LEGS, None if tf is None else load_foot_frames(tf))
+    topics = TopicMessageBuilder(ALL_LEGS, None if tf is None else load_foot_frames(tf))
     participant = Participant(domain, topics.types)
     messages = LiveMessages(topics)
     clock, stop = MonotonicClock(), StopRequest()

@@ -181,9 +181,9 @@ def _print_session_summary(out: Path, guide: SessionGuide, sensor: StandSensor |
     if sensor is not None:
         counts = sensor.statistics
         click.echo(
-            f"reference: {counts.n_samples} samples, {counts.n_missing} missing, {counts.n_bad} unreadable, "
-            f"{counts.n_saturated} saturated, clock jumped {counts.n_clock_jumps} times, opened {counts.n_opened} "
-            f"times, times to {counts.residual_ms:.1f} ms"
+            f"reference: {counts.n_samples} samples, {counts.n_missing} missing, {counts.n_bad_records} unreadable, "
+            f"{counts.n_saturated} saturated, clock jumped {counts.n_clock_jumps} times, opened "
+            f"{counts.n_stream_starts} times, times to {counts.clock_fit_residual_ms:.1f} ms"
         )
 
 

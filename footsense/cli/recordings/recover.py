@@ -18,6 +18,6 @@ def recover(file: Path, output: Path | None) -> None:
     target = output or recovered_path(file)
     with file_progress_bar("recover", file) as on_bytes_read:
         recovered = rewrite(file, target, on_bytes_read)
-    click.echo(f"{target}: {recovered.n_cycles} cycles")
+    click.echo(f"{target}: {recovered.n_recovered_cycles} cycles")
     if recovered.damage is not None:
         click.echo(f"footsense: {recovered.damage}", err=True)

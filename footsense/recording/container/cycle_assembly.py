@@ -11,7 +11,7 @@ from mcap.records import Channel, Message
 from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Vector
 from footsense.recording.container import event_messages, messages
 from footsense.recording.container.event_messages import decode_gait, decode_reference
-from footsense.recording.cycle_fields import Count
+from footsense.recording.cycle_fields import NonNegativeInt64
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, require_valid
 
 
@@ -63,7 +63,7 @@ class CycleAssembly:
         parts = self._parts
         event = json.loads(message.data) if topic == messages.EVENT else {}
         if event.get("event") == "loss":
-            self._expected += msgspec.convert(event["n_cycles"], Count)
+            self._expected += msgspec.convert(event["n_cycles"], NonNegativeInt64)
         require_valid(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
         match topic, event.get("event"):
             case messages.EVENT, "loss":

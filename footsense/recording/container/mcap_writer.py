@@ -22,7 +22,7 @@ from footsense.recording.container.event_messages import (
 )
 from footsense.recording.container.mcap_header import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
-from footsense.recording.frame_shape import header_elements
+from footsense.recording.frame_shape import n_elements_from_header
 
 #: Chunk size before compression [bytes]: about half a second of six legs.
 CHUNK_BYTES = 65_536
@@ -72,7 +72,9 @@ class McapFile:
             METADATA_NAME, {**recording_header, HEADER_CRC_KEY: header_crc(recording_header)}
         )
         self._channels: dict[str, int] = {}
-        for topic, schema in messages.topic_schemas(self._legs, header_elements(recording_header)).items():
+        for topic, schema in messages.topic_schemas(
+            self._legs, n_elements_from_header(recording_header)
+        ).items():
             self._register_topic(topic, schema)
         self.flush()
 
@@ -85,7 +87,10 @@ class McapFile:
         """Write the messages of one cycle, or of a loss of cycles."""
         if isinstance(entry, LostCycles):
             self._add_message(
-                messages.EVENT, entry.counter, entry.t_ns, event_messages.loss_event(entry.n_cycles)
+                messages.EVENT,
+                entry.next_cycle_number,
+                entry.next_t_sent_ns,
+                event_messages.loss_event(entry.n_cycles),
             )
             return
         counter, (scan, commands, forces, outcomes, reference, temperature_c) = entry

@@ -33,8 +33,8 @@ from footsense.recording.cycle_fields import (
     CAUSE_NOT_RECORDED,
     CYCLE_FIELDS,
     GAIT_FIELDS,
-    Count,
     CycleField,
+    NonNegativeInt64,
     cycle_fields,
     forces_from_arrays,
     scan_from_arrays,
@@ -62,9 +62,9 @@ _DEFAULTS_OF_OLD_RECORDINGS = {
 
 #: Name of each code, and code of each name, by enumeration.
 _NAME_OF_CODE = {
-    field.code_names: {**{code: code.name for code in field.code_names}, CAUSE_NOT_RECORDED: None}
+    field.code_enum: {**{code: code.name for code in field.code_enum}, CAUSE_NOT_RECORDED: None}
     for field in (*CYCLE_FIELDS.values(), *GAIT_FIELDS.values())
-    if field.code_names is not None
+    if field.code_enum is not None
 }
 _CODE_OF_NAME = {
     names: {name: code for code, name in of_code.items()} for names, of_code in _NAME_OF_CODE.items()
@@ -117,7 +117,7 @@ def leg_objects(
                 entries.update(zip(field.json_keys, value, strict=True))
             else:
                 entries[field.json_keys[0]] = (
-                    value if field.code_names is None else _NAME_OF_CODE[field.code_names][value]
+                    value if field.code_enum is None else _NAME_OF_CODE[field.code_enum][value]
                 )
     return objects
 
@@ -127,7 +127,7 @@ def decode_scan(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) ->
     message = json.loads(data)
     rows = [message[leg] for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in _scan_fields(n_elements).items()}
-    return scan_from_arrays(msgspec.convert(message["sequence"], Count), arrays)
+    return scan_from_arrays(msgspec.convert(message["sequence"], NonNegativeInt64), arrays)
 
 
 def decode_force(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) -> ContactFrame:
@@ -135,7 +135,9 @@ def decode_force(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) -
     message = json.loads(data)
     rows = [{**_DEFAULTS_OF_OLD_RECORDINGS, **_with_current_names(message[leg])} for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in _force_fields(n_elements).items()}
-    sequence, t_sent_ns = (msgspec.convert(message[key], Count) for key in ("sequence", "t_sent_ns"))
+    sequence, t_sent_ns = (
+        msgspec.convert(message[key], NonNegativeInt64) for key in ("sequence", "t_sent_ns")
+    )
     return forces_from_arrays(sequence, t_sent_ns, arrays)
 
 
@@ -148,28 +150,28 @@ def field_array(field: CycleField, rows: list[dict[str, Any]]) -> NDArray[Any]:
         ValueError: There are not so many entries.
     """
     values = [[row[key] for key in field.json_keys] for row in rows]
-    if field.code_names is not None:
-        codes = _CODE_OF_NAME[field.code_names]
+    if field.code_enum is not None:
+        codes = _CODE_OF_NAME[field.code_enum]
         return np.array([codes[name] for (name,) in values], field.dtype)
-    checked = msgspec.convert(values, _decoded_type(field))
-    return np.array(checked, field.dtype).reshape(len(rows), *field.shape)
+    checked = msgspec.convert(values, _json_rows_type(field))
+    return np.array(checked, field.dtype).reshape(len(rows), *field.row_shape)
 
 
 @cache
-def _decoded_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
+def _json_rows_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
     """Return the Python type that a field must have in decoded JSON, for validation."""
     entry: Any = float | None
     if field.max_code is not None:
         entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.max_code))]
     elif field.dtype == "<i8":
         entry = int
-    if field.shape and len(field.json_keys) == 1:
+    if field.row_shape and len(field.json_keys) == 1:
         entry = list[entry]
     return list[list[entry]]
 
 
 def _with_current_names(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a leg's entries with former enumeration names and missing fields of old recordings updated."""
+    """Return a leg's entries with their former names, of keys and of causes, replaced by the present ones."""
     if "zero_status" not in row:
         return row
     row = {key.replace("zero_", "baseline_", 1): value for key, value in row.items()}
@@ -194,8 +196,8 @@ def topic_schemas(legs: Sequence[str], n_elements: int = ELEMENTS) -> dict[str, 
     def leg_schema(fields: Mapping[str, CycleField]) -> dict[str, Any]:
         properties: dict[str, Any] = {}
         for field in fields.values():
-            value: dict[str, Any] = text if field.code_names else number if field.dtype == "<f8" else whole
-            if field.shape and len(field.json_keys) == 1:
+            value: dict[str, Any] = text if field.code_enum else number if field.dtype == "<f8" else whole
+            if field.row_shape and len(field.json_keys) == 1:
                 value = {"type": "array", "items": value, "minItems": n_elements, "maxItems": n_elements}
             properties |= dict.fromkeys(field.json_keys, value)
         return object_schema(**properties)

@@ -22,7 +22,7 @@ from footsense.sim.faults.wire_faults import WireFaults
 
 
 @cache
-def _i2c_bus_time_ns(n_written: int, n_read: int, rate_hz: int) -> int:
+def _transaction_time_ns(n_written: int, n_read: int, rate_hz: int) -> int:
     """Return the duration of a transaction on the wire [ns], from its numbers of written and read bytes."""
     return i2c_bus_time_ns(transaction_bits(n_written, n_read), rate_hz)
 
@@ -72,17 +72,17 @@ class SimulatedBus:
         if self._faults is not None and not self._faults.attempt_transaction(
             self.clock, self.mux, self._host_cost_ns, address
         ):
-            self.clock.advance_ns(self._host_cost_ns + _i2c_bus_time_ns(len(data), n_read, self._rate_hz))
+            self.clock.advance_ns(self._host_cost_ns + _transaction_time_ns(len(data), n_read, self._rate_hz))
             return bytes(n_read)
         t_start_ns = self.clock.now_ns() + self._host_cost_ns
         connected = self._connected.get((self.mux.control, address))
         if connected is None:
-            connected = self._connect(address)
+            connected = self._connected_chips(address)
         chips = [chip for chip in connected if chip.acknowledges(t_start_ns)]
         if not chips:
             self.clock.sleep_until_ns(t_start_ns + i2c_bus_time_ns(i2c_nack_bits(), self._rate_hz))
             raise NackError(f"no acknowledge from {address:#04x}")
-        t_end_ns = t_start_ns + _i2c_bus_time_ns(len(data), n_read, self._rate_hz)
+        t_end_ns = t_start_ns + _transaction_time_ns(len(data), n_read, self._rate_hz)
         self.clock.sleep_until_ns(t_end_ns)
         if data:
             for chip in chips:
@@ -94,7 +94,7 @@ class SimulatedBus:
             answer = bytes(a & b for a, b in zip(answer, chip.read(n_read, t_end_ns), strict=True))
         return answer
 
-    def _connect(self, address: int) -> tuple[SimulatedChip, ...]:
+    def _connected_chips(self, address: int) -> tuple[SimulatedChip, ...]:
         """Return all connected chips at `address`, the mux included; cached per mux selection."""
         behind = [
             chip

@@ -110,7 +110,9 @@ class ChipServer:
         try:
             if written or n_read:
                 return self._bus.transfer(Transaction(address, written, n_read))
-            answering = [c for c in self._bus._connect(address) if c.acknowledges(self._clock.now_ns())]
+            answering = [
+                c for c in self._bus._connected_chips(address) if c.acknowledges(self._clock.now_ns())
+            ]
         except I2cError:
             return errno.ENXIO
         return b"" if answering else errno.ENXIO

@@ -43,9 +43,9 @@ def gapped(walk: Path, tmp_path: Path) -> Path:
         recording = McapFile(file.fileno(), replay.header)
         for entry in replay.entries():
             assert isinstance(entry, NumberedCycle)
-            if entry.counter == N_BEFORE + N_LOST:
-                recording.add_entry(LostCycles(entry.counter, entry.cycle.forces.t_sent_ns, N_LOST))
-            if not N_BEFORE <= entry.counter < N_BEFORE + N_LOST:
+            if entry.cycle_number == N_BEFORE + N_LOST:
+                recording.add_entry(LostCycles(entry.cycle_number, entry.cycle.forces.t_sent_ns, N_LOST))
+            if not N_BEFORE <= entry.cycle_number < N_BEFORE + N_LOST:
                 recording.add_entry(entry)
         recording.finish()
     return path

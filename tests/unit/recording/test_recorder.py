@@ -16,7 +16,7 @@ from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.recorder import Recorder, check_recording_target, partial_path
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
-from footsense.recording.writer import PipeWriter
+from footsense.recording.writer import RecordingWriter
 from tests.support.cycles import LEGS, PERIOD_NS, cycle, read_until_damage, same
 
 #: See prctl(2).
@@ -34,7 +34,7 @@ def test_a_recording_is_whole_and_then_named(tmp_path: Path) -> None:
     recorder.close()
     recorder.close()
     assert [p.name for p in tmp_path.iterdir()] == ["walk.mcap"]
-    assert recorder.n_lost == 0
+    assert recorder.n_lost_cycles == 0
     replay = Replay(path)
     assert (replay.header["scene"], replay.legs) == ("flat", LEGS)
     assert all(same(a, b) for a, b in zip(shown, replay, strict=True))
@@ -94,7 +94,7 @@ def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
     lost = pipe.lost
     assert 0 < lost < 100
     with (tmp_path / "walk.mcap").open("wb") as file:
-        writer = PipeWriter(file.fileno())
+        writer = RecordingWriter(file.fileno())
         writer.feed(os.read(read_end, 1 << 20))
         pipe.send(cycle(100))
         pipe.close(0.0)
@@ -104,8 +104,8 @@ def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
     entries = list(Replay(tmp_path / "walk.mcap").entries())
     assert entries[-2] == LostCycles(100, 1_000 + 100 * PERIOD_NS, lost)
     numbered = [entry for entry in entries if isinstance(entry, NumberedCycle)]
-    assert [entry.counter for entry in numbered] == [*range(100 - lost), 100]
-    assert all(same(entry.cycle, cycle(entry.counter)) for entry in numbered)
+    assert [entry.cycle_number for entry in numbered] == [*range(100 - lost), 100]
+    assert all(same(entry.cycle, cycle(entry.cycle_number)) for entry in numbered)
 
 
 def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -
     path = tmp_path / "walk.mcap.partial"
     seen = set()
     with path.open("wb") as file:
-        writer = PipeWriter(file.fileno())
+        writer = RecordingWriter(file.fileno())
         for number in range(500):
             one = cycle(number)
             pipe.send(one._replace(forces=one.forces._replace(t_sent_ns=1_000 + number)))

@@ -17,7 +17,7 @@ from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_fields import CAUSE_NOT_RECORDED
 from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
 from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
-from footsense.recording.frame_shape import FrameShape, elements_entry, frame_shape
+from footsense.recording.frame_shape import FrameShape, frame_shape, n_elements_header_entry
 from footsense.recording.machine import platform_versions
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
@@ -66,7 +66,7 @@ def test_the_pipe_keeps_every_bit(
         )
         for number in range(3)
     ]
-    header = {"legs": ",".join(LEGS[: shape.n_legs]), **elements_entry(shape.n_elements)}
+    header = {"legs": ",".join(LEGS[: shape.n_legs]), **n_elements_header_entry(shape.n_elements)}
     stream = pack_header(header) + b"".join(pack_cycle(i, one) for i, one in enumerate(shown))
     stream += pack_loss(LostCycles(9, 8, 6))
     buffer, entries, known = bytearray(), [], None
@@ -78,7 +78,7 @@ def test_the_pipe_keeps_every_bit(
     assert entries[0] == header
     assert entries[-1] == LostCycles(9, 8, 6)
     numbered = [entry for entry in entries if isinstance(entry, NumberedCycle)]
-    assert [entry.counter for entry in numbered] == [0, 1, 2]
+    assert [entry.cycle_number for entry in numbered] == [0, 1, 2]
     assert all(same(a, b.cycle) for a, b in zip(shown, numbered, strict=True))
 
 
@@ -161,7 +161,7 @@ def test_recover_makes_a_sound_file(tmp_path: Path, walk: tuple[bytes, list[Cycl
     read, damage = read_until_damage(tmp_path / "walk.mcap")
     assert damage is None
     assert recovered.damage is not None
-    assert recovered.n_cycles == len(read) > 0
+    assert recovered.n_recovered_cycles == len(read) > 0
     assert all(same(a, b) for a, b in zip(cycles, read, strict=False))
     with (tmp_path / "walk.mcap").open("rb") as file:
         topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]

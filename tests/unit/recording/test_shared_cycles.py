@@ -9,8 +9,8 @@ import pytest
 
 from footsense.errors import FootsenseError
 from footsense.frames import ALL_LEGS, CanStatistics, CommandResult, Result, Vector
-from footsense.recording.frame_shape import elements_entry
-from footsense.recording.shared_cycles import N_SLOTS, CycleReader, SharedCycles
+from footsense.recording.frame_shape import n_elements_header_entry
+from footsense.recording.shared_cycles import N_SLOTS, CycleReader, SharedCycleWriter
 from tests.support.cycles import LEGS, TARE, cycle, same
 
 
@@ -20,8 +20,8 @@ class Service:
     def __init__(self, path: Path, legs: Sequence[str] = LEGS, n_elements: int = 9) -> None:
         self.baseline_pf: Vector = np.full((len(legs), n_elements), np.nan)
         self.can = CanStatistics()
-        header = {"scene": "flat", **elements_entry(n_elements)}
-        self.shared = SharedCycles(path, legs, header, lambda: self.baseline_pf, self.can)
+        header = {"scene": "flat", **n_elements_header_entry(n_elements)}
+        self.shared = SharedCycleWriter(path, legs, header, lambda: self.baseline_pf, self.can)
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_a_reader_gets_every_cycle_bit_for_bit(service: Service, path: Path) -> 
     assert new.n_missed == 0
     assert all(same(a, b.cycle) for a, b in zip(shown, new.cycles, strict=True))
     assert np.array_equal(reader.baseline_pf, service.baseline_pf)
-    assert reader.can == service.can
+    assert reader.can_statistics == service.can
     assert reader.read().cycles == []
     reader.close()
 
@@ -83,7 +83,7 @@ def test_a_slow_reader_gets_the_newest_and_counts_what_it_missed(service: Servic
     for _ in range(3 * N_SLOTS):
         service.shared.observe(one)
     new = reader.read()
-    assert [entry.counter for entry in new.cycles] == list(range(2 * N_SLOTS + 1, 3 * N_SLOTS))
+    assert [entry.cycle_number for entry in new.cycles] == list(range(2 * N_SLOTS + 1, 3 * N_SLOTS))
     assert new.n_missed == 2 * N_SLOTS + 1
     reader.close()
 
@@ -101,17 +101,17 @@ def test_the_end_and_the_restart_of_a_service_are_noticed(path: Path) -> None:
     """A reader of the former service knows, and a new one reads the new service."""
     first = Service(path)
     reader = CycleReader(path)
-    assert reader.is_current()
+    assert reader.is_still_written()
     with pytest.raises(FootsenseError, match="another running service writes this file"):
         Service(path)
     first.shared.close()
-    assert not reader.is_current()
+    assert not reader.is_still_written()
     with pytest.raises(FootsenseError, match="No such file"):
         CycleReader(path)
     second = Service(path)
-    assert not reader.is_current()
+    assert not reader.is_still_written()
     with closing(CycleReader(path)) as other:
-        assert other.is_current()
+        assert other.is_still_written()
     reader.close()
     second.shared.close()
 

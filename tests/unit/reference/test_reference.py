@@ -56,7 +56,7 @@ def test_binary_records_come_out_as_they_went_in(
     decoder = BinaryDecoder(("time_us", "fx", "fy", "fz"), "<Ihhh", SYNC, checksum)
     stream = b"".join(packed(record, checksum) for record in sent) + (SYNC if checksum == "none" else b"")
     rows = fed(decoder, stream, piece)
-    assert np.concatenate([part.sensor_values for part in rows]).tolist() == [
+    assert np.concatenate([part.raw_forces for part in rows]).tolist() == [
         list(record[1:]) for record in sent
     ]
     assert decoder.n_bad == 0
@@ -72,7 +72,7 @@ def test_garbage_between_binary_records_is_skipped_and_counted(
     # But for what begins like a record and is none by a chance of 2^-16.
     garbage = garbage.replace(b"\xaa", b"")
     rows = fed(decoder, whole[0] + garbage + b"".join(whole[1:]), piece)
-    assert np.concatenate([part.sensor_values for part in rows]).tolist() == [
+    assert np.concatenate([part.raw_forces for part in rows]).tolist() == [
         list(record[1:]) for record in sent
     ]
     assert decoder.n_bad == (len(sent) > 1 and bool(garbage))
@@ -88,8 +88,8 @@ def test_counters_that_wrap_go_on() -> None:
     decoder = BinaryDecoder(("time_us", "fx", "fy", "fz"), "<Ihhh", SYNC, "sum8")
     counts = [(2**32 - 7000 + k * 5000) % 2**32 for k in range(4)]
     rows = decoder.feed(b"".join(packed((count, 0, 0, 0), "sum8") for count in counts))
-    assert rows.t_ns is not None
-    assert np.diff(rows.t_ns).tolist() == [PERIOD_NS] * 3
+    assert rows.t_sensor_ns is not None
+    assert np.diff(rows.t_sensor_ns).tolist() == [PERIOD_NS] * 3
 
 
 def test_lines_are_read_and_others_counted() -> None:
@@ -97,11 +97,11 @@ def test_lines_are_read_and_others_counted() -> None:
     decoder = TextLineDecoder(("sequence", "-", "fx", "fy", "fz"), "")
     text = b"7 8\r\n 1 x -2.5 1e-3 4\r\n2 ? 1 2\nfx fy fz a b\n3 0 nan 0 0\n4 0 0 0 1\n5 0"
     rows = decoder.feed(text)
-    assert rows.sensor_values.tolist() == [[-2.5, 1e-3, 4.0], [0.0, 0.0, 1.0]]
+    assert rows.raw_forces.tolist() == [[-2.5, 1e-3, 4.0], [0.0, 0.0, 1.0]]
     assert rows.sequence is not None
     assert rows.sequence.tolist() == [1, 4]
     assert (decoder.n_bad, decoder.last_bad) == (3, b"3 0 nan 0 0")
-    assert len(decoder.feed(b" 0 0 2\n").sensor_values) == 1
+    assert len(decoder.feed(b" 0 0 2\n").raw_forces) == 1
 
 
 @given(st.lists(st.binary(max_size=80), max_size=6))
@@ -112,7 +112,7 @@ def test_no_bytes_crash_a_decoder(parts: list[bytes]) -> None:
         BinaryDecoder(("fx", "fy", "fz"), "<fff", b"\xaa", "none"),
     ):
         for part in parts:
-            assert np.isfinite(decoder.feed(part).sensor_values).all()
+            assert np.isfinite(decoder.feed(part).raw_forces).all()
 
 
 def test_a_mounting_turns_scales_and_limits() -> None:
@@ -198,7 +198,7 @@ def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
     samples = watched(clock, reference, 3.0)
     figures = reference.statistics
     assert figures.n_missing == pytest.approx(400, abs=8)
-    assert figures.n_opened == 2
+    assert figures.n_stream_starts == 2
     assert [record.getMessage()[:28] for record in caplog.records] == [
         "sensor: no sample for 0.5 s;",
         "sensor: sends again; " + caplog.records[-1].getMessage()[21:28],
@@ -297,7 +297,7 @@ def test_a_net_ft_stream_is_asked_for_and_read() -> None:
         assert said.saturated.tolist() == [False, False, False, True]
         assert np.diff(said.t_ns).tolist() == [1_000_000, 2_000_000, 1_000_000]
         figures = reference.statistics
-        assert (figures.n_samples, figures.n_missing, figures.n_bad) == (4, 1, 2)
+        assert (figures.n_samples, figures.n_missing, figures.n_bad_records) == (4, 1, 2)
         reference.close()
         assert sensor.recv(64) == rdt_request(0)
 

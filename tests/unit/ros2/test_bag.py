@@ -18,7 +18,7 @@ from footsense.frames import USABLE, Cycle, State
 from footsense.recording.replay import Replay
 from footsense.ros2.bag_export import write_bag
 from footsense.ros2.cdr import encode
-from footsense.ros2.definitions import fields_of, message_definition, ros_name
+from footsense.ros2.definitions import fields_of, message_definition, ros_type_name
 from footsense.ros2.messages import (
     ContactState,
     DiagnosticArray,
@@ -43,7 +43,7 @@ from footsense.ros2.topics import FootFrame, load_foot_frames
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "measured_walk.mcap"
 STORE = get_typestore(Stores.ROS2_HUMBLE)
-STORE.register(get_types_from_msg(message_definition(ContactState), ros_name(ContactState)))
+STORE.register(get_types_from_msg(message_definition(ContactState), ros_type_name(ContactState)))
 
 floats = st.floats(allow_nan=False)
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=9)
@@ -84,13 +84,13 @@ def assert_same(ours: Any, theirs: Any) -> None:
 @settings(max_examples=60)
 def test_bytes_are_those_of_another_implementation(message: Message) -> None:
     """Every message decodes elsewhere to the same fields."""
-    assert_same(message, STORE.deserialize_cdr(encode(message), ros_name(type(message))))
+    assert_same(message, STORE.deserialize_cdr(encode(message), ros_type_name(type(message))))
 
 
 @pytest.mark.parametrize("kind", [WrenchStamped, DiagnosticArray, TFMessage, ContactState])
 def test_definitions_are_those_of_ros(kind: type) -> None:
     """The hash of our text is that of the type as ROS 2 ships it; ContactState's stands beside the DDS types."""
-    name, ours = ros_name(kind), get_typestore(Stores.EMPTY)
+    name, ours = ros_type_name(kind), get_typestore(Stores.EMPTY)
     ours.register(get_types_from_msg(message_definition(kind), name))
     assert ours.hash_rihs01(name) == TYPE_HASHES[kind]
     if kind is not ContactState:

@@ -20,7 +20,7 @@ from footsense.ros2.leg_messages import LegSample
 from footsense.ros2.live_samples import LiveMessages, live_sample
 from footsense.ros2.messages import ContactState, DiagnosticArray, WrenchStamped
 from footsense.ros2.participant import Participant
-from footsense.ros2.topics import TopicMessage, Topics
+from footsense.ros2.topics import TopicMessage, TopicMessageBuilder
 
 needs_dds = pytest.mark.skipif(
     not participant.HAS_DDS, reason="cyclonedds has no wheel for this processor or Python: docs/ros2.md"
@@ -41,11 +41,11 @@ _NO_FORCE = LegForce(LinkStatus.OK, False, State.SATURATED, Flag(0), 0, (NAN,) *
 def test_a_usable_force_has_the_time_of_its_measurement() -> None:
     """The age that CAN tells is taken off the time of the wall clock."""
     sample = live_sample(LegSnapshot("lf", _FORCE, _REPORT, 7), WALL_NS)
-    assert sample.t_ns == WALL_NS - 4_000_000
+    assert sample.t_wall_ns == WALL_NS - 4_000_000
     assert sample.force_n == (0.25, -0.5, 1.0)
-    (message,) = Topics(["lf"]).wrench(sample)
+    (message,) = TopicMessageBuilder(["lf"]).wrench(sample)
     assert isinstance(message.message, WrenchStamped)
-    contact = Topics(["lf"]).contact(sample).message
+    contact = TopicMessageBuilder(["lf"]).contact(sample).message
     assert isinstance(contact, ContactState)
     assert (contact.status, contact.surface_normal.z, contact.friction_coefficient) == (3, 0.8, 0.7)
 
@@ -60,7 +60,7 @@ def test_a_usable_force_has_the_time_of_its_measurement() -> None:
 )
 def test_what_is_not_known_is_no_number(snapshot: LegSnapshot, level: int) -> None:
     """A leg without a force has no wrench; its contact is unknown, its health says why."""
-    topics, sample = Topics(["lf"]), live_sample(snapshot, WALL_NS)
+    topics, sample = TopicMessageBuilder(["lf"]), live_sample(snapshot, WALL_NS)
     assert topics.wrench(sample) == []
     contact = topics.contact(sample).message
     assert isinstance(contact, ContactState)
@@ -74,14 +74,14 @@ def test_what_is_not_known_is_no_number(snapshot: LegSnapshot, level: int) -> No
 
 def test_the_health_names_each_of_sixteen_elements() -> None:
     """By their flat index."""
-    array = Topics(["lf"]).diagnostics([LegSample("lf", fault_mask=0x8201)], WALL_NS).message
+    array = TopicMessageBuilder(["lf"]).diagnostics([LegSample("lf", fault_mask=0x8201)], WALL_NS).message
     assert isinstance(array, DiagnosticArray)
     assert {item.key: item.value for item in array.status[0].values}["elements_out"] == "0 9 15"
 
 
 def test_each_force_is_published_once_and_each_change_at_once() -> None:
     """The wrench comes with a new frame, the contact with an event or every 100 ms, the health with a change."""
-    live = LiveMessages(Topics(["lf"]))
+    live = LiveMessages(TopicMessageBuilder(["lf"]))
     event = LegEvent(1, GaitEventKind.TOUCHDOWN, 0, 0.001, False)
 
     def due(t_ms: int, n_frames: int, force: LegForce = _FORCE, event: LegEvent | None = None) -> list[str]:
@@ -108,9 +108,9 @@ def test_a_second_participant_reads_what_was_published(monkeypatch: pytest.Monke
         "<General><Interfaces><NetworkInterface name='lo' multicast='true'/></Interfaces></General>",
     )
     domain = 100 + os.getpid() % 100
-    topics = Topics(["lf"])
+    topics = TopicMessageBuilder(["lf"])
     (message,) = topics.wrench(
-        LegSample("lf", t_ns=WALL_NS + 5, state=State.VALID, force_n=(0.25, -0.5, 1.0))
+        LegSample("lf", t_wall_ns=WALL_NS + 5, state=State.VALID, force_n=(0.25, -0.5, 1.0))
     )
     publisher = Participant(domain, topics.types)
     script = Path(__file__).with_name("dds_reader.py")
@@ -134,7 +134,7 @@ def test_bytes_are_those_of_the_dds_library() -> None:
     from footsense.ros2.cdr import encode
 
     sample = live_sample(LegSnapshot("lf", _FORCE, _REPORT, 7), WALL_NS)
-    topics = Topics(["lf"])
+    topics = TopicMessageBuilder(["lf"])
     for message in (*topics.wrench(sample), topics.contact(sample), topics.diagnostics([sample], WALL_NS)):
         ours, theirs = encode(message.message), participant.dds_value(message.message).serialize()
         assert ours[4:] == theirs[4 : len(ours)]
@@ -148,7 +148,7 @@ def test_without_the_library_the_command_says_what_to_install(monkeypatch: pytes
 
 def test_a_topic_message_names_a_topic_of_the_robot() -> None:
     """Every message goes to a topic that is declared with its class."""
-    topics = Topics(["lf"])
+    topics = TopicMessageBuilder(["lf"])
     sample = live_sample(LegSnapshot("lf", _FORCE, _REPORT, 7), WALL_NS)
     sent: list[TopicMessage] = [*topics.wrench(sample), topics.contact(sample)]
     assert all(type(one.message) is topics.types[one.topic] for one in sent)
