@@ -26,10 +26,10 @@ MIN_ELEVATION_DEG = 25.0
 #: Rim of the disc that the table is fitted on [deg]: below the lowest contact by more than the largest patch.
 MIN_FITTED_ELEVATION_DEG = 12.0
 
-_Length = Annotated[float, Meta(gt=0.0, le=200.0, description="a length in mm")]
-_Layer = Annotated[float, Meta(ge=0.1, le=2000.0, description="a thickness in um")]
+_LengthMm = Annotated[float, Meta(gt=0.0, le=200.0, description="a length in mm")]
+_LayerThicknessUm = Annotated[float, Meta(ge=0.1, le=2000.0, description="a thickness in um")]
 _Share = Annotated[float, Meta(ge=0.0, le=1.0)]
-_Lean = Annotated[float, Meta(ge=1.0, le=60.0, description="an angle in degrees")]
+_LeanDeg = Annotated[float, Meta(ge=1.0, le=60.0, description="an angle in degrees")]
 
 
 class Material(Struct, frozen=True, forbid_unknown_fields=True):
@@ -44,22 +44,22 @@ class Material(Struct, frozen=True, forbid_unknown_fields=True):
     poisson: Annotated[float, Meta(gt=0.0, lt=0.5, description="rubber has 0.49")]
 
     @property
-    def shear_mpa(self) -> float:
+    def shear_modulus_mpa(self) -> float:
         """Shear modulus G = E / (2 (1 + nu)) [MPa]."""
         return self.youngs_mpa / (2.0 * (1.0 + self.poisson))
 
     @property
-    def lame_mpa(self) -> float:
+    def lame_lambda_mpa(self) -> float:
         """Lame's first parameter lambda [MPa]."""
         return self.youngs_mpa * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
 
     @property
-    def confined_mpa(self) -> float:
+    def confined_modulus_mpa(self) -> float:
         """Confined (P-wave) modulus lambda + 2 G [MPa]: stiffness of a layer that cannot spread sideways."""
-        return self.lame_mpa + 2.0 * self.shear_mpa
+        return self.lame_lambda_mpa + 2.0 * self.shear_modulus_mpa
 
     @property
-    def hertz_mpa(self) -> float:
+    def plane_strain_modulus_mpa(self) -> float:
         """Plane-strain modulus E / (1 - nu^2) for Hertz contact with a rigid body [MPa]."""
         return self.youngs_mpa / (1.0 - self.poisson**2)
 
@@ -90,8 +90,8 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     max_n: Annotated[float, Meta(gt=0.0, le=500.0, description="a force in N")]
-    friction_angle_deg: _Lean
-    typical_lean_deg: _Lean
+    friction_angle_deg: _LeanDeg
+    typical_lean_deg: _LeanDeg
     min_elevation_deg: Annotated[
         float, Meta(ge=MIN_ELEVATION_DEG, le=80.0, description="the response table begins at 25 deg")
     ]
@@ -144,14 +144,14 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         str, Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="small letters, digits and hyphens")
     ]
     about: Annotated[str, Meta(min_length=1, max_length=80)]
-    ball_radius_mm: _Length
-    sheet_mm: _Length
+    ball_radius_mm: _LengthMm
+    sheet_mm: _LengthMm
     plate_mm: Annotated[float, Meta(ge=0.01, le=20.0, description="a thickness in mm")]
     spacer_mm: Annotated[float, Meta(ge=0.002, le=2.0, description="a thickness in mm")]
-    pitch_mm: _Length
-    electrode_mm: _Length
-    gap_um: _Layer
-    film_um: _Layer
+    pitch_mm: _LengthMm
+    electrode_mm: _LengthMm
+    gap_um: _LayerThicknessUm
+    film_um: _LayerThicknessUm
     film_eps_r: Annotated[float, Meta(ge=1.0, le=100.0, description="that of air is 1")]
     rubber: Material
     pdms: Material
@@ -219,7 +219,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def hertz_patch_radius_mm(self, force_n: float) -> float:
         """Return the Hertz contact radius under a normal force [mm]."""
-        return float(contact_radius_mm(force_n, self.ball_radius_mm, self.rubber.hertz_mpa))
+        return float(contact_radius_mm(force_n, self.ball_radius_mm, self.rubber.plane_strain_modulus_mpa))
 
     def hertz_patch_angle_deg(self, force_n: float) -> float:
         """Return the Hertz contact radius as an angle seen from the ball's centre [deg]."""

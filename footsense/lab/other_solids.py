@@ -20,7 +20,12 @@ from footsense.lab.response import make_response
 
 #: Mesh of the row `mesh`: as fine as the released one, with other elements.
 ALTERNATIVE_MESH = MeshSize(
-    ball_mm=6.0, plate_mm=2.5, surface_mm=3.5, bar_mm=0.6, grading=0.7, edge_layer_rel=0.12
+    ball_mm=6.0,
+    plate_mm=2.5,
+    surface_mm=3.5,
+    bar_mm=0.6,
+    grading=0.7,
+    edge_layer_rel=0.12,
 )
 
 

@@ -29,9 +29,9 @@ from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import (
     SOLVED_CLASSES,
     Parity,
-    add_compliance,
     single_cell_series,
     transposed_series,
+    whole_foot_compliance,
 )
 from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, FootDesign
 
@@ -55,11 +55,11 @@ def fit_series(field: AdjointField, degree: int = SERIES_DEGREE) -> Vector:
     used = field.normal[:, 2] >= np.sin(np.radians(MIN_FITTED_ELEVATION_DEG))
     root = np.sqrt(field.weight_mm2[used])[:, None]
     basis = series_basis(field.normal[used], degree, MIN_FITTED_ELEVATION_DEG) * root
-    series = np.zeros((n_basis_functions(degree), field.influence.shape[1], 3))
+    series = np.zeros((n_basis_functions(degree), field.influence_um_per_n.shape[1], 3))
     for component in range(3):
         sign_x, sign_y = field.parity.signs(component)
         has_parity = ((-1) ** i == sign_x) & ((-1) ** j == sign_y)
-        values = field.influence[used, :, component] * root
+        values = field.influence_um_per_n[used, :, component] * root
         series[has_parity, :, component] = np.linalg.lstsq(basis[:, has_parity], values, rcond=1e-10)[0]
     return series
 
@@ -137,7 +137,7 @@ def make_response(
         fields[parity] = solve_adjoint_fields(quarter)
         report(
             f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, "
-            f"{fields[parity].compliance.shape[0]} solves"
+            f"{fields[parity].compliance_um_per_n.shape[0]} solves"
         )
     return tabulate_response(
         foot_design, size, fields, {"elements": int(mesh.ne), "unknowns": quarter.n_unknowns}
@@ -165,9 +165,9 @@ def tabulate_response(
     raw = table_of_degree(SERIES_DEGREE)
     point = _round_to_stored((raw + transposed_series(raw, SERIES_DEGREE)) / 2.0)
     lower = table_of_degree(SERIES_DEGREE - 4)
-    compliance = add_compliance(
+    compliance = whole_foot_compliance(
         {
-            p: quarter_grid(quarter_grid(f.compliance, foot_design, 0), foot_design, 2)
+            p: quarter_grid(quarter_grid(f.compliance_um_per_n, foot_design, 0), foot_design, 2)
             for p, f in fields.items()
         }
     )
@@ -188,7 +188,7 @@ def tabulate_response(
         foot_type=foot_design.foot_type,
         design=foot_design.capacitor,
         ball_radius_mm=foot_design.ball_radius_mm,
-        hertz_modulus_mpa=foot_design.rubber.hertz_mpa,
+        hertz_modulus_mpa=foot_design.rubber.plane_strain_modulus_mpa,
         min_elevation_deg=MIN_ELEVATION_DEG,
         fit_elevation_deg=MIN_FITTED_ELEVATION_DEG,
         degree=SERIES_DEGREE,
@@ -217,5 +217,5 @@ def _series_residual_rel(field: AdjointField) -> float:
     seen = field.normal[:, 2] >= np.sin(np.radians(MIN_ELEVATION_DEG))
     series = fit_series(field)
     basis = series_basis(field.normal[seen], SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
-    sampled = field.influence[seen]
+    sampled = field.influence_um_per_n[seen]
     return _relative_rms(np.tensordot(basis, series, 1) - sampled, sampled)

@@ -61,7 +61,7 @@ def test_an_unknown_row_is_answered_with_those_that_are(tmp_path: Path) -> None:
 def test_a_bubble_that_leaves_the_ball_is_one_clear_line() -> None:
     """A mismatch that the mesh cannot hold is refused before it is meshed."""
     with pytest.raises(ModelError, match="is not inside the ground-side ball"):
-        solve_whole_foot(FOOT_DESIGN, Imperfection(bubble_mm=(0.0, 0.0, -1.0, 0.75)))
+        solve_whole_foot(FOOT_DESIGN, Imperfection(bubble_centre_and_radius_mm=(0.0, 0.0, -1.0, 0.75)))
 
 
 def test_a_whole_table_without_change_is_the_quarter_mirrored(tmp_path: Path) -> None:

@@ -60,7 +60,9 @@ def block_errors(
     mesh = ng.Mesh(occ.OCCGeometry(occ.Box((0, 0, 0), (1, 1, 1))).GenerateMesh(maxh=edge_mm))
     exact, gradient = ng.CF(tuple(displacement)), _gradient(displacement)
     strain = 0.5 * (gradient + gradient.trans)
-    stress = 2.0 * material.shear_mpa * strain + material.lame_mpa * ng.Trace(gradient) * ng.Id(3)
+    stress = 2.0 * material.shear_modulus_mpa * strain + material.lame_lambda_mpa * ng.Trace(
+        gradient
+    ) * ng.Id(3)
     rows = [[stress[i, j] for j in range(3)] for i in range(3)]
     body = ng.CF(
         tuple(-sum(row[j].Diff(axis) for j, axis in enumerate((ng.x, ng.y, ng.z))) for row in rows)
@@ -121,11 +123,11 @@ class HalfSpace:
         nu, rho = self.material.poisson, ng.sqrt(ng.x**2 + ng.y**2 + ng.z**2)
         outward = ng.z / rho**3 - (1.0 - 2.0 * nu) / (rho * (rho + ng.z))
         down = ng.z**2 / rho**3 + 2.0 * (1.0 - nu) / rho
-        return ng.CF((ng.x * outward, ng.y * outward, down)) / (4.0 * np.pi * self.material.shear_mpa)
+        return ng.CF((ng.x * outward, ng.y * outward, down)) / (4.0 * np.pi * self.material.shear_modulus_mpa)
 
     def stress_zz_mpa(self, depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return sigma_zz on the axis, as found."""
-        stress = 2.0 * self.material.shear_mpa * ng.Grad(self.found)[2, 2] + self._pressure
+        stress = 2.0 * self.material.shear_modulus_mpa * ng.Grad(self.found)[2, 2] + self._pressure
         near = 1e-3
         return np.array([stress(self.mesh(near, near, depth)) for depth in depth_mm])
 
@@ -146,6 +148,6 @@ class HalfSpace:
     def hertz_dent_mm(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the dent by the formula, (pi p0 / (4 E* a)) (2 a^2 - r^2), valid within the patch."""
         dent: NDArray[np.float64] = (
-            np.pi * self.PEAK_MPA / (4.0 * self.material.hertz_mpa) * (2.0 - radius_mm**2)
+            np.pi * self.PEAK_MPA / (4.0 * self.material.plane_strain_modulus_mpa) * (2.0 - radius_mm**2)
         )
         return dent

@@ -42,10 +42,10 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
         package = write_package(design, out, process)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
-    element = next(iter(package.elements.values()))
+    element = next(iter(package.expected_by_net_pair.values()))
     range_pf = f"{element.min_unloaded_pf:.2f} to {element.max_unloaded_pf:.2f}"
     click.echo(
-        f"wrote {out}, process {package.assumed.process_name}: {len(package.elements)} elements of "
+        f"wrote {out}, process {package.assumed.process_name}: {len(package.expected_by_net_pair)} elements of "
         f"{element.unloaded_pf:.2f} pF ({range_pf}); {len(package.checks)} checks of the files passed"
     )
 

@@ -49,7 +49,7 @@ class PlaneFloor:
         self._moved = body.ground_relative_to_floor_mm
         self.target_n = [ng.Parameter(0.0) for _ in case.floor_axes]
         self._fraction = self._settled_fraction = 0.0
-        self._stiffness = PENALTY_STIFFNESS_REL * case.design.rubber.hertz_mpa / element_mm
+        self._stiffness = PENALTY_STIFFNESS_REL * case.design.rubber.plane_strain_modulus_mpa / element_mm
         region = self._mesh.Boundaries(GROUND_FACE)
         points = ngsolve.comp.IntegrationRuleSpaceSurface(
             self._mesh, order=2 * body.ground_displacement_mm.space.globalorder + 3, definedon=region

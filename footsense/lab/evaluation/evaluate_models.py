@@ -112,7 +112,7 @@ def require_same_foot(
         "foot_type": foot_design.foot_type,
         **asdict(foot_design.capacitor),
         "ball_radius_mm": foot_design.ball_radius_mm,
-        "hertz_modulus_mpa": foot_design.rubber.hertz_mpa,
+        "hertz_modulus_mpa": foot_design.rubber.plane_strain_modulus_mpa,
         "cavity": foot_design.cavity_air.kind,
         **{name: getattr(foot_design.cavity_air, name) for name in ("leak_time_s", "gas_kpa")},
     }

@@ -55,7 +55,7 @@ def check_flex_files(folder: Path, flex: Flex) -> Iterator[Check]:
     """
     file = f"{flex.name}/copper.gbr"
     shapes = read_layer(folder / file)
-    electrodes = [shape.area.area for shape in shapes if shape.function == "Other,Electrode"]
+    electrodes = [shape.area.area for shape in shapes if shape.aperture_function == "Other,Electrode"]
     side, elements = flex.array.electrode_mm, len(flex.line_v_mm) * len(flex.element_u_mm)
     yield Check(
         file,
@@ -72,7 +72,7 @@ def check_flex_files(folder: Path, flex: Flex) -> Iterator[Check]:
     gap = min(a.distance(b) for k, a in enumerate(whole) for b in whole[:k])
     yield check_at_least(file, "least distance of two nets", dimensions.MIN_NET_CLEARANCE_MM, gap)
     outline = read_outline(folder / flex.name / "profile.gbr")
-    inner = [shape.area for shape in shapes if shape.function != "ConnectorPad"]
+    inner = [shape.area for shape in shapes if shape.aperture_function != "ConnectorPad"]
     to_edge = min(_inset_mm(outline, area) for area in inner)
     yield check_at_least(
         f"{flex.name}/profile.gbr",
@@ -103,7 +103,7 @@ def _check_nets(file: str, flex: Flex, conductors: list[list[CopperShape]]) -> C
         places = frozenset(
             (round(shape.area.centroid.x, 3) + 0.0, round(shape.area.centroid.y, 3) + 0.0)
             for shape in one
-            if shape.function == "Other,Electrode"
+            if shape.aperture_function == "Other,Electrode"
         )
         pins = frozenset(shape.pin for shape in one if shape.pin)
         found.add((" and ".join(sorted({shape.net for shape in one})), places, pins))
@@ -171,9 +171,13 @@ def _inset_mm(outline: Any, area: Any) -> float:
 def check_tolerances(tolerances: list[Tolerance]) -> Iterator[Check]:
     """Yield the checks that the drawing's tolerances are no wider than the design assumed."""
     for row in tolerances:
-        quantity = f"{row.name} +-{row.limit:g} {row.unit}, against {row.assumed}"
+        quantity = f"{row.name} +-{row.max_deviation:g} {row.unit}, against {row.assumed_text}"
         yield Check(
-            "drawing.pdf", quantity, f"at most {row.allowed:.3g}", f"{row.used:.3g}", row.is_within_assumed
+            "drawing.pdf",
+            quantity,
+            f"at most {row.max_assumed_deviation:.3g}",
+            f"{row.used_of_assumed:.3g}",
+            row.is_within_assumed,
         )
 
 

@@ -49,7 +49,7 @@ def check_sheets_on_flexes(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[
         areas = [
             _to_foot_frame(shape.area, flex)
             for shape in read_layer(folder / flex.name / "copper.gbr")
-            if shape.function == "Other,Electrode"
+            if shape.aperture_function == "Other,Electrode"
         ]
         covered = shapely.union_all(areas).intersection(spacer).area
         yield check_near(f"spacer.dxf, {flex.name}", "electrode area under the bars", 0.0, covered, "mm2")
@@ -58,7 +58,7 @@ def check_sheets_on_flexes(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[
                 shapely.Polygon(ring).centroid for ring in sheets.read_dxf(folder / f"{name}.dxf").interiors
             ]
             pins = [
-                shapely.Point(flex.to_foot((u, v)))
+                shapely.Point(flex.artwork_to_foot((u, v)))
                 for u, v, _ in read_holes(folder / flex.name / "drill.drl")
             ]
             off = max(min(pin.distance(hole) for hole in holes) for pin in pins)
@@ -76,7 +76,7 @@ def check_ball(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> I
     yield check_at_least(file, "distance to the ground hemisphere", design.plate_mm, socket.Distance(ground))
     for flex in flexes:
         tail = _tail_in_channel(folder, design, flex)
-        what = f"play of the tail of the {flex.kind}s in its channel"
+        what = f"play of the tail of the {flex.line_kind}s in its channel"
         yield check_near(file, what, dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM, socket.Distance(tail), "mm")
     cast = solids.cast_hemisphere(design)
     file = "step/mould-body.step"
@@ -94,7 +94,7 @@ def _tail_in_channel(folder: Path, design: FootDesign, flex: Flex) -> Any:
     )
     _, low_v, _, high_v = across.bounds
     u = dimensions.socket_outer_radius_mm(design.ball_radius_mm) - dimensions.TAIL_CHANNEL_DEPTH_MM / 2.0
-    (x, y), (far_x, far_y) = flex.to_foot((u - 0.05, low_v)), flex.to_foot((u + 0.05, high_v))
+    (x, y), (far_x, far_y) = flex.artwork_to_foot((u - 0.05, low_v)), flex.artwork_to_foot((u + 0.05, high_v))
     low, high = design.plate_mm, design.plate_mm + design.ball_radius_mm
     corners = (min(x, far_x), min(y, far_y), low), (max(x, far_x), max(y, far_y), high)
     return occ.Box(*(occ.Pnt(*corner) for corner in corners))
@@ -102,5 +102,5 @@ def _tail_in_channel(folder: Path, design: FootDesign, flex: Flex) -> Any:
 
 def _to_foot_frame(area: Any, flex: Flex) -> Any:
     """Return a shape of the artwork transformed to the foot frame."""
-    (a, d), (b, e) = (flex.to_foot(point) for point in ((1.0, 0.0), (0.0, 1.0)))
+    (a, d), (b, e) = (flex.artwork_to_foot(point) for point in ((1.0, 0.0), (0.0, 1.0)))
     return affinity.affine_transform(area, [a, b, d, e, 0.0, 0.0])

@@ -13,7 +13,7 @@ from footsense.lab.fabrication.tolerances import area_deviation_rel, hardness_to
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Lines to either side that a converter board addresses: an FDC1004 has four inputs, an ADG715 switches four lines.
-MAX_BOARD_LINES = 4
+MAX_LINES_PER_SIDE = 4
 #: Largest deviation of the overlap of rows and columns that leaves the rubber a tolerance [1].
 _MAX_AREA_DEVIATION_REL = 0.15
 _ROUNDING_TOLERANCE_MM = 1e-9
@@ -44,10 +44,10 @@ def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Ass
         assumed: What its design assumed.
     """
     for lines, word in ((array.row_x_mm, "rows"), (array.column_y_mm, "columns")):
-        if len(lines) > MAX_BOARD_LINES:
+        if len(lines) > MAX_LINES_PER_SIDE:
             yield (
-                f"{word}: {len(lines)} {word} do not fit the converter board: the FDC1004 has {MAX_BOARD_LINES} inputs "
-                f"for columns, an ADG715 switches {MAX_BOARD_LINES} rows; use at most {MAX_BOARD_LINES}"
+                f"{word}: {len(lines)} {word} do not fit the converter board: the FDC1004 has {MAX_LINES_PER_SIDE} "
+                f"inputs for columns, an ADG715 switches {MAX_LINES_PER_SIDE} rows; use at most {MAX_LINES_PER_SIDE}"
             )
     yield from _sheet_problems(design, array, assumed)
     yield from _layer_problems(design, array, assumed)

@@ -30,7 +30,7 @@ class FabricationPackage:
         parts: Its solids.
         tolerances: Tolerances of its drawing.
         checks: Figures of the files.
-        elements: Expected reading of each element, by row and column net.
+        expected_by_net_pair: Expected reading of each element, by row and column net.
     """
 
     design: FootDesign
@@ -40,7 +40,7 @@ class FabricationPackage:
     parts: list[solids.Part]
     tolerances: list[Tolerance]
     checks: list[checks.Check]
-    elements: dict[tuple[str, str], ExpectedCapacitance]
+    expected_by_net_pair: dict[tuple[str, str], ExpectedCapacitance]
 
 
 def fabricate(design: FootDesign, folder: Path, process: str | None = None) -> FabricationPackage:
@@ -55,7 +55,13 @@ def fabricate(design: FootDesign, folder: Path, process: str | None = None) -> F
     )
     draw_parts(folder, design, package.flexes)
     papers.write_documents(
-        folder, design, package.assumed, package.flexes, package.checks, package.tolerances, package.elements
+        folder,
+        design,
+        package.assumed,
+        package.flexes,
+        package.checks,
+        package.tolerances,
+        package.expected_by_net_pair,
     )
     wrong = next((check for check in package.checks if not check.passed), None)
     if wrong is not None:
@@ -112,7 +118,7 @@ def write_parts(design: FootDesign, folder: Path, process: str | None = None) ->
         parts=parts,
         tolerances=tolerances,
         checks=found,
-        elements={
+        expected_by_net_pair={
             pair: expected_capacitance(design, area, assumed.rms_deviations)
             for pair, area in fits.overlaps_mm2(folder, both).items()
         },
@@ -124,10 +130,10 @@ def _write_flex(folder: Path, flex: Flex) -> None:
     folder.mkdir(exist_ok=True)
     layers = {
         "copper": (gerber.COPPER, flex.copper),
-        "coverlay": (gerber.COVERLAY, flex.openings),
+        "coverlay": (gerber.COVERLAY, flex.coverlay_openings),
         "profile": (gerber.PROFILE, flex.profile),
         "stiffener": (gerber.STIFFENER, flex.stiffener),
     }
     for name, (function, shapes) in layers.items():
         (folder / f"{name}.gbr").write_text(gerber.gerber_text(function, flex.name, shapes))
-    (folder / "drill.drl").write_text(gerber.drill_text(flex.name, flex.holes))
+    (folder / "drill.drl").write_text(gerber.drill_text(flex.name, flex.alignment_holes))

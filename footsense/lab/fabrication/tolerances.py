@@ -28,25 +28,25 @@ class Tolerance:
     Attributes:
         name: What it is.
         nominal: Its designed value.
-        limit: Largest deviation to either side.
+        max_deviation: Largest deviation to either side.
         unit: Unit of both.
-        used: How much of the assumed quantity the limit uses up, in the unit of `allowed`.
-        allowed: Largest deviation that the design assumed.
-        assumed: What was assumed, for people.
+        used_of_assumed: How much of the assumed quantity the limit uses up, in the unit of `max_assumed_deviation`.
+        max_assumed_deviation: Largest deviation that the design assumed.
+        assumed_text: What was assumed, for people.
     """
 
     name: str
     nominal: float
-    limit: float
+    max_deviation: float
     unit: str
-    used: float
-    allowed: float
-    assumed: str
+    used_of_assumed: float
+    max_assumed_deviation: float
+    assumed_text: str
 
     @property
     def is_within_assumed(self) -> bool:
         """Whether the tolerance is no wider than the design assumed."""
-        return self.used <= self.allowed * (1.0 + 1e-9)
+        return self.used_of_assumed <= self.max_assumed_deviation * (1.0 + 1e-9)
 
 
 def etch_deviation_rel(electrode_mm: float) -> float:
@@ -121,11 +121,11 @@ def drawing_tolerances(design: FootDesign, assumed: FootTolerances) -> list[Tole
         Tolerance(
             name=name,
             nominal=nominal,
-            limit=round(limit, 2),
+            max_deviation=round(limit, 2),
             unit=unit,
-            used=used,
-            allowed=allowed,
-            assumed=text or (common if name != "hardness" else f"{common}, with size and offset"),
+            used_of_assumed=used,
+            max_assumed_deviation=allowed,
+            assumed_text=text or (common if name != "hardness" else f"{common}, with size and offset"),
         )
         for name, nominal, limit, unit, used, allowed, text in rows
     ]

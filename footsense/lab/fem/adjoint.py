@@ -37,15 +37,16 @@ class AdjointField:
         parity: The class.
         normal: Inward unit normals of the samples [1], shape (n, 3); the sample is at -R normal.
         weight_mm2: Area that each sample stands for [mm2], shape (n,).
-        influence: Mean closure of each face per unit force there [um/N], shape (n, faces, 3).
-        compliance: Mean closure of each face under a unit force spread over another [um/N], shape (faces, faces).
+        influence_um_per_n: Mean closure of each face per unit force there [um/N], shape (n, faces, 3).
+        compliance_um_per_n: Mean closure of each face under a unit force spread over another [um/N], shape (faces,
+            faces).
     """
 
     parity: Parity
     normal: Vector
     weight_mm2: Vector
-    influence: Vector
-    compliance: Vector
+    influence_um_per_n: Vector
+    compliance_um_per_n: Vector
 
 
 def solve_adjoint_fields(quarter: QuarterFoot) -> AdjointField:
@@ -90,6 +91,6 @@ def solve_functional_fields(
         parity=quarter.parity,
         normal=-normalized(radial),
         weight_mm2=area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights)),
-        influence=np.stack(influence, axis=1) * scale,
-        compliance=np.stack(compliance) * scale,
+        influence_um_per_n=np.stack(influence, axis=1) * scale,
+        compliance_um_per_n=np.stack(compliance) * scale,
     )

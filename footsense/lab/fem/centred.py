@@ -19,7 +19,7 @@ from footsense.lab.response import fit_series, mean_over_patch
 #: Elements of which a part lies in the quarter: corner, the one on the x axis, the one on the y axis, middle.
 _QUARTER_ELEMENTS = (0, 1, 3, 4)
 #: Which of them each of the nine is the image of.
-_QUARTER_ELEMENT_OF = np.array([0, 1, 0, 2, 3, 2, 0, 1, 0])
+_MIRROR_IMAGE_OF_ELEMENT = np.array([0, 1, 0, 2, 3, 2, 0, 1, 0])
 #: Sign under x -> -x of each of the nine, 0 on the mirror plane.
 _X_MIRROR_SIGN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
 
@@ -30,11 +30,11 @@ class CentredClosures:
 
     Attributes:
         closure_um: Mean closure of each element [um], shape (loads, 9).
-        unknowns: Unknowns of one class.
+        n_unknowns: Unknowns of one class.
     """
 
     closure_um: Vector
-    unknowns: int
+    n_unknowns: int
 
 
 def solve_centred_closures(
@@ -68,5 +68,5 @@ def solve_centred_closures(
         part = (per_newton.reshape(len(force), len(_QUARTER_ELEMENTS), 3) * force[:, None]).sum(axis=2)
         sign = np.ones(9) if parity.x > 0 else _X_MIRROR_SIGN
         # The quarter's form is a quarter of the foot's, so its field is four times the foot's.
-        total += part[:, _QUARTER_ELEMENT_OF] * sign / 4.0
+        total += part[:, _MIRROR_IMAGE_OF_ELEMENT] * sign / 4.0
     return CentredClosures(total, quarter.n_unknowns)

@@ -29,21 +29,21 @@ def _shear_and_volume(material: Material, u: Any, *, finite_strain: bool) -> tup
         gradient = ng.Id(3) + ng.Grad(u)
         volume = ng.Det(gradient)
         squares = ng.InnerProduct(gradient, gradient) - 3.0 - 2.0 * ng.log(volume)
-        return 0.5 * material.shear_mpa * squares, volume - 1.0
+        return 0.5 * material.shear_modulus_mpa * squares, volume - 1.0
     strain = 0.5 * (ng.Grad(u) + ng.Grad(u).trans)
-    return material.shear_mpa * ng.InnerProduct(strain, strain), ng.div(u)
+    return material.shear_modulus_mpa * ng.InnerProduct(strain, strain), ng.div(u)
 
 
 def strain_energy(material: Material, u: Any, *, finite_strain: bool = False) -> Any:
     """Return the strain energy density [MPa] of a displacement u [mm]; for Poisson's ratios well below 1/2."""
     shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
-    return shear + 0.5 * material.lame_mpa * growth**2
+    return shear + 0.5 * material.lame_lambda_mpa * growth**2
 
 
 def mixed_strain_energy(material: Material, u: Any, p: Any, *, finite_strain: bool = False) -> Any:
     """Return the energy density [MPa] of displacement u [mm] and pressure p [MPa] (mixed form, saddle point in p)."""
     shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
-    return shear + p * growth - p**2 / (2.0 * material.lame_mpa)
+    return shear + p * growth - p**2 / (2.0 * material.lame_lambda_mpa)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class BondedLayer:
 
     def traction(self, jump: Any) -> Any:
         """Return the traction [MPa] of a displacement jump u_ground - u_leg [mm] across the layer."""
-        shear, confined = self.material.shear_mpa, self.material.confined_mpa
+        shear, confined = self.material.shear_modulus_mpa, self.material.confined_modulus_mpa
         across = (shear, shear, confined)
         return ng.CF(tuple(across[k] / self.thickness_mm * jump[k] for k in range(3)))
 

@@ -69,7 +69,13 @@ RELEASED_MESH = MeshSize()
 COARSE_MESH = MeshSize(edge_layer_rel=0.15, bar_mm=0.67, order=2)
 #: Reference of SHIPPED: elements half as large at the bars, smaller elsewhere, and one layer more.
 FINEST_MESH = MeshSize(
-    ball_mm=4.0, plate_mm=1.5, surface_mm=2.5, bar_mm=0.25, grading=0.5, edge_layers=2, edge_layer_rel=0.12
+    ball_mm=4.0,
+    plate_mm=1.5,
+    surface_mm=2.5,
+    bar_mm=0.25,
+    grading=0.5,
+    edge_layers=2,
+    edge_layer_rel=0.12,
 )
 
 
@@ -201,7 +207,11 @@ def build_mesh(design: FootDesign, size: MeshSize) -> Any:
     parameters = MeshingParameters(maxh=size.ball_mm, grading=size.grading)
     try:
         return curved_mesh(
-            shape, parameters, size.order, edge_layers=size.edge_layers, edge_layer_rel=size.edge_layer_rel
+            shape,
+            parameters,
+            size.order,
+            edge_layers=size.edge_layers,
+            edge_layer_rel=size.edge_layer_rel,
         )
     except ModelError as error:
         raise ModelError(f"{error}; check {size} and the sizes of {design}") from error

@@ -71,7 +71,7 @@ def cavity_strip_closure_um(design: FootDesign, *, solid: bool) -> float:
         strain_energy(design.pdms, u) * ng.dx("pdms") + strain_energy(design.rubber, u) * ng.dx("rubber")
     )
     if not solid:  # the jump is twice the displacement of one side
-        form += 2.0 * design.pdms.confined_mpa / design.spacer_mm * u[1] * v[1] * ng.ds("bar")
+        form += 2.0 * design.pdms.confined_modulus_mpa / design.spacer_mm * u[1] * v[1] * ng.ds("bar")
     load = ng.LinearForm(-_UNIFORM_PRESSURE_MPA * v[1] * ng.ds("pressed")).Assemble()
     form.Assemble()
     moved = ng.GridFunction(space)

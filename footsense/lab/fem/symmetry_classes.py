@@ -71,7 +71,7 @@ def single_cell_series(classes: dict[Parity, Vector], degree: int) -> Vector:
     return single
 
 
-def add_compliance(classes: dict[Parity, Vector]) -> Vector:
+def whole_foot_compliance(classes: dict[Parity, Vector]) -> Vector:
     """Return the compliance from cells of the quarter to all cells, summed over the classes, shape (9, 9, 18, 18).
 
     Args:

@@ -43,14 +43,15 @@ class Imperfection:
         sheet_offset_mm: Centre of the sheet from the axis of the balls, along x and y [mm].
         glue_wedge_mm: Thickness of the glue, as soft as the plate, under the front edge of the ground-side plate [mm];
             none under the rear edge. It stiffens the plate by the cube of the thickness.
-        bubble_mm: Centre x, y, z of a void in the ground-side ball, and its radius [mm]; radius 0 for none.
-        bonded_rel: Share of its width over which the bar between front and middle row is bonded [1].
+        bubble_centre_and_radius_mm: Centre x, y, z of a void in the ground-side ball, and its radius [mm]; radius 0
+            for none.
+        bonded_width_share: Share of its width over which the bar between front and middle row is bonded [1].
     """
 
     sheet_offset_mm: tuple[float, float] = (0.0, 0.0)
     glue_wedge_mm: float = 0.0
-    bubble_mm: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    bonded_rel: float = 1.0
+    bubble_centre_and_radius_mm: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    bonded_width_share: float = 1.0
 
 
 #: Put together as designed.
@@ -69,7 +70,7 @@ def _mesh(design: FootDesign, size: MeshSize, imperfection: Imperfection) -> Any
     for side, up in BODY_SIDES:
         ball = hemisphere(design, side, up * design.plate_mm, quarter=False)
         ball = ball.Move(occ.Vec(-offset_x, -offset_y, 0.0))
-        if side == "ground" and imperfection.bubble_mm[3] > 0.0:
+        if side == "ground" and imperfection.bubble_centre_and_radius_mm[3] > 0.0:
             ball = _cut_bubble(design, imperfection, ball)
         level_mm = (min(0.0, up * design.plate_mm), max(0.0, up * design.plate_mm))
         solids += [ball, plate(f"pdms_{side}", (-half, -half), half, level_mm, size.plate_mm)]
@@ -93,7 +94,11 @@ def _mesh(design: FootDesign, size: MeshSize, imperfection: Imperfection) -> Any
             edge.maxh, edge.hpref = size.bar_mm, 1
     parameters = MeshingParameters(maxh=size.ball_mm, grading=size.grading)
     return curved_mesh(
-        shape, parameters, size.order, edge_layers=size.edge_layers, edge_layer_rel=size.edge_layer_rel
+        shape,
+        parameters,
+        size.order,
+        edge_layers=size.edge_layers,
+        edge_layer_rel=size.edge_layer_rel,
     )
 
 
@@ -103,7 +108,7 @@ def _cut_bubble(design: FootDesign, imperfection: Imperfection, ball: Any) -> An
     Raises:
         ModelError: The bubble is not inside the ball.
     """
-    *centre_mm, radius_mm = imperfection.bubble_mm
+    *centre_mm, radius_mm = imperfection.bubble_centre_and_radius_mm
     from_centre = np.add(centre_mm, (*imperfection.sheet_offset_mm, design.plate_mm))
     if not (radius_mm < -from_centre[2] and np.linalg.norm(from_centre) + radius_mm < design.ball_radius_mm):
         raise ModelError(
@@ -141,7 +146,7 @@ def solve_whole_foot(
     inner, outer = design.half_axis_bar_spans_mm[-1]
     in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
     layer = BondedLayer(design.pdms, design.spacer_mm)
-    bonded = 1.0 - (1.0 - imperfection.bonded_rel) * in_bar
+    bonded = 1.0 - (1.0 - imperfection.bonded_width_share) * in_bar
     form += bonded * layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(layer.face_name)
     points = mesh.MapToAllElements(
         ng.IntegrationRule(ng.TRIG, SURFACE_QUADRATURE_ORDER), mesh.Boundaries("curved_ground")

@@ -13,7 +13,9 @@ from footsense.lab.evaluation.evaluate import ForceEstimator, rms
 from footsense.lab.fidelity.levels import FidelityLevel, LevelResponse
 
 
-def time_level(level: FidelityLevel, loads: ContactLoads, repeats: int = 1) -> tuple[LevelResponse, float]:
+def run_and_time_level(
+    level: FidelityLevel, loads: ContactLoads, repeats: int = 1
+) -> tuple[LevelResponse, float]:
     """Return a fidelity level's response to given loads, and its shortest computing time of several runs [s]."""
     taken_s = []
     for _ in range(repeats):
@@ -43,18 +45,18 @@ class FidelityError:
 
     Attributes:
         closure_difference_rms_rel: Difference of the closures, rms over rms of the reference [1].
-        closure_max_um: The largest difference of a closure [um].
-        capacitance_rms_rel: Difference of the capacitance changes, rms over rms of the reference [1].
-        capacitance_max_pf: The largest difference of a capacitance [pF].
+        closure_difference_max_um: The largest difference of a closure [um].
+        capacitance_difference_rms_rel: Difference of the capacitance changes, rms over rms of the reference [1].
+        capacitance_difference_max_pf: The largest difference of a capacitance [pF].
         direction_difference_deg: Mean angle between the forces that the network reads from both [deg].
         magnitude_difference_gf: Mean difference of their magnitudes [gf].
         n: Loads.
     """
 
     closure_difference_rms_rel: float
-    closure_max_um: float
-    capacitance_rms_rel: float
-    capacitance_max_pf: float
+    closure_difference_max_um: float
+    capacitance_difference_rms_rel: float
+    capacitance_difference_max_pf: float
     direction_difference_deg: float
     magnitude_difference_gf: float
     n: int
@@ -79,9 +81,9 @@ def fidelity_error(
     )
     return FidelityError(
         closure_difference_rms_rel=rms(closure_um) / rms(finest.closure_um),
-        closure_max_um=float(np.abs(closure_um).max()),
-        capacitance_rms_rel=rms(capacitance_pf) / rms(change_pf),
-        capacitance_max_pf=float(np.abs(capacitance_pf).max()),
+        closure_difference_max_um=float(np.abs(closure_um).max()),
+        capacitance_difference_rms_rel=rms(capacitance_pf) / rms(change_pf),
+        capacitance_difference_max_pf=float(np.abs(capacitance_pf).max()),
         direction_difference_deg=read.direction_deg,
         magnitude_difference_gf=read.magnitude_gf,
         n=len(closure_um),

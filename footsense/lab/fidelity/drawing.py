@@ -31,7 +31,7 @@ def error_over_time_figure(
         at = (seconds[name] * n, 100.0 * apart.closure_difference_rms_rel)
         axes.plot(*at, "o", color=f"C{place}", ms=9)
         axes.annotate(name, at, xytext=(0, 9), textcoords="offset points", ha="center")
-    at = (forward.forward_s * n, 100.0 * distances["linear"].closure_difference_rms_rel)
+    at = (forward.forward_solve_s_per_load * n, 100.0 * distances["linear"].closure_difference_rms_rel)
     axes.plot(*at, "D", color="0.5", ms=8)
     axes.annotate("linear, one solve per load", at, xytext=(0, 9), textcoords="offset points", ha="right")
     axes.axvline(seconds[finest] * n, color="k", ls="--")

@@ -20,27 +20,27 @@ class ForwardAgainstTable:
     """Times and differences of one solve per load against the table of adjoint solves.
 
     Attributes:
-        factorise_s: Mesh and three factorisations, which both need [s].
-        forward_s: One load by four solves [s].
-        adjoint_s: One adjoint solve, of which a table takes one per cell of the quarter and class [s].
-        table_s: One load by the table, many at once [s].
+        mesh_and_factorise_s: Mesh and three factorisations, which both need [s].
+        forward_solve_s_per_load: One load by four solves [s].
+        adjoint_solve_s: One adjoint solve, of which a table takes one per cell of the quarter and class [s].
+        table_s_per_load: One load by the table, many at once [s].
         closure_difference_rms_rel: Difference of the closures of cells, rms over rms [1].
-        closure_max_um: The largest difference of an element's closure [um].
+        closure_difference_max_um: The largest difference of an element's closure [um].
         n: Loads that were solved.
     """
 
-    factorise_s: float
-    forward_s: float
-    adjoint_s: float
-    table_s: float
+    mesh_and_factorise_s: float
+    forward_solve_s_per_load: float
+    adjoint_solve_s: float
+    table_s_per_load: float
     closure_difference_rms_rel: float
-    closure_max_um: float
+    closure_difference_max_um: float
     n: int
 
     @property
     def forward_over_table_time(self) -> float:
         """Time of one solve over the time of one table look-up [1]."""
-        return self.forward_s / self.table_s
+        return self.forward_solve_s_per_load / self.table_s_per_load
 
 
 def forward_against_table(
@@ -72,11 +72,11 @@ def forward_against_table(
     difference = solved - tabled[some]
     by_element = difference.reshape(n, 9, -1).mean(axis=-1)
     return ForwardAgainstTable(
-        factorise_s=factorise_s,
-        forward_s=forward_s,
-        adjoint_s=adjoint_s,
-        table_s=table_s,
+        mesh_and_factorise_s=factorise_s,
+        forward_solve_s_per_load=forward_s,
+        adjoint_solve_s=adjoint_s,
+        table_s_per_load=table_s,
         closure_difference_rms_rel=rms(difference) / rms(tabled[some]),
-        closure_max_um=float(np.abs(by_element).max()),
+        closure_difference_max_um=float(np.abs(by_element).max()),
         n=n,
     )

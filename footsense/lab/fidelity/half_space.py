@@ -57,7 +57,7 @@ class HalfSpace:
         self._point_mm = np.stack([x_mm, y_mm, np.zeros_like(x_mm)], axis=-1)
         self._area_mm2 = (weight[:, :, None, 0] * weight[:, None, :, 1]).reshape(len(centres), -1)
         opening_mm = cavity_closure_length_mm(design.pitch_mm, design.pitch_mm - design.electrode_mm)
-        self._um_per_mpa = UM_PER_MM * opening_mm / design.rubber.hertz_mpa
+        self._um_per_mpa = UM_PER_MM * opening_mm / design.rubber.plane_strain_modulus_mpa
 
     def pressure_mpa(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the mean pressure on each element [MPa], shape (n, 9).

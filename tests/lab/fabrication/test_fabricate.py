@@ -49,7 +49,7 @@ def test_the_files_of_the_released_foot_pass_every_check(package: FabricationPac
     assert all(check.passed for check in package.checks)
     assert all(tolerance.is_within_assumed for tolerance in package.tolerances)
     # Plates of 5.387 pF, as the daemon assumes, and the fringe field beside them.
-    element = package.elements["row1", "col1"]
+    element = package.expected_by_net_pair["row1", "col1"]
     assert element.plate_formula_pf == pytest.approx(FOOT_DESIGN.capacitor.unloaded_pf, rel=1e-4)
     assert element.min_unloaded_pf < element.plate_formula_pf + element.fringe_pf < element.max_unloaded_pf
 
@@ -67,12 +67,15 @@ def test_the_command_gives_the_same_bytes(package: FabricationPackage, folder: P
 
 def test_a_foot_with_its_fringe_field_reads_as_expected(package: FabricationPackage) -> None:
     foot = Foot(FootResponse.load(RELEASED / "response.npz"), Deviations(fringe=True))
-    readings = [element.unloaded_pf for element in package.elements.values()]
+    readings = [element.unloaded_pf for element in package.expected_by_net_pair.values()]
     assert readings == pytest.approx(foot.unloaded_pf, rel=1e-3)
 
 
 def test_most_fabricated_elements_read_within_the_limits(package: FabricationPackage) -> None:
-    response, element = FootResponse.load(RELEASED / "response.npz"), package.elements["row1", "col1"]
+    response, element = (
+        FootResponse.load(RELEASED / "response.npz"),
+        package.expected_by_net_pair["row1", "col1"],
+    )
     own = [
         replace_deviations(sim_fabricate(response, ASSUMED.rms_deviations, 1, foot), fringe=True)
         for foot in range(60)
@@ -92,7 +95,7 @@ def test_probe_finds_no_fault_with_the_lines_of_the_checklist(
     scene.write_text("description: as made\nload: {kind: unloaded}\neffects: {fringe: true}\n")
     result = CliRunner().invoke(probe, ["--config", str(robot), "--scene", str(scene), "--json"])
     assert result.exit_code == 0, result.output
-    expected = [element.unloaded_pf for element in package.elements.values()]
+    expected = [element.unloaded_pf for element in package.expected_by_net_pair.values()]
     assert json.loads(result.output)["legs"]["lf"]["unloaded_pf"] == pytest.approx(expected, abs=0.002)
 
 
@@ -179,12 +182,12 @@ def test_the_flexes_face_each_other_with_their_tails_to_the_left_and_forward(
     rows, columns = package.flexes
     # From above, copper that faces up is seen as it is; copper that faces down is mirrored.
     for flex, seen in ((rows, 1.0), (columns, -1.0)):
-        (a, d), (b, e) = flex.to_foot((1.0, 0.0)), flex.to_foot((0.0, 1.0))
+        (a, d), (b, e) = flex.artwork_to_foot((1.0, 0.0)), flex.artwork_to_foot((0.0, 1.0))
         assert a * e - b * d == seen
-    assert rows.to_foot((1.0, 0.0)) == (0.0, 1.0)
-    assert columns.to_foot((1.0, 0.0)) == (1.0, 0.0)
-    assert rows.to_foot((0.0, rows.line_v_mm[0]))[0] == ARRAY.row_x_mm[0]
-    assert columns.to_foot((0.0, columns.line_v_mm[0]))[1] == ARRAY.column_y_mm[0]
+    assert rows.artwork_to_foot((1.0, 0.0)) == (0.0, 1.0)
+    assert columns.artwork_to_foot((1.0, 0.0)) == (1.0, 0.0)
+    assert rows.artwork_to_foot((0.0, rows.line_v_mm[0]))[0] == ARRAY.row_x_mm[0]
+    assert columns.artwork_to_foot((0.0, columns.line_v_mm[0]))[1] == ARRAY.column_y_mm[0]
 
 
 @pytest.mark.parametrize("radius_mm", [12.0, 20.0, 40.0])
@@ -210,7 +213,7 @@ def test_any_array_is_routed(tmp_path: Path, rows: int, columns: int) -> None:
         files = {"copper": (gerber.COPPER, flex.copper), "profile": (gerber.PROFILE, flex.profile)}
         for name, (function, shapes) in files.items():
             (tmp_path / flex.name / f"{name}.gbr").write_text(gerber.gerber_text(function, "", shapes))
-        (tmp_path / flex.name / "drill.drl").write_text(gerber.drill_text("", flex.holes))
+        (tmp_path / flex.name / "drill.drl").write_text(gerber.drill_text("", flex.alignment_holes))
         assert [check for check in checks.check_flex_files(tmp_path, flex) if not check.passed] == []
     assert [c for c in fits.check_overlaps(tmp_path, flexes(array, 10.0)) if not c.passed] == []
 

@@ -44,7 +44,7 @@ def test_a_light_load_is_hertz_on_the_linear_foot() -> None:
     linear = FootContactModel(
         FOOT_DESIGN, mesh_size=fine, finite_strain=False, floor="hertz", gaps="open"
     ).solve(UP, force)
-    a_mm = np.cbrt(0.75 * force[2] * FOOT_DESIGN.ball_radius_mm / FOOT_DESIGN.rubber.hertz_mpa)
+    a_mm = np.cbrt(0.75 * force[2] * FOOT_DESIGN.ball_radius_mm / FOOT_DESIGN.rubber.plane_strain_modulus_mpa)
     assert solved.patch.radius_mm == pytest.approx(a_mm, rel=0.04)
     assert solved.patch.peak_pressure_mpa == pytest.approx(1.5 * force[2] / (np.pi * a_mm**2), rel=0.05)
     assert 1.0 < solved.patch.approach_mm / (a_mm**2 / FOOT_DESIGN.ball_radius_mm) < 1.1
@@ -64,7 +64,10 @@ def test_the_spacer_carries_the_prescribed_force() -> None:
     Equilibrium(body, form, 0.5).solve(1e-6)
     jump = body.ground_displacement_mm - body.leg_displacement_mm
     pdms = FOOT_DESIGN.pdms
-    across = np.array([pdms.shear_mpa, pdms.shear_mpa, pdms.confined_mpa]) / FOOT_DESIGN.spacer_mm
+    across = (
+        np.array([pdms.shear_modulus_mpa, pdms.shear_modulus_mpa, pdms.confined_modulus_mpa])
+        / FOOT_DESIGN.spacer_mm
+    )
     carried = [across[k] * ng.Integrate(jump[k] * ng.ds("bars"), mesh) / case.meshed_share for k in (0, 2)]
     np.testing.assert_allclose(carried, force[[0, 2]], atol=1e-5 * 0.5)
     samples_um = sampled_closure_um(
@@ -90,12 +93,12 @@ def test_a_homogeneous_stretch_is_exact(material: Material) -> None:
     affine = ng.CF(tuple((stretch - np.eye(3)).ravel()), dims=(3, 3)) * ng.CF((ng.x, ng.y, ng.z))
     state = ng.GridFunction(space)
     state.components[0].Set(affine)
-    state.components[1].Set(material.lame_mpa * (np.linalg.det(stretch) - 1.0))
+    state.components[1].Set(material.lame_lambda_mpa * (np.linalg.det(stretch) - 1.0))
 
     def stored_mpa(gradient: np.ndarray) -> float:
         volume = np.linalg.det(gradient)
-        shear = 0.5 * material.shear_mpa * ((gradient**2).sum() - 3.0 - 2.0 * np.log(volume))
-        return float(shear + 0.5 * material.lame_mpa * (volume - 1.0) ** 2)
+        shear = 0.5 * material.shear_modulus_mpa * ((gradient**2).sum() - 3.0 - 2.0 * np.log(volume))
+        return float(shear + 0.5 * material.lame_lambda_mpa * (volume - 1.0) ** 2)
 
     direction = np.array([[0.3, -0.1, 0.2], [0.4, 0.1, 0.0], [0.0, 0.5, -0.2]])
     slope = (stored_mpa(stretch + 1e-5 * direction) - stored_mpa(stretch - 1e-5 * direction)) / 2e-5

@@ -76,7 +76,7 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
 def test_the_film_does_not_lock() -> None:
     """A confined layer under rigid plates closes by t f / (M A); that the plates bend may change it by a tenth."""
     film = GelLayerDesign(layer_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, 0.49))
-    rigid_um = 1000.0 * film.layer_mm / (film.gel.confined_mpa * FOOT_DESIGN.sheet_mm**2)
+    rigid_um = 1000.0 * film.layer_mm / (film.gel.confined_modulus_mpa * FOOT_DESIGN.sheet_mm**2)
     assert upright_closure_um(FOOT_DESIGN, FILM_SIZE, [film])[0] == pytest.approx(rigid_um, rel=0.1)
 
 

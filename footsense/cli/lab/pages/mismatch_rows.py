@@ -53,12 +53,14 @@ MISMATCH_ROWS = {
     "turn": MismatchRow(title="sheet turned by 3 deg", disturbance=Disturbance(sheet_rotation_deg=3.0)),
     "wedge": _assembly_row("wedge of glue, 0 to 0.1 mm", Imperfection(glue_wedge_mm=0.1)),
     "bubble": _assembly_row(
-        "bubble of 1.5 mm in the rubber", Imperfection(bubble_mm=(2.5, -1.5, -2.0, 0.75)), represented=False
+        "bubble of 1.5 mm in the rubber",
+        Imperfection(bubble_centre_and_radius_mm=(2.5, -1.5, -2.0, 0.75)),
+        represented=False,
     ),
     "bar": _assembly_row(
-        "one bar bonded over half its width", Imperfection(bonded_rel=0.5), represented=False
+        "one bar bonded over half its width", Imperfection(bonded_width_share=0.5), represented=False
     ),
-    "bar-open": _assembly_row("one bar not bonded", Imperfection(bonded_rel=0.01), represented=False),
+    "bar-open": _assembly_row("one bar not bonded", Imperfection(bonded_width_share=0.01), represented=False),
     "worn": MismatchRow(
         title="ball worn flat by 0.3 mm",
         disturbance=Disturbance(worn_cap_height_mm=0.3),

@@ -224,7 +224,7 @@ class ShapeLibrary:
             foot_type=design.foot_type,
             design=design.capacitor,
             ball_radius_mm=design.ball_radius_mm,
-            hertz_modulus_mpa=design.rubber.hertz_mpa,
+            hertz_modulus_mpa=design.rubber.plane_strain_modulus_mpa,
             min_elevation_deg=MIN_ELEVATION_DEG,
             fit_elevation_deg=MIN_FITTED_ELEVATION_DEG,
             degree=_SERIES_DEGREE,

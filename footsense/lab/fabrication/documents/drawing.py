@@ -108,7 +108,7 @@ def _draw_assembly(
     )
     _draw_layer_stack(page, design)
     rows = [["dimension", "nominal and limit", "the design assumed"]]
-    rows += [[t.name, f"{t.nominal:g} +-{t.limit:g} {t.unit}", t.assumed] for t in tolerances]
+    rows += [[t.name, f"{t.nominal:g} +-{t.max_deviation:g} {t.unit}", t.assumed_text] for t in tolerances]
     page.write_table((215.0, 140.0), (58.0, 42.0, 90.0), rows)
     return page
 
@@ -224,10 +224,8 @@ def _draw_flexes_and_sheets(
         outline = read_outline(folder / flex.name / "profile.gbr")
         low_x, low_y, high_x, high_y = outline.bounds
         scale = largest_scale((high_x - low_x, high_y - low_y), (195.0, 76.0))
-        side = "up, tail to the left" if flex.kind == "row" else "down, tail forward"
-        title = (
-            f"{flex.kind.capitalize()} flex from its copper side, *; in the foot: copper {side} of the foot"
-        )
+        side = "up, tail to the left" if flex.line_kind == "row" else "down, tail forward"
+        title = f"{flex.line_kind.capitalize()} flex from its copper side, *; in the foot: copper {side} of the foot"
         view = page.add_view((118.0, height), scale, outline.bounds, title, 26.0)
         _draw_flex(view, folder, flex, outline)
     array = ElementArray.from_design(design)

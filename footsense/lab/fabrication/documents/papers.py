@@ -49,7 +49,7 @@ def write_documents(
         "dimensions": dimensions,
         "flexes": flexes,
         "GUARD_NET": GUARD_NET,
-        "contacts": {flex.kind: connector_contacts(flex) for flex in flexes},
+        "contacts": {flex.line_kind: connector_contacts(flex) for flex in flexes},
         "checks": checks,
         "tolerances": tolerances,
         "elements": list(elements.items()),
@@ -107,7 +107,7 @@ def bill_of_materials(
         plug = f"zero insertion force, pitch {dimensions.CONNECTOR_CONTACT_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
         rows += [
             (1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"),
-            (1, "piece", f"connector of the {flex.kind}s", plug, ""),
+            (1, "piece", f"connector of the {flex.line_kind}s", plug, ""),
         ]
     return rows
 
@@ -141,7 +141,7 @@ def connector_contacts(flex: Flex) -> list[dict[str, str]]:
         k = number // 2 - 1
         if number % 2:
             row = {"net": GUARD_NET, "fdc1004": "SHLD", "ad7746": "GND"}
-        elif flex.kind == "row":
+        elif flex.line_kind == "row":
             pair = f"S{k + 1} (to GND), S{lines + k + 1} (to SHLD)"
             other = f"S{k + 1} (to EXCA), S{lines + k + 1} (to GND)"
             row = {"net": flex.nets[k], "fdc1004": f"ADG715 0x49: {pair}", "ad7746": f"ADG715 0x49: {other}"}

@@ -92,7 +92,7 @@ def _flex_polygons(folder: Path, flex: Flex, *, upwards: bool) -> list[tuple[Vec
         shown += [(shape.area, _COPPER) for shape in read_layer(folder / flex.name / "copper.gbr")]
     end = 1.9 * flex.ball_radius_mm
     return [
-        (np.array([flex.to_foot((min(u, end), v)) for u, v in area.exterior.coords]), colour)
+        (np.array([flex.artwork_to_foot((min(u, end), v)) for u, v in area.exterior.coords]), colour)
         for area, colour in shown
     ]
 

@@ -16,7 +16,7 @@ from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 
-Kind = Literal["row", "column"]
+LineKind = Literal["row", "column"]
 #: Reference of the contacts in the Gerber files.
 CONNECTOR = "J1"
 #: Net of the guard traces between the lines, by flex: both are the shield driver of the converter board.
@@ -28,14 +28,14 @@ class Flex:
     """One of the two flexible circuits, carrying the row or the column electrodes.
 
     Attributes:
-        kind: Whether its lines are rows or columns.
+        line_kind: Whether its lines are rows or columns.
         line_v_mm: v of each line [mm], the first line lowest.
         element_u_mm: u of the elements along a line [mm], the nearest to the tail first.
         array: The array.
         ball_radius_mm: Radius of the hemispheres [mm].
     """
 
-    kind: Kind
+    line_kind: LineKind
     line_v_mm: tuple[float, ...]
     element_u_mm: tuple[float, ...]
     array: ElementArray
@@ -44,17 +44,17 @@ class Flex:
     @property
     def name(self) -> str:
         """Name of the flex, also that of its files."""
-        return f"{self.kind}-flex"
+        return f"{self.line_kind}-flex"
 
     @property
     def nets(self) -> list[str]:
         """Net name of each row or column: row1, row2, ... or col1, col2, ..."""
-        return [f"{self.kind[:3]}{k + 1}" for k in range(len(self.line_v_mm))]
+        return [f"{self.line_kind[:3]}{k + 1}" for k in range(len(self.line_v_mm))]
 
     @property
-    def to_foot(self) -> Callable[[Point], Point]:
+    def artwork_to_foot(self) -> Callable[[Point], Point]:
         """Function that converts artwork coordinates (u, v) to foot coordinates (x, y) [mm]."""
-        if self.kind == "row":
+        if self.line_kind == "row":
             return lambda point: (-point[1], point[0])
         return lambda point: (point[0], -point[1])
 
@@ -96,7 +96,7 @@ class Flex:
         return self.ball_radius_mm + dimensions.TAIL_BEYOND_BALL_MM
 
     @property
-    def holes(self) -> list[tuple[Point, float]]:
+    def alignment_holes(self) -> list[tuple[Point, float]]:
         """Centre and diameter [mm] of the alignment holes, on the sides of the foot that have no tail."""
         far = self.ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
         return [
@@ -112,7 +112,7 @@ class Flex:
         contact_u = self.tail_end_mm - dimensions.CONNECTOR_CONTACT_LENGTH_MM / 2.0
         for k, (net, v) in enumerate(zip(self.nets, self.line_v_mm, strict=True)):
             shapes += [
-                Pad(centre=(u, v), size=(side, side), function="Other,Electrode", net=net)
+                Pad(centre_mm=(u, v), size_mm=(side, side), aperture_function="Other,Electrode", net=net)
                 for u in self.element_u_mm
             ]
             w = self.contact_v_mm[2 * k + 1]
@@ -122,17 +122,17 @@ class Flex:
                 (self.trace_fan_start_mm + self.trace_fan_length_mm, w),
                 (contact_u, w),
             ]
-            shapes.append(Trace(points=way, width_mm=width, function="Conductor", net=net))
+            shapes.append(Trace(points_mm=way, width_mm=width, aperture_function="Conductor", net=net))
         for number, w in enumerate(self.contact_v_mm, 1):
             net = GUARD_NET if number % 2 else self.nets[number // 2 - 1]
             if number % 2:
                 way = [(self.tail_start_mm, w), (contact_u, w)]
-                shapes.append(Trace(points=way, width_mm=width, function="Conductor", net=net))
+                shapes.append(Trace(points_mm=way, width_mm=width, aperture_function="Conductor", net=net))
             shapes.append(
                 Pad(
-                    centre=(contact_u, w),
-                    size=(dimensions.CONNECTOR_CONTACT_LENGTH_MM, dimensions.CONNECTOR_CONTACT_WIDTH_MM),
-                    function="ConnectorPad",
+                    centre_mm=(contact_u, w),
+                    size_mm=(dimensions.CONNECTOR_CONTACT_LENGTH_MM, dimensions.CONNECTOR_CONTACT_WIDTH_MM),
+                    aperture_function="ConnectorPad",
                     net=net,
                     pin=f"{CONNECTOR},{number}",
                 )
@@ -140,13 +140,17 @@ class Flex:
         return shapes
 
     @property
-    def openings(self) -> list[Pad | Trace]:
+    def coverlay_openings(self) -> list[Pad | Trace]:
         """Openings of the coverlay: the whole sheet area (bare electrodes) and the contacts."""
         sheet, contacts = 2.0 * self.polymer_half_side_mm, 2.0 * self.tail_half_width_mm
         bare = dimensions.CONNECTOR_CONTACT_LENGTH_MM
         return [
-            Pad(centre=(0.0, 0.0), size=(sheet, sheet), function="Material"),
-            Pad(centre=(self.tail_end_mm - bare / 2.0, 0.0), size=(bare, contacts), function="Material"),
+            Pad(centre_mm=(0.0, 0.0), size_mm=(sheet, sheet), aperture_function="Material"),
+            Pad(
+                centre_mm=(self.tail_end_mm - bare / 2.0, 0.0),
+                size_mm=(bare, contacts),
+                aperture_function="Material",
+            ),
         ]
 
     @property
@@ -154,7 +158,9 @@ class Flex:
         """The stiffener under the contacts, on the side without copper."""
         length = dimensions.STIFFENER_LENGTH_MM
         size = (length, 2.0 * self.tail_half_width_mm)
-        return [Pad(centre=(self.tail_end_mm - length / 2.0, 0.0), size=size, function="Material")]
+        return [
+            Pad(centre_mm=(self.tail_end_mm - length / 2.0, 0.0), size_mm=size, aperture_function="Material")
+        ]
 
     @property
     def polymer_half_side_mm(self) -> float:
@@ -169,7 +175,7 @@ class Flex:
             [(half, -half), (self.tail_start_mm, -fan), (self.tail_start_mm, fan), (half, half)]
         )
         tail = shapely.box(half, -fan, self.tail_end_mm, fan)
-        ears = [alignment_ear(half, centre) for centre, _ in self.holes]
+        ears = [alignment_ear(half, centre) for centre, _ in self.alignment_holes]
         whole = shapely.union_all([shapely.box(-half, -half, half, half), neck, tail, *ears])
         radius = dimensions.INNER_CORNER_RADIUS_MM  # inner corners are rounded, so that they do not tear
         return whole.buffer(radius, join_style="mitre").buffer(-radius).buffer(0.0)
@@ -178,7 +184,9 @@ class Flex:
     def profile(self) -> list[Pad | Trace]:
         """Outline of the flex as a closed trace of the Gerber profile layer."""
         points = [(float(u), float(v)) for u, v in self.outline.exterior.coords]
-        return [Trace(points=points, width_mm=dimensions.PROFILE_LINE_WIDTH_MM, function="Profile")]
+        return [
+            Trace(points_mm=points, width_mm=dimensions.PROFILE_LINE_WIDTH_MM, aperture_function="Profile")
+        ]
 
 
 def alignment_ear(half_side_mm: float, hole: Point) -> Any:
@@ -195,14 +203,14 @@ def flexes(array: ElementArray, ball_radius_mm: float) -> tuple[Flex, Flex]:
     rows, columns = array.row_x_mm, array.column_y_mm
     return (
         Flex(
-            kind="row",
+            line_kind="row",
             line_v_mm=tuple(-x for x in rows),
             element_u_mm=columns,
             array=array,
             ball_radius_mm=ball_radius_mm,
         ),
         Flex(
-            kind="column",
+            line_kind="column",
             line_v_mm=tuple(-y for y in columns),
             element_u_mm=rows,
             array=array,

@@ -24,23 +24,23 @@ class Pad:
     """A rectangular pad, flashed in Gerber.
 
     Attributes:
-        centre: Its centre [mm].
-        size: Its sides along u and v [mm].
-        function: Aperture function, such as `Other,Electrode`.
+        centre_mm: Its centre [mm].
+        size_mm: Its sides along u and v [mm].
+        aperture_function: Aperture function, such as `Other,Electrode`.
         net: Name of its net; empty for none.
         pin: Reference and number such as `J1,2`; empty where it is no pin.
     """
 
-    centre: Point
-    size: Point
-    function: str
+    centre_mm: Point
+    size_mm: Point
+    aperture_function: str
     net: str = ""
     pin: str = ""
 
     @property
     def aperture(self) -> str:
         """Gerber aperture template and parameters of the pad."""
-        return f"R,{self.size[0]:.6f}X{self.size[1]:.6f}"
+        return f"R,{self.size_mm[0]:.6f}X{self.size_mm[1]:.6f}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,15 +48,15 @@ class Trace:
     """A polyline trace with round ends.
 
     Attributes:
-        points: Its points [mm], at least two.
+        points_mm: Its points [mm], at least two.
         width_mm: Its width [mm].
-        function: Aperture function, such as `Conductor`.
+        aperture_function: Aperture function, such as `Conductor`.
         net: Name of its net; empty for none.
     """
 
-    points: Sequence[Point]
+    points_mm: Sequence[Point]
     width_mm: float
-    function: str
+    aperture_function: str
     net: str = ""
 
     @property
@@ -88,11 +88,11 @@ def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
     ]
     apertures: dict[tuple[str, str], int] = {}
     for shape in shapes:
-        key = shape.aperture, shape.function
+        key = shape.aperture, shape.aperture_function
         if key not in apertures:
             apertures[key] = 10 + len(apertures)
             lines += [
-                f"%TA.AperFunction,{shape.function}*%",
+                f"%TA.AperFunction,{shape.aperture_function}*%",
                 f"%ADD{apertures[key]}{shape.aperture}*%",
                 "%TD*%",
             ]
@@ -100,10 +100,10 @@ def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
         lines += [f"%TO.N,{shape.net}*%"] if shape.net else []
         if isinstance(shape, Pad):
             lines += [f"%TO.P,{shape.pin}*%"] if shape.pin else []
-            lines.append(f"{_gerber_coordinates(shape.centre)}D03*")
+            lines.append(f"{_gerber_coordinates(shape.centre_mm)}D03*")
         else:
-            lines.append(f"{_gerber_coordinates(shape.points[0])}D02*")
-            lines += [f"{_gerber_coordinates(point)}D01*" for point in shape.points[1:]]
+            lines.append(f"{_gerber_coordinates(shape.points_mm[0])}D02*")
+            lines += [f"{_gerber_coordinates(point)}D01*" for point in shape.points_mm[1:]]
         lines += ["%TD*%"] if shape.net else []
     return "\n".join([*lines, "M02*", ""])
 

@@ -29,13 +29,13 @@ class CopperShape:
 
     Attributes:
         area: A polygon of shapely [mm].
-        function: Its aperture function.
+        aperture_function: Its aperture function.
         net: Its net; empty for none.
         pin: Number of its contact; empty where it is none.
     """
 
     area: Any
-    function: str
+    aperture_function: str
     net: str
     pin: str
 
@@ -49,7 +49,7 @@ def read_layer(path: Path) -> list[CopperShape]:
         shapes.append(
             CopperShape(
                 area=shapely.union_all(parts),
-                function=_attribute_text(aperture, ".AperFunction"),
+                aperture_function=_attribute_text(aperture, ".AperFunction"),
                 net=_attribute_text(attributes, ".N"),
                 pin=_attribute_text(attributes, ".P").partition(",")[2],
             )

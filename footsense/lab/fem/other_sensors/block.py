@@ -30,9 +30,23 @@ from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES, Parity
 from footsense.lab.geometry import FootDesign
 
 #: Mesh of the study; `plate_mm` is that of the block.
-BLOCK_MESH = MeshSize(ball_mm=4.0, plate_mm=0.7, surface_mm=2.5, grading=0.7, edge_layers=0, order=3)
+BLOCK_MESH = MeshSize(
+    ball_mm=4.0,
+    plate_mm=0.7,
+    surface_mm=2.5,
+    grading=0.7,
+    edge_layers=0,
+    order=3,
+)
 #: Mesh of the tests and of `--quick`.
-COARSE_BLOCK_MESH = MeshSize(ball_mm=5.0, plate_mm=1.4, surface_mm=3.0, grading=0.8, edge_layers=0, order=2)
+COARSE_BLOCK_MESH = MeshSize(
+    ball_mm=5.0,
+    plate_mm=1.4,
+    surface_mm=3.0,
+    grading=0.8,
+    edge_layers=0,
+    order=2,
+)
 #: Order by which the quadrature in the block exceeds that of a whole element, for the borders of columns.
 _EXTRA_QUADRATURE_ORDER = 8
 
@@ -86,7 +100,7 @@ def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_MESH) -> Any:
     return curved_mesh(shape, MeshingParameters(maxh=size.ball_mm, grading=size.grading), size.order)
 
 
-class Block(QuarterFoot):
+class QuarterBlock(QuarterFoot):
     """Factorised finite element problem of the foot with the plain block, in one symmetry class.
 
     Attributes:
@@ -116,7 +130,7 @@ class Block(QuarterFoot):
     def stress_functional(self, column: BlockColumn) -> Any:
         """Return the mean normal stress sigma_z [MPa] over a column as a linear functional of the displacement."""
         v, pdms = self.space.TestFunction()[0], self.design.pdms
-        stress_mpa = pdms.lame_mpa * ng.div(v) + 2.0 * pdms.shear_mpa * ng.Grad(v)[2, 2]
+        stress_mpa = pdms.lame_lambda_mpa * ng.div(v) + 2.0 * pdms.shear_modulus_mpa * ng.Grad(v)[2, 2]
         volume_mm3 = column.area_mm2 * 2.0 * half_thickness_mm(self.design)
         form = ng.LinearForm(self.space)
         form += (
@@ -134,7 +148,7 @@ def block_fields(
 ) -> dict[Parity, AdjointField]:
     """Return the adjoint fields of the columns' mean stress per symmetry class, influence in MPa/N."""
     mesh = build_block_mesh(design, size)
-    classes = [Block(design, size, parity, mesh) for parity in SOLVED_CLASSES]
+    classes = [QuarterBlock(design, size, parity, mesh) for parity in SOLVED_CLASSES]
     return {
         block.parity: solve_functional_fields(block, [block.stress_functional(column) for column in columns])
         for block in classes

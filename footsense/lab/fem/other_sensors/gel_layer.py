@@ -45,7 +45,9 @@ class GelLayerDesign:
     @property
     def relief_mm(self) -> float:
         """Width of the rim zone in which the film can spread sideways [mm]."""
-        return self.layer_mm * float(np.sqrt(self.gel.confined_mpa / (12.0 * self.gel.shear_mpa)))
+        return self.layer_mm * float(
+            np.sqrt(self.gel.confined_modulus_mpa / (12.0 * self.gel.shear_modulus_mpa))
+        )
 
     @property
     def layer(self) -> BondedLayer:

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from footsense.foot.specimen import ContactLoads
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize
-from footsense.lab.fidelity.compare import FidelityError, fidelity_error, time_level
+from footsense.lab.fidelity.compare import FidelityError, fidelity_error, run_and_time_level
 from footsense.lab.fidelity.drawing import capacitance_pattern_figure, error_over_time_figure
 from footsense.lab.fidelity.forward import ForwardAgainstTable, forward_against_table
 from footsense.lab.fidelity.half_space import HalfSpace
@@ -85,7 +85,7 @@ def _time_levels(
     level_responses, seconds = {}, {}
     for name in names:
         level = fidelity_level(name, context.response, context.foot_design)
-        level_responses[name], taken_s = time_level(level, loads, repeats=1 if name == "full" else 3)
+        level_responses[name], taken_s = run_and_time_level(level, loads, repeats=1 if name == "full" else 3)
         seconds[name] = taken_s / len(loads.force_n)
         context.report_progress(f"fidelity: {name}, {len(loads.force_n)} loads in {taken_s:.2g} s")
     return level_responses, seconds
@@ -105,7 +105,7 @@ def _compare_forward(context: StudyContext, loads: ContactLoads) -> ForwardAgain
     n = _FORWARD_LOADS_QUICK if context.quick else _FORWARD_LOADS
     forward = forward_against_table(context.foot_design, size, context.response, loads, n)
     context.report_progress(
-        f"fidelity: three classes factorised in {forward.factorise_s:.1f} s, {n} loads solved"
+        f"fidelity: three classes factorised in {forward.mesh_and_factorise_s:.1f} s, {n} loads solved"
     )
     return forward
 
@@ -135,7 +135,7 @@ def _compare_with_full(
     context: StudyContext, level_responses: dict[str, LevelResponse]
 ) -> DifferencesFromFullSolve:
     """Return errors against the finite-strain solve, split into mesh and physics at the first load."""
-    reduced, taken_s = time_level(
+    reduced, taken_s = run_and_time_level(
         finite_strain_level(context.foot_design, reduced=True), loads_in_mirror_plane(FULL_SOLVE_LOADS[:1])
     )
     context.report_progress(f"fidelity: full without finite strain and floor, in {taken_s:.1f} s")
@@ -182,7 +182,8 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         differences_from_contact_level=apart,
         half_space_variant_differences=formula,
         min_max_sheet_force_share=carried_rel,
-        rubber_over_pdms_contact_modulus=foot_design.rubber.hertz_mpa / foot_design.pdms.hertz_mpa,
+        rubber_over_pdms_contact_modulus=foot_design.rubber.plane_strain_modulus_mpa
+        / foot_design.pdms.plane_strain_modulus_mpa,
         forward=forward,
         forward_on_coarse_mesh=context.quick,
         differences_from_finite_strain=full,

@@ -235,7 +235,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         gel_film_design=measure_design(context, gel),
         by_poisson={
             f"{nu:g}": ConfinedFilm(
-                confined_modulus_mpa=other.gel.confined_mpa,
+                confined_modulus_mpa=other.gel.confined_modulus_mpa,
                 rim_relief_length_mm=other.relief_mm,
                 mean_closure_um_per_n=closure_um,
             )

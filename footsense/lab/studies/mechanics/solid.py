@@ -170,7 +170,7 @@ def _solve_meshes(context: StudyContext) -> list[MeshResult]:
         )
         found, taken = _timed(partial(solve_centred_closures, context.foot_design, size, elevation_deg))
         solved.append((name, size, found, taken))
-        context.report_progress(f"solid: {name}, {found.unknowns} unknowns, {taken.processor_s:.1f} s")
+        context.report_progress(f"solid: {name}, {found.n_unknowns} unknowns, {taken.processor_s:.1f} s")
     best = [solved[-1][2].closure_um[0], solved[-1 if context.quick else -2][2].closure_um[-1]]
     return [
         MeshResult(
@@ -178,7 +178,7 @@ def _solve_meshes(context: StudyContext) -> list[MeshResult]:
             processor_s=taken.processor_s,
             name=name,
             order=size.order,
-            unknowns=found.unknowns,
+            unknowns=found.n_unknowns,
             corner_closure_um=found.closure_um[0].max(),
             max_closure_error_rel_per_load=[
                 _largest_relative_error(own, of) for own, of in zip(found.closure_um, best, strict=False)
@@ -193,10 +193,10 @@ def _compare_ground_materials(
 ) -> tuple[dict[str, HertzContact], float]:
     """Return the contacts with rigid ground and with cement at 1 N, and the largest relative change of a closure."""
     rubber = foot_design.rubber
-    both_mpa = 1.0 / (1.0 / rubber.hertz_mpa + 1.0 / CEMENT.hertz_mpa)
+    both_mpa = 1.0 / (1.0 / rubber.plane_strain_modulus_mpa + 1.0 / CEMENT.plane_strain_modulus_mpa)
     up = np.array([0.0, 0.0, 1.0])
     floors, closures = {}, []
-    for name, modulus_mpa in (("rigid", rubber.hertz_mpa), ("cement", both_mpa)):
+    for name, modulus_mpa in (("rigid", rubber.plane_strain_modulus_mpa), ("cement", both_mpa)):
         radius_mm = float(contact_radius_mm(1.0, response.ball_radius_mm, modulus_mpa))
         closures.append(replace(response, hertz_modulus_mpa=modulus_mpa).free_element_closures_um(up, up))
         floors[name] = HertzContact(
