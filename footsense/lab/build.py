@@ -259,7 +259,9 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
             response_in_force_unit(response, unit),
             loads_in_force_unit(loads, unit),
         )
-        recipe = replace(recipe, released=replace(recipe.released, min_force_n=loads_unit.min_force_n))
+        recipe = replace(
+            recipe, released=replace(recipe.released, min_force_n=loads_unit.min_relative_loss_force_n)
+        )
         alone = _paper_only_estimators(response_in_unit, unit, recipe.paper_cases_only, report)
         report(f"trained on the paper's 362 cases: {', '.join(alone)}")
         cases = random_loads(response_in_unit, loads_unit, recipe.random_loads, TRAINING_SEED)

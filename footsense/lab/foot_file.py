@@ -8,7 +8,7 @@ import numpy as np
 
 from firmware_interface.chips import fdc1004
 from footsense.lab.fabrication.dimensions import MIN_SPACER_RIM_MM
-from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, UM_PER_MM, FootDesign
+from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG, UM_PER_MM, FootDesign
 from footsense.strict_yaml import Problem, load
 
 #: Name of the file in the folder of a foot type.
@@ -34,10 +34,10 @@ def load_foot(source: Path | bytes) -> FootDesign:
 def _contradictions(design: FootDesign) -> Iterator[Problem]:
     """Yield a problem for each contradiction between valid numbers of a foot."""
     yield from _sheet_contradictions(design)
-    yield from _electrode_contradictions(design)
+    yield from _gap_and_spacer_contradictions(design)
     yield from _cavity_contradictions(design)
     yield from _converter_contradictions(design)
-    loads, room_deg = design.loads, MIN_ELEVATION_DEG - MIN_FITTED_ELEVATION_DEG
+    loads, room_deg = design.loads, MIN_TABLE_ELEVATION_DEG - MIN_FITTED_ELEVATION_DEG
     if design.hertz_patch_angle_deg(loads.max_n) > room_deg:
         # The patch grows with the cube root of the force.
         most_n = loads.max_n * (room_deg / design.hertz_patch_angle_deg(loads.max_n)) ** 3
@@ -49,7 +49,7 @@ def _contradictions(design: FootDesign) -> Iterator[Problem]:
 
 
 def _sheet_contradictions(design: FootDesign) -> Iterator[Problem]:
-    """Yield the contradictions of sheet, plate and ball dimensions."""
+    """Yield the contradictions of electrode, pitch, sheet and ball dimensions."""
     if design.electrode_mm >= design.pitch_mm:
         yield Problem(
             "electrode_mm",
@@ -79,7 +79,7 @@ def _sheet_contradictions(design: FootDesign) -> Iterator[Problem]:
         )
 
 
-def _electrode_contradictions(design: FootDesign) -> Iterator[Problem]:
+def _gap_and_spacer_contradictions(design: FootDesign) -> Iterator[Problem]:
     """Yield the contradictions of gap, film and spacer thickness."""
     spacer_um = UM_PER_MM * design.spacer_mm
     filled_um = design.gap_um + design.film_um

@@ -22,7 +22,7 @@ from footsense.frames import Vector
 #: Micrometres in a millimetre.
 UM_PER_MM = 1000.0
 #: Lowest contact normal that a foot's response table answers for [deg].
-MIN_ELEVATION_DEG = 25.0
+MIN_TABLE_ELEVATION_DEG = 25.0
 #: Rim of the disc that the table is fitted on [deg]: below the lowest contact by more than the largest patch.
 MIN_FITTED_ELEVATION_DEG = 12.0
 
@@ -93,7 +93,7 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     friction_angle_deg: _LeanDeg
     typical_lean_deg: _LeanDeg
     min_elevation_deg: Annotated[
-        float, Meta(ge=MIN_ELEVATION_DEG, le=80.0, description="the response table begins at 25 deg")
+        float, Meta(ge=MIN_TABLE_ELEVATION_DEG, le=80.0, description="the response table begins at 25 deg")
     ]
     centred_share: _Share
 
@@ -103,7 +103,7 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return 0.005 * self.max_n
 
     @property
-    def min_force_n(self) -> float:
+    def min_relative_loss_force_n(self) -> float:
         """Force below which the training loss weighs absolute instead of relative errors [N]."""
         return 0.15 * self.max_n
 

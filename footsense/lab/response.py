@@ -22,9 +22,9 @@ from footsense.foot.directions import tangent_frame
 from footsense.foot.response_table import FootResponse, n_basis_functions, series_basis
 from footsense.foot.symmetry import product_powers
 from footsense.frames import Vector
-from footsense.lab.fem.adjoint import AdjointField, solve_adjoint_fields
+from footsense.lab.fem.adjoint import AdjointFields, solve_cell_closure_fields
 from footsense.lab.fem.elasticity import BondedLayer
-from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_grid
+from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_grid
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import (
     SOLVED_CLASSES,
@@ -33,7 +33,7 @@ from footsense.lab.fem.symmetry_classes import (
     transposed_series,
     whole_foot_compliance,
 )
-from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, FootDesign
+from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG, FootDesign
 
 #: Total degree of the series. Higher ones fit the mesh's noise; see `interpolation_rel` in the provenance.
 SERIES_DEGREE = 12
@@ -44,7 +44,7 @@ FITTED_PATCH_RADIUS_REL = 0.1
 STORED_DECIMALS = 6
 
 
-def fit_series(field: AdjointField, degree: int = SERIES_DEGREE) -> Vector:
+def fit_series(field: AdjointFields, degree: int = SERIES_DEGREE) -> Vector:
     """Return the series of an adjoint field [um/N], shape (products, cells of a quarter, 3), by least squares.
 
     Args:
@@ -57,7 +57,7 @@ def fit_series(field: AdjointField, degree: int = SERIES_DEGREE) -> Vector:
     basis = series_basis(field.normal[used], degree, MIN_FITTED_ELEVATION_DEG) * root
     series = np.zeros((n_basis_functions(degree), field.influence_um_per_n.shape[1], 3))
     for component in range(3):
-        sign_x, sign_y = field.parity.signs(component)
+        sign_x, sign_y = field.parity.mirror_image_signs(component)
         has_parity = ((-1) ** i == sign_x) & ((-1) ** j == sign_y)
         values = field.influence_um_per_n[used, :, component] * root
         series[has_parity, :, component] = np.linalg.lstsq(basis[:, has_parity], values, rcond=1e-10)[0]
@@ -130,11 +130,11 @@ def make_response(
     Raises:
         ModelError: The foot cannot be meshed, or its stiffness is singular.
     """
-    mesh = build_mesh(foot_design, size)
+    mesh = build_quarter_mesh(foot_design, size)
     fields = {}
     for parity in SOLVED_CLASSES:
         quarter = QuarterFoot(foot_design, size, parity, mesh, layer)
-        fields[parity] = solve_adjoint_fields(quarter)
+        fields[parity] = solve_cell_closure_fields(quarter)
         report(
             f"class {parity.x:+d} {parity.y:+d}: {mesh.ne} elements, {quarter.n_unknowns} unknowns, "
             f"{fields[parity].compliance_um_per_n.shape[0]} solves"
@@ -145,7 +145,7 @@ def make_response(
 
 
 def tabulate_response(
-    foot_design: FootDesign, size: MeshSize, fields: dict[Parity, AdjointField], counts: dict[str, int]
+    foot_design: FootDesign, size: MeshSize, fields: dict[Parity, AdjointFields], counts: dict[str, int]
 ) -> FootResponse:
     """Return the response table from sampled adjoint fields.
 
@@ -172,7 +172,7 @@ def tabulate_response(
         }
     )
     compliance = (compliance + compliance.transpose(1, 0, 3, 2)) / 2.0
-    normal = spherical_cap_normals(MIN_ELEVATION_DEG)
+    normal = spherical_cap_normals(MIN_TABLE_ELEVATION_DEG)
     basis = series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     flat = point.reshape(len(point), -1)
     on_disc = basis @ flat
@@ -189,7 +189,7 @@ def tabulate_response(
         design=foot_design.capacitor,
         ball_radius_mm=foot_design.ball_radius_mm,
         hertz_modulus_mpa=foot_design.rubber.plane_strain_modulus_mpa,
-        min_elevation_deg=MIN_ELEVATION_DEG,
+        min_elevation_deg=MIN_TABLE_ELEVATION_DEG,
         fit_elevation_deg=MIN_FITTED_ELEVATION_DEG,
         degree=SERIES_DEGREE,
         quarter_series=np.stack([point, _round_to_stored(patch)]),
@@ -212,9 +212,9 @@ def film_provenance(foot_design: FootDesign) -> dict[str, dict[str, float]]:
     return {name: msgspec.structs.asdict(film) for name, film in films.items() if film is not None}
 
 
-def _series_residual_rel(field: AdjointField) -> float:
+def _series_residual_rel(field: AdjointFields) -> float:
     """Return the relative rms error [1] of a symmetry class's series against the sampled influence."""
-    seen = field.normal[:, 2] >= np.sin(np.radians(MIN_ELEVATION_DEG))
+    seen = field.normal[:, 2] >= np.sin(np.radians(MIN_TABLE_ELEVATION_DEG))
     series = fit_series(field)
     basis = series_basis(field.normal[seen], SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     sampled = field.influence_um_per_n[seen]

@@ -7,7 +7,7 @@ import pytest
 
 if TYPE_CHECKING:
     from footsense.foot.response_table import FootResponse
-    from footsense.lab.fem.adjoint import AdjointField
+    from footsense.lab.fem.adjoint import AdjointFields
     from footsense.lab.fem.quarter import QuarterFoot
     from footsense.lab.fem.symmetry_classes import Parity
 
@@ -19,11 +19,11 @@ def mesh() -> Any:
     """Return the coarse mesh of the quarter."""
     import ngsolve
 
-    from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
+    from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
     from tests.lab.released import FOOT_DESIGN
 
     ngsolve.SetNumThreads(1)  # a second thread that waits for a busy processor costs more than it gains
-    return build_mesh(FOOT_DESIGN, COARSE_MESH)
+    return build_quarter_mesh(FOOT_DESIGN, COARSE_MESH)
 
 
 @pytest.fixture(scope="session")
@@ -38,15 +38,15 @@ def quarters(mesh: Any) -> "dict[Parity, QuarterFoot]":
 
 
 @pytest.fixture(scope="session")
-def fields(quarters: "dict[Parity, QuarterFoot]") -> "dict[Parity, AdjointField]":
+def fields(quarters: "dict[Parity, QuarterFoot]") -> "dict[Parity, AdjointFields]":
     """Return their adjoint fields."""
-    from footsense.lab.fem.adjoint import solve_adjoint_fields
+    from footsense.lab.fem.adjoint import solve_cell_closure_fields
 
-    return {parity: solve_adjoint_fields(quarter) for parity, quarter in quarters.items()}
+    return {parity: solve_cell_closure_fields(quarter) for parity, quarter in quarters.items()}
 
 
 @pytest.fixture(scope="session")
-def response(fields: "dict[Parity, AdjointField]") -> "FootResponse":
+def response(fields: "dict[Parity, AdjointFields]") -> "FootResponse":
     """Return the coarse foot's response table."""
     from footsense.lab.fem.mesh import COARSE_MESH
     from footsense.lab.response import tabulate_response

@@ -16,7 +16,7 @@ import numpy as np
 from netgen import occ
 from numpy.typing import NDArray
 
-from footsense.lab.fem.elasticity import mixed_strain_energy
+from footsense.lab.fem.elasticity import mixed_strain_energy_density
 from footsense.lab.geometry import Material
 
 
@@ -29,7 +29,7 @@ def _solved(material: Material, space: Any, given: Any, where: str, load: Any) -
     """Return displacement and pressure under a load, the displacement given on clamped faces, 0 on others."""
     u, p = space.TrialFunction()
     form = ng.BilinearForm(space, symmetric=True)
-    form += ng.Variation(mixed_strain_energy(material, u, p) * ng.dx)
+    form += ng.Variation(mixed_strain_energy_density(material, u, p) * ng.dx)
     form.Assemble()
     solution = ng.GridFunction(space)
     solution.components[0].Set(given, definedon=space.mesh.Boundaries(where))

@@ -32,7 +32,7 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
         raise FootsenseError(
             f"lab fabricate needs {', '.join(missing)}: pip install 'footsense[lab,fabrication]'"
         )
-    from footsense.lab.fabrication.package import fabricate as write_package
+    from footsense.lab.fabrication.package import write_fabrication_package as write_package
     from footsense.lab.foot_file import load_foot
 
     path = _foot_description_path(foot)

@@ -18,7 +18,7 @@ import numpy as np
 
 from footsense.frames import Vector
 from footsense.lab.contact.floor import GROUND_FACE, FloorModel
-from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy, strain_energy
+from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy_density, strain_energy_density
 from footsense.lab.geometry import FootDesign
 
 #: Stiffness k of a closed gap to begin with [MPa/mm].
@@ -74,13 +74,13 @@ class Body:
         weak_form = ng.BilinearForm(self.space, symmetric=True)
         rubber, pdms = self.design.rubber, self.design.pdms
         for side, u in (("ground", u_ground), ("leg", u_leg)):
-            mixed = mixed_strain_energy(rubber, u, p, finite_strain=finite_strain).Compile()
-            plain = strain_energy(pdms, u, finite_strain=finite_strain).Compile()
+            mixed = mixed_strain_energy_density(rubber, u, p, finite_strain=finite_strain).Compile()
+            plain = strain_energy_density(pdms, u, finite_strain=finite_strain).Compile()
             weak_form += ng.Variation(mixed * ng.dx(f"rubber_{side}"))
             weak_form += ng.Variation(plain * ng.dx(f"pdms_{side}"))
         jump, jump_v = u_ground - u_leg, v_ground - v_leg
         bars = BondedLayer(pdms, self.design.spacer_mm)
-        weak_form += bars.traction(jump) * jump_v * ng.ds(bars.face_name)
+        weak_form += bars.traction(jump) * jump_v * ng.ds(bars.face_pattern)
         if gap_contact:
             deep = jump[2] - self.design.gap_um * 1e-3
             stress = self._gap_stiffness * ng.IfPos(deep, deep, 0.0)

@@ -19,7 +19,7 @@ from footsense.lab.design.inputs.boards import Converter
 from footsense.lab.design.inputs.requirements import MAX_READABLE_CLOSURE_REL, Requirements
 from footsense.lab.design.prediction.closures import ClosureModel, Influence, design_loads
 from footsense.lab.design.prediction.shapes import RUBBER_POISSON, ShapeLibrary
-from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG
+from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG
 
 #: Feet evaluated at once, which limits memory.
 _FEET_PER_CALL = 2000
@@ -50,7 +50,7 @@ class ScreeningResult(NamedTuple):
 
 def patch_limit_n(feet: Candidates) -> Vector:
     """Return the force at which the contact patch reaches the response table's largest angle [N], shape (n,)."""
-    widest = np.radians(MIN_ELEVATION_DEG - MIN_FITTED_ELEVATION_DEG)
+    widest = np.radians(MIN_TABLE_ELEVATION_DEG - MIN_FITTED_ELEVATION_DEG)
     limit: Vector = widest**3 * feet.rubber_mpa * feet.ball_radius_mm**2 / (0.75 * (1.0 - RUBBER_POISSON**2))
     return limit
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from footsense.foot.cavity.fringe import fringe_pf
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT
-from footsense.lab.fabrication.tolerances import LIMIT_OVER_RMS, area_deviation_rel
+from footsense.lab.fabrication.tolerances import LIMIT_OVER_RMS, overlap_area_deviation_rel
 from footsense.lab.geometry import FootDesign
 from footsense.sim.foot.fabrication import FootTolerances
 
@@ -35,12 +35,12 @@ class ExpectedCapacitance:
 
     @property
     def min_unloaded_pf(self) -> float:
-        """Lowest reading within the fabrication tolerances [pF]."""
+        """Lowest reading of the unloaded element within the fabrication tolerances and the assumed stray [pF]."""
         return self.unloaded_pf - self.plate_formula_pf * self.plate_tolerance_rel - self.max_unknown_stray_pf
 
     @property
     def max_unloaded_pf(self) -> float:
-        """Highest reading within the fabrication tolerances [pF]."""
+        """Highest reading of the unloaded element within the fabrication tolerances and the assumed stray [pF]."""
         return self.unloaded_pf + self.plate_formula_pf * self.plate_tolerance_rel + self.max_unknown_stray_pf
 
 
@@ -62,7 +62,7 @@ def expected_capacitance(
         plate_formula_pf=capacitor.unloaded_pf * overlap_mm2 / capacitor.electrode_area_mm2,
         fringe_pf=float(fringe_pf(capacitor, spacing_um)[0]),
         plate_tolerance_rel=math.hypot(
-            math.hypot(*limits_um) / distance_um, area_deviation_rel(design.electrode_mm)
+            math.hypot(*limits_um) / distance_um, overlap_area_deviation_rel(design.electrode_mm)
         ),
         max_unknown_stray_pf=LIMIT_OVER_RMS * assumed.stray_pf,
     )

@@ -23,14 +23,14 @@ def overlaps_mm2(folder: Path, flexes: tuple[Flex, Flex]) -> dict[tuple[str, str
         copper: dict[str, list[Any]] = {net: [] for net in flex.nets}
         for shape in read_layer(folder / flex.name / "copper.gbr"):
             if shape.net in copper:
-                copper[shape.net].append(_to_foot_frame(shape.area, flex))
+                copper[shape.net].append(_to_foot_frame(shape.polygon, flex))
         nets.append({net: shapely.union_all(areas) for net, areas in copper.items()})
     rows, columns = nets
     return {(r, c): rows[r].intersection(columns[c]).area for r in rows for c in columns}
 
 
 def check_overlaps(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[Check]:
-    """Yield the checks that row and column electrodes overlap in the elements and nowhere else."""
+    """Yield the check that each row faces each column over one electrode's area, nowhere else."""
     areas = overlaps_mm2(folder, flexes).values()
     wanted = flexes[0].array.electrode_mm ** 2
     yield Check(
@@ -47,7 +47,7 @@ def check_sheets_on_flexes(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[
     spacer = sheets.read_dxf(folder / "spacer.dxf")
     for flex in flexes:
         areas = [
-            _to_foot_frame(shape.area, flex)
+            _to_foot_frame(shape.polygon, flex)
             for shape in read_layer(folder / flex.name / "copper.gbr")
             if shape.aperture_function == "Other,Electrode"
         ]
@@ -65,7 +65,9 @@ def check_sheets_on_flexes(folder: Path, flexes: tuple[Flex, Flex]) -> Iterator[
             yield check_near(f"{name}.dxf, {flex.name}", "distance of their alignment holes", 0.0, off, "mm")
 
 
-def check_ball(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> Iterator[Check]:
+def check_hemispheres_and_socket(
+    folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]
+) -> Iterator[Check]:
     """Yield the checks that the hemispheres fit mould and socket, and the flex tails their channels."""
     names = "hemisphere-ground", "hemisphere-leg", "mould-body", "leg-socket"
     ground, leg, body, socket = (solids.read_step(folder / "step" / f"{name}.step") for name in names)
@@ -75,22 +77,22 @@ def check_ball(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> I
     )
     yield check_at_least(file, "distance to the ground hemisphere", design.plate_mm, socket.Distance(ground))
     for flex in flexes:
-        tail = _tail_in_channel(folder, design, flex)
+        tail = _tail_box_in_channel(folder, design, flex)
         what = f"play of the tail of the {flex.line_kind}s in its channel"
         yield check_near(file, what, dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM, socket.Distance(tail), "mm")
-    cast = solids.cast_hemisphere(design)
+    cast = solids.hemisphere_in_mould(design)
     file = "step/mould-body.step"
     yield check_near(file, "overlap of the hemisphere with the mould", 0.0, (body * cast).mass, "mm3")
     low, _ = body.bounding_box
-    walls = [face.Distance(cast) for face in body.faces if solids.is_outer_face(face, low)]
+    walls = [face.Distance(cast) for face in body.faces if solids.is_in_plane_through_corner(face, low)]
     yield check_near(file, "least wall, bottom and sides", dimensions.MOULD_WALL_MM, min(walls), "mm")
 
 
-def _tail_in_channel(folder: Path, design: FootDesign, flex: Flex) -> Any:
+def _tail_box_in_channel(folder: Path, design: FootDesign, flex: Flex) -> Any:
     """Return a flex's tail [mm], centred in its channel, as wide as its outline at the contacts."""
     outline = read_outline(folder / flex.name / "profile.gbr")
     across = outline.intersection(
-        shapely.LineString([(flex.tail_end_mm - 1.0, -99.0), (flex.tail_end_mm - 1.0, 99.0)])
+        shapely.LineString([(flex.tail_end_u_mm - 1.0, -99.0), (flex.tail_end_u_mm - 1.0, 99.0)])
     )
     _, low_v, _, high_v = across.bounds
     u = dimensions.socket_outer_radius_mm(design.ball_radius_mm) - dimensions.TAIL_CHANNEL_DEPTH_MM / 2.0

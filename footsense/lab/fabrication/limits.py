@@ -9,13 +9,13 @@ from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.assumptions import AssumedProcess
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.fabrication.parts.sheets import has_spacer_rim
-from footsense.lab.fabrication.tolerances import area_deviation_rel, hardness_tolerance_shore_a
+from footsense.lab.fabrication.tolerances import hardness_tolerance_shore_a, overlap_area_deviation_rel
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Lines to either side that a converter board addresses: an FDC1004 has four inputs, an ADG715 switches four lines.
 MAX_LINES_PER_SIDE = 4
 #: Largest deviation of the overlap of rows and columns that leaves the rubber a tolerance [1].
-_MAX_AREA_DEVIATION_REL = 0.15
+_SUGGESTED_AREA_DEVIATION_REL = 0.15
 _ROUNDING_TOLERANCE_MM = 1e-9
 
 
@@ -50,22 +50,22 @@ def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Ass
                 f"inputs for columns, an ADG715 switches {MAX_LINES_PER_SIDE} rows; use at most {MAX_LINES_PER_SIDE}"
             )
     yield from _sheet_problems(design, array, assumed)
-    yield from _layer_problems(design, array, assumed)
+    yield from _layer_and_hardness_problems(design, array, assumed)
     tail_half, socket_mm = (
-        _max_tail_width_mm(design, array) / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM,
+        _wider_tail_width_mm(design, array) / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM,
         dimensions.socket_outer_radius_mm(design.ball_radius_mm),
     )
     inside = socket_mm - dimensions.TAIL_CHANNEL_DEPTH_MM
     if tail_half > inside / math.sqrt(2.0) - 1.0:
         least = math.sqrt(2.0) * (tail_half + 1.0) + design.ball_radius_mm - inside
         yield (
-            f"ball_radius_mm: two tails of {_max_tail_width_mm(design, array):g} mm do not fit beside each other on "
+            f"ball_radius_mm: two tails of {_wider_tail_width_mm(design, array):g} mm do not fit beside each other on "
             f"the socket of a ball of {design.ball_radius_mm:g} mm; use at least {math.ceil(10.0 * least) / 10.0:g}"
         )
 
 
 def _sheet_problems(design: FootDesign, array: ElementArray, assumed: AssumedProcess) -> Iterator[str]:
-    """Yield the reasons why the sheet or its tails cannot be made."""
+    """Yield the reasons why the gaps between electrodes, the spacer's bars or its rim cannot be made."""
     pitch, bar = array.spacer_bar_width_mm + array.electrode_mm, assumed.process.bar_mm
     leave = f"electrodes of {array.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
     if array.spacer_bar_width_mm < dimensions.MIN_NET_CLEARANCE_MM - _ROUNDING_TOLERANCE_MM:
@@ -89,8 +89,10 @@ def _sheet_problems(design: FootDesign, array: ElementArray, assumed: AssumedPro
         )
 
 
-def _layer_problems(design: FootDesign, array: ElementArray, assumed: AssumedProcess) -> Iterator[str]:
-    """Yield the reasons why gap, film or rubber cannot be made by the process."""
+def _layer_and_hardness_problems(
+    design: FootDesign, array: ElementArray, assumed: AssumedProcess
+) -> Iterator[str]:
+    """Yield the reasons why gap, film or spacer cannot be made, or why no hardness tolerance remains."""
     gaps, films = assumed.process.gap_um, [film.um for film in assumed.process.film]
     layers = (("gap_um", design.gap_um, gaps, "gap"), ("film_um", design.film_um, films, "film"))
     for key, value, made, word in layers:
@@ -110,14 +112,19 @@ def _layer_problems(design: FootDesign, array: ElementArray, assumed: AssumedPro
             f"{spacer_um:g} um; use {filled_um / UM_PER_MM:g}"
         )
     if hardness_tolerance_shore_a(design, assumed.rms_deviations) <= 0.0:
-        least = array.electrode_mm * area_deviation_rel(array.electrode_mm) / _MAX_AREA_DEVIATION_REL
+        least = (
+            array.electrode_mm
+            * overlap_area_deviation_rel(array.electrode_mm)
+            / _SUGGESTED_AREA_DEVIATION_REL
+        )
         yield (
             f"electrode_mm: an offset of {dimensions.FLEX_OFFSET_TOLERANCE_MM:g} mm of electrodes of "
-            f"{array.electrode_mm:g} mm changes their overlap by {area_deviation_rel(array.electrode_mm):.0%}, more "
-            f"than the design assumes; use at least {math.ceil(100.0 * least) / 100.0:g}"
+            f"{array.electrode_mm:g} mm changes their overlap by "
+            f"{overlap_area_deviation_rel(array.electrode_mm):.0%}, more than the design assumes; "
+            f"use at least {math.ceil(100.0 * least) / 100.0:g}"
         )
 
 
-def _max_tail_width_mm(design: FootDesign, array: ElementArray) -> float:
-    """Return the largest width of a flex tail that fits between the alignment holes [mm]."""
+def _wider_tail_width_mm(design: FootDesign, array: ElementArray) -> float:
+    """Return the width of the wider of the two flex tails [mm]."""
     return max(2.0 * flex.tail_half_width_mm for flex in flexes(array, design.ball_radius_mm))

@@ -27,7 +27,7 @@ class FabricationPackage:
         array: Its array.
         assumed: What its design assumed.
         flexes: Row flex and column flex.
-        parts: Its solids.
+        solid_parts: Its solids.
         tolerances: Tolerances of its drawing.
         checks: Figures of the files.
         expected_by_net_pair: Expected reading of each element, by row and column net.
@@ -37,19 +37,21 @@ class FabricationPackage:
     array: ElementArray
     assumed: AssumedProcess
     flexes: tuple[Flex, Flex]
-    parts: list[solids.Part]
+    solid_parts: list[solids.Part]
     tolerances: list[Tolerance]
     checks: list[checks.Check]
     expected_by_net_pair: dict[tuple[str, str], ExpectedCapacitance]
 
 
-def fabricate(design: FootDesign, folder: Path, process: str | None = None) -> FabricationPackage:
-    """Write all fabrication files of a foot: the part files as `write_parts`, and the documents.
+def write_fabrication_package(
+    design: FootDesign, folder: Path, process: str | None = None
+) -> FabricationPackage:
+    """Write all fabrication files of a foot: the part files as `write_and_check_parts`, and the documents.
 
     Raises:
         FootsenseError: A written file is not as it should be.
     """
-    package = write_parts(design, folder, process)
+    package = write_and_check_parts(design, folder, process)
     write_drawing(
         folder, design.foot_type, drawing_sheets(folder, design, package.flexes, package.tolerances)
     )
@@ -72,7 +74,7 @@ def fabricate(design: FootDesign, folder: Path, process: str | None = None) -> F
     return package
 
 
-def write_parts(design: FootDesign, folder: Path, process: str | None = None) -> FabricationPackage:
+def write_and_check_parts(design: FootDesign, folder: Path, process: str | None = None) -> FabricationPackage:
     """Write the part files (Gerber, DXF, STEP), read them back, and return the package with its checks.
 
     Args:
@@ -107,7 +109,7 @@ def write_parts(design: FootDesign, folder: Path, process: str | None = None) ->
         *checks.check_solid_volumes(folder, parts),
         *fits.check_overlaps(folder, both),
         *fits.check_sheets_on_flexes(folder, both),
-        *fits.check_ball(folder, design, both),
+        *fits.check_hemispheres_and_socket(folder, design, both),
         *checks.check_tolerances(tolerances),
     ]
     return FabricationPackage(
@@ -115,7 +117,7 @@ def write_parts(design: FootDesign, folder: Path, process: str | None = None) ->
         array=array,
         assumed=assumed,
         flexes=both,
-        parts=parts,
+        solid_parts=parts,
         tolerances=tolerances,
         checks=found,
         expected_by_net_pair={

@@ -49,7 +49,7 @@ class Tolerance:
         return self.used_of_assumed <= self.max_assumed_deviation * (1.0 + 1e-9)
 
 
-def etch_deviation_rel(electrode_mm: float) -> float:
+def etch_area_deviation_rel(electrode_mm: float) -> float:
     """Return the largest deviation of an electrode's area by etching [1]."""
     return 2.0 * dimensions.ETCH_DEVIATION_MM / electrode_mm
 
@@ -59,14 +59,16 @@ def offset_overlap_loss_rel(electrode_mm: float) -> float:
     return math.sqrt(2.0) * dimensions.FLEX_OFFSET_TOLERANCE_MM / electrode_mm
 
 
-def area_deviation_rel(electrode_mm: float) -> float:
+def overlap_area_deviation_rel(electrode_mm: float) -> float:
     """Return the largest relative deviation of a row-column overlap area [1]."""
-    return math.hypot(etch_deviation_rel(electrode_mm), offset_overlap_loss_rel(electrode_mm))
+    return math.hypot(etch_area_deviation_rel(electrode_mm), offset_overlap_loss_rel(electrode_mm))
 
 
 def hardness_tolerance_shore_a(design: FootDesign, assumed: FootTolerances) -> float:
     """Return the hardness tolerance that remains beside the electrodes' area error [Shore A]; 0 for none."""
-    left = (LIMIT_OVER_RMS * assumed.stiffness_rel) ** 2 - area_deviation_rel(design.electrode_mm) ** 2
+    left = (LIMIT_OVER_RMS * assumed.stiffness_rel) ** 2 - overlap_area_deviation_rel(
+        design.electrode_mm
+    ) ** 2
     share, mpa = math.sqrt(max(left, 0.0)), design.rubber.youngs_mpa
     nominal = shore_a_from_modulus(mpa)
     room = min(
@@ -95,7 +97,15 @@ def drawing_tolerances(design: FootDesign, assumed: FootTolerances) -> list[Tole
     rows = [
         ("spacer (gap)", design.gap_um, gap_limit, "um", gap_limit, gap, f"gap +-{gap:.3g} um"),
         ("film", design.film_um, film_limit, "um", film_limit, film, f"film +-{film:.3g} um"),
-        ("electrode side", side, dimensions.ETCH_DEVIATION_MM, "mm", etch_deviation_rel(side), stiffness, ""),
+        (
+            "electrode side",
+            side,
+            dimensions.ETCH_DEVIATION_MM,
+            "mm",
+            etch_area_deviation_rel(side),
+            stiffness,
+            "",
+        ),
         (
             "offset of the flexes",
             0.0,
@@ -110,7 +120,7 @@ def drawing_tolerances(design: FootDesign, assumed: FootTolerances) -> list[Tole
             round(shore),
             shore_limit,
             "Shore A",
-            math.hypot(by_rubber, area_deviation_rel(side)),
+            math.hypot(by_rubber, overlap_area_deviation_rel(side)),
             stiffness,
             "",
         ),

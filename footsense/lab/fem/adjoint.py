@@ -30,7 +30,7 @@ SURFACE_QUADRATURE_ORDER = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AdjointField:
+class AdjointFields:
     """The adjoint fields of one symmetry class, sampled on the ground-side surface of the quarter.
 
     Attributes:
@@ -49,13 +49,13 @@ class AdjointField:
     compliance_um_per_n: Vector
 
 
-def solve_adjoint_fields(quarter: QuarterFoot) -> AdjointField:
-    """Return the adjoint fields of one symmetry class on the ground-side surface, from one solve per gap cell."""
+def solve_cell_closure_fields(quarter: QuarterFoot) -> AdjointFields:
+    """Return the adjoint fields of the mean closure [um] of each gap cell, sampled on the ground-side surface."""
     faces = [(cell.name, quarter.design.cavity_cell_area_mm2) for cell in quarter_cells(quarter.design)]
     return solve_face_closure_fields(quarter, faces)
 
 
-def solve_face_closure_fields(quarter: QuarterFoot, faces: Sequence[tuple[str, float]]) -> AdjointField:
+def solve_face_closure_fields(quarter: QuarterFoot, faces: Sequence[tuple[str, float]]) -> AdjointFields:
     """Return the adjoint fields of the mean closure [um] of each named face, sampled on the surface.
 
     Args:
@@ -67,7 +67,7 @@ def solve_face_closure_fields(quarter: QuarterFoot, faces: Sequence[tuple[str, f
 
 def solve_functional_fields(
     quarter: QuarterFoot, functionals: Sequence[Any], scale: float = 1.0
-) -> AdjointField:
+) -> AdjointFields:
     """Return the adjoint field of each linear functional of the displacement, sampled on the surface.
 
     Args:
@@ -87,7 +87,7 @@ def solve_functional_fields(
         field = quarter.solve(functional)
         influence.append(np.asarray(field.components[0](points)))
         compliance.append(rows @ field.vec.FV().NumPy())
-    return AdjointField(
+    return AdjointFields(
         parity=quarter.parity,
         normal=-normalized(radial),
         weight_mm2=area * np.tile(np.asarray(rule.weights), len(area) // len(rule.weights)),

@@ -10,7 +10,7 @@ import numpy as np
 from footsense.foot.directions import directions
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import solve_face_closure_fields
-from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells
+from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign
@@ -29,11 +29,11 @@ class CentredClosures:
     """Closures of the nine elements under centred loads of azimuth 0.
 
     Attributes:
-        closure_um: Mean closure of each element [um], shape (loads, 9).
+        closure_um_per_n: Mean closure of each element [um], shape (loads, 9).
         n_unknowns: Unknowns of one class.
     """
 
-    closure_um: Vector
+    closure_um_per_n: Vector
     n_unknowns: int
 
 
@@ -51,7 +51,7 @@ def solve_centred_closures(
     Raises:
         ModelError: The foot cannot be meshed, or its stiffness is singular.
     """
-    mesh = build_mesh(design, size)
+    mesh = build_quarter_mesh(design, size)
     force = directions(0.0, elevation_deg)
     upright = min(elevation_deg) >= 90.0
     cells = quarter_cells(design)

@@ -23,7 +23,7 @@ from footsense.frames import Vector
 from footsense.lab.geometry import Material, ThinFilm
 
 
-def _shear_and_volume(material: Material, u: Any, *, finite_strain: bool) -> tuple[Any, Any]:
+def _shear_energy_and_volume_change(material: Material, u: Any, *, finite_strain: bool) -> tuple[Any, Any]:
     """Return the shear energy density [MPa] and the relative volume change [1] of a displacement field [mm]."""
     if finite_strain:
         gradient = ng.Id(3) + ng.Grad(u)
@@ -34,15 +34,15 @@ def _shear_and_volume(material: Material, u: Any, *, finite_strain: bool) -> tup
     return material.shear_modulus_mpa * ng.InnerProduct(strain, strain), ng.div(u)
 
 
-def strain_energy(material: Material, u: Any, *, finite_strain: bool = False) -> Any:
+def strain_energy_density(material: Material, u: Any, *, finite_strain: bool = False) -> Any:
     """Return the strain energy density [MPa] of a displacement u [mm]; for Poisson's ratios well below 1/2."""
-    shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
+    shear, growth = _shear_energy_and_volume_change(material, u, finite_strain=finite_strain)
     return shear + 0.5 * material.lame_lambda_mpa * growth**2
 
 
-def mixed_strain_energy(material: Material, u: Any, p: Any, *, finite_strain: bool = False) -> Any:
+def mixed_strain_energy_density(material: Material, u: Any, p: Any, *, finite_strain: bool = False) -> Any:
     """Return the energy density [MPa] of displacement u [mm] and pressure p [MPa] (mixed form, saddle point in p)."""
-    shear, growth = _shear_and_volume(material, u, finite_strain=finite_strain)
+    shear, growth = _shear_energy_and_volume_change(material, u, finite_strain=finite_strain)
     return shear + p * growth - p**2 / (2.0 * material.lame_lambda_mpa)
 
 
@@ -53,12 +53,12 @@ class BondedLayer:
     Attributes:
         material: Material of the layer.
         thickness_mm: Thickness of the layer [mm].
-        face_name: Faces of the mesh that it covers.
+        face_pattern: Faces of the mesh that it covers.
     """
 
     material: Material
     thickness_mm: float
-    face_name: str = "bars"
+    face_pattern: str = "bars"
 
     def traction(self, jump: Any) -> Any:
         """Return the traction [MPa] of a displacement jump u_ground - u_leg [mm] across the layer."""
@@ -67,7 +67,7 @@ class BondedLayer:
         return ng.CF(tuple(across[k] / self.thickness_mm * jump[k] for k in range(3)))
 
 
-def membrane_energy(film: ThinFilm, u: Any) -> Any:
+def membrane_energy_per_area(film: ThinFilm, u: Any) -> Any:
     """Return the stretching energy per area [N/mm] of a thin film in a plane of constant z, displaced by u [mm].
 
     Plane stress, W = E t / (2 (1 - nu^2)) (e_xx^2 + e_yy^2 + 2 nu e_xx e_yy + 2 (1 - nu) e_xy^2).

@@ -18,14 +18,14 @@ import numpy as np
 from footsense.foot.symmetry import flat_of_grid
 from footsense.frames import Vector
 from footsense.lab.fem.elasticity import hertz_pressure_shape
-from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_cells, quarter_grid
+from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells, quarter_grid
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES, Parity
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Order that the quadrature of a patch has above that of the elements, which are three times as large and more: with 24
 #: the closures of some loads were wrong by 4 %, with 60 by 0.3 % at most, and it takes no longer.
-PATCH_QUADRATURE_ORDER = 60
+EXTRA_PATCH_QUADRATURE_ORDER = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,20 +35,20 @@ class _HertzLoad:
     Attributes:
         centre_mm: Centre of the patch on the sphere [mm], shape (3,).
         force_n: Resultant force [N], shape (3,).
-        radius_mm: Radius a of the patch [mm].
+        patch_radius_mm: Radius a of the patch [mm].
     """
 
     centre_mm: Vector
     force_n: Vector
-    radius_mm: float
+    patch_radius_mm: float
 
     def transformed(self, matrix: Vector) -> "_HertzLoad":
         """Return the load under a mirror or axis swap, given as a matrix of shape (3, 3)."""
-        return _HertzLoad(matrix @ self.centre_mm, matrix @ self.force_n, self.radius_mm)
+        return _HertzLoad(matrix @ self.centre_mm, matrix @ self.force_n, self.patch_radius_mm)
 
 
-class _FactorisedQuarterFoot:
-    """Factorised stiffness matrix of one symmetry class, with the mean closure of each cell as a linear functional.
+class _QuarterClosureSolver:
+    """Solver of one symmetry class that returns the closures of the quarter's cells under a Hertz load.
 
     Attributes:
         quarter: The class.
@@ -61,21 +61,23 @@ class _FactorisedQuarterFoot:
         self._used = np.flatnonzero(rows.any(axis=0))
         self._rows = rows[:, self._used]
 
-    def cell_closures_um(self, load: _HertzLoad) -> Vector:
+    def class_cell_closures_um(self, load: _HertzLoad) -> Vector:
         """Return the quarter's cell closures [um] under the load's part in this symmetry class, shape (9, 9)."""
         quarter, parity = self.quarter, self.quarter.parity
         parts = []
         for sign_x, sign_y in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
             image = load.transformed(np.diag([sign_x, sign_y, 1.0]))
             character = (1 if sign_x > 0 else parity.x) * (1 if sign_y > 0 else parity.y)
-            parts.append((hertz_pressure_shape(image.centre_mm, image.radius_mm), character * image.force_n))
-        surface = ng.ds("curved_ground", bonus_intorder=PATCH_QUADRATURE_ORDER)
+            parts.append(
+                (hertz_pressure_shape(image.centre_mm, image.patch_radius_mm), character * image.force_n)
+            )
+        surface = ng.ds("curved_ground", bonus_intorder=EXTRA_PATCH_QUADRATURE_ORDER)
         # The images in the quarter make up the whole patch, wherever the mirror planes cut it.
         total_mm2 = ng.Integrate(sum(shape for shape, _ in parts) * surface, quarter.mesh)
         traction = [
             sum(shape * float(force[k]) for shape, force in parts) / (4.0 * total_mm2) for k in range(3)
         ]
-        solution = quarter.solve(quarter.traction_load(ng.CF(tuple(traction)), PATCH_QUADRATURE_ORDER))
+        solution = quarter.solve(quarter.traction_load(ng.CF(tuple(traction)), EXTRA_PATCH_QUADRATURE_ORDER))
         closure_um = self._rows @ solution.vec.FV().NumPy()[self._used] * UM_PER_MM
         return quarter_grid(closure_um, quarter.design, 0)
 
@@ -93,14 +95,14 @@ class DirectSolveFoot:
 
     def __init__(self, design: FootDesign, size: MeshSize) -> None:
         self._design = design
-        mesh = build_mesh(design, size)
+        mesh = build_quarter_mesh(design, size)
         self._classes = {
-            parity: _FactorisedQuarterFoot(QuarterFoot(design, size, parity, mesh))
+            parity: _QuarterClosureSolver(QuarterFoot(design, size, parity, mesh))
             for parity in SOLVED_CLASSES
         }
 
     @property
-    def quarters(self) -> list[QuarterFoot]:
+    def quarter_per_class(self) -> list[QuarterFoot]:
         """Factorised finite element systems of the three symmetry classes."""
         return [solved.quarter for solved in self._classes.values()]
 
@@ -116,12 +118,12 @@ class DirectSolveFoot:
         load = _HertzLoad(
             centre_mm=design.touch_point_mm(normal),
             force_n=force_n,
-            radius_mm=design.hertz_patch_radius_mm(pressing_n),
+            patch_radius_mm=design.hertz_patch_radius_mm(pressing_n),
         )
-        parts = {parity: solved.cell_closures_um(load) for parity, solved in self._classes.items()}
+        parts = {parity: solved.class_cell_closures_um(load) for parity, solved in self._classes.items()}
         swapped = load.transformed(np.eye(3)[[1, 0, 2]])
-        parts[Parity(-1, 1)] = self._classes[Parity(1, -1)].cell_closures_um(swapped).T
-        whole = np.sum([parity.unfold(part) for parity, part in parts.items()], axis=0)
+        parts[Parity(-1, 1)] = self._classes[Parity(1, -1)].class_cell_closures_um(swapped).T
+        whole = np.sum([parity.unfold_z_component(part) for parity, part in parts.items()], axis=0)
         flat = np.empty(whole.size)
         flat[flat_of_grid(len(whole))] = whole
         return flat

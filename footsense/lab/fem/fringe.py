@@ -43,7 +43,7 @@ def _mesh(design: FootDesign, gap_mm: float, film_mm: float) -> Any:
     return mesh
 
 
-def element_capacitance_pf(design: FootDesign, closure_um: float = 0.0) -> tuple[float, float]:
+def fringed_and_plate_capacitance_pf(design: FootDesign, closure_um: float = 0.0) -> tuple[float, float]:
     """Return the capacitance of one flat element [pF] with fringe field, and by the parallel-plate formula.
 
     The four edges of the square each add what an edge of the cross-section adds per length.

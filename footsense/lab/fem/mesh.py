@@ -67,7 +67,7 @@ class MeshSize:
 RELEASED_MESH = MeshSize()
 #: Mesh of the tests and of `--quick`: a second per class, and closures some 6 % too small.
 COARSE_MESH = MeshSize(edge_layer_rel=0.15, bar_mm=0.67, order=2)
-#: Reference of SHIPPED: elements half as large at the bars, smaller elsewhere, and one layer more.
+#: Reference for RELEASED_MESH: elements half as large at the bars, smaller elsewhere, and one edge layer more.
 FINEST_MESH = MeshSize(
     ball_mm=4.0,
     plate_mm=1.5,
@@ -101,7 +101,7 @@ class CavityCell:
 
 
 def quarter_cells(design: FootDesign) -> list[CavityCell]:
-    """Return the cavity cells in the quarter x > 0, y > 0: one whole element, two halves and a quarter."""
+    """Return the cavity cells in x > 0, y > 0; of an element on a mirror plane only those on this side."""
     step = design.electrode_mm / CELLS_PER_SIDE
     cells: list[CavityCell] = []
     for element, (x_mm, y_mm) in enumerate(design.element_centres_mm):
@@ -132,7 +132,7 @@ def _cell_face(cell: CavityCell, side_mm: float) -> Any:
     return face
 
 
-def name_mirror_faces(shape: Any, size: MeshSize) -> None:
+def name_mirrors_and_size_ground(shape: Any, size: MeshSize) -> None:
     """Name the faces in the mirror planes, and set the element size on the ground-side surface."""
     for face in shape.faces:
         for axis in ("x", "y"):
@@ -164,7 +164,7 @@ def is_bar_edge(design: FootDesign, edge: Any) -> bool:
     return False
 
 
-def _is_rim(design: FootDesign, edge: Any) -> bool:
+def _is_sheet_border_edge(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the outer border of the sheet on a hemisphere."""
     low, high = edge.bounding_box
     level = all(abs(abs(end.z) - design.plate_mm) < EQUAL_WITHIN_MM for end in (low, high))
@@ -176,7 +176,7 @@ def _is_rim(design: FootDesign, edge: Any) -> bool:
     )
 
 
-def build_mesh(design: FootDesign, size: MeshSize) -> Any:
+def build_quarter_mesh(design: FootDesign, size: MeshSize) -> Any:
     """Return the curved finite element mesh of the quarter foot.
 
     Args:
@@ -197,12 +197,12 @@ def build_mesh(design: FootDesign, size: MeshSize) -> Any:
     solids = bodies(design, size.plate_mm, quarter=True)
     shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in quarter_cells(design))])
     name_bar_faces(shape)
-    name_mirror_faces(shape, size)
+    name_mirrors_and_size_ground(shape, size)
     for edge in shape.edges:
         if is_bar_edge(design, edge):
             edge.maxh = size.bar_mm
             edge.hpref = 1
-        elif _is_rim(design, edge):
+        elif _is_sheet_border_edge(design, edge):
             edge.hpref = 1
     parameters = MeshingParameters(maxh=size.ball_mm, grading=size.grading)
     try:

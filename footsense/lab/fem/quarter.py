@@ -23,8 +23,13 @@ from typing import Any
 import ngsolve as ng
 
 from footsense.errors import ModelError
-from footsense.lab.fem.elasticity import BondedLayer, membrane_energy, mixed_strain_energy, strain_energy
-from footsense.lab.fem.mesh import MeshSize, build_mesh
+from footsense.lab.fem.elasticity import (
+    BondedLayer,
+    membrane_energy_per_area,
+    mixed_strain_energy_density,
+    strain_energy_density,
+)
+from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign
 
@@ -78,7 +83,7 @@ class QuarterFoot:
         """
         _check_materials(design)
         self.design, self.parity = design, parity
-        self.mesh = build_mesh(design, size) if mesh is None else mesh
+        self.mesh = build_quarter_mesh(design, size) if mesh is None else mesh
         self.layer = layer or BondedLayer(design.pdms, design.spacer_mm)
         self.space = self._finite_element_space(size.order)
         form = self._bilinear_form()
@@ -99,7 +104,7 @@ class QuarterFoot:
         """Depth of the ground-side ball's centre below the middle of the sheet [mm]."""
         return self.design.plate_mm
 
-    def _fixed_faces(self, held: str) -> dict[str, str]:
+    def _dirichlet_arguments(self, held: str) -> dict[str, str]:
         """Return per component the faces with zero displacement: clamped ones, and mirror planes by parity."""
         return {
             f"dirichlet{axis}": "|".join(filter(None, (held, self.parity.fixed_mirror_faces(component))))
@@ -109,7 +114,10 @@ class QuarterFoot:
     def _finite_element_space(self, order: int) -> Any:
         ground, leg = (
             ng.VectorH1(
-                self.mesh, order=order, definedon=f"rubber_{side}|pdms_{side}", **self._fixed_faces(held)
+                self.mesh,
+                order=order,
+                definedon=f"rubber_{side}|pdms_{side}",
+                **self._dirichlet_arguments(held),
             )
             for side, held in (("ground", ""), ("leg", "curved_leg"))
         )
@@ -123,14 +131,16 @@ class QuarterFoot:
         (u_ground, u_leg, p_ground, p_leg), (v_ground, v_leg, *_) = self.space.TnT()
         form = ng.BilinearForm(self.space, symmetric=True)
         for side, u, p in (("ground", u_ground, p_ground), ("leg", u_leg, p_leg)):
-            form += ng.Variation(mixed_strain_energy(self.design.rubber, u, p) * ng.dx(f"rubber_{side}"))
-            form += ng.Variation(strain_energy(self.design.pdms, u) * ng.dx(f"pdms_{side}"))
+            form += ng.Variation(
+                mixed_strain_energy_density(self.design.rubber, u, p) * ng.dx(f"rubber_{side}")
+            )
+            form += ng.Variation(strain_energy_density(self.design.pdms, u) * ng.dx(f"pdms_{side}"))
         films = ((self.design.gold, (u_ground, u_leg)), (self.design.parylene, (u_ground,)))
         for film, covered in films:
             if film is not None:
                 for u in covered:
-                    form += ng.Variation(membrane_energy(film, u) * ng.ds("cell.*"))
-        form += self.layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(self.layer.face_name)
+                    form += ng.Variation(membrane_energy_per_area(film, u) * ng.ds("cell.*"))
+        form += self.layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(self.layer.face_pattern)
         return form
 
     @property

@@ -54,7 +54,7 @@ def plate(
 
 
 def bodies(design: FootDesign, plate_edge_mm: float, *, quarter: bool) -> list[Any]:
-    """Return hemisphere and plate of the ground side, then of the leg side, joined in the plane z = 0.
+    """Return hemisphere and plate of the ground side, then of the leg side; the plates meet in the plane z = 0.
 
     Args:
         design: The foot.

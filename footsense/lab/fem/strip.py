@@ -10,7 +10,7 @@ from typing import Any
 import ngsolve as ng
 from netgen import occ
 
-from footsense.lab.fem.elasticity import strain_energy
+from footsense.lab.fem.elasticity import strain_energy_density
 from footsense.lab.fem.solids import rectangle
 from footsense.lab.geometry import FootDesign
 
@@ -68,7 +68,8 @@ def cavity_strip_closure_um(design: FootDesign, *, solid: bool) -> float:
     u, v = space.TnT()
     form = ng.BilinearForm(space, symmetric=True)
     form += ng.Variation(
-        strain_energy(design.pdms, u) * ng.dx("pdms") + strain_energy(design.rubber, u) * ng.dx("rubber")
+        strain_energy_density(design.pdms, u) * ng.dx("pdms")
+        + strain_energy_density(design.rubber, u) * ng.dx("rubber")
     )
     if not solid:  # the jump is twice the displacement of one side
         form += 2.0 * design.pdms.confined_modulus_mpa / design.spacer_mm * u[1] * v[1] * ng.ds("bar")

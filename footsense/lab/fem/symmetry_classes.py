@@ -33,11 +33,11 @@ class Parity:
                 planes.append(plane)
         return "|".join(planes)
 
-    def signs(self, component: int) -> tuple[int, int]:
+    def mirror_image_signs(self, component: int) -> tuple[int, int]:
         """Return the sign of a displacement component in its images under x -> -x and under y -> -y."""
         return (-self.x if component == 0 else self.x), (-self.y if component == 1 else self.y)
 
-    def unfold(self, quarter: Vector, axis: int = 0) -> Vector:
+    def unfold_z_component(self, quarter: Vector, axis: int = 0) -> Vector:
         """Return z components on the whole foot from the quarter (x runs along `axis`, y along the next axis)."""
         half = np.concatenate([quarter, self.x * np.flip(quarter, axis)], axis)
         return np.concatenate([half, self.y * np.flip(half, axis + 1)], axis + 1)
@@ -47,7 +47,7 @@ class Parity:
 SOLVED_CLASSES = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
 
 
-def _transposed_products(degree: int) -> NDArray[np.intp]:
+def _transposed_product_indices(degree: int) -> NDArray[np.intp]:
     """Return for each monomial T_i T_j the index of T_j T_i in the series."""
     i, j = product_powers(degree)
     place = {pair: number for number, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True))}
@@ -56,7 +56,7 @@ def _transposed_products(degree: int) -> NDArray[np.intp]:
 
 def transposed_series(series: Vector, degree: int) -> Vector:
     """Return a response series with x and y exchanged, shape (products, 9, 9, 3)."""
-    return series[_transposed_products(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
+    return series[_transposed_product_indices(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
 
 
 def single_cell_series(classes: dict[Parity, Vector], degree: int) -> Vector:
@@ -79,5 +79,5 @@ def whole_foot_compliance(classes: dict[Parity, Vector]) -> Vector:
     """
     transposed = classes[Parity(1, -1)].transpose(1, 0, 3, 2)
     parts = [*classes.items(), (Parity(-1, 1), transposed)]
-    whole: Vector = np.sum([parity.unfold(part, 2) for parity, part in parts], axis=0) / 4.0
+    whole: Vector = np.sum([parity.unfold_z_component(part, 2) for parity, part in parts], axis=0) / 4.0
     return whole

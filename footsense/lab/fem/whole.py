@@ -23,10 +23,10 @@ from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.symmetry import flat_of_grid
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import SURFACE_QUADRATURE_ORDER
-from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy, strain_energy
+from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy_density, strain_energy_density
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, is_bar_edge, name_bar_faces
 from footsense.lab.fem.solids import BODY_SIDES, curved_mesh, hemisphere, plate, square
-from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, UM_PER_MM, FootDesign
+from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG, UM_PER_MM, FootDesign
 from footsense.lab.response import (
     FITTED_PATCH_RADIUS_REL,
     SERIES_DEGREE,
@@ -141,13 +141,13 @@ def solve_whole_foot(
     form = ng.BilinearForm(space, symmetric=True)
     thicker = 1.0 + imperfection.glue_wedge_mm / design.plate_mm * (0.5 + ng.x / design.sheet_mm)
     for side, u, p, stiffer in (("ground", u_ground, p_g, thicker**3), ("leg", u_leg, p_l, ng.CF(1.0))):
-        form += ng.Variation(mixed_strain_energy(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
-        form += ng.Variation(stiffer * strain_energy(design.pdms, u) * ng.dx(f"pdms_{side}"))
+        form += ng.Variation(mixed_strain_energy_density(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
+        form += ng.Variation(stiffer * strain_energy_density(design.pdms, u) * ng.dx(f"pdms_{side}"))
     inner, outer = design.half_axis_bar_spans_mm[-1]
     in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
     layer = BondedLayer(design.pdms, design.spacer_mm)
     bonded = 1.0 - (1.0 - imperfection.bonded_width_share) * in_bar
-    form += bonded * layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(layer.face_name)
+    form += bonded * layer.traction(u_ground - u_leg) * (v_ground - v_leg) * ng.ds(layer.face_pattern)
     points = mesh.MapToAllElements(
         ng.IntegrationRule(ng.TRIG, SURFACE_QUADRATURE_ORDER), mesh.Boundaries("curved_ground")
     )
@@ -196,7 +196,7 @@ def with_added_response(
     grid = flat_of_grid(side)
     flat = series.reshape(len(series), -1)
     normal, patch_mm = (
-        spherical_cap_normals(MIN_ELEVATION_DEG),
+        spherical_cap_normals(MIN_TABLE_ELEVATION_DEG),
         FITTED_PATCH_RADIUS_REL * design.ball_radius_mm,
     )
     basis = series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)

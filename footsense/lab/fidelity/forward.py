@@ -61,9 +61,9 @@ def forward_against_table(
     once = functools.partial(response.free_closure_um, loads.normal, loads.force_n)
     tabled, table_s = once(), min(timeit.repeat(once, repeat=3, number=1)) / len(loads.force_n)
     some = np.linspace(0, len(loads.force_n) - 1, n).round().astype(int)
-    functionals = [quarter.closure_functional("cell0", 1.0) for quarter in foot.quarters]
+    functionals = [quarter.closure_functional("cell0", 1.0) for quarter in foot.quarter_per_class]
     start = default_timer()
-    for quarter, functional in zip(foot.quarters, functionals, strict=True):
+    for quarter, functional in zip(foot.quarter_per_class, functionals, strict=True):
         quarter.solve(functional)
     adjoint_s = (default_timer() - start) / len(functionals)
     start = default_timer()

@@ -24,11 +24,11 @@ import math
 import numpy as np
 
 from footsense.frames import Vector
-from footsense.lab.fidelity.lattice import cavity_closure_length_mm
+from footsense.lab.fidelity.lattice import normalised_cavity_closure_mm
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Gauss points along the side of what an element carries: rays are long, so more change a closure by 1e-4.
-_QUADRATURE_POINTS = 3
+_QUADRATURE_POINTS_PER_SIDE = 3
 
 
 class HalfSpace:
@@ -44,22 +44,22 @@ class HalfSpace:
 
     def __init__(self, design: FootDesign, *, balanced: bool = True) -> None:
         self.design, self._balanced = design, balanced
-        place, share = np.polynomial.legendre.leggauss(_QUADRATURE_POINTS)
+        place, share = np.polynomial.legendre.leggauss(_QUADRATURE_POINTS_PER_SIDE)
         half_mm = design.sheet_mm / 2.0
         centres = np.array(design.element_centres_mm)
         low = np.maximum(centres - design.pitch_mm / 2.0, -half_mm)
         high = np.minimum(centres + design.pitch_mm / 2.0, half_mm)
         along = (low + high)[:, None] / 2.0 + place[:, None] * (high - low)[:, None] / 2.0
         weight = share[:, None] * (high - low)[:, None] / 2.0
-        shape = (len(centres), _QUADRATURE_POINTS, _QUADRATURE_POINTS)
+        shape = (len(centres), _QUADRATURE_POINTS_PER_SIDE, _QUADRATURE_POINTS_PER_SIDE)
         x_mm = np.broadcast_to(along[:, :, None, 0], shape).reshape(len(centres), -1)
         y_mm = np.broadcast_to(along[:, None, :, 1], shape).reshape(len(centres), -1)
         self._point_mm = np.stack([x_mm, y_mm, np.zeros_like(x_mm)], axis=-1)
         self._area_mm2 = (weight[:, :, None, 0] * weight[:, None, :, 1]).reshape(len(centres), -1)
-        opening_mm = cavity_closure_length_mm(design.pitch_mm, design.pitch_mm - design.electrode_mm)
+        opening_mm = normalised_cavity_closure_mm(design.pitch_mm, design.pitch_mm - design.electrode_mm)
         self._um_per_mpa = UM_PER_MM * opening_mm / design.rubber.plane_strain_modulus_mpa
 
-    def pressure_mpa(self, normal: Vector, force_n: Vector) -> Vector:
+    def element_pressure_mpa(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the mean pressure on each element [MPa], shape (n, 9).
 
         Args:
@@ -85,7 +85,7 @@ class HalfSpace:
         return mean
 
     def closure_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the mean closure of each element [um], shape (n, 9), under loads as in `pressure_mpa`.
+        """Return the mean closure of each element [um], shape (n, 9), under loads as in `element_pressure_mpa`.
 
         Raises:
             ValueError: A contact is not on the ground-side hemisphere.
@@ -94,4 +94,4 @@ class HalfSpace:
             raise ValueError(
                 f"the ground presses from below, got a contact normal with z = {normal[:, 2].min():.4f}"
             )
-        return self.pressure_mpa(normal, force_n) * self._um_per_mpa
+        return self.element_pressure_mpa(normal, force_n) * self._um_per_mpa

@@ -18,7 +18,7 @@ import numpy as np
 _N_HARMONICS = 100
 
 
-def cavity_closure_length_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True) -> float:
+def normalised_cavity_closure_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True) -> float:
     """Return the mean cavity closure times E' over the mean pressure [mm].
 
     Args:

@@ -22,7 +22,11 @@ from footsense.lab.fabrication import checks, fits
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.assumptions import assumed_process
 from footsense.lab.fabrication.limits import manufacturing_problems, require_manufacturable
-from footsense.lab.fabrication.package import FabricationPackage, fabricate, write_parts
+from footsense.lab.fabrication.package import (
+    FabricationPackage,
+    write_and_check_parts,
+    write_fabrication_package,
+)
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.foot_file import FOOT_FILE
@@ -41,7 +45,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def package(folder: Path) -> FabricationPackage:
-    return fabricate(FOOT_DESIGN, folder)
+    return write_fabrication_package(FOOT_DESIGN, folder)
 
 
 def test_the_files_of_the_released_foot_pass_every_check(package: FabricationPackage) -> None:
@@ -167,8 +171,8 @@ def test_a_hemisphere_of_another_size_is_found(
     larger = solids.hemispheres(replace(FOOT_DESIGN, ball_radius_mm=10.05))[1]
     solids.write_step(larger, tmp_path / "foot" / "step" / "hemisphere-leg.step")
     found = [
-        *checks.check_solid_volumes(tmp_path / "foot", package.parts),
-        *fits.check_ball(tmp_path / "foot", FOOT_DESIGN, package.flexes),
+        *checks.check_solid_volumes(tmp_path / "foot", package.solid_parts),
+        *fits.check_hemispheres_and_socket(tmp_path / "foot", FOOT_DESIGN, package.flexes),
     ]
     assert {check.quantity for check in found if not check.passed} == {
         "volume",
@@ -200,7 +204,7 @@ def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_m
         pitch_mm=5.0 * size,
         electrode_mm=4.0 * size,
     )
-    assert all(check.passed for check in write_parts(foot, tmp_path).checks)
+    assert all(check.passed for check in write_and_check_parts(foot, tmp_path).checks)
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(2, 2), (4, 4), (2, 4)])

@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from footsense.errors import ModelError
-from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
+from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign, Material
@@ -84,7 +84,7 @@ def test_far_below_the_patch_is_a_point(half_space: HalfSpace) -> None:
 def test_a_foot_that_cannot_be_meshed_says_so(foot_design: FootDesign) -> None:
     """Too thin, inside out or nothing: a ModelError that names the sizes."""
     with pytest.raises(ModelError, match="FootDesign"):
-        build_mesh(foot_design, COARSE_MESH)
+        build_quarter_mesh(foot_design, COARSE_MESH)
 
 
 @pytest.mark.parametrize(
@@ -113,7 +113,7 @@ def test_a_foot_that_nothing_holds_is_singular(mesh: Any) -> None:
 def test_bars_lie_between_the_electrodes_of_any_array(rows: int, electrode_mm: float) -> None:
     """Bars of 1 mm on the sheet of 14 mm: the rest of a quarter is cells, and no cell is a bar."""
     design = replace(FOOT_DESIGN, rows=rows, electrode_mm=electrode_mm, pitch_mm=electrode_mm + 1.0)
-    mesh = build_mesh(design, COARSE_MESH)
+    mesh = build_quarter_mesh(design, COARSE_MESH)
     assert design.array_side_mm == pytest.approx(design.sheet_mm)
     bars_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("bars"), mesh)
     cells_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("cell.*"), mesh)

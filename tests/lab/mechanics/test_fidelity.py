@@ -10,7 +10,7 @@ from footsense.foot.specimen import Foot
 from footsense.lab.fem.forward import DirectSolveFoot
 from footsense.lab.fem.mesh import COARSE_MESH
 from footsense.lab.fidelity.half_space import HalfSpace
-from footsense.lab.fidelity.lattice import cavity_closure_length_mm
+from footsense.lab.fidelity.lattice import normalised_cavity_closure_mm
 from footsense.lab.fidelity.levels import LEVEL_NAMES, fidelity_level, response_json
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
@@ -37,15 +37,18 @@ def test_one_solve_per_load_equals_the_table(released: FootResponse) -> None:
 def test_bars_along_one_axis_are_bounded_by_the_exact_value() -> None:
     """Koiter's collinear cracks: 16 b^2 / pi ln sec(pi a / 2 b) is opened in all; an even pressure opens 9 % more."""
     exact_mm = 16.0 * 2.5**2 / math.pi * math.log(1.0 / math.cos(0.4 * math.pi)) / 4.0
-    assert 1.0 < cavity_closure_length_mm(5.0, 1.0, crossing=False) / exact_mm < 1.10
+    assert 1.0 < normalised_cavity_closure_mm(5.0, 1.0, crossing=False) / exact_mm < 1.10
 
 
 def test_the_sheet_carries_force_and_moment() -> None:
     """A force straight up through the middle: nine elements with their areas carry all of it, and no moment."""
     areas = np.outer([4.5, 5.0, 4.5], [4.5, 5.0, 4.5]).ravel()
-    pressure = HalfSpace(FOOT_DESIGN).pressure_mpa(NORMAL, FORCE)[0]
+    pressure = HalfSpace(FOOT_DESIGN).element_pressure_mpa(NORMAL, FORCE)[0]
     assert pressure @ areas == pytest.approx(FORCE[0, 2], rel=1e-9)
-    assert HalfSpace(FOOT_DESIGN, balanced=False).pressure_mpa(NORMAL, FORCE)[0] @ areas < 0.8 * FORCE[0, 2]
+    assert (
+        HalfSpace(FOOT_DESIGN, balanced=False).element_pressure_mpa(NORMAL, FORCE)[0] @ areas
+        < 0.8 * FORCE[0, 2]
+    )
 
 
 def test_a_mirrored_load_has_mirrored_closures() -> None:

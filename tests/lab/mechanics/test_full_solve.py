@@ -16,7 +16,7 @@ from footsense.lab.contact.full_solve import FootContactModel
 from footsense.lab.contact.load_case import LoadCase
 from footsense.lab.contact.mesh import ContactMeshSize, build_mesh
 from footsense.lab.contact.plane_floor import PlaneFloor
-from footsense.lab.fem.elasticity import mixed_strain_energy, strain_energy
+from footsense.lab.fem.elasticity import mixed_strain_energy_density, strain_energy_density
 from footsense.lab.geometry import Material
 from tests.lab.released import FOOT_DESIGN
 
@@ -105,8 +105,8 @@ def test_a_homogeneous_stretch_is_exact(material: Material) -> None:
     along = ng.GridFunction(space)
     along.components[0].Set(ng.CF(tuple(direction.ravel()), dims=(3, 3)) * ng.CF((ng.x, ng.y, ng.z)))
     for stored in (
-        mixed_strain_energy(material, u, p, finite_strain=True),
-        strain_energy(material, u, finite_strain=True),
+        mixed_strain_energy_density(material, u, p, finite_strain=True),
+        strain_energy_density(material, u, finite_strain=True),
     ):
         form = ng.BilinearForm(space, symmetric=True)
         form += ng.Variation(stored * ng.dx)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import series_basis
-from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
+from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
 from footsense.lab.fem.other_sensors.block import COARSE_BLOCK_MESH
-from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
+from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, vertical_closure_um_per_n
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, Material
@@ -56,14 +56,16 @@ def test_elements_lie_on_the_block() -> None:
 @pytest.mark.parametrize("poisson", [0.49, 0.4999])
 def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
     """Finite, symmetric, in balance: what the film carries is a quarter's share of a load of one newton."""
-    film = GelLayerDesign(layer_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, poisson))
-    mesh = build_mesh(FOOT_DESIGN, FILM_SIZE)
+    film = GelLayerDesign(thickness_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, poisson))
+    mesh = build_quarter_mesh(FOOT_DESIGN, FILM_SIZE)
     quarter = QuarterFoot(FOOT_DESIGN, FILM_SIZE, Parity(1, 1), mesh, film.layer)
     area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), quarter.mesh)
     load = quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / area_mm2)))
     moved = quarter.solve(load)
     ground, leg, *_ = moved.components
-    carried_n = ng.Integrate(film.layer.traction(ground - leg)[2] * ng.ds(film.layer.face_name), quarter.mesh)
+    carried_n = ng.Integrate(
+        film.layer.traction(ground - leg)[2] * ng.ds(film.layer.face_pattern), quarter.mesh
+    )
     assert carried_n == pytest.approx(0.25, rel=1e-6)
     assert quarter.residual_rel(load, moved) < 1e-8
     functionals = [quarter.closure_functional(name, 1.0) for name in ("cell0", "cell40")]
@@ -75,9 +77,9 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
 
 def test_the_film_does_not_lock() -> None:
     """A confined layer under rigid plates closes by t f / (M A); that the plates bend may change it by a tenth."""
-    film = GelLayerDesign(layer_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, 0.49))
-    rigid_um = 1000.0 * film.layer_mm / (film.gel.confined_modulus_mpa * FOOT_DESIGN.sheet_mm**2)
-    assert upright_closure_um(FOOT_DESIGN, FILM_SIZE, [film])[0] == pytest.approx(rigid_um, rel=0.1)
+    film = GelLayerDesign(thickness_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, 0.49))
+    rigid_um = 1000.0 * film.thickness_mm / (film.gel.confined_modulus_mpa * FOOT_DESIGN.sheet_mm**2)
+    assert vertical_closure_um_per_n(FOOT_DESIGN, FILM_SIZE, [film])[0] == pytest.approx(rigid_um, rel=0.1)
 
 
 def test_a_lean_is_the_angle_that_was_asked_for() -> None:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from footsense.foot.directions import directions
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT
 from footsense.foot.response_table import FootResponse
-from footsense.lab.fem.adjoint import AdjointField
+from footsense.lab.fem.adjoint import AdjointFields
 from footsense.lab.fem.centred import solve_centred_closures
-from footsense.lab.fem.elasticity import membrane_energy
+from footsense.lab.fem.elasticity import membrane_energy_per_area
 from footsense.lab.fem.mesh import MeshSize, quarter_cells
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
@@ -55,7 +55,7 @@ def element_closures(quarter: QuarterFoot, moved: Any) -> NDArray[np.float64]:
     return found
 
 
-def test_the_quarter_has_the_areas_of_the_drawing(mesh: Any, fields: dict[Parity, AdjointField]) -> None:
+def test_the_quarter_has_the_areas_of_the_drawing(mesh: Any, fields: dict[Parity, AdjointFields]) -> None:
     """A quarter of nine cavities of 16 mm2, of 52 mm2 of bars and of a hemisphere."""
     area = {name: ng.Integrate(ng.CF(1.0) * ng.ds(name), mesh) for name in ("cell.*", "bars")}
     assert area["cell.*"] == pytest.approx(36.0, rel=1e-9)
@@ -204,7 +204,7 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
         low, high = (
             solve_centred_closures(
                 foot_design, dataclasses.replace(PLAIN, order=order), (90.0,), patch_mm=1.0
-            ).closure_um.sum()
+            ).closure_um_per_n.sum()
             for order in (2, 3)
         )
         lost.append(1.0 - low / high)
@@ -234,7 +234,7 @@ def test_a_foot_twice_as_large_is_twice_as_stiff() -> None:
     one, two = (
         solve_centred_closures(
             foot_design, PLAIN, (50.0,), patch_mm=0.1 * foot_design.ball_radius_mm
-        ).closure_um
+        ).closure_um_per_n
         for foot_design in (FOOT_DESIGN, twice)
     )
     np.testing.assert_allclose(2.0 * two, one, rtol=1e-6)
@@ -253,7 +253,7 @@ def test_gold_stores_the_energy_of_plane_stress_and_takes_little_off_the_closure
     moved = ng.GridFunction(plain.space).components[0]
     a, b, c = 0.010, -0.004, 0.003
     moved.Set(ng.CF((a * ng.x + c * ng.y, c * ng.x + b * ng.y, 0.5 * ng.x)))
-    stored = ng.Integrate(membrane_energy(GOLD, moved) * ng.ds("cell.*"), plain.mesh)
+    stored = ng.Integrate(membrane_energy_per_area(GOLD, moved) * ng.ds("cell.*"), plain.mesh)
     by_hand = 0.5 * 7.9 / (1.0 - 0.42**2) * (a * a + b * b + 2 * 0.42 * a * b + 2 * (1 - 0.42) * c * c)
     assert stored == pytest.approx(36.0 * by_hand, rel=1e-6)
     without_um, with_um = (

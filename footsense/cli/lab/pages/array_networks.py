@@ -91,7 +91,7 @@ def train_and_evaluate_network(response: FootResponse, loads: LoadRange, size: T
         closure_pattern_second_moments(rest.with_symmetric_copies().closure_um / response.design.gap_um)
     )
     gaits = random_gaits(response, _TRAINING_SEED, size.n_gaits, _CONVERSIONS, loads.max_n, jobs=2)
-    settings = replace(size.settings, min_force_n=loads.min_force_n)
+    settings = replace(size.settings, min_force_n=loads.min_relative_loss_force_n)
     weights = train_windowed(gaits, rest, response.design, settings, imputation)
     test_gaits = random_gaits(response, _TEST_SEED, size.n_test_gaits, _CONVERSIONS, loads.max_n)
     walk = _readings_under_measured_walk(response)

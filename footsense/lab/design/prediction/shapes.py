@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import FootResponse, series_basis
 from footsense.frames import Vector
-from footsense.lab.geometry import MIN_ELEVATION_DEG, MIN_FITTED_ELEVATION_DEG, FootDesign, Material
+from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG, FootDesign, Material
 
 #: File of the solved shapes.
 SHAPES_FILE = Path(__file__).with_name("shapes.npz")
@@ -225,7 +225,7 @@ class ShapeLibrary:
             design=design.capacitor,
             ball_radius_mm=design.ball_radius_mm,
             hertz_modulus_mpa=design.rubber.plane_strain_modulus_mpa,
-            min_elevation_deg=MIN_ELEVATION_DEG,
+            min_elevation_deg=MIN_TABLE_ELEVATION_DEG,
             fit_elevation_deg=MIN_FITTED_ELEVATION_DEG,
             degree=_SERIES_DEGREE,
             quarter_series=np.stack([point, size**2 * patch]),

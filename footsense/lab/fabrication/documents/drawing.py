@@ -146,7 +146,7 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
     """Return the sheet with socket and mould, in section and from above."""
     radius, wall = design.ball_radius_mm, dimensions.MOULD_WALL_MM
     half_x, half_y, deep = 2.0 * radius + 1.5 * wall, radius + wall, radius + wall
-    off = solids.mould_centres_mm(design)[1]
+    off = solids.mould_hollow_centres_x_mm(design)[1]
     scale = largest_scale((2.0 * half_x, 2.0 * half_y), (150.0, 75.0))
     lid = page.add_view(
         (105.0, 240.0), scale, (-half_x, -half_y, half_x, half_y), "Lid of the mould from above, *"
@@ -192,7 +192,9 @@ def _draw_machined_parts(page: PaperSheet, design: FootDesign, parts: dict[str, 
     for k, at in enumerate(
         ((outer - dimensions.TAIL_CHANNEL_DEPTH_MM, 0.0), (0.0, outer - dimensions.TAIL_CHANNEL_DEPTH_MM))
     ):
-        width = 2.0 * dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM + solids.tail_widths_mm(design)[k]
+        width = (
+            2.0 * dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM + solids.column_and_row_tail_widths_mm(design)[k]
+        )
         socket.draw_note(
             at,
             ((24.0, -22.0), (26.0, 16.0))[k],
@@ -247,7 +249,7 @@ def _draw_flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
     """Draw one flex with its copper, outline and dimensions."""
     view.draw_area(outline, _POLYMER)
     for shape in read_layer(folder / flex.name / "copper.gbr"):
-        view.draw_area(shape.area, _COPPER, edge=False)
+        view.draw_area(shape.polygon, _COPPER, edge=False)
     for x, y, diameter in read_holes(folder / flex.name / "drill.drl"):
         view.draw_area(shapely.Point(x, y).buffer(diameter / 2.0), "w")
     half, tail, side = flex.polymer_half_side_mm, flex.tail_half_width_mm, flex.array.electrode_mm
@@ -266,14 +268,14 @@ def _draw_flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
     contacts = f"{len(flex.contact_v_mm)} contacts {size}; contact 1 is the lowest;\n"
     contacts += f"even: {', '.join(flex.nets)}; odd: {GUARD_NET}"
     view.draw_note(
-        (flex.tail_end_mm - dimensions.CONNECTOR_CONTACT_LENGTH_MM / 2.0, tail),
+        (flex.tail_end_u_mm - dimensions.CONNECTOR_CONTACT_LENGTH_MM / 2.0, tail),
         (-8.0, 16.0),
         contacts,
         "center",
     )
     stiff = f"stiffener {dimensions.STIFFENER_LENGTH_MM:g}, other side; 0.3 thick with it"
     view.draw_note(
-        (flex.tail_end_mm - dimensions.STIFFENER_LENGTH_MM, -tail), (-18.0, -10.0), stiff, "center"
+        (flex.tail_end_u_mm - dimensions.STIFFENER_LENGTH_MM, -tail), (-18.0, -10.0), stiff, "center"
     )
 
 

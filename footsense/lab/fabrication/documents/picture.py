@@ -89,7 +89,7 @@ def _flex_polygons(folder: Path, flex: Flex, *, upwards: bool) -> list[tuple[Vec
     """Return outline and visible copper of a flex in the foot frame as polygons with colours, tail cut short."""
     shown = [(read_outline(folder / flex.name / "profile.gbr"), _POLYMER)]
     if upwards:
-        shown += [(shape.area, _COPPER) for shape in read_layer(folder / flex.name / "copper.gbr")]
+        shown += [(shape.polygon, _COPPER) for shape in read_layer(folder / flex.name / "copper.gbr")]
     end = 1.9 * flex.ball_radius_mm
     return [
         (np.array([flex.artwork_to_foot((min(u, end), v)) for u, v in area.exterior.coords]), colour)

@@ -76,22 +76,22 @@ class Flex:
         room = (
             dimensions.socket_outer_radius_mm(self.ball_radius_mm)
             - dimensions.INNER_CORNER_RADIUS_MM
-            - self.trace_fan_start_mm
+            - self.trace_fan_start_u_mm
         )
         return min(max(abs(v - w) for v, w in pairs), room)
 
     @property
-    def tail_start_mm(self) -> float:
+    def tail_start_u_mm(self) -> float:
         """Coordinate u from which the tail is straight [mm]: the traces have reached the contact pitch."""
-        return self.trace_fan_start_mm + self.trace_fan_length_mm + dimensions.INNER_CORNER_RADIUS_MM
+        return self.trace_fan_start_u_mm + self.trace_fan_length_mm + dimensions.INNER_CORNER_RADIUS_MM
 
     @property
-    def trace_fan_start_mm(self) -> float:
+    def trace_fan_start_u_mm(self) -> float:
         """Coordinate u from which the traces converge [mm], outside the sheet."""
         return self.polymer_half_side_mm + dimensions.MIN_COPPER_TO_EDGE_MM
 
     @property
-    def tail_end_mm(self) -> float:
+    def tail_end_u_mm(self) -> float:
         """Coordinate u of the tail's end [mm]."""
         return self.ball_radius_mm + dimensions.TAIL_BEYOND_BALL_MM
 
@@ -109,7 +109,7 @@ class Flex:
         """Pads and traces of the copper layer."""
         shapes: list[Pad | Trace] = []
         side, width = self.array.electrode_mm, dimensions.TRACE_WIDTH_MM
-        contact_u = self.tail_end_mm - dimensions.CONNECTOR_CONTACT_LENGTH_MM / 2.0
+        contact_u = self.tail_end_u_mm - dimensions.CONNECTOR_CONTACT_LENGTH_MM / 2.0
         for k, (net, v) in enumerate(zip(self.nets, self.line_v_mm, strict=True)):
             shapes += [
                 Pad(centre_mm=(u, v), size_mm=(side, side), aperture_function="Other,Electrode", net=net)
@@ -118,15 +118,15 @@ class Flex:
             w = self.contact_v_mm[2 * k + 1]
             way = [
                 (self.element_u_mm[-1], v),
-                (self.trace_fan_start_mm, v),
-                (self.trace_fan_start_mm + self.trace_fan_length_mm, w),
+                (self.trace_fan_start_u_mm, v),
+                (self.trace_fan_start_u_mm + self.trace_fan_length_mm, w),
                 (contact_u, w),
             ]
             shapes.append(Trace(points_mm=way, width_mm=width, aperture_function="Conductor", net=net))
         for number, w in enumerate(self.contact_v_mm, 1):
             net = GUARD_NET if number % 2 else self.nets[number // 2 - 1]
             if number % 2:
-                way = [(self.tail_start_mm, w), (contact_u, w)]
+                way = [(self.tail_start_u_mm, w), (contact_u, w)]
                 shapes.append(Trace(points_mm=way, width_mm=width, aperture_function="Conductor", net=net))
             shapes.append(
                 Pad(
@@ -147,7 +147,7 @@ class Flex:
         return [
             Pad(centre_mm=(0.0, 0.0), size_mm=(sheet, sheet), aperture_function="Material"),
             Pad(
-                centre_mm=(self.tail_end_mm - bare / 2.0, 0.0),
+                centre_mm=(self.tail_end_u_mm - bare / 2.0, 0.0),
                 size_mm=(bare, contacts),
                 aperture_function="Material",
             ),
@@ -159,7 +159,9 @@ class Flex:
         length = dimensions.STIFFENER_LENGTH_MM
         size = (length, 2.0 * self.tail_half_width_mm)
         return [
-            Pad(centre_mm=(self.tail_end_mm - length / 2.0, 0.0), size_mm=size, aperture_function="Material")
+            Pad(
+                centre_mm=(self.tail_end_u_mm - length / 2.0, 0.0), size_mm=size, aperture_function="Material"
+            )
         ]
 
     @property
@@ -172,9 +174,9 @@ class Flex:
         """Outline of the polymer, a shapely polygon in (u, v) [mm]."""
         half, fan = self.polymer_half_side_mm, self.tail_half_width_mm
         neck = shapely.Polygon(
-            [(half, -half), (self.tail_start_mm, -fan), (self.tail_start_mm, fan), (half, half)]
+            [(half, -half), (self.tail_start_u_mm, -fan), (self.tail_start_u_mm, fan), (half, half)]
         )
-        tail = shapely.box(half, -fan, self.tail_end_mm, fan)
+        tail = shapely.box(half, -fan, self.tail_end_u_mm, fan)
         ears = [alignment_ear(half, centre) for centre, _ in self.alignment_holes]
         whole = shapely.union_all([shapely.box(-half, -half, half, half), neck, tail, *ears])
         radius = dimensions.INNER_CORNER_RADIUS_MM  # inner corners are rounded, so that they do not tear

@@ -15,12 +15,12 @@ from gerbonara.utils import MM
 
 from footsense.errors import FootsenseError
 
-#: Corners of the polygon that stands for a quarter circle.
+#: Straight segments by which a polygon approximates a quarter circle.
 _SEGMENTS_PER_QUARTER_CIRCLE = 32
-#: Polygons that touch, rounded to the coordinates of the file [mm].
+#: Shapes are grown by this before they are united, so that those that touch become one [mm].
 _TOUCH_DISTANCE_MM = 1e-6
 #: Share of a conductor's area that has to be left where nothing but its round ends is etched away [1].
-_MIN_KEPT_AREA_REL = 0.97
+_MIN_AREA_SHARE_AFTER_EROSION = 0.97
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,16 +28,16 @@ class CopperShape:
     """One shape of a copper layer, read from Gerber.
 
     Attributes:
-        area: A polygon of shapely [mm].
+        polygon: A polygon of shapely [mm].
         aperture_function: Its aperture function.
         net: Its net; empty for none.
-        pin: Number of its contact; empty where it is none.
+        pin_number: Number of its contact; empty where it is none.
     """
 
-    area: Any
+    polygon: Any
     aperture_function: str
     net: str
-    pin: str
+    pin_number: str
 
 
 def read_layer(path: Path) -> list[CopperShape]:
@@ -48,10 +48,10 @@ def read_layer(path: Path) -> list[CopperShape]:
         parts = [_polygon(primitive) for primitive in thing.to_primitives(MM)]
         shapes.append(
             CopperShape(
-                area=shapely.union_all(parts),
+                polygon=shapely.union_all(parts),
                 aperture_function=_attribute_text(aperture, ".AperFunction"),
                 net=_attribute_text(attributes, ".N"),
-                pin=_attribute_text(attributes, ".P").partition(",")[2],
+                pin_number=_attribute_text(attributes, ".P").partition(",")[2],
             )
         )
     return shapes
@@ -73,8 +73,10 @@ def read_holes(path: Path) -> list[tuple[float, float, float]]:
 
 def connected_conductors(shapes: Sequence[CopperShape]) -> list[list[CopperShape]]:
     """Return the shapes grouped by touching copper (geometry, not net names): each list is one conductor."""
-    copper = shapely.get_parts(shapely.union_all([shape.area.buffer(_TOUCH_DISTANCE_MM) for shape in shapes]))
-    return [[shape for shape in shapes if shape.area.intersects(piece)] for piece in copper]
+    copper = shapely.get_parts(
+        shapely.union_all([shape.polygon.buffer(_TOUCH_DISTANCE_MM) for shape in shapes])
+    )
+    return [[shape for shape in shapes if shape.polygon.intersects(piece)] for piece in copper]
 
 
 def narrowest_width_mm(areas: Sequence[Any]) -> float:
@@ -85,7 +87,7 @@ def narrowest_width_mm(areas: Sequence[Any]) -> float:
         width = 0.5 * (low + high)
         left = whole.buffer(-0.5 * width, join_style="mitre")
         kept_rel = left.buffer(0.5 * width, join_style="mitre").area / whole.area
-        holds = left.geom_type == "Polygon" and kept_rel > _MIN_KEPT_AREA_REL
+        holds = left.geom_type == "Polygon" and kept_rel > _MIN_AREA_SHARE_AFTER_EROSION
         low, high = (width, high) if holds else (low, width)
     return low
 

@@ -22,7 +22,7 @@ from footsense.lab.fabrication.parts.flex import alignment_ear
 _ROUNDING_TOLERANCE_MM = 1e-9
 
 
-def alignment_holes(ball_radius_mm: float) -> list[tuple[float, float]]:
+def alignment_hole_centres_mm(ball_radius_mm: float) -> list[tuple[float, float]]:
     """Return the centres (x, y) of the alignment holes [mm]: behind the foot and to its right."""
     far = ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
     return [(-far, 0.0), (0.0, -far)]
@@ -30,7 +30,7 @@ def alignment_holes(ball_radius_mm: float) -> list[tuple[float, float]]:
 
 def film_outline(array: ElementArray, ball_radius_mm: float) -> Any:
     """Return the outline of the insulating film, a shapely polygon [mm]: the whole sheet with its ears."""
-    half, places = array.sheet_mm / 2.0, alignment_holes(ball_radius_mm)
+    half, places = array.sheet_mm / 2.0, alignment_hole_centres_mm(ball_radius_mm)
     whole = shapely.union_all(
         [shapely.box(-half, -half, half, half), *(alignment_ear(half, p) for p in places)]
     )
@@ -86,7 +86,7 @@ def spacer_outline(array: ElementArray, ball_radius_mm: float, cavity: CavityKin
 
 
 def write_dxf(path: Path, shape: Any, note: str) -> None:
-    """Write a polygon to a DXF file as closed lines [mm], with the thickness as a text note.
+    """Write a polygon to a DXF file as closed lines [mm], with a text note below it.
 
     Args:
         path: The file.

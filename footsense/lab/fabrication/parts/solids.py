@@ -26,12 +26,12 @@ class Part:
     Attributes:
         name: Its name, and that of its file.
         solid: Shape of Open CASCADE [mm].
-        volume_mm3: Its volume by formula [mm3].
+        formula_volume_mm3: Its volume by formula [mm3].
     """
 
     name: str
     solid: Any
-    volume_mm3: float
+    formula_volume_mm3: float
 
 
 def hemispheres(design: FootDesign) -> list[Part]:
@@ -41,7 +41,7 @@ def hemispheres(design: FootDesign) -> list[Part]:
         Part(
             name=f"hemisphere-{side}",
             solid=hemisphere(design, side, up * design.plate_mm, quarter=False),
-            volume_mm3=volume,
+            formula_volume_mm3=volume,
         )
         for side, up in BODY_SIDES
     ]
@@ -50,7 +50,7 @@ def hemispheres(design: FootDesign) -> list[Part]:
 def mould(design: FootDesign) -> list[Part]:
     """Return body (two hollows, open upwards at z = 0) and lid of the casting mould as parts."""
     radius, wall = design.ball_radius_mm, dimensions.MOULD_WALL_MM
-    centres = mould_centres_mm(design)
+    centres = mould_hollow_centres_x_mm(design)
     half_x, half_y = 2.0 * radius + 1.5 * wall, radius + wall
     body = occ.Box(occ.Pnt(-half_x, -half_y, -(radius + wall)), occ.Pnt(half_x, half_y, 0))
     lid = occ.Box(occ.Pnt(-half_x, -half_y, 0), occ.Pnt(half_x, half_y, wall))
@@ -75,18 +75,18 @@ def mould(design: FootDesign) -> list[Part]:
         area = math.pi / 4.0 * dimensions.MOULD_DOWEL_DIAMETER_MM**2
         body_mm3, lid_mm3 = body_mm3 - 2.0 * dimensions.MOULD_DOWEL_DIAMETER_MM * area, lid_mm3 - wall * area
     return [
-        Part(name="mould-body", solid=body, volume_mm3=body_mm3),
-        Part(name="mould-lid", solid=lid, volume_mm3=lid_mm3),
+        Part(name="mould-body", solid=body, formula_volume_mm3=body_mm3),
+        Part(name="mould-lid", solid=lid, formula_volume_mm3=lid_mm3),
     ]
 
 
-def mould_centres_mm(design: FootDesign) -> tuple[float, float]:
+def mould_hollow_centres_x_mm(design: FootDesign) -> tuple[float, float]:
     """Return x of the centres of the mould's two hollows [mm]."""
     off = design.ball_radius_mm + dimensions.MOULD_WALL_MM / 2.0
     return -off, off
 
 
-def tail_widths_mm(design: FootDesign) -> tuple[float, float]:
+def column_and_row_tail_widths_mm(design: FootDesign) -> tuple[float, float]:
     """Return the widths of the column flex's tail (forward) and the row flex's tail (to the left) [mm]."""
     rows, columns = flexes(ElementArray.from_design(design), design.ball_radius_mm)
     return 2.0 * columns.tail_half_width_mm, 2.0 * rows.tail_half_width_mm
@@ -105,7 +105,7 @@ def socket(design: FootDesign) -> Part:
         0.0, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (rim, top + 1.0)
     )  # excess adhesive leaves here
     inside = outer - dimensions.TAIL_CHANNEL_DEPTH_MM
-    for width, forward in zip(tail_widths_mm(design), (True, False), strict=True):
+    for width, forward in zip(column_and_row_tail_widths_mm(design), (True, False), strict=True):
         half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
         corners = [(inside, -half), (outer + 1.0, half)]
         if not forward:
@@ -119,7 +119,7 @@ def socket(design: FootDesign) -> Part:
     solid -= _cylinder(
         0.85 * inside, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (top - 1.0, top + 1.0)
     )  # marks forward
-    return Part(name="leg-socket", solid=solid, volume_mm3=_socket_volume_mm3(design))
+    return Part(name="leg-socket", solid=solid, formula_volume_mm3=_socket_volume_mm3(design))
 
 
 def _socket_volume_mm3(design: FootDesign) -> float:
@@ -135,7 +135,7 @@ def _socket_volume_mm3(design: FootDesign) -> float:
     volume: float = math.pi * outer**2 * height - 2.0 / 3.0 * math.pi * hollow**3
     # What the bore for the adhesive cuts beyond the hollow.
     volume -= math.pi * air**2 * height - 2.0 / 3.0 * math.pi * (hollow**3 - (hollow**2 - air**2) ** 1.5)
-    for width in tail_widths_mm(design):
+    for width in column_and_row_tail_widths_mm(design):
         half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
         segment = half * math.sqrt(outer**2 - half**2) + outer**2 * math.asin(half / outer)
         volume -= height * (segment - 2.0 * half * (outer - dimensions.TAIL_CHANNEL_DEPTH_MM))
@@ -148,13 +148,13 @@ def all_parts(design: FootDesign) -> list[Part]:
     return [*hemispheres(design), *mould(design), socket(design)]
 
 
-def cast_hemisphere(design: FootDesign) -> Any:
+def hemisphere_in_mould(design: FootDesign) -> Any:
     """Return a hemisphere in its position in the mould [mm]."""
-    centre = occ.Pnt(mould_centres_mm(design)[0], 0, 0)
+    centre = occ.Pnt(mould_hollow_centres_x_mm(design)[0], 0, 0)
     return occ.Sphere(centre, design.ball_radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, 1))
 
 
-def is_outer_face(face: Any, low: Any) -> bool:
+def is_in_plane_through_corner(face: Any, low: Any) -> bool:
     """Tell whether a face lies in one of the three planes through a box's lowest corner."""
     _, high = face.bounding_box
     return any(abs(getattr(high, axis) - getattr(low, axis)) < EQUAL_WITHIN_MM for axis in ("x", "y", "z"))

@@ -21,9 +21,9 @@ import ngsolve as ng
 from netgen import occ
 from netgen.meshing import MeshingParameters
 
-from footsense.lab.fem.adjoint import AdjointField, solve_functional_fields
-from footsense.lab.fem.elasticity import mixed_strain_energy, strain_energy
-from footsense.lab.fem.mesh import MeshSize, name_mirror_faces
+from footsense.lab.fem.adjoint import AdjointFields, solve_functional_fields
+from footsense.lab.fem.elasticity import mixed_strain_energy_density, strain_energy_density
+from footsense.lab.fem.mesh import MeshSize, name_mirrors_and_size_ground
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.solids import BODY_SIDES, curved_mesh, hemisphere, plate
 from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES, Parity
@@ -96,7 +96,7 @@ def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_MESH) -> Any:
     solids = [hemisphere(design, side, up * level, quarter=True) for side, up in BODY_SIDES]
     block = plate("pdms", (0, 0), design.sheet_mm / 2.0, (-level, level), size.plate_mm)
     shape = occ.Glue([*solids, block])
-    name_mirror_faces(shape, size)
+    name_mirrors_and_size_ground(shape, size)
     return curved_mesh(shape, MeshingParameters(maxh=size.ball_mm, grading=size.grading), size.order)
 
 
@@ -113,7 +113,7 @@ class QuarterBlock(QuarterFoot):
         return half_thickness_mm(self.design)
 
     def _finite_element_space(self, order: int) -> Any:
-        displacement = ng.VectorH1(self.mesh, order=order, **self._fixed_faces("curved_leg"))
+        displacement = ng.VectorH1(self.mesh, order=order, **self._dirichlet_arguments("curved_leg"))
         p_ground, p_leg = (
             ng.H1(self.mesh, order=order - 1, definedon=f"rubber_{side}") for side, _ in BODY_SIDES
         )
@@ -123,8 +123,10 @@ class QuarterBlock(QuarterFoot):
         u, *pressures = self.space.TrialFunction()
         form = ng.BilinearForm(self.space, symmetric=True)
         for (side, _), p in zip(BODY_SIDES, pressures, strict=True):
-            form += ng.Variation(mixed_strain_energy(self.design.rubber, u, p) * ng.dx(f"rubber_{side}"))
-        form += ng.Variation(strain_energy(self.design.pdms, u) * ng.dx("pdms"))
+            form += ng.Variation(
+                mixed_strain_energy_density(self.design.rubber, u, p) * ng.dx(f"rubber_{side}")
+            )
+        form += ng.Variation(strain_energy_density(self.design.pdms, u) * ng.dx("pdms"))
         return form
 
     def stress_functional(self, column: BlockColumn) -> Any:
@@ -143,9 +145,9 @@ class QuarterBlock(QuarterFoot):
             return form.Assemble()
 
 
-def block_fields(
+def solve_column_stress_fields(
     design: FootDesign, columns: Sequence[BlockColumn], size: MeshSize = BLOCK_MESH
-) -> dict[Parity, AdjointField]:
+) -> dict[Parity, AdjointFields]:
     """Return the adjoint fields of the columns' mean stress per symmetry class, influence in MPa/N."""
     mesh = build_block_mesh(design, size)
     classes = [QuarterBlock(design, size, parity, mesh) for parity in SOLVED_CLASSES]

@@ -22,7 +22,7 @@ import numpy as np
 
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.lab.fem.elasticity import BondedLayer
-from footsense.lab.fem.mesh import MeshSize, build_mesh
+from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import UM_PER_MM, FootDesign, Material
@@ -33,40 +33,42 @@ class GelLayerDesign:
     """Gel film in place of the spacer: thickness, material and permittivity.
 
     Attributes:
-        layer_mm: Thickness, that of the spacer [mm].
+        thickness_mm: Thickness, that of the spacer [mm].
         gel: Gelled polyurethane; the paper gives E = 20 kPa, Poisson's ratio is a choice.
         eps_r: Relative permittivity of the gel [1], a choice: capacitance and sensitivity are proportional to it.
     """
 
-    layer_mm: float
+    thickness_mm: float
     gel: Material = field(default_factory=lambda: Material(0.020, 0.49))
     eps_r: float = 5.0
 
     @property
-    def relief_mm(self) -> float:
+    def rim_decay_length_mm(self) -> float:
         """Width of the rim zone in which the film can spread sideways [mm]."""
-        return self.layer_mm * float(
+        return self.thickness_mm * float(
             np.sqrt(self.gel.confined_modulus_mpa / (12.0 * self.gel.shear_modulus_mpa))
         )
 
     @property
     def layer(self) -> BondedLayer:
         """The gel as an elastic layer bonded to both plates over their whole area, cavities and bars alike."""
-        return BondedLayer(self.gel, self.layer_mm, "bars|cell.*")
+        return BondedLayer(self.gel, self.thickness_mm, "bars|cell.*")
 
-    def capacitor(self, design: FootDesign) -> CapacitorDesign:
+    def equivalent_air_capacitor(self, design: FootDesign) -> CapacitorDesign:
         """Return an equivalent air capacitor: the gel's thickness as the gap, electrode area times eps_r."""
         return CapacitorDesign(
-            gap_um=UM_PER_MM * self.layer_mm,
+            gap_um=UM_PER_MM * self.thickness_mm,
             film_um=0.0,
             film_eps_r=1.0,
             electrode_area_mm2=self.eps_r * design.electrode_mm**2,
         )
 
 
-def upright_closure_um(design: FootDesign, size: MeshSize, films: Sequence[GelLayerDesign]) -> list[float]:
+def vertical_closure_um_per_n(
+    design: FootDesign, size: MeshSize, films: Sequence[GelLayerDesign]
+) -> list[float]:
     """Return per film the mean electrode closure [um/N] under a vertical force spread over the ball."""
-    mesh, electrodes = build_mesh(design, size), ng.ds("cell.*")
+    mesh, electrodes = build_quarter_mesh(design, size), ng.ds("cell.*")
     electrodes_mm2 = ng.Integrate(ng.CF(1.0) * electrodes, mesh)
     ball_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), mesh)
     closures = []

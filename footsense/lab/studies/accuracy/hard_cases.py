@@ -18,7 +18,7 @@ from footsense.foot.gap_contact import kkt_residual, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.fem.centred import solve_centred_closures
-from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_mesh
+from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_quarter_mesh
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.foot_file import load_foot
@@ -111,7 +111,9 @@ def _rim_contact_cases(response: FootResponse) -> Iterator[Case]:
 def _impossible_design_cases(foot_design: FootDesign) -> Iterator[Case]:
     """Yield the cases of impossible foot designs, refused without a finite element solve."""
     yield _expected_error_case(
-        "plate of 10 nm", ModelError, lambda: build_mesh(replace(foot_design, plate_mm=1e-5), COARSE_MESH)
+        "plate of 10 nm",
+        ModelError,
+        lambda: build_quarter_mesh(replace(foot_design, plate_mm=1e-5), COARSE_MESH),
     )
     wide = msgspec.json.encode(replace(foot_design, sheet_mm=1.5 * foot_design.ball_radius_mm))
     yield _expected_error_case("sheet wider than the ball", ConfigError, lambda: load_foot(wide))
@@ -132,7 +134,7 @@ def _hard_material_cases(foot_design: FootDesign) -> Iterator[Case]:
         low, high = (
             solve_centred_closures(
                 rubber, dataclasses.replace(_UNREFINED_MESH, order=order), (90.0,)
-            ).closure_um.sum()
+            ).closure_um_per_n.sum()
             for order in (2, 3)
         )
         lost.append(100.0 * (1.0 - float(low / high)))

@@ -19,8 +19,8 @@ from footsense.lab.fem.other_sensors.block import (
     BLOCK_MESH,
     COARSE_BLOCK_MESH,
     BlockColumn,
-    block_fields,
     half_thickness_mm,
+    solve_column_stress_fields,
 )
 from footsense.lab.fem.symmetry_classes import single_cell_series, transposed_series
 from footsense.lab.geometry import FootDesign
@@ -113,7 +113,7 @@ def stress_series(
     foot_design: FootDesign, sensors: Sequence[SensorArray], size: MeshSize
 ) -> dict[str, Vector]:
     """Return each sensor's mean element stress as response series [MPa/N], shapes (products, n, n, 3)."""
-    fields = block_fields(
+    fields = solve_column_stress_fields(
         foot_design, [column for sensor in sensors for column in sensor.quarter_element_columns()], size
     )
     fitted = {parity: fit_series(field) for parity, field in fields.items()}

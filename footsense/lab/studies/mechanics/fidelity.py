@@ -127,7 +127,7 @@ def _compare_half_space(
     edge_mm = (foot_design.sheet_mm - foot_design.pitch_mm) / 2.0
     side_mm = [edge_mm, foot_design.pitch_mm, edge_mm]
     area_mm2 = np.outer(side_mm, side_mm).ravel()
-    carried = (alone.pressure_mpa(loads.normal, loads.force_n) @ area_mm2) / loads.force_n[:, 2]
+    carried = (alone.element_pressure_mpa(loads.normal, loads.force_n) @ area_mm2) / loads.force_n[:, 2]
     return _differences_from_finest(context, level_responses, contact), (carried.min(), carried.max())
 
 

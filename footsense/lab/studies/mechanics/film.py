@@ -19,7 +19,7 @@ from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import elastance_based_force_estimator
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
-from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, upright_closure_um
+from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, vertical_closure_um_per_n
 from footsense.lab.geometry import Material
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.response import make_response
@@ -152,7 +152,7 @@ def film_design(context: StudyContext, film: GelLayerDesign) -> SensorDesign:
     """Return the sensor design with the gel film, after a finite element solve."""
     size = COARSE_FILM_SIZE if context.quick else FILM_SIZE
     response = make_response(context.foot_design, size, layer=film.layer)
-    capacitor = film.capacitor(context.foot_design)
+    capacitor = film.equivalent_air_capacitor(context.foot_design)
 
     def closure_um(normal: Vector, force_n: Vector) -> Vector:
         """Return the mean closures [um], shape (n, 9)."""
@@ -220,12 +220,12 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignPerform
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Return the figures of the designs with air gaps and with gel film, with a figure."""
     foot_design = context.foot_design
-    film = GelLayerDesign(layer_mm=foot_design.spacer_mm)
+    film = GelLayerDesign(thickness_mm=foot_design.spacer_mm)
     gaps, gel = sensors = gap_design(context), film_design(context, film)
     context.report_progress("film: the foot with the film is solved")
     poissons = QUICK_POISSONS if context.quick else POISSONS
     films = [replace(film, gel=Material(film.gel.youngs_mpa, poisson)) for poisson in poissons]
-    closures = upright_closure_um(foot_design, COARSE_FILM_SIZE, films)
+    closures = vertical_closure_um_per_n(foot_design, COARSE_FILM_SIZE, films)
     results = Results(
         film=film,
         pdms_plate_youngs_mpa=foot_design.pdms.youngs_mpa,
@@ -236,7 +236,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         by_poisson={
             f"{nu:g}": ConfinedFilm(
                 confined_modulus_mpa=other.gel.confined_modulus_mpa,
-                rim_relief_length_mm=other.relief_mm,
+                rim_relief_length_mm=other.rim_decay_length_mm,
                 mean_closure_um_per_n=closure_um,
             )
             for nu, other, closure_um in zip(poissons, films, closures, strict=True)

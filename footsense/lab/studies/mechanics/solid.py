@@ -15,7 +15,7 @@ from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 from footsense.lab.fem.centred import solve_centred_closures
-from footsense.lab.fem.fringe import element_capacitance_pf
+from footsense.lab.fem.fringe import fringed_and_plate_capacitance_pf
 from footsense.lab.fem.mesh import COARSE_MESH, FINEST_MESH, RELEASED_MESH, MeshSize
 from footsense.lab.fem.strip import cavity_strip_closure_um
 from footsense.lab.geometry import FootDesign, Material
@@ -171,7 +171,7 @@ def _solve_meshes(context: StudyContext) -> list[MeshResult]:
         found, taken = _timed(partial(solve_centred_closures, context.foot_design, size, elevation_deg))
         solved.append((name, size, found, taken))
         context.report_progress(f"solid: {name}, {found.n_unknowns} unknowns, {taken.processor_s:.1f} s")
-    best = [solved[-1][2].closure_um[0], solved[-1 if context.quick else -2][2].closure_um[-1]]
+    best = [solved[-1][2].closure_um_per_n[0], solved[-1 if context.quick else -2][2].closure_um_per_n[-1]]
     return [
         MeshResult(
             wall_s=taken.wall_s,
@@ -179,9 +179,10 @@ def _solve_meshes(context: StudyContext) -> list[MeshResult]:
             name=name,
             order=size.order,
             unknowns=found.n_unknowns,
-            corner_closure_um=found.closure_um[0].max(),
+            corner_closure_um=found.closure_um_per_n[0].max(),
             max_closure_error_rel_per_load=[
-                _largest_relative_error(own, of) for own, of in zip(found.closure_um, best, strict=False)
+                _largest_relative_error(own, of)
+                for own, of in zip(found.closure_um_per_n, best, strict=False)
             ],
         )
         for name, size, found, taken in solved
@@ -208,7 +209,7 @@ def _compare_ground_materials(
 def _fringe_results(foot_design: FootDesign) -> list[FringeResult]:
     """Return capacitances with and without fringe field at three closures."""
     capacitor, closed_um = foot_design.capacitor, (0.0, 5.0, 10.0)
-    both_pf = [element_capacitance_pf(foot_design, one_um) for one_um in closed_um]
+    both_pf = [fringed_and_plate_capacitance_pf(foot_design, one_um) for one_um in closed_um]
     edged_pf, plates_pf = np.array(both_pf).T
     stray_pf = edged_pf[0] - plates_pf[0]
     read_um = capacitor.closure_um(edged_pf, edged_pf[0])

@@ -125,7 +125,9 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     )
     trained = []
     for c in channels:
-        settings = WindowTrainingSettings(channels=c, steps=steps, min_force_n=loads.min_force_n)
+        settings = WindowTrainingSettings(
+            channels=c, steps=steps, min_force_n=loads.min_relative_loss_force_n
+        )
         trained.append(train_windowed(gaits, rest, design, settings, imputation))
         context.report_progress(f"network-size: {trained[-1].n_weights} weights trained")
     times_us = run_us([onnx_model(weights, {}).SerializeToString() for weights in trained])
