@@ -18,14 +18,14 @@ class ConversionTraffic(NamedTuple):
             least, and there is an order in which none changes both. Else row after row is switched.
         n_start_bytes: Bytes of the write that starts a conversion.
         done_poll_bytes: Bytes written and read to ask all legs whether they are done; None if their results show it.
-        result_read_bytes: Bytes written and read for one part of a result.
+        result_part_read_bytes: Bytes written and read for one part of a result.
         clock_tolerance_rel: Largest deviation of a converter's clock [1].
     """
 
     switches_columns: bool
     n_start_bytes: int
     done_poll_bytes: tuple[int, int] | None
-    result_read_bytes: tuple[int, int]
+    result_part_read_bytes: tuple[int, int]
     clock_tolerance_rel: float
 
 
@@ -33,14 +33,14 @@ FDC1004_TRAFFIC = ConversionTraffic(
     switches_columns=False,
     n_start_bytes=3,
     done_poll_bytes=(1, 2),
-    result_read_bytes=(1, 2),
+    result_part_read_bytes=(1, 2),
     clock_tolerance_rel=fdc1004.CLOCK_TOLERANCE_REL,
 )
 AD7746_TRAFFIC = ConversionTraffic(
     switches_columns=True,
     n_start_bytes=2,
     done_poll_bytes=None,
-    result_read_bytes=(1, 4),
+    result_part_read_bytes=(1, 4),
     clock_tolerance_rel=ad7746.CLOCK_TOLERANCE_REL,
 )
 
@@ -112,7 +112,7 @@ def scan_lower_bounds(
 
     select, start = transaction_ns(1), transaction_ns(traffic.n_start_bytes)
     ask = transaction_ns(*traffic.done_poll_bytes) if traffic.done_poll_bytes else 0
-    read = n_result_reads * transaction_ns(*traffic.result_read_bytes)
+    read = n_result_reads * transaction_ns(*traffic.result_part_read_bytes)
     wait = round(conversion_ns * (1 + traffic.clock_tolerance_rel))
     n_elements = rows**2
     lines = (

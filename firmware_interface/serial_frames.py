@@ -89,7 +89,7 @@ class Record(NamedTuple):
     Attributes:
         leg: Node id, 1 to 8.
         seq: Its number, 0 to 65535.
-        flags: Bits of `RecordFlag`.
+        flags: Order of conversion, and whether the controller has just started.
         step_us: Time from element to element [us], 0 to 65535.
         t_us: Middle of the first conversion in the controller's time [us], 0 to 2^32 - 1.
         values: Capacitance of each element [aF], little endian int32, 36 bytes; not decoded here, which would cost 54
@@ -98,7 +98,7 @@ class Record(NamedTuple):
 
     leg: int
     seq: int
-    flags: int
+    flags: RecordFlag
     step_us: int
     t_us: int
     values: bytes
@@ -178,4 +178,4 @@ def decode_record(data: bytes) -> Record | None:
         raise ValueError(
             f"a record of {len(data)} bytes and {n} elements, not {_RECORD_BYTES} and {ELEMENTS}"
         )
-    return Record(leg, seq, flags, step_us, t_us, data[_HEADER_STRUCT.size : _CRC_OFFSET])
+    return Record(leg, seq, RecordFlag(flags), step_us, t_us, data[_HEADER_STRUCT.size : _CRC_OFFSET])

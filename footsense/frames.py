@@ -135,8 +135,8 @@ class GaitFrame(NamedTuple):
             in the air, NaN for a leg without a force and where no leg carries anything.
         normal: Unit normal of the ground into the foot, foot frame, shape (legs, 3), NaN where no load tells it.
         normal_sigma_rad: Standard deviation of its direction, root of the sum of both squares [rad], shape (legs,).
-        friction_use: Tangential over normal force [1], shape (legs,), NaN where no load tells it.
-        friction_use_sigma: Standard deviation of it [1], shape (legs,).
+        tangential_over_normal: Tangential over normal force [1], shape (legs,), NaN where no load tells it.
+        tangential_over_normal_sigma: Standard deviation of it [1], shape (legs,).
         slip: Whether the foot slides, shape (legs,), uint8 of `Slip`.
         friction: Coefficient of the ground's friction, learnt from the slips of all legs [1]; NaN until enough slipped.
         all_in_air: Whether every leg is known to be without contact.
@@ -154,8 +154,8 @@ class GaitFrame(NamedTuple):
     load_share: Vector
     normal: Vector
     normal_sigma_rad: Vector
-    friction_use: Vector
-    friction_use_sigma: Vector
+    tangential_over_normal: Vector
+    tangential_over_normal_sigma: Vector
     slip: Codes
     friction: float
     all_in_air: bool
@@ -242,18 +242,18 @@ class Cycle(NamedTuple):
 
     Attributes:
         scan: The readings.
-        commands: Commands executed before the readings were processed.
+        started_commands: Commands executed before the readings were processed.
         forces: The contacts; the sink publishes every n-th.
-        outcomes: Results of the commands that ended in this cycle.
+        ended_commands: Results of the commands that ended in this cycle.
         reference: Samples of a test stand's force sensor, None without one.
         temperature_c: Temperature of each leg's converter from this cycle on [degC], shape (legs,), NaN for none; None
             if unchanged, and where no converter has a sensor.
     """
 
     scan: CapFrame
-    commands: tuple[Command, ...]
+    started_commands: tuple[Command, ...]
     forces: ContactFrame
-    outcomes: tuple[CommandResult, ...]
+    ended_commands: tuple[CommandResult, ...]
     reference: ReferenceSamples | None = None
     temperature_c: Vector | None = None
 

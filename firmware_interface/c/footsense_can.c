@@ -297,8 +297,8 @@ bool footsense_decode_ground(uint16_t id, const uint8_t *data, uint8_t len, foot
     out->normal_permille[0] = known ? (int16_t)(x * 2) : FOOTSENSE_NO_NORMAL;
     out->normal_permille[1] = known ? (int16_t)(y * 2) : FOOTSENSE_NO_NORMAL;
     out->normal_sigma_urad = sigma == 0x7Fu ? UINT32_MAX : sigma * 2500u;
-    out->friction_use_permille = ratio(bits, 31, 0x1FFu);
-    out->friction_use_sigma_permille = ratio(bits, 40, 0x3Fu);
+    out->tangential_over_normal_permille = ratio(bits, 31, 0x1FFu);
+    out->tangential_over_normal_sigma_permille = ratio(bits, 40, 0x3Fu);
     out->friction_permille = ratio(bits, 46, 0x1FFu);
     return true;
 }

@@ -172,9 +172,9 @@ typedef struct {
     int16_t normal_permille[2]; /* unit normal into the foot, x forward, y left; z follows from its length of 1 and is
                                    positive; FOOTSENSE_NO_NORMAL */
     uint32_t normal_sigma_urad; /* standard deviation of its direction; 315000: or more; UINT32_MAX: no value */
-    uint16_t friction_use_permille;       /* tangential over normal force; 2040: or more; FOOTSENSE_NO_RATIO */
-    uint16_t friction_use_sigma_permille; /* standard deviation of it; 248: or more; FOOTSENSE_NO_RATIO */
-    uint16_t friction_permille;           /* coefficient that the slips of all legs taught; FOOTSENSE_NO_RATIO */
+    uint16_t tangential_over_normal_permille;       /* 2040: or more; FOOTSENSE_NO_RATIO */
+    uint16_t tangential_over_normal_sigma_permille; /* standard deviation of it; 248: or more; FOOTSENSE_NO_RATIO */
+    uint16_t friction_permille;                     /* coefficient that the slips of all legs taught; FOOTSENSE_NO_RATIO */
 } footsense_ground;
 
 /* CRC-8 of AUTOSAR E2E profile 11 variant A: polynomial 0x1D, start 0, over the CAN id and all bytes behind the

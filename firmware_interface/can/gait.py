@@ -74,8 +74,8 @@ class Ground(NamedTuple):
         counter: Sequence counter of the frame, 0..14.
         normal: Unit normal into the foot, x forward, y left, z along the leg; NaN: no value.
         normal_sigma_rad: Standard deviation of its direction [rad]; NaN: no value; 0.315: or more.
-        friction_use: Tangential over normal force [1]; NaN: no value; 2.04: or more.
-        friction_use_sigma: Standard deviation of it [1]; NaN: no value; 0.248: or more.
+        tangential_over_normal: Tangential over normal force [1]; NaN: no value; 2.04: or more.
+        tangential_over_normal_sigma: Standard deviation of it [1]; NaN: no value; 0.248: or more.
         friction: Coefficient of friction that the slips of all legs have taught [1]; NaN: not known yet.
     """
 
@@ -83,8 +83,8 @@ class Ground(NamedTuple):
     counter: int
     normal: tuple[float, float, float]
     normal_sigma_rad: float
-    friction_use: float
-    friction_use_sigma: float
+    tangential_over_normal: float
+    tangential_over_normal_sigma: float
     friction: float
 
 
@@ -204,8 +204,8 @@ def encode_ground(
     counter: int,
     normal: tuple[float, float, float],
     normal_sigma_rad: float,
-    friction_use: float,
-    friction_use_sigma: float,
+    tangential_over_normal: float,
+    tangential_over_normal_sigma: float,
     friction: float,
 ) -> bytes:
     """Return the 8 data bytes of a `Ground` frame; arguments as the fields of `Ground`.
@@ -232,7 +232,7 @@ def encode_ground(
         round(part * _NORMAL_CODES_PER_UNIT) if -1.0 <= part <= 1.0 else _NO_NORMAL for part in normal
     ]
     normal_sigma, use, use_sigma, coefficient = _encoded_values(
-        _GROUND_FIELDS, [normal_sigma_rad, friction_use, friction_use_sigma, friction]
+        _GROUND_FIELDS, [normal_sigma_rad, tangential_over_normal, tangential_over_normal_sigma, friction]
     )
     bits = counter | (normal_x & 0x3FF) << 4 | (normal_y & 0x3FF) << 14
     bits |= normal_sigma << 24 | use << 31 | use_sigma << 40 | coefficient << 46
@@ -240,7 +240,7 @@ def encode_ground(
 
 
 def decode_ground(can_id: int, data: bytes) -> Ground:
-    """Return the content of a `Ground` frame (ground normal, friction use, friction), after checking it.
+    """Return the content of a `Ground` frame (ground normal, force ratio, friction), after checking it.
 
     Raises:
         FrameError: The id, length, crc or counter is wrong.

@@ -26,9 +26,9 @@ from footsense.benchmarks.wakeup_latency import (
     PERIOD_NS,
     answer_paced_cycles,
     latency_tails,
-    receive_answer,
     run_loop_process,
     run_warm_up_cycles,
+    wait_for_answer,
 )
 from footsense.clock import request_realtime
 from footsense.frames import CapFrame
@@ -53,14 +53,14 @@ def measure_viewed_latency(scans: list[CapFrame], seconds: float) -> dict[str, A
     n = max(1, round(seconds * 1e9 / PERIOD_NS / _N_ALTERNATIONS))
     wakeup_latencies_ns: dict[str, list[int]] = {"alone": [], "viewed": []}
     with run_loop_process(_run_shared_service_loop, scans) as loop:
-        cycles, refusals = receive_answer(loop)
+        cycles, refusals = wait_for_answer(loop)
         with _run_viewer(Path(cycles)) as (viewer, host), _connect_clients(host):
             for _, (case, do) in itertools.product(
                 range(_N_ALTERNATIONS), (("alone", signal.SIGSTOP), ("viewed", signal.SIGCONT))
             ):
                 viewer.send_signal(do)
                 loop.send(n)
-                wakeup_latencies_ns[case] += receive_answer(loop)
+                wakeup_latencies_ns[case] += wait_for_answer(loop)
     tails = latency_tails(wakeup_latencies_ns)
     return {"fifo": not refusals, "tails": tails, "ratio": tails["viewed"]["p99"] / tails["alone"]["p99"]}
 

@@ -61,7 +61,7 @@ def measure_wakeup_latency(scans: list[CapFrame], seconds: float) -> dict[str, A
     figures: dict[str, Any] = {}
     with contextlib.ExitStack() as stack:
         loops = {name: stack.enter_context(run_loop_process(target, scans)) for name, target in serve.items()}
-        (port, refusals), *_ = [receive_answer(loop) for loop in loops.values()]
+        (port, refusals), *_ = [wait_for_answer(loop) for loop in loops.values()]
         over = threading.Event()
         scraper = threading.Thread(target=_scrape_repeatedly, args=(port, over))
         scraper.start()
@@ -78,7 +78,7 @@ def measure_wakeup_latency(scans: list[CapFrame], seconds: float) -> dict[str, A
             wakeup_latencies_ns: dict[str, list[int]] = {name: [] for name in loops}
             for _, (name, loop) in itertools.product(range(_N_ALTERNATIONS), loops.items()):
                 loop.send(n)
-                wakeup_latencies_ns[name] += receive_answer(loop)
+                wakeup_latencies_ns[name] += wait_for_answer(loop)
             figures[case] = _latency_quantiles_and_ratio(wakeup_latencies_ns)
     return figures
 
@@ -117,8 +117,8 @@ def run_loop_process(target: _Serve, scans: list[CapFrame]) -> Iterator[Connecti
         process.join()
 
 
-def receive_answer(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
-    """Return the next answer of a loop process.
+def wait_for_answer(loop: Connection) -> Any:  # noqa: ANN401 - what the loop sends
+    """Wait without limit for the next answer of a loop process, and return it.
 
     Raises:
         FootsenseError: It ended by itself.

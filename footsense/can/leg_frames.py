@@ -166,8 +166,8 @@ class GaitFrames:
             counter,
             gait.normal[row].tolist(),
             gait.normal_sigma_rad.item(row),
-            gait.friction_use.item(row),
-            gait.friction_use_sigma.item(row),
+            gait.tangential_over_normal.item(row),
+            gait.tangential_over_normal_sigma.item(row),
             gait.friction,
         )
         return pack_frame(GAIT_ID + node, contact), pack_frame(GROUND_ID + node, ground)

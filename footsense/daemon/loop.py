@@ -76,7 +76,7 @@ class Loop:
         sink.publish(forces)
         outcomes = (*filter(None, immediate), *ended)
         cycle = Cycle(scan, commands, forces, outcomes, reference, temperature_c)
-        for outcome in cycle.outcomes:
+        for outcome in cycle.ended_commands:
             sink.answer(outcome)
         for observer in self.observers:
             observer.observe(cycle)

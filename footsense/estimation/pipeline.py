@@ -21,7 +21,7 @@ from footsense.estimation.faults.status import (
     CONVERTER_MAX_PF,
     ElementClassifier,
     ElementStatus,
-    LegClassifier,
+    LegStateClassifier,
     LegStatus,
 )
 from footsense.estimation.gait.tracker import GaitTracker
@@ -122,7 +122,7 @@ class Pipeline:
         )
         self._consistency = ConsistencyTest(n_legs, trained.moments, settling_time_ns)
         gap_um = np.full_like(stray_pf, design.gap_um) if gap_um is None else gap_um
-        self._legs = LegClassifier(n_legs, trained, gap_um, max_age_ns)
+        self._legs = LegStateClassifier(n_legs, trained, gap_um, max_age_ns)
         self._monitor = CalibrationMonitor(n_legs, body_weight_n)
         self._gait = GaitTracker(n_legs)
         self._no_leg = np.zeros(n_legs, bool)
@@ -134,7 +134,7 @@ class Pipeline:
         return self._baselines.unloaded.baseline_pf
 
     def execute(self, command: Command) -> CommandResult | None:
-        """Execute a command; return its result, or None for a tare, which ends in a later frame."""
+        """Execute a command; return its result, or None for an accepted tare, whose result comes in a later frame."""
         if command.kind is CommandKind.TARE:
             return self._baselines.begin_tare(command.leg)
         reason = self._baselines.refusal(command.kind, command.leg)

@@ -1,4 +1,4 @@
-"""Electrical design of a foot's capacitors: conversion between gap closure and capacitance.
+"""Electrical design of a foot's capacitors: conversion between gap closure [um] and capacitance [pF].
 
 One element is two square electrodes with an air gap and a polymer film between them, the gap closing under load:
 

@@ -109,7 +109,7 @@ class FootResponse:
             all cells, 18 in place of 9, for a foot that is not symmetric.
         quarter_compliance: Closure of all cells under a force on a cell of the quarter [um/N], shape (9, 9, 18, 18);
             on any cell, (18, 18, 18, 18), for a foot that is not symmetric.
-        series: The same for all cells, force component before cell: shape (2, products, 3 * 324).
+        closure_coefficients: The same for all cells, force component before cell: shape (2, products, 3 * 324).
         compliance_um_per_n: The matrix B of `gap_contact.py`, shape (324, 324).
         provenance: Mesh, order, unknowns and interpolation error, as JSON values.
         cavity: How the cavities hold their air; vented in a file that does not state it.
@@ -128,7 +128,7 @@ class FootResponse:
     provenance: dict[str, Any]
     cavity: Cavity = VENTED
     sha256: str = ""
-    series: Vector = field(init=False)
+    closure_coefficients: Vector = field(init=False)
     compliance_um_per_n: Vector = field(init=False)
     #: The last single contact and its closures per newton: a test stand holds one contact for thousands of scans.
     _last_contact: list[Any] = field(init=False, default_factory=lambda: [b"", None])
@@ -157,7 +157,9 @@ class FootResponse:
                     f"{name} of degree {self.degree} is finite, of shape {shape}, got {array.shape}"
                 )
         whole = np.stack([whole_series(part, self.degree, side) for part in self.quarter_series])
-        object.__setattr__(self, "series", whole.transpose(0, 1, 3, 2).reshape(*whole.shape[:2], -1))
+        object.__setattr__(
+            self, "closure_coefficients", whole.transpose(0, 1, 3, 2).reshape(*whole.shape[:2], -1)
+        )
         object.__setattr__(self, "compliance_um_per_n", whole_compliance(self.quarter_compliance))
 
     @property
@@ -251,16 +253,16 @@ class FootResponse:
         # One product for the point force and what the patch adds: the series are long, the basis is short.
         weighted = np.concatenate([basis, radius_squared * basis], axis=-1)
         shape = (*basis.shape[:-1], 3, self.n_cells)
-        unit_n = (weighted @ self.series.reshape(-1, 3 * self.n_cells)).reshape(shape)
+        unit_n = (weighted @ self.closure_coefficients.reshape(-1, 3 * self.n_cells)).reshape(shape)
         closure: Vector = (force_n[..., None, :] @ unit_n)[..., 0, :]
         return closure
 
     def _free_closure_of_one_contact_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the free cell closures of one load [um], shape (1, 324); caches the last normal's series."""
+        """Return the free cell closures of one load [um], shape (1, 324); caches the last normal's coefficients."""
         where = normal.tobytes()
         if self._last_contact[0] != where:
             basis = series_basis(normal, self.degree, self.fit_elevation_deg)[0]
-            self._last_contact[:] = where, basis @ self.series.reshape(2, len(basis), -1)
+            self._last_contact[:] = where, basis @ self.closure_coefficients.reshape(2, len(basis), -1)
         point, patch = self._last_contact[1].reshape(2, 3, self.n_cells)
         radius_squared = self.patch_radius_mm(normal, force_n)[0] ** 2
         closure: Vector = force_n @ (point + radius_squared * patch)

@@ -87,8 +87,8 @@ GAIT_FIELDS = {
     "gait.load_share": CycleField("<f8", (), ("load_share",)),
     "gait.normal": CycleField("<f8", (3,), ("normal_x", "normal_y", "normal_z")),
     "gait.normal_sigma_rad": CycleField("<f8", (), ("normal_sigma_rad",)),
-    "gait.friction_use": CycleField("<f8", (), ("friction_use",)),
-    "gait.friction_use_sigma": CycleField("<f8", (), ("friction_use_sigma",)),
+    "gait.tangential_over_normal": CycleField("<f8", (), ("tangential_over_normal",)),
+    "gait.tangential_over_normal_sigma": CycleField("<f8", (), ("tangential_over_normal_sigma",)),
     "gait.slip": CycleField("u1", (), ("slip",), max(Slip), Slip),
 }
 

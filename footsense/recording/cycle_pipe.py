@@ -67,7 +67,7 @@ class CyclePipe:
         os.set_blocking(fd, blocking)
 
     def send(self, cycle: Cycle) -> None:
-        """Write one cycle into the pipe; never fails, even if the reader has ended.
+        """Write one cycle into the pipe, or count it as lost if there is no room or no reader; never raises.
 
         Timing:
             3 us for six legs, unless `blocking`.

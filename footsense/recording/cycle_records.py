@@ -78,8 +78,8 @@ class _CycleRecord(msgspec.Struct, array_like=True, tag="cycle"):
     force_sequence: NonNegativeInt64
     t_sent_ns: NonNegativeInt64
     arrays: bytes
-    commands: tuple[Command, ...]
-    outcomes: tuple[CommandResult, ...]
+    started_commands: tuple[Command, ...]
+    ended_commands: tuple[CommandResult, ...]
     reference_samples: tuple[bytes, bytes, bytes] | None
     temperature_c: bytes | None
     gait: _GaitRecord | None
@@ -144,7 +144,7 @@ def require_valid(holds: bool, error_text: str) -> None:  # noqa: FBT001 - reads
 def _decode_cycle(record: _CycleRecord, shape: FrameShape) -> NumberedCycle:
     n_legs = shape.n_legs
     entry = _decode_arrays(record.arrays, cycle_fields(shape.n_elements), CYCLE_ARRAY_ORDER, n_legs)
-    commands = (*record.commands, *(outcome.command for outcome in record.outcomes))
+    commands = (*record.started_commands, *(outcome.command for outcome in record.ended_commands))
     require_valid(
         all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs"
     )
@@ -155,7 +155,7 @@ def _decode_cycle(record: _CycleRecord, shape: FrameShape) -> NumberedCycle:
     reference = None if record.reference_samples is None else _decode_reference(*record.reference_samples)
     temperature_c = None if record.temperature_c is None else np.frombuffer(record.temperature_c, "<f8")
     require_valid(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
-    cycle = Cycle(scan, record.commands, forces, record.outcomes, reference, temperature_c)
+    cycle = Cycle(scan, record.started_commands, forces, record.ended_commands, reference, temperature_c)
     return NumberedCycle(record.counter, cycle)
 
 

@@ -83,7 +83,7 @@ class ReplaySource:
             for entry in self._entries:
                 if isinstance(entry, NumberedCycle):
                     self.cycle = entry.cycle
-                    self._commands = self.cycle.commands
+                    self._commands = self.cycle.started_commands
                     return self.cycle.scan
                 self.lost += entry.n_cycles
         except RecordingError as error:

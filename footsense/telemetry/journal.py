@@ -43,7 +43,7 @@ class LegStateLogger:
         if present != self._last:
             self._log_changes(*present)
             self._last = present
-        for outcome in cycle.outcomes:
+        for outcome in cycle.ended_commands:
             level = logging.INFO if outcome.result is Result.DONE else logging.WARNING
             command = CommandKind(outcome.command.kind).name.lower()
             result = "done" if outcome.result is Result.DONE else "refused"

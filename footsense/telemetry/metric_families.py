@@ -66,7 +66,10 @@ GAIT_GAUGES = {
         "footsense_leg_load_share",
         "Share of the load that all legs carry; NaN without a force.",
     ),
-    "friction_use": ("footsense_leg_friction_use", "Tangential over normal force; NaN if no load tells it."),
+    "tangential_over_normal": (
+        "footsense_leg_tangential_over_normal",
+        "Tangential over normal force; NaN if no load tells it.",
+    ),
     "normal_sigma_rad": (
         "footsense_ground_normal_sigma_radians",
         "Standard deviation of the ground's normal; NaN if no load tells it.",

@@ -122,7 +122,7 @@ class MetricsObserver(Observer):
         if self._copy_due_ns is None or sent_ns >= self._copy_due_ns:
             self._copy_due_ns = sent_ns + _SLOW_COPY_PERIOD_NS
             self._copy_slow_metrics(forces)
-        for outcome in cycle.outcomes:
+        for outcome in cycle.ended_commands:
             if outcome.command.kind == CommandKind.TARE:
                 column = outcome.command.leg * len(Result) + outcome.result
                 cells[self._first["footsense_tares_total"] + column] += 1

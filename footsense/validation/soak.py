@@ -17,7 +17,7 @@ from footsense.frames import State
 from footsense.sim.scene import Scene
 from footsense.validation.invariants import InvariantChecker, Violation
 from footsense.validation.random_faults import random_faults
-from footsense.validation.soak_plan import IDLE_TRAFFIC, LEAD_IN_S, Stretch, robot_and_scene
+from footsense.validation.soak_plan import IDLE_TRAFFIC, LEAD_IN_S, Stretch, robot_and_fault_free_scene
 from footsense.validation.tolerances import WalkLimits
 
 _NS_PER_S = 1_000_000_000
@@ -82,7 +82,7 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
     """
     ends_s = 3600.0 * stretch.hours
     calm_s = LEAD_IN_S + _N_FAULT_FREE_GAIT_PERIODS * stretch.gait_period_s
-    config, calm_scene = robot_and_scene(stretch, calm_rel=calm_s / ends_s)
+    config, calm_scene = robot_and_fault_free_scene(stretch, warming_time_scale=calm_s / ends_s)
     rules = WalkLimits(
         legs=config.legs,
         cycle_period_s=math.inf,
@@ -100,7 +100,7 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
     rules = rules._replace(
         cycle_period_s=calm_s / fault_free.n_cycles, standstill_spans_s=stretch.standstill_spans_s
     )
-    config, scene = robot_and_scene(stretch)
+    config, scene = robot_and_fault_free_scene(stretch)
     began_ns = stopwatch_ns()
     with_faults, (warm_mib, end_mib) = _simulate_stretch(
         config, msgspec.structs.replace(scene, faults=(IDLE_TRAFFIC, *script)), rules, ends_s

@@ -74,13 +74,13 @@ LEAD_IN_S = 1.0
 IDLE_TRAFFIC = CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=0.1)
 
 
-def robot_and_scene(stretch: Stretch, *, calm_rel: float | None = None) -> tuple[Config, Scene]:
+def robot_and_fault_free_scene(stretch: Stretch, *, warming_time_scale: float = 1.0) -> tuple[Config, Scene]:
     """Return the robot configuration and the fault-free scene of a stretch.
 
     Args:
         stretch: The stretch.
-        calm_rel: Share of the time in which the warming is over; None for all of it. A warmer foot reads too small a
-            force, which no sigma covers: the walk of comparison needs the whole warming.
+        warming_time_scale: Factor on start and duration of the warming, each 10 min. A warmer foot reads too small a
+            force, which no sigma covers: a shorter walk of comparison needs the whole warming.
     """
     bitrate = 1_000_000 if stretch.publish_every == 1 else DEFAULT.can.bitrate
     config = msgspec.structs.replace(
@@ -89,7 +89,7 @@ def robot_and_scene(stretch: Stretch, *, calm_rel: float | None = None) -> tuple
         publish_every=stretch.publish_every,
         can=msgspec.structs.replace(DEFAULT.can, bitrate=bitrate),
     )
-    ten_minutes_s = 600.0 * (1.0 if calm_rel is None else calm_rel)
+    warming_s = 600.0 * warming_time_scale
     scene = Scene(
         description="A robot walks for hours, with faults.",
         load=Tripod(
@@ -109,7 +109,7 @@ def robot_and_scene(stretch: Stretch, *, calm_rel: float | None = None) -> tuple
             converter_noise=True,
             converter_clock_rel=0.01,
             gap_contact=True,
-            warming=Warming(from_s=ten_minutes_s, over_s=ten_minutes_s, kelvin=stretch.warming_k)
+            warming=Warming(from_s=warming_s, over_s=warming_s, kelvin=stretch.warming_k)
             if stretch.warming_k
             else None,
         ),

@@ -61,7 +61,7 @@ class ReconstructedBaselines:
             if oldest[leg] > self._newest_ns[leg]:  # every element has been read anew
                 self._newest_ns[leg] = newest[leg]
                 window.append(scan.capacitance_pf[leg] - self._stray_pf[leg])
-        for outcome in cycle.outcomes:
+        for outcome in cycle.ended_commands:
             if outcome.command.kind is CommandKind.TARE and outcome.result is Result.DONE:
                 leg = outcome.command.leg
                 self._tared_pf[leg] = np.mean(self._windows[leg], axis=0)

@@ -67,7 +67,7 @@ class EventDetector:
         if present != self._present:
             events += self._state_changes(now_ns, present)
             self._present = present
-        for outcome in cycle.outcomes:
+        for outcome in cycle.ended_commands:
             command = CommandKind(outcome.command.kind).name.lower()
             is_done = outcome.result is Result.DONE
             text = f"{command} {'done' if is_done else 'refused'}: {outcome.reason}"

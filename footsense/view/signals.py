@@ -37,7 +37,11 @@ _SIGNALS = (
     Signal("temperature", "degC"),
     *(Signal("contact", ""), Signal("probability", ""), Signal("load_share", "")),
     *(Signal("normal_x", ""), Signal("normal_y", ""), Signal("normal_z", ""), Signal("normal_sigma", "rad")),
-    *(Signal("friction_use", ""), Signal("friction_use_sigma", ""), Signal("friction", "")),
+    *(
+        Signal("tangential_over_normal", ""),
+        Signal("tangential_over_normal_sigma", ""),
+        Signal("friction", ""),
+    ),
     *(Signal("slip", ""), Signal("all_in_air", "")),
     Signal("closure_middle", ""),
 )
@@ -63,8 +67,8 @@ _GAIT_COLUMNS = {
     _COLUMN_OF_SIGNAL["probability"]: "probability",
     _COLUMN_OF_SIGNAL["load_share"]: "load_share",
     _COLUMN_OF_SIGNAL["normal_sigma"]: "normal_sigma_rad",
-    _COLUMN_OF_SIGNAL["friction_use"]: "friction_use",
-    _COLUMN_OF_SIGNAL["friction_use_sigma"]: "friction_use_sigma",
+    _COLUMN_OF_SIGNAL["tangential_over_normal"]: "tangential_over_normal",
+    _COLUMN_OF_SIGNAL["tangential_over_normal_sigma"]: "tangential_over_normal_sigma",
     _COLUMN_OF_SIGNAL["friction"]: "friction",
     _COLUMN_OF_SIGNAL["slip"]: "slip",
     _COLUMN_OF_SIGNAL["all_in_air"]: "all_in_air",

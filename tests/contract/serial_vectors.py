@@ -27,13 +27,15 @@ BROKEN_AF = tuple(NO_VALUE_BASE + code for code in (*NoValue, *list(NoValue)[:3]
 
 def record(seq: int = 0, leg: int = 1, flags: int = 0, values: tuple[int, ...] = AT_REST_AF) -> Record:
     """Return a record, one of a scan at 200 Hz."""
-    return Record(leg, seq, flags, 500, 1_000_000 + 5000 * seq & 0xFFFFFFFF, pack_values(values))
+    return Record(leg, seq, RecordFlag(flags), 500, 1_000_000 + 5000 * seq & 0xFFFFFFFF, pack_values(values))
 
 
 RECORDS = {
     "at rest": record(),
-    "every field at its end": Record(6, 65_535, 3, 65_535, 2**32 - 1, pack_values([2**31 - 1] * 9)),
-    "zeros everywhere": Record(1, 0, 0, 0, 0, pack_values([0] * 9)),
+    "every field at its end": Record(
+        6, 65_535, RecordFlag(3), 65_535, 2**32 - 1, pack_values([2**31 - 1] * 9)
+    ),
+    "zeros everywhere": Record(1, 0, RecordFlag(0), 0, 0, pack_values([0] * 9)),
     "values with zeros in all their bytes": record(257, 3, RecordFlag.LO_SHU, ZEROS_AF),
     "no value, for every reason": record(5, 4, RecordFlag.STARTING, BROKEN_AF),
 }

@@ -473,8 +473,8 @@ def test_ground(
             "NormalX": -1.024 if normal is None else x,
             "NormalY": -1.024 if normal is None else y,
             "NormalSigma": 0.3175 if sigma is None else sigma / 400,
-            "FrictionUse": 2.044 if use is None else use / 250,
-            "FrictionUseSigma": 0.252 if use_sigma is None else use_sigma / 250,
+            "TangentialOverNormal": 2.044 if use is None else use / 250,
+            "TangentialOverNormalSigma": 0.252 if use_sigma is None else use_sigma / 250,
             "Friction": 2.044 if friction is None else friction / 250,
         }
     )

@@ -35,7 +35,7 @@ records = st.builds(
     Record,
     leg=st.integers(1, 8),
     seq=st.integers(0, 0xFFFF),
-    flags=st.integers(0, 3),
+    flags=st.integers(0, 3).map(RecordFlag),
     step_us=st.integers(0, 0xFFFF),
     t_us=st.integers(0, 0xFFFFFFFF),
     values=st.lists(
@@ -85,7 +85,7 @@ def test_the_vectors_are_those_that_the_script_makes() -> None:
 def test_both_write_the_vectors(encoder: ctypes.CDLL, vector: dict[str, Any]) -> None:
     """Byte for byte, and Python reads them again."""
     leg, seq, flags, step_us, t_us, values = vector["fields"]
-    record = Record(leg, seq, flags, step_us, t_us, pack_values(values))
+    record = Record(leg, seq, RecordFlag(flags), step_us, t_us, pack_values(values))
     line = bytes.fromhex(vector["line"])
     assert encode_record(record) == c_encodes(encoder, record) == line
     assert SerialDecoder().feed(line) == [record]
@@ -123,7 +123,7 @@ def test_what_no_record_has_is_written_by_nobody_and_read_by_nobody(
     encoder: ctypes.CDLL, leg: int, flags: int
 ) -> None:
     """C refuses; bytes that say so all the same are counted as another version's."""
-    record = serial_vectors.record()._replace(leg=leg, flags=flags)
+    record = serial_vectors.record()._replace(leg=leg, flags=RecordFlag(flags))
     assert c_encodes(encoder, record) == b""
     decoder = SerialDecoder()
     assert decoder.feed(b"\0" + encode_record(record)) == []
@@ -147,7 +147,7 @@ def test_harm_never_makes_a_record_and_ends_at_the_next_zero(sent: list[Record],
     legs: dict[int, int] = {}
     for number, record in enumerate(sent):  # numbers in order, so that none is lost but by harm
         legs[record.leg] = legs.get(record.leg, -1) + 1
-        sent[number] = record._replace(seq=legs[record.leg], flags=0)
+        sent[number] = record._replace(seq=legs[record.leg], flags=RecordFlag(0))
     line = b"".join(map(encode_record, sent))
     start = data.draw(st.integers(0, len(line)))
     end = data.draw(st.integers(start, min(start + 60, len(line))))

@@ -116,7 +116,7 @@ _SAMPLE = b'{"t_ns":7,"fx_n":0.1,"fy_n":null,"fz_n":-2,"saturated":false}'
 def test_forged_messages(file: Path, data: st.DataObject) -> None:
     """One value of a good scan, force, sample or event replaced by any other, then a whole message."""
     good: list[tuple[str, Any]] = [
-        ("/event", json.loads(event_messages.command_event(cycle(3).commands[0], LEGS))),
+        ("/event", json.loads(event_messages.command_event(cycle(3).started_commands[0], LEGS))),
         ("/event", json.loads(event_messages.temperature_event(np.full(len(LEGS), 23.5), LEGS))),
         ("/reference", json.loads(_SAMPLE)),
         ("/scan", json.loads(messages.encode_scan(CYCLES[0].scan, LEGS))),

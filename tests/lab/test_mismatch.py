@@ -66,7 +66,7 @@ def test_a_bubble_that_leaves_the_ball_is_one_clear_line() -> None:
 
 def test_a_whole_table_without_change_is_the_quarter_mirrored(tmp_path: Path) -> None:
     """A foot that is not symmetric has a table of all cells; without a change it reads the same, after a file, too."""
-    none = np.zeros((RESPONSE.series.shape[1], 324, 3))
+    none = np.zeros((RESPONSE.closure_coefficients.shape[1], 324, 3))
     whole = with_added_response(RESPONSE, FOOT_DESIGN, none, np.zeros((324, 324)))
     whole.save(tmp_path / "whole.npz")
     kept = FootResponse.load(tmp_path / "whole.npz")

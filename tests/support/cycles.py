@@ -115,8 +115,8 @@ def _gait(
         load_share=floats(n_legs),
         normal=floats(n_legs, 3),
         normal_sigma_rad=floats(n_legs),
-        friction_use=floats(n_legs),
-        friction_use_sigma=floats(n_legs),
+        tangential_over_normal=floats(n_legs),
+        tangential_over_normal_sigma=floats(n_legs),
         slip=rng.choice([int(slip) for slip in Slip], n_legs).astype(np.uint8),
         friction=float(rng.choice([np.nan, 0.1, 1 / 3])),
         all_in_air=bool(number % 2),
@@ -136,7 +136,7 @@ def same(a: Cycle, b: Cycle) -> bool:
         and a.scan.sequence == b.scan.sequence
         and first_difference(a.forces, b.forces, exact=True, legs=legs) is None
         and _same_gait(a.forces.gait, b.forces.gait)
-        and (a.commands, a.outcomes) == (b.commands, b.outcomes)
+        and (a.started_commands, a.ended_commands) == (b.started_commands, b.ended_commands)
         and _same_reference(a.reference, b.reference)
         and _same_temperature(a.temperature_c, b.temperature_c)
     )

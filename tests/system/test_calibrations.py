@@ -54,7 +54,7 @@ class Last:
 
     def observe(self, cycle: Cycle) -> None:
         self.cycle = cycle
-        self.reasons += [outcome.reason for outcome in cycle.outcomes]
+        self.reasons += [outcome.reason for outcome in cycle.ended_commands]
 
     def close(self) -> None:
         """Nothing is held."""

@@ -32,7 +32,7 @@ class FootFault(NamedTuple):
 
 
 #: Faults of a leg's chips by the readings that show them, the gravest first: of all elements of the foot.
-_CHIP_FAULTS = {
+_WHOLE_FOOT_FAULT_OF_READING = {
     Reading.MISCONFIGURED: FootFault(
         Cause.SETTINGS_LOST,
         (),
@@ -66,7 +66,7 @@ _CHIP_FAULTS = {
 }
 
 #: Readings of a leg's chips, which do not depend on the foot.
-CHIP_FAULT_READINGS = (*_CHIP_FAULTS, Reading.NO_ANSWER)
+CHIP_FAULT_READINGS = (*_WHOLE_FOOT_FAULT_OF_READING, Reading.NO_ANSWER)
 
 
 class FootScans(NamedTuple):
@@ -133,7 +133,7 @@ def foot_faults(
         >>> fault.cause.name, fault.elements
         ('ROW_OPEN', (3, 4, 5))
     """
-    for reading, fault in _CHIP_FAULTS.items():
+    for reading, fault in _WHOLE_FOOT_FAULT_OF_READING.items():
         if (scans.reading == reading).any():
             return (fault._replace(elements=tuple(range(len(stray_pf)))),)
     mean_pf = scans.mean_pf - stray_pf

@@ -40,7 +40,7 @@ class OperatingPointResult:
         publish_every: Conversions for each published force.
         forces_hz: Forces of a leg per second [Hz].
         can_kbit_s: Load of six legs on CAN at most [kbit/s].
-        standing_noise_rms_mn: Noise of the force of a standing foot, all axes, rms [mN].
+        standing_noise_norm_rms_mn: Rms length of the deviation of a standing foot's force from its mean [mN].
         walk: Latency and errors on the walk.
     """
 
@@ -48,7 +48,7 @@ class OperatingPointResult:
     publish_every: int
     forces_hz: float
     can_kbit_s: float
-    standing_noise_rms_mn: float
+    standing_noise_norm_rms_mn: float
     walk: LatencyAndErrors
 
 
@@ -85,7 +85,7 @@ def measure_operating_points(
                 publish_every=every,
                 forces_hz=forces_hz,
                 can_kbit_s=forces_hz * len(LEGS) * FRAMES_PER_LEG * LONGEST_FRAME_BITS * 1e-3,
-                standing_noise_rms_mn=noise_mn,
+                standing_noise_norm_rms_mn=noise_mn,
                 walk=latency_and_errors(walk.every_nth(every), truth),
             )
         )

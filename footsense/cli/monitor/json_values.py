@@ -60,8 +60,8 @@ def _gait_ground_event_json(snapshot: LegSnapshot) -> dict[str, Any]:
         else {
             "normal": [round(part, 3) for part in ground.normal],
             "normal_sigma_deg": round(math.degrees(ground.normal_sigma_rad), 2),
-            "friction_use": ground.friction_use,
-            "friction_use_sigma": ground.friction_use_sigma,
+            "tangential_over_normal": ground.tangential_over_normal,
+            "tangential_over_normal_sigma": ground.tangential_over_normal_sigma,
             "friction": ground.friction,
         },
         "last_event": None

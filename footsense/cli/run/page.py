@@ -1,4 +1,4 @@
-"""Web page of a run: `footsense view` as a child process beside the main loop."""
+"""Web page of a run: starts and ends `footsense view` as a child process beside the main loop."""
 
 import contextlib
 import os

@@ -90,7 +90,7 @@ def leg_causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause:
         cause[faults.stuck.any(axis=1)] = Cause.ELEMENT_STUCK
         cause[faults.opened.any(axis=1)] = Cause.ELEMENT_OPEN
         sets = trained_missing_sets(reading.shape[1])
-        for lines, broken in ((sets.columns, Cause.COLUMN_OPEN), (sets.rows, Cause.ROW_OPEN)):
+        for lines, broken in ((sets.column_sets, Cause.COLUMN_OPEN), (sets.row_sets, Cause.ROW_OPEN)):
             for line in lines:
                 cause[faults.opened[:, line].all(axis=1)] = broken
         cause[faults.shorted.any(axis=1)] = Cause.ELEMENT_SHORTED

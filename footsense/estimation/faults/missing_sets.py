@@ -15,16 +15,16 @@ class MissingSets(NamedTuple):
 
     Attributes:
         sets: Every set, the empty one first, then the single elements, rows, and columns, shape (1 + n + 2 r, n).
-        rows: The rows, shape (r, n).
-        columns: The columns, shape (r, n).
+        row_sets: The elements of each row, shape (r, n).
+        column_sets: The elements of each column, shape (r, n).
         bit_of_element: Bit of each element in a pattern of elements, shape (n,).
         set_index_of_pattern: Index in `sets` of each of the 2^n patterns; 0 also where it is no set.
         smallest_superset: Smallest set that contains each pattern; the empty one where no set does, shape (2^n, n).
     """
 
     sets: Mask
-    rows: Mask
-    columns: Mask
+    row_sets: Mask
+    column_sets: Mask
     bit_of_element: NDArray[np.uint16]
     set_index_of_pattern: NDArray[np.intp]
     smallest_superset: Mask

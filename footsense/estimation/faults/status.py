@@ -116,7 +116,7 @@ class LegStatus(NamedTuple):
     all_healthy: bool
 
 
-class LegClassifier:
+class LegStateClassifier:
     """Determines the state of every leg of a frame.
 
     Args:
@@ -134,7 +134,7 @@ class LegClassifier:
         # One row per leg: to broadcast a single one takes twice as long as the comparison.
         self._closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
         self._closure_max_rel = trained.max_usable_closure_rel(gap_um)
-        self._gap_closed_threshold_rel = trained.gap_closed_threshold_rel(gap_um)
+        self._gap_closed_threshold_over_design_gap = trained.gap_closed_threshold_over_design_gap(gap_um)
         self._max_age_ns = max_age_ns
         # Of healthy legs; shared by their frames and never written to.
         self._valid = np.full(n_legs, State.VALID, np.uint8)
@@ -194,7 +194,7 @@ class LegClassifier:
         shorted = elements.over_range & (missing | excluded)
         faulty = elements.opened | untared | excluded | (consistency.missing & ~missing)
         kept = ~consistency.missing
-        closed = measured_rel > self._gap_closed_threshold_rel
+        closed = measured_rel > self._gap_closed_threshold_over_design_gap
         state = self._valid.copy()
         state[~kept.all(axis=1) | consistency.unexplained_legs] = State.DEGRADED
         state[(out_of_range & kept).any(axis=1)] = State.OUT_OF_RANGE

@@ -1,4 +1,4 @@
-"""Friction below the feet: friction use (tangential over normal force), slips, estimated friction coefficient.
+"""Friction below the feet: tangential over normal force, slips, estimated friction coefficient.
 
 The network gives the contact point, hence the normal of the ground, and the friction ratio. Slips show in that alone.
 
@@ -19,7 +19,7 @@ from footsense.estimation.gait.back_dating import BackDated
 from footsense.frames import Slip
 from footsense.ports import LoadEstimate
 
-#: Most of the standard deviations with which a value is still given: direction [rad] and friction use [1].
+#: Largest standard deviations with which a value is still given: direction [rad] and tangential over normal force [1].
 _MAX_NORMAL_SIGMA_RAD, _MAX_FRICTION_SIGMA = 0.3, 0.2
 #: Normal force from which the contact is learnt [N], and over its own standard deviation [1].
 _MIN_PRESSING_N, _MIN_PRESSING_SIGMAS = 0.03, 4.0
@@ -50,21 +50,21 @@ _SLIP_TIME_SIGMA_S = 0.01
 
 
 class Ground(NamedTuple):
-    """Estimated ground normal and friction use below one foot, with standard deviations.
+    """Estimated ground normal and tangential over normal force below one foot, with standard deviations.
 
     Attributes:
         pressing_n: Normal force [N].
         normal: Unit normal into the foot, foot frame.
         normal_sigma_rad: Standard deviation of its direction [rad].
-        friction_use: Tangential over normal force [1].
-        friction_use_sigma: Standard deviation of it [1].
+        tangential_over_normal: Tangential over normal force [1].
+        tangential_over_normal_sigma: Standard deviation of it [1].
     """
 
     pressing_n: float
     normal: tuple[float, float, float]
     normal_sigma_rad: float
-    friction_use: float
-    friction_use_sigma: float
+    tangential_over_normal: float
+    tangential_over_normal_sigma: float
 
 
 _NAN = math.nan
@@ -72,7 +72,7 @@ NO_GROUND = Ground(_NAN, (_NAN, _NAN, _NAN), _NAN, _NAN, _NAN)
 
 
 def ground_of(load: LoadEstimate, row: int) -> Ground:
-    """Return ground normal and friction use below one foot; NaN where the load does not determine them.
+    """Return ground normal and tangential over normal force below one foot; NaN where the load does not determine them.
 
     In Python numbers: for six legs, numpy's calls take longer.
 
@@ -95,16 +95,16 @@ def ground_of(load: LoadEstimate, row: int) -> Ground:
         return NO_GROUND
     # The third component follows: the tangential force is perpendicular to the normal.
     rz = -(nx * rx + ny * ry) / nz
-    use = math.sqrt(rx * rx + ry * ry + rz * rz)
+    ratio = math.sqrt(rx * rx + ry * ry + rz * rz)
     normal_sigma = 2.0 * scale * math.hypot(sigma_px, sigma_py)
-    use_sigma = math.hypot(sigma_rx, sigma_ry) / math.sqrt(2.0)
-    known_normal, known_use = normal_sigma < _MAX_NORMAL_SIGMA_RAD, use_sigma < _MAX_FRICTION_SIGMA
+    ratio_sigma = math.hypot(sigma_rx, sigma_ry) / math.sqrt(2.0)
+    known_normal, known_ratio = normal_sigma < _MAX_NORMAL_SIGMA_RAD, ratio_sigma < _MAX_FRICTION_SIGMA
     return Ground(
         pressing_n,
         (nx, ny, nz) if known_normal else (_NAN, _NAN, _NAN),
         normal_sigma if known_normal else _NAN,
-        use if known_use else _NAN,
-        use_sigma if known_use else _NAN,
+        ratio if known_ratio else _NAN,
+        ratio_sigma if known_ratio else _NAN,
     )
 
 
@@ -175,12 +175,12 @@ class SlipDetector:
             ground: The ground below the foot.
             now_ns: Current time [ns].
         """
-        use = ground.friction_use
-        if not ground.pressing_n > _MIN_LEARNING_FORCE_N or math.isnan(use):
+        ratio = ground.tangential_over_normal
+        if not ground.pressing_n > _MIN_LEARNING_FORCE_N or math.isnan(ratio):
             was_slipping = self.state is Slip.SLIPPING
             self.state, self._run = Slip.UNKNOWN, 0
             return BackDated(now_ns - _SLIP_DETECTION_LAG_NS, _SLIP_TIME_SIGMA_S) if was_slipping else None
-        tolerance = max(_TOLERANCE_SIGMAS * ground.friction_use_sigma, _MIN_TOLERANCE)
+        tolerance = max(_TOLERANCE_SIGMAS * ground.tangential_over_normal_sigma, _MIN_TOLERANCE)
         if tolerance > _MAX_SLIP_TOLERANCE:
             # As in the first scan of a stance; a reported slip continues.
             self._run = 0
@@ -188,14 +188,14 @@ class SlipDetector:
                 self.state = Slip.UNKNOWN
             return None
         ratios = self._ratios
-        ratios.append((now_ns, use))
+        ratios.append((now_ns, ratio))
         while ratios[0][0] < now_ns - _PLATEAU_LOOKBACK_NS:
             ratios.popleft()
-        exceeds = use > self._friction.exceeding_ratio
+        exceeds = ratio > self._friction.exceeding_ratio
         if tolerance <= _MAX_KINK_TOLERANCE and (exceeds or not self._kinked):
             self._find_kink(tolerance, exceeds=exceeds)
         cone = self._friction.coefficient
-        at_cone = use > cone - _MIN_TOLERANCE
+        at_cone = ratio > cone - _MIN_TOLERANCE
         if at_cone is not self._at_cone or not self._run:
             self._at_cone, self._run, self._since_ns = at_cone, 0, now_ns
         self._run += 1

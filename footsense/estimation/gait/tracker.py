@@ -139,7 +139,7 @@ class GaitTracker:
             ground_of(load, row) if state == _FORCE_KNOWN_IN_CONTACT else NO_GROUND
             for row, state in enumerate(self._states)
         ]
-        _, normal, normal_sigma_rad, use, use_sigma = map(np.array, zip(*grounds, strict=True))
+        _, normal, normal_sigma_rad, ratio, ratio_sigma = map(np.array, zip(*grounds, strict=True))
         touchdown_ns, touchdown_sigma_s = zip(*self._touchdowns, strict=True)
         lift_off_ns, lift_off_sigma_s = zip(*self._lift_offs, strict=True)
         return GaitFrame(
@@ -154,8 +154,8 @@ class GaitTracker:
             load_share=np.where(known, pressing_n, np.nan) / (total_n or math.nan),
             normal=normal,
             normal_sigma_rad=normal_sigma_rad,
-            friction_use=use,
-            friction_use_sigma=use_sigma,
+            tangential_over_normal=ratio,
+            tangential_over_normal_sigma=ratio_sigma,
             slip=np.array([slip.state for slip in self._slips], np.uint8),
             friction=self._friction.coefficient,
             all_in_air=bool((known & ~contact).all()),

@@ -27,7 +27,7 @@ from footsense.frames import Vector
 #: Newton steps at most; six are usual, eight with gaps in contact.
 _MAX_NEWTON_STEPS = 60
 #: Steps of time in which air leaks from a foot under a load that stays.
-_N_SUSTAINED_STEPS = 6
+_N_LEAK_STEPS = 6
 #: Largest rest of a mean closure over the gap [1].
 _TOLERANCE_REL = 1e-10
 #: Least share of the absolute pressure that a step leaves [1], so that no pressure becomes negative.
@@ -88,9 +88,9 @@ class CavityPressures:
         """
         gas = Gas(np.full(len(self._gap_um), 1e-3 * cavity.gas_kpa))
         if cavity.kind == "leaking":
-            for _ in range(_N_SUSTAINED_STEPS):
+            for _ in range(_N_LEAK_STEPS):
                 gas = gas._replace(
-                    step_over_leak_time=ASSUMED_LOAD_DURATION_S / _N_SUSTAINED_STEPS / cavity.leak_time_s
+                    step_over_leak_time=ASSUMED_LOAD_DURATION_S / _N_LEAK_STEPS / cavity.leak_time_s
                 )
                 gas = gas.after_leak_step(
                     self.closures_and_excess_pressures(free_um, gas, contact=contact)[1]

@@ -75,7 +75,7 @@ class TrainedInputs:
     closure_rel_max: Vector
     moments: Vector
 
-    def gap_closed_threshold_rel(self, gap_um: Vector) -> Vector:
+    def gap_closed_threshold_over_design_gap(self, gap_um: Vector) -> Vector:
         """Return the closure over the design's gap above which a gap counts as closed [1], shape as given.
 
         Args:
@@ -86,7 +86,7 @@ class TrainedInputs:
 
     def max_usable_closure_rel(self, gap_um: Vector) -> Vector:
         """Return the largest closure over the gap that the network can use [1]: gap not closed, and trained."""
-        return np.minimum(self.closure_rel_max, self.gap_closed_threshold_rel(gap_um))
+        return np.minimum(self.closure_rel_max, self.gap_closed_threshold_over_design_gap(gap_um))
 
 
 class _Format(msgspec.Struct, frozen=True):

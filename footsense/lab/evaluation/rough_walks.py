@@ -40,8 +40,8 @@ class RoughWalk:
         has_load_estimate: Whether the force is known, shape (n, legs): all elements are within the converter's range.
         debounced_contact: Debounced contact, shape (n, legs).
         estimated_normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
-        friction_use: Friction use, shape (n, legs), NaN where there is none.
-        estimated_friction_coefficient: Learnt estimated_friction_coefficient of friction, shape (n,).
+        tangential_over_normal: Tangential over normal force [1], shape (n, legs), NaN where there is none.
+        estimated_friction_coefficient: Learnt coefficient of friction, shape (n,).
     """
 
     t_s: Vector
@@ -53,7 +53,7 @@ class RoughWalk:
     has_load_estimate: Mask
     debounced_contact: Vector
     estimated_normal: Vector
-    friction_use: Vector
+    tangential_over_normal: Vector
     estimated_friction_coefficient: Vector
 
 
@@ -97,7 +97,7 @@ def simulate_walk(
         has_load_estimate=found.has_estimate,
         debounced_contact=np.array(found.contact, np.float64),
         estimated_normal=np.array(found.normal),
-        friction_use=np.array(found.friction_use),
+        tangential_over_normal=np.array(found.tangential_over_normal),
         estimated_friction_coefficient=np.array(found.estimated_friction_coefficient),
     )
 
@@ -110,7 +110,7 @@ class _GaitOutputs:
     has_estimate: Mask
     contact: list[Sequence[bool]]
     normal: list[Vector]
-    friction_use: list[Vector]
+    tangential_over_normal: list[Vector]
     estimated_friction_coefficient: list[float]
 
 
@@ -136,7 +136,7 @@ def _run_gait_tracker(
         found.reported += [(k, event) for event in frame.events]
         found.contact.append(frame.contact.tolist())
         found.normal.append(frame.normal)
-        found.friction_use.append(frame.friction_use)
+        found.tangential_over_normal.append(frame.tangential_over_normal)
         found.estimated_friction_coefficient.append(frame.friction)
     return found
 

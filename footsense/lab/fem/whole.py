@@ -202,7 +202,9 @@ def with_added_response(
     basis = series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     growth = (mean_over_patch(flat, normal, patch_mm, design) - basis @ flat) / patch_mm**2
     patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(series.shape)
-    whole = response.series.reshape(2, len(series), 3, -1).transpose(0, 1, 3, 2) + np.stack([series, patch])
+    whole = response.closure_coefficients.reshape(2, len(series), 3, -1).transpose(0, 1, 3, 2) + np.stack(
+        [series, patch]
+    )
     order = grid.ravel()
     stiff = (response.compliance_um_per_n + compliance)[np.ix_(order, order)]
     return replace(

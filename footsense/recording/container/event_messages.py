@@ -153,11 +153,16 @@ def decode_gait(data: bytes, events: Sequence[bytes], legs: Sequence[str]) -> Ga
     """Return the gait frame decoded from its JSON message and those of its events."""
     message: Mapping[str, Any] = json.loads(data)
     whole = msgspec.convert(message, _GaitMessage)
-    rows = [message[leg] for leg in legs]
+    rows = [_with_current_names(message[leg]) for leg in legs]
     arrays = {path: field_array(field, rows) for path, field in GAIT_FIELDS.items()}
     friction = float("nan") if whole.friction is None else whole.friction
     found = tuple(_decode_gait_event(event, legs) for event in events)
     return gait_from_arrays(whole.t_ns, friction, whole.all_in_air, found, arrays)
+
+
+def _with_current_names(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a leg's entries with the former name of `tangential_over_normal` replaced by the present one."""
+    return {key.replace("friction_use", "tangential_over_normal"): value for key, value in row.items()}
 
 
 def _decode_gait_event(data: bytes, legs: Sequence[str]) -> GaitEvent:

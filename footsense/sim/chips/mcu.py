@@ -64,7 +64,7 @@ class SimulatedRobotMcu:
     def scan(self, t_ns: int) -> bytes:
         """Return the serial records of one scan; the middle of its first conversion is at `t_ns` [ns]."""
         number, self.n_scans = self.n_scans, self.n_scans + 1
-        flags = RecordFlag.STARTING if number < _N_STARTING_RECORDS else 0
+        flags = RecordFlag.STARTING if number < _N_STARTING_RECORDS else RecordFlag(0)
         t_us = round((t_ns - self.started_ns) * (1 + _CLOCK_ERROR_REL)) // _NS_PER_US % _TIMER_WRAP_US
         return b"".join(
             encode_record(

@@ -19,7 +19,7 @@ from footsense.frames import Vector
 
 #: Step of the integration [s].
 INTEGRATION_STEP_S = 1e-3
-#: Power of the creep in friction use.
+#: Power of the creep in tangential over normal force.
 _CREEP_EXPONENT = 4
 
 

@@ -2,10 +2,10 @@
 
 import { element, number, percent, setText } from "./format.js";
 
-// The use of the ground's friction, and its coefficient where that is known.
+// Tangential over normal force, and the ground's coefficient of friction where that is known.
 function friction(get) {
-  const use = number(get("friction_use"), 2);
-  return get("friction_use") >= 0 && get("friction") > 0 ? `${use} of ${number(get("friction"), 2)}` : use;
+  const ratio = number(get("tangential_over_normal"), 2);
+  return get("tangential_over_normal") >= 0 && get("friction") > 0 ? `${ratio} of ${number(get("friction"), 2)}` : ratio;
 }
 
 const COLUMNS = [

@@ -5,7 +5,7 @@ import { css, element, number } from "./format.js";
 // The middle gap of an even number of rows is the mean of the four around the middle.
 const OFFERED = [
   ["fz", "fz", "N"], ["fx", "fx", "N"], ["fy", "fy", "N"], ["sigma_z", "σz", "N"], ["closure_middle", "middle gap", ""],
-  ["probability", "contact", ""], ["load_share", "share", ""], ["friction_use", "friction use", ""], ["age", "age", "ms"],
+  ["probability", "contact", ""], ["load_share", "share", ""], ["tangential_over_normal", "tangential / normal", ""], ["age", "age", "ms"],
   ["baseline_mean", "drift", "fF"], ["temperature", "temperature", "°C"],
 ];
 const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3]];

@@ -130,8 +130,8 @@ class Foot {
     const usable = !Number.isNaN(fz);
     const contact = usable && Boolean(get("flags") & FLAG.CONTACT);
     const slips = get("slip") === 2;
-    const friction = get("friction"), use = get("friction_use");
-    const near = contact && use > 0.8 * friction;
+    const friction = get("friction"), ratio = get("tangential_over_normal");
+    const near = contact && ratio > 0.8 * friction;
     const css = `foot${contact ? " contact" : ""}${slips ? " slips" : ""}${near ? " near" : ""}`
       + (state.phase === "absent" ? " empty" : "");
     if (this.group.getAttribute("class") !== css) {

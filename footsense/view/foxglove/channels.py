@@ -65,8 +65,8 @@ def _gait_event_messages(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes
 
 def _event_messages(viewed: ViewedCycle, legs: Sequence[str]) -> list[bytes]:
     cycle = viewed.cycle
-    found = [event_messages.command_event(command, legs) for command in cycle.commands]
-    found += [event_messages.outcome_event(outcome, legs) for outcome in cycle.outcomes]
+    found = [event_messages.command_event(command, legs) for command in cycle.started_commands]
+    found += [event_messages.outcome_event(outcome, legs) for outcome in cycle.ended_commands]
     if cycle.temperature_c is not None:
         found.append(event_messages.temperature_event(cycle.temperature_c, legs))
     return found

@@ -190,7 +190,7 @@ def test_one_patch_gives_all_patches(response: FootResponse) -> None:
     normal = directions(np.array([20.0]), np.array([60.0]))
     force = 2.0 * normal[0]
     radius_mm = float(response.patch_radius_mm(normal[0], force))
-    flat = response.series[0].reshape(len(response.series[0]), -1)
+    flat = response.closure_coefficients[0].reshape(len(response.closure_coefficients[0]), -1)
     whole = force @ mean_over_patch(flat, normal, radius_mm, FOOT_DESIGN)[0].reshape(3, -1)
     tabled = response.free_closure_um(normal[0], force)
     np.testing.assert_allclose(tabled, whole, rtol=0.0, atol=2e-4 * np.abs(whole).max())

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from firmware_interface.serial_frames import NO_VALUE_BASE, RECORD_BITS, Record, encode_record, pack_values
+from firmware_interface.serial_frames import (
+    NO_VALUE_BASE,
+    RECORD_BITS,
+    Record,
+    RecordFlag,
+    encode_record,
+    pack_values,
+)
 from footsense.acquisition.mcu_source import McuSource
 from footsense.frames import LEGS, CapFrame, Reading
 from footsense.sim.chips.mcu import SimulatedRobotMcu
@@ -166,7 +173,7 @@ class Script:
 def line(leg: int, scan: int, values: list[int] | None = None, step_us: int = 0) -> bytes:
     """Return a leg's record of a scan at 200 Hz."""
     packed = pack_values(values or [5_000_000] * 9)
-    return encode_record(Record(leg, scan & 0xFFFF, 0, step_us, 5000 * scan, packed))
+    return encode_record(Record(leg, scan & 0xFFFF, RecordFlag(0), step_us, 5000 * scan, packed))
 
 
 def test_a_leg_that_stops_delays_the_others_no_longer_than_it_is_waited_for() -> None:

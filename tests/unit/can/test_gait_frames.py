@@ -71,8 +71,8 @@ def test_what_is_not_known_has_no_value(robot: Robot) -> None:
         load_share=nan,
         normal=np.full((1, 3), np.nan),
         normal_sigma_rad=nan,
-        friction_use=nan,
-        friction_use_sigma=nan,
+        tangential_over_normal=nan,
+        tangential_over_normal_sigma=nan,
         friction=math.nan,
         slip=np.full(1, Slip.UNKNOWN, np.uint8),
     )

@@ -181,7 +181,7 @@ def test_contact_ground_and_the_last_event_are_shown(request: pytest.FixtureRequ
         "all_in_air": False,
     }
     assert left["ground"]["normal"] == pytest.approx([0.28, 0.0, 0.96])
-    assert (left["ground"]["friction_use"], left["ground"]["friction"]) == (0.2, 0.6)
+    assert (left["ground"]["tangential_over_normal"], left["ground"]["friction"]) == (0.2, 0.6)
     assert left["last_event"] == {"kind": "slip", "ago_ms": 60.0, "sigma_ms": 10.0}
     assert (right["gait"], right["ground"], right["last_event"]) == (None, None, None)
     listener.listen(clock.t_ns + 400 * MS)

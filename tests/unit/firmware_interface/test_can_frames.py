@@ -332,16 +332,16 @@ def test_gait_numbers_are_limited_and_never_surer_than_they_were(
     for said, true, step, most in (
         (event.sigma_s, sigma, 0.0002, 0.0508),
         (ground.normal_sigma_rad, sigma, 0.0025, 0.315),
-        (ground.friction_use_sigma, sigma, 0.004, 0.248),
+        (ground.tangential_over_normal_sigma, sigma, 0.004, 0.248),
     ):
         if not true >= 0.0:
             assert math.isnan(said)
         else:
             assert min(true, most) - 1e-8 <= said < min(true, most) + step
     if value >= 0.0:
-        assert ground.friction_use == pytest.approx(min(value, 2.04), abs=0.0021)
+        assert ground.tangential_over_normal == pytest.approx(min(value, 2.04), abs=0.0021)
     else:
-        assert math.isnan(ground.friction_use)
+        assert math.isnan(ground.tangential_over_normal)
 
 
 @given(st.data())

@@ -99,8 +99,8 @@ def test_the_work_of_the_load_is_stored_in_solid_and_air() -> None:
 def foot(cavity: Cavity) -> Foot:
     """Return a foot that an upright newton closes by 10 um evenly."""
     response = replace(made_up(), cavity=cavity)
-    response.series[...] = 0.0
-    response.series[0, 0, 2 * ALL_CELLS :] = 10.0
+    response.closure_coefficients[...] = 0.0
+    response.closure_coefficients[0, 0, 2 * ALL_CELLS :] = 10.0
     return Foot(response)
 
 

@@ -31,7 +31,8 @@ def test_a_card_that_fits_says_what_the_pipeline_needs() -> None:
     np.testing.assert_array_equal(trained.moments, MOMENTS)
     gap_um = np.array([10.0, 20.0, 40.0])
     np.testing.assert_allclose(
-        trained.gap_closed_threshold_rel(gap_um), GAP_CLOSED_THRESHOLD_REL * np.array([0.5, 1.0, 2.0])
+        trained.gap_closed_threshold_over_design_gap(gap_um),
+        GAP_CLOSED_THRESHOLD_REL * np.array([0.5, 1.0, 2.0]),
     )
     assert trained.max_usable_closure_rel(np.full(9, 40.0)).tolist() == [0.8] * 9
 

@@ -154,7 +154,7 @@ def test_survives_the_file_and_writes_equal_bytes(tmp_path: Path) -> None:
     assert back.sha256 == FootResponse.load(tmp_path / "b.npz").sha256 != ""
     assert (back.design, back.foot_type, back.provenance) == (DESIGN, "made-up", {"made": "up"})
     assert (back.quarter_series == foot.quarter_series).all()
-    assert (back.series == foot.series).all()
+    assert (back.closure_coefficients == foot.closure_coefficients).all()
     assert (back.compliance_um_per_n == foot.compliance_um_per_n).all()
 
 

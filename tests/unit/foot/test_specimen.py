@@ -72,8 +72,8 @@ def test_contact_is_what_a_limit_leaves_out() -> None:
 def test_a_shut_element_shows_its_film() -> None:
     """All cells shut give eps0 A eps_r / t: 16 mm2 over 17 um of 2.7 is 22.5 pF, beside the stray."""
     response = made_up()
-    response.series[...] = 0.0
-    response.series[0, 0, 2 * ALL_CELLS :] = 1.0  # fz alone, each cell by 1 um/N
+    response.closure_coefficients[...] = 0.0
+    response.closure_coefficients[0, 0, 2 * ALL_CELLS :] = 1.0  # fz alone, each cell by 1 um/N
     foot = Foot(response, Deviations(stray_pf=np.full(9, 0.3)), contact=False)
     shut_pf = foot.capacitance_pf(UP[None], 25.0 * UP[None])
     np.testing.assert_allclose(shut_pf, 8.8541878128 * 16.0 * 2.7 / 17.0 + 0.3, rtol=1e-12)

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from footsense.errors import RecordingError
 from footsense.frames import BaselineStatus, Cause, CommandResult, Cycle, GaitEvent, GaitEventKind, Result
 from footsense.recording.compare import first_difference, same_processor_and_libraries
-from footsense.recording.container import messages
+from footsense.recording.container import event_messages, messages
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_fields import CAUSE_NOT_RECORDED
 from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
@@ -193,7 +193,7 @@ def test_replay_gives_scan_commands_and_time(walk: tuple[bytes, list[Cycle]], sc
         scan = source.read()
         assert scan is not None
         assert scan.sequence == then.scan.sequence
-        assert tuple(source.commands()) == then.commands
+        assert tuple(source.commands()) == then.started_commands
         assert source.commands() == []
         assert clock.now_ns() == then.forces.t_sent_ns
     assert source.read() is None
@@ -274,12 +274,14 @@ def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
 def test_integers_of_numpy_are_packed_as_numbers() -> None:
     """A leg found with numpy, in a command or its result, does not end the loop."""
     tare = TARE._replace(leg=np.int64(2))  # type: ignore[arg-type]
-    shown = cycle(3, outcomes=(CommandResult(tare, Result.DONE, "\ud800"),))._replace(commands=(tare,))
+    shown = cycle(3, outcomes=(CommandResult(tare, Result.DONE, "\ud800"),))._replace(
+        started_commands=(tare,)
+    )
     header = pack_header({"legs": ",".join(LEGS)})
     _, read = unpack_records(bytearray(header + pack_cycle(0, shown)), None)
     assert isinstance(read, NumberedCycle)
-    assert read.cycle.commands == (TARE,)
-    assert read.cycle.outcomes == (CommandResult(TARE, Result.DONE, "\\ud800"),)
+    assert read.cycle.started_commands == (TARE,)
+    assert read.cycle.ended_commands == (CommandResult(TARE, Result.DONE, "\\ud800"),)
 
 
 def test_a_recording_with_the_older_names_is_the_same() -> None:
@@ -289,6 +291,16 @@ def test_a_recording_with_the_older_names_is_the_same() -> None:
     old = data.replace(b'"baseline_', b'"zero_').replace(b"BUS_STUCK", b"LINE_HELD")
     assert old != data
     assert first_difference(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
+
+
+def test_a_gait_with_the_older_names_is_the_same() -> None:
+    """Tangential over normal force, called friction use."""
+    gait = gait_frame(100_000_000, len(LEGS))
+    data = event_messages.encode_gait(gait, LEGS)
+    old = data.replace(b'"tangential_over_normal', b'"friction_use')
+    assert old != data
+    read = event_messages.decode_gait(old, [], LEGS)
+    assert event_messages.encode_gait(read, LEGS) == data
 
 
 @pytest.mark.parametrize(("older", "name"), [("TOO_FAR", "DRIFT_TOO_LARGE"), ("TOO_FAST", "DRIFT_TOO_FAST")])

@@ -52,7 +52,7 @@ def cycle(
     force_n = np.full((2, 3), math.nan)
     return Cycle(
         scan=CapFrame(0, np.zeros((2, 9), np.int64), np.full((2, 9), math.nan), np.zeros((2, 9), np.uint8)),
-        commands=(),
+        started_commands=(),
         forces=ContactFrame(
             sequence=0,
             t_sent_ns=t_ns,
@@ -65,7 +65,7 @@ def cycle(
             cause=np.zeros(2, np.uint8),
             baseline=BaselineDrift.none(2),
         ),
-        outcomes=outcomes,
+        ended_commands=outcomes,
     )
 
 
@@ -257,7 +257,7 @@ def test_the_gait_is_shown_and_its_events_are_counted(
     lf, rr = {"leg": "lf"}, {"leg": "rr"}
     assert get("footsense_leg_contact_probability", lf) == 0.995
     assert get("footsense_leg_load_share", rr) == 0.5
-    assert get("footsense_leg_friction_use", rr) == 0.2
+    assert get("footsense_leg_tangential_over_normal", rr) == 0.2
     assert get("footsense_ground_normal", {**rr, "axis": "z"}) == 0.96
     assert get("footsense_ground_normal_sigma_radians", lf) == 0.05
     assert get("footsense_ground_friction_coefficient") == 0.6

@@ -241,8 +241,8 @@ def evaluate_array(
     )
 
 
-def compute_arrays(context: StudyContext) -> dict[int, ArrayResults]:
-    """Return the figures of every array by its number of rows, after solving the foot on the coarse mesh."""
+def evaluate_arrays(context: StudyContext) -> dict[int, ArrayResults]:
+    """Return the results of every array by its number of rows, after solving the foot on the coarse mesh."""
     arrays, training = {}, QUICK if context.quick else FULL
     for rows in QUICK_ROWS if context.quick else ROWS:
         design = array_design(context.foot_design, rows)
@@ -290,7 +290,7 @@ def bounds_and_ranges_figure(arrays: dict[int, ArrayResults]) -> Figure:
 def compute(context: StudyContext) -> tuple[SensorResults, Plots]:
     """Return the errors of every sensor on the block, and the figures of every array on the foot."""
     on_block, plots = block.compute(context)
-    arrays = compute_arrays(context)
+    arrays = evaluate_arrays(context)
     bound_load_n = CRAMER_RAO_LOAD_REL * context.foot_design.loads.max_n
     results = SensorResults(**vars(on_block), cramer_rao_load_n=bound_load_n, array_by_rows=arrays)
     return results, plots | {"sensors-arrays.png": bounds_and_ranges_figure(arrays)}

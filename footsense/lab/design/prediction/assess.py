@@ -56,9 +56,11 @@ def assess_foot(response: FootResponse, requirements: Requirements) -> Assessmen
     """Return predicted range and force errors of a foot from its response table."""
     foot, board = Foot(response), requirements.board
     grids = [direction_grid(list(_AZIMUTHS_DEG), [float(elevation)]) for elevation in ELEVATIONS_DEG]
-    by_elevation = [_max_readable_force_n(foot, board, LoadDirections(grid, grid)) for grid in grids]
+    by_elevation = [
+        _max_force_readable_in_all_directions_n(foot, board, LoadDirections(grid, grid)) for grid in grids
+    ]
     loads = design_loads(requirements.max_force_to_leg_axis_deg)
-    all_directions_range_n = _max_readable_force_n(foot, board, loads)
+    all_directions_range_n = _max_force_readable_in_all_directions_n(foot, board, loads)
     force_n = np.geomspace(requirements.min_evaluated_force_n, requirements.max_n, N_FORCE_LEVELS)
     rows = [_mean_cramer_rao_bounds(foot, board, loads.normal, size * loads.direction) for size in force_n]
     direction_bound_deg, magnitude_bound_rel = np.array(rows).T
@@ -77,8 +79,8 @@ def assess_foot(response: FootResponse, requirements: Requirements) -> Assessmen
     )
 
 
-def _max_readable_force_n(foot: Foot, board: Converter, loads: LoadDirections) -> float:
-    """Return the largest force readable in every given load direction [N], by bisection."""
+def _max_force_readable_in_all_directions_n(foot: Foot, board: Converter, loads: LoadDirections) -> float:
+    """Return the largest force [N] that is readable in all given directions (one value), by bisection."""
     design = foot.response.design
     readable_um = (
         design.gap_um + design.film_equivalent_um - design.plate_distance_um(np.array(board.range_end_pf))

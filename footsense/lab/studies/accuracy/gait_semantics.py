@@ -20,7 +20,7 @@ N_WALKS, CONVERSIONS, QUICK_CONVERSIONS = 8, 22_000, 7_000
 WARM_UP_S = 10.0
 #: Peak of the stances, and swing before them, whose touchdowns count [N], [s].
 PEAK_N, SWING_DURATION_RANGE_S = 0.1, 0.1
-#: Normal force from which friction use, and from which normals count [N].
+#: Normal force from which tangential over normal force, and from which normals count [N].
 MIN_FRICTION_FORCE_N, MIN_NORMAL_FORCE_N = 0.3, 0.5
 #: Way of a slide that has to be reported [mm], and way below which nothing has slid.
 SLID_MM, STUCK_MM = 5.0, 0.3
@@ -28,7 +28,7 @@ SLID_MM, STUCK_MM = 5.0, 0.3
 MIN_SLIDE_PER_CONVERSION_MM = 0.01
 #: Share of a slide in which the force has to be known for the slide to count [1].
 MIN_KNOWN_FORCE_SHARE = 0.5
-#: A slip is false if friction use stayed so far below the ground's coefficient for the last conversions.
+#: A slip is false if tangential over normal force was this far below the ground's coefficient in the last conversions.
 FALSE_SLIP_MARGIN, FALSE_SLIP_CONVERSIONS = 0.05, 30
 #: Touchdowns that were reported later do not count in the error of the back-dated time [ms].
 _MAX_SCORED_REPORT_DELAY_MS = 60.0
@@ -53,7 +53,7 @@ class Results:
         n_reported_lift_offs: Lift-offs that were reported.
         lift_off_time_error_rms_ms: Error of the back-dated time, rms [ms].
         contact_correct_share: Share of the conversions whose contact is right [1].
-        mean_abs_friction_use_error: Error of friction use, mean [1].
+        mean_abs_tangential_over_normal_error: Error of tangential over normal force, mean [1].
         mean_contact_normal_error_deg: Error of the normal, mean [deg].
         n_slides_with_unknown_force: Slides that drive the foot beyond the converter's range, where no force is known.
         n_reportable_slides: Slides that have to be reported.
@@ -77,7 +77,7 @@ class Results:
     n_reported_lift_offs: int
     lift_off_time_error_rms_ms: float
     contact_correct_share: float
-    mean_abs_friction_use_error: float
+    mean_abs_tangential_over_normal_error: float
     mean_contact_normal_error_deg: float
     n_slides_with_unknown_force: int
     n_reportable_slides: int
@@ -106,7 +106,7 @@ class _SlipReports(NamedTuple):
     n_slip_reports_without_slide: int
 
 
-def _friction_use_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
+def _friction_ratio_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
     """Return true tangential over normal force [1], NaN without a load, and normal force [N], shapes (...)."""
     pressing_n = (force_n * normal).sum(axis=-1)
     tangential_n = np.linalg.norm(force_n - pressing_n[..., None] * normal, axis=-1)
@@ -148,9 +148,9 @@ def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _MatchedEvents
 
 def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
     """Match a leg's reported slips with its true slides."""
-    use, pressing_n = _friction_use_and_normal_force(walk.true_force_n[:, leg], walk.true_normal[:, leg])
+    ratio, pressing_n = _friction_ratio_and_normal_force(walk.true_force_n[:, leg], walk.true_normal[:, leg])
     slides = walk.slides[leg]
-    room = use - slides.kinetic_friction
+    room = ratio - slides.kinetic_friction
     reported = np.array(
         [row for row, e in walk.reported_events if e.leg == leg and e.kind is GaitEventKind.SLIP], int
     )
@@ -198,9 +198,11 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     down_ms, up_ms = downs[downs[:, 0] < _MAX_SCORED_REPORT_DELAY_MS], ups[np.isfinite(ups[:, 0])]
     frictions, normals_deg, stands, contacts = [], [], [], []
     for walk in walks:
-        use, pressing_n = _friction_use_and_normal_force(walk.true_force_n, walk.true_normal)
+        ratio, pressing_n = _friction_ratio_and_normal_force(walk.true_force_n, walk.true_normal)
         later = walk.t_s > WARM_UP_S
-        frictions.append((walk.friction_use - use)[(pressing_n > MIN_FRICTION_FORCE_N) & later[:, None]])
+        frictions.append(
+            (walk.tangential_over_normal - ratio)[(pressing_n > MIN_FRICTION_FORCE_N) & later[:, None]]
+        )
         firm = (pressing_n > MIN_NORMAL_FORCE_N) & np.isfinite(walk.estimated_normal[..., 0])
         normals_deg.append(angles_between_deg(walk.estimated_normal[firm], walk.true_normal[firm]))
         stands.append(np.stack([slides.stance_number[later] >= 0 for slides in walk.slides], axis=1))
@@ -226,7 +228,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         n_reported_lift_offs=len(up_ms),
         lift_off_time_error_rms_ms=_rms(up_ms[:, 1]),
         contact_correct_share=float((np.concatenate(contacts) == stand).mean()),
-        mean_abs_friction_use_error=float(np.nanmean(np.abs(np.concatenate(frictions)))),
+        mean_abs_tangential_over_normal_error=float(np.nanmean(np.abs(np.concatenate(frictions)))),
         mean_contact_normal_error_deg=float(np.concatenate(normals_deg).mean()),
         n_slides_with_unknown_force=sum(one.n_slides_with_unknown_force for one in slips),
         n_reportable_slides=len(slide_distances_mm),

@@ -62,12 +62,12 @@ def test_feet_in_the_air_say_so_and_nothing_else() -> None:
     assert (frame.probability < 1e-3).all()
     assert (frame.touchdown_ns == 0).all()
     assert (frame.slip == Slip.UNKNOWN).all()
-    for nothing in (frame.normal, frame.friction_use, frame.load_share, frame.touchdown_sigma_s):
+    for nothing in (frame.normal, frame.tangential_over_normal, frame.load_share, frame.touchdown_sigma_s):
         assert np.isnan(nothing).all()
 
 
 def test_a_stance_is_told_with_its_ground() -> None:
-    """Normal and friction use of a foot that leans by 20 deg; shares of the load; one touchdown for each."""
+    """Normal and force ratio of a foot that leans by 20 deg; shares of the load; one touchdown for each."""
     robot = Robot()
     robot.step(np.zeros(LEGS), 100)
     robot.lean_rad, robot.ratio = math.radians(20.0), 0.3
@@ -78,7 +78,7 @@ def test_a_stance_is_told_with_its_ground() -> None:
     assert frame.normal[0].tolist() == pytest.approx(
         [math.sin(robot.lean_rad), 0.0, math.cos(robot.lean_rad)]
     )
-    assert frame.friction_use[:3].tolist() == pytest.approx([0.3] * 3)
+    assert frame.tangential_over_normal[:3].tolist() == pytest.approx([0.3] * 3)
     assert 0.0 < frame.normal_sigma_rad[0] < 0.1
     assert np.isnan(frame.normal[3:]).all()
     assert [(event.kind, event.leg) for event in robot.events] == [
@@ -228,7 +228,7 @@ class AnyGait(RuleBasedStateMachine):
             assert np.nansum(frame.load_share) == pytest.approx(1.0)
         length = np.linalg.norm(frame.normal, axis=1)
         assert np.allclose(length[np.isfinite(length)], 1.0)
-        assert np.isnan(frame.friction_use[~frame.contact]).all()
+        assert np.isnan(frame.tangential_over_normal[~frame.contact]).all()
         assert not (frame.all_in_air and frame.contact.any())
 
 

@@ -13,7 +13,7 @@ RISE = np.linspace(0.25, 1.0, 4)
 
 
 class Foot:
-    """A foot whose friction use is given."""
+    """A foot whose tangential over normal force is given."""
 
     def __init__(self) -> None:
         self.friction = FrictionEstimator()
@@ -21,17 +21,19 @@ class Foot:
         self.now_ns = 0
         self.slips: list[tuple[Slip, int]] = []
 
-    def stand(self, uses: list[float]) -> int:
-        """Return the number of slips that are said in a stance of these friction uses."""
+    def stand(self, ratios: list[float]) -> int:
+        """Return the number of slips that are said in a stance of these ratios of tangential to normal force."""
         self.detector.reset_stance()
         self.slips.clear()
-        for use in uses:
-            self.look(1.0, use)
+        for ratio in ratios:
+            self.look(1.0, ratio)
         return sum(state is Slip.SLIPPING for state, _ in self.slips)
 
     def look(self, pressing_n: float, use: float) -> None:
         """Look once, and keep the slip that begins or ends."""
-        ground = NO_GROUND._replace(pressing_n=pressing_n, friction_use=use, friction_use_sigma=0.015)
+        ground = NO_GROUND._replace(
+            pressing_n=pressing_n, tangential_over_normal=use, tangential_over_normal_sigma=0.015
+        )
         slip = self.detector.observe(ground, self.now_ns)
         if slip is not None:
             self.slips.append((self.detector.state, slip.t_ns))
