@@ -34,7 +34,7 @@ _LAB_STUDY_MODULES = {
     "beyond": "mechanics.beyond",
     "film": "mechanics.film",
     "force-range": "accuracy.force_range",
-    "yardstick": "accuracy.yardstick",
+    "error-causes": "accuracy.error_causes",
     "cavity": "mechanics.cavity",
     "tolerance": "accuracy.tolerance",
     "solid": "mechanics.solid",

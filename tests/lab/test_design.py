@@ -164,8 +164,10 @@ def test_a_released_foot_is_as_predicted(library: ShapeLibrary, foot_type: str) 
     ],
     ids=["load", "bars", "board", "noise"],
 )
-def test_wishes_that_conflict_are_named(library: ShapeLibrary, asked: Requirements, message: str) -> None:
-    """One line: which wish conflicts with which, and the nearest design that works."""
+def test_requirements_that_conflict_are_named(
+    library: ShapeLibrary, asked: Requirements, message: str
+) -> None:
+    """One line: which requirement conflicts with which, and the nearest design that works."""
     with pytest.raises(FootsenseError, match=message) as refused:
         choose_candidates(library, asked, 1)
     assert "\n" not in str(refused.value)

@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 
-#: Packages of the workshop and of development that a robot does not carry.
+#: Packages of the lab and of development that a robot does not carry.
 NOT_ON_A_ROBOT = {
     "ngsolve",
     "jax",
@@ -47,7 +47,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place / "venv/bin"
 
 
-def test_the_robot_carries_no_workshop(robot: Path, tmp_path: Path) -> None:
+def test_the_robot_carries_no_lab(robot: Path, tmp_path: Path) -> None:
     """Nothing that meshes, trains or draws is among the runtime packages."""
     listed = run(robot / "pip", "list", "--format", "json", cwd=tmp_path)
     packages = {package["name"].lower() for package in json.loads(listed.stdout)}
@@ -78,8 +78,8 @@ def test_the_locked_packages_give_the_same_forces(robot: Path, tmp_path: Path) -
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr
 
 
-def test_the_workshop_names_its_extra(robot: Path, tmp_path: Path) -> None:
-    """Without the extra the workshop says in one line how to get it."""
+def test_the_lab_names_its_extra(robot: Path, tmp_path: Path) -> None:
+    """Without the extra the lab says in one line how to get it."""
     refused = run(robot / "footsense", "lab", "build", cwd=tmp_path)
     assert refused.returncode != 0
     (line,) = refused.stderr.splitlines()

@@ -15,7 +15,7 @@ from footsense.lab.design.screen import LIMIT_NAMES
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign
 
-#: Predicted over wished range [1]: the ranges of solved tables are up to 2 % below the predicted ones.
+#: Predicted over required range [1]: the ranges of solved tables are up to 2 % below the predicted ones.
 _RANGE_RESERVE_FACTOR = 1.02
 
 

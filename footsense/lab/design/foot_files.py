@@ -11,7 +11,7 @@ from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.geometry import UM_PER_MM
 
-#: Loads of the training that no wish changes: those of the paper's foot.
+#: Loads of the training that no requirement changes: those of the paper's foot.
 _DEFAULT_LOAD_RANGE = {
     "friction_angle_deg": 35,
     "typical_lean_deg": 10,

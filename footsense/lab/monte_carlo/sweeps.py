@@ -23,7 +23,7 @@ TYPICAL_TOLERANCES = Tolerances(gap_um=1.0, film_um=1.0, stray_pf=0.05, stiffnes
 CAREFUL_TEST_STAND = Tolerances(
     reading_noise_pf=0.001, repeatability_rel=0.02, reference_error_resolutions=0.5, press_lean_deg=1.0
 )
-#: Feet and test stand on which the paper's own procedure errs as in the paper's experiment (study `yardstick`): the
+#: Feet and test stand on which the paper's own procedure errs as in the paper's experiment (study `error-causes`): the
 #: feet of the study `experiment`; a stick set by hand; a reference and a meter that are read once, one after the other.
 PAPER_LIKE_TOLERANCES = Tolerances(
     gap_um=2.0,

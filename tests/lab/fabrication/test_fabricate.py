@@ -1,4 +1,4 @@
-"""The files for a workshop, read back; a wrong file is found, a foot that cannot be made is refused in one line."""
+"""The files for manufacture, read back; a wrong file is found, a foot that cannot be made is refused in one line."""
 
 import json
 import re
@@ -274,7 +274,7 @@ def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
 
 
 @pytest.mark.parametrize(
-    "wish",
+    "requirement",
     [
         {"pitch_mm": 4.2},
         {"gap_um": 3.0, "spacer_mm": 0.02},
@@ -291,8 +291,8 @@ def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
         },
     ],
 )
-def test_the_value_that_an_error_names_works(wish: dict[str, Any]) -> None:
-    design, keys = replace(FOOT_DESIGN, **wish), []
+def test_the_value_that_an_error_names_works(requirement: dict[str, Any]) -> None:
+    design, keys = replace(FOOT_DESIGN, **requirement), []
     while problem := next(
         manufacturing_problems(design, ElementArray.from_design(design), assumed_process(design)), None
     ):

@@ -83,7 +83,7 @@ MISMATCH_ROWS = {
         disturbance=Disturbance(reference_nonlinearity_rel=MAX_NONLINEARITY_REL),
     ),
     "stand": MismatchRow(
-        title="test stand of the yardstick",
+        title="test stand of the page error-causes",
         disturbance=Disturbance(
             press_lean_rms_deg=PAPER_LIKE_TOLERANCES.press_lean_deg,
             press_mean_noise_rms_steps=PAPER_LIKE_TOLERANCES.reference_error_resolutions,

@@ -1,4 +1,4 @@
-"""Study `yardstick`: contributions of error causes to the paper's measured error, with the paper's own procedure.
+"""Study `error-causes`: contributions of error causes to the paper's measured error, with the paper's own procedure.
 
 The paper trained a plain network on changes of capacitance of the very foot that it then tested (section V C): 362
 presses, 180 test loads. Fabrication and test stand are chosen so that this procedure errs on simulated feet as it did
@@ -59,8 +59,8 @@ class CauseErrors:
 
 
 @dataclass(frozen=True, kw_only=True)
-class YardstickResults:
-    """Results of the study `yardstick`: force errors with each cause alone, and with each cause left out.
+class ErrorCausesResults:
+    """Results of the study `error-causes`: force errors with each cause alone, and with each cause left out.
 
     Attributes:
         n_feet: Feet of each row.
@@ -97,7 +97,7 @@ def foot_trained_network_errors(
     return row.direction_deg, row.magnitude_gf
 
 
-def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
+def compute(context: StudyContext) -> tuple[ErrorCausesResults, Plots]:
     """Return the errors of a network per foot and per set of causes."""
     n_feet, epochs = (QUICK_N_FEET, QUICK_EPOCHS) if context.quick else (N_FEET, EPOCHS)
     exact, whole = asdict(NO_DEVIATIONS), asdict(PAPER_LIKE_TOLERANCES)
@@ -123,22 +123,22 @@ def compute(context: StudyContext) -> tuple[YardstickResults, Plots]:
         )
 
     rows = [row(number) for number in range(len(sets))]
-    results = YardstickResults(
+    results = ErrorCausesResults(
         n_feet=n_feet,
         alone=dict(zip(alone, rows, strict=False)),
         without=dict(zip(without, rows[len(alone) :], strict=True)),
     )
     reached = results.alone[ALL]
     context.report_progress(
-        f"yardstick: {reached.direction_error_deg} deg, {reached.magnitude_error_gf} gf; the paper "
+        f"error-causes: {reached.direction_error_deg} deg, {reached.magnitude_error_gf} gf; the paper "
         f"{evaluate.MEASURED_DIRECTION_DEG} deg, {evaluate.MEASURED_MAGNITUDE_GF} gf"
     )
     return results, {}
 
 
 STUDY = Study(
-    name="yardstick",
-    title="The yardstick: the paper's procedure on simulated feet",
+    name="error-causes",
+    title="The causes of the paper's error: its procedure on simulated feet",
     compute=compute,
     template_names={"PAPER_LIKE_TOLERANCES": PAPER_LIKE_TOLERANCES},
     uses_network=False,
