@@ -155,7 +155,7 @@ class FrameSource(Protocol):
         ...
 
     def close(self) -> None:
-        """Stop the conversions, and close the buses or files."""
+        """End the threads, mux channels and ports that the source itself opened; I2C buses are closed by the caller."""
         ...
 
 

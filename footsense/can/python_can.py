@@ -87,7 +87,7 @@ def open_wire(
     return _BusWire(bus)
 
 
-def _require_fd(channel: str, bitrate: int) -> None:
+def _require_fd(channel: str, nominal_bitrate: int) -> None:
     """Raise an error if an existing interface cannot send CAN FD frames.
 
     Raises:
@@ -100,8 +100,8 @@ def _require_fd(channel: str, bitrate: int) -> None:
     if mtu < FD_FRAME_BYTES:
         raise CanError(
             f"CAN channel {channel} (socketcan) is a classic one and sends no frame of CAN FD; take can.fd away, or "
-            f"try: ip link set {channel} down; ip link set {channel} up type can bitrate {bitrate} dbitrate 2000000 "
-            "fd on"
+            f"try: ip link set {channel} down; ip link set {channel} up type can bitrate {nominal_bitrate} "
+            "dbitrate 2000000 fd on"
         )
 
 

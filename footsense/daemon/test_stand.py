@@ -21,7 +21,6 @@ from footsense.errors import ConfigError, RecordingError
 from footsense.frames import ReferenceSamples
 from footsense.recording.replay import Replay
 from footsense.reference.binary_decoder import BinaryDecoder
-from footsense.reference.line_decoder import TextLineDecoder
 from footsense.reference.net_ft import NetFtReference
 from footsense.reference.record_decoder import RecordDecoder
 from footsense.reference.recorded_file import FileReference, read_csv
@@ -29,6 +28,7 @@ from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.serial_sensor import SerialReference
+from footsense.reference.text_decoder import TextRecordDecoder
 from footsense.sim.test_stand import reference_sensor as simulated
 
 StandSensor = SerialReference | NetFtReference | FileReference
@@ -102,7 +102,7 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
                 sensor.linearity_rel,
             )
             stream = _sample_stream("simulated sensor", test_stand, simulated.SAMPLE_RATE_HZ, 1.0)
-            return SerialReference(port, TextLineDecoder(simulated.LINE_COLUMNS, ","), stream, b"start")
+            return SerialReference(port, TextRecordDecoder(simulated.LINE_COLUMNS, ","), stream, b"start")
 
 
 def _sample_stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_count: float) -> SampleStream:
@@ -120,7 +120,7 @@ def _sensor_mounting(test_stand: StandConfig, unit_per_count: float) -> SensorMo
 def _record_decoder(framing: LineFraming | BinaryFraming) -> RecordDecoder:
     """Return the decoder for a sensor's records."""
     if isinstance(framing, LineFraming):
-        return TextLineDecoder(framing.columns, framing.separator)
+        return TextRecordDecoder(framing.columns, framing.separator)
     return BinaryDecoder(framing.columns, framing.layout, bytes.fromhex(framing.sync), framing.checksum)
 
 

@@ -91,8 +91,8 @@ class Foot:
             )
         self._gap_of_cell_um = np.repeat(self._gap_um, gap_contact.CELLS_PER_ELEMENT)
         self._film_of_cell_um = np.repeat(film_um, gap_contact.CELLS_PER_ELEMENT) / response.design.film_eps_r
-        self._softness = 1.0 / (1.0 + own.stiffness_rel)
-        self._compliance_um_per_n = response.compliance_um_per_n * self._softness
+        self._relative_compliance = 1.0 / (1.0 + own.stiffness_rel)
+        self._compliance_um_per_n = response.compliance_um_per_n * self._relative_compliance
         self._stray_pf = own.stray_pf
         self._mount = own.mount
         self._contact = contact
@@ -156,7 +156,7 @@ class Foot:
     def _free_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the cell closures as if gaps were infinitely deep, without air [um], shape (n, 324)."""
         free_um = self.response.free_closure_um(normal @ self._mount.T, force_n @ self._mount.T)
-        return self._softness * free_um
+        return self._relative_compliance * free_um
 
     def _limited_closures_um(self, free_um: Vector, gas: Gas | None) -> Vector:
         """Return the cell closures with gap contact and cavity air [um], shape (n, 324), from free closures."""

@@ -73,24 +73,26 @@ class SimulatedLeg:
 
     def _undamaged_capacitance_pf(self, t_ns: int) -> list[float]:
         """Return each element's capacitance at a time [ns], without damage and without the scene's `stray_pf` [pF]."""
-        softness = 1.0 if self._warming is None else self._warming.softness(t_ns)
+        relative_compliance = 1.0 if self._warming is None else self._warming.relative_compliance(t_ns)
         if self._softening is not None:
-            softness *= self._softening.softness(t_ns)
+            relative_compliance *= self._softening.relative_compliance(t_ns)
         if self._table is not None and isinstance(self._load, Walk):
             element_pf = self._table.capacitance_pf(
-                self._load.gait_phase_in_stance(self._leg, t_ns), softness
+                self._load.gait_phase_in_stance(self._leg, t_ns), relative_compliance
             )
         else:
             contact = self._load.contact(self._leg, t_ns)
             if self._rubber is not None:
                 contact = GroundContact(*self._rubber.next_effective_load(t_ns, *contact))
             if self._air is None:
-                if softness != 1.0:  # a stiffer solid yields as under a smaller load
-                    contact = contact._replace(force_n=contact.force_n * softness)
+                if relative_compliance != 1.0:  # a stiffer solid yields as under a smaller load
+                    contact = contact._replace(force_n=contact.force_n * relative_compliance)
                 element_pf = self._loaded_capacitance_pf(contact)
             else:
                 kelvin = 0.0 if self._warming is None else self._warming.temperature_change_k(t_ns)
-                element_pf = self._air.next_capacitance_pf(t_ns, *contact, softness, kelvin).tolist()
+                element_pf = self._air.next_capacitance_pf(
+                    t_ns, *contact, relative_compliance, kelvin
+                ).tolist()
         if self._warming is not None:
             drift_pf = self._warming.drift_pf(t_ns)
             element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]

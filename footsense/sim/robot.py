@@ -20,7 +20,7 @@ from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.faults.scene_faults import StuckSda, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
 from footsense.sim.foot.fabrication import draw_deviations, with_new_mounting
-from footsense.sim.foot.warming import softness_at
+from footsense.sim.foot.warming import relative_compliance_when_warmed
 from footsense.sim.leg import SimulatedLeg
 from footsense.sim.loads.gait_table import GaitTable
 from footsense.sim.loads.ground_load import ContactSource
@@ -70,13 +70,13 @@ def _gait_tables(scene: Scene, load: ContactSource, feet: dict[str, Foot]) -> di
     if not isinstance(load, Walk) or any(foot.cavity.gas for foot in feet.values()):
         return {}
     warming = scene.effects.warming
-    warmed = 1.0 if warming is None else softness_at(warming.kelvin)
+    warmed = 1.0 if warming is None else relative_compliance_when_warmed(warming.kelvin)
     softening = scene.effects.softening
     softened = 1.0 if softening is None else 1.0 + softening.softer_rel
     bounds = (1.0, warmed, softened, warmed * softened)
-    softness = (min(bounds), max(bounds))
+    compliance_bounds_rel = (min(bounds), max(bounds))
     one_of = {(foot, load.reaction[leg]): leg for leg, foot in feet.items()}
-    tables = {which: GaitTable(which[0], load, leg, softness) for which, leg in one_of.items()}
+    tables = {which: GaitTable(which[0], load, leg, compliance_bounds_rel) for which, leg in one_of.items()}
     return {leg: tables[foot, load.reaction[leg]] for leg, foot in feet.items()}
 
 

@@ -61,7 +61,7 @@ class Softening(_GradualChange, frozen=True, kw_only=True):
     leg: Leg
     softer_rel: Annotated[float, Meta(ge=-0.5, le=0.5)]
 
-    def softness(self, t_ns: int) -> float:
+    def relative_compliance(self, t_ns: int) -> float:
         """Return the factor on the gap closures under the same load at a time [1]; 1 at the start."""
         return 1.0 + self.softer_rel * self.elapsed_share(t_ns)
 

@@ -21,13 +21,13 @@ from footsense.foot.files.calibration_format import MANIFEST, PARAMETERS, Manife
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Reading, ReferenceSamples
 from footsense.reference.binary_decoder import BinaryDecoder
-from footsense.reference.line_decoder import TextLineDecoder
 from footsense.reference.net_ft import NetFtReference
 from footsense.reference.record_decoder import RecordDecoder
 from footsense.reference.recorded_file import read_csv
 from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import SensorMounting
+from footsense.reference.text_decoder import TextRecordDecoder
 from footsense.sim.clock import VirtualClock
 from tests.fuzz.outcome import TRIED, refusal
 from tests.fuzz.test_texts import anything, texts
@@ -76,7 +76,7 @@ def test_any_lines(data: st.DataObject, columns: tuple[str, ...]) -> None:
     lines = data.draw(
         st.lists(line.map(lambda text: text.encode() + b"\n") | st.binary(max_size=30), max_size=20)
     )
-    played(TextLineDecoder(columns, ","), lines)
+    played(TextRecordDecoder(columns, ","), lines)
 
 
 @given(st.data(), st.sampled_from(LAYOUTS), st.sampled_from(["none", "sum8", "crc16"]))

@@ -14,7 +14,7 @@ from footsense.lab.design.inputs.materials import load_materials
 from footsense.lab.design.inputs.processes import load_processes
 from footsense.lab.design.inputs.requirements import Requirements
 from footsense.lab.design.prediction.assess import assess_foot
-from footsense.lab.design.prediction.shapes import ShapeLibrary
+from footsense.lab.design.prediction.shapes import FootShapeLibrary
 from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
@@ -42,12 +42,12 @@ def requirements(
 
 
 @pytest.fixture(scope="module")
-def library() -> ShapeLibrary:
+def library() -> FootShapeLibrary:
     """Return the solved shapes."""
-    return ShapeLibrary()
+    return FootShapeLibrary()
 
 
-def test_a_foot_of_another_size_and_modulus_closes_alike(library: ShapeLibrary) -> None:
+def test_a_foot_of_another_size_and_modulus_closes_alike(library: FootShapeLibrary) -> None:
     """Twice as large and three times as stiff under twelve times the force: the same closures over the gap."""
     small = FOOT_DESIGN
     lengths = {
@@ -70,7 +70,7 @@ def test_a_foot_of_another_size_and_modulus_closes_alike(library: ShapeLibrary) 
     np.testing.assert_allclose(closures[1], closures[0], rtol=1e-9)
 
 
-def test_the_library_has_the_released_foot(library: ShapeLibrary) -> None:
+def test_the_library_has_the_released_foot(library: FootShapeLibrary) -> None:
     """The paper's shape is one of those solved: its closures are the released table's."""
     released = FootResponse.load(RELEASED / "response.npz")
     normal = np.array([[0.0, 0.0, 1.0], [0.5, 0.3, np.sqrt(0.66)]])
@@ -94,7 +94,7 @@ def test_a_force_unit_leaves_closures_alone() -> None:
     assert response_in_force_unit(released, 1.0).hertz_modulus_mpa == released.hertz_modulus_mpa
 
 
-def paper_design(library: ShapeLibrary) -> FootDesign:
+def paper_design(library: FootShapeLibrary) -> FootDesign:
     """Return the most accurate foot for the paper's own numbers: its ball, materials, process and forces."""
     asked = requirements(1.0, (20.0, 20.0), "butadiene-paper", "pdms-paper", process="paper")
     choice = choose_candidates(library, asked, 1)
@@ -105,7 +105,7 @@ def paper_design(library: ShapeLibrary) -> FootDesign:
     )
 
 
-def test_the_papers_foot_comes_out_of_its_own_numbers(library: ShapeLibrary) -> None:
+def test_the_papers_foot_comes_out_of_its_own_numbers(library: FootShapeLibrary) -> None:
     """150 gf on a ball of 20 mm, of its rubber and PDMS: gap, pitch and electrodes of the paper."""
     found = paper_design(library)
     same = (
@@ -123,7 +123,7 @@ def test_the_papers_foot_comes_out_of_its_own_numbers(library: ShapeLibrary) -> 
     }
 
 
-def test_the_outer_elements_end_with_the_sheet(library: ShapeLibrary) -> None:
+def test_the_outer_elements_end_with_the_sheet(library: FootShapeLibrary) -> None:
     """A strip beside them, were it of rounding alone, would join the plates and take a quarter off the closures."""
     asked = requirements(12.0, (30.0, 30.0), "urethane-90a", "tpu-80a")
     choice = choose_candidates(library, asked, 1)
@@ -134,7 +134,7 @@ def test_the_outer_elements_end_with_the_sheet(library: ShapeLibrary) -> None:
 
 
 @pytest.mark.parametrize("foot_type", ["hexapod-2kg", "quadruped-12kg"])
-def test_a_released_foot_is_as_predicted(library: ShapeLibrary, foot_type: str) -> None:
+def test_a_released_foot_is_as_predicted(library: FootShapeLibrary, foot_type: str) -> None:
     """Range and errors of the solved table are within 4 % of the prediction without a mesh, and it carries its load."""
     folder = RELEASED.parent / foot_type
     design, built = load_foot(folder / "foot.yaml"), FootResponse.load(folder / "response.npz")
@@ -165,7 +165,7 @@ def test_a_released_foot_is_as_predicted(library: ShapeLibrary, foot_type: str) 
     ids=["load", "bars", "board", "noise"],
 )
 def test_requirements_that_conflict_are_named(
-    library: ShapeLibrary, asked: Requirements, message: str
+    library: FootShapeLibrary, asked: Requirements, message: str
 ) -> None:
     """One line: which requirement conflicts with which, and the nearest design that works."""
     with pytest.raises(FootsenseError, match=message) as refused:

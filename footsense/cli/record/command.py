@@ -27,7 +27,7 @@ from footsense.sim.test_stand.press_sequence import PressSequence
 
 _NS_PER_S = 1_000_000_000
 #: Time that a simulated test stand runs on after its last press, for the offset of the reference [s].
-_RUN_ON_AFTER_PRESSES_S = 0.5
+_TIME_AFTER_LAST_PRESS_S = 0.5
 #: Limit of the unloaded readings of a foot that is not calibrated, over the designed ones minus one [1].
 _UNCALIBRATED_UNLOADED_LIMIT_REL = 0.5
 
@@ -163,7 +163,7 @@ def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
 def _session_end_s(scene: Scene | None) -> float:
     """Return the time at which a simulated test stand's presses are over [s]; infinity on a real one."""
     load = None if scene is None else scene.load.build(round(scene.lead_in_s * _NS_PER_S))
-    return load.end_ns / _NS_PER_S + _RUN_ON_AFTER_PRESSES_S if isinstance(load, PressSequence) else math.inf
+    return load.end_ns / _NS_PER_S + _TIME_AFTER_LAST_PRESS_S if isinstance(load, PressSequence) else math.inf
 
 
 def _print_session_summary(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:

@@ -78,12 +78,15 @@ class Gas(NamedTuple):
     exponent: float = ISOTHERMAL
     step_over_leak_time: float = 0.0
 
-    def scaled_for_softness(self, softness: float) -> "Gas":
+    def scaled_for_relative_compliance(self, relative_compliance: float) -> "Gas":
         """Return the gas state for a rubber softer by a factor, to be used with the unchanged compliance.
 
         Closures stay equal if loads and pressures are multiplied in place of the compliance.
         """
-        return self._replace(amount_mpa=softness * self.amount_mpa, ambient_mpa=softness * self.ambient_mpa)
+        return self._replace(
+            amount_mpa=relative_compliance * self.amount_mpa,
+            ambient_mpa=relative_compliance * self.ambient_mpa,
+        )
 
     def after_leak_step(self, excess_mpa: Vector) -> "Gas":
         """Return the gas state after a time step whose leakage is driven by an excess pressure [MPa]."""

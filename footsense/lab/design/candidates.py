@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.frames import Vector
 from footsense.lab.design.inputs.requirements import Requirements
-from footsense.lab.design.prediction.shapes import Shape, sheet_filling_pitch_mm
+from footsense.lab.design.prediction.shapes import FootShape, sheet_filling_pitch_mm
 from footsense.lab.geometry import UM_PER_MM
 
 #: Steps of the ball's diameter.
@@ -86,10 +86,10 @@ class Candidates(NamedTuple):
         return half
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> FootShape:
         """Dimensionless shapes of the candidates, for the response library."""
         spacer_mm = (self.gap_um + self.film_um) / UM_PER_MM
-        return Shape(
+        return FootShape(
             self.electrode_over_pitch,
             self.plate_mm / self.ball_radius_mm,
             spacer_mm / self.ball_radius_mm,

@@ -11,7 +11,7 @@ from footsense.frames import Vector
 from footsense.lab.design.candidates import Candidates, all_candidates
 from footsense.lab.design.inputs.materials import load_materials
 from footsense.lab.design.inputs.requirements import Requirements
-from footsense.lab.design.prediction.shapes import ShapeLibrary
+from footsense.lab.design.prediction.shapes import FootShapeLibrary
 from footsense.lab.design.screen import LIMIT_NAMES, ScreeningResult, screen_candidates
 
 #: Feet of a size that may be assessed.
@@ -38,7 +38,7 @@ class Choice(NamedTuple):
     n_all_candidates: int
 
 
-def choose_candidates(library: ShapeLibrary, requirements: Requirements, keep: int) -> Choice:
+def choose_candidates(library: FootShapeLibrary, requirements: Requirements, keep: int) -> Choice:
     """Return the Pareto-optimal feet to assess, after screening all candidates.
 
     Args:
@@ -67,7 +67,7 @@ def choose_candidates(library: ShapeLibrary, requirements: Requirements, keep: i
 
 
 def _manufacturable_candidates(
-    library: ShapeLibrary, requirements: Requirements, feet: Candidates
+    library: FootShapeLibrary, requirements: Requirements, feet: Candidates
 ) -> Candidates:
     """Return the candidates that can be fabricated, read by the board and predicted by the shape library.
 
@@ -116,7 +116,7 @@ def _pareto_rows(costs: Vector) -> NDArray[np.intp]:
 
 
 def _conflict_message(
-    library: ShapeLibrary, requirements: Requirements, feet: Candidates, screened: ScreeningResult
+    library: FootShapeLibrary, requirements: Requirements, feet: Candidates, screened: ScreeningResult
 ) -> str:
     """Return the message naming the requirements that no candidate meets, and the nearest design that works."""
     able = screened.range_n >= requirements.max_n
@@ -163,7 +163,7 @@ def _conflict_message(
 
 
 def _lowest_feasible_min_force_n(
-    library: ShapeLibrary, requirements: Requirements, feet: Candidates
+    library: FootShapeLibrary, requirements: Requirements, feet: Candidates
 ) -> float:
     """Return the lowest minimum force at which some candidate meets the required error [N]."""
     low, high = np.log(requirements.min_evaluated_force_n), np.log(requirements.max_n)

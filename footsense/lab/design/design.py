@@ -10,7 +10,7 @@ from footsense.lab.design.choice import Choice, choose_candidates
 from footsense.lab.design.foot_files import foot_text, write_foot
 from footsense.lab.design.inputs.requirements import Requirements
 from footsense.lab.design.prediction.assess import ELEVATIONS_DEG, Assessment, assess_foot
-from footsense.lab.design.prediction.shapes import ShapeLibrary
+from footsense.lab.design.prediction.shapes import FootShapeLibrary
 from footsense.lab.design.screen import LIMIT_NAMES
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign
@@ -131,7 +131,7 @@ def design(requirements: Requirements, name: str, keep: int, folder: Path) -> De
     """
     from footsense.lab.design.drawing import draw_design
 
-    library = ShapeLibrary()
+    library = FootShapeLibrary()
     choice = choose_candidates(library, requirements, keep)
     feet = []
     for table_rows in choice.rows_to_assess:

@@ -18,7 +18,7 @@ from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.inputs.boards import Converter
 from footsense.lab.design.inputs.requirements import MAX_READABLE_CLOSURE_REL, Requirements
 from footsense.lab.design.prediction.closures import ClosureModel, Influence, design_loads
-from footsense.lab.design.prediction.shapes import RUBBER_POISSON, ShapeLibrary
+from footsense.lab.design.prediction.shapes import RUBBER_POISSON, FootShapeLibrary
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG
 
 #: Feet evaluated at once, which limits memory.
@@ -55,7 +55,9 @@ def patch_limit_n(feet: Candidates) -> Vector:
     return limit
 
 
-def screen_candidates(library: ShapeLibrary, requirements: Requirements, feet: Candidates) -> ScreeningResult:
+def screen_candidates(
+    library: FootShapeLibrary, requirements: Requirements, feet: Candidates
+) -> ScreeningResult:
     """Return force range and error bounds of every candidate."""
     model = ClosureModel(library, design_loads(requirements.max_force_to_leg_axis_deg))
     parts = [

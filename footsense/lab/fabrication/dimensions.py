@@ -20,9 +20,9 @@ PROFILE_LINE_WIDTH_MM = 0.05
 
 # ------------------------------------------------------------------------------------------------ contacts and tail
 #: Pitch of a zero-insertion-force connector for flexes of 0.3 mm, contact width and bare length [mm].
-CONNECTOR_CONTACT_PITCH_MM = 0.5
-CONNECTOR_CONTACT_WIDTH_MM = 0.3
-CONNECTOR_CONTACT_LENGTH_MM = 4.0
+TAIL_CONTACT_PAD_PITCH_MM = 0.5
+TAIL_CONTACT_PAD_WIDTH_MM = 0.3
+TAIL_CONTACT_PAD_LENGTH_MM = 4.0
 #: Length of the stiffener under the contacts [mm].
 STIFFENER_LENGTH_MM = 6.0
 #: Length of the tail beyond the ball [mm]: up the leg beside the socket to the converter board.

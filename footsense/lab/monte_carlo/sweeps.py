@@ -46,17 +46,17 @@ class Sweep:
         varied_quantity: Varied quantity, with the unit of the levels.
         unit_level_tolerances: Tolerances at level 1.
         levels: Levels, rising, without 0.
-        base: Tolerances at every level besides.
+        base_tolerances: Constant tolerances, added at every level.
     """
 
     varied_quantity: str
     unit_level_tolerances: Tolerances
     levels: tuple[float, ...]
-    base: Tolerances = NO_DEVIATIONS
+    base_tolerances: Tolerances = NO_DEVIATIONS
 
     def tolerances_at(self, level: float) -> Tolerances:
         """Return the tolerances at a level of the sweep."""
-        return self.base.plus_scaled(self.unit_level_tolerances, level)
+        return self.base_tolerances.plus_scaled(self.unit_level_tolerances, level)
 
 
 FOOT_SWEEPS = (
@@ -116,7 +116,7 @@ TEST_STAND_SWEEPS = (
         varied_quantity="all of it, times careful",
         unit_level_tolerances=CAREFUL_TEST_STAND,
         levels=(1.0, 2.0, 4.0),
-        base=TYPICAL_TOLERANCES,
+        base_tolerances=TYPICAL_TOLERANCES,
     ),
 )
 

@@ -43,7 +43,7 @@ from footsense.lab.training.windowed_network import (
     Features,
     Weights,
     element_input_index,
-    expand_shared_weights,
+    expand_over_symmetries,
     features,
     run,
 )
@@ -280,7 +280,7 @@ def train_windowed(
 
     def loss(free: Weights, batch: Batch) -> jax.Array:
         """Return the training loss of a batch."""
-        load = run(expand_shared_weights(fold_whitening(free)), batch.features)
+        load = run(expand_over_symmetries(fold_whitening(free)), batch.features)
         force = (load.force_n, load.sigma_n, batch.force_n, settings.min_force_n, _SQUARED_ERROR_WEIGHT)
         apart, sigma = load.contact_point_and_friction - batch.contact_point_and_friction, load.contact_sigma
         likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)

@@ -113,7 +113,7 @@ def output_symmetries() -> NDArray[np.float64]:
     return turns
 
 
-def expand_shared_weights(weights: Weights) -> LayerMatrices:
+def expand_over_symmetries(weights: Weights) -> LayerMatrices:
     """Return the full weight matrices of the shared weights: unit g * c + i is channel i under symmetry g."""
     turns, basis = output_symmetries(), linear_basis(weights.rows)
     return LayerMatrices(
@@ -174,5 +174,5 @@ def run(matrices: LayerMatrices, inputs: Features) -> LoadEstimate:
 def predict(weights: Weights, window: Window) -> LoadEstimate:
     """Return the network's load estimates for n windows, in float32 arithmetic."""
     closure_rel, age_s, missing = (jnp.asarray(part, jnp.float32) for part in window)
-    load = run(expand_shared_weights(weights), features(closure_rel, age_s, missing))
+    load = run(expand_over_symmetries(weights), features(closure_rel, age_s, missing))
     return LoadEstimate(*(np.asarray(part, dtype=np.float64) for part in load))

@@ -30,7 +30,12 @@ class CavityAir:
         self._t_ns: int | None = None
 
     def next_capacitance_pf(
-        self, t_ns: int, normal: Vector, force_n: Vector, softness: float = 1.0, kelvin: float = 0.0
+        self,
+        t_ns: int,
+        normal: Vector,
+        force_n: Vector,
+        relative_compliance: float = 1.0,
+        kelvin: float = 0.0,
     ) -> Vector:
         """Return the capacitance of each element under a load [pF], shape (elements,), with stray; advances the air.
 
@@ -38,7 +43,7 @@ class CavityAir:
             t_ns: Time, not before that of the last call [ns].
             normal: Inward normal of the contact, shape (3,).
             force_n: Load since the last call [N], shape (3,).
-            softness: Closures of the solid over those at the start, under the same load [1].
+            relative_compliance: Closures of the solid over those at the start, under the same load [1].
             kelvin: Temperature of the air over that at the start [K].
         """
         elapsed_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
@@ -48,10 +53,10 @@ class CavityAir:
         # A softer solid closes as far as the given one under a smaller load and smaller pressures.
         gas = Gas(
             warmth * self._amount_mpa, self._ambient_mpa, step_over_leak_time=leak_step_rel
-        ).scaled_for_softness(softness)
+        ).scaled_for_relative_compliance(relative_compliance)
         element_pf, after = self._foot.capacitance_and_gas_after_step(
-            normal[None], softness * force_n[None], gas
+            normal[None], relative_compliance * force_n[None], gas
         )
-        self._amount_mpa = after.amount_mpa[0] / (warmth * softness)
+        self._amount_mpa = after.amount_mpa[0] / (warmth * relative_compliance)
         capacitance_pf: Vector = element_pf[0]
         return capacitance_pf

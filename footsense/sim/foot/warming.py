@@ -12,7 +12,7 @@ DRIFT_SPREAD_REL = 0.2
 STIFFENING_PER_K = 4.4e-3
 
 
-def softness_at(kelvin: float) -> float:
+def relative_compliance_when_warmed(kelvin: float) -> float:
     """Return the factor on the gap closures under the same load, for a foot warmed by `kelvin` [1].
 
     Args:
@@ -44,6 +44,6 @@ class WarmingFoot:
         kelvin = self._warming.temperature_change_k_at(t_ns)
         return [pf_per_k * kelvin for pf_per_k in self._pf_per_k]
 
-    def softness(self, t_ns: int) -> float:
+    def relative_compliance(self, t_ns: int) -> float:
         """Return the factor on the gap closures under the same load at a time [1]; 1 at the start."""
-        return softness_at(self._warming.temperature_change_k_at(t_ns))
+        return relative_compliance_when_warmed(self._warming.temperature_change_k_at(t_ns))

@@ -1,6 +1,6 @@
 """Precomputed capacitances of a foot over one gait cycle, to simulate long walks quickly.
 
-The load of a walk depends on the phase alone. The capacitances depend on the phase and on the softness of the rubber,
+The load of a walk depends on the phase alone. The capacitances depend on the phase and on the compliance of the rubber,
 which changes with temperature and age; between the points of both they are interpolated linearly.
 """
 
@@ -13,7 +13,7 @@ from footsense.sim.loads.walk import Walk
 
 #: Time between two points of a table [ns]: error of 0.03 fF where no gap closes.
 TABLE_STEP_NS = 250_000
-#: Step of the softness between two tables [1].
+#: Step of the relative compliance between two tables [1].
 _SOFTNESS_STEP = 0.005
 
 
@@ -24,13 +24,15 @@ class GaitTable:
         foot: The foot.
         walk: The walk.
         leg: Leg of the foot.
-        softness: Bounds of the closures over those at the begin [1].
+        compliance_bounds_rel: Bounds of the closures over those at the begin [1].
 
     Attributes:
         unloaded_pf: Capacitance of each element in the air [pF], nine.
     """
 
-    def __init__(self, foot: Foot, walk: Walk, leg: str, softness: tuple[float, float] = (1.0, 1.0)) -> None:
+    def __init__(
+        self, foot: Foot, walk: Walk, leg: str, compliance_bounds_rel: tuple[float, float] = (1.0, 1.0)
+    ) -> None:
         self.unloaded_pf: list[float] = foot.unloaded_pf.tolist()
         self._n_steps = math.ceil(walk.duty_rel * walk.period_ns / TABLE_STEP_NS)
         self._per_phase = self._n_steps / walk.duty_rel
@@ -39,25 +41,26 @@ class GaitTable:
         contacts = [walk.contact_at_phase(leg, phase) for phase in phases.tolist()]
         normal = np.array([contact.normal for contact in contacts])
         force_n = np.array([contact.force_n for contact in contacts])
-        low, high = min(softness), max(softness)
+        low, high = min(compliance_bounds_rel), max(compliance_bounds_rel)
         levels = np.linspace(low, high, 1 + math.ceil((high - low) / _SOFTNESS_STEP))
         self._low = low
-        self._per_softness = (len(levels) - 1) / (high - low) if high > low else 0.0
+        self._levels_per_relative_compliance = (len(levels) - 1) / (high - low) if high > low else 0.0
         # Rows of floats: arithmetic with nine numbers is faster without arrays.
         self._tables: list[list[list[float]]] = [
-            foot.capacitance_pf(normal, softness * force_n).tolist() for softness in levels.tolist()
+            foot.capacitance_pf(normal, relative_compliance * force_n).tolist()
+            for relative_compliance in levels.tolist()
         ]
 
-    def capacitance_pf(self, phase: float | None, softness: float = 1.0) -> list[float]:
+    def capacitance_pf(self, phase: float | None, relative_compliance: float = 1.0) -> list[float]:
         """Return each element's capacitance at a gait phase in stance [pF], interpolated; phase None is the swing.
 
         Args:
             phase: Phase of the leg within its stance [1]; None in the air.
-            softness: Closures over those at the begin [1].
+            relative_compliance: Closures over those at the begin [1].
         """
         if phase is None:
             return self.unloaded_pf
-        level = (softness - self._low) * self._per_softness
+        level = (relative_compliance - self._low) * self._levels_per_relative_compliance
         below = min(int(level), len(self._tables) - 1)
         lower_pf = self._interpolate_table(self._tables[below], phase)
         part = level - below

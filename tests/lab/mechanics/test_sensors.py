@@ -16,7 +16,7 @@ from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, Material
 from footsense.lab.response import SERIES_DEGREE
 from footsense.lab.studies.accuracy.sensors import (
-    SENSOR_ARRAYS,
+    PAPER_SENSOR_ARRAYS,
     SensorArray,
     pressure_patterns,
     stress_series,
@@ -47,7 +47,7 @@ def test_a_cut_through_the_block_carries_the_whole_load() -> None:
 
 def test_elements_lie_on_the_block() -> None:
     """No element reaches over the edge, or over its neighbour."""
-    for sensor in SENSOR_ARRAYS:
+    for sensor in PAPER_SENSOR_ARRAYS:
         halves = sensor.half_axis_element_borders_mm()
         assert halves[0][1] <= FOOT_DESIGN.sheet_mm / 2.0 + 1e-12
         assert all(inner[1] < outer[0] for outer, inner in pairwise(halves))

@@ -130,7 +130,7 @@ def test_a_softer_solid_is_a_smaller_load_under_smaller_pressures() -> None:
     gas = Gas(np.full(9, AMBIENT_MPA))
     soft_um, _ = air_of(1.3 * compliance).closures_and_excess_pressures(1.3 * free_um, gas, contact=True)
     scaled_um, _ = air_of(compliance).closures_and_excess_pressures(
-        1.3 * free_um, gas.scaled_for_softness(1.3), contact=True
+        1.3 * free_um, gas.scaled_for_relative_compliance(1.3), contact=True
     )
     np.testing.assert_allclose(soft_um, scaled_um, rtol=1e-9)
 

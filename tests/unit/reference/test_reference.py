@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from footsense.errors import ReferenceSensorError
 from footsense.reference.binary_decoder import CHECKSUMS, BinaryDecoder
-from footsense.reference.line_decoder import TextLineDecoder
 from footsense.reference.net_ft import NetFtReference, rdt_request
 from footsense.reference.record_decoder import RecordDecoder, SensorRecords
 from footsense.reference.recorded_file import FileReference, read_csv
@@ -20,6 +19,7 @@ from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
 from footsense.reference.serial_sensor import SerialReference
+from footsense.reference.text_decoder import TextRecordDecoder
 from footsense.sim.clock import VirtualClock
 from footsense.sim.test_stand.reference_sensor import (
     LINE_COLUMNS,
@@ -94,7 +94,7 @@ def test_counters_that_wrap_go_on() -> None:
 
 def test_lines_are_read_and_others_counted() -> None:
     """The first line may have begun before; a short line, a word and a NaN are none."""
-    decoder = TextLineDecoder(("sequence", "-", "fx", "fy", "fz"), "")
+    decoder = TextRecordDecoder(("sequence", "-", "fx", "fy", "fz"), "")
     text = b"7 8\r\n 1 x -2.5 1e-3 4\r\n2 ? 1 2\nfx fy fz a b\n3 0 nan 0 0\n4 0 0 0 1\n5 0"
     rows = decoder.feed(text)
     assert rows.raw_forces.tolist() == [[-2.5, 1e-3, 4.0], [0.0, 0.0, 1.0]]
@@ -108,7 +108,7 @@ def test_lines_are_read_and_others_counted() -> None:
 def test_no_bytes_crash_a_decoder(parts: list[bytes]) -> None:
     """Neither of them, nor do they yield what is not finite."""
     for decoder in (
-        TextLineDecoder(("time_ms", "fx", "fy", "fz"), ","),
+        TextRecordDecoder(("time_ms", "fx", "fy", "fz"), ","),
         BinaryDecoder(("fx", "fy", "fz"), "<fff", b"\xaa", "none"),
     ):
         for part in parts:
@@ -151,7 +151,7 @@ def simulated_stand(
     port = UnpluggableSensor(lambda _: np.array([0.0, 0.0, 1.0]), clock, 3, 0.0)
     reference = SerialReference(
         port,
-        TextLineDecoder(columns, ","),
+        TextRecordDecoder(columns, ","),
         stream_of(SampleTimes(SAMPLE_RATE_HZ, LINE_TRANSMISSION_NS)),
         b"S",
     )
@@ -244,7 +244,7 @@ def test_a_sensor_that_makes_no_sense_ends_the_run(sent: bytes, says: str) -> No
     clock, _, _ = simulated_stand()
     port = Port(lambda _: np.zeros(3), clock, 1)
     reference = SerialReference(
-        port, TextLineDecoder(LINE_COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S"
+        port, TextRecordDecoder(LINE_COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S"
     )
     with pytest.raises(ReferenceSensorError, match=says):
         watched(clock, reference, 20.0)

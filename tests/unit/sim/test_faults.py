@@ -186,12 +186,12 @@ def test_warmth_takes_every_zero_along_a_little_differently_and_stiffens_the_foo
     """20 K are some 30 fF on each element, and 9 % of stiffness; nothing before and no more after."""
     foot = WarmingFoot(Warming(from_s=1.0, over_s=10.0, kelvin=20.0), np.random.default_rng(1), 9)
     assert not any(foot.drift_pf(1 * S_NS))
-    assert foot.softness(1 * S_NS) == 1.0
+    assert foot.relative_compliance(1 * S_NS) == 1.0
     half_pf, drift_pf = np.array([foot.drift_pf(6 * S_NS), foot.drift_pf(11 * S_NS)])
     np.testing.assert_allclose(half_pf, drift_pf / 2)
     assert drift_pf.mean() == pytest.approx(20 * DRIFT_PF_PER_K, rel=0.2)
     assert 0.05 < abs(drift_pf.std() / drift_pf.mean()) < 0.4
-    assert foot.softness(99 * S_NS) == pytest.approx(1 / 1.088)
+    assert foot.relative_compliance(99 * S_NS) == pytest.approx(1 / 1.088)
 
 
 def test_every_fault_has_a_name_in_a_scene(tmp_path: Path) -> None:

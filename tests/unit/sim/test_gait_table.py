@@ -14,8 +14,8 @@ WALK = Tripod(period_s=1.2, duty_rel=0.6, peak_force_n=0.9, friction_rel=0.15, p
 MS = 1_000_000
 
 
-@pytest.mark.parametrize("softness", [1.0, 0.9983, 0.9277])
-def test_the_table_is_the_foot(softness: float) -> None:
+@pytest.mark.parametrize("relative_compliance", [1.0, 0.9983, 0.9277])
+def test_the_table_is_the_foot(relative_compliance: float) -> None:
     """Less than a twentieth of a converter's noise, all over the stance and at a temperature between two tables."""
     foot, walk = Foot(FootResponse.load(released_path("response.npz"))), WALK.build(0)
     table = GaitTable(foot, walk, "lf", (1.0, 0.92))
@@ -23,9 +23,9 @@ def test_the_table_is_the_foot(softness: float) -> None:
     contacts = [walk.contact_at_phase("lf", phase) for phase in phases.tolist()]
     exact_pf = foot.capacitance_pf(
         np.array([contact.normal for contact in contacts]),
-        softness * np.array([contact.force_n for contact in contacts]),
+        relative_compliance * np.array([contact.force_n for contact in contacts]),
     )
-    found_pf = np.array([table.capacitance_pf(phase, softness) for phase in phases.tolist()])
+    found_pf = np.array([table.capacitance_pf(phase, relative_compliance) for phase in phases.tolist()])
     assert np.abs(found_pf - exact_pf).max() < 0.3e-3
     assert np.array_equal(table.capacitance_pf(None), foot.unloaded_pf)
 

@@ -24,7 +24,7 @@ from footsense.lab.design.prediction.shapes import (
     RADIUS_MM,
     RUBBER_POISSON,
     YOUNGS_MPA,
-    ShapeLibrary,
+    FootShapeLibrary,
 )
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG
 
@@ -94,7 +94,7 @@ class ClosureModel:
         unevenness: Variance of an electrode's cell closures over their squared mean, paper's shape, shape (m, 9).
     """
 
-    def __init__(self, library: ShapeLibrary, loads: LoadDirections) -> None:
+    def __init__(self, library: FootShapeLibrary, loads: LoadDirections) -> None:
         """Create the model: evaluate the solved shapes at the loads."""
         self._library, self.loads = library, loads
         self._across = np.stack(tangent_frame(loads.normal), axis=1)
@@ -128,11 +128,13 @@ class ClosureModel:
     def influence(self, feet: Candidates) -> Influence:
         """Return the closures per newton of a batch of feet (12 kB of memory each)."""
         weights = self._library.interpolation_weights(feet.shape)
-        amplitude = self._library.interpolated_amplitudes(weights)[:, AMPLITUDE_INDEX_OF_ELEMENT]
+        amplitude = self._library.interpolated_response_amplitudes_um_per_n(weights)[
+            :, AMPLITUDE_INDEX_OF_ELEMENT
+        ]
         size = RADIUS_MM / feet.ball_radius_mm
-        softness = (YOUNGS_MPA / feet.rubber_mpa) * size
+        relative_compliance = (YOUNGS_MPA / feet.rubber_mpa) * size
         m = len(self.loads.normal)
-        whole = (weights * softness[:, None]) @ self._at.reshape(len(self._at), -1)
+        whole = (weights * relative_compliance[:, None]) @ self._at.reshape(len(self._at), -1)
         whole = whole.reshape(len(weights), 2, 3, m, 3, ELEMENTS).swapaxes(2, 3)
         whole = whole * amplitude[:, None, None, None, None, :]
         patch_rel2 = (0.75 * (1.0 - RUBBER_POISSON**2) / (feet.rubber_mpa * feet.ball_radius_mm**2)) ** (

@@ -45,7 +45,7 @@ _AMPLITUDE_INDEX_OF_QUARTER_CELL = np.add.outer(*[np.arange(CELLS_PER_SHEET_SIDE
 AMPLITUDE_INDEX_OF_ELEMENT = np.add.outer([0, 1, 0], [0, 1, 0]).ravel()
 
 
-class Shape(NamedTuple):
+class FootShape(NamedTuple):
     """Dimensionless shape of a foot, after scaling by ball radius and modulus; each field may be an array.
 
     Attributes:
@@ -71,7 +71,7 @@ class Shape(NamedTuple):
 
 
 #: The paper's foot.
-PAPER_SHAPE = Shape(0.8, 0.05, 0.0037, 3.0 / 5.2, 0.40)
+PAPER_SHAPE = FootShape(0.8, 0.05, 0.0037, 3.0 / 5.2, 0.40)
 #: Values of each number beside the paper's that are solved: below and above, or twice above.
 SHAPE_INTERPOLATION_NODES = {
     "electrode_over_pitch": (0.7, 0.88),
@@ -82,7 +82,7 @@ SHAPE_INTERPOLATION_NODES = {
 }
 
 
-def solved_shapes() -> list[Shape]:
+def solved_shapes() -> list[FootShape]:
     """Return the foot shapes in the library: the paper's, then those with one dimension changed."""
     return [
         PAPER_SHAPE,
@@ -102,10 +102,10 @@ def sheet_filling_pitch_mm(electrode_over_pitch: Vector | float, ball_radius_mm:
     return pitch
 
 
-def shape_of(design: FootDesign) -> Shape:
+def shape_of(design: FootDesign) -> FootShape:
     """Return the dimensionless shape of a foot whose array fills its sheet."""
     radius_mm = design.ball_radius_mm
-    return Shape(
+    return FootShape(
         design.electrode_mm / design.pitch_mm,
         design.plate_mm / radius_mm,
         design.spacer_mm / radius_mm,
@@ -114,7 +114,7 @@ def shape_of(design: FootDesign) -> Shape:
     )
 
 
-def design_of_shape(shape: Shape, reference_design: FootDesign) -> FootDesign:
+def design_of_shape(shape: FootShape, reference_design: FootDesign) -> FootDesign:
     """Return the foot design that is solved for a shape: ball radius 10 mm, the paper's rubber."""
     pitch = float(sheet_filling_pitch_mm(shape.electrode_over_pitch, RADIUS_MM))
     return msgspec.structs.replace(
@@ -145,7 +145,7 @@ def response_amplitudes(series: Vector, compliance: Vector) -> Vector:
     return np.array([*of_element, np.sqrt((compliance**2).mean())])
 
 
-class ShapeLibrary:
+class FootShapeLibrary:
     """Library of solved foot shapes, with interpolation of the response between them.
 
     Args:
@@ -170,7 +170,7 @@ class ShapeLibrary:
         self.compliance = compliance / each[:, 3, None, None, None, None]
         self._coordinates = np.stack([shape.interpolation_coordinates for shape in solved_shapes()])
 
-    def interpolation_weights(self, shape: Shape) -> Vector:
+    def interpolation_weights(self, shape: FootShape) -> Vector:
         """Return the interpolation weight of each solved shape [1], shape (..., shapes)."""
         moved = shape.interpolation_coordinates - self._coordinates[0]
         interpolation_weights = np.zeros((*moved.shape[:-1], len(self._coordinates)))
@@ -188,13 +188,13 @@ class ShapeLibrary:
                 interpolation_weights[..., 0] -= part
         return interpolation_weights
 
-    def interpolated_amplitudes(self, interpolation_weights: Vector) -> Vector:
+    def interpolated_response_amplitudes_um_per_n(self, interpolation_weights: Vector) -> Vector:
         """Return the interpolated response amplitudes at the solved feet's scale [um/N], (..., 4)."""
         pairs = np.einsum("...a,...b,abk->...k", interpolation_weights, interpolation_weights, self._pairs)
         each: Vector = np.exp(interpolation_weights @ self._ln_amplitudes + pairs)
         return each
 
-    def covers(self, shape: Shape, margin_rel: float = 0.1) -> NDArray[np.bool_]:
+    def covers(self, shape: FootShape, margin_rel: float = 0.1) -> NDArray[np.bool_]:
         """Return which shapes lie within the range of the solved ones, with a relative margin, shape (...)."""
         corners = self._coordinates
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -212,11 +212,11 @@ class ShapeLibrary:
             design: The foot; its array fills its sheet.
         """
         interpolation_weights = self.interpolation_weights(shape_of(design))
-        amplitude = self.interpolated_amplitudes(interpolation_weights)
+        amplitude = self.interpolated_response_amplitudes_um_per_n(interpolation_weights)
         size = RADIUS_MM / design.ball_radius_mm
-        softness = YOUNGS_MPA / design.rubber.youngs_mpa * size
+        relative_compliance = YOUNGS_MPA / design.rubber.youngs_mpa * size
         point, patch = (
-            softness
+            relative_compliance
             * amplitude[_AMPLITUDE_INDEX_OF_QUARTER_CELL][:, :, None]
             * np.tensordot(interpolation_weights, self.series, 1)
         )
@@ -230,7 +230,7 @@ class ShapeLibrary:
             degree=_SERIES_DEGREE,
             quarter_series=np.stack([point, size**2 * patch]),
             quarter_compliance=amplitude[3]
-            * softness
+            * relative_compliance
             * np.tensordot(interpolation_weights, self.compliance, 1),
             cavity=design.cavity_air,
             provenance={"from": "solved shapes"},

@@ -17,7 +17,7 @@ from footsense.frames import Vector
 from footsense.lab.design.prediction.shapes import (
     PAPER_SHAPE,
     SHAPE_INTERPOLATION_NODES,
-    Shape,
+    FootShape,
     design_of_shape,
     response_amplitudes,
     solved_shapes,
@@ -49,7 +49,7 @@ def solve_shapes(reference_design: FootDesign, path: Path, report: Callable[[str
         fine.append(make_response(design_of_shape(shape, reference_design), RELEASED_MESH))
         report(f"{shape}")
 
-    def coarse_ln_amplitudes(shape: Shape) -> Vector:
+    def coarse_ln_amplitudes(shape: FootShape) -> Vector:
         """Return the logarithms of a shape's response amplitudes on the coarse mesh."""
         made = make_response(design_of_shape(shape, reference_design), COARSE_MESH)
         report(f"{shape}, coarse")
@@ -58,7 +58,7 @@ def solve_shapes(reference_design: FootDesign, path: Path, report: Callable[[str
     store_shapes(path, fine, pair_interaction_corrections(coarse_ln_amplitudes))
 
 
-def pair_interaction_corrections(ln_amplitude: Callable[[Shape], Vector]) -> Vector:
+def pair_interaction_corrections(ln_amplitude: Callable[[FootShape], Vector]) -> Vector:
     """Return the correction of the interpolation where two dimensions change together, shape (shapes, shapes, 4).
 
     Args:

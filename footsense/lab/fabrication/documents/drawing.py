@@ -263,12 +263,12 @@ def _draw_flex(view: View, folder: Path, flex: Flex, outline: Any) -> None:
     if len(v) > 1:
         left = outline.bounds[0]
         view.draw_dimension([(left, v[0]), (left, v[1])], -6.0, f"{v[1] - v[0]:g}")
-    size = f"{dimensions.CONNECTOR_CONTACT_WIDTH_MM:g} x {dimensions.CONNECTOR_CONTACT_LENGTH_MM:g}"
-    size += f", pitch {dimensions.CONNECTOR_CONTACT_PITCH_MM:g}"
+    size = f"{dimensions.TAIL_CONTACT_PAD_WIDTH_MM:g} x {dimensions.TAIL_CONTACT_PAD_LENGTH_MM:g}"
+    size += f", pitch {dimensions.TAIL_CONTACT_PAD_PITCH_MM:g}"
     contacts = f"{len(flex.contact_v_mm)} contacts {size}; contact 1 is the lowest;\n"
     contacts += f"even: {', '.join(flex.nets)}; odd: {GUARD_NET}"
     view.draw_note(
-        (flex.tail_end_u_mm - dimensions.CONNECTOR_CONTACT_LENGTH_MM / 2.0, tail),
+        (flex.tail_end_u_mm - dimensions.TAIL_CONTACT_PAD_LENGTH_MM / 2.0, tail),
         (-8.0, 16.0),
         contacts,
         "center",

@@ -104,7 +104,7 @@ def bill_of_materials(
     for flex in flexes:
         lines, count = len(flex.nets), len(flex.contact_v_mm)
         layers = f"one layer of copper on polyimide, {lines} lines, {count} contacts, 0.3 mm at the contacts"
-        plug = f"zero insertion force, pitch {dimensions.CONNECTOR_CONTACT_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
+        plug = f"zero insertion force, pitch {dimensions.TAIL_CONTACT_PAD_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
         rows += [
             (1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"),
             (1, "piece", f"connector of the {flex.line_kind}s", plug, ""),

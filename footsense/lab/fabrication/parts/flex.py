@@ -62,12 +62,12 @@ class Flex:
     def contact_v_mm(self) -> list[float]:
         """Coordinates v of the contacts [mm], contact 1 first: guards at odd numbers, signals at even ones."""
         contacts = 2 * len(self.line_v_mm) + 1
-        return [(k - (contacts - 1) / 2.0) * dimensions.CONNECTOR_CONTACT_PITCH_MM for k in range(contacts)]
+        return [(k - (contacts - 1) / 2.0) * dimensions.TAIL_CONTACT_PAD_PITCH_MM for k in range(contacts)]
 
     @property
     def tail_half_width_mm(self) -> float:
         """Half the width of the tail [mm]."""
-        return self.contact_v_mm[-1] + dimensions.CONNECTOR_CONTACT_PITCH_MM
+        return self.contact_v_mm[-1] + dimensions.TAIL_CONTACT_PAD_PITCH_MM
 
     @property
     def trace_fan_length_mm(self) -> float:
@@ -109,7 +109,7 @@ class Flex:
         """Pads and traces of the copper layer."""
         shapes: list[Pad | Trace] = []
         side, width = self.array.electrode_mm, dimensions.TRACE_WIDTH_MM
-        contact_u = self.tail_end_u_mm - dimensions.CONNECTOR_CONTACT_LENGTH_MM / 2.0
+        contact_u = self.tail_end_u_mm - dimensions.TAIL_CONTACT_PAD_LENGTH_MM / 2.0
         for k, (net, v) in enumerate(zip(self.nets, self.line_v_mm, strict=True)):
             shapes += [
                 Pad(centre_mm=(u, v), size_mm=(side, side), aperture_function="Other,Electrode", net=net)
@@ -131,7 +131,7 @@ class Flex:
             shapes.append(
                 Pad(
                     centre_mm=(contact_u, w),
-                    size_mm=(dimensions.CONNECTOR_CONTACT_LENGTH_MM, dimensions.CONNECTOR_CONTACT_WIDTH_MM),
+                    size_mm=(dimensions.TAIL_CONTACT_PAD_LENGTH_MM, dimensions.TAIL_CONTACT_PAD_WIDTH_MM),
                     aperture_function="ConnectorPad",
                     net=net,
                     pin=f"{CONNECTOR},{number}",
@@ -143,7 +143,7 @@ class Flex:
     def coverlay_openings(self) -> list[Pad | Trace]:
         """Openings of the coverlay: the whole sheet area (bare electrodes) and the contacts."""
         sheet, contacts = 2.0 * self.polymer_half_side_mm, 2.0 * self.tail_half_width_mm
-        bare = dimensions.CONNECTOR_CONTACT_LENGTH_MM
+        bare = dimensions.TAIL_CONTACT_PAD_LENGTH_MM
         return [
             Pad(centre_mm=(0.0, 0.0), size_mm=(sheet, sheet), aperture_function="Material"),
             Pad(

@@ -79,7 +79,7 @@ class SensorArray:
 
 #: A to C have their elements at the centres of F to H, which have the largest that leave bars of 1 mm between them, as
 #: G has; D and E reach to the edge of the block.
-SENSOR_ARRAYS = (
+PAPER_SENSOR_ARRAYS = (
     SensorArray("A", 2, 1.0, 7.5),
     SensorArray("B", 3, 1.0, 5.0),
     SensorArray("C", 5, 1.0, 3.0),
@@ -192,7 +192,7 @@ class Results:
 def compute(context: StudyContext) -> tuple[Results, Plots]:
     """Return the direction errors of networks trained on the pressure patterns of every sensor array, with figure."""
     foot_design, quick = context.foot_design, context.quick
-    sensors = [sensor for sensor in SENSOR_ARRAYS if not quick or sensor.name in QUICK_SENSOR_NAMES]
+    sensors = [sensor for sensor in PAPER_SENSOR_ARRAYS if not quick or sensor.name in QUICK_SENSOR_NAMES]
     seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
     series = stress_series(foot_design, sensors, COARSE_BLOCK_MESH if quick else BLOCK_MESH)
     context.report_progress(f"sensors: stresses of {len(sensors)} sensors solved")
@@ -224,7 +224,9 @@ def _figure(results: Results) -> Figure:
     )
     for axes, (title, errors_deg) in zip(row, quarter_element_columns, strict=True):
         for names, marker, label in (("ABCDE", "o-", "1 mm elements"), ("FGH", "s--", "larger elements")):
-            drawn = [sensor for sensor in SENSOR_ARRAYS if sensor.name in names and sensor.name in errors_deg]
+            drawn = [
+                sensor for sensor in PAPER_SENSOR_ARRAYS if sensor.name in names and sensor.name in errors_deg
+            ]
             number = [sensor.elements_per_side**2 for sensor in drawn]
             mean, std = ([getattr(errors_deg[one.name], of) for one in drawn] for of in ("mean", "std"))
             axes.errorbar(number, mean, std, fmt=marker, capsize=3, ms=5, label=label)

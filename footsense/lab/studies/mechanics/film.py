@@ -82,7 +82,7 @@ class DesignPerformance:
         sensitivity_pf_per_n: Mean change of capacitance with it [pF/N].
         upright_range_n: Largest upright force in range [N].
         range_at_45_deg_n: Largest force at an elevation of 45 deg in range [N].
-        linear_errors: Errors of the linear estimator of elastance on the paper's protocol, with noise.
+        linear_estimator_errors: Errors of the linear estimator of elastance on the paper's protocol, with noise.
         direction_error_deg: Direction errors of networks on closures.
         magnitude_error_gf: Magnitude errors of networks on closures.
     """
@@ -92,7 +92,7 @@ class DesignPerformance:
     sensitivity_pf_per_n: float
     upright_range_n: float
     range_at_45_deg_n: float
-    linear_errors: ForceErrors
+    linear_estimator_errors: ForceErrors
     direction_error_deg: MeanStd
     magnitude_error_gf: MeanStd
 
@@ -209,7 +209,7 @@ def measure_design(context: StudyContext, sensor: SensorDesign) -> DesignPerform
         sensitivity_pf_per_n=float(change_pf.mean() / SENSITIVITY_FORCE_N),
         upright_range_n=_max_force_in_range_n(sensor, _UPWARD),
         range_at_45_deg_n=_max_force_in_range_n(sensor, directions(0.0, 45.0)[None]),
-        linear_errors=evaluate_force_errors(
+        linear_estimator_errors=evaluate_force_errors(
             test.force_n, elastance_based_force_estimator(training)(test.closure_um)
         ),
         direction_error_deg=MeanStd.of_values(answer.direction_deg for answer in answers),

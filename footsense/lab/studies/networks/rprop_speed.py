@@ -149,7 +149,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
 
 
 def _figure(runs: dict[str, TrainedNetworks]) -> Figure:
-    """Return the figure of loss over epochs: median, and range over the seeds."""
+    """Plot the training loss over the epochs, one curve per rule: median over the seeds, and their range."""
     figure, (axes,) = subplot_row(1, 7.6, 4.4)
     for name, run in runs.items():
         epoch = np.arange(1, run.losses.shape[1] + 1)

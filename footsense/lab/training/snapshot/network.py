@@ -12,7 +12,7 @@ touch from being noise alone.
 The foot has the eight symmetries of the square, and so has the network, by construction: a hidden channel is eight
 units, one for each symmetry g, which apply the same weights to the pattern mapped by the inverse of g. Units of the
 second layer see those of the first by their relative symmetry. Each weight thus stands in eight places of the matrices;
-`expand_shared_weights` puts it there, and the ONNX file does the same by Gather.
+`expand_over_symmetries` puts it there, and the ONNX file does the same by Gather.
 
 Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
@@ -63,7 +63,7 @@ class LayerMatrices(NamedTuple):
     sigma_offset: Any
 
 
-def expand_shared_weights(weights: Weights) -> LayerMatrices:
+def expand_over_symmetries(weights: Weights) -> LayerMatrices:
     """Return the full weight matrices of the shared weights: unit g * c + i is channel i under symmetry g."""
     turns = np.stack(SYMMETRIES)
     force = jnp.einsum("gab,cb->gca", turns, weights.out)

@@ -26,7 +26,7 @@ from footsense.lab.training.snapshot.network import (
     FEATURES_PER_ELEMENT,
     FEATURES_PER_FOOT,
     Weights,
-    expand_shared_weights,
+    expand_over_symmetries,
     hidden_layer_input,
     run,
 )
@@ -168,7 +168,7 @@ def train(
     def loss(free: Weights, batch: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
         """Return the training loss of a batch."""
         closures, missing, true_n = batch
-        force_n, sigma_n = run(expand_shared_weights(fold_whitening(free)), closures, missing)
+        force_n, sigma_n = run(expand_over_symmetries(fold_whitening(free)), closures, missing)
         return force_likelihood_loss(force_n, sigma_n, true_n, settings.min_force_n, _SQUARED_ERROR_WEIGHT)
 
     def random_batch(task: _TrainingConstants, key: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
@@ -193,5 +193,5 @@ def predict(
         missing: Mask of the missing ones, shape (n, elements); none if None.
     """
     mask = jnp.zeros(closure_rel.shape) if missing is None else jnp.asarray(missing, jnp.float32)
-    force, sigma = run(expand_shared_weights(weights), jnp.asarray(closure_rel, jnp.float32), mask)
+    force, sigma = run(expand_over_symmetries(weights), jnp.asarray(closure_rel, jnp.float32), mask)
     return np.asarray(force, dtype=np.float64), np.asarray(sigma, dtype=np.float64)

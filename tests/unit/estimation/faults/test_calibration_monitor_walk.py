@@ -18,7 +18,7 @@ from footsense.estimation.faults.calibration_monitor import REFERENCE_STRIDES
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, LEGS, CapFrame, Cause, State, Vector
-from footsense.sim.foot.warming import softness_at
+from footsense.sim.foot.warming import relative_compliance_when_warmed
 from footsense.sim.loads.walk import Walk, smooth_stance_reaction
 
 SCAN_NS, FRAMES = 24_400_000, 32
@@ -34,7 +34,7 @@ MODELS = load_models(DEFAULT)
 
 
 @cache
-def stride_pf(softness: float) -> tuple[Vector, Vector]:
+def stride_pf(relative_compliance: float) -> tuple[Vector, Vector]:
     """Return what a scan of a foot at rest reads, and those of a stride by frame and leg [pF]."""
     foot = Foot(FootResponse.load(released_path("response.npz")))
     reaction = smooth_stance_reaction(0.6, 0.8, 0.15)
@@ -47,14 +47,14 @@ def stride_pf(softness: float) -> tuple[Vector, Vector]:
             contacts = [walk.contact(leg, t) for t in t_ns.tolist()]
             normal = np.array([contact.normal for contact in contacts])
             force_n = np.array([contact.force_n for contact in contacts])
-            scans[frame, row] = foot.capacitance_pf(normal, force_n * softness).diagonal()
+            scans[frame, row] = foot.capacitance_pf(normal, force_n * relative_compliance).diagonal()
     return foot.unloaded_pf, scans
 
 
 def walk(
     strides: int, then: Vector | float = 1.0, config: Config = DEFAULT
 ) -> tuple[dict[str, int], list[float]]:
-    """Walk until it is known what is usual, and on with feet of another softness.
+    """Walk until it is known what is usual, and on with feet of another compliance.
 
     Args:
         strides: How many then.
@@ -67,9 +67,9 @@ def walk(
     """
     pipeline = pipeline_for(replace(MODELS, config=config), 0)
     rng = np.random.default_rng(2)
-    softness = np.broadcast_to(then, len(LEGS))
+    relative_compliance = np.broadcast_to(then, len(LEGS))
     unloaded_pf, sound_pf = stride_pf(1.0)
-    aged_pf = np.stack([stride_pf(float(s))[1][:, row] for row, s in enumerate(softness)], axis=1)
+    aged_pf = np.stack([stride_pf(float(s))[1][:, row] for row, s in enumerate(relative_compliance)], axis=1)
     alarms: dict[str, int] = {}
     forces_n: list[float] = []
     reading = np.zeros((len(LEGS), ELEMENTS), np.uint8)
@@ -104,7 +104,9 @@ def test_a_foot_that_became_softer_is_named_and_its_forces_stay() -> None:
     assert max(forces_n) > 0.85
 
 
-@pytest.mark.parametrize("softness", [1.0, softness_at(20.0)], ids=["as before", "20 K warmer"])
-def test_sound_feet_raise_no_alarm(softness: float) -> None:
+@pytest.mark.parametrize(
+    "relative_compliance", [1.0, relative_compliance_when_warmed(20.0)], ids=["as before", "20 K warmer"]
+)
+def test_sound_feet_raise_no_alarm(relative_compliance: float) -> None:
     """Nor feet that are 20 K warmer, which takes 8 % of every force."""
-    assert walk(60, softness)[0] == {}
+    assert walk(60, relative_compliance)[0] == {}

@@ -6,7 +6,7 @@ from footsense.reference.record_columns import MAX_RECORD_BYTES
 from footsense.reference.record_decoder import RecordDecoder
 
 
-class TextLineDecoder(RecordDecoder):
+class TextRecordDecoder(RecordDecoder):
     r"""Decoder of text lines of numbers, each ended by \n or \r\n.
 
     Args:
