@@ -27,9 +27,9 @@ _MAX_DRIFT_REL = 0.01
 #: Stamps of one scan arrive out of order by less than this [ns].
 _MAX_REORDERING_NS = 20 * _NS_PER_MS
 #: A delay below the smallest by this much is a jump of the clock, and so is one above it for all of
-#: `_MAX_LATE_DURATION_NS` [ns].
+#: `_JUMP_CONFIRMATION_NS` [ns].
 _MIN_JUMP_NS = 20 * _NS_PER_MS
-_MAX_LATE_DURATION_NS = 1_000 * _NS_PER_MS
+_JUMP_CONFIRMATION_NS = 1_000 * _NS_PER_MS
 
 _OffsetPoint = tuple[int, int]  # foreign time and offset [ns]
 
@@ -101,7 +101,7 @@ class ClockMap:
         elif self._late_since_ns is None:
             self._late_since_ns = t_arrival_ns
         stood_still = (
-            self._late_since_ns is not None and t_arrival_ns - self._late_since_ns > _MAX_LATE_DURATION_NS
+            self._late_since_ns is not None and t_arrival_ns - self._late_since_ns > _JUMP_CONFIRMATION_NS
         )
         # Reading a backlog lowers the line little by little, and its slope with it.
         return stood_still or late_ns - self._lowered_ns < -_MIN_JUMP_NS or since_ns < -_MAX_REORDERING_NS

@@ -4,9 +4,9 @@ Source: Analog Devices ADG714/ADG715 data sheet rev. B. One data byte, bit n clo
 open after power-up. The address is 1001 0 A1 A0; A1 A0 = 01 and 10 keep it clear of an AD7746 at 0x48.
 
 Of a foot with n rows and columns, switches 1..n connect lines 0..n-1 to the node of a selected line, and switches
-n+1..2n to that of a waiting line. Eight switches are enough for four lines. The paper's foot has three:
+n+1..2n to that of an unselected line. Eight switches are enough for four lines. The paper's foot has three:
 
-| board | address | lines | selected | waiting |
+| board | address | lines | selected | unselected |
 |---|---|---|---|---|
 | `fdc1004` | 0x49 | rows | ground: the row is measured | shield: follows the measured column, and drops out |
 | `ad7746` | 0x49 | rows | EXCA: the row is measured | ground |
@@ -23,7 +23,7 @@ N_LINES = 3
 
 
 def line_switch_byte(lines: int, n_lines: int = N_LINES) -> int:
-    """Return the data byte that selects the lines of a bit mask and connects all others as waiting.
+    """Return the data byte that selects the lines of a bit mask and connects all others as unselected.
 
     Args:
         lines: The mask.
@@ -47,6 +47,6 @@ def selected_lines(switches: int, n_lines: int = N_LINES) -> int:
     return switches & (1 << n_lines) - 1
 
 
-def waiting_lines(switches: int, n_lines: int = N_LINES) -> int:
-    """Return the bit mask of the lines that a data byte connects as waiting."""
+def unselected_lines(switches: int, n_lines: int = N_LINES) -> int:
+    """Return the bit mask of the lines that a data byte connects as unselected."""
     return switches >> n_lines & (1 << n_lines) - 1

@@ -100,7 +100,7 @@ class SocketWire:
             OSError: The interface is down or gone.
         """
         del t_ns
-        n = self._fill_buffers(frames)
+        n = self._copy_to_sendmmsg_buffers(frames)
         n_accepted: int = _sendmmsg(self._fd, self._first, n, socket.MSG_DONTWAIT)
         if n_accepted >= 0:
             return n_accepted
@@ -109,7 +109,7 @@ class SocketWire:
             return 0
         raise OSError(code, os.strerror(code))
 
-    def _fill_buffers(self, frames: bytes) -> int:
+    def _copy_to_sendmmsg_buffers(self, frames: bytes) -> int:
         """Copy frames into the buffers of sendmmsg; return their number."""
         ends = frame_ends(frames)[:MAX_SENT_PER_CALL]
         is_mixed = ends[-1:] != [len(ends) * FRAME_BYTES]

@@ -80,7 +80,7 @@ def _measure_all(n_cycles: int, *, quick: bool) -> dict[str, Any]:
 
 
 def _measure_startup_time_and_memory() -> dict[str, float]:
-    """Return start time [s] and memory [MiB] of a `footsense run` process.
+    """Return start-up time [s] and memory [MiB] of a `footsense run` process.
 
     Raises:
         FootsenseError: The run failed.

@@ -43,7 +43,7 @@ from footsense.lab.training.load_cases import Cases, paper_training, random_load
 from footsense.lab.training.snapshot.forward_inversion import forward_model
 from footsense.lab.training.snapshot.train import (
     SnapshotTrainingSettings,
-    closure_pattern_second_moments,
+    mean_closure_product_matrix,
     train,
 )
 from footsense.lab.training.snapshot.train import predict as predict_alone
@@ -217,7 +217,7 @@ def _network_card(
 
 def _rounded_moments(closure_rel: Any) -> Any:
     """Return the second moments of the closures, rounded to the decimals that the network's card holds."""
-    return np.round(closure_pattern_second_moments(closure_rel), _MOMENT_DECIMALS)
+    return np.round(mean_closure_product_matrix(closure_rel), _MOMENT_DECIMALS)
 
 
 def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:

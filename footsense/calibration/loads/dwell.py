@@ -22,7 +22,7 @@ _HALF_WINDOW_NS = 60_000_000
 #: Largest range in a dwell, of the force and of the largest change of capacitance [1]; rubber creeps by 2 % a second.
 _FORCE_TOLERANCE_REL, _CAPACITANCE_TOLERANCE_REL = 0.04, 0.05
 #: Range of some dozen noisy values [standard deviations].
-_NOISE_RANGE_SIGMAS = 5.0
+_NOISE_PEAK_TO_PEAK_SIGMAS = 5.0
 
 
 class UnloadedSpan(NamedTuple):
@@ -58,8 +58,8 @@ def longest_dwell(press: Press, before: UnloadedSpan) -> tuple[int, int]:
     change_pf = press.capacitance_pf[pressed] - before.capacitance_pf
     # A mean of n samples has less noise than each of them.
     n_beside = max(2 * _HALF_WINDOW_NS / sample_period_ns(press.reference), 1.0)
-    noise_n = _NOISE_RANGE_SIGMAS * column_deviations(before.reference_samples_n) / np.sqrt(n_beside)
-    noise_pf = _NOISE_RANGE_SIGMAS * before.noise_pf
+    noise_n = _NOISE_PEAK_TO_PEAK_SIGMAS * column_deviations(before.reference_samples_n) / np.sqrt(n_beside)
+    noise_pf = _NOISE_PEAK_TO_PEAK_SIGMAS * before.noise_pf
     limit_n = _FORCE_TOLERANCE_REL * np.linalg.norm(force_n, axis=1, keepdims=True) + noise_n
     largest_pf = np.fmax.reduce(np.abs(change_pf), axis=1, keepdims=True)
     limit_pf = _CAPACITANCE_TOLERANCE_REL * largest_pf + noise_pf

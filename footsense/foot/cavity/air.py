@@ -66,14 +66,14 @@ class Gas(NamedTuple):
     """State of the air in the cavities, and the ambient pressure.
 
     Attributes:
-        amount_mpa: Pressure that the air would have in the unloaded gap, the measure m of its amount, of each cavity
-            [MPa], shape (elements,), (1,) if all are alike, or one row for each load, (n, 9).
+        unloaded_gap_pressure_mpa: Pressure that the enclosed air would have in the unloaded gap: the measure m of its
+            amount [MPa]. Shape (elements,), (1,) if all cavities are alike, or one row for each load, (n, 9).
         ambient_mpa: Ambient pressure [MPa].
         exponent: Exponent n of the gas law.
         step_over_leak_time: A step s of time over the time constant of the leak [1]; 0 where nothing leaks.
     """
 
-    amount_mpa: Vector
+    unloaded_gap_pressure_mpa: Vector
     ambient_mpa: float = AMBIENT_MPA
     exponent: float = ISOTHERMAL
     step_over_leak_time: float = 0.0
@@ -84,12 +84,13 @@ class Gas(NamedTuple):
         Closures stay equal if loads and pressures are multiplied in place of the compliance.
         """
         return self._replace(
-            amount_mpa=relative_compliance * self.amount_mpa,
+            unloaded_gap_pressure_mpa=relative_compliance * self.unloaded_gap_pressure_mpa,
             ambient_mpa=relative_compliance * self.ambient_mpa,
         )
 
     def after_leak_step(self, excess_mpa: Vector) -> "Gas":
         """Return the gas state after a time step whose leakage is driven by an excess pressure [MPa]."""
         return self._replace(
-            amount_mpa=self.amount_mpa - self.step_over_leak_time * excess_mpa, step_over_leak_time=0.0
+            unloaded_gap_pressure_mpa=self.unloaded_gap_pressure_mpa - self.step_over_leak_time * excess_mpa,
+            step_over_leak_time=0.0,
         )

@@ -72,9 +72,9 @@ class CavityPressures:
         closure_um = free_um - excess_mpa @ self._opening.T
         if not contact:
             return np.minimum(closure_um, self._gap_of_cell_um), excess_mpa
-        amount_mpa = np.broadcast_to(gas.amount_mpa, excess_mpa.shape)
+        unloaded_gap_pressure_mpa = np.broadcast_to(gas.unloaded_gap_pressure_mpa, excess_mpa.shape)
         for load in np.flatnonzero((closure_um > self._gap_of_cell_um).any(axis=1)):
-            own = gas._replace(amount_mpa=amount_mpa[load])
+            own = gas._replace(unloaded_gap_pressure_mpa=unloaded_gap_pressure_mpa[load])
             closure_um[load], excess_mpa[load] = self._solve_in_contact(free_um[load], excess_mpa[load], own)
         return closure_um, excess_mpa
 
@@ -100,7 +100,7 @@ class CavityPressures:
     def _volume_and_negative_slope(self, excess_mpa: Vector, gas: Gas) -> tuple[Vector, Vector]:
         """Return each cavity's relative volume [1] at an excess pressure [MPa], and its negative derivative [1/MPa]."""
         pressure_mpa = excess_mpa + gas.ambient_mpa
-        volume_without_leak: Vector = (gas.amount_mpa / pressure_mpa) ** (1.0 / gas.exponent)
+        volume_without_leak: Vector = (gas.unloaded_gap_pressure_mpa / pressure_mpa) ** (1.0 / gas.exponent)
         volume: Vector = volume_without_leak - gas.step_over_leak_time * excess_mpa / pressure_mpa
         return volume, (
             volume_without_leak / gas.exponent + gas.step_over_leak_time * gas.ambient_mpa / pressure_mpa

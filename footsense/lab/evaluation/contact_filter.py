@@ -32,7 +32,7 @@ _RATE, _ACCELERATION, _STATES = slice(COORDINATES, 2 * COORDINATES), 2 * COORDIN
 #: Sigma in the air and at touchdown: coordinates, rates, acceleration.
 _PRIOR_SIGMA = np.array([0.01, 0.22, 0.22, 0.085, 0.085, 1.0, 3.0, 3.0, 0.5, 0.5, 10.0])
 #: One for the normal force and its derivatives, zero for the contact.
-_IS_NORMAL_FORCE_STATE = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+_NORMAL_FORCE_STATE_MASK = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 #: Linearisations of a measurement, and longest change of friction ratio and contact point by one [1].
 _ITERATIONS, _LONGEST = 2, np.array([0.25, 0.25, 0.12, 0.12])
 #: Contact point over which the closures turn by as much as they are [1].
@@ -130,9 +130,9 @@ class ContactFilter:
         weight = np.maximum(weight / weight.sum(axis=0), _MIN_WEIGHT)
         self._weight = weight / weight.sum(axis=0)
         air = (self._weight * self._state[..., 0]).sum(axis=0) < _AIR_N
-        self._state[:, air] *= _IS_NORMAL_FORCE_STATE
-        self._covariance[:, air] *= np.outer(_IS_NORMAL_FORCE_STATE, _IS_NORMAL_FORCE_STATE)
-        self._covariance[:, air] += np.diag((1.0 - _IS_NORMAL_FORCE_STATE) * _PRIOR_SIGMA**2)
+        self._state[:, air] *= _NORMAL_FORCE_STATE_MASK
+        self._covariance[:, air] *= np.outer(_NORMAL_FORCE_STATE_MASK, _NORMAL_FORCE_STATE_MASK)
+        self._covariance[:, air] += np.diag((1.0 - _NORMAL_FORCE_STATE_MASK) * _PRIOR_SIGMA**2)
 
     def _mix_models(self) -> None:
         """Mix the states of the motion models by their switching probabilities (IMM mixing)."""

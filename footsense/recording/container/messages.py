@@ -86,7 +86,7 @@ def _force_fields(n_elements: int = ELEMENTS) -> dict[str, CycleField]:
     return {path: field for path, field in cycle_fields(n_elements).items() if path.startswith("forces.")}
 
 
-_ORIGINAL_FORCE_FIELDS = {
+_FORCE_FIELDS_OF_OLD_RECORDINGS = {
     path: field
     for path, field in _force_fields().items()
     if field.json_keys[0] not in _DEFAULTS_OF_OLD_RECORDINGS
@@ -101,7 +101,7 @@ def encode_scan(scan: CapFrame, legs: Sequence[str]) -> bytes:
 def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
     """Return a force frame as a JSON message with one entry per leg."""
     is_old = (forces.cause == CAUSE_NOT_RECORDED).all()
-    rows = leg_objects(forces, legs, _ORIGINAL_FORCE_FIELDS if is_old else _force_fields())
+    rows = leg_objects(forces, legs, _FORCE_FIELDS_OF_OLD_RECORDINGS if is_old else _force_fields())
     return encode_json({"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
 
 

@@ -16,11 +16,14 @@ FLOATING_ROW_PF = 1.0
 
 
 class LineStates(NamedTuple):
-    """States of a foot's row or column lines from `since_ns` on, as bit masks: selected, waiting, the others float."""
+    """Lines that a switch selects, and those that it ties to shield or ground as unselected, from `since_ns` on.
+
+    One bit for each row or column line; those in neither mask float.
+    """
 
     since_ns: int
     selected_mask: int
-    waiting_mask: int
+    unselected_mask: int
 
 
 class SimulatedLineSwitch(LegChip):
@@ -56,7 +59,7 @@ class SimulatedLineSwitch(LegChip):
     def _set_switches(self, switches: int, t_ns: int) -> None:
         self._switches = switches
         selected = adg715.selected_lines(switches, self._n_lines)
-        self._history.append(LineStates(t_ns, selected, adg715.waiting_lines(switches, self._n_lines)))
+        self._history.append(LineStates(t_ns, selected, adg715.unselected_lines(switches, self._n_lines)))
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the byte of the switch states, one bit per switch, `n` times."""

@@ -28,7 +28,7 @@ def pin_capacitance_pf(
 
     Args:
         column_pf: Capacitance of each element of its column [pF], one a row.
-        states: Rows that the switch ties to ground (selected) and to the shield (waiting).
+        states: Rows that the switch ties to ground (selected) and to the shield (unselected).
         broken_rows: Bit r for each row line that is interrupted.
         shorted_rows: Bit r for each row to which the column is shorted.
     """
@@ -36,14 +36,14 @@ def pin_capacitance_pf(
     broken = broken_rows & ~shorted_rows
     if shorted_rows & states.selected_mask & ~broken_rows:
         return SHORTED_ELEMENT_PF
-    if shorted_rows & states.waiting_mask & ~broken_rows:
+    if shorted_rows & states.unselected_mask & ~broken_rows:
         return 0.0
     total_pf = 0.0
     for row, pf in enumerate(column_pf):
         bit = 1 << row
         if shorted_rows & bit:
             total_pf += FLOATING_ROW_PF
-        elif broken & bit or not (states.selected_mask | states.waiting_mask) & bit:
+        elif broken & bit or not (states.selected_mask | states.unselected_mask) & bit:
             total_pf += pf * FLOATING_ROW_PF / (pf + FLOATING_ROW_PF)
         elif states.selected_mask & bit:
             total_pf += pf
@@ -62,8 +62,8 @@ def mutual_capacitance_pf(
 
     Args:
         element_pf: Capacitance of each element [pF], a square array.
-        rows: Rows that the switch ties to the excitation (selected) and to ground (waiting).
-        columns: Columns that the switch ties to the input (selected) and to ground (waiting).
+        rows: Rows that the switch ties to the excitation (selected) and to ground (unselected).
+        columns: Columns that the switch ties to the input (selected) and to ground (unselected).
         broken_rows: Bit r for each row line that is interrupted.
         broken_columns: Bit c for each column line that is interrupted.
         shorted: Elements whose electrodes touch.
@@ -71,8 +71,8 @@ def mutual_capacitance_pf(
     Returns:
         Capacitance [pF], and whether a short ties the excitation to ground.
     """
-    excited, earthed = rows.selected_mask & ~broken_rows, rows.waiting_mask & ~broken_rows
-    sensed, idle = columns.selected_mask & ~broken_columns, columns.waiting_mask & ~broken_columns
+    excited, earthed = rows.selected_mask & ~broken_rows, rows.unselected_mask & ~broken_rows
+    sensed, idle = columns.selected_mask & ~broken_columns, columns.unselected_mask & ~broken_columns
     total_pf, to_ground, over = 0.0, False, False
     n_columns = math.isqrt(len(element_pf))
     for element in shorted:

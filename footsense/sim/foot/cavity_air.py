@@ -26,7 +26,9 @@ class CavityAir:
         self._ambient_mpa = 1e-3 * ambient_kpa
         # Air that leaks has long taken the ambient pressure.
         leaking = foot.cavity.kind == "leaking"
-        self._amount_mpa = np.array([self._ambient_mpa]) if leaking else gas.amount_mpa
+        self._unloaded_gap_pressure_mpa = (
+            np.array([self._ambient_mpa]) if leaking else gas.unloaded_gap_pressure_mpa
+        )
         self._t_ns: int | None = None
 
     def next_capacitance_pf(
@@ -52,11 +54,11 @@ class CavityAir:
         leak_step_rel = elapsed_s / self._foot.cavity.leak_time_s
         # A softer solid closes as far as the given one under a smaller load and smaller pressures.
         gas = Gas(
-            warmth * self._amount_mpa, self._ambient_mpa, step_over_leak_time=leak_step_rel
+            warmth * self._unloaded_gap_pressure_mpa, self._ambient_mpa, step_over_leak_time=leak_step_rel
         ).scaled_for_relative_compliance(relative_compliance)
         element_pf, after = self._foot.capacitance_and_gas_after_step(
             normal[None], relative_compliance * force_n[None], gas
         )
-        self._amount_mpa = after.amount_mpa[0] / (warmth * relative_compliance)
+        self._unloaded_gap_pressure_mpa = after.unloaded_gap_pressure_mpa[0] / (warmth * relative_compliance)
         capacitance_pf: Vector = element_pf[0]
         return capacitance_pf

@@ -13,7 +13,7 @@ from footsense.frames import Vector
 #: Mass of the outer rubber half: a half ball of 10 mm radius, 1.1 g/cm3 [kg].
 OUTER_HALF_KG = 2.3e-3
 #: Largest acceleration of a swing, of each gait, along the leg and across it [m/s2].
-_MAX_SWING_ACCELERATION_M_S2 = (4.0, 7.0)
+_MAX_SWING_ACCELERATION_ALONG_AND_ACROSS_M_S2 = (4.0, 7.0)
 #: Tremor: acceleration [m/s2], frequency [Hz], decay [s] and mean time between two [s].
 _TREMOR_M_S2, _TREMOR_HZ, _DECAY_S, _BETWEEN_S = 2.0, (15.0, 60.0), 0.03, 0.2
 
@@ -27,7 +27,7 @@ class SwingShake:
     """
 
     def __init__(self, rng: np.random.Generator, duration_s: float) -> None:
-        along, across = (rng.uniform(0.0, most) for most in _MAX_SWING_ACCELERATION_M_S2)
+        along, across = (rng.uniform(0.0, most) for most in _MAX_SWING_ACCELERATION_ALONG_AND_ACROSS_M_S2)
         around = rng.uniform(0.0, 2.0 * np.pi)
         self._swing_m_s2 = np.array([across * np.cos(around), across * np.sin(around), along])
         n = rng.poisson(duration_s / _BETWEEN_S)

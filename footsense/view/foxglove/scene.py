@@ -22,7 +22,7 @@ DISPLAYED_FOOT_POSITIONS_M = {
 }
 #: Length of the arrow of a newton, and side of a foot's grid [m].
 _ARROW_M_PER_N = 0.1
-_GRID_SIDE_M = 0.06
+_CLOSURE_GRID_SIDE_M = 0.06
 _FOXGLOVE_FLOAT32 = 7
 #: Parts of an entity that ours does not have.
 _UNUSED_ENTITY_FIELDS = ("metadata", "cubes", "spheres", "cylinders", "lines", "triangles", "models")
@@ -115,13 +115,13 @@ def closure_grid(closure_rel: Vector, leg: str, t_ns: int) -> dict[str, Any]:
     rows = math.isqrt(len(closure_rel))
     cells = closure_rel.reshape(rows, rows)[::-1, ::-1].T.astype("<f4")
     x_m, y_m, z_m = DISPLAYED_FOOT_POSITIONS_M[leg]
-    corner = (x_m - _GRID_SIDE_M / 2, y_m - _GRID_SIDE_M / 2, z_m)
+    corner = (x_m - _CLOSURE_GRID_SIDE_M / 2, y_m - _CLOSURE_GRID_SIDE_M / 2, z_m)
     return {
         "timestamp": _time_json(t_ns),
         "frame_id": ROBOT_FRAME,
         "pose": {"position": _point_json(corner), "orientation": _IDENTITY_ROTATION},
         "column_count": rows,
-        "cell_size": dict.fromkeys("xy", _GRID_SIDE_M / rows),
+        "cell_size": dict.fromkeys("xy", _CLOSURE_GRID_SIDE_M / rows),
         "row_stride": 4 * rows,
         "cell_stride": 4,
         "fields": [{"name": "closure", "offset": 0, "type": _FOXGLOVE_FLOAT32}],

@@ -20,7 +20,7 @@ from footsense.lab.geometry import LoadRange
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import random_loads
-from footsense.lab.training.snapshot.train import SnapshotTrainingSettings, closure_pattern_second_moments
+from footsense.lab.training.snapshot.train import SnapshotTrainingSettings, mean_closure_product_matrix
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.sim.scene_files import load_scene
@@ -87,7 +87,7 @@ def test_a_network_of_sixteen_elements_learns_and_is_the_services(tmp_path: Path
         max_n=1.0, friction_angle_deg=35, typical_lean_deg=10, min_elevation_deg=45, centred_share=0.5
     )
     rest = random_loads(foot, loads, 500, 1)
-    moments = closure_pattern_second_moments(rest.with_symmetric_copies().closure_um / foot.design.gap_um)
+    moments = mean_closure_product_matrix(rest.with_symmetric_copies().closure_um / foot.design.gap_um)
     gaits = random_gaits(foot, 3, 24, 400, loads.max_n)
     weights = train_windowed(gaits, rest, foot.design, SETTINGS, Imputation(moments))
     folder = tmp_path / foot.foot_type

@@ -20,7 +20,7 @@ from footsense.lab.training.gait_readings import (
 )
 from footsense.lab.training.gait_windows import contact_and_normal_force, windows_of
 from footsense.lab.training.load_cases import NOISE_PF, random_loads, sensed_closure_um
-from footsense.lab.training.snapshot.train import closure_pattern_second_moments
+from footsense.lab.training.snapshot.train import mean_closure_product_matrix
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
@@ -128,7 +128,7 @@ def test_a_short_training_learns_and_is_the_same_twice(response: FootResponse, g
     rest = random_loads(response, FOOT_DESIGN.loads, 500, 1)
     design = response.design
     imputation = Imputation(
-        closure_pattern_second_moments(rest.with_symmetric_copies().closure_um / design.gap_um)
+        mean_closure_product_matrix(rest.with_symmetric_copies().closure_um / design.gap_um)
     )
     settings = WindowTrainingSettings(channels=4, steps=500, batch=256, rate=1e-2)
     lines: list[str] = []

@@ -29,7 +29,7 @@ S_NS = 1_000_000_000
 ASK_SWITCH = Transaction(SWITCH, b"", 1)
 COLUMN_PF = (5.0, 6.0, 7.0)
 #: Row 0 at ground, the others at the shield.
-ROW_0 = LineStates(0, selected_mask=0b001, waiting_mask=0b110)
+ROW_0 = LineStates(0, selected_mask=0b001, unselected_mask=0b110)
 
 
 class Bench:

@@ -19,7 +19,7 @@ from footsense.lab.training.gait_readings import (
 )
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import random_loads
-from footsense.lab.training.snapshot.train import closure_pattern_second_moments
+from footsense.lab.training.snapshot.train import mean_closure_product_matrix
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import Weights, predict
 from footsense.ports import Window
@@ -88,7 +88,7 @@ def train_and_evaluate_network(response: FootResponse, loads: LoadRange, size: T
     """
     rest = random_loads(response, loads, size.n_loads, _TRAINING_SEED)
     imputation = Imputation(
-        closure_pattern_second_moments(rest.with_symmetric_copies().closure_um / response.design.gap_um)
+        mean_closure_product_matrix(rest.with_symmetric_copies().closure_um / response.design.gap_um)
     )
     gaits = random_gaits(response, _TRAINING_SEED, size.n_gaits, _CONVERSIONS, loads.max_n, jobs=2)
     settings = replace(size.settings, min_force_n=loads.min_relative_loss_force_n)

@@ -1,4 +1,4 @@
-"""Gerber and drill files read back by an independent parser, as polygons with their nets.
+"""Gerber and drill files read back by an independent parser: copper as polygons with their nets, and drilled holes.
 
 gerbonara reads, shapely measures; nothing of the writer or of the artwork is used.
 """

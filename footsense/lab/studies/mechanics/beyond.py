@@ -204,13 +204,15 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         by_angle_between_contacts=_errors_by_angle_between_contacts(estimators, second),
     )
     figures = {
-        "beyond-lean.png": _curves(LEANS_DEG, "lean of the contact normal [deg]", lean),
-        "beyond-second.png": _curves(SECOND_OVER_FIRST_FORCE, "second load over the floor's", shared),
+        "beyond-lean.png": _error_curves_figure(LEANS_DEG, "lean of the contact normal [deg]", lean),
+        "beyond-second.png": _error_curves_figure(
+            SECOND_OVER_FIRST_FORCE, "second load over the floor's", shared
+        ),
     }
     return results, figures
 
 
-def _curves(x: Sequence[float], label: str, errors: list[dict[str, ForceErrors]]) -> Figure:
+def _error_curves_figure(x: Sequence[float], label: str, errors: list[dict[str, ForceErrors]]) -> Figure:
     """Return the figure of mean direction and magnitude errors over x, one curve per estimator."""
     figure, row = subplot_row(2, 8.2, 3.9)
     quantities = (

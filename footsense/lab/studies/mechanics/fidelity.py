@@ -28,7 +28,7 @@ FULL_SOLVE_LOADS = ((45.0, 45.0, 100.0), (70.0, 90.0, 100.0), (90.0, 90.0, 150.0
 #: Loads that are solved forward.
 _FORWARD_LOADS, _FORWARD_LOADS_QUICK = 12, 2
 #: Adjoint solves of a table: one per cell of the quarter and class.
-ADJOINT_SOLVES = 81 * 3
+N_ADJOINT_SOLVES = 81 * 3
 
 
 #: Differences between level_responses, by model.

@@ -18,7 +18,7 @@ from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
-from footsense.lab.training.snapshot.train import closure_pattern_second_moments
+from footsense.lab.training.snapshot.train import mean_closure_product_matrix
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
@@ -121,7 +121,7 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
         ),
     }
     imputation = Imputation(
-        closure_pattern_second_moments(rest.with_symmetric_copies().closure_um / design.gap_um)
+        mean_closure_product_matrix(rest.with_symmetric_copies().closure_um / design.gap_um)
     )
     trained = []
     for c in channels:

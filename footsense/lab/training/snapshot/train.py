@@ -57,7 +57,7 @@ class SnapshotTrainingSettings(TrainingSettings):
     masked: bool = True
 
 
-def closure_pattern_second_moments(closure_rel: Vector) -> Vector:
+def mean_closure_product_matrix(closure_rel: Vector) -> Vector:
     """Return second moments of closures over their rms, averaged over symmetries, shape (elements, elements)."""
     n_elements = closure_rel.shape[1]
     pattern = hidden_layer_input(closure_rel)[:, :n_elements]
@@ -151,7 +151,7 @@ def train(
         The weights, float32.
     """
     closure_rel = cases.closure_um / design.gap_um
-    imputation = imputation or Imputation(closure_pattern_second_moments(closure_rel))
+    imputation = imputation or Imputation(mean_closure_product_matrix(closure_rel))
     task = _training_constants(cases, design, settings, imputation)
     n_elements = closure_rel.shape[1]
     rows = math.isqrt(n_elements)
