@@ -16,10 +16,8 @@ def card_text(manifest: Manifest, parameters: Parameters) -> str:
         parameters: Its parameters.
     """
     recordings = "\n".join(f"| {name} | `{sha256}` |" for name, sha256 in manifest.recordings.items())
-    n_loads, n_sessions = (
-        _count_with_plural(manifest.n_loads, "load"),
-        _count_with_plural(manifest.n_sessions, "session"),
-    )
+    n_loads = _count_with_plural(manifest.n_loads, "load")
+    n_sessions = _count_with_plural(manifest.n_sessions, "session")
     strayed = "stray capacitance, wiring of the test stand included [pF]"
     return f"""# {manifest.foot}
 

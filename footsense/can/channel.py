@@ -166,7 +166,7 @@ class CanChannel:
                 self._back_off_after_failure(error)
             else:
                 if self._back_off_ns:
-                    self._end_back_off()
+                    self._log_recovery_and_reset_back_off()
                 if taken < n:
                     self._health.log_queue_full(t_ns)
         self.stats.sent += taken
@@ -249,7 +249,7 @@ class CanChannel:
             self._back_off_after_failure(OSError(None, opening.error))
         return self._wire
 
-    def _end_back_off(self) -> None:
+    def _log_recovery_and_reset_back_off(self) -> None:
         """Log that the interface works again, and reset the back-off."""
         self._back_off_ns = 0
         self.stats.reopened += 1

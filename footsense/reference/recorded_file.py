@@ -60,9 +60,8 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = csv.DictReader(
-                iter(partial(file.readline, _MAX_LINE_CHARACTERS), ""), skipinitialspace=True
-            )
+            lines = iter(partial(file.readline, _MAX_LINE_CHARACTERS), "")
+            rows = csv.DictReader(lines, skipinitialspace=True)
             names = [name.strip() for name in rows.fieldnames or ()]
             time = next((name for name in NS_PER_TIME_COLUMN_UNIT if name in names), None)
             if time is None or not {"fx", "fy", "fz"} <= set(names):

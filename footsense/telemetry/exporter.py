@@ -60,10 +60,9 @@ def _metric(family: MetricFamily, cells: Sequence[float]) -> Metric:
     if family.metric_type == "histogram":
         histogram = HistogramMetricFamily(family.name, family.help, labels=names)
         bounds = [*(f"{bound:g}" for bound in family.bucket_bounds), "+Inf"]
-        for number, labels in enumerate(combinations):
-            *counts, total = cells[
-                number * family.cells_per_label_set : (number + 1) * family.cells_per_label_set
-            ]
+        rest = iter(cells)
+        for labels in combinations:
+            *counts, total = islice(rest, family.cells_per_label_set)
             histogram.add_metric(labels, list(zip(bounds, accumulate(counts), strict=True)), total)
         return histogram
     kind = CounterMetricFamily if family.metric_type == "counter" else GaugeMetricFamily

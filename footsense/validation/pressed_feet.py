@@ -96,7 +96,7 @@ class PressedFoot(NamedTuple):
     def _press(cls, batch: test_stand_trial.FootBatch, number: int, every_nth_press: int) -> Self:
         """Simulate both sessions of a foot, and return their loads."""
         with tempfile.TemporaryDirectory(prefix="footsense-test-stand-") as folder:
-            trial = test_stand_trial.run_test_stand_trial(
+            trial = test_stand_trial.record_sessions_of_foot(
                 batch, number, Path(folder), every_nth_press=every_nth_press
             )
         training, test = LoadSet.from_loads(trial.training.loads), LoadSet.from_loads(trial.test.loads)

@@ -71,37 +71,37 @@ class RecordedFootSessions(NamedTuple):
     training_read_duration_s: float
 
 
-def run_test_stand_trial(
-    batch: FootBatch, number: int, folder: Path, *, every_nth_press: int = 1
+def record_sessions_of_foot(
+    batch: FootBatch, foot_number: int, folder: Path, *, every_nth_press: int = 1
 ) -> RecordedFootSessions:
     """Simulate and record both sessions of a foot, and return them as read back.
 
     Args:
         batch: Batch of the foot.
-        number: Number of the foot in it.
+        foot_number: Number of the foot in it.
         folder: Folder for the recordings, which must not exist yet.
         every_nth_press: Use one of so many presses.
 
     Raises:
         FootsenseError: The daemon cannot be started, or a recording exists.
     """
-    config = _trial_config(batch, number)
-    training, _, read_ns = _record_session(batch, number, config, "training", folder, every_nth_press)
-    test, presses, _ = _record_session(batch, number, config, "verification", folder, every_nth_press)
+    config = _trial_config(batch, foot_number)
+    training, _, read_ns = _record_session(batch, foot_number, config, "training", folder, every_nth_press)
+    test, presses, _ = _record_session(batch, foot_number, config, "verification", folder, every_nth_press)
     true_force_n = np.array(
         [presses.contact(TRIAL_LEG, sum(load.dwell_ns) // 2).force_n for load in test.loads]
     )
     return RecordedFootSessions(training, test, true_force_n, read_ns * 1e-9)
 
 
-def foot_name(number: int) -> str:
+def foot_name(foot_number: int) -> str:
     """Return the name of a foot of a batch."""
-    return f"foot-{number:04d}"
+    return f"foot-{foot_number:04d}"
 
 
 def _record_session(
     batch: FootBatch,
-    number: int,
+    foot_number: int,
     config: Config,
     protocol: Literal["training", "verification"],
     folder: Path,
@@ -112,8 +112,8 @@ def _record_session(
     Returns:
         The session read from file, the simulated presses, and how long reading took [ns].
     """
-    foot, mounting = foot_name(number), 1 + (protocol == "verification")
-    seed = _foot_seed(batch, number)
+    foot, mounting = foot_name(foot_number), 1 + (protocol == "verification")
+    seed = _foot_seed(batch, foot_number)
     scene = Scene(
         description=f"{foot} on the test stand, {protocol}",
         load=CalibrationLoads(
@@ -127,7 +127,7 @@ def _record_session(
         lead_in_s=_LEAD_IN_S,
         seed=seed + mounting - 1,
         effects=_EFFECTS,
-        fabrication=Fabrication.with_paper_tolerances(seed=batch.seed, first=number, mounting=mounting),
+        fabrication=Fabrication.with_paper_tolerances(seed=batch.seed, first=foot_number, mounting=mounting),
     )
     x_gf, y_gf, z_gf = RATED_GF.tolist()
     test_stand = StandConfig(
@@ -147,20 +147,20 @@ def _record_session(
     return read_session(path, foot), load, stopwatch_ns() - began_ns
 
 
-def _trial_config(batch: FootBatch, number: int) -> Config:
+def _trial_config(batch: FootBatch, foot_number: int) -> Config:
     """Return the configuration of one leg, with the unloaded readings that a probe would measure."""
     config = Config(
         buses=(Bus(device="sim", legs={TRIAL_LEG: 0}),),
         can=Can(interface="virtual"),
-        feet={TRIAL_LEG: foot_name(number)},
+        feet={TRIAL_LEG: foot_name(foot_number)},
         foot_type=batch.foot_type,
     )
     hanging = Scene(
         description="unloaded",
         load=Unloaded(),
-        seed=_foot_seed(batch, number),
+        seed=_foot_seed(batch, foot_number),
         effects=_EFFECTS,
-        fabrication=Fabrication.with_paper_tolerances(seed=batch.seed, first=number, mounting=0),
+        fabrication=Fabrication.with_paper_tolerances(seed=batch.seed, first=foot_number, mounting=0),
     )
     with open_scan_source(config, hanging) as found:
         scans = found.read_whole_scans(_N_UNLOADED_SCANS)
@@ -169,6 +169,6 @@ def _trial_config(batch: FootBatch, number: int) -> Config:
     return msgspec.structs.replace(config, unloaded_pf={TRIAL_LEG: unloaded_pf})
 
 
-def _foot_seed(batch: FootBatch, number: int) -> int:
+def _foot_seed(batch: FootBatch, foot_number: int) -> int:
     """Return the seed of a foot of a batch."""
-    return 10_000 * batch.seed + 2 * number
+    return 10_000 * batch.seed + 2 * foot_number

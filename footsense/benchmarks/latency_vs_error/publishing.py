@@ -52,11 +52,8 @@ def conversion_windows(readings: SimulatedReadings) -> Window:
         closure_rel.append(readings.unloaded_plate_distance_rel[:, None] - last.plate_distance_rel)
         age_s.append((now_ns - last.t_ns) * 1e-9)
     closures_rel = np.concatenate(closure_rel[_CONVERSIONS_TO_FILL_WINDOW:])
-    return Window(
-        closures_rel,
-        np.concatenate(age_s[_CONVERSIONS_TO_FILL_WINDOW:]),
-        np.zeros(closures_rel[:, 0].shape, bool),
-    )
+    ages_s = np.concatenate(age_s[_CONVERSIONS_TO_FILL_WINDOW:])
+    return Window(closures_rel, ages_s, np.zeros(closures_rel[:, 0].shape, bool))
 
 
 def extrapolate_closures(window: Window, degree: int) -> Vector:

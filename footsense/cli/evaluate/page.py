@@ -32,7 +32,7 @@ _MAP_CIRCLE_ELEVATIONS_DEG = (30.0, 50.0, 70.0)
 
 
 def error_map_figure(reference_n: Vector, estimates_n: Mapping[str, Vector]) -> Figure:
-    """Return a map of the direction errors over the ball: one dot per load at its contact point.
+    """Return maps of the direction errors over the ball, one per source: a dot per load, in the force's direction.
 
     Args:
         reference_n: Forces of the reference [N], shape (n, 3).

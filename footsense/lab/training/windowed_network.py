@@ -21,6 +21,7 @@ Source:
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
@@ -173,6 +174,9 @@ def run(matrices: LayerMatrices, inputs: Features) -> LoadEstimate:
 
 def predict(weights: Weights, window: Window) -> LoadEstimate:
     """Return the network's load estimates for n windows, in float32 arithmetic."""
-    closure_rel, age_s, missing = (jnp.asarray(part, jnp.float32) for part in window)
-    load = run(expand_over_symmetries(weights), features(closure_rel, age_s, missing))
+    load = jax.jit(_run_weights)(weights, *(np.asarray(part, np.float32) for part in window))
     return LoadEstimate(*(np.asarray(part, dtype=np.float64) for part in load))
+
+
+def _run_weights(weights: Weights, closure_rel: Any, age_s: Any, missing: Any) -> LoadEstimate:
+    return run(expand_over_symmetries(weights), features(closure_rel, age_s, missing))

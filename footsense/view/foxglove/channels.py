@@ -82,9 +82,8 @@ def _scene_channels(legs: Sequence[str]) -> Iterator[TopicChannel]:
         def encoded(viewed: ViewedCycle) -> list[bytes]:
             return [json.dumps(values(viewed), separators=(",", ":")).encode()]
 
-        return TopicChannel(
-            topic, schema_name, json.dumps(topic_schemas[schema_name]), encoded, is_rate_limited=True
-        )
+        schema = json.dumps(topic_schemas[schema_name])
+        return TopicChannel(topic, schema_name, schema, encoded, is_rate_limited=True)
 
     def closures(viewed: ViewedCycle, row: int) -> dict[str, Any]:
         closure_rel = viewed.table[row, CLOSURE_COLUMNS].astype(np.float64)

@@ -257,8 +257,8 @@ def evaluate_arrays(context: StudyContext) -> dict[int, ArrayResults]:
     return arrays
 
 
-def bounds_and_ranges_figure(arrays: dict[int, ArrayResults]) -> Figure:
-    """Return the figure of bound and range over the number of elements."""
+def error_bound_and_force_range_figure(arrays: dict[int, ArrayResults]) -> Figure:
+    """Return the figure of least direction error and largest force over the number of elements."""
     drawing, (error, reach) = subplot_row(2, 8.2, 3.6)
     number = [rows**2 for rows in arrays]
     lines = (
@@ -293,7 +293,7 @@ def compute(context: StudyContext) -> tuple[SensorResults, Plots]:
     arrays = evaluate_arrays(context)
     bound_load_n = CRAMER_RAO_LOAD_REL * context.foot_design.loads.max_n
     results = SensorResults(**vars(on_block), cramer_rao_load_n=bound_load_n, array_by_rows=arrays)
-    return results, plots | {"sensors-arrays.png": bounds_and_ranges_figure(arrays)}
+    return results, plots | {"sensors-arrays.png": error_bound_and_force_range_figure(arrays)}
 
 
 STUDY = Study(

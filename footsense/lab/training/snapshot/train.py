@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -192,6 +192,12 @@ def predict(
         closure_rel: Closures over the gap, missing ones filled in, shape (n, elements).
         missing: Mask of the missing ones, shape (n, elements); none if None.
     """
-    mask = jnp.zeros(closure_rel.shape) if missing is None else jnp.asarray(missing, jnp.float32)
-    force, sigma = run(expand_over_symmetries(weights), jnp.asarray(closure_rel, jnp.float32), mask)
+    mask = np.zeros(closure_rel.shape) if missing is None else missing
+    force, sigma = jax.jit(_run_weights)(
+        weights, np.asarray(closure_rel, np.float32), np.asarray(mask, np.float32)
+    )
     return np.asarray(force, dtype=np.float64), np.asarray(sigma, dtype=np.float64)
+
+
+def _run_weights(weights: Weights, closure_rel: Any, missing: Any) -> tuple[jax.Array, jax.Array]:
+    return run(expand_over_symmetries(weights), closure_rel, missing)
