@@ -53,6 +53,18 @@ _STATE_STRIP_HEIGHT_REL = 0.16
 _MAX_PLOTTED_COLUMNS = 2_000
 
 
+def require_plotting(path: Path) -> None:
+    """Raise an error unless a picture file of this name can be drawn.
+
+    Raises:
+        FootsenseError: The extra `plot` is not installed, or there is no such kind of file.
+    """
+    if not HAS_MATPLOTLIB:
+        raise FootsenseError("--plot needs matplotlib: pip install 'footsense[plot]'")
+    if path.suffix not in _PICTURE_SUFFIXES:
+        raise FootsenseError(f"{path}: a picture ends in {', '.join(_PICTURE_SUFFIXES)}")
+
+
 def write_plot(replay: Replay, path: Path) -> int:
     """Plot a recording to a picture file; return the number of cycles.
 
@@ -61,14 +73,11 @@ def write_plot(replay: Replay, path: Path) -> int:
         path: The new file; its ending says its kind.
 
     Raises:
-        FootsenseError: The extra `plot` is not installed, or there is no such kind of file.
+        FootsenseError: As `require_plotting`.
         OSError: The file cannot be written.
         RecordingError: The recording is cut short; what is whole was drawn.
     """
-    if not HAS_MATPLOTLIB:
-        raise FootsenseError("--plot needs matplotlib: pip install 'footsense[plot]'")
-    if path.suffix not in _PICTURE_SUFFIXES:
-        raise FootsenseError(f"{path}: a picture ends in {', '.join(_PICTURE_SUFFIXES)}")
+    require_plotting(path)
     signals, damage = collect_signals(replay)
     # Rows and columns without a leg are left out: a test stand has one leg.
     lines, columns = (sorted({_SUBPLOT_OF_LEG[leg][part] for leg in replay.legs}) for part in (0, 1))

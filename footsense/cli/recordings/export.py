@@ -57,8 +57,9 @@ def export(
 
         forms.append((parquet, write_parquet))
     if plot is not None:
-        from footsense.export.plot import write_plot
+        from footsense.export.plot import require_plotting, write_plot
 
+        require_plotting(plot)
         forms.append((plot, write_plot))
     if not forms:
         raise click.UsageError("say what to write: --ros2 FOLDER, --csv, --parquet or --plot FILE")
