@@ -78,6 +78,7 @@ def open_wire(
         bus = can.Bus(
             interface=interface, channel=channel, ignore_config=True, **_options(interface, accept, fd=fd)
         )
+    # NotImplementedError is what python-can raises for an interface that it does not know.
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
         raise CanError(error_text(interface, channel, bitrate, error)) from error
     if interface == "udp_multicast":

@@ -23,6 +23,16 @@ _BOOLEAN_COLUMNS = {"contact", "contact_raw"}
 _INTEGER_COLUMNS = {"sequence", "fault_mask", "flags"}
 
 
+def require_pyarrow() -> None:
+    """Raise an error unless Parquet files can be written.
+
+    Raises:
+        FootsenseError: The extra `parquet` is not installed.
+    """
+    if not HAS_PYARROW:
+        raise FootsenseError("--parquet needs pyarrow: pip install 'footsense[parquet]'")
+
+
 def write_parquet(replay: Replay, path: Path) -> int:
     """Write a recording as a Parquet file; return the number of cycles.
 
@@ -31,12 +41,11 @@ def write_parquet(replay: Replay, path: Path) -> int:
         path: The new file.
 
     Raises:
-        FootsenseError: The extra `parquet` is not installed.
+        FootsenseError: As `require_pyarrow`.
         OSError: The file cannot be written.
         RecordingError: The recording is cut short; what is whole was written.
     """
-    if not HAS_PYARROW:
-        raise FootsenseError("--parquet needs pyarrow: pip install 'footsense[parquet]'")
+    require_pyarrow()
     schema = pa.schema([(name, _column_type(name)) for name in column_names(replay.n_elements)])
     cycles = read_rows(replay)
     n_cycles = 0

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from firmware_interface.chips import adg715
@@ -49,6 +50,8 @@ class Board(NamedTuple):
 
 FDC1004 = Board("fdc1004", (400, 200, 100), 2_500_000, 0.0, 7_000_000)
 AD7746 = Board("ad7746", (91, 84, 50, 26, 16, 13, 11, 9), 11_000_000, 2e-6, 15_000_000)
+BOTH = (FDC1004, AD7746)
+both = pytest.mark.parametrize("board", BOTH, ids=lambda board: board.name)
 
 
 def distinct(element: int, t_ns: int) -> float:

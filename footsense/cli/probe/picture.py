@@ -23,8 +23,8 @@ _CHIP_NAMES = {
     adg715.ADDRESS: "ADG715",
     adg715.COLUMN_ADDRESS: "ADG715",
 }
-_ELEMENT_TEXT_WIDTH_CHARACTERS = 7
-#: Between two feet, beside each other.
+#: Width of one element's text, and space between two feet beside each other [characters].
+_ELEMENT_WIDTH = 7
 _FOOT_SPACING_CELLS = 3
 
 #: Mark in the place of a capacitance, by the fault of the element.
@@ -54,7 +54,7 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
             Text("every foot from above, forwards up: pF of each element", "dim"),
             Columns(
                 [_foot_marks(report) for report in scanned],
-                width=_ELEMENT_TEXT_WIDTH_CHARACTERS * max(map(_n_rows, scanned)) + _FOOT_SPACING_CELLS,
+                width=_ELEMENT_WIDTH * max(map(_n_rows, scanned)) + _FOOT_SPACING_CELLS,
             ),
         ]
     if (bound_ns := result.scan_period_bound_ns) is not None:
@@ -212,10 +212,7 @@ def _foot_marks(report: ProbedLeg) -> Text:
     """Return a foot's elements in rows and columns as text, faulty ones marked."""
     rows = _n_rows(report)
     cells = [
-        Text(
-            f"{mark:>{_ELEMENT_TEXT_WIDTH_CHARACTERS}.{_ELEMENT_TEXT_WIDTH_CHARACTERS}}",
-            "bold red" if faulty else "",
-        )
+        Text(f"{mark:>{_ELEMENT_WIDTH}.{_ELEMENT_WIDTH}}", "bold red" if faulty else "")
         for mark, faulty in element_marks(report)
     ]
     lines = [Text.assemble(*cells[first : first + rows]) for first in range(0, rows**2, rows)]

@@ -53,8 +53,9 @@ def export(
 
         forms.append((csv, write_csv))
     if parquet is not None:
-        from footsense.export.parquet_file import write_parquet
+        from footsense.export.parquet_file import require_pyarrow, write_parquet
 
+        require_pyarrow()
         forms.append((parquet, write_parquet))
     if plot is not None:
         from footsense.export.plot import require_plotting, write_plot

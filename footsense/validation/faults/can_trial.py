@@ -86,7 +86,9 @@ def can_trial(fault: CanFault, *, duration_s: float) -> CanFigures:
         robot.run(until_ns=duration_s * 1e9)
         stats = robot.sink.stats
     received_ns = consumer.received_ns.values()
-    again_ns = [min((t for t in of_leg if t > fault.until_ns), default=math.inf) for of_leg in received_ns]
+    again_ns = [
+        min((t_ns for t_ns in of_leg if t_ns > fault.until_ns), default=math.inf) for of_leg in received_ns
+    ]
     silences_ns = [after - before for of_leg in received_ns for before, after in itertools.pairwise(of_leg)]
     return CanFigures(
         received_share=sum(map(len, received_ns)) / (stats.published_cycles * len(received_ns)),

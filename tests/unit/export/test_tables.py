@@ -99,3 +99,16 @@ def test_a_picture_shows_what_was_recorded(tmp_path: Path) -> None:
         assert f"<!-- {words} -->" in text or words in text
     assert "<!-- absent -->" not in text
     assert "<!-- slip begins -->" not in text
+
+
+@pytest.mark.parametrize(("option", "file"), [("--parquet", "walk.parquet"), ("--plot", "walk.png")])
+def test_a_package_that_is_missing_is_named_before_anything_is_written(
+    option: str, file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else the other forms would be there already, and the command could not be repeated."""
+    monkeypatch.setattr("footsense.export.parquet_file.HAS_PYARROW", False)
+    monkeypatch.setattr("footsense.export.plot.HAS_MATPLOTLIB", False)
+    words = ["export", str(GOLDEN), "--csv", str(tmp_path / "walk.csv"), option, str(tmp_path / file)]
+    result = CliRunner().invoke(main, words)
+    assert f"{option} needs " in f"{result.output}{result.exception}"
+    assert list(tmp_path.iterdir()) == []

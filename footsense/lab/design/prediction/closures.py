@@ -128,9 +128,8 @@ class ClosureModel:
     def influence(self, feet: Candidates) -> Influence:
         """Return the closures per newton of a batch of feet (12 kB of memory each)."""
         weights = self._library.interpolation_weights(feet.shape)
-        amplitude = self._library.interpolated_response_amplitudes_um_per_n(weights)[
-            :, AMPLITUDE_INDEX_OF_ELEMENT
-        ]
+        amplitudes = self._library.interpolated_response_amplitudes_um_per_n(weights)
+        amplitude = amplitudes[:, AMPLITUDE_INDEX_OF_ELEMENT]
         size = RADIUS_MM / feet.ball_radius_mm
         relative_compliance = (YOUNGS_MPA / feet.rubber_mpa) * size
         m = len(self.loads.normal)

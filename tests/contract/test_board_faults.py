@@ -1,0 +1,216 @@
+"""Chips and switches that reset, stall, or ignore settings: both boards give a right reading or none."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from footsense.acquisition.scan_plan import CONVERSION_ORDERS, scan_plan
+from footsense.errors import I2cError, I2cTimeoutError, NackError
+from footsense.frames import Reading
+from footsense.ports import Transaction
+from tests.contract.boards import (
+    AD7746,
+    FDC1004,
+    Board,
+    LateError,
+    Robot,
+    both,
+    distinct,
+)
+
+
+@both
+@pytest.mark.parametrize("after_rel", np.linspace(0.0, 1.1, 26))
+def test_a_converter_that_was_reset_is_noticed_and_set_up_again(board: Board, after_rel: float) -> None:
+    """After a dip of its supply it would read something else than it was told, and acknowledge everything."""
+    robot = Robot(distinct, board)
+    robot.read(2)
+    at_ns = robot.clock.now_ns() + round(after_rel * 9 * board.conversion_ns)
+    for chip in robot.chips(3):
+        chip.brown_outs_ns = [at_ns]
+    seen = set()
+    for _ in range(60):
+        frame = robot.read()
+        seen |= set(frame.reading[3].tolist())
+        robot.assert_honest(frame)
+        assert (frame.reading[[0, 1, 2, 4, 5]] == Reading.OK).all()
+    assert seen & {Reading.MISCONFIGURED, Reading.NOT_READY}
+    assert (frame.reading == Reading.OK).all()
+
+
+@pytest.mark.parametrize(
+    ("board", "switch"),
+    [(FDC1004, 0), (AD7746, 0), (AD7746, 1)],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_a_deaf_line_switch_is_noticed(board: Board, switch: int) -> None:
+    """The others acknowledge for it and its converter converts: only its own read-back tells."""
+    robot = Robot(distinct, board)
+    robot.read(2)
+    robot.switches[1][switch].ignores_writes_ns = [(robot.clock.now_ns(), math.inf)]
+    robot.read()
+    for _ in range(40):
+        frame = robot.read()
+        robot.assert_honest(frame)
+        assert not (frame.reading[1] == Reading.OK).all()
+        assert (frame.reading[[0, 2, 3, 4, 5]] == Reading.OK).all()
+
+
+@pytest.mark.parametrize("board_and_switch", [(FDC1004, 0), (AD7746, 0), (AD7746, 1)], ids=str)
+@pytest.mark.parametrize("order", list(CONVERSION_ORDERS))
+@pytest.mark.parametrize("line", range(3))
+def test_a_line_that_is_closed_too_much_is_noticed(
+    board_and_switch: tuple[Board, int], order: str, line: int
+) -> None:
+    """The wired AND of the legs hides it, so each leg is asked alone in turn; it stays out until it lets go."""
+    board, switch = board_and_switch
+    robot = Robot(distinct, board, order=order)
+    period_ns = robot.period_ns(18)
+    robot.switches[1][switch].stuck_closed = 1 << line
+    start_ns = robot.clock.now_ns()
+    robot.read(19)
+    for _ in range(60):
+        frame = robot.read()
+        assert (frame.reading[1] == Reading.MISCONFIGURED).all()
+        robot.assert_honest(frame)
+        assert (frame.reading[[0, 2, 3, 4, 5]] == Reading.OK).all()
+    assert robot.clock.now_ns() - start_ns < 1.3 * 79 * period_ns
+    robot.switches[1][switch].stuck_closed = 0
+    assert (robot.read(200).reading == Reading.OK).all()
+
+
+@pytest.mark.parametrize("rate_sps", AD7746.rates_sps)
+def test_a_temperature_costs_no_reading_and_is_no_stall(rate_sps: int) -> None:
+    """Every ten seconds, at every rate: each element stays right, and nothing counts as late."""
+    robot = Robot(distinct, AD7746, rate_sps=rate_sps)
+    robot.read(2)
+    thermometer = scan_plan("lo_shu", rate_sps, "ad7746").board.thermometer
+    assert thermometer is not None
+    n_asked = 0
+
+    def count(transaction: Transaction, n: int) -> None:
+        nonlocal n_asked
+        n_asked += transaction == thermometer.start[0]
+
+    robot.saboteurs[0].arm(count)
+    until_ns = robot.clock.now_ns() + 25_000_000_000
+    while robot.clock.now_ns() < until_ns:
+        frame = robot.convert()
+        assert (frame.reading == Reading.OK).all()
+        assert robot.is_right(frame).all()
+    assert np.isfinite(robot.scanner.temperature_c()).all()
+    assert n_asked in {2, 3}
+    assert [bus.n_late_discards for bus in robot.buses] == [0]
+
+
+@pytest.mark.parametrize(
+    ("n_buses", "n_after_start"), [(1, 0), (1, 1), (1, 3), (6, 0), (6, 1), (6, 2), (6, 3)]
+)
+def test_a_mux_that_is_reset_while_temperatures_are_read_costs_no_reading(
+    n_buses: int, n_after_start: int
+) -> None:
+    """The selection is written again, so that every converter gets back the settings of its elements.
+
+    A leg alone on its bus has the same selection before and after.
+    """
+    robot = Robot(distinct, AD7746, n_buses=n_buses)
+    robot.read(2)
+    thermometer = scan_plan("lo_shu", 91, "ad7746").board.thermometer
+    assert thermometer is not None
+    started: list[int] = []
+
+    def reset_mux(transaction: Transaction, n: int) -> I2cError | None:
+        if not started and transaction == thermometer.start[0]:
+            started.append(n)
+        if not started or n != started[0] + n_after_start or transaction.address == 0x71:
+            return None
+        robot.saboteurs[0].transfer(Transaction(0x71, b"\x00"))
+        return NackError("no channel is connected")
+
+    robot.saboteurs[0].arm(reset_mux)
+    until_ns = robot.clock.now_ns() + 11_000_000_000
+    while robot.clock.now_ns() < until_ns:
+        assert (robot.read().reading == Reading.OK).all()
+    assert started
+
+
+@both
+def test_a_result_from_before_a_stall_is_not_used(board: Board) -> None:
+    """If the loop was held up, the conversion that had been running is done again."""
+    robot = Robot(distinct, board)
+    robot.read(2)
+    robot.clock.sleep_until_ns(robot.clock.now_ns() + 200_000_000)
+    frame = robot.read()
+    assert (frame.reading == Reading.OK).all()
+    assert np.ptp(frame.t_ns) < 9 * 1.1 * board.conversion_ns
+
+
+@both
+def test_a_result_from_before_a_stall_does_not_speak_for_the_conversion_after_it(board: Board) -> None:
+    """It is read away first: a conversion that then hangs is NOT_READY, whatever the register still holds."""
+    robot = Robot(distinct, board)
+    robot.read(2)
+    robot.clock.sleep_until_ns(robot.clock.now_ns() + 200_000_000)
+    now_ns = robot.clock.now_ns()
+    robot.converters[0].write(b"\x0c", now_ns)  # the conversion that had been running finishes
+    robot.converters[0].stuck_ns = [(now_ns, now_ns + 1.5 * board.conversion_ns)]
+    assert (robot.read().reading[0] == Reading.NOT_READY).all()
+
+
+TROUBLES = st.lists(
+    st.tuples(
+        st.integers(0, 1500),  # transaction at which it begins
+        st.integers(1, 200),  # transactions that it lasts
+        st.sampled_from(
+            [NackError("no acknowledge"), I2cError("garbled"), I2cTimeoutError("held low"), LateError("late")]
+        ),
+    ),
+    max_size=6,
+)
+CHIP_FAULTS = st.lists(
+    st.tuples(st.sampled_from(["absent", "brown_out", "stuck"]), st.integers(0, 5), st.floats(2.0, 18.0)),
+    max_size=4,
+)
+
+
+@both
+@given(TROUBLES, CHIP_FAULTS, st.sampled_from(list(CONVERSION_ORDERS)))
+@settings(max_examples=20)
+def test_whatever_fails_a_reading_is_right_or_missing(
+    board: Board,
+    troubles: list[tuple[int, int, I2cError]],
+    chip_faults: list[tuple[str, int, float]],
+    order: str,
+) -> None:
+    """Random failures of bus and chips: no exception, no wrong number, and all is well some time after the last."""
+    robot = Robot(distinct, board, order=order)
+    robot.read(2)
+    scan_ns = 9 * board.conversion_ns
+
+    def fails(transaction: Transaction, n: int) -> I2cError | None:
+        del transaction
+        return next((error for begin, length, error in troubles if begin <= n < begin + length), None)
+
+    robot.saboteurs[0].arm(fails)
+    for kind, leg, at_scans in chip_faults:
+        at_ns = robot.clock.now_ns() + round(at_scans * scan_ns)
+        if kind == "absent":
+            for chip in robot.chips(leg):
+                chip.absent_ns.append((at_ns, at_ns + 4 * scan_ns))
+        elif kind == "brown_out":
+            for chip in robot.chips(leg):
+                chip.brown_outs_ns.append(at_ns)
+        else:
+            robot.converters[leg].stuck_ns.append((at_ns, at_ns + 8 * scan_ns))
+    for _ in range(40):
+        robot.assert_honest(robot.read())
+    robot.saboteurs[0].arm(lambda transaction, n: None)
+    for _ in range(500):
+        frame = robot.read()
+        robot.assert_honest(frame)
+        if (frame.reading == Reading.OK).all():
+            return
+    pytest.fail("a leg has not come back")
