@@ -1,6 +1,7 @@
 # make run       a six-legged robot walks in simulation for half a minute; its foot forces, live; a page in the browser
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
-# make test      format, lint, types, import contracts, tests: what CI runs
+# make test      format, lint, types, import contracts, and the fast tests: a change is good
+# make test-all  the same with all tests: meshes, the page in a browser, packaging, studies, random faults
 # make docs      the documentation site: build/site/docs/index.html
 # make fuzz      an hour of other and more examples for the tests in tests/fuzz
 # make lock      the newest packages for a robot: deploy/requirements.lock, with their hashes
@@ -13,19 +14,28 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: run install test docs kernel-test kernel-test-short fuzz lock mutants format golden clean
+.PHONY: run install test test-all check slow-tests docs kernel-test kernel-test-short fuzz lock mutants format golden clean
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --realtime --duration 30
 
 install: $(VENV)/robot.stamp
 
-test: $(VENV)/dev.stamp
+check: $(VENV)/dev.stamp
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+test: check
+	$(BIN)/pytest -n auto --dist worksteal -m "not slow"
+
+test-all: check
 	$(BIN)/pytest -n auto --dist worksteal
+
+# What test-all runs and test does not.
+slow-tests: $(VENV)/dev.stamp
+	$(BIN)/pytest -n auto --dist worksteal -m slow
 
 # A link that leads nowhere, or a page that is in no table of contents, ends it.
 docs: $(VENV)/robot.stamp
