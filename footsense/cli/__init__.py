@@ -26,6 +26,7 @@ _EXIT_CODE_INTERRUPTED = 130
 _COMMANDS = {
     "run": ("run.command", "Read the feet, estimate their forces, publish them on CAN."),
     "monitor": ("monitor.command", "Show the legs on CAN, as a consumer of their forces sees them."),
+    "tare": ("can.tare", "Take the present readings of legs as unloaded, by a command on CAN."),
     "view": ("view", "Serve the page of a running service to browsers."),
     "ros2": ("can.ros2", "Publish the legs on CAN to ROS 2 nodes (needs footsense[ros2])."),
     "exporter": ("exporter", "Serve the metrics of a running service to Prometheus."),

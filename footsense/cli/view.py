@@ -15,14 +15,13 @@ import msgspec
 from footsense.child_process import drop_realtime, end_with_parent
 from footsense.cli.options import FILE, config_option
 from footsense.clock import MonotonicClock
-from footsense.config import Config, load_config
+from footsense.config import load_config
 from footsense.config.sections import View
 from footsense.errors import ConfigError
 from footsense.progress import progress_bar
 
 if TYPE_CHECKING:
     from footsense.view.recorded import RecordingSource
-    from footsense.view.tares import TareCommandSender
 
 
 def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
@@ -53,11 +52,6 @@ def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None
     "--port", type=click.IntRange(0, 65_535), help="TCP port, instead of view.port; 0: any free one."
 )
 @click.option(
-    "--allow-commands",
-    is_flag=True,
-    help="Let pages tare legs over CAN, with a token that is printed; needs --config.",
-)
-@click.option(
     "--origin",
     "origins",
     multiple=True,
@@ -75,7 +69,6 @@ def view(
     port: int | None,
     origins: tuple[str, ...],
     *,
-    allow_commands: bool,
     with_parent: bool,
 ) -> None:
     """Serve the page of a running service, or of the recording FILE, until it is stopped.
@@ -100,10 +93,7 @@ def view(
     with suppress(OSError):  # its unit denies the call, and has set its own
         os.nice(5)  # a viewer never competes with what else the robot's computer does
     with ExitStack() as stack:
-        tares = (
-            stack.enter_context(closing(_open_tare_command_sender(config, file))) if allow_commands else None
-        )
-        _serve_until_stopped(stack, file, settings, settings.port if port is None else port, tares, origins)
+        _serve_until_stopped(stack, file, settings, settings.port if port is None else port, origins)
 
 
 def _serve_until_stopped(
@@ -111,7 +101,6 @@ def _serve_until_stopped(
     file: Path | None,
     settings: View,
     port: int,
-    tares: "TareCommandSender | None",
     origins: tuple[str, ...],
 ) -> None:
     """Serve the page until SIGTERM or SIGINT."""
@@ -127,30 +116,13 @@ def _serve_until_stopped(
         loop, stop = asyncio.get_running_loop(), asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stop.set)
-        async with ViewServer(source, tares, origins).serving(settings.address, port) as url:
+        async with ViewServer(source, origins).serving(settings.address, port) as url:
             click.echo(url)
-            if tares is not None:
-                click.echo(f"token for commands: {tares.token}")
             if isinstance(source, RecordingSource):
                 threading.Thread(target=_read_with_progress, args=(source,), daemon=True).start()
             await stop.wait()
 
     asyncio.run(serve())
-
-
-def _open_tare_command_sender(config: Config | None, file: Path | None) -> "TareCommandSender":
-    """Open a CAN interface for the page's tare commands.
-
-    Raises:
-        ConfigError: There is nobody to command.
-    """
-    if config is None or file is not None:
-        raise ConfigError(
-            "--allow-commands needs a running service and --config, which names its CAN channel"
-        )
-    from footsense.view.tares import open_tare_command_sender
-
-    return open_tare_command_sender(config, MonotonicClock())
 
 
 def _read_with_progress(recorded: "RecordingSource") -> None:

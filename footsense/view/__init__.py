@@ -4,5 +4,5 @@
                                                 ├─▶ signals, events ─ server
     FILE.mcap ─ recording.replay ─▶ recorded  ──┘                       └─▶ foxglove_session ─▶ Foxglove, PlotJuggler
 
-Nothing here writes to the service but `tares`, which sends a tare on CAN where that was allowed.
+Nothing here writes to the service.
 """

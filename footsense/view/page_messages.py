@@ -1,8 +1,8 @@
 """WebSocket messages between server and page: JSON as text, cycles as binary.
 
-server -> page   hello, status, events, progress, answer    JSON objects with `type`
-                 cycles                                      binary, see `encode_cycles`
-page -> server   drawn, chunk, tare                          JSON objects with `type`
+server -> page   hello, status, events, progress    JSON objects with `type`
+                 cycles                             binary, see `encode_cycles`
+page -> server   drawn, chunk                       JSON objects with `type`
 """
 
 import math
@@ -31,14 +31,7 @@ class ChunkRequest(msgspec.Struct, tag="chunk", tag_field="type", forbid_unknown
     number: int
 
 
-class TareRequest(msgspec.Struct, tag="tare", tag_field="type", forbid_unknown_fields=True):
-    """Message from the page: request to tare a leg, with the access token printed at start."""
-
-    leg: str
-    token: str
-
-
-Request = DrawnAcknowledgement | ChunkRequest | TareRequest
+Request = DrawnAcknowledgement | ChunkRequest
 _decoder: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
 
 
@@ -60,7 +53,6 @@ def hello_message(
     n_elements: int,
     *,
     simulated: bool,
-    commands: bool,
 ) -> str:
     """Return the first message to a page: mode, title, legs, signals, and texts of the codes.
 
@@ -70,7 +62,6 @@ def hello_message(
         legs: Names of its legs.
         n_elements: Elements of each foot.
         simulated: Whether its feet are simulated.
-        commands: Whether tares are allowed.
     """
     values = {
         "version": __version__,
@@ -79,7 +70,6 @@ def hello_message(
         "legs": list(legs),
         "rows": math.isqrt(n_elements),
         "simulated": simulated,
-        "commands": commands,
         "signals": [signal._asdict() for signal in signals(n_elements)],
         "words": code_texts(),
     }

@@ -13,7 +13,6 @@ from footsense.view.live import LiveSource
 from footsense.view.page_messages import (
     ChunkRequest,
     DrawnAcknowledgement,
-    TareRequest,
     decode_request,
     encode_cycles,
     events_message,
@@ -21,7 +20,6 @@ from footsense.view.page_messages import (
     message,
 )
 from footsense.view.recorded import RecordingSource
-from footsense.view.tares import TareCommandSender
 
 #: Messages of cycles that a page may have ahead.
 _MAX_UNDRAWN_MESSAGES = 2
@@ -43,12 +41,10 @@ class LivePageSession:
 
     Args:
         live: The followed service.
-        tares: Sends tares; None if none are allowed.
     """
 
-    def __init__(self, live: LiveSource, tares: TareCommandSender | None = None) -> None:
+    def __init__(self, live: LiveSource) -> None:
         self._live = live
-        self._tares = tares
         self._credits = _MAX_UNDRAWN_MESSAGES
         self._service = -1
         self._next = 0
@@ -62,15 +58,8 @@ class LivePageSession:
         Raises:
             ValueError: It is none of this protocol.
         """
-        request = decode_request(text)
-        if isinstance(request, DrawnAcknowledgement):
+        if isinstance(decode_request(text), DrawnAcknowledgement):
             self._credits = min(self._credits + 1, _MAX_UNDRAWN_MESSAGES)
-        elif isinstance(request, TareRequest):
-            tares = self._tares
-            answer = "no commands: start `footsense view` with --allow-commands"
-            if tares is not None:
-                answer = tares.send_tare(request.leg, request.token)
-            return [message("answer", {"text": answer})]
         return []
 
     async def send_new(self, connection: MessageSender, now_s: float) -> None:
@@ -85,7 +74,7 @@ class LivePageSession:
             return
         if self._service != live.service:
             self._service, self._status = live.service, ""
-            await connection.send(live_hello(live, commands=self._tares is not None))
+            await connection.send(live_hello(live))
         status = message("status", live.status())
         if status != self._status and (now_s >= self._status_due_s or not self._status):
             self._status, self._status_due_s = status, now_s + _STATUS_PERIOD_S
@@ -153,20 +142,15 @@ def recording_hello(recorded: RecordingSource) -> str:
     """Return the first message to a page that shows a recording."""
     is_simulated = bool(recorded.header.get("scene"))
     return hello_message(
-        "replay",
-        recorded.path.name,
-        recorded.legs,
-        recorded.n_elements,
-        simulated=is_simulated,
-        commands=False,
+        "replay", recorded.path.name, recorded.legs, recorded.n_elements, simulated=is_simulated
     )
 
 
-def live_hello(live: LiveSource, *, commands: bool) -> str:
+def live_hello(live: LiveSource) -> str:
     """Return the first message to a page that shows a running service."""
     scene = msgspec.json.decode(live.header.get("scene") or "{}")
     title = scene.get("description", "") if scene else "on the robot" if live.legs else "no service"
-    return hello_message("live", title, live.legs, live.n_elements, simulated=bool(scene), commands=commands)
+    return hello_message("live", title, live.legs, live.n_elements, simulated=bool(scene))
 
 
 class WakeUpSignal:

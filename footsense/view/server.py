@@ -35,7 +35,6 @@ from footsense.view.foxglove.session import (
 from footsense.view.live import LiveSource
 from footsense.view.page_session import LivePageSession, MessageSender, RecordingPageSession, WakeUpSignal
 from footsense.view.recorded import RecordingSource
-from footsense.view.tares import TareCommandSender
 
 _log = logging.getLogger(__name__)
 
@@ -56,18 +55,15 @@ class ViewServer:
 
     Args:
         source: The followed service, or a recording.
-        tares: Sends tares; None if none are allowed.
         origins: Origins of pages that may read by Foxglove's protocol, besides our own and Foxglove's.
     """
 
     def __init__(
         self,
         source: LiveSource | RecordingSource,
-        tares: TareCommandSender | None = None,
         origins: Sequence[str] = (),
     ) -> None:
         self._source = source
-        self._tares = tares
         self._origins = {*FOXGLOVE_ORIGINS, *origins}
         self._assets = PageFiles()
         self._names = own_host_names()
@@ -142,7 +138,6 @@ class ViewServer:
             )
         if request.headers.get("Upgrade", "").lower() != "websocket":
             return self._assets.response(request.path)
-        # A page of ours may send commands, so only our own pages get its protocol.
         asked = [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",")]
         others = () if PAGE_PROTOCOL in asked else self._origins
         if not is_allowed_origin(request.headers.get("Origin"), host, others):
@@ -174,9 +169,7 @@ class ViewServer:
                 else FoxgloveSession(source)
             )
         return (
-            RecordingPageSession(source)
-            if isinstance(source, RecordingSource)
-            else LivePageSession(source, self._tares)
+            RecordingPageSession(source) if isinstance(source, RecordingSource) else LivePageSession(source)
         )
 
     async def _serve_client(self, connection: ServerConnection) -> None:

@@ -78,8 +78,8 @@ def test_any_header(tmp_path: Path, header: object) -> None:
     | anything.map(json.dumps)
     | st.builds(
         lambda kind, key, value: json.dumps({"type": kind, key: value}),
-        st.sampled_from(["drawn", "chunk", "tare", "x"]),
-        st.sampled_from(["number", "leg", "token", "x"]),
+        st.sampled_from(["drawn", "chunk", "x"]),
+        st.sampled_from(["number", "x"]),
         anything,
     )
 )

@@ -63,11 +63,14 @@ _rows_option = click.option(
 )
 
 
+def channel_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options `--interface` and `--channel`."""
+    return _interface_option(_channel_option(command))
+
+
 def can_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options `--interface`, `--channel`, `--force-step-mn` and `--rows` (as `n_elements`)."""
-    for option in (_rows_option, _force_step_option, _channel_option, _interface_option):
-        command = option(command)
-    return command
+    return channel_options(_force_step_option(_rows_option(command)))
 
 
 def _is_multicast(name: str) -> bool:

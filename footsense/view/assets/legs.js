@@ -23,18 +23,12 @@ const COLUMNS = [
 ];
 
 export class Legs {
-  constructor(parent, hello, tare) {
+  constructor(parent, hello) {
     this.words = hello.words;
-    const columns = hello.commands ? [...COLUMNS, ["", "", null]] : COLUMNS;
     const head = element("tr", {}, element("th", {}, "leg"),
-      ...columns.map(([title, kind]) => element("th", { class: kind }, title)));
+      ...COLUMNS.map(([title, kind]) => element("th", { class: kind }, title)));
     this.rows = hello.legs.map((leg) => {
-      const cells = columns.map(([, kind]) => element("td", { class: kind }));
-      if (hello.commands) {
-        const button = element("button", { type: "button", title: `take ${leg}'s present readings as unloaded` }, "tare");
-        button.onclick = () => tare(leg);
-        cells.at(-1).append(button);
-      }
+      const cells = COLUMNS.map(([, kind]) => element("td", { class: kind }));
       return { cells, row: element("tr", { "data-leg": leg }, element("td", {}, leg.toUpperCase()), ...cells) };
     });
     parent.replaceChildren(element("table", {}, element("thead", {}, head),

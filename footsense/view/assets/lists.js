@@ -17,7 +17,7 @@ export function problems(sample, hello) {
       });
     } else if (flags & FLAG.TARE_REFUSED) {
       found.push({ leg, phase: "degraded", name: "tare refused", what: "its older baseline is in use",
-        check: "that nothing presses the foot and it hangs still; then tare it again" });
+        check: "that nothing presses the foot and it hangs still; then `footsense tare`" });
     }
   });
   if (hello.legs.some((_, row) => sample.get(row, "flags") & FLAG.DEGRADED_TIMING)) {

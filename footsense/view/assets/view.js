@@ -37,14 +37,13 @@ const connection = new Connection({
     document.body.classList.toggle("empty", !message.legs.length);
     if (!message.legs.length) return;
     page.robot = new Robot($("robot"), message);
-    page.legs = new Legs($("legs"), message, tare);
+    page.legs = new Legs($("legs"), message);
     page.plot = new Plot($("plot"), message);
     page.replay = message.mode === "replay" ? new Replay(page.store, connection, events) : null;
   },
   status(message) { page.problem = message.problem; page.status = message; },
   progress(message) { page.replay?.progress(message); },
   events(message) { events.add(message.events, Boolean(page.replay)); page.replay?.marks(); },
-  answer(message) { banner(message.text); },
   cycles(kind, t, v) {
     page.arrived = performance.now();
     page.n += t.length;
@@ -62,16 +61,6 @@ function banner(text) {
   // Commands stand between backticks.
   const parts = `${text.slice(0, 1).toUpperCase()}${text.slice(1)}`.split("`");
   node.replaceChildren(...parts.map((part, k) => (k % 2 ? element("code", {}, part) : part)));
-}
-
-function tare(leg) {
-  let token = sessionStorage.getItem("footsense-token");
-  if (!token) {
-    token = prompt("The token that `footsense view --allow-commands` printed:");
-    if (!token) return;
-    sessionStorage.setItem("footsense-token", token);
-  }
-  connection.send({ type: "tare", leg, token });
 }
 
 // ---------------------------------------------------------------- drawing

@@ -1,15 +1,20 @@
 """Commands by CAN, from a controller on the same bus: obeyed, answered, and refused with a reason."""
 
+from contextlib import closing
 from pathlib import Path
+from typing import NamedTuple
 
 import can
 import pytest
 
 from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer, encode_command
+from footsense.can.python_can import open_wire
+from footsense.cli.can.tare import tare_legs
 from footsense.config import DEFAULT
-from footsense.daemon.service import open_service
-from footsense.frames import CommandKind, Cycle, Result, State
+from footsense.daemon.service import Service, open_service
+from footsense.frames import LEGS, CommandKind, Cycle, Result, State
 from footsense.sim.scene_files import load_scene
+from tests.system.command import footsense, one_line_error
 
 NODE_LM = 2
 SCENE = """
@@ -82,3 +87,35 @@ def test_a_leg_in_the_air_is_stopped() -> None:
         service.run(until_ns=1_000_000_000)
     assert controller.answers == [(CommandKind.TARE, Result.DONE), (CommandKind.STOP, Result.DONE)]
     assert controller.states[-1] is State.STOPPED
+
+
+class ServiceTime(NamedTuple):
+    """The clock of a simulated service, which runs on while a consumer sleeps, for 0.1 s at least."""
+
+    service: Service
+
+    def now_ns(self) -> int:
+        return self.service.clock.now_ns()
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        self.service.run(until_ns=max(t_ns, self.now_ns() + 100_000_000))
+
+
+def test_the_command_tares_legs_and_tells_refusals(scene: str) -> None:
+    """All that are heard in the air, one on the ground; and a leg that this robot does not have."""
+    with (
+        open_service(DEFAULT, load_scene(scene), real_time=False) as service,
+        closing(open_wire("virtual", DEFAULT.can.channel, 500_000, [])) as wire,
+    ):
+        clock = ServiceTime(service)
+        in_the_air = list(tare_legs(wire, clock, ["all"]))
+        clock.sleep_until_ns(2_000_000_000)
+        on_the_ground = {answer.leg: answer.result for answer in tare_legs(wire, clock, ["lm", "l4"])}
+    assert on_the_ground == {"l4": None, "lm": Result.LOADED}
+    assert {answer.leg: answer.result for answer in in_the_air} == dict.fromkeys(LEGS, Result.DONE)
+
+
+def test_a_tare_without_a_service_is_one_line() -> None:
+    result = footsense("tare", "lf", "rr", "--interface", "udp_multicast", "--channel", "239.74.163.77")
+    line = "lf: no answer on 239.74.163.77; is the service running there?"
+    assert one_line_error(result, 1) == f"{line} | {line.replace('lf', 'rr')}"

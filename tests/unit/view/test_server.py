@@ -18,13 +18,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from footsense.clock import MonotonicClock
 from footsense.errors import ConfigError
-from footsense.ports import CanWire
 from footsense.view.access import MAX_CLIENTS
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import PAGE_PROTOCOL, ViewServer
 from footsense.view.signals import signals
-from footsense.view.tares import TareCommandSender
 from tests.support.viewed_service import LEGS, ViewedService, header_of
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
@@ -33,10 +31,10 @@ TIMEOUT_S = 20
 
 
 @asynccontextmanager
-async def served(path: Path, tares: TareCommandSender | None = None) -> AsyncIterator[str]:
+async def served(path: Path) -> AsyncIterator[str]:
     """Serve the service of a path; yield host and port."""
     live = LiveSource(path, MonotonicClock())
-    async with ViewServer(live, tares).serving("127.0.0.1", 0) as url:
+    async with ViewServer(live).serving("127.0.0.1", 0) as url:
         yield url.removeprefix("http://")
     live.close()
 
@@ -226,7 +224,6 @@ RUBBISH: list[str | bytes] = [
     "[]",
     '{"type": "drawn", "more": 1}',
     '{"type": "chunk", "number": "one"}',
-    '{"type": "tare"}',
     b"\x00\xff",
     "x" * 100_000,
     "\N{SNOWMAN}" * 100,
@@ -252,46 +249,6 @@ def test_rubbish_ends_the_connection_and_nothing_else(
     lines = [record.getMessage() for record in caplog.records if record.name.startswith("footsense")]
     assert len(lines) == len(RUBBISH) - 1  # the longest is refused before it is read
     assert all("\n" not in line and "was dismissed" in line for line in lines)
-
-
-class FakeWire(CanWire):
-    """A CAN channel that keeps what is sent."""
-
-    def __init__(self) -> None:
-        self.sent: list[bytes] = []
-
-    def send(self, frames: bytes, t_ns: int) -> int:
-        """Keep a frame."""
-        del t_ns
-        self.sent.append(frames)
-        return 1
-
-    def receive(self) -> list[bytes]:
-        """Return nothing."""
-        return []
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
-def test_a_tare_needs_the_token(tmp_path: Path) -> None:
-    """Without it, or without the option, no frame goes out."""
-
-    async def test() -> None:
-        wire = FakeWire()
-        tares = TareCommandSender(wire, MonotonicClock())
-        for given, token, wanted in (
-            (None, "", "no commands: start `footsense view` with --allow-commands"),
-            (tares, "guessed", "no tare: the token is not the one that was printed at start"),
-            (tares, tares.token, ""),
-        ):
-            async with served(tmp_path / "cycles", given) as host, page(host) as browser:
-                await browser.send(json.dumps({"type": "tare", "leg": "lm", "token": token}))
-                assert (await text_of(browser, "answer"))["text"] == wanted
-            assert len(wire.sent) == (wanted == "")
-        assert wire.sent[0][:4] == (0x202).to_bytes(4, "little")
-
-    run(test)
 
 
 def test_a_recording_comes_second_by_second(tmp_path: Path) -> None:
