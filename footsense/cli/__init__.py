@@ -15,7 +15,6 @@ from typing import Any
 import click
 
 import footsense
-from footsense.cli.former_words import with_present_word
 from footsense.errors import FootsenseError
 from footsense.telemetry.log_lines import NonBlockingLogHandler
 
@@ -24,8 +23,8 @@ _EXIT_CODE_INTERRUPTED = 130
 
 #: Module and help line of each command, in the order of use; `footsense --help` imports none of them.
 _COMMANDS = {
-    "run": ("run.command", "Read the feet, estimate their forces, publish them on CAN."),
-    "monitor": ("monitor.command", "Show the legs on CAN, as a consumer of their forces sees them."),
+    "run": ("run", "Read the feet, estimate their forces, publish them on CAN."),
+    "monitor": ("monitor", "Show the legs on CAN, as a consumer of their forces sees them."),
     "tare": ("can.tare", "Take the present readings of legs as unloaded, by a command on CAN."),
     "view": ("view", "Serve the page of a running service to browsers."),
     "ros2": ("can.ros2", "Publish the legs on CAN to ROS 2 nodes (needs footsense[ros2])."),
@@ -68,19 +67,12 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, line) for name, (_, line) in _COMMANDS.items()])
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - click's signature
-        """Run a command; print an expected error as one line, and exit with its exit code.
-
-        Raises:
-            UsageError: The command line is wrong; click prints it.
-        """
+        """Run a command; print an expected error as one line, and exit with its exit code."""
         try:
             return super().invoke(ctx)
         except FootsenseError as error:
             click.echo(f"footsense: {error}", err=True)
             sys.exit(error.exit_code)
-        except click.UsageError as error:
-            error = with_present_word(error)
-            raise error from None
         except KeyboardInterrupt:
             sys.exit(_EXIT_CODE_INTERRUPTED)
 

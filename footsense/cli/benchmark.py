@@ -23,7 +23,8 @@ from footsense.benchmarks.scan import (
 )
 from footsense.benchmarks.viewed_latency import measure_viewed_latency
 from footsense.benchmarks.wakeup_latency import measure_wakeup_latency
-from footsense.cli.options import echo_json, json_option
+from footsense.cli.options import json_option
+from footsense.cli.tables import echo_json
 from footsense.errors import FootsenseError
 from footsense.progress import timed_bar
 

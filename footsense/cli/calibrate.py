@@ -14,8 +14,9 @@ from footsense.calibration.fit.calibrate import (
 )
 from footsense.calibration.session.recorded_session import read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
-from footsense.cli.options import FOLDER, echo_json, json_option
+from footsense.cli.options import FOLDER, json_option
 from footsense.cli.recordings.file_bar import file_progress_bar
+from footsense.cli.tables import echo_json
 from footsense.cli.test_stand_options import (
     foot_option,
     foot_type_option,

@@ -1,15 +1,13 @@
-"""Options that several commands share, JSON output, and the end of a run by time or signal."""
+"""Options that several commands share, and the end of a run by time or signal."""
 
 import math
 import signal
 from collections.abc import Callable
-from operator import methodcaller
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import click
-import msgspec
 
 from footsense.errors import ConfigError
 
@@ -28,13 +26,6 @@ pace_option = click.option(
     default=None,
     help="Pace a simulation with the wall clock, or not. Default: paced if a live picture is shown.",
 )
-
-
-def echo_json(values: object, indent: int = 2) -> None:
-    """Print values as JSON: NaN as null, numpy values as plain ones; on one line if `indent` is 0."""
-    click.echo(
-        msgspec.json.format(msgspec.json.encode(values, enc_hook=methodcaller("tolist")), indent=indent)
-    )
 
 
 def config_option(default: str) -> Decorator:

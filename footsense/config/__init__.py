@@ -8,7 +8,6 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from footsense.config.contradictions import first_contradiction
-from footsense.config.former_keys import REPLACEMENT_OF_FORMER_KEY
 from footsense.config.schema import Config
 from footsense.config.sections import Bus, Can, Mux, ResetLine
 from footsense.strict_yaml import load
@@ -41,7 +40,7 @@ def load_config(path: Path) -> Config:
     Raises:
         ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
     """
-    config = load(path, Config, check=first_contradiction, former=REPLACEMENT_OF_FORMER_KEY)
+    config = load(path, Config, check=first_contradiction)
     folder = config.foot_type if "/" in config.foot_type else None
     paths = {"model": config.model, "calibrations": config.calibrations, "foot_type": folder}
     return replace(

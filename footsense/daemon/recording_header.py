@@ -8,7 +8,6 @@ import msgspec
 from footsense import __version__
 from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
-from footsense.config.former_keys import with_present_keys
 from footsense.config.sections import Can
 from footsense.daemon.estimation import distance_times_capacitance_pf, stray_and_unloaded_pf
 from footsense.daemon.models import Models
@@ -87,8 +86,7 @@ def recorded_config(recording: "Replay") -> Config:
         RecordingError: The header has no configuration that this version reads, or one of other legs or elements.
     """
     try:
-        data = msgspec.json.decode(recording.header["config"])
-        config = msgspec.convert(with_present_keys(data), Config)
+        config = msgspec.json.decode(recording.header["config"], type=Config)
     except (KeyError, msgspec.DecodeError, RecursionError) as error:
         raise RecordingError(
             f"{recording.path}: no configuration that this version reads: {error}"

@@ -48,13 +48,6 @@ _LAB_STUDY_MODULES = {
 STUDY_MODULES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDY_MODULES.items()}
 #: Pages about the daemon or its scan, which the lab does not import: `footsense.cli.lab` makes them.
 DAEMON_PAGES = ("sensors", "tradeoff", "touchdown", "faults", "experiment", "mismatch")
-#: Former names of studies.
-_FORMER_STUDY_NAMES = {
-    "shipped": "released",
-    "paper-way": "paper-procedure",
-    "ladder": "fidelity",
-    "limit": "cramer-rao",
-}
 README, BUILD = "README.md", "build.json"
 #: Stale pages that are kept, with the reason of each, as JSON.
 STALE_PAGES_FILE = "stale.json"
@@ -71,8 +64,6 @@ def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STU
     Raises:
         FootsenseError: There is no such study.
     """
-    if name in _FORMER_STUDY_NAMES:
-        raise FootsenseError(f"the study {name} is now {_FORMER_STUDY_NAMES[name]}")
     if name not in studies:
         raise FootsenseError(f"no study {name!r}: there are {', '.join(studies)}")
     study: Study = import_module(studies[name]).STUDY

@@ -7,7 +7,6 @@ from pathlib import Path
 from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.sim import scene_loads
-from footsense.sim.faults.scene_faults import FORMER_FAULT_HINTS
 from footsense.sim.scene import Scene
 
 #: Lowest elevation of a contact [deg].
@@ -42,7 +41,6 @@ def load_scene(name_or_path: str) -> Scene:
         Scene,
         where,
         check=_contradiction,
-        former=FORMER_FAULT_HINTS | scene_loads.FORMER_LOAD_HINTS,
     )
 
 

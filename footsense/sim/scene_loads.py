@@ -17,13 +17,6 @@ Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]
 #: Constant ground reaction x, y, z on a foot [N]; z presses the foot along its leg.
 ReactionForce = tuple[float, float, Annotated[float, Meta(gt=0.0, le=500.0)]]
 
-#: Words of earlier versions of `CalibrationLoads`, each with what replaces it.
-FORMER_LOAD_HINTS = {
-    "pokes": "now called calibration_loads",
-    "hold_s": "now called dwell_s",
-    "rest_s": "now called pause_s",
-}
-
 
 def _nanoseconds(seconds: float) -> int:
     return round(seconds * 1_000_000_000)

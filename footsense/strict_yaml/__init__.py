@@ -7,7 +7,7 @@ a value out of range are errors that name the file, the line and the path of key
 Not supported, because it makes YAML surprising: merge keys, dates, tags, several documents, NaN and infinities.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
@@ -27,7 +27,6 @@ def load(
     type_: type[T],
     where: str | None = None,
     check: Callable[[T], Problem | None] | None = None,
-    former: Mapping[str, str] | None = None,
 ) -> T:
     """Return the object that a YAML text describes, or raise an error with the place of the first fault.
 
@@ -36,7 +35,6 @@ def load(
         type_: The struct that the text has to fit.
         where: Name of the text in errors; the path of the file if not given.
         check: Finds the first contradiction between fields that are each right by themselves.
-        former: Keys and values of earlier versions, each with what replaces it, for the error.
 
     Raises:
         ConfigError: The text is missing, is not such YAML, does not fit `type_`, or contradicts itself.
@@ -52,7 +50,7 @@ def load(
         result = msgspec.convert(text.root_value, type_)
         problem = check(result) if check else None
     except msgspec.ValidationError as error:
-        problem = problem_from_error(text.root_value, type_, str(error), former or {})
+        problem = problem_from_error(text.root_value, type_, str(error))
     if problem:
         raise ConfigError(f"{where}:{text.line_of(problem.path)}: {problem}")
     return result

@@ -1,7 +1,7 @@
 """Details of a msgspec validation error: path as keys, the wrong value, and the allowed values."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
@@ -33,14 +33,13 @@ class Problem(NamedTuple):
         return f"{self.path}: {self.message}" if self.path else self.message
 
 
-def problem_from_error(data: Any, type_: type[object], error: str, former: Mapping[str, str]) -> Problem:  # noqa: ANN401
+def problem_from_error(data: Any, type_: type[object], error: str) -> Problem:  # noqa: ANN401
     """Return a msgspec validation error as a problem with the path, the value and the allowed values.
 
     Args:
         data: Plain data that `msgspec.convert` refused.
         type_: Struct that they do not fit.
         error: Error of msgspec, such as "Expected `int` <= 7 - at `$.legs[...]`".
-        former: Keys and values of earlier versions, each with what replaces it.
     """
     place = _ERROR_PATH_PATTERN.search(error)
     fault = error[: place.start()] if place else error
@@ -62,18 +61,18 @@ def problem_from_error(data: Any, type_: type[object], error: str, former: Mappi
         name = unknown["name"]
         return Problem(
             item_path(path, name),
-            unknown["fault"] + _word_remedy(name, list(_mapping_field_types(info, value)), former),
+            unknown["fault"] + _word_remedy(name, list(_mapping_field_types(info, value))),
         )
     if missing := _MISSING_FIELD_PATTERN.fullmatch(fault):
         info = _item_type(info, value, missing["name"])
         return Problem(path, fault.replace("`", "") + _expected_values_text(info))
-    return Problem(path, fault.replace("`", "") + _error_hint(fault, value, info, former))
+    return Problem(path, fault.replace("`", "") + _error_hint(fault, value, info))
 
 
-def _error_hint(fault: str, value: object, info: inspect.Type, former: Mapping[str, str]) -> str:
+def _error_hint(fault: str, value: object, info: inspect.Type) -> str:
     """Return the wrong value, unless the message shows it, and the allowed values, as text."""
     if choices := _allowed_values(info):
-        return _word_remedy(value, choices, former)
+        return _word_remedy(value, choices)
     got = ""
     if isinstance(value, str):
         got = f" {value[:40]!r}" if "got" in fault else f", got {value[:40]!r}"
@@ -92,10 +91,8 @@ def _expected_values_text(info: inspect.Type) -> str:
     return f" ({', or '.join(reasons)})" if reasons else ""
 
 
-def _word_remedy(word: object, allowed: Sequence[object], former: Mapping[str, str]) -> str:
-    """Return the end of the message about a word that is not allowed: its new name, or the allowed words."""
-    if str(word) in former:
-        return f"; {former[str(word)]}"
+def _word_remedy(word: object, allowed: Sequence[object]) -> str:
+    """Return the end of the message about a word that is not allowed: the allowed words."""
     near = get_close_matches(str(word), [choice for choice in allowed if isinstance(choice, str)], n=1)
     nearest = f"; did you mean {near[0]}?" if near else ""
     return f"; expected {', '.join(map(str, allowed))}{nearest}"

@@ -10,8 +10,9 @@ import click
 from footsense.calibration.evaluation import evaluate as evaluate_sessions
 from footsense.calibration.session.recorded_session import RecordedSession, read_sessions
 from footsense.cli.evaluate.summary import evaluation_results, summary_text
-from footsense.cli.options import FOLDER, echo_json, json_option
+from footsense.cli.options import FOLDER, json_option
 from footsense.cli.recordings.file_bar import file_progress_bar
+from footsense.cli.tables import echo_json
 from footsense.cli.test_stand_options import (
     foot_option,
     foot_type_option,

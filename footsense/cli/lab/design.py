@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import click
 
 from footsense.cli.lab import options
-from footsense.cli.options import FILE, FOLDER, echo_json, json_option
+from footsense.cli.options import FILE, FOLDER, json_option
+from footsense.cli.tables import echo_json
 from footsense.errors import FootsenseError
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ import click
 import msgspec
 
 from footsense.cli.lab import options
-from footsense.cli.options import FILE, FOLDER, echo_json, json_option
+from footsense.cli.options import FILE, FOLDER, json_option
+from footsense.cli.tables import echo_json
 from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import click
 
 from footsense.cli.lab import options
-from footsense.cli.options import echo_json, json_option
+from footsense.cli.options import json_option
+from footsense.cli.tables import echo_json
 from footsense.errors import FootsenseError
 
 

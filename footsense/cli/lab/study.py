@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from footsense.cli.lab import options
-from footsense.cli.options import Decorator, echo_json, json_option
+from footsense.cli.options import Decorator, json_option
+from footsense.cli.tables import echo_json
 from footsense.errors import FootsenseError
 from footsense.progress import timed_bar
 

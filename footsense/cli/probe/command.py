@@ -7,9 +7,10 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from footsense.cli.options import FILE, config_option, echo_json, json_option
+from footsense.cli.options import FILE, config_option, json_option
 from footsense.cli.probe.json_values import adapters_json, probe_json
 from footsense.cli.probe.picture import adapters_picture, probe_picture
+from footsense.cli.tables import echo_json
 from footsense.config import DEFAULT, load_config
 from footsense.daemon.probe.bus_probe import probe as probe_robot
 from footsense.daemon.probe.bus_probe import probe_adapters

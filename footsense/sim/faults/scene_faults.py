@@ -25,16 +25,6 @@ Probability = Annotated[float, Meta(gt=0.0, le=1.0)]
 #: Index of one of the robot's buses, in the order of its configuration.
 BusIndex = Annotated[int, Meta(ge=0, le=5)]
 
-_PRESENT_NAME_OF_FORMER = {
-    "garbled": "corrupt_reads",
-    "deaf_switch": "switch_ignores_writes",
-    "stuck_trunk": "stuck_upstream_bus",
-    "mux_lost": "mux_reset",
-    "gap_shut": "gap_closed",
-}
-#: Names of faults in earlier versions, each with what replaces it.
-FORMER_FAULT_HINTS = {name: f"now called {present}" for name, present in _PRESENT_NAME_OF_FORMER.items()}
-
 
 def _snake_case(name: str) -> str:
     return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()

@@ -88,29 +88,6 @@ def test_a_number_out_of_range_is_a_usage_error(tmp_path: Path, arguments: tuple
 
 
 @pytest.mark.parametrize(
-    ("arguments", "present"),
-    [
-        (("bench",), "benchmark"),
-        (("lab", "ladder"), "fidelity"),
-        (("run", "--operating-point", "quiet"), "low-noise"),
-        (("run", "--operating-point", "steady"), "default"),
-        (("run", "--operating-point", "fresh"), "low-latency"),
-        (("replay", "a.mcap", "--packs", "feet"), "--calibrations"),
-        (("record", "a.mcap", "--pokes", "50"), "--loads"),
-        (("calibrate", "a.mcap", "--feet", "feet"), "--calibrations"),
-        (("evaluate", "a.mcap", "--pack", "feet/foot-0007"), "--calibration"),
-        (("lab", "response", "--rung", "full"), "--level"),
-    ],
-    ids=str,
-)
-def test_a_word_of_an_earlier_version_names_the_present_one(arguments: tuple[str, ...], present: str) -> None:
-    """Exit 2, as for any word that is not known, and the word to write instead."""
-    result = CliRunner().invoke(main, arguments)
-    assert result.exit_code == 2
-    assert f"It is now called {present}." in result.output
-
-
-@pytest.mark.parametrize(
     ("record", "can_log", "exit_code", "says"),
     [
         ("a.txt", "a.log", 78, "a.txt: the name has to end in .mcap"),

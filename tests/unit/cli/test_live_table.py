@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from footsense.cli.run.live_table import LiveTable
+from footsense.cli.live import LiveTable
 from footsense.frames import LEGS, BaselineDrift, CapFrame, ContactFrame, Cycle, State
 
 STATES = (

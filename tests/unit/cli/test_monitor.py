@@ -22,25 +22,24 @@ from firmware_interface.can.codes import (
 from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
 from firmware_interface.can.gait import Gait, Ground
 from footsense.can.python_can import open_wire
-from footsense.cli.monitor.command import monitor
-from footsense.cli.monitor.json_values import snapshot_json
-from footsense.cli.monitor.table import monitor_table
+from footsense.cli.monitor import COLUMNS, monitor, monitor_tables
+from footsense.cli.tables import json_row
 from footsense.client import LegForce, LegReport, LinkLimits, LinkStatus, Reports
 from footsense.daemon.can_listener import LegSnapshot, Listener
 from footsense.errors import CanError
-from footsense.frames import ALL_LEGS, LEGS, GaitEvent
+from footsense.frames import LEGS, GaitEvent
 from tests.support.can_robot import MS, FakeClock, Robot
 from tests.support.gaits import gait_frame
 
 
-def snapshot(leg: str = "lf", fault_mask: int = 0b100_000_011, n_elements: int = 9) -> LegSnapshot:
+def snapshot(leg: str) -> LegSnapshot:
     """Return a leg of which everything is told, in the longest words."""
     force = LegForce(
         status=LinkStatus.REPEATED,
         usable=True,
         state=State.CONVERTER_FAULT,
         flags=Flag.SIMULATED | Flag.CONTACT,
-        fault_mask=fault_mask,
+        fault_mask=0b100_000_011,
         force_n=(-12.3456, -0.0, 32.767),
         sigma_n=(0.1, math.nan, 1.02),
         age_ns=99_900_000,
@@ -66,7 +65,7 @@ def snapshot(leg: str = "lf", fault_mask: int = 0b100_000_011, n_elements: int =
         ),
         ground=Ground(1, 0, (-0.7, -0.7, 0.14), 0.315, 2.04, 0.248, 2.04),
     )
-    return LegSnapshot(leg, force, report, 7, n_elements=n_elements)
+    return LegSnapshot(leg, force, report, 7)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
@@ -74,7 +73,7 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
     """No line is folded or cut, on a terminal that knows ASCII alone."""
     screen = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
     console = Console(file=screen, width=80, force_terminal=True, color_system=None)
-    console.print(monitor_table([snapshot(leg) for leg in LEGS], "239.74.163.2   12345.6 s"))
+    console.print(monitor_tables([snapshot(leg) for leg in LEGS], "239.74.163.2   12345.6 s"))
     screen.seek(0)
     text = screen.read()
     assert len(text.splitlines()) <= 22
@@ -94,25 +93,9 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
     assert "…" not in text
 
 
-@pytest.mark.parametrize(
-    ("n_elements", "mask", "grid"),
-    [(4, 0b10_01, "x. .x"), (16, 0b1000_0000_0001_0010, ".x.. x... .... ...x")],
-)
-def test_the_elements_of_another_array(n_elements: int, mask: int, grid: str) -> None:
-    """A row of the foot in each group, and no line folded; in JSON their numbers."""
-    console = Console(file=io.StringIO(), width=80, force_terminal=True, color_system=None)
-    legs = [snapshot(leg, mask, n_elements) for leg in ALL_LEGS]
-    with console.capture() as capture:
-        console.print(monitor_table(legs, "239.74.163.2   12345.6 s"))
-    text = capture.get()
-    assert all(len(line) <= 80 for line in text.splitlines())
-    assert (text.count(grid), text.count("stopped"), text.count("…")) == (8, 8, 0)
-    assert snapshot_json(legs[0])["elements_out"] == [e for e in range(16) if mask >> e & 1]
-
-
 def plain(listener: Listener) -> list[dict[str, Any]]:
     """Return what one second of --json says, read back."""
-    return [msgspec.json.decode(msgspec.json.encode(snapshot_json(each))) for each in listener.snapshot()]
+    return [msgspec.json.decode(msgspec.json.encode(json_row(COLUMNS, each))) for each in listener.snapshot()]
 
 
 def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytest.FixtureRequest) -> None:
@@ -143,22 +126,6 @@ def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytes
     assert (left["link"], left["usable"], left["heartbeat"]) == ("stale", False, None)
     assert (left["force_n"], left["age_ms"], left["contact"]) == ([None] * 3, None, None)
     assert (left["state"], left["cause"], left["elements_out"]) == (None, None, None)
-    robot.close()
-
-
-@pytest.mark.parametrize("fd", [False, True])
-def test_a_listener_of_sixteen_elements(request: pytest.FixtureRequest, *, fd: bool) -> None:
-    """The mask of all elements, in frames of a leg and of all legs."""
-    robot = Robot(request.node.nodeid, fd=fd, n_elements=16)
-    clock = FakeClock()
-    wire = open_wire("virtual", request.node.nodeid, 500_000, ())
-    listener = Listener(wire, clock, LinkLimits(accept_degraded=True), n_elements=16)
-    for number in range(4):
-        robot.publish(number * 25 * MS, State.DEGRADED, mask=0x8201, age_ns=15 * MS)
-        listener.listen(clock.t_ns + 25 * MS)
-    left = plain(listener)[0]
-    assert (left["usable"], left["elements_out"]) == (True, [0, 9, 15])
-    assert listener.snapshot()[0].n_elements == 16
     robot.close()
 
 

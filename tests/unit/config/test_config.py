@@ -8,7 +8,6 @@ from click.testing import CliRunner
 from footsense.cli.check_config import check_config
 from footsense.config import DEFAULT, load_config
 from footsense.config.contradictions import warnings
-from footsense.config.former_keys import with_present_keys
 from footsense.config.sections import Metrics
 from footsense.errors import ConfigError
 from footsense.frames import LEGS
@@ -179,24 +178,6 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish_every: 1",
             "400 forces/s take 447 kbit/s, more than 70% of 500 kbit/s; use 1000000, or publish_every: 2",
         ),
-        (ONE_BUS + "zero: {track: false}", ":5: zero: Object contains unknown field; now called baseline"),
-        (ONE_BUS + "packs: feet", ":5: packs: Object contains unknown field; now called calibrations"),
-        (
-            ONE_BUS + "contact: {touch_n: 1}",
-            "contact.touch_n: Object contains unknown field; now called threshold_n",
-        ),
-        (
-            ONE_BUS + "tare: {window_frames: 8}",
-            "tare.window_frames: Object contains unknown field; now called window_sc",
-        ),
-        (
-            ONE_BUS + "scan:\n  gang: false",
-            ":6: scan.gang: Object contains unknown field; the column-sum scan was removed; take this key away",
-        ),
-        (
-            ONE_BUS + "publish: element",
-            ":5: publish: Object contains unknown field; now called publish_every: conversions per force on CAN",
-        ),
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
         (ONE_BUS + "metrics: {address: localhost}", "metrics.address: 'localhost' is not an IP address"),
         (
@@ -235,17 +216,6 @@ def test_check_config_explains_a_file() -> None:
     assert result.exit_code == 0
     assert "/dev/i2c-3 at 400 kHz, TCA9548A at 0x71: rf on channel 0" in result.output
     assert "CAN: socketcan can0, 500 kbit/s" in result.output
-
-
-def test_a_recorded_configuration_keeps_its_meaning() -> None:
-    """Keys of earlier versions are those of today, `gang: false` is nothing; `gang: true` stays, to be refused."""
-    then = {"zero": {"track": False}, "contact": {"touch_n": 1.0}, "scan": {"gang": False, "order": "raster"}}
-    assert with_present_keys(then) == {
-        "baseline": {"track": False},
-        "contact": {"threshold_n": 1.0},
-        "scan": {"order": "raster"},
-    }
-    assert with_present_keys({"scan": {"gang": True}}) == {"scan": {"gang": True}}
 
 
 def test_an_age_limit_below_a_scan_is_refused(tmp_path: Path) -> None:

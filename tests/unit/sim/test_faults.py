@@ -209,16 +209,3 @@ def test_every_fault_has_a_name_in_a_scene(tmp_path: Path) -> None:
     scene.write_text(start + "  - {at_s: 2, until_s: 2, leg: lf, fault: absent}\n")
     with pytest.raises(ConfigError, match=r"faults\[0\].until_s: must be later than at_s"):
         load_scene(str(scene))
-
-
-@pytest.mark.parametrize(
-    ("former", "present"), [("garbled", "corrupt_reads"), ("stuck_trunk", "stuck_upstream_bus")]
-)
-def test_a_former_name_of_a_fault_is_answered_with_the_present_one(
-    former: str, present: str, tmp_path: Path
-) -> None:
-    """One line that names both."""
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(f"description: x\nload: {{kind: unloaded}}\nfaults:\n  - {{at_s: 1, fault: {former}}}\n")
-    with pytest.raises(ConfigError, match=f"{former}.*now called {present}"):
-        load_scene(str(scene))

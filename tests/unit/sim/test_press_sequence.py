@@ -1,7 +1,6 @@
 """A simulated test stand: presses, viscoelastic rubber, feet as made."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -117,20 +116,4 @@ def test_a_press_below_the_known_response_is_refused_by_its_number(
         encoding="utf-8",
     )
     with pytest.raises(ConfigError, match=r"presses\[1\].*elevation of 6 deg"):
-        load_scene(str(file))
-
-
-@pytest.mark.parametrize(
-    ("load", "present"),
-    [
-        ("kind: pokes, presses: training", "calibration_loads"),
-        ("kind: calibration_loads, presses: training, hold_s: 1", "dwell_s"),
-        ("kind: calibration_loads, presses: training, rest_s: 1", "pause_s"),
-    ],
-)
-def test_a_word_of_an_earlier_version_names_the_present_one(load: str, present: str, tmp_path: Path) -> None:
-    """One line with the new word."""
-    file = tmp_path / "old.yaml"
-    file.write_text(f"description: old\nload: {{{load}}}\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match=f"now called {present}"):
         load_scene(str(file))

@@ -4,20 +4,21 @@ import math
 import webbrowser
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from msgspec.structs import replace
 
 from footsense.cli import options
-from footsense.cli.run.page import serve_page, view_section_of_run
+from footsense.cli.tables import echo_json, figures_table
+from footsense.cli.view_process import serve_page, view_section_of_run
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
 from footsense.config.sections import View
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
-from footsense.frames import Cycle
+from footsense.frames import FAULT_FREE, Cycle, State
 from footsense.ports import Observer
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
@@ -115,19 +116,19 @@ def run(
         if opens_view and url:
             webbrowser.open(url)
         if live:
-            from footsense.cli.run.live_table import LiveTable
+            from footsense.cli.live import LiveTable
 
             table = LiveTable(_console(), service.legs, title, service.true_force_n_at, url)
             stack.callback(table.close)
             service.observers.append(table)
         if scene and not paced and math.isfinite(duration_s):
-            from footsense.cli.run.run_bar import SimulationProgressBar
+            from footsense.cli.live import SimulationProgressBar
 
             service.observers.append(
                 stack.enter_context(closing(SimulationProgressBar(service.clock.now_ns(), duration_s)))
             )
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
-    figures = {
+    figures: dict[str, Any] = {
         "scene": scene_name,
         **statistics.summary(),
         **service.run_counts(),
@@ -135,11 +136,14 @@ def run(
         "resident_mib": resident_mib(),
     }
     if summary == "json":
-        options.echo_json(figures)
+        echo_json(figures)
     else:
-        from footsense.cli.run.summary_text import print_summary
-
-        print_summary(_console(), figures)
+        # Of the states those of a fault; all of them are in JSON.
+        states = {
+            leg: {s: n for s, n in of_leg.items() if State[s.upper()] not in FAULT_FREE}
+            for leg, of_leg in figures["states"].items()
+        }
+        _console().print(figures_table(figures | {"states": states}))
 
 
 def _console() -> "Console":

@@ -1,0 +1,286 @@
+"""Command `footsense monitor`: the legs on CAN, as a consumer of their forces sees them."""
+
+import math
+from collections.abc import Iterator
+from contextlib import closing
+from enum import IntEnum
+
+import click
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+from firmware_interface.can.codes import Cause, Flag, NmtState, Slip
+from footsense.cli.can.can_options import can_options
+from footsense.cli.options import StopRequest, duration_option
+from footsense.cli.tables import (
+    EMPTY_CELL,
+    Column,
+    echo_json,
+    force_column,
+    json_row,
+    state_cell,
+    styled,
+    table,
+    value_text,
+)
+from footsense.client import LinkLimits, LinkStatus
+from footsense.clock import MonotonicClock
+from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
+from footsense.frames import ELEMENTS
+from footsense.leg_phase import phase_of
+
+_NS_PER_S = 1_000_000_000
+_REDRAW_PERIOD_NS = 200_000_000
+_LINK_STYLES = {LinkStatus.OK: "green", LinkStatus.LOST: "yellow", LinkStatus.REPEATED: "yellow"}
+#: State of the node in a heartbeat, in words short enough for the last column.
+_NODE_STATE_WORDS = {
+    NmtState.BOOT: "boot",
+    NmtState.STOPPED: "stopped",
+    NmtState.OPERATIONAL: "runs",
+    NmtState.PRE_OPERATIONAL: "waits",
+}
+
+
+@click.command()
+@can_options
+@click.option(
+    "--max-age-ms",
+    type=click.IntRange(1, 10_000),
+    default=100,
+    show_default=True,
+    help="Age from which a force is stale, and a silent leg lost.",
+)
+@duration_option("Stop after this time.")
+@click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print one line of JSON per leg and second; the default if the output is no terminal.",
+)
+def monitor(
+    interface: str,
+    channel: str,
+    force_step_mn: int,
+    n_elements: int,
+    max_age_ms: int,
+    duration_s: float,
+    *,
+    as_json: bool,
+) -> None:
+    """Show the legs on CAN: state, force with its age and uncertainty, and the cause of a fault.
+
+    Only listens. A force is shown if a consumer that accepts degraded legs may use it.
+    """
+    limit_ns = max_age_ms * 1_000_000
+    limits = LinkLimits(max_age_ns=limit_ns, timeout_ns=limit_ns, accept_degraded=True)
+    console = Console()
+    clock = MonotonicClock()
+    stop = StopRequest()
+    start_ns = clock.now_ns()
+    end_ns = start_ns + duration_s * _NS_PER_S
+    with closing(open_listener(interface, channel, clock, limits, force_step_mn, n_elements)) as listener:
+        if as_json or not console.is_terminal:
+            for t_ns in _listen_in_periods(listener, start_ns, end_ns, _NS_PER_S, stop):
+                for snapshot in listener.snapshot():
+                    t_s = round((t_ns - start_ns) * 1e-9, 3)
+                    echo_json({"t_s": t_s, **json_row(COLUMNS, snapshot)}, indent=0)
+            return
+        with Live(console=console, auto_refresh=False, screen=False) as live:
+            for t_ns in _listen_in_periods(listener, start_ns, end_ns, _REDRAW_PERIOD_NS, stop):
+                title = f"{channel}   {(t_ns - start_ns) * 1e-9:5.1f} s"
+                live.update(monitor_tables(listener.snapshot(), title), refresh=True)
+
+
+def _listen_in_periods(
+    listener: Listener, start_ns: int, end_ns: float, period_ns: int, stop: StopRequest
+) -> Iterator[int]:
+    """Receive from CAN in periods of `period_ns`, until the end or a signal.
+
+    Yields:
+        Time at the end of each period [ns].
+    """
+    t_ns = start_ns
+    while t_ns + period_ns <= end_ns:
+        while t_ns < (due_ns := start_ns + period_ns):
+            t_ns = min(due_ns, t_ns + _REDRAW_PERIOD_NS)
+            listener.listen(t_ns)
+            if stop.requested:
+                return
+        yield t_ns
+        start_ns = t_ns
+
+
+def monitor_tables(legs: list[LegSnapshot], title: str) -> Group:
+    """Return the picture of all legs, for a terminal of 80 columns and 22 lines.
+
+    Args:
+        legs: The legs as their frames show them.
+        title: Channel and time.
+    """
+    head = Text.assemble(("footsense monitor  ", "bold"), title)
+    if any(leg.force.flags & Flag.SIMULATED for leg in legs):
+        head.append("  simulated", "dim")
+    if any(leg.report.degraded_timing for leg in legs):
+        head.append("  timing degraded", "bold red")
+    if any(leg.report.gait and leg.report.gait.all_in_air for leg in legs):
+        head.append("  in air", "cyan")
+    return Group(
+        head,
+        *(
+            table([_LEG_COLUMN, *columns], legs)
+            for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, _REPORT_COLUMNS)
+        ),
+    )
+
+
+def _state_cell(leg: LegSnapshot) -> str:
+    return state_cell(leg.force.state) if leg.is_current else EMPTY_CELL
+
+
+def _link_cell(leg: LegSnapshot) -> str:
+    status = leg.force.status
+    return styled(status.name.lower(), _LINK_STYLES.get(status, "bold red"))
+
+
+def _contact(leg: LegSnapshot) -> bool | None:
+    return bool(leg.force.flags & Flag.CONTACT) if leg.force.usable else None
+
+
+def _contact_cell(leg: LegSnapshot) -> str:
+    contact = _contact(leg)
+    return EMPTY_CELL if contact is None else styled("down", "cyan") if contact else "up"
+
+
+def _slip_cell(leg: LegSnapshot) -> str:
+    gait = leg.report.gait
+    if gait is None or gait.slip is Slip.UNKNOWN:
+        return EMPTY_CELL
+    return styled("slips", "bold yellow") if gait.slip is Slip.SLIPPING else "sticks"
+
+
+def _cause(leg: LegSnapshot) -> str | None:
+    """Return the cause of a leg's state in words; None if none was reported lately, or for another state."""
+    report = leg.report
+    if not leg.is_current or report.cause is None or report.cause_state is not leg.force.state:
+        return None
+    return report.cause.name.lower().replace("_", " ")
+
+
+def _cause_cell(leg: LegSnapshot) -> str:
+    cause = _cause(leg)
+    return EMPTY_CELL if cause is None else styled(cause, "" if leg.report.cause is Cause.NONE else "yellow")
+
+
+def _elements_out(leg: LegSnapshot) -> list[int] | None:
+    return (
+        [element for element in range(ELEMENTS) if leg.force.fault_mask >> element & 1]
+        if leg.is_current
+        else None
+    )
+
+
+def _elements_cell(leg: LegSnapshot) -> str:
+    """Return the elements row by row, an x for each that is not usable."""
+    out = _elements_out(leg)
+    if out is None:
+        return EMPTY_CELL
+    grid = " ".join(
+        "".join("x" if row + j in out else "." for j in range(3)) for row in range(0, ELEMENTS, 3)
+    )
+    return styled(grid, "yellow" if out else "dim")
+
+
+def _node_cell(leg: LegSnapshot) -> str:
+    state = leg.report.node_state
+    return styled("silent", "bold red") if state is None else _NODE_STATE_WORDS[state]
+
+
+def _name(code: IntEnum | None) -> str | None:
+    return None if code is None else code.name.lower()
+
+
+def _scaled(value: int | None, scale: float) -> float | None:
+    return None if value is None else value * scale
+
+
+_LEG_COLUMN: Column[LegSnapshot] = Column("leg", lambda leg: leg.leg, "<3")
+_FORCE_COLUMNS: list[Column[LegSnapshot]] = [
+    Column("link", lambda leg: leg.force.status.name.lower(), "<8", cell=_link_cell),
+    Column("forces", lambda leg: leg.n_force_frames),
+    Column("phase", lambda leg: phase_of(leg.force.state).name.lower() if leg.is_current else None),
+    Column("state", lambda leg: _name(leg.force.state) if leg.is_current else None, "<15", cell=_state_cell),
+    Column("usable", lambda leg: leg.force.usable),
+    force_column("force_n", lambda leg: leg.force.force_n),
+    Column(
+        "sigma_n",
+        lambda leg: leg.force.sigma_n,
+        ">5",
+        ("sigma",),
+        lambda leg: value_text(max(leg.force.sigma_n), ".3f"),
+    ),
+    Column("age_ms", lambda leg: _scaled(leg.force.age_ns, 1e-6), ">8.1f"),
+    Column("contact", _contact, "<4", ("foot",), _contact_cell),
+    Column("simulated", lambda leg: bool(leg.force.flags & Flag.SIMULATED) if leg.is_current else None),
+]
+_GAIT_COLUMNS: list[Column[LegSnapshot]] = [
+    Column("gait.contact", lambda leg: leg.report.gait and leg.report.gait.contact),
+    Column("gait.contact_raw", lambda leg: leg.report.gait and leg.report.gait.contact_raw),
+    Column(
+        "gait.probability", lambda leg: leg.report.gait and leg.report.gait.probability, ">7.1%", ("contact",)
+    ),
+    Column(
+        "gait.load_share", lambda leg: leg.report.gait and leg.report.gait.load_share, ">5.0%", ("share",)
+    ),
+    Column(
+        "gait.slip", lambda leg: leg.report.gait and leg.report.gait.slip.name.lower(), "<6", cell=_slip_cell
+    ),
+    Column("gait.all_in_air", lambda leg: leg.report.gait and leg.report.gait.all_in_air),
+    Column(
+        "ground.tangential_over_normal",
+        lambda leg: leg.report.ground and leg.report.ground.tangential_over_normal,
+        ">8.2f",
+        ("friction",),
+    ),
+    Column(
+        "ground.tangential_over_normal_sigma",
+        lambda leg: leg.report.ground and leg.report.ground.tangential_over_normal_sigma,
+        ">4.2f",
+        ("+-",),
+    ),
+    Column(
+        "ground.friction", lambda leg: leg.report.ground and leg.report.ground.friction, ">4.2f", ("cone",)
+    ),
+    Column(
+        "ground.normal",
+        lambda leg: leg.report.ground and leg.report.ground.normal,
+        ">+8.2f",
+        ("normal x", "y"),
+    ),
+    Column(
+        "ground.normal_sigma_deg",
+        lambda leg: leg.report.ground and math.degrees(leg.report.ground.normal_sigma_rad),
+        ">8.1f",
+        ("+- [deg]",),
+    ),
+]
+_REPORT_COLUMNS: list[Column[LegSnapshot]] = [
+    Column("cause", _cause, "<15", cell=_cause_cell),
+    Column("elements_out", _elements_out, "<11", ("elements",), _elements_cell),
+    Column("baseline.status", lambda leg: _name(leg.report.baseline), "<9", ("baseline",)),
+    Column("baseline.mean_ff", lambda leg: leg.report.baseline_mean_offset_pf * 1e3, ">+7.1f", ("mean fF",)),
+    Column("baseline.worst_ff", lambda leg: leg.report.baseline_worst_offset_pf * 1e3, ">+7.1f", ("worst",)),
+    Column(
+        "baseline.moved_s_ago",
+        lambda leg: _scaled(leg.report.baseline_moved_ago_ns, 1e-9),
+        ">7.1f",
+        ("ago [s]",),
+    ),
+    Column("heartbeat", lambda leg: _name(leg.report.node_state), "<7", ("node",), _node_cell),
+    Column("degraded_timing", lambda leg: leg.report.degraded_timing),
+    Column("last_event.kind", lambda leg: leg.event and leg.event.kind.name.lower()),
+    Column("last_event.ago_ms", lambda leg: _scaled(leg.event_ago_ns, 1e-6)),
+    Column("last_event.sigma_ms", lambda leg: leg.event and leg.event.sigma_s * 1e3),
+]
+#: All that is known of a leg, in the order of JSON.
+COLUMNS = [_LEG_COLUMN, *_FORCE_COLUMNS, *_GAIT_COLUMNS, *_REPORT_COLUMNS]

@@ -1,1 +1,0 @@
-"""Command `footsense monitor`: forces and states received from CAN."""

@@ -1,1 +1,0 @@
-"""Command `footsense run`: the service (daemon)."""

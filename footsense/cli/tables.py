@@ -1,0 +1,217 @@
+"""One renderer for all commands: named values, as a table for people, or as JSON with the same names.
+
+The suffix of a name is its unit: `age_ms` is the name in JSON, and `age [ms]` the heading of the table. What is not
+known, None or NaN, is null in JSON and a dash in a table. Cells are text with rich's markup; rich is imported when a
+table is drawn, so that a service without a terminal does without it.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from operator import methodcaller
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import click
+import msgspec
+
+from firmware_interface.can.codes import State
+from footsense.leg_phase import LegPhase, phase_of
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+#: Cell of an unknown value.
+EMPTY_CELL = "[dim]-[/]"
+
+_UNITS = {
+    "c": "degC",
+    "deg": "deg",
+    "ff": "fF",
+    "gf": "gf",
+    "hz": "Hz",
+    "mib": "MiB",
+    "ms": "ms",
+    "n": "N",
+    "pf": "pF",
+    "rel": "1",
+    "s": "s",
+    "um": "um",
+    "us": "us",
+}
+_PHASE_STYLES = {
+    LegPhase.ABSENT: "bold red",
+    LegPhase.STARTING: "yellow",
+    LegPhase.TARING: "yellow",
+    LegPhase.VALID: "green",
+    LegPhase.DEGRADED: "yellow",
+    LegPhase.FAULTED: "bold red",
+    LegPhase.STOPPED: "dim",
+}
+
+Row = TypeVar("Row")
+
+
+@dataclass(frozen=True)
+class Column(Generic[Row]):
+    """One named value of every row.
+
+    Attributes:
+        name: Name in JSON, its unit as suffix; "baseline.mean_ff" is in the group `baseline`. Empty: in tables alone.
+        value: The value of a row; None and NaN are unknown.
+        form: Format of a cell, such as ">7.3f": alignment, least width, format of a number. Empty: in JSON alone.
+        titles: Headings; several for a value of several parts. None: that of the name.
+        cell: Text of the cell, with markup; None for the value in the form.
+    """
+
+    name: str
+    value: Callable[[Row], Any]
+    form: str = ""
+    titles: tuple[str, ...] | None = None
+    cell: Callable[[Row], "RenderableType"] | None = None
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Headings in a table; none if the value is in JSON alone."""
+        if not self.form:
+            return ()
+        return (heading(self.name.rpartition(".")[2]),) if self.titles is None else self.titles
+
+    def cells(self, row: Row) -> list["RenderableType"]:
+        """Return the cells of a row, one under each heading."""
+        if self.cell is not None:
+            return [self.cell(row)]
+        value = self.value(row)
+        parts: Sequence[object] = value if isinstance(value, tuple | list) else [value] * len(self.headings)
+        return [value_text(part, self.form) for part in parts[: len(self.headings)]]
+
+
+def table(columns: Iterable[Column[Row]], rows: Iterable[Row]) -> "Table":
+    """Return a table with a line for each row, of those columns that have a form."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    shown = [column for column in columns if column.form]
+    drawn = Table(box=None, pad_edge=False, padding=(0, 1))
+    for column in shown:
+        found = re.search(r"\d+", column.form)
+        for title in column.headings:
+            drawn.add_column(
+                escape(title),
+                justify="right" if column.form[0] == ">" else "left",
+                min_width=int(found[0]) if found else None,
+                no_wrap=True,
+            )
+    for row in rows:
+        drawn.add_row(*(cell for column in shown for cell in column.cells(row)))
+    return drawn
+
+
+def json_row(columns: Iterable[Column[Row]], row: Row) -> dict[str, Any]:
+    """Return the values of a row by their names, numbers to six digits; a group of unknown values is None."""
+    values: dict[str, Any] = {}
+    groups: dict[str, dict[str, Any]] = {}
+    for column in columns:
+        group, _, name = column.name.rpartition(".")
+        value = _to_six_digits(column.value(row)) if name else None
+        if group:
+            groups.setdefault(group, {})[name] = value
+            values[group] = (
+                groups[group] if any(item is not None for item in groups[group].values()) else None
+            )
+        elif name:
+            values[name] = value
+    return values
+
+
+def echo_json(values: object, indent: int = 2) -> None:
+    """Print values as JSON: NaN as null, numpy values as plain ones; on one line if `indent` is 0."""
+    click.echo(
+        msgspec.json.format(msgspec.json.encode(values, enc_hook=methodcaller("tolist")), indent=indent)
+    )
+
+
+def figures_table(figures: Mapping[str, Any]) -> "Table":
+    """Return figures, each on a line after its name; those that are unknown or empty are left out."""
+    from rich.table import Table
+
+    lines = Table(box=None, show_header=False, padding=(0, 2, 0, 0), pad_edge=False)
+    lines.add_column(style="bold", no_wrap=True)
+    lines.add_column()
+    for name, value in figures.items():
+        if text := _figure_text(value):
+            lines.add_row(escaped(heading(name)), escaped(text))
+    return lines
+
+
+def echo_figures(figures: Mapping[str, Any], *, as_json: bool) -> None:
+    """Print figures: as JSON, or each on a line after its name."""
+    if as_json:
+        echo_json(figures)
+        return
+    from rich.console import Console
+
+    Console(highlight=False).print(figures_table(figures))
+
+
+def heading(name: str) -> str:
+    """Return the name of a value as words, its unit in brackets.
+
+    Example:
+        >>> heading("direction_error_deg"), heading("cycles")
+        ('direction error [deg]', 'cycles')
+    """
+    words, _, unit = name.rpartition("_")
+    if not words or unit not in _UNITS:
+        return name.replace("_", " ")
+    return f"{words.replace('_', ' ')} [{_UNITS[unit]}]"
+
+
+def value_text(value: object, form: str) -> str:
+    """Return a value as a cell: a number in its format, codes as words, a dash for what is not known.
+
+    Example:
+        >>> value_text(-0.0004, ">+z7.3f"), value_text("no_answer", "<9"), value_text(float("nan"), ">7.3f")
+        (' +0.000', 'no answer', '[dim]-[/]')
+    """
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return EMPTY_CELL
+    return escaped(value.replace("_", " ")) if isinstance(value, str) else format(value, form)
+
+
+def styled(text: str, style: str) -> str:
+    """Return a text as a cell in a style of rich; plain if the style is empty."""
+    return f"[{style}]{escaped(text)}[/]" if style else escaped(text)
+
+
+def escaped(text: str) -> str:
+    """Return a text as markup that shows it as it is."""
+    return text.replace("[", "\\[")
+
+
+def state_cell(state: State) -> str:
+    """Return a leg's state as a cell, in the colour of its operating phase."""
+    return styled(state.name.lower().replace("_", " "), _PHASE_STYLES[phase_of(state)])
+
+
+def force_column(name: str, force_n: Callable[[Row], Sequence[float]]) -> Column[Row]:
+    """Return the column of a force [N] in its three components; one that rounds to zero has no sign."""
+    return Column(name, force_n, ">+z7.3f", ("fx [N]", "fy [N]", "fz [N]"))
+
+
+def _to_six_digits(value: Any) -> Any:  # noqa: ANN401 - whatever JSON has
+    if isinstance(value, float):
+        return float(f"{value:.6g}") + 0.0
+    return [_to_six_digits(part) for part in value] if isinstance(value, tuple | list) else value
+
+
+def _figure_text(value: object) -> str:
+    if isinstance(value, Mapping):
+        parts = {heading(name): _figure_text(part) for name, part in value.items()}
+        return ", ".join(f"{name} {text}" for name, text in parts.items() if text)
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if isinstance(value, list | tuple):
+        return ", ".join(filter(None, map(_figure_text, value)))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
