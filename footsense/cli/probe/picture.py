@@ -13,7 +13,7 @@ from rich.text import Text
 from firmware_interface.chips import ad7746, adg715, fdc1004
 from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.foot_check import FootScans
-from footsense.cli.leg_table import EMPTY_CELL, LegColumns, enum_words, leg_table
+from footsense.cli.tables import EMPTY_CELL, Column, styled, table
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Cause, Reading, Vector
 
@@ -115,7 +115,7 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
     assert report.scans is not None
     rows = _n_rows(report)
     marks = [
-        (f"{pf:.3f}" if math.isfinite(pf) else enum_words(Reading(code).name), bool(code))
+        (f"{pf:.3f}" if math.isfinite(pf) else Reading(code).name.lower().replace("_", " "), bool(code))
         for pf, code in zip(report.scans.mean_pf.tolist(), report.scans.worst_reading.tolist(), strict=True)
     ]
     for fault in report.faults:
@@ -167,30 +167,34 @@ def _address_lines(
 def _legs_overview(legs: tuple[ProbedLeg, ...]) -> Table:
     """Return a table with one row per leg: chips, capacitance, noise, result."""
     several = len({report.device for report in legs}) > 1
-    columns: LegColumns[ProbedLeg] = {
-        **({"bus": ("<1", lambda leg: leg.device)} if several else {}),
-        "at": ("<1", lambda leg: str(leg.channel_or_adapter)),
-        "answering": ("<1", _answering_chips_cell),
-        "C0 [pF]": (
-            ">1",
+    columns: list[Column[ProbedLeg]] = [
+        Column("leg", lambda leg: leg.leg, "<1"),
+        Column("bus", lambda leg: leg.device, "<1" if several else ""),
+        Column("channel", lambda leg: str(leg.channel_or_adapter), "<1", ("at",)),
+        Column("answering", lambda leg: leg.chips, "<1", cell=_answering_chips_cell),
+        Column(
+            "mean_pf",
             lambda leg: _sound_element_range_text(leg, lambda scans: scans.mean_pf, "{0:.2f}..{1:.2f}"),
-        ),
-        "noise [fF]": (
             ">1",
-            lambda leg: _sound_element_range_text(leg, lambda scans: scans.noise_ff, "{1:.2f}"),
+            ("C0 [pF]",),
         ),
-        "foot": ("<1", _foot_result_cell),
-    }
-    return leg_table({report.leg: report for report in legs}, columns)
+        Column(
+            "noise_ff",
+            lambda leg: _sound_element_range_text(leg, lambda scans: scans.noise_ff, "{1:.2f}"),
+            ">1",
+        ),
+        Column("foot", lambda leg: leg.faults, "<1", cell=_foot_result_cell),
+    ]
+    return table(columns, legs)
 
 
-def _answering_chips_cell(leg: ProbedLeg) -> Text:
+def _answering_chips_cell(leg: ProbedLeg) -> str:
     """Return a table cell with the chips of a leg that answer."""
     if leg.chips is None:
         return EMPTY_CELL
     names = _CHIP_NAMES if leg.chips.outcome is Reading.OK else {}
     answering = (names.get(address, f"{address:#04x} ?") for address in leg.chips.answering)
-    return Text(", ".join(answering) or "nobody", "" if names else "bold red")
+    return styled(", ".join(answering) or "nobody", "" if names else "bold red")
 
 
 def _sound_element_range_text(leg: ProbedLeg, values: Callable[[FootScans], Vector], form: str) -> str:
@@ -201,11 +205,11 @@ def _sound_element_range_text(leg: ProbedLeg, values: Callable[[FootScans], Vect
     return form.format(sound.min(), sound.max()) if sound.size else "-"
 
 
-def _foot_result_cell(leg: ProbedLeg) -> Text:
+def _foot_result_cell(leg: ProbedLeg) -> str:
     """Return a table cell with the result of a foot's check."""
     if leg.scans is None:
-        return Text("not scanned", "bold red")
-    return Text("see below", "bold red") if leg.faults else Text("sound", "green")
+        return styled("not scanned", "bold red")
+    return styled("see below", "bold red") if leg.faults else styled("sound", "green")
 
 
 def _foot_marks(report: ProbedLeg) -> Text:

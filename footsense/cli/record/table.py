@@ -8,7 +8,7 @@ from rich.text import Text
 
 from footsense.calibration.session.coverage import azimuth_and_elevation_deg
 from footsense.calibration.session.guide import SessionGuide
-from footsense.cli.live_view import LiveView
+from footsense.cli.live import LiveView
 from footsense.cli.record.coverage_ball import GLYPHS, PLAIN_GLYPHS, coverage_discs
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import USABLE, Cycle, State, Vector
