@@ -62,7 +62,7 @@ class Cause(IntEnum):
     GAP_CLOSED = 13  #: a gap is closed: more load than the foot can measure
     DELAYED = 14  #: the loop or the bus was delayed
     CANNOT_EXCITE = 15  #: the converter cannot drive the leg's rows: a short, or a leak to ground
-    CALIBRATION_STALE = 16  #: its loads or elements no longer match the calibration; the force is unchanged
+    CALIBRATION_STALE = 16  #: reserved: nothing sends it
 
 
 class BaselineStatus(IntEnum):

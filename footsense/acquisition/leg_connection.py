@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from firmware_interface.chips import tca9548a
 from footsense.acquisition.chip_timing import ChipTiming
 from footsense.frames import Codes, Reading
+from footsense.leg_words import words_of_reading
 
 if TYPE_CHECKING:
     from footsense.acquisition.boards.board import ConversionStep
@@ -26,14 +27,14 @@ _MAX_PAUSE_NS = 4_000_000_000
 STUCK_LEG_PAUSE_FACTOR, STUCK_BUS_PAUSE_FACTOR = 4.0, 0.25
 
 #: Readings that count as a miss, the gravest first.
-_MISS_TEXTS = {
-    Reading.NO_ANSWER: "does not answer",
-    Reading.NOT_READY: "does not finish its conversions",
-    Reading.MISCONFIGURED: "does not hold its settings",
-    Reading.CORRUPT: "answers as no converter does",
-    Reading.BUS_STUCK: "holds a line of the bus low",
-    Reading.EXCITATION: "cannot excite its rows: look for a short or a leak from one to ground",
-}
+_MISSES = (
+    Reading.NO_ANSWER,
+    Reading.NOT_READY,
+    Reading.MISCONFIGURED,
+    Reading.CORRUPT,
+    Reading.BUS_STUCK,
+    Reading.EXCITATION,
+)
 
 
 class LegConnection:
@@ -107,7 +108,7 @@ class LegConnection:
             now_ns: The time now [ns].
         """
         present = set(readings.tolist())
-        missing = [reading for reading in _MISS_TEXTS if reading in present]
+        missing = [reading for reading in _MISSES if reading in present]
         if not missing:
             self._misses = 0
             self._pause_ns = _FIRST_PAUSE_NS
@@ -124,14 +125,14 @@ class LegConnection:
         Args:
             outcome: Why.
             now_ns: The time now [ns].
-            why: The same in words; by default those of the reading.
+            why: The same in words; by default the meaning of the reading.
             pause_factor: Factor on the pause.
         """
         if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
             _log.warning(
                 "leg %s: %s; left out of the scan and tried again later",
                 self.name,
-                why or _MISS_TEXTS[outcome],
+                why or words_of_reading(outcome).meaning,
             )
         self.in_scan = False
         self.is_suspect = True

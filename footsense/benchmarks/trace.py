@@ -9,7 +9,7 @@ too. The latter are given as a figure of their own, since a count by file name a
 
 A conversion of six legs is one turn of the loop; every fourth sends two frames on CAN per leg. Counted are the
 conversions after the tare. A function counts with more than one call in two conversions; what runs less often (the
-frames on CAN, the calibration monitor, a step of drift tracking) is in the total of calls, and marked in the list.
+frames on CAN, a step of drift tracking) is in the total of calls, and marked in the list.
 """
 
 import argparse

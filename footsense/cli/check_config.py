@@ -57,7 +57,6 @@ def _summary_lines(models: Models) -> list[str]:
         f"  unloaded within {config.tare.unloaded_limit_rel:.1%} of the free foot's readings",
         f"baseline: {'follows the foot in swing' if config.baseline.track else 'constant between tares'}",
         f"contact from {contact_threshold_n(models):g} N",
-        f"all legs carry {_body_weight_text(config)}",
         f"stale after {config.stale_after_ms:g} ms",
         f"network: {model or 'that of the foot type'}, {network.sha256[:12]}",
         f"CAN: {_can_text(models)}",
@@ -94,13 +93,6 @@ def _calibration_line(leg: str, calibration: FootCalibration) -> str:
         f"{line}, {errors.direction_deg:.1f} deg and {errors.magnitude_gf:.1f} gf on those held out "
         f"({before.direction_deg:.1f} deg and {before.magnitude_gf:.1f} gf without the calibration)"
     )
-
-
-def _body_weight_text(config: Config) -> str:
-    """Return the configured body weight as text."""
-    if config.body_weight_n is None:
-        return "what they carried first (body_weight_n is not given)"
-    return f"{config.body_weight_n:g} N together"
 
 
 def _force_rate_text(config: Config) -> str:

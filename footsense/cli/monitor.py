@@ -28,7 +28,7 @@ from footsense.client import LinkLimits, LinkStatus
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
 from footsense.frames import ELEMENTS
-from footsense.leg_phase import phase_of
+from footsense.leg_words import phase_of, word_of
 
 _NS_PER_S = 1_000_000_000
 _REDRAW_PERIOD_NS = 200_000_000
@@ -164,7 +164,7 @@ def _cause(leg: LegSnapshot) -> str | None:
     report = leg.report
     if not leg.is_current or report.cause is None or report.cause_state is not leg.force.state:
         return None
-    return report.cause.name.lower().replace("_", " ")
+    return word_of(report.cause)
 
 
 def _cause_cell(leg: LegSnapshot) -> str:

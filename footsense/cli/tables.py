@@ -16,7 +16,7 @@ import click
 import msgspec
 
 from firmware_interface.can.codes import State
-from footsense.leg_phase import LegPhase, phase_of
+from footsense.leg_words import LegPhase, phase_of, word_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -192,7 +192,7 @@ def escaped(text: str) -> str:
 
 def state_cell(state: State) -> str:
     """Return a leg's state as a cell, in the colour of its operating phase."""
-    return styled(state.name.lower().replace("_", " "), _PHASE_STYLES[phase_of(state)])
+    return styled(word_of(state), _PHASE_STYLES[phase_of(state)])
 
 
 def force_column(name: str, force_n: Callable[[Row], Sequence[float]]) -> Column[Row]:

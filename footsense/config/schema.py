@@ -37,8 +37,6 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         rows: Rows of elements of every foot, and as many columns.
         model: Network to use, relative to the file; None for that of the foot type.
         feet: Foot mounted on each leg.
-        body_weight_n: Sum of all legs' loads while walking [N], to detect feet whose calibration no longer holds; None
-            compares the sum with its first values.
         calibrations: Folder of the feet's calibrations, relative to the file; every foot in `feet` needs one there,
             which brings its stray_pf, unloaded_pf and network. None assumes the foot as designed.
         metrics: Counters and where they are served; None for no metrics.
@@ -68,7 +66,6 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     rows: Literal[2, 3, 4] = 3
     model: Annotated[str, Meta(min_length=1)] | None = None
     feet: dict[sections.Leg, FootId] = {}
-    body_weight_n: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None
     calibrations: Annotated[str, Meta(min_length=1)] | None = None
     metrics: sections.Metrics | None = None
     view: sections.View | None = None

@@ -69,7 +69,6 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         gap_um=_element_parameter(models, "gap_um", {}, design.gap_um),
         gain_rel=_element_parameter(models, "gain_rel", {}, 1.0),
         feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
-        body_weight_n=config.body_weight_n,
         set_temperature=set_temperature,
         range_end_pf=BOARDS[config.board](config.rows).range_end_pf
         if config.board in BOARDS

@@ -13,7 +13,6 @@ from footsense.estimation.baseline.contact import ContactLimits
 from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.baseline.tracker import BaselineTracker
 from footsense.estimation.baseline.unloaded import UnloadedFeet
-from footsense.estimation.faults.calibration_monitor import CalibrationMonitor
 from footsense.estimation.faults.consistency import ConsistencyResult, ConsistencyTest
 from footsense.estimation.faults.imputation import Imputation
 from footsense.estimation.faults.missing_sets import missing_sets_containing
@@ -31,21 +30,17 @@ from footsense.estimation.steady_windows import steady_ages_s
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import (
     CapFrame,
-    Cause,
     Codes,
     Command,
     CommandKind,
     CommandResult,
     ContactFrame,
-    Flag,
     Mask,
     Result,
     State,
     Vector,
 )
 from footsense.ports import Estimator, LoadEstimate, Window
-
-_VALID = np.uint8(State.VALID)
 
 
 class Pipeline:
@@ -69,7 +64,6 @@ class Pipeline:
         gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, elements);
             None for 1. All stages use real closures over the design's gap.
         feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
-        body_weight_n: Load of all legs together [N]; None if not configured.
         set_temperature: Called with the temperature of each leg's foot [degC], shape (legs,), NaN where it is not
             measured; None if no estimator uses it.
     """
@@ -93,7 +87,6 @@ class Pipeline:
         gap_um: Vector | None = None,
         gain_rel: Vector | None = None,
         feet: Sequence[str] = (),
-        body_weight_n: float | None = None,
         set_temperature: Callable[[Vector], None] | None = None,
     ) -> None:
         n_legs, design = len(stray_pf), trained.design
@@ -104,7 +97,6 @@ class Pipeline:
         self._trained = trained
         # One per leg: to broadcast a single one takes longer than the operation.
         self._flags = np.full(n_legs, flags, np.uint8)
-        self._contact = np.full(n_legs, Flag.CONTACT, np.uint8)
         # Plate distance over the gap, times capacitance.
         self._distance_pf = design.plate_distance_um(np.ones(1)) / design.gap_um
         if gain_rel is not None:
@@ -123,7 +115,6 @@ class Pipeline:
         self._consistency = ConsistencyTest(n_legs, trained.moments, settling_time_ns)
         gap_um = np.full_like(stray_pf, design.gap_um) if gap_um is None else gap_um
         self._legs = LegStateClassifier(n_legs, trained, gap_um, max_age_ns)
-        self._monitor = CalibrationMonitor(n_legs, body_weight_n)
         self._gait = GaitTracker(n_legs)
         self._no_leg = np.zeros(n_legs, bool)
         self._set_temperature = set_temperature
@@ -153,8 +144,7 @@ class Pipeline:
     def process(self, scan: CapFrame, now_ns: int) -> tuple[ContactFrame, tuple[CommandResult, ...]]:
         """Return the forces of a frame as of `now_ns`, and the results of the tares that finish with it.
 
-        The stages: element status, tare, last readings, consistency test, leg status, load, contact and drift, gait,
-        calibration monitor.
+        The stages: element status, tare, last readings, consistency test, leg status, load, contact and drift, gait.
 
         Raises:
             ValueError: The frame has another number of legs or elements.
@@ -198,7 +188,6 @@ class Pipeline:
         force_n = load.force_n
         baselines.observe(measured_rel, force_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns)
         gait = self._gait.observe(load, baselines.contacts, now_ns)
-        cause = self._run_calibration_monitor(force_n, state, legs, measured_rel, now_ns)
         return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
@@ -208,7 +197,7 @@ class Pipeline:
             state=state,
             fault_mask=legs.fault_mask,
             flags=baselines.flags | self._flags,
-            cause=cause,
+            cause=legs.cause,
             baseline=baselines.drift,
             gait=gait,
         ), results
@@ -252,24 +241,6 @@ class Pipeline:
         force_n[~finite] = sigma_n[~finite] = np.nan
         state = np.where(legs.usable & ~finite, np.uint8(State.OUT_OF_RANGE), legs.state)
         return load._replace(sigma_n=sigma_n), state
-
-    def _run_calibration_monitor(
-        self, force_n: Vector, state: Codes, legs: LegStatus, measured_rel: Vector, now_ns: int
-    ) -> Codes:
-        """Run the calibration monitor; return each leg's cause, a stale calibration if there is no other."""
-        monitor = self._monitor
-        if now_ns >= monitor.due_ns:
-            load_n = force_n[:, 2]
-            if not legs.all_healthy:
-                load_n = np.where(state == _VALID, load_n, np.nan)
-            in_contact = (self._baselines.flags & self._contact).astype(np.bool_)
-            monitor.observe(
-                load_n, in_contact, self._consistency.residual_and_closure_square_sums(measured_rel), now_ns
-            )
-        if not monitor.any_stale:
-            return legs.cause
-        unexplained = monitor.stale & legs.usable & (legs.cause == Cause.NONE)
-        return np.where(unexplained, np.uint8(Cause.CALIBRATION_STALE), legs.cause)
 
 
 def _without_future_readings(scan: CapFrame, now_ns: int) -> CapFrame:

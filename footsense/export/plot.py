@@ -8,6 +8,7 @@ import numpy as np
 from footsense.errors import FootsenseError
 from footsense.export.plot_signals import PlotSignals, collect_signals
 from footsense.frames import GaitEventKind, Mask, State, Vector
+from footsense.leg_words import word_of
 from footsense.recording.replay import Replay
 
 try:
@@ -195,8 +196,6 @@ def _legend_entries(signals: PlotSignals) -> list[Any]:
     ]
     codes = set(np.unique(signals.state).tolist())
     states = [
-        Patch(color=color, label=state.name.lower().replace("_", " "))
-        for state, color in _STATE_COLOURS.items()
-        if state in codes
+        Patch(color=color, label=word_of(state)) for state, color in _STATE_COLOURS.items() if state in codes
     ]
     return lines + marks + states

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from footsense.frames import USABLE, BaselineStatus, Cause, Slip, State
+from footsense.leg_words import word_of
 from footsense.ros2.messages import (
     ContactState,
     DiagnosticArray,
@@ -134,9 +135,9 @@ def _contact_status(sample: LegSample) -> int:
 
 def _diagnostic_status(sample: LegSample) -> DiagnosticStatus:
     state, cause = sample.state, sample.cause
-    words = "no answer on CAN" if state is None else _name_as_words(state.name)
+    words = "no answer on CAN" if state is None else word_of(state)
     if cause:
-        words += f": {_name_as_words(cause.name)}"
+        words += f": {word_of(cause)}"
     elements = [str(e) for e in range(sample.fault_mask.bit_length()) if sample.fault_mask >> e & 1]
     values = {
         "state": "unknown" if state is None else state.name,
@@ -161,7 +162,3 @@ def _diagnostic_level(state: State | None) -> int:
     if state is State.VALID:
         return _OK
     return _WARN if state in _WARNING_STATES else _ERROR
-
-
-def _name_as_words(name: str) -> str:
-    return name.lower().replace("_", " ")

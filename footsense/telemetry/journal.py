@@ -63,7 +63,7 @@ class LegStateLogger:
                 change += f" ({reason})" if cause else ""
                 if state == state_before:
                     change = f"{now.name.lower()}: {Cause(cause_before).name.lower()} -> {reason}"
-                # A valid leg may have a cause too, such as a stale calibration.
+                # A valid leg may have a cause too, such as an element that drifts.
                 level = logging.WARNING if cause or now not in FAULT_FREE else logging.INFO
                 self._log_line(leg, level, change)
 

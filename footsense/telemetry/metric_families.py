@@ -13,7 +13,7 @@ from firmware_interface.can.codes import (
     Slip,
     State,
 )
-from footsense.leg_phase import LegPhase
+from footsense.leg_words import LegPhase
 from footsense.telemetry.shared_counters import MetricFamily
 
 #: Close together around one conversion of 2.5, 5, 10 and 11 ms.

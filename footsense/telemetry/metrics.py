@@ -22,7 +22,7 @@ from footsense.frames import (
     Result,
     State,
 )
-from footsense.leg_phase import phase_of
+from footsense.leg_words import phase_of
 from footsense.ports import Observer, WakeupLatency
 from footsense.telemetry.metric_families import (
     CAN_COUNTERS,

@@ -14,6 +14,7 @@ from footsense.frames import (
     Result,
     State,
 )
+from footsense.leg_words import word_of
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -88,7 +89,7 @@ class EventDetector:
                 level = "good" if state is State.VALID else "info" if state in FAULT_FREE else "fault"
                 if state is State.DEGRADED or (cause and level != "fault"):
                     level = "warning"
-                text = enum_words(state.name) + (f": {enum_words(cause.name)}" if cause else "")
+                text = word_of(state) + (f": {word_of(cause)}" if cause else "")
                 events.append(Event(now_ns, leg, "state", level, text))
         degraded, was_degraded = (
             any(flag & Flag.DEGRADED_TIMING for flag in flags) for flags in (present[2], self._present[2])
@@ -97,8 +98,3 @@ class EventDetector:
             level, text = ("warning", "timing degraded") if degraded else ("good", "timing as requested")
             events.append(Event(now_ns, None, "timing", level, text))
         return events
-
-
-def enum_words(name: str) -> str:
-    """Return an enumeration member's name as lower-case words."""
-    return name.lower().replace("_", " ")

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL, floating_row_crosstalk_pf
-from footsense.frames import Cause, Codes, Mask, Reading, Vector
+from footsense.frames import Cause, Codes, Mask, Reading, State, Vector
+from footsense.leg_words import CAUSE_WORDS, STATE_AND_CAUSE_OF_READING, words_of_reading
 
 
 class FootFault(NamedTuple):
@@ -31,42 +32,15 @@ class FootFault(NamedTuple):
     foot_may_be_sound: bool = False
 
 
-#: Faults of a leg's chips by the readings that show them, the gravest first: of all elements of the foot.
-_WHOLE_FOOT_FAULT_OF_READING = {
-    Reading.MISCONFIGURED: FootFault(
-        Cause.SETTINGS_LOST,
-        (),
-        "a chip does not hold its settings",
-        "the supply of its chips and the switches' RESET pin; or a loose contact",
-    ),
-    Reading.EXCITATION: FootFault(
-        Cause.CANNOT_EXCITE,
-        (),
-        "its converter cannot drive the rows",
-        "a row line that is shorted or leaks to ground",
-    ),
-    Reading.CORRUPT: FootFault(
-        Cause.CORRUPT,
-        (),
-        "its answers are such as no healthy chip gives",
-        "pull-ups, cable length and ground of this leg",
-    ),
-    Reading.NOT_READY: FootFault(
-        Cause.NEVER_FINISHES,
-        (),
-        "its converter does not finish its conversions",
-        "its 3.3 V supply",
-    ),
-    Reading.DELAYED: FootFault(
-        Cause.DELAYED,
-        (),
-        "its readings came too late",
-        "what else loads this computer or this bus",
-    ),
-}
+#: Readings of chips that answer, but give no capacitance whatever the foot is, the gravest first.
+_WHOLE_FOOT_READINGS = tuple(
+    reading
+    for reading, (state, _) in reversed(STATE_AND_CAUSE_OF_READING.items())
+    if state is not State.ABSENT
+)
 
 #: Readings of a leg's chips, which do not depend on the foot.
-CHIP_FAULT_READINGS = (*_WHOLE_FOOT_FAULT_OF_READING, Reading.NO_ANSWER)
+CHIP_FAULT_READINGS = (*_WHOLE_FOOT_READINGS, Reading.NO_ANSWER)
 
 
 class FootScans(NamedTuple):
@@ -133,9 +107,11 @@ def foot_faults(
         >>> fault.cause.name, fault.elements
         ('ROW_OPEN', (3, 4, 5))
     """
-    for reading, fault in _WHOLE_FOOT_FAULT_OF_READING.items():
+    for reading in _WHOLE_FOOT_READINGS:
         if (scans.reading == reading).any():
-            return (fault._replace(elements=tuple(range(len(stray_pf)))),)
+            meaning, remedy, _ = words_of_reading(reading)
+            elements = tuple(range(len(stray_pf)))
+            return (FootFault(STATE_AND_CAUSE_OF_READING[reading][1], elements, meaning, remedy),)
     mean_pf = scans.mean_pf - stray_pf
     over = scans.worst_reading == Reading.OVER_RANGE
     opened = (mean_pf < OPEN_ELEMENT_THRESHOLD_REL * unloaded_pf) | (
@@ -188,7 +164,7 @@ def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
                 faults.append(FootFault(Cause.ELEMENT_SHORTED, (element,), observation, advice))
             else:
                 observation = f"element {element} is over the converter's range: its gap is closed"
-                advice = "water in the gap, and what presses the foot"
+                advice = CAUSE_WORDS[Cause.GAP_CLOSED].remedy
                 faults.append(FootFault(Cause.GAP_CLOSED, (element,), observation, advice))
     return faults
 

@@ -16,6 +16,7 @@ from footsense.acquisition.probe.foot_check import FootScans
 from footsense.cli.tables import EMPTY_CELL, Column, styled, table
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
 from footsense.frames import Cause, Reading, Vector
+from footsense.leg_words import CAUSE_WORDS, word_of
 
 _CHIP_NAMES = {
     fdc1004.ADDRESS: "FDC1004",
@@ -26,20 +27,6 @@ _CHIP_NAMES = {
 #: Width of one element's text, and space between two feet beside each other [characters].
 _ELEMENT_WIDTH = 7
 _FOOT_SPACING_CELLS = 3
-
-#: Mark in the place of a capacitance, by the fault of the element.
-_CAUSE_MARKS = {
-    Cause.ELEMENT_OPEN: "open",
-    Cause.ROW_OPEN: "open",
-    Cause.COLUMN_OPEN: "open",
-    Cause.ELEMENT_SHORTED: "short",
-    Cause.GAP_CLOSED: "closed",
-    Cause.CANNOT_EXCITE: "drive",
-    Cause.NEVER_FINISHES: "busy",
-    Cause.SETTINGS_LOST: "reset",
-    Cause.CORRUPT: "corrupt",
-    Cause.DELAYED: "late",
-}
 
 
 def probe_picture(result: ProbeResult, title: str) -> Group:
@@ -115,12 +102,12 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
     assert report.scans is not None
     rows = _n_rows(report)
     marks = [
-        (f"{pf:.3f}" if math.isfinite(pf) else Reading(code).name.lower().replace("_", " "), bool(code))
+        (f"{pf:.3f}" if math.isfinite(pf) else word_of(Reading(code)), bool(code))
         for pf, code in zip(report.scans.mean_pf.tolist(), report.scans.worst_reading.tolist(), strict=True)
     ]
     for fault in report.faults:
         for element in fault.elements:
-            marks[element] = (_CAUSE_MARKS.get(fault.cause, marks[element][0]), True)
+            marks[element] = (CAUSE_WORDS[fault.cause].mark or marks[element][0], True)
             if fault.cause is Cause.ELEMENT_SHORTED:
                 for other in set(range(element % rows, rows**2, rows)) - set(fault.elements):
                     marks[other] = ("lost", True)

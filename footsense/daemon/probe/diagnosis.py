@@ -11,14 +11,9 @@ from footsense.config.contradictions import pull_up_fault
 from footsense.daemon.acquisition import MIN_BUS_SPEED_REL
 from footsense.daemon.probe.report import Diagnosis, ProbedBus, ProbedLeg
 from footsense.frames import Reading
+from footsense.leg_words import words_of_reading
 
 _MUX_ADDRESSES = range(0x70, 0x78)
-
-_ADVICE_OF_READING = {
-    Reading.NO_ANSWER: "its plug, its 3.3 V, and whether this is its channel",
-    Reading.WRONG_CHIP: "what is plugged in there, and `board` in the configuration",
-    Reading.DELAYED: "other masters on this bus, its pull-ups and its clock",
-}
 
 
 def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
@@ -112,12 +107,10 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
         )
         yield Diagnosis(report.leg, observation, "its plug and cable: a loose contact")
     elif chips is not None and chips.outcome is Reading.BUS_STUCK:
-        observation = f"it holds SDA or SCL low as soon as {location} is connected"
-        yield Diagnosis(
-            report.leg, observation, "short in its cable or plug, and whether its chips have power"
-        )
+        words = words_of_reading(chips.outcome)
+        yield Diagnosis(report.leg, f"{location}: {words.meaning}", words.remedy)
     elif chips is not None and chips_fail:
-        yield Diagnosis(report.leg, f"{location}: {chips.why}", _ADVICE_OF_READING[chips.outcome])
+        yield Diagnosis(report.leg, f"{location}: {chips.why}", words_of_reading(chips.outcome).remedy)
     if report.timing is not None and report.timing.wait_factor > 1.0:
         slower = f"{100 * (report.timing.wait_factor - 1):.0f} %"
         observation = (

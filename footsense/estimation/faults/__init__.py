@@ -1,1 +1,1 @@
-"""Fault detection of elements and legs: status, residual test, imputation, calibration monitor."""
+"""Fault detection of elements and legs: status, residual test, imputation."""

@@ -6,22 +6,12 @@ import numpy as np
 
 from footsense.estimation.faults.missing_sets import trained_missing_sets
 from footsense.frames import BaselineDrift, Cause, Codes, Mask, Reading, State
+from footsense.leg_words import STATE_AND_CAUSE_OF_READING
 
 #: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
 #: differ in that by a fifth.
 MAX_DRIFT_FROM_LEG_MEAN_PF = 20e-3
 
-#: State and cause of a leg by the readings of its elements, the most severe last.
-_STATE_AND_CAUSE_OF_READING = {
-    Reading.DELAYED: (State.STALE, Cause.DELAYED),
-    Reading.NOT_READY: (State.CONVERTER_FAULT, Cause.NEVER_FINISHES),
-    Reading.CORRUPT: (State.CONVERTER_FAULT, Cause.CORRUPT),
-    Reading.MISCONFIGURED: (State.CONVERTER_FAULT, Cause.SETTINGS_LOST),
-    Reading.EXCITATION: (State.CONVERTER_FAULT, Cause.CANNOT_EXCITE),
-    Reading.WRONG_CHIP: (State.ABSENT, Cause.WRONG_CHIP),
-    Reading.BUS_STUCK: (State.ABSENT, Cause.BUS_STUCK),
-    Reading.NO_ANSWER: (State.ABSENT, Cause.NO_ANSWER),
-}
 #: Readings of a leg whose foot does not answer: it may come back with another foot.
 SILENT_READINGS = np.array([Reading.NO_ANSWER, Reading.BUS_STUCK, Reading.WRONG_CHIP], np.uint8)
 
@@ -61,7 +51,7 @@ def set_states_without_force(state: Codes, reading: Codes, faulty: Mask, closed:
     if faulty.any():
         state[faulty.any(axis=1)] = State.ELEMENT_FAULT
     if reading.any():
-        for kind, (worse, _) in _STATE_AND_CAUSE_OF_READING.items():
+        for kind, (worse, _) in STATE_AND_CAUSE_OF_READING.items():
             state[(reading == kind).any(axis=1)] = worse
 
 
@@ -95,7 +85,7 @@ def leg_causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause:
                 cause[faults.opened[:, line].all(axis=1)] = broken
         cause[faults.shorted.any(axis=1)] = Cause.ELEMENT_SHORTED
     if reading.any():
-        for kind, (_, reason) in _STATE_AND_CAUSE_OF_READING.items():
+        for kind, (_, reason) in STATE_AND_CAUSE_OF_READING.items():
             cause[(reading == kind).any(axis=1)] = reason
     cause[(state == State.STALE) & (cause == Cause.NONE)] = Cause.DELAYED
     return cause

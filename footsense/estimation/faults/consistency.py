@@ -87,10 +87,8 @@ class ConsistencyTest:
         self._single_and_lines = slice(1, 1 + n), slice(1 + n, None)
         # The second limit over the root of the sum of squares.
         self._limit_rel_of_sum = np.array(RESIDUAL_LIMIT_REL / math.sqrt(n))
-        self._sums_of_both = np.kron(np.eye(2), np.ones((n, 1)))
         self._residual_matrices = np.stack([self._residual_matrix(missing) for missing in self._sets])
         self._whole = np.ascontiguousarray(self._residual_matrices[0].T)
-        self._residual_and_closure = np.hstack([self._whole, np.eye(n)])
         self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
         self._unexplained = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
@@ -109,16 +107,6 @@ class ConsistencyTest:
         """Readmit all elements of the legs in a mask, shape (legs,), after a change of foot or baseline."""
         for marks in (self.excluded, self._suspected, self._stuck, self._inconsistent):
             marks[legs] = False
-
-    def residual_and_closure_square_sums(self, closure_rel: Vector) -> Vector:
-        """Return each leg's sums of squares of the residuals and of the closures [1], shape (legs, 2).
-
-        Args:
-            closure_rel: Closures over the gap [1], shape (legs, elements).
-        """
-        both = closure_rel @ self._residual_and_closure
-        square_sums: Vector = both * both @ self._sums_of_both
-        return square_sums
 
     def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
         """Test the elements of a frame; return the missing and the inconsistent ones.

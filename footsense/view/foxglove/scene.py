@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from footsense.frames import ContactFrame, State, Vector
-from footsense.leg_phase import LegPhase, phase_of
+from footsense.leg_words import LegPhase, phase_of, word_of
 
 #: Frame of the feet, and place of each in it [m]: x forward, y left.
 ROBOT_FRAME = "robot"
@@ -45,7 +45,7 @@ def scene_update(forces: ContactFrame, legs: Sequence[str]) -> dict[str, Any]:
         colour = dict(zip("rgba", (*_PHASE_COLOURS.get(phase_of(state), _FAULT_COLOUR), 1.0), strict=True))
         force_n = forces.force_n[row]
         is_known = bool(np.isfinite(force_n).all())
-        name = f"{leg} {force_n[2]:.2f} N" if is_known else f"{leg} {state.name.lower().replace('_', ' ')}"
+        name = f"{leg} {force_n[2]:.2f} N" if is_known else f"{leg} {word_of(state)}"
         above = {
             "position": _point_json(DISPLAYED_FOOT_POSITIONS_M[leg], above_m=0.02),
             "orientation": _IDENTITY_ROTATION,

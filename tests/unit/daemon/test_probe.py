@@ -124,7 +124,7 @@ def test_nothing_is_wrong_with_a_sound_robot() -> None:
             "row 1, column 1 touch",
         ),
         (scene_faults.GapClosed(at_s=0, leg="lm", element=4), "its gap is closed", "water"),
-        (scene_faults.StuckSda(at_s=0, leg="lm"), "low as soon as channel 1 is connected", "short"),
+        (scene_faults.StuckSda(at_s=0, leg="lm"), "low as soon as it is connected", "short"),
         (scene_faults.StuckConverter(at_s=0, leg="lm"), "does not finish", "supply"),
         (scene_faults.SwitchIgnoresWrites(at_s=0, leg="lm"), "does not hold its settings", "RESET"),
         (scene_faults.NackAtRandom(at_s=0, leg="lm", rate_rel=0.01), "now and then", "loose contact"),

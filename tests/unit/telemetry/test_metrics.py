@@ -31,7 +31,7 @@ from footsense.frames import (
     Slip,
     State,
 )
-from footsense.leg_phase import LegPhase
+from footsense.leg_words import LegPhase
 from footsense.ports import WakeupLatency
 from footsense.telemetry.exporter import CountersCollector
 from footsense.telemetry.metric_families import STATE_SETS
