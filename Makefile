@@ -4,28 +4,27 @@
 # make test-all  the same with all tests: meshes, the page in a browser, packaging, studies, random faults
 # make docs      the documentation site: build/site/docs/index.html
 # make fuzz      an hour of other and more examples for the tests in tests/fuzz
-# make lock      the newest packages for a robot: deploy/requirements.lock, with their hashes
-# make mutants ROOM=footsense/can   changes the code of a room or module in small ways, and lists what no test notices
+# make lock      renews the versions and hashes that all of these install: deploy/ and tests/requirements.lock
+# make golden    the recorded walk anew that every change is replayed against; only for a change that is meant to change forces
 # make kernel-test         the service as deployed, on a Debian kernel in an emulator; needs Debian 12 and root
 # make kernel-test-short   the first of these trials, as CI runs them after the tests; does nothing where it cannot
-# All make their own .venv; only Python 3.11+, make and git are needed.
+# NEWEST=1 behind any of them installs the newest packages in place of the locked ones, in .venv-newest.
+# All make their own environment; only Python 3.11+, make and git are needed.
 
 PYTHON ?= python3
-VENV   := .venv
+VENV   := .venv$(if $(NEWEST),-newest)
 BIN    := $(VENV)/bin
+# Of the index that pip is set to, as uv does not read that.
+UV     := url=$${UV_DEFAULT_INDEX:-$$($(BIN)/pip config list | sed -n "s/.*\.index-url='\(.*\)'/\1/p" | tail -n 1)}; \
+	env $${url:+UV_DEFAULT_INDEX=$$url} $(BIN)/uv pip
+SYNC   := $(UV) install --quiet --python $(BIN)/python
 
-.PHONY: run install test test-all check slow-tests docs kernel-test kernel-test-short fuzz lock mutants format golden clean
+.PHONY: run install test test-all check slow-tests docs kernel-test kernel-test-short fuzz lock format golden clean newest
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --realtime --duration 30
 
 install: $(VENV)/robot.stamp
-
-check: $(VENV)/dev.stamp
-	$(BIN)/ruff format --check .
-	$(BIN)/ruff check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
 
 test: check
 	$(BIN)/pytest -n auto --dist worksteal -m "not slow"
@@ -37,9 +36,14 @@ test-all: check
 slow-tests: $(VENV)/dev.stamp
 	$(BIN)/pytest -n auto --dist worksteal -m slow
 
+check: $(VENV)/dev.stamp
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
 # A link that leads nowhere, or a page that is in no table of contents, ends it.
-docs: $(VENV)/robot.stamp
-	$(BIN)/python -m pip install --quiet --group docs
+docs: $(VENV)/dev.stamp
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs auto -c docs/site . build/site
 	@echo build/site/docs/index.html
 
@@ -52,42 +56,61 @@ kernel-test-short: $(VENV)/dev.stamp
 fuzz: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.fuzz $(ARGS)
 
-# One file for x86-64 and aarch64, of wheels alone: a source package would build itself with packages that have no hash
-# here. That is also why footsense's own build requirements are among them.
-lock: $(VENV)/robot.stamp
-	$(BIN)/python -m pip install --quiet --group lock
-	$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"])' \
-	    | $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --only-binary :all: \
-	        --emit-build-options --generate-hashes --custom-compile-command 'make lock' \
-	        --output-file deploy/requirements.lock pyproject.toml -
-
-# ARGS="--sample 200" draws some of the changes; a whole room takes an hour.
-mutants: $(VENV)/dev.stamp
-	$(BIN)/python -m pip install --quiet --group mutants
-	$(BIN)/python -m tests.mutants $(ROOM) $(ARGS)
-
 format: $(VENV)/dev.stamp
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-clean:
-	rm -rf $(VENV) dist build
-
-$(VENV)/bin/python:
-	$(PYTHON) -c 'import sys; sys.exit("footsense needs Python 3.11 or newer; try: make PYTHON=python3.11") if sys.version_info < (3, 11) else None'
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
-
-$(VENV)/robot.stamp: $(VENV)/bin/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --editable .
-	@touch $@
-
-# --group reads the PEP 735 table of development tools, which is not part of the wheel.
-$(VENV)/dev.stamp: $(VENV)/bin/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --editable '.[lab]' --group dev
-	@touch $@ $(VENV)/robot.stamp
-
-# The recorded walk that every change is replayed against; to be made anew only by a change that is meant to change forces.
 golden: $(VENV)/robot.stamp
 	rm -f tests/golden/measured_walk.mcap
 	$(BIN)/footsense run --scene measured_walk --duration 4 --record tests/golden/measured_walk.mcap --summary text
+
+clean:
+	rm -rf .venv .venv-newest dist build
+
+# ---------------------------------------------------------------- environments
+$(BIN)/python:
+	$(PYTHON) -c 'import sys; sys.exit("footsense needs Python 3.11 or newer; try: make PYTHON=python3.11") if sys.version_info < (3, 11) else None'
+	$(PYTHON) -m venv $(VENV)
+
+# uv by its own entry of the lock; it installs all else.
+$(BIN)/uv: tests/requirements.lock $(BIN)/python
+	sed -n '/^uv==/,/[^\\]$$/p' $< >$(VENV)/uv.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r $(VENV)/uv.txt
+	@touch $@
+
+ifdef NEWEST
+# On each call, as an index may have something newer each time. The group is a table of pyproject.toml, not part of the wheel.
+$(VENV)/robot.stamp: $(BIN)/uv newest
+	$(SYNC) --upgrade --editable .
+	@touch $@
+
+$(VENV)/dev.stamp: $(BIN)/uv newest
+	$(SYNC) --upgrade --editable '.[lab]' --group dev
+	@touch $@
+else
+# The project itself, without a look at any index: what builds it is in both locks.
+EDITABLE := $(SYNC) --offline --no-deps --no-build-isolation --editable .
+
+$(VENV)/robot.stamp: deploy/requirements.lock pyproject.toml $(BIN)/uv
+	$(SYNC) --require-hashes -r $<
+	$(EDITABLE)
+	@touch $@
+
+$(VENV)/dev.stamp: tests/requirements.lock pyproject.toml $(BIN)/uv
+	$(SYNC) --require-hashes -r $<
+	$(EDITABLE)
+	@touch $@ $(VENV)/robot.stamp
+endif
+
+# Of wheels alone: a source package would build itself with packages that have no hash here. The second has the versions of
+# the first, and all that the targets above use. Each kind of computer has to find a wheel of every package.
+LOCK := $(UV) compile --quiet --upgrade --universal --python-version 3.11 --only-binary :all: --emit-build-options \
+	--generate-hashes --custom-compile-command 'make lock'
+
+lock: $(BIN)/uv
+	$(LOCK) --output-file deploy/requirements.lock --group build pyproject.toml
+	$(LOCK) --output-file tests/requirements.lock --constraint deploy/requirements.lock --extra lab --group dev pyproject.toml
+	for machine in x86_64 aarch64; do for version in 3.11 3.12 3.13; do for lock in deploy tests; do \
+	    $(SYNC) --dry-run --require-hashes --target $(VENV)/none --python-platform $$machine-manylinux_2_28 \
+	        --python-version $$version -r $$lock/requirements.lock || exit 1; \
+	done; done; done

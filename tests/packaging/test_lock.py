@@ -1,9 +1,9 @@
-"""`deploy/requirements.lock` holds all that a robot installs, with hashes, for both kinds of computer."""
+"""Two lock files hold all that a robot, or a developer, installs: with hashes, for each computer and Python."""
 
 import re
 import tomllib
-from collections.abc import Iterator
-from importlib import metadata
+from functools import cache
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -11,30 +11,40 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
-LOCK = (ROOT / "deploy/requirements.lock").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-DIRECT = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"]]
-ENTRIES = [
-    entry.split() for entry in re.sub(r"#.*", "", LOCK).replace("\\\n", " ").splitlines() if entry.strip()
+GROUPS = PROJECT["dependency-groups"]
+ROBOT = [*PROJECT["project"]["dependencies"], *GROUPS["build"]]
+DIRECT = {
+    "deploy": ROBOT,
+    "tests": [*ROBOT, *PROJECT["project"]["optional-dependencies"]["lab"], *GROUPS["dev"], *GROUPS["docs"]],
+}
+ENVIRONMENTS = [
+    {"platform_machine": machine, "python_version": version, "python_full_version": f"{version}.2"}
+    for machine, version in product(("x86_64", "aarch64"), ("3.11", "3.12", "3.13"))
 ]
 
 
-def environment(machine: str) -> dict[str, str]:
-    """Return what markers see on a robot: Debian 12, or Raspberry Pi OS 12."""
-    return {
-        "platform_machine": machine,
-        "python_version": "3.11",
-        "python_full_version": "3.11.2",
-        "extra": "",
-    }
+def entries(lock: str) -> list[list[str]]:
+    text = re.sub(r"#.*", "", (ROOT / lock / "requirements.lock").read_text(encoding="utf-8"))
+    return [line.split() for line in text.replace("\\\n", " ").splitlines() if line.strip()]
 
 
-def pinned(machine: str) -> dict[str, str]:
-    """Return the version of every package that a robot of this kind installs."""
+@cache
+def requirements(lock: str) -> list[Requirement]:
+    return [
+        Requirement(" ".join(word for word in words if not word.startswith("--hash=")))
+        for words in entries(lock)[1:]
+    ]
+
+
+def applies(requirement: Requirement, environment: dict[str, str]) -> bool:
+    return requirement.marker is None or requirement.marker.evaluate(environment)
+
+
+def pinned(lock: str, environment: dict[str, str]) -> dict[str, str]:
     found: dict[str, str] = {}
-    for words in ENTRIES[1:]:
-        requirement = Requirement(" ".join(word for word in words if not word.startswith("--hash=")))
-        if requirement.marker is None or requirement.marker.evaluate(environment(machine)):
+    for requirement in requirements(lock):
+        if applies(requirement, environment):
             (pin,) = requirement.specifier
             assert pin.operator == "=="
             assert requirement.name not in found
@@ -42,34 +52,28 @@ def pinned(machine: str) -> dict[str, str]:
     return found
 
 
-def closure(machine: str, wanted: list[str]) -> Iterator[Requirement]:
-    """Yield requirements, and what the packages installed here require in turn."""
-    for text in wanted:
-        requirement = Requirement(text)
-        if requirement.marker is None or requirement.marker.evaluate(environment(machine)):
-            yield requirement
-            yield from closure(machine, metadata.requires(requirement.name) or [])
+@pytest.mark.parametrize("environment", ENVIRONMENTS, ids=lambda each: "-".join(each.values()))
+def test_the_locks_satisfy_what_the_project_asks_for(environment: dict[str, str]) -> None:
+    """Each package in a version that is asked for; a developer runs the same versions as a robot."""
+    for lock, direct in DIRECT.items():
+        versions = pinned(lock, environment)
+        for requirement in (Requirement(text) for text in direct if isinstance(text, str)):
+            if applies(requirement, environment):
+                found = versions.get(canonicalize_name(requirement.name), "0")
+                assert requirement.specifier.contains(found), f"{requirement}: `make lock` renews the lock"
+    assert pinned("deploy", environment).items() <= pinned("tests", environment).items()
 
 
-@pytest.mark.parametrize("machine", ["x86_64", "aarch64"])
-def test_the_lock_satisfies_all_dependencies(machine: str) -> None:
-    """Those of footsense and of its build in the versions asked for, and whatever they need in turn."""
-    versions = pinned(machine)
-    for requirement in map(Requirement, DIRECT):
-        found = versions.get(canonicalize_name(requirement.name), "0")
-        assert requirement.specifier.contains(found), f"{requirement}: `make lock` renews the lock"
-    needed = {canonicalize_name(each.name) for each in closure(machine, PROJECT["project"]["dependencies"])}
-    assert needed <= set(versions)
-
-
-def test_every_package_has_hashes_and_none_is_built() -> None:
-    """One version each, SHA-256 of its files, wheels alone, and no host to take them from."""
-    assert ENTRIES[0] == ["--only-binary", ":all:"]
-    for words in ENTRIES[1:]:
+@pytest.mark.parametrize("lock", DIRECT)
+def test_every_package_has_hashes_and_none_is_built(lock: str) -> None:
+    """SHA-256 of its files, wheels alone, and no host to take them from."""
+    options, *packages = entries(lock)
+    assert options == ["--only-binary", ":all:"]
+    for words in packages:
         hashes = [word for word in words if word.startswith("--")]
         assert hashes, words[0]
         assert all(re.fullmatch(r"--hash=sha256:[0-9a-f]{64}", word) for word in hashes), words[0]
-    assert "//" not in LOCK
+    assert "//" not in (ROOT / lock / "requirements.lock").read_text(encoding="utf-8")
 
 
 def test_the_page_installs_nothing_without_a_hash() -> None:

@@ -21,7 +21,7 @@ def _require_lab_packages() -> None:
     if missing:
         raise FootsenseError(
             f"the lab needs {', '.join(missing)}: pip install 'footsense[lab]', "
-            "or in a checkout .venv/bin/pip install -e '.[lab]'"
+            "or in a checkout .venv/bin/pip install -e '.[lab]' (there is no ngsolve for ARM)"
         )
 
 
