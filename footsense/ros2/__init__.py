@@ -1,9 +1,28 @@
-"""Forces as ROS 2 messages, without an installation of ROS.
+"""Forces as ROS 2 messages, without an installation of ROS; needs the extra `ros2`.
 
-    recording ──recorded_samples──┐                       ┌──bag──▶ folder that `ros2 bag play` takes
-                                  ├──▶ LegSample ──▶ messages
-    CAN ────────live_samples──────┘   (leg_messages)      └──participant──▶ DDS, for running ROS 2 nodes
+    recording ──┐                                        ┌──bag──▶ folder that `ros2 bag play` takes
+                ├──▶ LegSample ──topics──▶ CDR messages ─┤
+    CAN ────────┘              (messages)                └──live──▶ DDS, for running ROS 2 nodes
 
-`messages` declares the types, from which follow the text of their definitions (`definitions`), their bytes (`cdr`) and
-their DDS types (`participant`). Only `participant` needs the extra `ros2`.
+rosbags has the types of ROS, their definitions and their bytes; Cyclone DDS sends these bytes.
 """
+
+from importlib.util import find_spec
+
+from footsense.errors import FootsenseError
+
+
+def require(package: str, user: str) -> None:
+    """Raise an error unless a package of the extra `ros2` is installed.
+
+    Args:
+        package: The package.
+        user: What needs it.
+
+    Raises:
+        FootsenseError: It is missing.
+    """
+    if find_spec(package) is None:
+        raise FootsenseError(
+            f"{user} needs {package}: pip install 'footsense[ros2]' (on ARM see docs/ros2.md)"
+        )

@@ -1,154 +1,150 @@
-"""Writer of a ROS 2 bag: a folder with an MCAP file of CDR messages and `metadata.yaml`, for `ros2 bag play`.
+"""Export of a recording as a ROS 2 bag: a folder with an MCAP file of CDR messages, for `ros2 bag play`.
 
-Version 5 of the metadata, which Humble writes and later distributions read. A bag never mixes JSON and CDR: rosbag2
-takes the encoding of the first topic for that of all (ros2/rosbag2#1245).
+Version 8 of the metadata: Humble reads it, as later distributions do; in version 9 Humble cannot read the QoS profiles.
 """
 
 import shutil
-from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Final
 
-import yaml
-from mcap.writer import CompressionType, Writer
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from footsense.errors import RecordingError
-from footsense.ros2.cdr import encode
-from footsense.ros2.definitions import message_definition, ros_type_name
-from footsense.ros2.topics import TF_STATIC, TopicMessage, TopicMessageBuilder
+from footsense.frames import USABLE, BaselineStatus, Cause, ContactFrame, Slip, State
+from footsense.recording.cycle_fields import CAUSE_NOT_RECORDED
+from footsense.recording.replay import Replay
+from footsense.ros2.messages import STORE, FootFrame, LegSample
+from footsense.ros2.topics import TF_STATIC, LegTopics
 
-#: Codes of rmw: keep the last, reliable, transient local or volatile, automatic liveliness; and its infinite time.
-_KEEP_LAST, _RELIABLE, _TRANSIENT_LOCAL, _VOLATILE, _AUTOMATIC = 1, 1, 1, 2, 1
-_INFINITE_DURATION = {"sec": 9223372036, "nsec": 854775807}
-
-
-def qos_profile(topic: str) -> str:
-    """Return the QoS profile of a topic as YAML text, as rosbag2 stores it."""
-    profile = {
-        "history": _KEEP_LAST,
-        "depth": 1 if topic == TF_STATIC else 10,
-        "reliability": _RELIABLE,
-        "durability": _TRANSIENT_LOCAL if topic == TF_STATIC else _VOLATILE,
-        "deadline": dict(_INFINITE_DURATION),
-        "lifespan": dict(_INFINITE_DURATION),
-        "liveliness": _AUTOMATIC,
-        "liveliness_lease_duration": dict(_INFINITE_DURATION),
-        "avoid_ros_namespace_conventions": False,
-    }
-    return yaml.safe_dump([profile], sort_keys=False)
+_METADATA_VERSION: Final = 8
+_INFINITE_DURATION = QosTime(9223372036, 854775807)
+_NS_PER_S = 1_000_000_000
 
 
-class Bag:
-    """ROS 2 bag that is being written; see `create_bag`."""
+def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None = None) -> int:
+    """Write a recording as a ROS 2 bag; return the number of cycles.
 
-    def __init__(self, folder: Path, name: str, topics: TopicMessageBuilder) -> None:
-        self._folder, self._file_name = folder, f"{name}_0.mcap"
-        self._topics = topics
-        self._n_messages: Counter[str] = Counter()
-        self._span_ns: tuple[int, int] | None = None
-        self._file = (folder / self._file_name).open("wb")
-        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
-        self._writer.start(profile="ros2")
-        schemas: dict[type, int] = {}
-        self._channels: dict[str, int] = {}
-        for topic, kind in topics.types.items():
-            if kind not in schemas:
-                schemas[kind] = self._writer.register_schema(
-                    ros_type_name(kind), "ros2msg", message_definition(kind).encode()
-                )
-            metadata = {"offered_qos_profiles": qos_profile(topic)}
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[kind], metadata)
-
-    @property
-    def n_messages(self) -> int:
-        """Number of messages written so far."""
-        return self._n_messages.total()
-
-    def add(self, message: TopicMessage, t_ns: int) -> None:
-        """Write a ROS 2 message to the bag.
-
-        Args:
-            message: The message and its topic.
-            t_ns: Time of sending, since 1970 [ns]; not below that of the message before.
-        """
-        self._writer.add_message(
-            self._channels[message.topic],
-            log_time=t_ns,
-            publish_time=t_ns,
-            sequence=self._n_messages[message.topic],
-            data=encode(message.message),
-        )
-        self._n_messages[message.topic] += 1
-        self._span_ns = (t_ns if self._span_ns is None else self._span_ns[0], t_ns)
-
-    def close(self) -> None:
-        """Write the index of the MCAP file, and `metadata.yaml`."""
-        self._writer.finish()
-        self._file.close()
-        text = yaml.safe_dump({"rosbag2_bagfile_information": self._metadata()}, sort_keys=False)
-        (self._folder / "metadata.yaml").write_text(text, encoding="utf-8")
-
-    def _metadata(self) -> dict[str, Any]:
-        first_ns, last_ns = self._span_ns or (0, 0)
-        span = {
-            "duration": {"nanoseconds": last_ns - first_ns},
-            "starting_time": {"nanoseconds_since_epoch": first_ns},
-            "message_count": self.n_messages,
-        }
-        return {
-            "version": 5,
-            "storage_identifier": "mcap",
-            **span,
-            "topics_with_message_count": [
-                {
-                    "topic_metadata": {
-                        "name": topic,
-                        "type": ros_type_name(kind),
-                        "serialization_format": "cdr",
-                        "offered_qos_profiles": qos_profile(topic),
-                    },
-                    "message_count": self._n_messages[topic],
-                }
-                for topic, kind in self._topics.types.items()
-            ],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [self._file_name],
-            "files": [
-                {
-                    "path": self._file_name,
-                    **{key: dict(value) if isinstance(value, dict) else value for key, value in span.items()},
-                }
-            ],
-        }
-
-
-@contextmanager
-def create_bag(folder: Path, topics: TopicMessageBuilder) -> Iterator[Bag]:
-    """Create a ROS 2 bag during a `with` block; the folder gets its name once it is complete.
+    A wrench for each new force, a contact state ten times a second and with each event, diagnostics once a second and
+    with each change of a state. The folder gets its name once it is complete.
 
     Args:
+        replay: The recording.
         folder: The new folder.
-        topics: What it will hold.
-
-    Yields:
-        The open bag.
+        frames: Frames of the feet by leg, see `load_foot_frames`.
 
     Raises:
-        RecordingError: The folder exists or cannot be written.
+        RecordingError: The folder exists or cannot be written, or the recording is cut short; then what is whole was
+            written.
     """
-    partial = folder.with_name(f"{folder.name}.partial")
     if folder.exists():
         raise RecordingError(f"{folder}: exists and is not overwritten; choose another name or remove it")
+    partial = folder.with_name(f"{folder.name}.partial")
+    n_cycles, damage = 0, None
     try:
         partial.mkdir()
-        bag = Bag(partial, folder.name, topics)
-        yield bag
-        bag.close()
-        partial.rename(folder)
+        bag = Writer(partial / folder.name, version=_METADATA_VERSION, storage_plugin=StoragePlugin.MCAP)
+        bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        with bag:
+            topics = LegTopics(replay.legs, frames)
+            connections = {
+                topic: bag.add_connection(
+                    topic, kind, typestore=STORE, offered_qos_profiles=[_qos(is_static=topic == TF_STATIC)]
+                )
+                for topic, kind in topics.types.items()
+            }
+            try:
+                for t_ns, samples in _recorded_samples(replay):
+                    for message in topics.due_messages(samples, t_ns):
+                        bag.write(connections[message.topic], t_ns, message.cdr)
+                    n_cycles += 1
+            except RecordingError as error:
+                damage = error
+        (partial / folder.name).rename(folder)
     except OSError as error:
         raise RecordingError(f"{folder}: cannot be written: {error.strerror}") from None
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+    if damage is not None:
+        raise damage
+    return n_cycles
+
+
+def _qos(*, is_static: bool) -> Qos:
+    return Qos(
+        QosHistory.KEEP_LAST,
+        1 if is_static else 10,
+        QosReliability.RELIABLE,
+        QosDurability.TRANSIENT_LOCAL if is_static else QosDurability.VOLATILE,
+        _INFINITE_DURATION,
+        _INFINITE_DURATION,
+        QosLiveliness.AUTOMATIC,
+        _INFINITE_DURATION,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+def _recorded_samples(replay: Replay) -> Iterator[tuple[int, list[LegSample]]]:
+    """Yield the time of sending of each cycle, since 1970 [ns], and the samples of its legs.
+
+    Raises:
+        RecordingError: The rest of the file is cut off or damaged.
+    """
+    offset_ns: int | None = None
+    feet = dict(pair.split("=", 1) for pair in replay.header.get("feet", "").split(",") if "=" in pair)
+    measured_ns = dict.fromkeys(replay.legs, -1)
+    for cycle in replay:
+        forces = cycle.forces
+        if offset_ns is None:
+            offset_ns = _wall_offset_ns(replay, forces.t_sent_ns)
+        samples = []
+        for row, leg in enumerate(replay.legs):
+            sample = _leg_sample(forces, row, leg, offset_ns)
+            is_new_force = forces.t_ns[row] != measured_ns[leg]
+            samples.append(sample._replace(foot_id=feet.get(leg, ""), is_new_force=is_new_force))
+            measured_ns[leg] = forces.t_ns[row]
+        yield forces.t_sent_ns + offset_ns, samples
+
+
+def _wall_offset_ns(replay: Replay, t_first_ns: int) -> int:
+    """Return wall-clock time minus recorded time [ns], from the header's start time and the first cycle.
+
+    Raises:
+        RecordingError: The header's times are not times.
+    """
+    try:
+        if (text := replay.header.get("wall_offset_ns")) is not None:
+            return int(text)
+        started = datetime.fromisoformat(replay.header.get("started", "1970-01-01T00:00:00Z"))
+        return int(started.timestamp()) * _NS_PER_S - t_first_ns
+    except ValueError as error:
+        raise RecordingError(f"{replay.path}: the header's time of start: {error}") from None
+
+
+def _leg_sample(forces: ContactFrame, row: int, leg: str, offset_ns: int) -> LegSample:
+    state, cause, gait = State(int(forces.state[row])), int(forces.cause[row]), forces.gait
+    sample = LegSample(
+        leg=leg,
+        state=state,
+        cause=None if cause == CAUSE_NOT_RECORDED else Cause(cause),
+        fault_mask=int(forces.fault_mask[row]),
+        baseline_status=BaselineStatus(int(forces.baseline.status[row])),
+    )
+    if state in USABLE:
+        sample = sample._replace(
+            t_wall_ns=int(forces.t_ns[row]) + offset_ns,
+            force_n=forces.force_n[row].tolist(),
+            sigma_n=forces.sigma_n[row].tolist(),
+            age_ms=float(forces.age_ns[row]) * 1e-6,
+        )
+    if gait is not None:
+        sample = sample._replace(
+            is_new_contact=True,
+            contact=bool(gait.contact[row]),
+            slip=Slip(int(gait.slip[row])),
+            ground_normal=gait.normal[row].tolist(),
+            friction_coefficient=gait.friction,
+        )
+    return sample

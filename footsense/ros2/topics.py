@@ -1,110 +1,87 @@
-"""ROS 2 topics of the robot's legs, and the coordinate frames of the feet."""
+"""ROS 2 topics of the robot's legs: which messages are due, and the coordinate frames of the feet."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
-
-import msgspec
+from typing import NamedTuple
 
 from footsense import strict_yaml
 from footsense.frames import ALL_LEGS
-from footsense.ros2.leg_messages import LegSample, contact_state, diagnostics, wrench
 from footsense.ros2.messages import (
-    ContactState,
-    DiagnosticArray,
-    Header,
-    Message,
-    Quaternion,
-    TFMessage,
-    Time,
-    Transform,
-    TransformStamped,
-    Vector3,
-    WrenchStamped,
+    CONTACT,
+    DIAGNOSTICS,
+    TRANSFORMS,
+    WRENCH,
+    FootFrame,
+    LegSample,
+    encode_contact,
+    encode_diagnostics,
+    encode_transforms,
+    encode_wrench,
 )
 
-#: Period of the health of all legs [ns].
-DIAGNOSTICS_PERIOD_NS = 1_000_000_000
-
-DIAGNOSTICS, TF_STATIC = "/diagnostics", "/tf_static"
-
-_Metres = Annotated[float, msgspec.Meta(ge=-100, le=100, description="-100 to 100 m")]
-_QuaternionComponent = Annotated[float, msgspec.Meta(ge=-1, le=1, description="-1 to 1")]
-
-
-class FootFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Coordinate frame of a foot on the robot: name, parent frame, position, rotation.
-
-    Attributes:
-        frame: Name of the foot's frame.
-        parent: Name of the link that it is fixed to; None: the frame is published elsewhere.
-        xyz_m: Position of the foot's centre in the parent [m].
-        quaternion_xyzw: Orientation of the foot's frame in the parent; of length 1.
-    """
-
-    frame: str
-    parent: str | None = None
-    xyz_m: tuple[_Metres, _Metres, _Metres] = (0.0, 0.0, 0.0)
-    quaternion_xyzw: tuple[
-        _QuaternionComponent, _QuaternionComponent, _QuaternionComponent, _QuaternionComponent
-    ] = (0.0, 0.0, 0.0, 1.0)
+TF_STATIC = "/tf_static"
+_DIAGNOSTICS_TOPIC = "/diagnostics"
+_DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 
 class TopicMessage(NamedTuple):
-    """ROS 2 message with the topic on which it is published."""
+    """ROS 2 message with the topic on which it is published.
+
+    Attributes:
+        topic: The topic.
+        cdr: The message as CDR bytes, with their header.
+    """
 
     topic: str
-    message: Message
+    cdr: bytes
 
 
-class TopicMessageBuilder:
-    """Builds the ROS 2 messages of a robot's legs, with their topics.
+class LegTopics:
+    """Decides which ROS 2 messages of a robot's legs are due, and builds them.
 
     Args:
         legs: Names of the legs.
         frames: Frames of the feet that are not named `<leg>_foot`.
+
+    Attributes:
+        types: Type of the messages of each topic.
     """
 
     def __init__(self, legs: Sequence[str], frames: dict[str, FootFrame] | None = None) -> None:
         self._frames = {leg: FootFrame(f"{leg}_foot") for leg in legs} | (frames or {})
-        self.types: dict[str, type] = {}
+        self._fixed = [frame for frame in self._frames.values() if frame.parent is not None]
+        self._states: list[object] = []
+        self._diagnosed_ns: int | None = None
+        self.types: dict[str, str] = {}
         for leg in legs:
-            self.types |= {
-                f"/footsense/{leg}/wrench": WrenchStamped,
-                f"/footsense/{leg}/contact": ContactState,
-            }
-        self.types[DIAGNOSTICS] = DiagnosticArray
-        if any(frame.parent for frame in self._frames.values()):
-            self.types[TF_STATIC] = TFMessage
+            self.types |= {f"/footsense/{leg}/wrench": WRENCH, f"/footsense/{leg}/contact": CONTACT}
+        self.types[_DIAGNOSTICS_TOPIC] = DIAGNOSTICS
+        if self._fixed:
+            self.types[TF_STATIC] = TRANSFORMS
 
-    def wrench(self, sample: LegSample) -> list[TopicMessage]:
-        """Return the message of a leg's force; an empty list without a usable force."""
-        message = wrench(sample, self._frames[sample.leg].frame)
-        return [] if message is None else [TopicMessage(f"/footsense/{sample.leg}/wrench", message)]
+    def due_messages(self, samples: Sequence[LegSample], t_ns: int) -> Iterator[TopicMessage]:
+        """Yield the messages that are due: forces and contacts that are new, diagnostics that changed or once a second.
 
-    def contact(self, sample: LegSample) -> TopicMessage:
-        """Return the message of a leg's contact."""
-        message = contact_state(sample, self._frames[sample.leg].frame)
-        return TopicMessage(f"/footsense/{sample.leg}/contact", message)
+        Args:
+            samples: The legs.
+            t_ns: The present time, since 1970 [ns].
 
-    @staticmethod
-    def diagnostics(samples: Sequence[LegSample], t_ns: int) -> TopicMessage:
-        """Return the diagnostic message of all legs."""
-        return TopicMessage(DIAGNOSTICS, diagnostics(samples, t_ns))
-
-    def transforms(self, t_ns: int) -> list[TopicMessage]:
-        """Return the message of the feet's poses; an empty list if no frame has a parent."""
-        stamp = Time.from_ns(t_ns)
-        transforms = [
-            TransformStamped(
-                Header(stamp, foot.parent),
-                foot.frame,
-                Transform(Vector3(*foot.xyz_m), Quaternion(*foot.quaternion_xyzw)),
-            )
-            for foot in self._frames.values()
-            if foot.parent is not None
-        ]
-        return [TopicMessage(TF_STATIC, TFMessage(transforms))] if transforms else []
+        Yields:
+            Each message; the poses of the feet before the others, once.
+        """
+        if self._diagnosed_ns is None and self._fixed:
+            yield TopicMessage(TF_STATIC, encode_transforms(self._fixed, t_ns))
+        for sample in samples:
+            leg, frame = sample.leg, self._frames[sample.leg].frame
+            if sample.is_new_force and (wrench := encode_wrench(sample, frame)):
+                yield TopicMessage(f"/footsense/{leg}/wrench", wrench)
+            if sample.is_new_contact:
+                yield TopicMessage(f"/footsense/{leg}/contact", encode_contact(sample, frame))
+        states = [(sample.state, sample.cause) for sample in samples]
+        last_ns = self._diagnosed_ns
+        if last_ns is None or states != self._states or not 0 <= t_ns - last_ns < _DIAGNOSTICS_PERIOD_NS:
+            self._states, self._diagnosed_ns = list(states), t_ns
+            yield TopicMessage(_DIAGNOSTICS_TOPIC, encode_diagnostics(samples, t_ns))
 
 
 def load_foot_frames(path: Path) -> dict[str, FootFrame]:

@@ -11,9 +11,7 @@ from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock, wall_time_ns
 from footsense.daemon.can_listener import open_listener
 from footsense.frames import ALL_LEGS
-from footsense.ros2.live_samples import LiveMessages
-from footsense.ros2.participant import Participant
-from footsense.ros2.topics import TopicMessageBuilder, load_foot_frames
+from footsense.ros2 import require
 
 #: Period of reading CAN and publishing [ns].
 _PUBLISH_PERIOD_NS = 5_000_000
@@ -45,9 +43,13 @@ def ros2(
 
     Only listens on CAN. A leg without a usable force sends no wrench; its contact state and /diagnostics say so.
     """
-    topics = TopicMessageBuilder(ALL_LEGS, None if tf is None else load_foot_frames(tf))
-    participant = Participant(domain, topics.types)
-    messages = LiveMessages(topics)
+    for package in ("rosbags", "cyclonedds"):
+        require(package, "footsense ros2")
+    from footsense.ros2.live import LiveSamples, Participant
+    from footsense.ros2.topics import LegTopics, load_foot_frames
+
+    topics = LegTopics(ALL_LEGS, None if tf is None else load_foot_frames(tf))
+    participant, live = Participant(domain, topics.types), LiveSamples()
     clock, stop = MonotonicClock(), StopRequest()
     start_ns = clock.now_ns()
     n_published = 0
@@ -56,7 +58,9 @@ def ros2(
         click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
             listener.listen(now_ns + _PUBLISH_PERIOD_NS)
-            for message in messages.due_messages(listener.snapshot(), wall_time_ns(), clock.now_ns()):
+            wall_ns = wall_time_ns()
+            samples = live.samples(listener.snapshot(), wall_ns, clock.now_ns())
+            for message in topics.due_messages(samples, wall_ns):
                 participant.publish(message)
                 n_published += 1
     click.echo(f"{n_published} messages published")

@@ -10,6 +10,7 @@ from footsense.cli.options import FILE
 from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.errors import RecordingError
 from footsense.recording.replay import Replay
+from footsense.ros2 import require
 
 _RecordingWriter = Callable[[Replay, Path], int]
 
@@ -43,7 +44,8 @@ def export(
         raise click.UsageError("--tf is for a bag: give --ros2 FOLDER too")
     forms: list[tuple[Path, _RecordingWriter]] = []
     if ros2 is not None:
-        from footsense.ros2.bag_export import write_bag
+        require("rosbags", "--ros2")
+        from footsense.ros2.bag import write_bag
         from footsense.ros2.topics import load_foot_frames
 
         frames = None if tf is None else load_foot_frames(tf)

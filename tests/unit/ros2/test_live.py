@@ -6,25 +6,20 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, Slip, State
 from firmware_interface.can.gait import Gait, Ground
-from footsense.cli.can.ros2 import ros2
 from footsense.client import LegEvent, LegForce, LegReport, LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
-from footsense.ros2 import participant
-from footsense.ros2.leg_messages import LegSample
-from footsense.ros2.live_samples import LiveMessages, live_sample
-from footsense.ros2.messages import ContactState, DiagnosticArray, WrenchStamped
-from footsense.ros2.participant import Participant
-from footsense.ros2.topics import TopicMessage, TopicMessageBuilder
+from footsense.ros2.messages import STORE
+from footsense.ros2.topics import LegTopics
 
-needs_dds = pytest.mark.skipif(
-    not participant.HAS_DDS, reason="cyclonedds has no wheel for this processor or Python: docs/ros2.md"
-)
+pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this processor or Python: docs/ros2.md")
+from footsense.ros2.live import LiveSamples, Participant
+
 NAN = math.nan
 WALL_NS = 1_700_000_000_000_000_000
 _REPORT = LegReport(
@@ -38,15 +33,23 @@ _FORCE = LegForce(
 _NO_FORCE = LegForce(LinkStatus.OK, False, State.SATURATED, Flag(0), 0, (NAN,) * 3, (NAN,) * 3, None)
 
 
+def messages_of(snapshot: LegSnapshot) -> dict[str, Any]:
+    """Return the first messages of a leg by the last word of their topic, decoded."""
+    topics = LegTopics(["lf"])
+    samples = LiveSamples().samples([snapshot], WALL_NS, 0)
+    return {
+        topic.rpartition("/")[2]: STORE.deserialize_cdr(cdr, topics.types[topic])
+        for topic, cdr in topics.due_messages(samples, WALL_NS)
+    }
+
+
 def test_a_usable_force_has_the_time_of_its_measurement() -> None:
     """The age that CAN tells is taken off the time of the wall clock."""
-    sample = live_sample(LegSnapshot("lf", _FORCE, _REPORT, 7), WALL_NS)
-    assert sample.t_wall_ns == WALL_NS - 4_000_000
-    assert sample.force_n == (0.25, -0.5, 1.0)
-    (message,) = TopicMessageBuilder(["lf"]).wrench(sample)
-    assert isinstance(message.message, WrenchStamped)
-    contact = TopicMessageBuilder(["lf"]).contact(sample).message
-    assert isinstance(contact, ContactState)
+    messages = messages_of(LegSnapshot("lf", _FORCE, _REPORT, 7))
+    stamp, force = messages["wrench"].header.stamp, messages["wrench"].wrench.force
+    assert stamp.sec * 10**9 + stamp.nanosec == WALL_NS - 4_000_000
+    assert (force.x, force.y, force.z) == (0.25, -0.5, 1.0)
+    contact = messages["contact"]
     assert (contact.status, contact.surface_normal.z, contact.friction_coefficient) == (3, 0.8, 0.7)
 
 
@@ -60,36 +63,24 @@ def test_a_usable_force_has_the_time_of_its_measurement() -> None:
 )
 def test_what_is_not_known_is_no_number(snapshot: LegSnapshot, level: int) -> None:
     """A leg without a force has no wrench; its contact is unknown, its health says why."""
-    topics, sample = TopicMessageBuilder(["lf"]), live_sample(snapshot, WALL_NS)
-    assert topics.wrench(sample) == []
-    contact = topics.contact(sample).message
-    assert isinstance(contact, ContactState)
-    assert (contact.status, math.isnan(contact.wrench.force.z), math.isnan(contact.wrench.torque.z)) == (
-        *(0, True, True),
-    )
-    array = topics.diagnostics([sample], WALL_NS).message
-    assert isinstance(array, DiagnosticArray)
-    assert array.status[0].level == level
-
-
-def test_the_health_names_each_of_sixteen_elements() -> None:
-    """By their flat index."""
-    array = TopicMessageBuilder(["lf"]).diagnostics([LegSample("lf", fault_mask=0x8201)], WALL_NS).message
-    assert isinstance(array, DiagnosticArray)
-    assert {item.key: item.value for item in array.status[0].values}["elements_out"] == "0 9 15"
+    messages = messages_of(snapshot)
+    assert messages.keys() == {"contact", "diagnostics"}
+    contact = messages["contact"]
+    assert contact.status == 0
+    assert math.isnan(contact.wrench.force.z)
+    assert math.isnan(contact.wrench.torque.z)
+    assert messages["diagnostics"].status[0].level == level
 
 
 def test_each_force_is_published_once_and_each_change_at_once() -> None:
     """The wrench comes with a new frame, the contact with an event or every 100 ms, the health with a change."""
-    live = LiveMessages(TopicMessageBuilder(["lf"]))
+    topics, live = LegTopics(["lf"]), LiveSamples()
     event = LegEvent(1, GaitEventKind.TOUCHDOWN, 0, 0.001, False)
 
     def due(t_ms: int, n_frames: int, force: LegForce = _FORCE, event: LegEvent | None = None) -> list[str]:
-        snapshot = LegSnapshot("lf", force, _REPORT, n_frames, event)
-        return [
-            message.topic.rpartition("/")[2]
-            for message in live.due_messages([snapshot], WALL_NS, t_ms * 1_000_000)
-        ]
+        snapshot, t_ns = LegSnapshot("lf", force, _REPORT, n_frames, event), t_ms * 1_000_000
+        samples = live.samples([snapshot], WALL_NS + t_ns, t_ns)
+        return [message.topic.rpartition("/")[2] for message in topics.due_messages(samples, WALL_NS + t_ns)]
 
     assert due(0, 1) == ["wrench", "contact", "diagnostics"]
     assert due(5, 1) == []
@@ -100,7 +91,6 @@ def test_each_force_is_published_once_and_each_change_at_once() -> None:
     assert due(1105, 4, _NO_FORCE, event) == ["contact", "diagnostics"]
 
 
-@needs_dds
 def test_a_second_participant_reads_what_was_published(monkeypatch: pytest.MonkeyPatch) -> None:
     """Another process on the loopback, with types of its own, gets the numbers."""
     monkeypatch.setenv(
@@ -108,17 +98,17 @@ def test_a_second_participant_reads_what_was_published(monkeypatch: pytest.Monke
         "<General><Interfaces><NetworkInterface name='lo' multicast='true'/></Interfaces></General>",
     )
     domain = 100 + os.getpid() % 100
-    topics = TopicMessageBuilder(["lf"])
-    (message,) = topics.wrench(
-        LegSample("lf", t_wall_ns=WALL_NS + 5, state=State.VALID, force_n=(0.25, -0.5, 1.0))
-    )
+    topics = LegTopics(["lf"])
+    samples = LiveSamples().samples([LegSnapshot("lf", _FORCE, _REPORT, 7)], WALL_NS + 4_000_005, 0)
+    messages = list(topics.due_messages(samples, WALL_NS))
     publisher = Participant(domain, topics.types)
     script = Path(__file__).with_name("dds_reader.py")
     with subprocess.Popen(
         [sys.executable, str(script), str(domain)], stdout=subprocess.PIPE, text=True
     ) as reader:
         while reader.poll() is None:  # whatever the discovery of each other takes
-            publisher.publish(message)
+            for message in messages:
+                publisher.publish(message)
             try:
                 reader.wait(0.05)
             except subprocess.TimeoutExpired:
@@ -126,29 +116,3 @@ def test_a_second_participant_reads_what_was_published(monkeypatch: pytest.Monke
         assert reader.stdout is not None
         told = [json.loads(line) for line in reader.stdout]
     assert told == [[1_700_000_000, 5, "lf_foot", 0.25, -0.5, 1.0]] * 3
-
-
-@needs_dds
-def test_bytes_are_those_of_the_dds_library() -> None:
-    """The DDS type and value of each message give the bytes of a bag."""
-    from footsense.ros2.cdr import encode
-
-    sample = live_sample(LegSnapshot("lf", _FORCE, _REPORT, 7), WALL_NS)
-    topics = TopicMessageBuilder(["lf"])
-    for message in (*topics.wrench(sample), topics.contact(sample), topics.diagnostics([sample], WALL_NS)):
-        ours, theirs = encode(message.message), participant.dds_value(message.message).serialize()
-        assert ours[4:] == theirs[4 : len(ours)]
-
-
-def test_without_the_library_the_command_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(participant, "HAS_DDS", False)
-    result = CliRunner().invoke(ros2, ["--interface", "udp_multicast", "--duration", "0.1"])
-    assert "pip install 'footsense[ros2]'" in str(result.exception)
-
-
-def test_a_topic_message_names_a_topic_of_the_robot() -> None:
-    """Every message goes to a topic that is declared with its class."""
-    topics = TopicMessageBuilder(["lf"])
-    sample = live_sample(LegSnapshot("lf", _FORCE, _REPORT, 7), WALL_NS)
-    sent: list[TopicMessage] = [*topics.wrench(sample), topics.contact(sample)]
-    assert all(type(one.message) is topics.types[one.topic] for one in sent)
