@@ -15,7 +15,7 @@ from tests.system.command import serving
 
 GOLDEN = Path(__file__).parents[1] / "golden/measured_walk.mcap"
 SIX_FEET = "window.footsense?.robot && document.querySelectorAll('#robot .foot').length === 6"
-pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(MISSING), reason=MISSING)]
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,15 @@ if TYPE_CHECKING:
 
 collect_ignore_glob = [] if importlib.util.find_spec("ngsolve") else ["test_*.py", "*/test_*.py"]
 
+#: Fixtures that mesh, solve or train for more than ten seconds; what asks for one is slow.
+SLOW_FIXTURES = {"mesh", "quarters", "fields", "response", "built"}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if SLOW_FIXTURES & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.slow)
+
 
 @pytest.fixture(scope="session")
 def mesh() -> Any:

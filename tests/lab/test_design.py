@@ -164,6 +164,7 @@ def test_a_released_foot_is_as_predicted(library: FootShapeLibrary, foot_type: s
     ],
     ids=["load", "bars", "board", "noise"],
 )
+@pytest.mark.slow
 def test_requirements_that_conflict_are_named(
     library: FootShapeLibrary, asked: Requirements, message: str
 ) -> None:

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from footsense.cli import main
 
-pytestmark = pytest.mark.lab
+pytestmark = [pytest.mark.lab, pytest.mark.slow]
 
 
 def test_a_badly_made_foot_is_calibrated_through_bytes_and_files(tmp_path: Path) -> None:

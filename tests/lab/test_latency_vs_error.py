@@ -70,6 +70,7 @@ def readings(order: str, distance_of_time_s: NDArray[np.float64], n: int = 45) -
     )
 
 
+@pytest.mark.slow
 def test_the_daemon_keeps_the_same_pace() -> None:
     """Rate and age of the daemon on the simulated robot are those that the study derives, to some hundredths."""
     figures = run_json(

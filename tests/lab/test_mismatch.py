@@ -20,6 +20,7 @@ pytestmark = pytest.mark.lab
 RESPONSE = FootResponse.load(RELEASED / "response.npz")
 
 
+@pytest.mark.slow
 def test_a_row_is_made_and_resumed(tmp_path: Path) -> None:
     """Finished feet are not done again; the page has the row's figures."""
     command = ["lab", "mismatch", "--quick", "--rows", "none", "--json", "--kept", str(tmp_path / "kept")]

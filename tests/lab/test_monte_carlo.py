@@ -145,6 +145,7 @@ def test_a_scheduler_that_is_not_there_is_one_clear_line(address: str, why: str)
         run_resumable(ABOUT, JOBS, double, workers=job_runner(address))
 
 
+@pytest.mark.slow
 def test_other_processes_judge_alike_and_end_with_the_run(file: Path) -> None:
     """Same figures as in this process, whatever comes back first; no process stays behind."""
     found = run_resumable(ABOUT, JOBS, abs_gap, workers=job_runner(), file=file)
@@ -152,6 +153,7 @@ def test_other_processes_judge_alike_and_end_with_the_run(file: Path) -> None:
     assert not multiprocessing.active_children()
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_judges_alike(file: Path) -> None:
     """The workers of a scheduler get the jobs by its address."""
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
@@ -195,6 +197,7 @@ def test_an_exact_bench_measures_what_the_daemon_senses(released: FootResponse) 
     np.testing.assert_array_equal(measured.reference_force_n, cases.force_n)
 
 
+@pytest.mark.slow
 def test_a_foot_is_judged_the_same_each_time() -> None:
     """A turned mount turns the answer by its angle; a foot's film alone is nothing to a read-out of closures."""
     exact, filmy, turned, again = (

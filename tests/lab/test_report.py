@@ -42,6 +42,7 @@ def context() -> StudyContext:
 
 
 @pytest.mark.parametrize("name", ALL)
+@pytest.mark.slow
 def test_a_study_makes_its_page(name: str, context: StudyContext, tmp_path: Path) -> None:
     """It says that it is quick, has a table and every figure that it shows, and its numbers are JSON."""
     page = make_page(name, context, ALL)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import can
 import numpy as np
+import pytest
 
 from firmware_interface.can.all_legs import FORCES4_ID
 from firmware_interface.can.codes import NODE_IDS
@@ -12,6 +13,7 @@ from footsense.client import Link
 from tests.system.command import run_json
 
 
+@pytest.mark.slow
 def test_eight_legs_walk_in_two_groups_of_four(tmp_path: Path) -> None:
     """One group carries while the other swings; a client reads both from the CAN FD frames of six legs and of two."""
     config = tmp_path / "robot.yaml"

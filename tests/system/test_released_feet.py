@@ -21,6 +21,7 @@ ROBOTS = [
 @pytest.mark.parametrize(
     ("foot_type", "legs", "scene", "max_n", "peak_n"), ROBOTS, ids=[one[0] for one in ROBOTS]
 )
+@pytest.mark.slow
 def test_a_robot_walks_on_its_feet(
     tmp_path: Path, foot_type: str, legs: str, scene: str, max_n: float, peak_n: float
 ) -> None:

@@ -36,6 +36,7 @@ def config(tmp_path: Path) -> tuple[Path, int]:
     return file, port
 
 
+@pytest.mark.slow
 def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: tuple[Path, int]) -> None:
     """READY after the first forces; SIGTERM gives STOPPING, a last heartbeat `stopped`, a whole recording, exit 0."""
     file, port = config

@@ -97,6 +97,7 @@ def test_the_recording_gives_the_same_forces_again(walk: tuple[Path, dict[str, A
     assert result.stdout == f"{walk[1]['cycles']} cycles equal bit for bit\n"
 
 
+@pytest.mark.slow
 def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_is_whole(
     walk: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
@@ -116,6 +117,7 @@ def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_is_whole(
     assert (again.returncode, int(again.stdout.split()[0])) == (0, n_cycles)
 
 
+@pytest.mark.slow
 def test_a_run_is_the_same_each_time(tmp_path: Path) -> None:
     """Virtual time: two runs put the same bytes on CAN at the same times, with one bus and with two."""
     two_buses = Path(__file__).parents[2] / "deploy" / "footsense-two-buses.yaml"

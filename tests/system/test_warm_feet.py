@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from footsense.cli.recordings.replay import replay
@@ -89,6 +90,7 @@ def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) 
     assert (known.sigma_n[:, 2] < unknown.sigma_n[:, 2]).all()
 
 
+@pytest.mark.slow
 def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     """Temperatures are recorded when they change; without them the same readings give the forces of a cold foot."""
     walk = tmp_path / "walk.mcap"

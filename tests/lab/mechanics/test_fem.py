@@ -110,6 +110,7 @@ def test_a_foot_that_nothing_holds_is_singular(mesh: Any) -> None:
 
 
 @pytest.mark.parametrize(("rows", "electrode_mm"), [(2, 6.5), (4, 2.75)])
+@pytest.mark.slow
 def test_bars_lie_between_the_electrodes_of_any_array(rows: int, electrode_mm: float) -> None:
     """Bars of 1 mm on the sheet of 14 mm: the rest of a quarter is cells, and no cell is a bar."""
     design = replace(FOOT_DESIGN, rows=rows, electrode_mm=electrode_mm, pitch_mm=electrode_mm + 1.0)

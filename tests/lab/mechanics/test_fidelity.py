@@ -27,6 +27,7 @@ def released() -> FootResponse:
     return FootResponse.load(RELEASED / "response.npz")
 
 
+@pytest.mark.slow
 def test_one_solve_per_load_equals_the_table(released: FootResponse) -> None:
     """Reciprocity, classes, transposed class, patch: every cell, within the error of the coarse mesh."""
     solved = DirectSolveFoot(FOOT_DESIGN, COARSE_MESH).cell_closures_um(NORMAL[0], FORCE[0])

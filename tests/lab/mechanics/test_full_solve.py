@@ -20,7 +20,7 @@ from footsense.lab.fem.elasticity import mixed_strain_energy_density, strain_ene
 from footsense.lab.geometry import Material
 from tests.lab.released import FOOT_DESIGN
 
-pytestmark = pytest.mark.lab
+pytestmark = [pytest.mark.lab, pytest.mark.slow]
 
 COARSE = ContactMeshSize(ball_mm=4.5, plate_mm=2.5, bar_mm=2.0, patch_element_rel=0.5)
 #: For what holds on any mesh.

@@ -24,7 +24,7 @@ from footsense.lab.studies.accuracy.sensors import (
 from footsense.lab.studies.mechanics.beyond import inclined_unit_vectors
 from tests.lab.released import FOOT_DESIGN
 
-pytestmark = pytest.mark.lab
+pytestmark = [pytest.mark.lab, pytest.mark.slow]
 
 FILM_SIZE = replace(COARSE_MESH, edge_layers=0)
 

@@ -23,7 +23,7 @@ from footsense.lab.response import mean_over_patch
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from tests.lab.released import FOOT_DESIGN
 
-pytestmark = pytest.mark.lab
+pytestmark = [pytest.mark.lab, pytest.mark.slow]
 
 Quarters = dict[Parity, QuarterFoot]
 

@@ -31,7 +31,7 @@ from tests.lab.networks.windows import windows_of_array
 from tests.support.arrays import response
 from tests.support.networks import card_of
 
-pytestmark = pytest.mark.lab
+pytestmark = [pytest.mark.lab, pytest.mark.slow]
 
 #: A training of seconds.
 SETTINGS = WindowTrainingSettings(channels=4, steps=500, batch=256, rate=1e-2)

@@ -18,6 +18,7 @@ from tests.lab.released import FOOT_DESIGN, RELEASED
 pytestmark = pytest.mark.lab
 
 
+@pytest.mark.slow
 def test_the_release_is_ten_times_better_than_the_paper() -> None:
     """On the paper's own 180 cases, with at most 20,000 weights; the card's errors are those of the file."""
     _, network = open_models(RELEASED)
@@ -65,6 +66,7 @@ def test_light_loads_have_a_twin_and_heavy_ones_none() -> None:
     assert apart[100.0] > 10.0
 
 
+@pytest.mark.slow
 def test_the_model_card_is_what_a_build_writes() -> None:
     """All of it but the parity of JAX and ONNX Runtime, which only a build measures."""
     text = (RELEASED / "README.md").read_text(encoding="utf-8")

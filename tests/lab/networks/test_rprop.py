@@ -136,6 +136,7 @@ def test_forward_is_the_formula_and_its_gradient_the_difference_quotient() -> No
         assert float(gradient[where].weight[1, 0]) == pytest.approx(quotient, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_silent_neurons_stay_silent_and_change_nothing() -> None:
     """A network padded to more neurons learns what it learns without them."""
     inputs = np.random.default_rng(2).uniform(size=(20, 4))
@@ -149,6 +150,7 @@ def test_silent_neurons_stay_silent_and_change_nothing() -> None:
     assert not np.asarray(large.layers[1].weight)[0, :, 5:].any()
 
 
+@pytest.mark.slow
 def test_stacked_networks_learn_as_if_alone() -> None:
     """The second of two is the same by itself; the losses are those before each epoch, and they fall."""
     inputs = np.random.default_rng(4).uniform(size=(30, 3))

@@ -26,7 +26,7 @@ from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
-pytestmark = pytest.mark.lab
+pytestmark = [pytest.mark.lab, pytest.mark.slow]
 
 N = 400
 MAX_N = 2.0

@@ -9,6 +9,7 @@ import signal
 from pathlib import Path
 
 import can
+import pytest
 
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from footsense.daemon.foot_types import released_path
@@ -19,6 +20,8 @@ from tests.support.cycles import read_until_damage
 from tests.system.command import footsense, robot, serving
 from tests.system.daemon import SIGN_OF_LIFE_S, Daemon, running
 from tests.system.test_service import scraped
+
+pytestmark = pytest.mark.slow
 
 WRITER = "footsense.recording.writer"
 

@@ -8,12 +8,16 @@ import gc
 import sys
 from pathlib import Path
 
+import pytest
+
 from footsense.clock import resident_mib
 from footsense.config import load_config
 from footsense.daemon.service import open_service
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 from tests.system.command import robot
+
+pytestmark = pytest.mark.slow
 
 #: Until then pools fill up, such as those of the interpreter and of the allocator.
 WARM_CYCLES = 800

@@ -140,12 +140,14 @@ def test_every_kind_of_fault_may_break() -> None:
     assert set(LEGS) <= set(get_args(Leg))
 
 
+@pytest.mark.slow
 def test_a_full_queue_goes_out_after_a_bus_off() -> None:
     """16 frames are three forces of three legs: older by a force than with six legs."""
     walk(4, [CanBusOff(at_s=2.0, until_s=2.5)])
 
 
 @pytest.mark.parametrize(("publish_every", "n_walks"), [(4, 6), (1, 2)])
+@pytest.mark.slow
 def test_the_invariants_hold_whatever_breaks(publish_every: int, n_walks: int) -> None:
     """And no error is beyond 5 sigma more often than in walks in which nothing breaks."""
     calibrated = walk(publish_every, [])

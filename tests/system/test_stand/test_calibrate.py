@@ -26,6 +26,8 @@ from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import CalibrationLoads
 from tests.system.simulated_test_stand import MADE, presses
 
+pytestmark = pytest.mark.slow
+
 STAND = StandConfig(
     sensor=SimulatedForceSensor(seed=1, linearity_rel=0.0),
     axes=Axes(x="-x", y="-y", z="-z"),

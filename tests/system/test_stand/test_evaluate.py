@@ -14,6 +14,8 @@ from footsense.foot.files.calibration_format import Manifest
 from tests.support.calibrations import calibration
 from tests.system.simulated_test_stand import record, true_parameters
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def stand(tmp_path_factory: pytest.TempPathFactory) -> Path:

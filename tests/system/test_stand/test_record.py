@@ -23,6 +23,8 @@ from footsense.sim.scene_files import load_scene
 from footsense.sim.test_stand.reference_sensor import SimulatedForceSensor
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
 
+pytestmark = pytest.mark.slow
+
 RING_N = [[0.25, 0.0, 0.43], [-0.125, 0.22, 0.43], [-0.125, -0.22, 0.43]]
 SIX = RING_N + [[2 * x, 2 * y, 2 * z] for x, y, z in RING_N]
 
