@@ -197,7 +197,12 @@ class Can(Section, frozen=True, kw_only=True):
         fd: Whether the forces of all legs go out in one CAN FD frame; the interface has to be one of CAN FD.
     """
 
-    interface: Literal["virtual", "socketcan", "udp_multicast"]
+    interface: Annotated[
+        Literal["virtual", "socketcan", "udp_multicast"],
+        Meta(
+            description="on a robot interface: socketcan, channel: can0; a vcan: interface: socketcan, channel: vcan0"
+        ),
+    ]
     channel: Annotated[
         str, Meta(pattern=r"^[^\s/]{1,15}$", description="a network interface such as can0")
     ] = "can0"

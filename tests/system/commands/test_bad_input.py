@@ -25,7 +25,7 @@ def test_a_configuration_that_may_not_be_read(tmp_path: Path, monkeypatch: pytes
     config = robot(tmp_path)
     monkeypatch.setattr("os.access", lambda *_, **__: False)
     monkeypatch.setattr(
-        "footsense.strict_yaml.plain_data.Path.open",
+        "footsense.plain_yaml.Path.open",
         mock.Mock(side_effect=PermissionError(13, "Permission denied")),
     )
     result = CliRunner().invoke(main, ["run", "--config", str(config)])

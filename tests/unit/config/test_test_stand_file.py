@@ -34,7 +34,7 @@ def test_the_files_that_come_with_footsense_are_right() -> None:
     [
         ("y: -y", "y: -x", ":9: axes: -x, -x, -z names an axis of the sensor twice"),
         ("z: -z", "z: down", "axes.z"),
-        ("kgf", "kg", "units: Invalid enum value 'kg'; expected N, gf, kgf, lbf, mN; did you mean kgf?"),
+        ("kgf", "kg", "units: 'kg' is none of N, gf, kgf, lbf, mN; did you mean kgf?"),
         ("fx, fy, fz]", "fx, fy, mz]", "sensor.framing.columns"),
         ("[time_us, fx, fy, fz]", "[time_us, fx, fy, '-']", "sensor.framing.columns: no column is fz"),
         ("[time_us, fx, fy, fz]", "[fx, fx, fy, fz]", "sensor.framing.columns: name one thing twice"),
@@ -45,7 +45,7 @@ def test_the_files_that_come_with_footsense_are_right() -> None:
         (
             "kind: serial",
             "kind: can",
-            "sensor.kind: Invalid value 'can'; expected serial, net_ft, file, simulated",
+            "sensor.kind: 'can' is none of serial, net_ft, file, simulated",
         ),
         ("rate_hz: 200", "rate_hz: 0", "sensor.rate_hz"),
     ],

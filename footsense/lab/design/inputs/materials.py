@@ -38,7 +38,9 @@ class Solid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         source: Origin of the number.
     """
 
-    name: Annotated[str, Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")]
+    name: Annotated[
+        str, Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="small letters, digits and hyphens")
+    ]
     poisson: Annotated[float, Meta(gt=0.0, lt=0.5)]
     source: Annotated[str, Meta(min_length=1)]
     youngs_mpa: Annotated[float, Meta(ge=0.01, le=1e4)] | None = None
