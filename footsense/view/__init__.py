@@ -2,7 +2,7 @@
 
     the loop ─ recording.shared_cycles ─▶ live ─┐                       ┌─▶ page_session ─▶ assets/ in a browser
                                                 ├─▶ signals, events ─ server
-    FILE.mcap ─ recording.replay ─▶ recorded  ──┘                       └─▶ foxglove_session ─▶ Foxglove, PlotJuggler
+    FILE.mcap ─ recording.replay ─▶ recorded  ──┘                       └─▶ foxglove ─▶ Foxglove, PlotJuggler
 
 Nothing here writes to the service.
 """

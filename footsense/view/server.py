@@ -1,4 +1,6 @@
-"""Web server of page and Foxglove clients on one port: HTTP, WebSockets, access checks.
+"""Web server of page and Foxglove's programs on one port: HTTP, WebSockets, access checks.
+
+A program of Foxglove's protocol is connected to the server of Foxglove's SDK, which checks neither Host nor Origin.
 
 All runs in one thread. The cycles are polled; nothing in the service wakes, waits or knows of it.
 """
@@ -10,8 +12,11 @@ import os
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from http import HTTPStatus
-from typing import Protocol
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Protocol
 
+from websockets.asyncio.client import connect
+from websockets.asyncio.connection import Connection
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
@@ -26,15 +31,12 @@ from footsense.view.access import (
     own_host_names,
 )
 from footsense.view.assets import PageFiles, text_response
-from footsense.view.foxglove.session import (
-    FOXGLOVE_PROTOCOLS,
-    MAX_REQUEST_BYTES,
-    FoxgloveRefusalSession,
-    FoxgloveSession,
-)
 from footsense.view.live import LiveSource
 from footsense.view.page_session import LivePageSession, MessageSender, RecordingPageSession, WakeUpSignal
 from footsense.view.recorded import RecordingSource
+
+if TYPE_CHECKING:
+    from footsense.view.foxglove import FoxgloveFeed
 
 _log = logging.getLogger(__name__)
 
@@ -42,12 +44,16 @@ _log = logging.getLogger(__name__)
 _POLL_PERIOD_S = 0.015
 #: Bytes towards a client that waits, from which the sender waits too.
 _WRITE_BUFFER_BYTES = 32_768
+#: Longest message of a client [bytes].
+_MAX_REQUEST_BYTES = 65_536
 #: Time in which a connection has to ask for something [s].
 _OPEN_TIMEOUT_S = 5.0
 #: WebSocket's close code for a message that breaks the rules.
 _CLOSE_CODE_POLICY_VIOLATION = 1008
 
 PAGE_PROTOCOL = Subprotocol("footsense.view.v1")
+#: Both names of one protocol: that of Foxglove since 2025 and its SDK, and that of older Lichtblicks and PlotJuggler.
+FOXGLOVE_PROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 
 
 class ViewServer:
@@ -69,6 +75,7 @@ class ViewServer:
         self._names = own_host_names()
         self._pulse = WakeUpSignal()
         self._n_clients = 0
+        self._foxglove: FoxgloveFeed | None = None
 
     @asynccontextmanager
     async def serving(self, address: str, port: int) -> AsyncIterator[str]:
@@ -102,6 +109,8 @@ class ViewServer:
                 yield f"http://{host}:{server.sockets[0].getsockname()[1]}"
             finally:
                 poller.cancel()
+                if self._foxglove is not None:
+                    self._foxglove.close()
 
     async def _serve(self, address: str, port: int) -> Server:
         return await serve(
@@ -112,7 +121,7 @@ class ViewServer:
             subprotocols=[PAGE_PROTOCOL, *FOXGLOVE_PROTOCOLS],
             open_timeout=_OPEN_TIMEOUT_S,
             compression=None,
-            max_size=MAX_REQUEST_BYTES,
+            max_size=_MAX_REQUEST_BYTES,
             max_queue=4,
             write_limit=_WRITE_BUFFER_BYTES,
             server_header=None,
@@ -124,6 +133,8 @@ class ViewServer:
             if self._n_clients:
                 if isinstance(self._source, LiveSource):
                     self._source.poll()
+                if self._foxglove is not None:
+                    self._foxglove.publish()
                 self._pulse.wake_all()
             await asyncio.sleep(_POLL_PERIOD_S)
 
@@ -138,7 +149,7 @@ class ViewServer:
             )
         if request.headers.get("Upgrade", "").lower() != "websocket":
             return self._assets.response(request.path)
-        asked = [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",")]
+        asked = {name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",")}
         others = () if PAGE_PROTOCOL in asked else self._origins
         if not is_allowed_origin(request.headers.get("Origin"), host, others):
             return text_response(
@@ -148,7 +159,18 @@ class ViewServer:
             return text_response(
                 HTTPStatus.SERVICE_UNAVAILABLE, f"footsense view: {MAX_CLIENTS} viewers are connected already"
             )
+        problem = self._foxglove_problem() if asked.intersection(FOXGLOVE_PROTOCOLS) else ""
+        if problem:
+            _log.warning("no connection to Foxglove: %s", problem)
+            return text_response(HTTPStatus.NOT_IMPLEMENTED, f"footsense view: {problem}")
         return None
+
+    def _foxglove_problem(self) -> str:
+        if isinstance(self._source, RecordingSource):
+            return f"this is the page of a recording: open {self._source.path.name} itself"
+        if find_spec("foxglove") is None:
+            return "Foxglove, Lichtblick and PlotJuggler need foxglove-sdk: pip install 'footsense[foxglove]'"
+        return ""
 
     async def _session(self, connection: ServerConnection) -> None:
         self._n_clients += 1
@@ -156,24 +178,43 @@ class ViewServer:
             self._source.poll()
         try:
             with suppress(ConnectionClosed):
-                await self._serve_client(connection)
+                if connection.subprotocol in FOXGLOVE_PROTOCOLS and isinstance(self._source, LiveSource):
+                    await self._relay_foxglove(connection, self._source)
+                else:
+                    await self._serve_page(connection)
         finally:
             self._n_clients -= 1
 
-    def _client_session(self, connection: ServerConnection) -> "ClientSession":
+    async def _relay_foxglove(self, connection: ServerConnection, live: LiveSource) -> None:
+        """Relay a program of Foxglove's protocol to the SDK's server, which starts with the first of them."""
+        if self._foxglove is None:
+            from footsense.view.foxglove import FoxgloveFeed
+
+            self._foxglove = FoxgloveFeed(live)
+        url = f"ws://127.0.0.1:{self._foxglove.port}"
+        # What has been read ahead of a client that left is in the way of the end: do not wait for it.
+        async with connect(
+            url,
+            subprotocols=FOXGLOVE_PROTOCOLS[:1],
+            compression=None,
+            max_size=None,
+            proxy=None,
+            close_timeout=0.1,
+        ) as sdk:
+            self._foxglove.publish()
+            self._foxglove.tell_problem()
+            answers = asyncio.create_task(_forward(sdk, connection))
+            try:
+                await _forward(connection, sdk)
+            finally:
+                answers.cancel()
+
+    async def _serve_page(self, connection: ServerConnection) -> None:
         source = self._source
-        if connection.subprotocol in FOXGLOVE_PROTOCOLS:
-            return (
-                FoxgloveRefusalSession(source.path)
-                if isinstance(source, RecordingSource)
-                else FoxgloveSession(source)
-            )
-        return (
+        client: PageSession
+        client = (
             RecordingPageSession(source) if isinstance(source, RecordingSource) else LivePageSession(source)
         )
-
-    async def _serve_client(self, connection: ServerConnection) -> None:
-        client = self._client_session(connection)
         sender = asyncio.create_task(self._send(connection, client))
         try:
             async for text in connection:
@@ -188,7 +229,7 @@ class ViewServer:
         finally:
             sender.cancel()
 
-    async def _send(self, connection: ServerConnection, client: "ClientSession") -> None:
+    async def _send(self, connection: ServerConnection, client: "PageSession") -> None:
         loop = asyncio.get_running_loop()
         with suppress(ConnectionClosed):
             while True:
@@ -196,8 +237,16 @@ class ViewServer:
                 await self._pulse.wait()
 
 
-class ClientSession(Protocol):
-    """Interface of a client session: a page, or a Foxglove client."""
+async def _forward(source: Connection, target: Connection) -> None:
+    """Send each message of one connection to another, until either ends."""
+    with suppress(ConnectionClosed):
+        async for message in source:
+            await target.send(message)
+    await target.close()
+
+
+class PageSession(Protocol):
+    """Interface of the session of a page: of a service, or of a recording."""
 
     def handle_message(self, text: str | bytes) -> Sequence[str | bytes]:
         """Process a message of the client; return the answers.

@@ -1,30 +1,31 @@
-"""Foxglove's protocol, spoken by a client and judged by schemas that are not ours."""
+"""Foxglove's protocol, spoken by a client that decodes by the announced schemas."""
 
 import asyncio
 import base64
 import json
+import struct
+import sys
 from collections import defaultdict
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import fastjsonschema
 import numpy as np
 import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from hypothesis import example, given
 from hypothesis import strategies as st
-from robo_ws_bridge import WebSocketBridgeClient
 from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
 from footsense.clock import MonotonicClock
 from footsense.recording.container.messages import decode_force, decode_scan
-from footsense.view.foxglove.scene import DISPLAYED_FOOT_POSITIONS_M, orientation
-from footsense.view.foxglove.session import FoxgloveSession
+from footsense.view.foxglove import DISPLAYED_FOOT_POSITIONS_M, orientation
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
-from footsense.view.server import ViewServer
-from tests.support.viewed_service import LEGS, ViewedService, header_of
+from footsense.view.server import FOXGLOVE_PROTOCOLS, ViewServer
+from tests.support.viewed_service import LEGS, ViewedService
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 TIMEOUT_S = 20
@@ -34,172 +35,135 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
     asyncio.run(asyncio.wait_for(test(), TIMEOUT_S))
 
 
-@pytest.mark.parametrize("rows", [3, 4])
-def test_a_client_of_the_protocol_gets_every_topic(rows: int, tmp_path: Path) -> None:
-    """Messages fit the schemas that they are announced with, and say what the service said."""
+class FoxgloveClient:
+    """A program that subscribes to every topic and keeps its messages.
+
+    Attributes:
+        channels: Announced channels by topic.
+        received: Time and decoded message of each topic.
+        statuses: Texts that the server has told.
+    """
+
+    def __init__(self) -> None:
+        self.channels: dict[str, dict[str, Any]] = {}
+        self.received: defaultdict[str, list[tuple[int, Any]]] = defaultdict(list)
+        self.statuses: list[str] = []
+
+    async def listen(self, url: str, name: str, topics: Sequence[str], publish: Callable[[], None]) -> None:
+        """Listen until there is a message on each of the topics; then until a status has come, for none."""
+        async with connect(
+            url.replace("http", "ws"), subprotocols=[Subprotocol(name)], max_queue=None
+        ) as server:
+            assert server.subprotocol == name
+            while not (self.received.keys() >= set(topics) if topics else self.statuses):
+                publish()
+                message = await server.recv()
+                if isinstance(message, bytes):
+                    self._add(message)
+                    continue
+                values = json.loads(message)
+                if values["op"] == "status":
+                    self.statuses.append(values["message"])
+                if values["op"] == "advertise":
+                    channels = values["channels"]
+                    self.channels |= {channel["topic"]: channel for channel in channels}
+                    asked = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels]
+                    await server.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
+
+    def _add(self, message: bytes) -> None:
+        kind, channel_id, t_ns = struct.unpack_from("<BIQ", message)
+        assert kind == 1
+        (channel,) = [channel for channel in self.channels.values() if channel["id"] == channel_id]
+        self.received[channel["topic"]].append((t_ns, decoded(channel, message[13:])))
+
+
+def decoded(channel: dict[str, Any], data: bytes) -> Any:
+    """Return a message decoded by the schema of its channel."""
+    if channel["encoding"] == "json":
+        values = json.loads(data)
+        assert values.keys() >= set(json.loads(channel["schema"]).get("required", []))
+        return values
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"])).file:
+        pool.Add(file)
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(channel["schemaName"]))
+    return kind.FromString(data)
+
+
+@pytest.mark.parametrize("name", FOXGLOVE_PROTOCOLS)
+def test_a_program_gets_every_topic(name: str, tmp_path: Path) -> None:
+    """By either name of the protocol; the messages say what the service said."""
+    client = FoxgloveClient()
 
     async def test() -> None:
-        with ViewedService(tmp_path / "cycles", header_of(rows**2)) as service:
+        with ViewedService(tmp_path / "cycles") as service:
             service.force_n[3] = 0.3, 0.0, 0.4
             service.publish()
             live = LiveSource(tmp_path / "cycles", MonotonicClock())
             async with ViewServer(live).serving("127.0.0.1", 0) as url:
-                client = WebSocketBridgeClient(url.replace("http", "ws"))
-                received: dict[str, list[tuple[int, dict[str, Any]]]] = defaultdict(list)
-                announced = asyncio.Event()
-                client.on_message(
-                    lambda channel, t_ns, data: received[channel["topic"]].append((t_ns, json.loads(data)))
-                )
-                client.on_advertised_channel(
-                    lambda channel: announced.set() if channel["topic"] == "/tf" else None
-                )
-                await client.connect()
-                await announced.wait()
-                channels = {channel["topic"]: channel for channel in client.channels.values()}
-                for topic in channels:
-                    await client.subscribe(topic)
-                while not {"/scan", "/force", "/gait", "/feet", "/closure/rf", "/tf"} <= received.keys():
-                    service.publish(20)
-                    await asyncio.sleep(0.01)
-                for topic in channels:
-                    await client.unsubscribe(topic)
-                await client.disconnect()
+                topics = ["/scan", "/force", "/gait", "/feet", "/closure/rf", "/tf"]
+                await client.listen(url, name, topics, lambda: service.publish(20))
             live.close()
-        check(channels, received, rows)
 
     run(test)
-
-
-def check(channels: dict[str, Any], received: dict[str, list[tuple[int, dict[str, Any]]]], rows: int) -> None:
-    """Check what a client was sent against the schemas and against the service."""
-    schemas = {topic: channel["schemaName"] for topic, channel in channels.items()}
-    assert schemas["/feet"] == "foxglove.SceneUpdate"
-    assert schemas["/tf"] == "foxglove.FrameTransforms"
-    assert {schemas[f"/closure/{leg}"] for leg in LEGS} == {"foxglove.Grid"}
-    for topic, channel in channels.items():
-        assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
-        validate = fastjsonschema.compile(json.loads(channel["schema"]))
-        for _, message in received[topic][:3]:
-            validate(message)
-    t_ns, message = received["/force"][-1]
-    forces = decode_force(json.dumps(message).encode(), LEGS)
+    assert {client.channels[f"/closure/{leg}"]["schemaName"] for leg in LEGS} == {"foxglove.Grid"}
+    t_ns, values = client.received["/force"][-1]
+    forces = decode_force(json.dumps(values).encode(), LEGS)
     assert forces.t_sent_ns == t_ns
     assert forces.force_n[3] == pytest.approx([0.3, 0.0, 0.4])
-    scan = decode_scan(json.dumps(received["/scan"][-1][1]).encode(), LEGS, rows**2)
-    assert scan.capacitance_pf.shape == (6, rows**2)
-    (entity,) = [entity for entity in received["/feet"][-1][1]["entities"] if entity["id"] == "rf"]
-    (arrow,) = entity["arrows"]
-    assert arrow["shaft_length"] + arrow["head_length"] == pytest.approx(0.05)
-    assert tuple(arrow["pose"]["position"].values()) == DISPLAYED_FOOT_POSITIONS_M["rf"]
-    grid = received["/closure/rf"][-1][1]
-    cells = np.frombuffer(base64.b64decode(grid["data"]), "<f4").reshape(-1, grid["column_count"])
+    scan = decode_scan(json.dumps(client.received["/scan"][-1][1]).encode(), LEGS, 9)
+    assert scan.capacitance_pf.shape == (6, 9)
+    (entity,) = [entity for entity in client.received["/feet"][-1][1].entities if entity.id == "rf"]
+    (arrow,) = entity.arrows
+    position = arrow.pose.position
+    assert arrow.shaft_length + arrow.head_length == pytest.approx(0.05)
+    assert (position.x, position.y, position.z) == DISPLAYED_FOOT_POSITIONS_M["rf"]
+    assert entity.texts[0].text == "rf 0.40 N"
+    grid = client.received["/closure/rf"][-1][1]
+    cells = np.frombuffer(grid.data, "<f4").reshape(-1, grid.column_count)
     # x forward along the columns, y to the left along the rows: element 0 is the most forward and leftmost.
-    assert cells.shape == (rows, rows)
-    assert (grid["row_stride"], grid["cell_size"]["x"]) == (4 * rows, pytest.approx(0.06 / rows))
-    assert cells[-1, -1] == pytest.approx(0.4 * 0.2, abs=1e-6)
-    assert cells[0, 0] == pytest.approx(0.4 * 0.7, abs=1e-6)
-    assert cells[-1, 0] == pytest.approx(0.4 * np.linspace(0.2, 0.7, rows**2)[-rows], abs=1e-6)
+    closures = 0.4 * np.linspace(0.2, 0.7, 9).reshape(3, 3)
+    assert cells == pytest.approx(closures[::-1, ::-1].T, abs=1e-6)
+    assert (grid.row_stride, grid.cell_size.x) == (12, pytest.approx(0.02))
 
 
-@pytest.mark.parametrize("name", ["foxglove.sdk.v1", "foxglove.websocket.v1"])
-def test_both_names_of_the_protocol(name: str, tmp_path: Path) -> None:
-    """The server is greeted by either; a recording says that Foxglove opens it itself."""
-
-    async def greetings(server: ViewServer) -> list[dict[str, Any]]:
-        async with (
-            server.serving("127.0.0.1", 0) as url,
-            connect(url.replace("http", "ws"), subprotocols=[Subprotocol(name)]) as client,
-        ):
-            assert client.subprotocol == name
-            return [json.loads(await client.recv()) for _ in range(3)]
+def test_a_program_is_told_why_nothing_comes(tmp_path: Path) -> None:
+    client = FoxgloveClient()
 
     async def test() -> None:
         live = LiveSource(tmp_path / "cycles", MonotonicClock())
-        info, channels, status = await greetings(ViewServer(live))
-        assert (info["op"], info["capabilities"]) == ("serverInfo", [])
-        assert (channels["op"], channels["channels"]) == ("advertise", [])
-        assert "no service runs" in status["message"]
-        recorded = RecordingSource(GOLDEN)
-        assert "open measured_walk.mcap itself" in (await greetings(ViewServer(recorded)))[2]["message"]
-        recorded.close()
+        async with ViewServer(live).serving("127.0.0.1", 0) as url:
+            await client.listen(url, FOXGLOVE_PROTOCOLS[0], [], lambda: None)
 
     run(test)
+    assert "no service runs" in client.statuses[0]
 
 
-class SlowConnection:
-    """A client that reads when it is told to."""
-
-    def __init__(self) -> None:
-        self.sent: list[str | bytes] = []
-        self.reads = asyncio.Event()
-
-    async def send(self, message: str | bytes) -> None:
-        """Wait until the client reads."""
-        await self.reads.wait()
-        self.sent.append(message)
+async def refusal(server: ViewServer) -> str:
+    """Return the line with which a program is refused."""
+    async with server.serving("127.0.0.1", 0) as url:
+        with pytest.raises(InvalidStatus) as refused:
+            await connect(url.replace("http", "ws"), subprotocols=FOXGLOVE_PROTOCOLS)
+        return refused.value.response.body.decode()
 
 
-def test_a_slow_client_skips_what_became_old(tmp_path: Path) -> None:
-    """While it does not read nothing is kept for it; then it gets at most the last cycles."""
-
-    async def test() -> None:
-        with ViewedService(tmp_path / "cycles") as service:
-            service.publish()
-            live = LiveSource(tmp_path / "cycles", MonotonicClock())
-            live.poll()
-            client, connection = FoxgloveSession(live), SlowConnection()
-            connection.reads.set()
-            await client.send_new(connection, 0.0)
-            assert (
-                client.handle_message('{"op": "subscribe", "subscriptions": [{"id": 5, "channelId": 2}]}')
-                == []
-            )
-            service.publish()
-            live.poll()
-            connection.reads.clear()
-            connection.sent.clear()
-            sending = asyncio.create_task(client.send_new(connection, 0.0))
-            for _ in range(5):
-                await asyncio.sleep(0)
-                service.publish(200)
-                live.poll()
-            connection.reads.set()
-            await sending
-            assert len(connection.sent) == 1 + 129
-            assert client.n_skipped == 1002 - 1 - 1 - 129
-            live.close()
-
-    run(test)
-
-
-OPERATIONS = st.sampled_from(["subscribe", "unsubscribe", "advertise", "getParameters", ""])
-NUMBERS = st.integers(-2, 20) | st.integers() | st.text(max_size=3) | st.none()
-REQUESTS = st.fixed_dictionaries(
-    {"op": OPERATIONS},
-    optional={
-        "subscriptions": st.lists(st.fixed_dictionaries({"id": NUMBERS, "channelId": NUMBERS}), max_size=3),
-        "subscriptionIds": st.lists(NUMBERS, max_size=3),
-    },
-).map(json.dumps)
-
-
-@given(st.lists(REQUESTS | st.text() | st.binary(), max_size=8))
-def test_any_requests_are_answered_or_dismissed(requests: list[str | bytes]) -> None:
-    """A client of any kind gets statuses, or the one error by which it is dismissed; a channel is sent at most once."""
-    client = FoxgloveSession(LiveSource(Path("/nonexistent/cycles"), MonotonicClock()))
-    for request in requests:
-        try:
-            answers = client.handle_message(request)
-        except ValueError:
-            continue
-        assert all(json.loads(answer)["op"] == "status" for answer in answers)
+def test_a_recording_and_a_missing_extra_refuse_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded = RecordingSource(GOLDEN)
+    told = asyncio.run(refusal(ViewServer(recorded)))
+    recorded.close()
+    assert told == "footsense view: this is the page of a recording: open measured_walk.mcap itself\n"
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    told = asyncio.run(refusal(ViewServer(LiveSource(tmp_path / "cycles", MonotonicClock()))))
+    assert told.endswith("need foxglove-sdk: pip install 'footsense[foxglove]'\n")
 
 
 @example([-1.0, 0.0, 1.5e-161])
 @given(st.lists(st.floats(-10, 10), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 1e-3))
 def test_an_arrow_points_along_its_force(force_n: list[float]) -> None:
     """The quaternion turns the x axis, along which Foxglove's arrows lie, into the force."""
-    x, y, z, w = orientation(np.array(force_n)).values()
+    x, y, z, w = orientation(np.array(force_n))
     turned = [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)]
     assert np.linalg.norm([x, y, z, w]) == pytest.approx(1.0)
     assert turned == pytest.approx(np.array(force_n) / np.linalg.norm(force_n), abs=1e-6)
