@@ -6,8 +6,10 @@ compares the measured scan with them.
 
 from typing import NamedTuple
 
-from firmware_interface.chips import ad7746, fdc1004
+from firmware_interface.chips import ad7746, adg715, fdc1004
 from firmware_interface.wire_timing import i2c_bus_time_ns, transaction_bits
+
+_ELEMENTS = adg715.N_LINES**2
 
 
 class ConversionTraffic(NamedTuple):
@@ -76,7 +78,6 @@ def scan_lower_bounds(
     n_result_reads: int = 1,
     kernel_mux: bool = False,
     traffic: ConversionTraffic = FDC1004_TRAFFIC,
-    rows: int = 3,
 ) -> ScanLowerBounds:
     """Return the lower bounds of the period of a scan of all elements of all legs on one I2C bus.
 
@@ -89,7 +90,6 @@ def scan_lower_bounds(
         kernel_mux: Whether the kernel switches the mux: each leg is then triggered and read by itself, and the
             selection is on the wire, but costs the host no transaction.
         traffic: The board's transactions.
-        rows: Rows of a foot, and as many columns.
 
     Example:
         >>> limits = scan_lower_bounds(n_legs=6, conversion_ns=2_500_000, bus_hz=400_000, host_cost_ns=40_000)
@@ -114,13 +114,11 @@ def scan_lower_bounds(
     ask = transaction_ns(*traffic.done_poll_bytes) if traffic.done_poll_bytes else 0
     read = n_result_reads * transaction_ns(*traffic.result_part_read_bytes)
     wait = round(conversion_ns * (1 + traffic.clock_tolerance_rel))
-    n_elements = rows**2
-    lines = (
-        n_elements if traffic.switches_columns else rows
-    ) * select  # a line switch takes a byte, as the selection of a channel does
+    # A line switch takes a byte, as the selection of a channel does.
+    lines = (_ELEMENTS if traffic.switches_columns else adg715.N_LINES) * select
     if not kernel_mux:
         readout = select + start + ask + n_legs * (select + read)
-        return ScanLowerBounds(n_elements * (wait + start) + lines, n_elements * readout + lines)
+        return ScanLowerBounds(_ELEMENTS * (wait + start) + lines, _ELEMENTS * readout + lines)
     switch = round(select - host_cost_ns)
-    leg = n_elements * (switch + start) + lines
-    return ScanLowerBounds(n_elements * wait + leg, n_legs * (leg + n_elements * (ask + read)))
+    leg = _ELEMENTS * (switch + start) + lines
+    return ScanLowerBounds(_ELEMENTS * wait + leg, n_legs * (leg + _ELEMENTS * (ask + read)))

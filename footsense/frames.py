@@ -35,8 +35,8 @@ IS_USABLE_STATE: Mask = np.isin(np.arange(256), list(USABLE))
 
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.
 ELEMENTS = 9
-#: Elements of the feet that a robot may have: 2 x 2, 3 x 3, 4 x 4.
-ELEMENT_COUNTS = (4, 9, 16)
+#: Rows of elements, and columns.
+ROWS = 3
 
 #: Every leg that a robot may have, in the order of the CAN node ids 1..8.
 ALL_LEGS = tuple(NODE_IDS)

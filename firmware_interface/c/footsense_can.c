@@ -75,13 +75,6 @@ bool footsense_decode_force(uint16_t id, const uint8_t *data, uint8_t len, foots
     return true;
 }
 
-/* The mask of unusable elements has 9 bits or, of feet with more elements, 16; the standard deviations have the rest
- * (../can/element_mask.py). */
-static uint8_t mask_bits(uint8_t n_elements)
-{
-    return n_elements > FOOTSENSE_NARROW_ELEMENTS ? 16 : FOOTSENSE_NARROW_ELEMENTS;
-}
-
 /* A standard deviation of so many bits, in steps of so many mN. */
 static uint16_t sigma_of(uint32_t bits, unsigned n_bits, unsigned step_mn)
 {
@@ -90,12 +83,6 @@ static uint16_t sigma_of(uint32_t bits, unsigned n_bits, unsigned step_mn)
 }
 
 bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, footsense_quality *out)
-{
-    return footsense_decode_quality_of(FOOTSENSE_NARROW_ELEMENTS, id, data, len, out);
-}
-
-bool footsense_decode_quality_of(uint8_t n_elements, uint16_t id, const uint8_t *data, uint8_t len,
-                                 footsense_quality *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_QUALITY_ID, 8)) {
         return false;
@@ -106,12 +93,9 @@ bool footsense_decode_quality_of(uint8_t n_elements, uint16_t id, const uint8_t 
     out->counter = data[1] & 0x0Fu;
     out->flags = data[1] >> 4;
     out->age_us = age == 0xFFFu ? FOOTSENSE_NO_AGE : age * 100u;
-    unsigned n_mask = mask_bits(n_elements);
-    unsigned n_sigma = n_mask == 16 ? 6 : 9;
-    out->fault_mask = (uint16_t)(bits >> 20 & ((1u << n_mask) - 1u));
+    out->fault_mask = (uint16_t)(bits >> 20 & 0x1FFu);
     for (unsigned axis = 0; axis < 3; axis++) {
-        uint32_t sigma = (uint32_t)(bits >> (20 + n_mask + axis * n_sigma));
-        out->sigma_mn[axis] = sigma_of(sigma, n_sigma, n_mask == 16 ? 16 : 2);
+        out->sigma_mn[axis] = sigma_of((uint32_t)(bits >> (29 + 9 * axis)), 9, 2);
     }
     return true;
 }
@@ -138,12 +122,6 @@ uint8_t footsense_first_node(uint16_t id)
 
 bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, footsense_forces *out)
 {
-    return footsense_decode_forces_of(FOOTSENSE_NARROW_ELEMENTS, id, data, len, out);
-}
-
-bool footsense_decode_forces_of(uint8_t n_elements, uint16_t id, const uint8_t *data, uint8_t len,
-                                footsense_forces *out)
-{
     if (!footsense_is_forces(id, len) || (data[2] & 0x0Fu) >= FOOTSENSE_COUNTER_PERIOD) {
         return false;
     }
@@ -155,8 +133,6 @@ bool footsense_decode_forces_of(uint8_t n_elements, uint16_t id, const uint8_t *
     if (crc != u16(data)) {
         return false;
     }
-    unsigned n_mask = mask_bits(n_elements);
-    unsigned n_sigma = n_mask == 16 ? 5 : 8;
     unsigned n_legs = (len - 4u) / 10u;
     for (unsigned leg = 0; leg < n_legs; leg++) {
         if ((data[4 + 10 * leg] & 0x0Fu) > LAST_STATE) {
@@ -177,12 +153,11 @@ bool footsense_decode_forces_of(uint8_t n_elements, uint16_t id, const uint8_t *
         force->state = bits & 0x0Fu;
         for (int axis = 0; axis < 3; axis++) {
             force->force_mn[axis] = i16(part + 4 + 2 * axis);
-            quality->sigma_mn[axis] = sigma_of(bits >> (6 + n_mask + (axis < 2 ? 0 : n_sigma)), n_sigma,
-                                                n_mask == 16 ? 32 : 4);
+            quality->sigma_mn[axis] = sigma_of(bits >> (axis < 2 ? 15 : 23), 8, 4);
         }
         quality->flags = (uint8_t)(common | (bits & 0x10u ? FOOTSENSE_CONTACT : 0)
                                    | (bits & 0x20u ? FOOTSENSE_TARE_REFUSED : 0));
-        quality->fault_mask = (uint16_t)(bits >> 6 & ((1u << n_mask) - 1u));
+        quality->fault_mask = (uint16_t)(bits >> 6 & 0x1FFu);
         bool usable = force->state == FOOTSENSE_VALID || force->state == FOOTSENSE_DEGRADED;
         quality->age_us = usable && data[3] != 0xFFu ? data[3] * 500u : FOOTSENSE_NO_AGE;
     }

@@ -31,8 +31,6 @@ extern "C" {
 #define FOOTSENSE_HEARTBEAT_ID 0x700u
 
 #define FOOTSENSE_LEGS 8u /* that a robot may have */
-/* Elements of a foot, up to which a mask has 9 bits. */
-#define FOOTSENSE_NARROW_ELEMENTS 9u
 #define FOOTSENSE_FORCES_LEGS 6u /* in one frame of CAN FD */
 #define FOOTSENSE_FORCES_BYTES 64u
 #define FOOTSENSE_FORCES4_BYTES 24u
@@ -187,12 +185,6 @@ bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, foot
 bool footsense_is_forces(uint16_t id, uint8_t len);
 uint8_t footsense_first_node(uint16_t id);
 bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, footsense_quality *out);
-/* The same of feet with up to 16 elements: from 10 on the mask has 16 bits and sigma_mn goes in coarser steps, up to 992
- * in a quality and 960 in forces. Without `_of` they are for up to 9. */
-bool footsense_decode_forces_of(uint8_t n_elements, uint16_t id, const uint8_t *data, uint8_t len,
-                                footsense_forces *out);
-bool footsense_decode_quality_of(uint8_t n_elements, uint16_t id, const uint8_t *data, uint8_t len,
-                                 footsense_quality *out);
 bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, footsense_fault *out);
 bool footsense_decode_baseline(uint16_t id, const uint8_t *data, uint8_t len, footsense_baseline *out);
 bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, footsense_answer *out);

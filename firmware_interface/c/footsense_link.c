@@ -116,7 +116,7 @@ static void take_half(const footsense_link *link, footsense_leg *leg, const foot
 static void feed_all(footsense_link *link, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
 {
     footsense_forces all;
-    bool whole = footsense_decode_forces_of(link->limits.n_elements, id, data, len, &all);
+    bool whole = footsense_decode_forces(id, data, len, &all);
     unsigned first = footsense_first_node(id) - 1u;
     unsigned end = id == FOOTSENSE_FORCES4_ID ? FOOTSENSE_LEGS : FOOTSENSE_FORCES_LEGS;
     for (unsigned i = 0; first + i < end; i++) {
@@ -145,7 +145,7 @@ bool footsense_feed(footsense_link *link, uint16_t id, const uint8_t *data, uint
     footsense_force force;
     footsense_quality quality;
     if (is_force ? !footsense_decode_force(id, data, len, &force)
-                 : !footsense_decode_quality_of(link->limits.n_elements, id, data, len, &quality)) {
+                 : !footsense_decode_quality(id, data, len, &quality)) {
         take_wrong(leg, now_us);
     } else {
         take_half(link, leg, is_force ? &force : NULL, is_force ? NULL : &quality, now_us);

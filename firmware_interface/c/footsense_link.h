@@ -45,11 +45,10 @@ typedef struct {
     uint8_t max_delta;    /* largest step of the counter, 1..14; max_delta - 1 forces may be lost in a row */
     uint8_t min_good;     /* forces in sequence before the link is OK (again), at least 1 */
     bool accept_degraded; /* whether forces of state DEGRADED are used; weigh them by sigma_mn */
-    uint8_t n_elements;   /* of each foot, up to 16; 0 is 9 */
 } footsense_limits;
 
 /* For forces every 11 to 25 ms; max_age_us is the age limit of the service plus the transmission. */
-#define FOOTSENSE_DEFAULT_LIMITS {100000u, 100000u, 3u, 3u, false, 9u}
+#define FOOTSENSE_DEFAULT_LIMITS {100000u, 100000u, 3u, 3u, false}
 
 /* A leg's force at one time, and whether it may be used. */
 typedef struct {

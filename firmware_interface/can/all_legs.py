@@ -19,8 +19,6 @@
     sigma: 4 mN per bit, the larger one of x and y, 255: no value, 254: 1.016 N or more
     fx, fy, fz: as in `Force`
 
-    of feet with ten to sixteen elements: mask 16 bits, sigma 5 and 5, 32 mN per bit, 31: no value, 30: 0.96 N or more
-
 Age and sigma are rounded up. A leg that the robot does not have is Absent. A robot that has node 7 or 8 sends `Forces4`
 beside it, 24 bytes of the same layout with the fourth legs, l4 and r4.
 
@@ -40,8 +38,7 @@ from typing import NamedTuple
 from firmware_interface.can.codes import USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
 from firmware_interface.can.decoding import enum_member
-from firmware_interface.can.element_mask import FORCES_LAYOUTS, mask_layout
-from firmware_interface.can.force import FORCE_ID, Force, Quality
+from firmware_interface.can.force import ALL_ELEMENTS_MASK, FORCE_ID, Force, Quality
 
 #: The id of `Force` with node 0, which stands for nodes 1 to 6, and with node 9, which stands for nodes 7 and 8.
 FORCES_ID, FORCES4_ID = FORCE_ID, FORCE_ID + 9
@@ -59,7 +56,11 @@ _NO_FORCE = -32768
 _MAX_FORCE = 32767
 _FORCE_CODES_PER_N = 1000
 _AGE_STEP_NS, _NO_AGE = 500_000, 0xFF
-_FIRST_MASK_BIT = 6
+# First bits of the mask and of both standard deviations of a leg.
+_MASK_BIT, _SIGMA_XY_BIT, _SIGMA_Z_BIT = 6, 15, 23
+_NO_SIGMA, _SIGMA_CODES_PER_N = 0xFF, 250
+# Rounds up, except for the rounding error of a whole number of bits.
+_CEILING_OFFSET = 1 - 1e-6
 _FLAGS_OF_ALL_LEGS = Flag.SIMULATED | Flag.DEGRADED_TIMING
 
 
@@ -86,20 +87,12 @@ def encode_forces(
     sigma_n: Sequence[Sequence[float]],
     flags: Sequence[int],
     fault_mask: Sequence[int],
-    n_elements: int = 9,
 ) -> bytes:
     """Return the data bytes of a `Forces` or `Forces4` frame: force and quality of several legs.
 
-    The other arguments are those of `ForceQualityEncoder.encode`, for all legs of the robot, the legs' nodes, and the
-    elements of each foot, 1..16.
-
-    Raises:
-        ValueError: There are more elements.
+    The other arguments are those of `ForceQualityEncoder.encode`, for all legs of the robot, and the legs' nodes.
     """
-    layout = mask_layout(FORCES_LAYOUTS, n_elements)
-    across_at = _FIRST_MASK_BIT + layout.mask_bits
-    along_at = across_at + layout.sigma_bits
-    no_sigmas = layout.no_sigma_code << across_at | layout.no_sigma_code << along_at
+    no_sigmas = _NO_SIGMA << _SIGMA_XY_BIT | _NO_SIGMA << _SIGMA_Z_BIT
     slots = dict.fromkeys(NODES_OF_FRAME[can_id], (State.ABSENT | no_sigmas, _NO_FORCE, _NO_FORCE, _NO_FORCE))
     ages_ns = [0]
     in_air, common = True, 0
@@ -115,9 +108,9 @@ def encode_forces(
         forces = [_force_code(part_n) if known else _NO_FORCE for part_n in leg_n]
         x_n, y_n, z_n = leg_sigma_n
         widest_n = max(x_n, y_n) if math.isfinite(x_n + y_n) else math.nan
-        across, along = layout.sigma_code(widest_n), layout.sigma_code(z_n)
         bits = shown | bool(flag & Flag.CONTACT) << 4 | bool(flag & Flag.TARE_REFUSED) << 5
-        bits |= (mask & layout.all_elements_mask) << _FIRST_MASK_BIT | across << across_at | along << along_at
+        bits |= (mask & ALL_ELEMENTS_MASK) << _MASK_BIT
+        bits |= _sigma_code(widest_n) << _SIGMA_XY_BIT | _sigma_code(z_n) << _SIGMA_Z_BIT
         slots[node] = (bits, *forces)
         if known:
             ages_ns.append(t_sent_ns - leg_ns if leg_ns else -1)
@@ -131,14 +124,12 @@ def encode_forces(
     return _crc16(can_id, payload).to_bytes(2, "little") + payload
 
 
-def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
+def decode_forces(can_id: int, data: bytes) -> Forces:
     """Return the content of a CAN FD `Forces` or `Forces4` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc, counter or a state is wrong.
-        ValueError: There are more than 16 elements.
     """
-    layout = mask_layout(FORCES_LAYOUTS, n_elements)
     if len(data) != DATA_BYTES_OF_FRAME.get(can_id):
         raise FrameError(f"frame 0x{can_id:03x} of {len(data)} bytes is no frame of all legs")
     crc, head, age = _HEADER_STRUCT.unpack_from(data)
@@ -155,11 +146,8 @@ def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
     slots = _LEG_STRUCT.iter_unpack(data[_HEADER_STRUCT.size :])
     for node, (bits, *codes) in zip(NODES_OF_FRAME[can_id], slots, strict=True):
         x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _FORCE_CODES_PER_N for code in codes)
-        sigmas = bits >> _FIRST_MASK_BIT + layout.mask_bits
-        across_n, along_n = (
-            layout.sigma_n(sigmas >> at & layout.no_sigma_code) for at in (0, layout.sigma_bits)
-        )
-        mask = bits >> _FIRST_MASK_BIT & layout.all_elements_mask
+        across_n, along_n = _sigma_n(bits >> _SIGMA_XY_BIT), _sigma_n(bits >> _SIGMA_Z_BIT)
+        mask = bits >> _MASK_BIT & ALL_ELEMENTS_MASK
         flags = Flag(
             common | (Flag.CONTACT if bits & 0x10 else 0) | (Flag.TARE_REFUSED if bits & 0x20 else 0)
         )
@@ -177,6 +165,17 @@ def decode_forces(can_id: int, data: bytes, n_elements: int = 9) -> Forces:
 def _crc16(can_id: int, payload: bytes) -> int:
     """Return the CRC-16/CCITT-FALSE of a frame's payload and CAN id."""
     return crc_hqx(payload + can_id.to_bytes(2, "little"), 0xFFFF)
+
+
+def _sigma_code(sigma_n: float) -> int:
+    if not sigma_n >= 0.0:
+        return _NO_SIGMA
+    return int(min(sigma_n * _SIGMA_CODES_PER_N + _CEILING_OFFSET, _NO_SIGMA - 1))
+
+
+def _sigma_n(bits: int) -> float:
+    code = bits & _NO_SIGMA
+    return math.nan if code == _NO_SIGMA else code / _SIGMA_CODES_PER_N
 
 
 def _force_code(force_n: float) -> int:

@@ -2,10 +2,9 @@
 
 `footsense.dbc`, for a hexapod, is written by hand. Its left front leg is the model of all others: whatever is said of
 node 1 is said again of each leg of the robot, with its id and its name. Nothing else differs but the unit of the forces
-of feet beyond 32 N, and the mask and the standard deviations of feet with more than nine elements.
+of feet beyond 32 N.
 """
 
-import math
 import re
 from collections.abc import Sequence
 from itertools import groupby
@@ -13,7 +12,6 @@ from pathlib import Path
 
 from firmware_interface.can.all_legs import DATA_BYTES_OF_FRAME, FORCES4_ID, FORCES_ID, NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
-from firmware_interface.can.element_mask import FORCES_LAYOUTS, NARROW_ELEMENTS, QUALITY_LAYOUTS, mask_layout
 
 #: The description of a hexapod's frames.
 HEXAPOD_DBC = Path(__file__).with_name("footsense.dbc")
@@ -25,25 +23,17 @@ _CAN_ID_PATTERN = re.compile(r'(?:BO_|CM_ SG_|CM_ BO_|VAL_|BA_ "\w+" BO_) (\d+) 
 _NODE_MASK = 0x7F
 _FORCE_SIGNAL_PATTERN = re.compile(r"( SG_ (?:Force|Sigma)\w+ : \S+ )\((\S+),0\) \[(\S+)\|(\S+)\] \"N\"")
 
-_MASK_OR_SIGMA_PATTERN = re.compile(
-    r"^ SG_ (?P<name>FaultMask|Sigma(?P<axis>XY|X|Y|Z))(?P<leg>\w*) : (?P<start>\d+)\|\d+@1\+ \(\S+\) \[\S+\]"
-)
-_SIGMA_VALUES_PATTERN = re.compile(r'^(VAL_ \d+ Sigma(?:XY|X|Y|Z)(\w*)) \d+ "Saturated" \d+')
 
-
-def make_dbc(legs: Sequence[str], force_step_mn: int = 1, n_elements: int = NARROW_ELEMENTS) -> str:
+def make_dbc(legs: Sequence[str], force_step_mn: int = 1) -> str:
     """Return the DBC file's text for a robot.
 
     Args:
         legs: Names of its legs, of `NODE_IDS`.
         force_step_mn: What a bit of a force stands for [mN], as `footsense check-config` names it.
-        n_elements: Elements of each foot, 1..16.
 
     Raises:
         KeyError: There is no such leg.
-        ValueError: There are more elements.
     """
-    mask_layout(QUALITY_LAYOUTS, n_elements)  # raises
     nodes = sorted(NODE_IDS[leg] for leg in legs)
     names = {node: leg for leg, node in NODE_IDS.items()}
     text: list[str] = []
@@ -60,12 +50,6 @@ def make_dbc(legs: Sequence[str], force_step_mn: int = 1, n_elements: int = NARR
         elif can_id & _NODE_MASK == 1:
             for node in nodes:
                 text += _leg_frame_lines(block, can_id, node, names[node])
-    text = [line.replace("e = 3 row", f"e = {math.isqrt(n_elements)} row") for line in text]
-    if n_elements > NARROW_ELEMENTS:
-        text = [
-            _SIGMA_VALUES_PATTERN.sub(_wide_sigma_value_table, _MASK_OR_SIGMA_PATTERN.sub(_wide_signal, line))
-            for line in text
-        ]
     return (
         "\n".join(line if force_step_mn == 1 else _with_force_step(line, force_step_mn) for line in text)
         + "\n"
@@ -117,24 +101,6 @@ def _forces4_lines(lines: list[str]) -> list[str]:
         changed = re.sub(r"(\w)Lm ", r"\1R4 ", changed).replace("left middle", _LEG_NAMES["r4"])
         fourth.append(changed.replace("of all legs", "of the fourth legs"))
     return fourth
-
-
-def _wide_signal(match: re.Match[str]) -> str:
-    """Return the signal definition of a fault mask or sigma for feet with more than nine elements."""
-    narrow, wide = FORCES_LAYOUTS if match["leg"] else QUALITY_LAYOUTS
-    start, head = int(match["start"]), f" SG_ {match['name']}{match['leg']} : "
-    if match["axis"] is None:
-        return f"{head}{start}|{wide.mask_bits}@1+ (1,0) [0|{wide.all_elements_mask}]"
-    place = (("XY", "Z") if match["leg"] else ("X", "Y", "Z")).index(match["axis"])
-    start += wide.mask_bits - narrow.mask_bits - place * (narrow.sigma_bits - wide.sigma_bits)
-    step_n = wide.sigma_step_mn / 1000
-    return f"{head}{start}|{wide.sigma_bits}@1+ ({step_n:g},0) [0|{step_n * wide.no_sigma_code:.6g}]"
-
-
-def _wide_sigma_value_table(match: re.Match[str]) -> str:
-    """Return the value table of a sigma for feet with more than nine elements."""
-    none = (FORCES_LAYOUTS if match[2] else QUALITY_LAYOUTS)[1].no_sigma_code
-    return f'{match[1]} {none - 1} "Saturated" {none}'
 
 
 def _with_force_step(line: str, step: int) -> str:

@@ -15,7 +15,6 @@ from typing import NamedTuple
 from firmware_interface.can.codes import USABLE, Flag, State
 from firmware_interface.can.crc8 import COLUMN_CRC, ID_CRC, crc8
 from firmware_interface.can.decoding import enum_member, unpack_protected
-from firmware_interface.can.element_mask import QUALITY_LAYOUTS, mask_layout
 from firmware_interface.can.socketcan import FRAME_BYTES, pack_frame
 
 #: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2. Source: CiA 301, pre-defined
@@ -68,9 +67,6 @@ class Quality(NamedTuple):
         age: 0.1 ms per bit, 0xFFF: none, negative, or above 409.4 ms
         sigma: 2 mN per bit, 511: no value, 510: 1.02 N or more
 
-    Of feet with ten to sixteen elements the mask has 16 bits, and each sigma 6, from bits 44, 50 and 56 on: 16 mN per
-    bit, 63: no value, 62: 0.992 N or more. The bits behind them are 0.
-
     Age and sigma are rounded up: a frame never looks younger or more certain than it is.
 
     Attributes:
@@ -78,8 +74,8 @@ class Quality(NamedTuple):
         counter: Sequence counter of the frame, 0..14.
         flags: Properties of the force that do not forbid its use.
         age_ns: From the measurement to the send [ns], in steps of 0.1 ms; None: unknown, or above 409.4 ms.
-        fault_mask: Bit e set where element e is not usable, 9 bits or 16.
-        sigma_n: Standard deviation of each component [N]; NaN: no value; 1.02, with 16 bits of mask 0.992: or more.
+        fault_mask: Bit e set where element e is not usable, 9 bits.
+        sigma_n: Standard deviation of each component [N]; NaN: no value; 1.02: or more.
     """
 
     node: int
@@ -104,7 +100,12 @@ _AGE_STEP_NS = 100_000
 _NO_AGE = 0xFFF
 _MAX_AGE_NS = (_NO_AGE - 1) * _AGE_STEP_NS
 
-_FIRST_MASK_BIT = 20
+#: Fault mask with the bits of all nine elements set.
+ALL_ELEMENTS_MASK = 0x1FF
+# First bits of the mask and of the three standard deviations, each of which has so many bits.
+_MASK_BIT, _SIGMA_BIT, _SIGMA_BITS = 20, 29, 9
+_NO_SIGMA, _SIGMA_CODES_PER_N = 0x1FF, 500
+_MAX_SIGMA_N = (_NO_SIGMA - 1) / _SIGMA_CODES_PER_N
 # Rounds up, except for the rounding error of a whole number of bits.
 _CEILING_OFFSET = 1 - 1e-6
 
@@ -132,14 +133,9 @@ class ForceQualityEncoder:
 
     Args:
         nodes: CAN node id of each leg, 1..8.
-        n_elements: Elements of each foot, 1..16.
-
-    Raises:
-        ValueError: There are more elements.
     """
 
-    def __init__(self, nodes: Sequence[int], n_elements: int = 9) -> None:
-        self._layout = mask_layout(QUALITY_LAYOUTS, n_elements)
+    def __init__(self, nodes: Sequence[int]) -> None:
         can_ids = [base + node for node in nodes for base in (FORCE_ID, QUALITY_ID)]
         self._frames = bytearray(b"".join(pack_frame(can_id, bytes(8)) for can_id in can_ids))
         self._n_frames = len(can_ids)
@@ -179,10 +175,6 @@ class ForceQualityEncoder:
         """
         frames = self._frames
         at = 8
-        mask_bits, sigma_bits, step_mn = self._layout
-        all_elements, no_sigma = self._layout.all_elements_mask, self._layout.no_sigma_code
-        max_sigma, per_n = no_sigma - 1, 1000 / step_mn
-        max_sigma_n = max_sigma / per_n
         legs = zip(t_ns, state, force_n, sigma_n, flags, fault_mask, strict=True)
         for leg_t_ns, code, (x_n, y_n, z_n), sigmas_n, flag, mask in legs:
             if not (
@@ -200,14 +192,14 @@ class ForceQualityEncoder:
             _FORCE_STRUCT.pack_into(frames, at + 1, code << 4 | counter, x, y, z)
             age_ns = t_sent_ns - leg_t_ns
             age = -(-age_ns // _AGE_STEP_NS) if leg_t_ns and 0 <= age_ns <= _MAX_AGE_NS else _NO_AGE
-            bits = counter | (flag & 0xF) << 4 | age << 8 | (mask & all_elements) << _FIRST_MASK_BIT
-            shift = _FIRST_MASK_BIT + mask_bits
+            bits = counter | (flag & 0xF) << 4 | age << 8 | (mask & ALL_ELEMENTS_MASK) << _MASK_BIT
+            shift = _SIGMA_BIT
             for component_n in sigmas_n:
-                if 0.0 <= component_n < max_sigma_n:
-                    bits |= int(component_n * per_n + _CEILING_OFFSET) << shift
+                if 0.0 <= component_n < _MAX_SIGMA_N:
+                    bits |= int(component_n * _SIGMA_CODES_PER_N + _CEILING_OFFSET) << shift
                 else:
-                    bits |= (max_sigma if component_n > 0.0 else no_sigma) << shift
-                shift += sigma_bits
+                    bits |= (_NO_SIGMA - 1 if component_n > 0.0 else _NO_SIGMA) << shift
+                shift += _SIGMA_BITS
             frames[at + FRAME_BYTES + 1 : at + FRAME_BYTES + 8] = bits.to_bytes(7, "little")
             at += 2 * FRAME_BYTES
         crcs = self._id_crcs
@@ -238,26 +230,22 @@ def decode_force(can_id: int, data: bytes) -> Force:
     return Force(node, counter, enum_member(State, head >> 4), (x_n, y_n, z_n))
 
 
-def decode_quality(can_id: int, data: bytes, n_elements: int = 9) -> Quality:
+def decode_quality(can_id: int, data: bytes) -> Quality:
     """Return the content of a `Quality` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc or counter is wrong.
-        ValueError: There are more than 16 elements.
     """
-    layout = mask_layout(QUALITY_LAYOUTS, n_elements)
     node, counter, (payload,) = unpack_protected(can_id, data, QUALITY_ID, _QUALITY_STRUCT)
     bits = int.from_bytes(payload, "little")
     age = bits >> 8 & 0xFFF
-    sigmas = bits >> _FIRST_MASK_BIT + layout.mask_bits
-    x_n, y_n, z_n = (
-        layout.sigma_n(sigmas >> axis * layout.sigma_bits & layout.no_sigma_code) for axis in range(3)
-    )
+    codes = [bits >> _SIGMA_BIT + axis * _SIGMA_BITS & _NO_SIGMA for axis in range(3)]
+    x_n, y_n, z_n = (_NAN if code == _NO_SIGMA else code / _SIGMA_CODES_PER_N for code in codes)
     return Quality(
         node=node,
         counter=counter,
         flags=Flag(bits >> 4 & 0xF),
         age_ns=None if age == _NO_AGE else age * _AGE_STEP_NS,
-        fault_mask=bits >> _FIRST_MASK_BIT & layout.all_elements_mask,
+        fault_mask=bits >> _MASK_BIT & ALL_ELEMENTS_MASK,
         sigma_n=(x_n, y_n, z_n),
     )

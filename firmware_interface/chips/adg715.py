@@ -3,8 +3,8 @@
 Source: Analog Devices ADG714/ADG715 data sheet rev. B. One data byte, bit n closes switch n + 1; all switches are
 open after power-up. The address is 1001 0 A1 A0; A1 A0 = 01 and 10 keep it clear of an AD7746 at 0x48.
 
-Of a foot with n rows and columns, switches 1..n connect lines 0..n-1 to the node of a selected line, and switches
-n+1..2n to that of an unselected line. Eight switches are enough for four lines. The paper's foot has three:
+Switches 1..3 connect lines 0..2 of a foot to the node of a selected line, and switches 4..6
+to that of an unselected line:
 
 | board | address | lines | selected | unselected |
 |---|---|---|---|---|
@@ -18,16 +18,16 @@ ADDRESS = 0x49
 #: 7-bit bus address with A1 A0 = 10: the columns, where a board switches them.
 COLUMN_ADDRESS = 0x4A
 
-#: Rows of the paper's foot, and its columns.
+#: Rows of a foot, and its columns.
 N_LINES = 3
+_ALL_LINES = (1 << N_LINES) - 1
 
 
-def line_switch_byte(lines: int, n_lines: int = N_LINES) -> int:
+def line_switch_byte(lines: int) -> int:
     """Return the data byte that selects the lines of a bit mask and connects all others as unselected.
 
     Args:
         lines: The mask.
-        n_lines: Rows of the foot, or columns: at most four.
 
     Raises:
         ValueError: The mask has more bits than a foot has rows or columns.
@@ -36,17 +36,16 @@ def line_switch_byte(lines: int, n_lines: int = N_LINES) -> int:
         >>> [bin(line_switch_byte(1 << line)) for line in range(3)]
         ['0b110001', '0b101010', '0b11100']
     """
-    every = (1 << n_lines) - 1
-    if not 0 <= lines <= every:
-        raise ValueError(f"a foot has {n_lines} rows and {n_lines} columns, got the mask {lines:#b}")
-    return lines | (every & ~lines) << n_lines
+    if not 0 <= lines <= _ALL_LINES:
+        raise ValueError(f"a foot has {N_LINES} rows and {N_LINES} columns, got the mask {lines:#b}")
+    return lines | (_ALL_LINES & ~lines) << N_LINES
 
 
-def selected_lines(switches: int, n_lines: int = N_LINES) -> int:
+def selected_lines(switches: int) -> int:
     """Return the bit mask of the lines that a data byte selects."""
-    return switches & (1 << n_lines) - 1
+    return switches & _ALL_LINES
 
 
-def unselected_lines(switches: int, n_lines: int = N_LINES) -> int:
+def unselected_lines(switches: int) -> int:
     """Return the bit mask of the lines that a data byte connects as unselected."""
-    return switches >> n_lines & (1 << n_lines) - 1
+    return switches >> N_LINES & _ALL_LINES

@@ -21,7 +21,7 @@ from footsense.acquisition.leg_group import BusReadings, BusStuckError, LegGroup
 from footsense.acquisition.leg_search import probe_due_legs, probe_leg
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import Transport
-from footsense.frames import Reading
+from footsense.frames import ROWS, Reading
 from footsense.ports import Clock
 
 #: Attempts of a conversion on a bus with stuck lines.
@@ -171,7 +171,7 @@ class BusScanner:
         turn, skipped = divmod(self._n_scans, 1 if self._check_all else 4)
         visit, row = divmod(turn, len(self.legs))
         self._asked_alone = None if skipped else self.legs[row]
-        self._asked_element = visit % self._plan.rows * (self._plan.rows + 1)
+        self._asked_element = visit % ROWS * (ROWS + 1)
         now_ns, missing = self.clock.now_ns(), False
         any_bad: list[bool] = np.any(self.latest.reading, axis=1).tolist()
         for leg, bad in zip(self.legs, any_bad, strict=True):

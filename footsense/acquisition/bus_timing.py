@@ -13,6 +13,7 @@ from firmware_interface.schedule import ScanLowerBounds, scan_lower_bounds
 from firmware_interface.wire_timing import BUS_FREE_NS, transaction_bits
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import NackError
+from footsense.frames import ELEMENTS
 from footsense.ports import Clock, I2cBus, Transaction
 
 _SHORT_READ_BYTES, _LONG_READ_BYTES = 1, 33  # bytes read
@@ -83,18 +84,16 @@ class BusTiming(NamedTuple):
         costs: Cost of its transactions.
         lower_bounds: The shortest scans that they allow.
         conversions_ns: Time of all conversions without any transaction [ns].
-        n_elements: Conversions of a scan.
     """
 
     costs: BusCosts
     lower_bounds: ScanLowerBounds
     conversions_ns: int
-    n_elements: int
 
     @property
     def conversion_age_limit_ns(self) -> int:
         """Age of a running conversion above which the loop counts as delayed [ns]: two conversion steps."""
-        return 2 * self.lower_bounds.scan_period_bound_ns // self.n_elements
+        return 2 * self.lower_bounds.scan_period_bound_ns // ELEMENTS
 
     def __str__(self) -> str:
         """Return the timing as one line of text for the log."""
@@ -124,9 +123,8 @@ def bus_timing(costs: BusCosts, plan: ScanPlan, n_legs: int, *, kernel_mux: bool
         n_result_reads=len(plan.steps[0].read),
         kernel_mux=kernel_mux,
         traffic=plan.board.traffic,
-        rows=plan.rows,
     )
-    return BusTiming(costs, limits, len(plan.steps) * plan.conversion_ns, len(plan.steps))
+    return BusTiming(costs, limits, len(plan.steps) * plan.conversion_ns)
 
 
 def checks_that_fit(costs: BusCosts, plan: ScanPlan, n_legs: int) -> tuple[bool, bool]:

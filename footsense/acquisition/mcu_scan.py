@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from firmware_interface.serial_frames import N_NO_VALUE_CODES, NO_VALUE_BASE, NoValue, Record, RecordFlag
-from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.frames import ELEMENTS, Codes, Reading, Stamps, Vector
 
 _NS_PER_US = 1000

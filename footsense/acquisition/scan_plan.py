@@ -1,24 +1,16 @@
 """Plan of a scan: order of the conversions, and the I2C transactions that they need."""
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from firmware_interface.conversion_order import conversion_order
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards import ad7746, fdc1004
 from footsense.acquisition.boards.board import Board, ConversionStep, ReadBackCheck
 from footsense.ports import Transaction
 
-#: The orders of the paper's foot.
-CONVERSION_ORDERS: dict[str, tuple[int, ...]] = {
-    name: conversion_order(name, 3) for name in ("lo_shu", "raster")
-}
-
-#: The boards, each for a number of rows.
-BOARDS: Mapping[str, Callable[[int], Board]] = MappingProxyType(
-    {"fdc1004": fdc1004.board, "ad7746": ad7746.board}
-)
+#: The boards, by their names in a configuration.
+BOARDS: Mapping[str, Board] = MappingProxyType({"fdc1004": fdc1004.BOARD, "ad7746": ad7746.BOARD})
 
 
 class ScanPlan(NamedTuple):
@@ -36,28 +28,22 @@ class ScanPlan(NamedTuple):
     conversion_ns: int
     conversion_wait_ns: int
 
-    @property
-    def rows(self) -> int:
-        """Number of rows of elements of each foot, equal to that of the columns."""
-        return math.isqrt(len(self.steps))
 
-
-def scan_plan(order: str, rate_sps: int, board: str = "fdc1004", rows: int = 3) -> ScanPlan:
+def scan_plan(order: str, rate_sps: int, board: str = "fdc1004") -> ScanPlan:
     """Return the plan of a scan with a board: conversion order and transactions.
 
     Args:
         order: A key of `CONVERSION_ORDERS`.
         rate_sps: Conversions per second, one of the rates of the board's converter.
         board: A key of BOARDS.
-        rows: Rows of elements of each foot, and as many columns: 2 to 4.
 
     Example:
         >>> plan = scan_plan("lo_shu", 400)
         >>> [step.element for step in plan.steps], sum(len(step.select_changes) for step in plan.steps)
         ([5, 0, 7, 6, 4, 2, 1, 8, 3], 6)
     """
-    electronics = BOARDS[board](rows)
-    steps = [electronics.step(element, rate_sps) for element in conversion_order(order, rows)]
+    electronics = BOARDS[board]
+    steps = [electronics.step(element, rate_sps) for element in CONVERSION_ORDERS[order]]
     steps = [
         step._replace(
             select_changes=tuple(write for write in step.select if write not in before.select),

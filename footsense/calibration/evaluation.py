@@ -23,7 +23,7 @@ from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
-from footsense.frames import Mask, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.ports import Estimator
 
 #: Sources of estimates: the network of the design alone, and with the foot's calibration.
@@ -137,10 +137,9 @@ def estimate_loads(
         foot: Parameters of the foot; None to read it as designed.
     """
     design = trained_inputs.design
-    n_elements = loads.capacitance_pf.shape[1]
-    stray_pf = np.zeros(n_elements) if foot is None else foot.stray_pf
-    gain_rel = np.ones(n_elements) if foot is None else foot.gain_rel
-    gap_um = np.full(n_elements, design.gap_um) if foot is None else foot.gap_um
+    stray_pf = np.zeros(ELEMENTS) if foot is None else foot.stray_pf
+    gain_rel = np.ones(ELEMENTS) if foot is None else foot.gain_rel
+    gap_um = np.full(ELEMENTS, design.gap_um) if foot is None else foot.gap_um
     closure_um = design.closure_um(loads.capacitance_pf - stray_pf, loads.baseline_pf - stray_pf)
     closure_rel = closure_um / design.gap_um / gain_rel
     # A NaN fails every comparison.

@@ -57,7 +57,6 @@ class CanSink:
         clock: The time of the frames.
         every: Cycles for each `Force`, at least 1.
         force_step_mn: What a bit of a force stands for [mN].
-        n_elements: Elements of each foot.
 
     Attributes:
         stats: Statistics of the channel.
@@ -80,7 +79,6 @@ class CanSink:
         *,
         every: int = 1,
         force_step_mn: int = 1,
-        n_elements: int = 9,
     ) -> None:
         self.stats = CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
@@ -101,8 +99,7 @@ class CanSink:
         self._nodes = nodes
         self._clock = clock
         self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
-        self._encoder = ForceQualityEncoder(nodes, n_elements)
-        self._n_elements = n_elements
+        self._encoder = ForceQualityEncoder(nodes)
         self._gait = GaitFrames(nodes)
         self._commands = CanCommands(self._channel, nodes, clock)
         self._every = every
@@ -193,7 +190,7 @@ class CanSink:
             return [
                 pack_fd_frame(
                     can_id,
-                    encode_forces(can_id, counter, frame.t_sent_ns, self._nodes, *legs, self._n_elements),
+                    encode_forces(can_id, counter, frame.t_sent_ns, self._nodes, *legs),
                 )
                 for can_id in self._fd_ids
             ]

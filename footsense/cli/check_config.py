@@ -6,7 +6,6 @@ from pathlib import Path
 import click
 
 from firmware_interface.can.dbc import make_dbc
-from firmware_interface.can.element_mask import NARROW_ELEMENTS
 from firmware_interface.can.force import force_step_mn
 from footsense.cli.options import FILE
 from footsense.clock import wall_time_iso
@@ -32,7 +31,7 @@ def check_config(file: Path, dbc: Path | None) -> None:
         click.echo(line)
     if dbc is not None:
         step_mn = force_step_mn(models.network.card.max_trained_force_n)
-        dbc.write_text(make_dbc(config.legs, step_mn, config.n_elements), "utf-8")
+        dbc.write_text(make_dbc(config.legs, step_mn), "utf-8")
         click.echo(f"wrote {dbc}")
     for warning in warnings(config):
         click.echo(f"warning: {warning}", err=True)
@@ -69,8 +68,7 @@ def _can_text(models: Models) -> str:
     """Return the CAN interface as text, with the force unit if it is not the usual millinewton."""
     config, step_mn = models.config, force_step_mn(models.network.card.max_trained_force_n)
     coarse = "" if step_mn == 1 else f", {step_mn} mN per bit of a force and {2 * step_mn} mN of its sigma"
-    wide = f", masks of {config.n_elements} elements" if config.n_elements > NARROW_ELEMENTS else ""
-    return f"{config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s{coarse}{wide}"
+    return f"{config.can.interface} {config.can.channel}, {config.can.bitrate // 1000} kbit/s{coarse}"
 
 
 def _scan_text(config: Config) -> str:

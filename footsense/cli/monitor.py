@@ -62,7 +62,6 @@ def monitor(
     interface: str,
     channel: str,
     force_step_mn: int,
-    n_elements: int,
     max_age_ms: int,
     duration_s: float,
     *,
@@ -79,7 +78,7 @@ def monitor(
     stop = StopRequest()
     start_ns = clock.now_ns()
     end_ns = start_ns + duration_s * _NS_PER_S
-    with closing(open_listener(interface, channel, clock, limits, force_step_mn, n_elements)) as listener:
+    with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
         if as_json or not console.is_terminal:
             for t_ns in _listen_in_periods(listener, start_ns, end_ns, _NS_PER_S, stop):
                 for snapshot in listener.snapshot():

@@ -9,13 +9,11 @@ Source:
 
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
 from typing import NamedTuple
 
 from firmware_interface.can.all_legs import DATA_BYTES_OF_FRAME, NODES_OF_FRAME, decode_forces
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
-from firmware_interface.can.element_mask import QUALITY_LAYOUTS, mask_layout
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
 
 #: CAN ids of the accepted frames.
@@ -85,10 +83,6 @@ class Link:
         limits: Limits for using a force; None for the defaults.
         force_step_mn: What a bit of a force stands for [mN]: 1, but for feet of more than 32 N, for which
             `footsense check-config` names it.
-        n_elements: Elements of each foot, 1..16.
-
-    Raises:
-        ValueError: There are more elements.
 
     Example:
         >>> link = Link()
@@ -96,15 +90,10 @@ class Link:
         <LinkStatus.STALE: 0>
     """
 
-    def __init__(self, limits: LinkLimits | None = None, force_step_mn: int = 1, n_elements: int = 9) -> None:
-        mask_layout(QUALITY_LAYOUTS, n_elements)  # raises
+    def __init__(self, limits: LinkLimits | None = None, force_step_mn: int = 1) -> None:
         self._limits = limits or LinkLimits()
         self._force_step_mn = force_step_mn
-        self._decoders = (
-            (FORCE_ID, decode_force),
-            (QUALITY_ID, partial(decode_quality, n_elements=n_elements)),
-        )
-        self._n_elements = n_elements
+        self._decoders = ((FORCE_ID, decode_force), (QUALITY_ID, decode_quality))
         self._legs = {node: _LegStateMachine(self._limits) for node in NODE_IDS.values()}
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
@@ -136,7 +125,7 @@ class Link:
     def _feed_all_legs_frame(self, can_id: int, data: bytes, now_ns: int) -> None:
         """Process a CAN FD frame with the forces of several legs."""
         try:
-            forces = decode_forces(can_id, data, self._n_elements)
+            forces = decode_forces(can_id, data)
         except FrameError:
             for node in NODES_OF_FRAME[can_id]:
                 self._legs[node].process_corrupt_frame(now_ns)

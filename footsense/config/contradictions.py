@@ -8,7 +8,6 @@ from firmware_interface.wire_timing import can_bits_per_s
 from footsense.config.boards import BOARDS
 from footsense.config.schema import DEFAULT_PUBLISH_EVERY, Config
 from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Leg, Scan
-from footsense.frames import ELEMENTS
 from footsense.strict_yaml import Problem
 
 #: Largest share of the CAN bit rate for all frames of footsense; the rest is the robot's.
@@ -203,7 +202,6 @@ def _foot_contradictions(config: Config) -> Iterator[Problem]:
             yield Problem(
                 f"{section}.{leg}", f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}"
             )
-    yield from _element_count_contradictions(config)
     if config.calibrations is None:
         return
     if not config.feet:
@@ -216,20 +214,6 @@ def _foot_contradictions(config: Config) -> Iterator[Problem]:
             yield Problem(
                 f"{section}.{leg}", f"the calibration of {config.feet[leg]} has it; take this entry away"
             )
-
-
-def _element_count_contradictions(config: Config) -> Iterator[Problem]:
-    """Yield per-element settings with a wrong number of elements."""
-    n_elements = config.n_elements
-    if config.serial is not None and n_elements != ELEMENTS:
-        yield Problem("rows", f"the microcontroller sends {ELEMENTS} elements of a foot; take rows away")
-    for section, values_of_legs in (("stray_pf", config.stray_pf), ("unloaded_pf", config.unloaded_pf)):
-        for leg, values in values_of_legs.items():
-            if len(values) != n_elements:
-                message = (
-                    f"{len(values)} values; a foot of {config.rows} x {config.rows} elements has {n_elements}"
-                )
-                yield Problem(f"{section}.{leg}", message)
 
 
 def _repeated_value_problems(

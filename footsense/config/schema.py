@@ -9,6 +9,7 @@ from firmware_interface.chips import ad7746, fdc1004
 from footsense.config import sections
 from footsense.config.boards import BOARDS
 from footsense.foot.files.calibration_format import FootId
+from footsense.frames import ELEMENTS
 
 #: Default of `publish_every`: 92 forces a second, with all other frames 34 % of 500 kbit/s for six legs.
 DEFAULT_PUBLISH_EVERY = 4
@@ -34,7 +35,6 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             a leg; the design's if absent. A tare has to be near it.
         foot_type: Name of a released foot type, or, with a slash, the folder of another from `footsense lab build`,
             relative to the file. The folder has the name of the type.
-        rows: Rows of elements of every foot, and as many columns.
         model: Network to use, relative to the file; None for that of the foot type.
         feet: Foot mounted on each leg.
         calibrations: Folder of the feet's calibrations, relative to the file; every foot in `feet` needs one there,
@@ -63,7 +63,6 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             description="such as aoyagi-3x3, or ./models/my-foot for a folder",
         ),
     ] = "aoyagi-3x3"
-    rows: Literal[2, 3, 4] = 3
     model: Annotated[str, Meta(min_length=1)] | None = None
     feet: dict[sections.Leg, FootId] = {}
     calibrations: Annotated[str, Meta(min_length=1)] | None = None
@@ -79,16 +78,11 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return tuple(leg for bus in self.buses for leg in bus.legs)
 
     @property
-    def n_elements(self) -> int:
-        """Number of elements of every foot."""
-        return self.rows**2
-
-    @property
     def shortest_scan_ms(self) -> float:
         """Shortest duration of a scan [ms]: of all conversions, or the microcontroller's period."""
         if self.serial is not None:
             return 1e3 / self.serial.rate_hz
-        return self.n_elements * self.conversion_rate.conversion_ns * 1e-6
+        return ELEMENTS * self.conversion_rate.conversion_ns * 1e-6
 
     @property
     def cap_frames_per_force(self) -> int:

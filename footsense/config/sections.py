@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from firmware_interface.chips import tca9548a
-from footsense.frames import ALL_LEGS, LEGS
+from footsense.frames import ALL_LEGS, ELEMENTS, LEGS
 
 Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
 
@@ -16,8 +16,11 @@ Channel = Annotated[int, Meta(ge=0, le=tca9548a.N_CHANNELS - 1, description="a c
 AdapterPath = Annotated[
     str, Meta(pattern=r"^(/dev/[^\s]+|sim[0-9]?)$", description="such as /dev/i2c-1, or sim")
 ]
-StrayPf = tuple[Annotated[float, Meta(ge=0.0, le=20.0)], ...]
-UnloadedPf = tuple[Annotated[float, Meta(ge=0.1, le=15.0)], ...]
+_OfElements = Meta(
+    min_length=ELEMENTS, max_length=ELEMENTS, description="a number for each of the nine elements"
+)
+StrayPf = Annotated[tuple[Annotated[float, Meta(ge=0.0, le=20.0)], ...], _OfElements]
+UnloadedPf = Annotated[tuple[Annotated[float, Meta(ge=0.1, le=15.0)], ...], _OfElements]
 
 
 class Section(Struct, frozen=True, forbid_unknown_fields=True):

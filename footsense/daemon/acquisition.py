@@ -19,7 +19,7 @@ from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.config.sections import Bus, Serial
 from footsense.daemon.simulation import simulated_robot
-from footsense.frames import CapFrame, Vector
+from footsense.frames import ELEMENTS, CapFrame, Vector
 from footsense.ports import Clock, SerialPort, WakeupLatency
 from footsense.sim.bus.serial_port import SimulatedSerialPort
 from footsense.sim.robot import SimulatedRobot
@@ -67,7 +67,7 @@ class ScanSource:
 
 def scan_plan_for(config: Config) -> ScanPlan:
     """Return the scan plan of a robot whose feet are read over I2C."""
-    return scan_plan(config.conversion_order, config.rate_sps, config.board, config.rows)
+    return scan_plan(config.conversion_order, config.rate_sps, config.board)
 
 
 class OpenBus(NamedTuple):
@@ -213,7 +213,7 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
     return ScanSource(
         source,
         MonotonicClock(),
-        config.n_elements,
+        ELEMENTS,
         wakeups=tuple(bus.clock.wakeups for bus in buses if isinstance(bus.clock, MonotonicClock)),
         converter_temperature_c=source.temperature_c if plan.board.thermometer else None,
     )

@@ -21,7 +21,7 @@ from footsense.client import (
     Reports,
 )
 from footsense.errors import CanError
-from footsense.frames import ELEMENTS, LEGS
+from footsense.frames import LEGS
 from footsense.ports import CanWire, Clock
 
 #: Period of reading the channel [ns].
@@ -38,7 +38,6 @@ class LegSnapshot(NamedTuple):
         n_force_frames: `Force` frames received so far, those of all legs counted.
         event: Its last gait event; None before the first.
         event_ago_ns: Time since it happened [ns]; None if that is not known.
-        n_elements: Elements of its foot.
     """
 
     leg: str
@@ -47,7 +46,6 @@ class LegSnapshot(NamedTuple):
     n_force_frames: int
     event: LegEvent | None = None
     event_ago_ns: int | None = None
-    n_elements: int = ELEMENTS
 
     @property
     def is_current(self) -> bool:
@@ -64,7 +62,6 @@ class Listener:
         clock: The time of arrival.
         limits: Limits for using a force.
         force_step_mn: What a bit of a force stands for [mN].
-        n_elements: Elements of each foot, 1..16; the frames do not tell whether they are more than nine.
 
     Attributes:
         close: Closes the channel.
@@ -76,13 +73,11 @@ class Listener:
         clock: Clock,
         limits: LinkLimits,
         force_step_mn: int = 1,
-        n_elements: int = ELEMENTS,
     ) -> None:
         self._wire = wire
         self.close = wire.close
         self._clock = clock
-        self._link = Link(limits, force_step_mn, n_elements)
-        self._n_elements = n_elements
+        self._link = Link(limits, force_step_mn)
         self._reports = Reports()
         self._events = GaitEvents()
         self._last_events: dict[int, LegEvent] = {}
@@ -133,7 +128,6 @@ class Listener:
                     self._n_force_frames[node],
                     event,
                     None if event is None or event.t_ns is None else now_ns - event.t_ns,
-                    self._n_elements,
                 )
             )
         return snapshots
@@ -145,7 +139,6 @@ def open_listener(
     clock: Clock,
     limits: LinkLimits,
     force_step_mn: int = 1,
-    n_elements: int = ELEMENTS,
 ) -> Listener:
     """Open a CAN interface for listening only; arguments as of `Listener`.
 
@@ -153,4 +146,4 @@ def open_listener(
         CanError: The channel is missing or down.
     """
     wire = open_wire(interface, channel, 500_000, [*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS])
-    return Listener(wire, clock, limits, force_step_mn, n_elements)
+    return Listener(wire, clock, limits, force_step_mn)

@@ -50,7 +50,6 @@ def can_sink(
         clock,
         every=config.cap_frames_per_force,
         force_step_mn=force_step_mn,
-        n_elements=config.n_elements,
     )
     with close_at_end(sink.close):
         yield sink

@@ -18,7 +18,7 @@ from footsense.estimation.faults.status import CONVERTER_MAX_PF
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import Sensitivity, sensitivity
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
 
 #: Smallest limit of the rise of the load in swing, over the fastest drift [1].
@@ -70,9 +70,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         gain_rel=_element_parameter(models, "gain_rel", {}, 1.0),
         feet=[calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs],
         set_temperature=set_temperature,
-        range_end_pf=BOARDS[config.board](config.rows).range_end_pf
-        if config.board in BOARDS
-        else CONVERTER_MAX_PF,
+        range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else CONVERTER_MAX_PF,
     )
 
 
@@ -114,7 +112,7 @@ def _element_parameter(
     """Return a parameter of each element, shape (legs, elements): calibrated, else configured, else default."""
     values: dict[str, Sequence[float] | Vector] = dict(configured)
     values |= {leg: getattr(found.parameters, name) for leg, found in models.calibrations_by_leg.items()}
-    return np.array([values.get(leg, (default,) * models.config.n_elements) for leg in models.config.legs])
+    return np.array([values.get(leg, (default,) * ELEMENTS) for leg in models.config.legs])
 
 
 def _closure_rel_per_pf(design: CapacitorDesign) -> float:

@@ -47,22 +47,16 @@ def foot_type_folder(foot_type: str) -> Path:
     return folder
 
 
-def check_foot_type(path: Path, found: str, rows: int, config: Config) -> None:
-    """Raise an error unless a network or response table is of the configured foot type and array size.
+def check_foot_type(path: Path, found: str, config: Config) -> None:
+    """Raise an error unless a network or response table is of the configured foot type.
 
     Args:
         path: The file.
         found: Foot type in the file.
-        rows: Rows of elements in the file, and columns.
         config: The robot.
 
     Raises:
-        ModelError: One of the two differs.
+        ModelError: It is of another.
     """
     if found != foot_type_of(config):
         raise ModelError(f"{path}: made for foot type {found!r}, these feet are {foot_type_of(config)!r}")
-    if rows != config.rows:
-        raise ModelError(
-            f"{path}: made for {rows} x {rows} elements, the configuration has {config.rows} x {config.rows}; "
-            f"set rows: {rows}"
-        )

@@ -1,7 +1,6 @@
 """Load the network and the calibrations of the feet mounted on a robot."""
 
 import logging
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,7 +38,7 @@ def load_models(config: Config) -> Models:
     path = Path(config.model) if config.model else foot_type_file_path(config, "network.onnx")
     path = next((calibration.network for calibration in calibrations.values()), path)
     network = Network(path, n_rows=len(config.legs))
-    check_foot_type(path, network.card.foot_type, network.card.rows, config)
+    check_foot_type(path, network.card.foot_type, config)
     return Models(config, network, calibrations)
 
 
@@ -63,12 +62,6 @@ def load_calibrations(config: Config) -> dict[str, FootCalibration]:
         calibrations_by_leg[leg] = calibration = read_calibration(
             Path(config.calibrations) / foot, foot_type, foot
         )
-        n_elements = len(calibration.parameters.unloaded_pf)
-        if n_elements != config.n_elements:
-            raise ModelError(
-                f"{calibration.folder}: of a foot of {n_elements} elements, the configuration has {config.n_elements}; "
-                f"set rows: {math.isqrt(n_elements)}"
-            )
         manifest, first = calibration.manifest, next(iter(calibrations_by_leg.values()))
         if calibration.network_sha256 != first.network_sha256:
             raise ModelError(

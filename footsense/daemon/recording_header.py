@@ -13,7 +13,6 @@ from footsense.daemon.estimation import distance_times_capacitance_pf, stray_and
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError
 from footsense.frames import Flag
-from footsense.recording.frame_shape import n_elements_header_entry
 from footsense.recording.machine import platform_versions
 from footsense.sim.scene import Scene
 
@@ -43,7 +42,6 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
         _CALIBRATIONS_KEY: ",".join(hashes),
         **platform_versions(),
-        **n_elements_header_entry(config.n_elements),
         CLOSURE_CONVERSION_KEY: msgspec.json.encode(closure_conversion(models)).decode(),
     }
 
@@ -83,7 +81,7 @@ def recorded_config(recording: "Replay") -> Config:
     """Return the configuration of a recording, with CAN replaced by a virtual interface.
 
     Raises:
-        RecordingError: The header has no configuration that this version reads, or one of other legs or elements.
+        RecordingError: The header has no configuration that this version reads, or one of other legs.
     """
     try:
         config = msgspec.json.decode(recording.header["config"], type=Config)
@@ -94,11 +92,6 @@ def recorded_config(recording: "Replay") -> Config:
     if config.legs != recording.legs:
         then, now = ", ".join(recording.legs), ", ".join(config.legs)
         raise RecordingError(f"{recording.path}: holds the legs {then}, but a configuration of {now}")
-    if config.n_elements != recording.n_elements:
-        raise RecordingError(
-            f"{recording.path}: holds feet of {recording.n_elements} elements, but a configuration of "
-            f"{config.n_elements}"
-        )
     return msgspec.structs.replace(config, can=Can(interface="virtual"))
 
 

@@ -26,8 +26,8 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     """Return the simulated robot of a scene, wired as configured.
 
     Raises:
-        ModelError: The response table of its feet is missing, unreadable, or of another foot type or array.
-        ConfigError: A fault of the scene is for a leg, bus or element that the robot does not have.
+        ModelError: The response table of its feet is missing, unreadable, or of another foot type.
+        ConfigError: A fault of the scene is for a leg, bus that the robot does not have.
     """
     wiring = [
         BusWiring(
@@ -43,18 +43,14 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         wiring = [BusWiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
     table = foot_type_file_path(config, "response.npz")
     response = FootResponse.load(table)
-    check_foot_type(table, response.foot_type, response.rows, config)
-    for problem in _inapplicable_faults(config, scene, response.rows):
+    check_foot_type(table, response.foot_type, config)
+    for problem in _inapplicable_faults(config, scene):
         raise ConfigError(f"scene: {problem}")
-    plan = (
-        scan_plan(config.conversion_order, config.rate_sps, config.board, config.rows)
-        if config.buses
-        else None
-    )
+    plan = scan_plan(config.conversion_order, config.rate_sps, config.board) if config.buses else None
     return SimulatedRobot(scene, response, wiring, plan.conversion_wait_ns if plan else math.inf)
 
 
-def _inapplicable_faults(config: Config, scene: Scene, rows: int) -> Iterator[str]:
+def _inapplicable_faults(config: Config, scene: Scene) -> Iterator[str]:
     """Yield the faults of a scene that this robot cannot have, as text."""
     for n, fault in enumerate(scene.faults):
         leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", None)
@@ -64,10 +60,6 @@ def _inapplicable_faults(config: Config, scene: Scene, rows: int) -> Iterator[st
             yield f"faults[{n}].leg: {leg} is no leg of this robot; it has {', '.join(config.legs)}"
         if bus is not None and bus >= len(config.buses):
             yield f"faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
-        for name, end in (("element", rows**2), ("row", rows), ("column", rows)):
-            place = getattr(fault, name, None)
-            if place is not None and place >= end:
-                yield f"faults[{n}].{name}: {place} is no {name} of this foot; it has 0 to {end - 1}"
 
 
 class PacedSource:

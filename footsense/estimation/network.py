@@ -4,7 +4,6 @@ One call for all legs, one thread, no spinning: a spinning worker would take a c
 a second thread costs more than this network's microseconds.
 """
 
-import math
 from collections.abc import Sequence
 from operator import methodcaller
 from pathlib import Path
@@ -16,8 +15,7 @@ import onnxruntime as ort
 from footsense.errors import ModelError
 from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.checksum_trailer import verified_sha256
-from footsense.foot.files.network_card import METADATA_KEY, OUTPUTS, Signal, input_signals, read_card
-from footsense.frames import ELEMENT_COUNTS, ELEMENTS
+from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card
 from footsense.ports import LoadEstimate, Window
 
 #: Largest file that is read [bytes]; the released network has 80 thousand.
@@ -65,20 +63,15 @@ class Network:
         except Exception as error:  # the library raises a dozen types without a common base
             raise ModelError(f"{path}: not a readable ONNX network ({_error_line(error)})") from error
         # Shapes first: read_card would only say that a card of another shape does not fit.
-        signals = input_signals(_n_element_rows(inputs))
         if text is not None:
-            _check_shapes(path, "input", inputs, signals)
+            _check_shapes(path, "input", inputs, INPUTS)
             _check_shapes(path, "output", outputs, OUTPUTS)
         self.card = read_card(text, str(path))
-        if self.card.inputs != signals:
-            raise ModelError(
-                f"{path}: its card is of {self.card.rows**2} elements, its graph of {signals[-1].width}"
-            )
         # Bound to the session: a call copies and allocates nothing.
         self._binding = self._session.io_binding()
-        self._in = [np.zeros((n_rows, signal.width), np.float32) for signal in signals]
+        self._in = [np.zeros((n_rows, signal.width), np.float32) for signal in INPUTS]
         self._out = [np.zeros((n_rows, signal.width), np.float32) for signal in OUTPUTS]
-        for signal, array in zip(signals, self._in, strict=True):
+        for signal, array in zip(INPUTS, self._in, strict=True):
             self._binding.bind_ortvalue_input(signal.name, ort.OrtValue.ortvalue_from_numpy(array))
         for signal, array in zip(OUTPUTS, self._out, strict=True):
             self._binding.bind_ortvalue_output(signal.name, ort.OrtValue.ortvalue_from_numpy(array))
@@ -135,12 +128,6 @@ def _read_file(path: Path) -> bytes:
         raise ModelError(f"{path}: not a file, but a directory; name the network in it") from error
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
-
-
-def _n_element_rows(inputs: Sequence[tuple[str, str, Sequence[Any]]]) -> int:
-    """Return the foot's rows of elements, from the width of the network's mask input; 3 if the width is invalid."""
-    widths = [shape[-1] for name, _, shape in inputs if name == "missing" and shape]
-    return math.isqrt(widths[0] if widths and widths[0] in ELEMENT_COUNTS else ELEMENTS)
 
 
 def _check_shapes(

@@ -26,7 +26,7 @@ from footsense.estimation.faults.status import (
 from footsense.estimation.gait.tracker import GaitTracker
 from footsense.estimation.reading_window import Readings, ReadingWindow
 from footsense.estimation.sensitivity import Sensitivity
-from footsense.estimation.steady_windows import steady_ages_s
+from footsense.estimation.steady_windows import STEADY_AGES_S
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import (
     CapFrame,
@@ -93,7 +93,7 @@ class Pipeline:
         self._estimator = estimator
         self._shape = stray_pf.shape
         self._imputation = Imputation(trained.moments)
-        self._window = ReadingWindow((n_legs, stray_pf.shape[1]), scan_ns)
+        self._window = ReadingWindow(n_legs, scan_ns)
         self._trained = trained
         # One per leg: to broadcast a single one takes longer than the operation.
         self._flags = np.full(n_legs, flags, np.uint8)
@@ -278,4 +278,4 @@ def _with_usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
     read = ~missing[:, None]
     n_read = np.maximum(read.sum(axis=2, keepdims=True), 1)
     mean_s = np.where(read, age_s, 0.0).sum(axis=2, keepdims=True) / n_read
-    return np.where(usable[:, None, None], np.where(read, age_s, mean_s), steady_ages_s(missing.shape[1]))
+    return np.where(usable[:, None, None], np.where(read, age_s, mean_s), STEADY_AGES_S)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.frames import Mask, Stamps, Vector
+from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 
 #: Readings of an element in a window.
 READINGS = 3
@@ -40,14 +40,13 @@ class ReadingWindow:
     """Buffer of the last three readings of every element.
 
     Args:
-        shape: Legs of a frame, and elements of each.
+        n_legs: Legs of a frame.
         scan_ns: Time of a scan [ns].
     """
 
-    def __init__(self, shape: tuple[int, int], scan_ns: int) -> None:
-        n_legs, self._n_elements = shape
-        self._distance_rel = np.full((n_legs, READINGS, self._n_elements), np.nan)
-        self._t_ns = np.zeros((n_legs, READINGS, self._n_elements), np.int64)
+    def __init__(self, n_legs: int, scan_ns: int) -> None:
+        self._distance_rel = np.full((n_legs, READINGS, ELEMENTS), np.nan)
+        self._t_ns = np.zeros((n_legs, READINGS, ELEMENTS), np.int64)
         self._longest_ns = np.array(round(MAX_READING_INTERVAL_SCANS * scan_ns))
 
     def add(self, plate_distance_rel: Vector, t_ns: Stamps) -> Readings:
@@ -75,7 +74,7 @@ class ReadingWindow:
         if not all_in_order:
             moved_rel[~in_order] = 0.0
         moved_rel = moved_rel.max(axis=1)
-        moved_rel.partition(self._n_elements - 2, axis=1)
+        moved_rel.partition(ELEMENTS - 2, axis=1)
         # One element that moved far alone: a load moves several.
         if (moved_rel[:, -1] > _SPIKE_THRESHOLD_REL + 3.0 * moved_rel[:, -2]).any():
             _replace_spikes(kept_rel)
@@ -92,7 +91,7 @@ class ReadingWindow:
             in_order[:, 0],
             newest_ns,
             of_whole_ns.min(axis=1),
-            moved_rel[:, self._n_elements - 2],
+            moved_rel[:, ELEMENTS - 2],
         )
 
     def discard_newest(self, elements: Mask) -> None:

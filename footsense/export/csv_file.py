@@ -4,7 +4,7 @@ import csv
 import math
 from pathlib import Path
 
-from footsense.export.table import column_names, read_rows
+from footsense.export.table import COLUMN_NAMES, read_rows
 from footsense.recording.replay import Replay
 
 
@@ -22,7 +22,7 @@ def write_csv(replay: Replay, path: Path) -> int:
     n_cycles = 0
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(column_names(replay.n_elements))
+        writer.writerow(COLUMN_NAMES)
         for rows in read_rows(replay):
             writer.writerows([["" if _is_missing_value(value) else value for value in row] for row in rows])
             n_cycles += 1

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from footsense.errors import FootsenseError
-from footsense.export.table import column_names, read_rows
+from footsense.export.table import COLUMN_NAMES, read_rows
 from footsense.recording.replay import Replay
 
 try:
@@ -46,7 +46,7 @@ def write_parquet(replay: Replay, path: Path) -> int:
         RecordingError: The recording is cut short; what is whole was written.
     """
     require_pyarrow()
-    schema = pa.schema([(name, _column_type(name)) for name in column_names(replay.n_elements)])
+    schema = pa.schema([(name, _column_type(name)) for name in COLUMN_NAMES])
     cycles = read_rows(replay)
     n_cycles = 0
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:

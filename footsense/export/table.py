@@ -12,7 +12,6 @@ from footsense.recording.cycle_fields import (
     CYCLE_FIELDS,
     GAIT_FIELDS,
     CycleField,
-    cycle_fields,
 )
 from footsense.recording.replay import Replay
 
@@ -23,18 +22,6 @@ _FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.sta
 _SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path not in _FORCE_FIELDS}
 _FIRST_COLUMNS = ("sequence", "t_sent_ns", "leg")
 _EVENT_COLUMNS = ("event", "event_t_ns", "friction")
-
-
-def column_names(n_elements: int) -> tuple[str, ...]:
-    """Return the names of the columns in their order; those of the elements end in the number of the element."""
-    of_elements = {path: cycle_fields(n_elements)[path] for path in _SCAN_FIELDS}
-    return (
-        *_FIRST_COLUMNS,
-        *_column_names(_FORCE_FIELDS),
-        *_column_names(GAIT_FIELDS),
-        *_EVENT_COLUMNS,
-        *_column_names(of_elements),
-    )
 
 
 def _column_names(fields: Mapping[str, CycleField]) -> list[str]:
@@ -50,6 +37,14 @@ def _column_names(fields: Mapping[str, CycleField]) -> list[str]:
     return names
 
 
+#: Names of the columns in their order; those of the elements end in the number of the element.
+COLUMN_NAMES = (
+    *_FIRST_COLUMNS,
+    *_column_names(_FORCE_FIELDS),
+    *_column_names(GAIT_FIELDS),
+    *_EVENT_COLUMNS,
+    *_column_names(_SCAN_FIELDS),
+)
 _EMPTY_GAIT_ROW: Row = [None] * len(_column_names(GAIT_FIELDS))
 _CONTACT_COLUMN_INDICES = tuple(
     list(GAIT_FIELDS).index(path) for path in ("gait.contact", "gait.contact_raw")
@@ -63,7 +58,7 @@ def read_rows(replay: Replay) -> Iterator[list[Row]]:
         replay: The recording.
 
     Yields:
-        The rows of each cycle, a list of values for each leg, in the order of `column_names`.
+        The rows of each cycle, a list of values for each leg, in the order of `COLUMN_NAMES`.
 
     Raises:
         RecordingError: The rest of the file is cut off or damaged.

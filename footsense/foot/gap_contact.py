@@ -19,12 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.frames import Mask, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Cells along an electrode's side. Flat index of a cell: (element * 6 + forward) * 6 + leftward.
 CELLS_PER_SIDE = 6
 #: Cells of an electrode.
 CELLS_PER_ELEMENT = CELLS_PER_SIDE**2
+#: Cells of all elements.
+N_CELLS = ELEMENTS * CELLS_PER_ELEMENT
 
 #: Block pivots without fewer violations before single pivots follow.
 _MAX_STALLED_BLOCK_PIVOTS = 10
@@ -48,8 +50,7 @@ def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
         distance_um: Distance of the electrodes at each cell in air, the film's share included [um], shape (..., 324).
     """
     per_cell = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2 / CELLS_PER_ELEMENT
-    n_elements = distance_um.shape[-1] // CELLS_PER_ELEMENT
-    of_cells = (1.0 / distance_um).reshape(*distance_um.shape[:-1], n_elements, CELLS_PER_ELEMENT)
+    of_cells = (1.0 / distance_um).reshape(*distance_um.shape[:-1], ELEMENTS, CELLS_PER_ELEMENT)
     element_capacitance_pf: Vector = per_cell * of_cells.sum(axis=-1)
     return element_capacitance_pf
 

@@ -25,9 +25,9 @@ import numpy as np
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.cavity.air import VENTED, Cavity
-from footsense.foot.gap_contact import CELLS_PER_ELEMENT, CELLS_PER_SIDE, element_means
+from footsense.foot.gap_contact import N_CELLS, element_means
 from footsense.foot.hertz import contact_radius_mm
-from footsense.foot.symmetry import product_powers, whole_compliance, whole_series
+from footsense.foot.symmetry import GRID_SIDE, product_powers, whole_compliance, whole_series
 from footsense.frames import Vector
 
 #: Version of the file's layout.
@@ -139,16 +139,10 @@ class FootResponse:
         Raises:
             ValueError: The arrays do not fit the degree, or are not finite.
         """
-        side, half = self.quarter_compliance.shape[-1], len(self.quarter_compliance)
-        if side == 0 or side % CELLS_PER_SIDE or half not in (side, side // 2):
-            shape = self.quarter_compliance.shape
-            raise ValueError(
-                f"quarter_compliance is of an array of elements with {CELLS_PER_SIDE} x {CELLS_PER_SIDE} cells each, "
-                f"(9, 9, 18, 18) of 3 x 3, got {shape}"
-            )
+        half = GRID_SIDE if len(self.quarter_compliance) == GRID_SIDE else GRID_SIDE // 2
         wanted = {
             "quarter_series": (2, n_basis_functions(self.degree), half, half, 3),
-            "quarter_compliance": (half, half, side, side),
+            "quarter_compliance": (half, half, GRID_SIDE, GRID_SIDE),
         }
         for name, shape in wanted.items():
             array = getattr(self, name)
@@ -156,26 +150,11 @@ class FootResponse:
                 raise ValueError(
                     f"{name} of degree {self.degree} is finite, of shape {shape}, got {array.shape}"
                 )
-        whole = np.stack([whole_series(part, self.degree, side) for part in self.quarter_series])
+        whole = np.stack([whole_series(part, self.degree) for part in self.quarter_series])
         object.__setattr__(
             self, "closure_coefficients", whole.transpose(0, 1, 3, 2).reshape(*whole.shape[:2], -1)
         )
         object.__setattr__(self, "compliance_um_per_n", whole_compliance(self.quarter_compliance))
-
-    @property
-    def n_cells(self) -> int:
-        """Number of cells of all elements: 324 for the paper's foot."""
-        return len(self.compliance_um_per_n)
-
-    @property
-    def n_elements(self) -> int:
-        """Number of elements: 9 for the paper's foot."""
-        return self.n_cells // CELLS_PER_ELEMENT
-
-    @property
-    def rows(self) -> int:
-        """Number of rows (and of columns) of elements: 3 for the paper's foot."""
-        return math.isqrt(self.n_elements)
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -252,8 +231,8 @@ class FootResponse:
         radius_squared = self.patch_radius_mm(normal, force_n)[..., None] ** 2
         # One product for the point force and what the patch adds: the series are long, the basis is short.
         weighted = np.concatenate([basis, radius_squared * basis], axis=-1)
-        shape = (*basis.shape[:-1], 3, self.n_cells)
-        unit_n = (weighted @ self.closure_coefficients.reshape(-1, 3 * self.n_cells)).reshape(shape)
+        shape = (*basis.shape[:-1], 3, N_CELLS)
+        unit_n = (weighted @ self.closure_coefficients.reshape(-1, 3 * N_CELLS)).reshape(shape)
         closure: Vector = (force_n[..., None, :] @ unit_n)[..., 0, :]
         return closure
 
@@ -263,7 +242,7 @@ class FootResponse:
         if self._last_contact[0] != where:
             basis = series_basis(normal, self.degree, self.fit_elevation_deg)[0]
             self._last_contact[:] = where, basis @ self.closure_coefficients.reshape(2, len(basis), -1)
-        point, patch = self._last_contact[1].reshape(2, 3, self.n_cells)
+        point, patch = self._last_contact[1].reshape(2, 3, N_CELLS)
         radius_squared = self.patch_radius_mm(normal, force_n)[0] ** 2
         closure: Vector = force_n @ (point + radius_squared * patch)
         return closure

@@ -15,7 +15,7 @@ from footsense.foot.cavity.fringe import fringe_pf
 from footsense.foot.cavity.pressures import CavityPressures
 from footsense.foot.directions import normalized
 from footsense.foot.response_table import FootResponse
-from footsense.frames import Mask, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
 
 
 class ContactLoads(NamedTuple):
@@ -80,9 +80,8 @@ class Foot:
     ) -> None:
         own = deviations or Deviations()
         self.response = response
-        n_elements = response.n_elements
-        self._gap_um = response.design.gap_um + np.broadcast_to(own.gap_um, n_elements)
-        film_um = response.design.film_um + np.broadcast_to(own.film_um, n_elements)
+        self._gap_um = response.design.gap_um + np.broadcast_to(own.gap_um, ELEMENTS)
+        film_um = response.design.film_um + np.broadcast_to(own.film_um, ELEMENTS)
         # A NaN fails every comparison.
         if not (self._gap_um.min() > 0.0 and film_um.min() > 0.0 and own.stiffness_rel > -1.0):
             raise ValueError(

@@ -1,8 +1,7 @@
 """Mirror symmetries of the square foot, applied to cells, response series and compliance.
 
-The cells of all electrodes together are a square grid, 18 x 18 of the paper's nine elements, row 0 the most forward,
-column 0 the leftmost (the bars between the electrodes left out). A mirror of the foot maps the grid onto itself, so a
-quarter determines the rest. Shapes are stated for the paper's foot; the arrays themselves say how many cells there are.
+The cells of all nine electrodes together are a square grid, 18 x 18, row 0 the most forward, column 0 the leftmost (the
+bars between the electrodes left out). A mirror of the foot maps the grid onto itself, so a quarter determines the rest.
 """
 
 from functools import cache
@@ -11,22 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.frames import Vector
+from footsense.frames import ROWS, Vector
 
-
-def flat_of_grid(side: int) -> NDArray[np.intp]:
-    """Return the flat index (element by element) of each cell of the square grid, shape (side, side).
-
-    Args:
-        side: Cells along a side of the grid: six for each row of elements.
-
-    Example:
-        >>> flat_of_grid(18)[0, :8].tolist()
-        [0, 1, 2, 3, 4, 5, 36, 37]
-    """
-    rows = side // CELLS_PER_SIDE
-    flat: NDArray[np.intp] = np.arange(side**2).reshape(rows, rows, CELLS_PER_SIDE, CELLS_PER_SIDE)
-    return flat.transpose(0, 2, 1, 3).reshape(side, side)
+#: Cells along a side of the grid.
+GRID_SIDE = ROWS * CELLS_PER_SIDE
+#: Flat index (element by element) of each cell of the grid, shape (18, 18).
+FLAT_OF_GRID: NDArray[np.intp] = (
+    np.arange(GRID_SIDE**2)
+    .reshape(ROWS, ROWS, CELLS_PER_SIDE, CELLS_PER_SIDE)
+    .transpose(0, 2, 1, 3)
+    .reshape(GRID_SIDE, GRID_SIDE)
+)
 
 
 @cache
@@ -56,22 +50,21 @@ def mirrored_series(series: Vector, degree: int, axis: int) -> Vector:
     return image
 
 
-def whole_series(quarter: Vector, degree: int, side: int) -> Vector:
+def whole_series(quarter: Vector, degree: int) -> Vector:
     """Return the series coefficients of all cells, shape (products, 324, 3), from those of one quarter of the foot.
 
     Args:
         quarter: Coefficients of the cells of the quarter x > 0, y > 0, shape (products, 9, 9, 3), or of all cells of a
             foot that is not symmetric, shape (products, 18, 18, 3).
         degree: Degree of the series.
-        side: Cells along a side of the grid.
     """
-    flat = np.empty((len(quarter), side**2, 3))
-    if quarter.shape[1] == side:
-        flat[:, flat_of_grid(side)] = quarter
+    flat = np.empty((len(quarter), GRID_SIDE**2, 3))
+    if quarter.shape[1] == GRID_SIDE:
+        flat[:, FLAT_OF_GRID] = quarter
         return flat
     half = np.concatenate([quarter, mirrored_series(quarter, degree, 0)[:, ::-1]], axis=1)
     whole = np.concatenate([half, mirrored_series(half, degree, 1)[:, :, ::-1]], axis=2)
-    flat[:, flat_of_grid(side)] = whole
+    flat[:, FLAT_OF_GRID] = whole
     return flat
 
 
@@ -82,11 +75,11 @@ def whole_compliance(quarter: Vector) -> Vector:
         quarter: Closure of every cell of the grid under a force on a cell of the quarter, shape (9, 9, 18, 18), or on
             any cell of a foot that is not symmetric, shape (18, 18, 18, 18).
     """
-    whole, side = quarter, quarter.shape[2]
-    if quarter.shape[0] != side:
+    whole = quarter
+    if len(quarter) != GRID_SIDE:
         half = np.concatenate([quarter, quarter[::-1, :, ::-1]], axis=0)
         whole = np.concatenate([half, half[:, ::-1, :, ::-1]], axis=1)
-    order = flat_of_grid(side).ravel()
-    flat = np.empty((side**2, side**2))
-    flat[np.ix_(order, order)] = whole.reshape(side**2, side**2)
+    order = FLAT_OF_GRID.ravel()
+    flat = np.empty((GRID_SIDE**2, GRID_SIDE**2))
+    flat[np.ix_(order, order)] = whole.reshape(flat.shape)
     return flat

@@ -14,10 +14,10 @@ import ngsolve as ng
 import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import trained_missing_sets
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import FORMAT, OUTPUTS, input_signals
+from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import ForceEstimator
@@ -179,7 +179,7 @@ def _network_card(
     return {
         "format": FORMAT,
         "foot_type": response.foot_type,
-        "inputs": [msgspec.structs.asdict(signal) for signal in input_signals(response.rows)],
+        "inputs": [msgspec.structs.asdict(signal) for signal in INPUTS],
         "outputs": [msgspec.structs.asdict(signal) for signal in OUTPUTS],
         **asdict(design),
         "closure_rel_min": [
@@ -222,8 +222,7 @@ def _rounded_moments(closure_rel: Any) -> Any:
 
 def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
     """Return the largest difference of forces between ONNX Runtime and JAX [N], over all sets of missing elements."""
-    masks = trained_missing_sets(closure_rel.shape[1]).sets
-    window = steady_windows(closure_rel, masks[np.arange(len(closure_rel)) % len(masks)])
+    window = steady_windows(closure_rel, MISSING_SETS[np.arange(len(closure_rel)) % len(MISSING_SETS)])
     pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
     return max(float(np.abs(one - unit * other).max()) for one, other in pairs)
 

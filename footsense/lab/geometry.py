@@ -17,7 +17,7 @@ from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.cavity.air import AMBIENT_KPA, VENTED, Cavity, CavityKind
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.hertz import contact_radius_mm
-from footsense.frames import Vector
+from footsense.frames import ROWS, Vector
 
 #: Micrometres in a millimetre.
 UM_PER_MM = 1000.0
@@ -123,7 +123,6 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         sheet_mm: Side of the square sheet [mm].
         plate_mm: Thickness of each of the two plates that carry the electrodes [mm].
         spacer_mm: Thickness of the layer with the cavities [mm].
-        rows: Rows of elements, and as many columns; 3 where a description does not name it.
         pitch_mm: Distance of neighbouring elements [mm].
         electrode_mm: Side of an electrode and of its cavity [mm].
         gap_um: Unloaded air gap [um].
@@ -157,7 +156,6 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pdms: Material
     loads: LoadRange
     cavity: CavityKind
-    rows: Annotated[int, Meta(ge=2, le=4, description="the converter has four channels")] = 3
     gold: ThinFilm | None = None
     parylene: ThinFilm | None = None
     leak_time_s: (
@@ -188,24 +186,20 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def element_centres_mm(self) -> list[tuple[float, float]]:
-        """Centre (x, y) of each element [mm], flat index rows * i + j: row 0 most forward, column 0 leftmost."""
-        along = [((self.rows - 1) / 2 - n) * self.pitch_mm for n in range(self.rows)]
+        """Centre (x, y) of each element [mm], flat index 3 * i + j: row 0 most forward, column 0 leftmost."""
+        along = [self.pitch_mm, 0.0, -self.pitch_mm]
         return [(x, y) for x in along for y in along]
 
     @property
     def array_side_mm(self) -> float:
         """Side of the electrode array between its outer edges [mm]."""
-        return (self.rows - 1) * self.pitch_mm + self.electrode_mm
+        return (ROWS - 1) * self.pitch_mm + self.electrode_mm
 
     @property
     def half_axis_bar_spans_mm(self) -> list[tuple[float, float]]:
         """Begin and end of each bar between electrodes along the positive half axis [mm], from the middle outwards."""
         half_mm = self.electrode_mm / 2.0
-        centres = sorted(x for x, _ in self.element_centres_mm[:: self.rows] if x >= 0.0)
-        starts = [] if self.rows % 2 else [0.0]
-        starts += [centre + half_mm for centre in centres[:-1]]
-        ends = [centre - half_mm for centre in centres if centre > 0.0]
-        return list(zip(starts, ends, strict=True))
+        return [(half_mm, self.pitch_mm - half_mm)]
 
     @property
     def cavity_cell_area_mm2(self) -> float:

@@ -43,11 +43,12 @@ _LAB_STUDY_MODULES = {
     "cramer-rao": "accuracy.cramer_rao",
     "network-size": "networks.network_size",
     "hard-cases": "accuracy.hard_cases",
+    "sensors": "accuracy.sensors",
 }
 #: The studies in the order of the report, each with its module.
 STUDY_MODULES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDY_MODULES.items()}
 #: Pages about the daemon or its scan, which the lab does not import: `footsense.cli.lab` makes them.
-DAEMON_PAGES = ("sensors", "tradeoff", "touchdown", "faults", "experiment", "mismatch")
+DAEMON_PAGES = ("tradeoff", "touchdown", "faults", "experiment", "mismatch")
 README, BUILD = "README.md", "build.json"
 #: Stale pages that are kept, with the reason of each, as JSON.
 STALE_PAGES_FILE = "stale.json"

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, ROWS, Vector
 
 #: The eight symmetries of the square, each as a 3 x 3 matrix that maps the foot frame onto itself.
 SYMMETRIES: tuple[Vector, ...] = tuple(
@@ -14,15 +14,13 @@ SYMMETRIES: tuple[Vector, ...] = tuple(
 )
 
 
-def element_permutation(symmetry: Vector, rows: int = 3) -> NDArray[np.intp]:
+def element_permutation(symmetry: Vector) -> NDArray[np.intp]:
     """Return the permutation m of the elements by a symmetry: element e comes to lie on element m[e].
 
     Args:
         symmetry: One of `SYMMETRIES`.
-        rows: Rows of elements, and as many columns.
     """
-    middle = (rows - 1) / 2
-    row, column = np.divmod(np.arange(rows**2), rows)
-    place = middle - symmetry[:2, :2] @ np.stack([middle - row, middle - column])
-    mapped: NDArray[np.intp] = (rows * place[0] + place[1]).astype(np.intp)
+    row, column = np.divmod(np.arange(ELEMENTS), ROWS)
+    place = 1.0 - symmetry[:2, :2] @ np.stack([1.0 - row, 1.0 - column])
+    mapped: NDArray[np.intp] = (ROWS * place[0] + place[1]).astype(np.intp)
     return mapped

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from enum import IntEnum
-from functools import cache
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
@@ -48,32 +47,24 @@ class CycleField(NamedTuple):
     code_enum: type[IntEnum] | None = None
 
 
-@cache
-def cycle_fields(n_elements: int) -> Mapping[str, CycleField]:
-    """Return the arrays of a cycle by their path (such as `forces.force_n`), for feet with `n_elements` elements."""
-    shape, all_set = (n_elements,), (1 << n_elements) - 1
-    return {
-        "scan.t_ns": CycleField("<i8", shape, ("t_ns",)),
-        "scan.capacitance_pf": CycleField("<f8", shape, ("capacitance_pf",)),
-        "scan.reading": CycleField("u1", shape, ("reading",), max(Reading)),
-        "forces.force_n": CycleField("<f8", (3,), ("fx_n", "fy_n", "fz_n")),
-        "forces.sigma_n": CycleField("<f8", (3,), ("sigma_x_n", "sigma_y_n", "sigma_z_n")),
-        "forces.state": CycleField("u1", (), ("state",), max(State), State),
-        "forces.fault_mask": CycleField("<u2", (), ("fault_mask",), all_set),
-        "forces.flags": CycleField("u1", (), ("flags",), 255),
-        "forces.t_ns": CycleField("<i8", (), ("t_ns",)),
-        "forces.cause": CycleField("u1", (), ("cause",), max(Cause), Cause),
-        "forces.baseline.status": CycleField(
-            "u1", (), ("baseline_status",), max(BaselineStatus), BaselineStatus
-        ),
-        "forces.baseline.mean_pf": CycleField("<f8", (), ("baseline_mean_pf",)),
-        "forces.baseline.worst_pf": CycleField("<f8", (), ("baseline_worst_pf",)),
-        "forces.baseline.moved_ns": CycleField("<i8", (), ("baseline_moved_ns",)),
-    }
+#: The arrays of a cycle by their path, such as `forces.force_n`.
+CYCLE_FIELDS = {
+    "scan.t_ns": CycleField("<i8", (ELEMENTS,), ("t_ns",)),
+    "scan.capacitance_pf": CycleField("<f8", (ELEMENTS,), ("capacitance_pf",)),
+    "scan.reading": CycleField("u1", (ELEMENTS,), ("reading",), max(Reading)),
+    "forces.force_n": CycleField("<f8", (3,), ("fx_n", "fy_n", "fz_n")),
+    "forces.sigma_n": CycleField("<f8", (3,), ("sigma_x_n", "sigma_y_n", "sigma_z_n")),
+    "forces.state": CycleField("u1", (), ("state",), max(State), State),
+    "forces.fault_mask": CycleField("<u2", (), ("fault_mask",), (1 << ELEMENTS) - 1),
+    "forces.flags": CycleField("u1", (), ("flags",), 255),
+    "forces.t_ns": CycleField("<i8", (), ("t_ns",)),
+    "forces.cause": CycleField("u1", (), ("cause",), max(Cause), Cause),
+    "forces.baseline.status": CycleField("u1", (), ("baseline_status",), max(BaselineStatus), BaselineStatus),
+    "forces.baseline.mean_pf": CycleField("<f8", (), ("baseline_mean_pf",)),
+    "forces.baseline.worst_pf": CycleField("<f8", (), ("baseline_worst_pf",)),
+    "forces.baseline.moved_ns": CycleField("<i8", (), ("baseline_moved_ns",)),
+}
 
-
-#: The arrays of feet with nine elements; places, types and keys are those of any feet.
-CYCLE_FIELDS = cycle_fields(ELEMENTS)
 
 #: The arrays of a gait, which few cycles have.
 GAIT_FIELDS = {

@@ -35,8 +35,7 @@ class CyclePipe:
 
     Args:
         fd: The descriptor, nothing written to it yet; closed by `close`.
-        header: Entries of the recording's header; `legs` names the rows of the frames, `n_elements` a number of
-            elements beside nine.
+        header: Entries of the recording's header; `legs` names the rows of the frames.
         blocking: Whether a full pipe makes the sender wait.
         on_broken: Called once when the reader has ended.
 

@@ -14,18 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import RecordingError
-from footsense.frames import Command, CommandResult, Cycle, GaitEvent, GaitFrame, ReferenceSamples
+from footsense.frames import ALL_LEGS, Command, CommandResult, Cycle, GaitEvent, GaitFrame, ReferenceSamples
 from footsense.recording.cycle_fields import (
     CYCLE_FIELDS,
     GAIT_FIELDS,
     CycleField,
     NonNegativeInt64,
-    cycle_fields,
     forces_from_arrays,
     gait_from_arrays,
     scan_from_arrays,
 )
-from footsense.recording.frame_shape import FrameShape, frame_shape
 
 LENGTH_PREFIX_BYTES = 4
 #: Longest record [bytes], far above any cycle.
@@ -97,13 +95,13 @@ GAIT_ARRAY_ORDER = sorted(
 
 
 def unpack_records(
-    buffer: bytearray, shape: FrameShape | None
+    buffer: bytearray, legs: tuple[str, ...] | None
 ) -> Iterator[dict[str, str] | NumberedCycle | LostCycles]:
     """Remove all complete records from the front of a buffer, and yield them decoded.
 
     Args:
         buffer: Bytes as they arrived; yielded records are removed, an incomplete one stays.
-        shape: Legs and elements of the recording; None before the header.
+        legs: Names of the recording's legs; None before the header.
 
     Yields:
         The header, cycles and losses, in the order of the pipe.
@@ -120,15 +118,28 @@ def unpack_records(
             record = _decode(bytes(buffer[LENGTH_PREFIX_BYTES:end]))
             del buffer[:end]
             if isinstance(record, Header):
-                shape = frame_shape(record.entries)
+                legs = legs_in_header(record.entries)
                 yield record.entries
             elif isinstance(record, LostCycles):
                 yield record
             else:
-                require_valid(shape is not None, "no header before the first cycle")
-                yield _decode_cycle(record, shape or FrameShape(0))
+                require_valid(legs is not None, "no header before the first cycle")
+                yield _decode_cycle(record, len(legs or ()))
     except (msgspec.MsgspecError, ValueError, LookupError) as error:
         raise RecordingError(f"the cycles of the loop arrive damaged ({error})") from None
+
+
+def legs_in_header(header: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the names of the legs in a recording's header.
+
+    Raises:
+        ValueError: They are not some of a robot's.
+    """
+    text = header.get("legs", "")
+    legs = tuple(text.split(","))
+    if len(set(legs)) < len(legs) or not set(legs) <= set(ALL_LEGS):
+        raise ValueError(f"the recording names its legs {text[:40]!r}, not some of {', '.join(ALL_LEGS)}")
+    return legs
 
 
 def require_valid(holds: bool, error_text: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
@@ -141,9 +152,8 @@ def require_valid(holds: bool, error_text: str) -> None:  # noqa: FBT001 - reads
         raise ValueError(error_text)
 
 
-def _decode_cycle(record: _CycleRecord, shape: FrameShape) -> NumberedCycle:
-    n_legs = shape.n_legs
-    entry = _decode_arrays(record.arrays, cycle_fields(shape.n_elements), CYCLE_ARRAY_ORDER, n_legs)
+def _decode_cycle(record: _CycleRecord, n_legs: int) -> NumberedCycle:
+    entry = _decode_arrays(record.arrays, CYCLE_FIELDS, CYCLE_ARRAY_ORDER, n_legs)
     commands = (*record.started_commands, *(outcome.command for outcome in record.ended_commands))
     require_valid(
         all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs"

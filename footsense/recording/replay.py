@@ -8,7 +8,6 @@ from footsense.frames import CapFrame, Command, Cycle
 from footsense.recording.container.mcap_header import read_header
 from footsense.recording.container.mcap_reader import read_entries
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
-from footsense.recording.frame_shape import n_elements_from_header
 
 
 class Replay:
@@ -22,7 +21,6 @@ class Replay:
         path: The recording.
         header: Entries of its header.
         legs: Name of the leg in each row of the frames.
-        n_elements: Elements of each foot.
 
     Raises:
         RecordingError: The file is missing, or not a recording, or its header is damaged.
@@ -33,7 +31,6 @@ class Replay:
         self._on_read = on_bytes_read or (lambda _: None)
         self.header = read_header(path)
         self.legs = tuple(self.header["legs"].split(","))
-        self.n_elements = n_elements_from_header(self.header)
 
     def entries(self) -> Iterator[NumberedCycle | LostCycles]:
         """Return an iterator over complete cycles and recorded losses, in file order.
@@ -44,7 +41,7 @@ class Replay:
         Raises:
             RecordingError: The rest of the file is cut off or damaged.
         """
-        return read_entries(self.path, self.legs, self.n_elements, self._on_read)
+        return read_entries(self.path, self.legs, self._on_read)
 
     def __iter__(self) -> Iterator[Cycle]:
         """Iterate over complete cycles in file order.

@@ -14,7 +14,6 @@ The file::
 """
 
 import json
-import math
 import mmap
 import os
 import struct
@@ -29,11 +28,10 @@ import msgspec
 import numpy as np
 
 from footsense.errors import FootsenseError, RecordingError
-from footsense.frames import CanStatistics, Cycle, Vector
+from footsense.frames import ELEMENTS, CanStatistics, Cycle, Vector
 from footsense.ports import Observer
 from footsense.recording.cycle_pipe import pack_cycle
-from footsense.recording.cycle_records import NumberedCycle, unpack_records
-from footsense.recording.frame_shape import frame_shape, n_elements_from_header
+from footsense.recording.cycle_records import NumberedCycle, legs_in_header, unpack_records
 from footsense.shared_file import SharedFileWriter, is_locked
 
 _MAGIC = b"FSCYCLE1"
@@ -76,7 +74,7 @@ class SharedCycleWriter(Observer):
         header = {**header, "legs": ",".join(legs)}
         text = json.dumps(header).encode()
         text += b" " * (-len(text) % 8)
-        n_doubles = len(legs) * n_elements_from_header(header) + _N_CAN_COUNTERS
+        n_doubles = len(legs) * ELEMENTS + _N_CAN_COUNTERS
         n_bytes = _COUNTER_STRUCT.size + 8 * n_doubles + N_SLOTS * SLOT_BYTES
         self._file = SharedFileWriter(path, _HEADER_STRUCT.pack(_MAGIC, len(text)) + text, n_bytes)
         self._cells = self._file.cells
@@ -138,7 +136,6 @@ class CycleReader:
     Attributes:
         header: Entries of the header.
         legs: Name of the leg in each row of the frames.
-        shape: Number of legs, and of elements of each foot.
 
     Raises:
         FootsenseError: No running service writes the file, or `SharedCycleWriter` did not create it.
@@ -173,9 +170,8 @@ class CycleReader:
             self.header = msgspec.json.decode(
                 self._map[_HEADER_STRUCT.size : _HEADER_STRUCT.size + length], type=dict[str, str]
             )
-            self.legs = tuple(self.header["legs"].split(","))
-            self.shape = frame_shape(self.header)
-            self._n_doubles = math.prod(self.shape) + _N_CAN_COUNTERS
+            self.legs = legs_in_header(self.header)
+            self._n_doubles = len(self.legs) * ELEMENTS + _N_CAN_COUNTERS
         except (ValueError, LookupError, struct.error, OSError, RecursionError) as error:
             raise FootsenseError(f"{self._path} does not hold footsense's cycles: {error}") from error
         n_bytes = (
@@ -220,7 +216,7 @@ class CycleReader:
             length = 4 + int.from_bytes(record[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + 4], "little")
             try:
                 for entry in unpack_records(
-                    bytearray(record[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + length]), self.shape
+                    bytearray(record[_COUNTER_STRUCT.size : _COUNTER_STRUCT.size + length]), self.legs
                 ):
                     if isinstance(entry, NumberedCycle) and entry.cycle_number == number:
                         yield entry
@@ -230,7 +226,7 @@ class CycleReader:
     @property
     def baseline_pf(self) -> Vector:
         """Unloaded reading of each element, without stray [pF], shape (legs, elements), NaN where unknown."""
-        return self._baseline_and_can_counters()[:-_N_CAN_COUNTERS].reshape(self.shape)
+        return self._baseline_and_can_counters()[:-_N_CAN_COUNTERS].reshape(-1, ELEMENTS)
 
     @property
     def can_statistics(self) -> CanStatistics:

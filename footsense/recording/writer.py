@@ -17,8 +17,7 @@ from pathlib import Path
 from footsense.child_process import drop_realtime, read_batches
 from footsense.errors import RecordingError
 from footsense.recording.container.mcap_writer import McapFile
-from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
-from footsense.recording.frame_shape import FrameShape, frame_shape
+from footsense.recording.cycle_records import LostCycles, NumberedCycle, legs_in_header, unpack_records
 
 #: Longest time that cycles stay in an unfinished chunk [ns].
 FLUSH_PERIOD_NS = 400_000_000
@@ -41,7 +40,7 @@ class RecordingWriter:
         self._fd = fd
         self._buffer = bytearray()
         self._file: McapFile | None = None
-        self._shape: FrameShape | None = None
+        self._legs: tuple[str, ...] | None = None
         self._n_added = 0
         self._t_flushed_ns: int | None = None
         self.n_cycles = 0
@@ -53,10 +52,10 @@ class RecordingWriter:
             RecordingError: The bytes are damaged.
         """
         self._buffer += data
-        for entry in unpack_records(self._buffer, self._shape):
+        for entry in unpack_records(self._buffer, self._legs):
             if isinstance(entry, dict):
                 self._file = McapFile(self._fd, entry)
-                self._shape = frame_shape(entry)
+                self._legs = legs_in_header(entry)
             elif self._file is not None:
                 self._add(self._file, entry)
 

@@ -68,8 +68,7 @@ class SimulatedLeg:
         self._softening = effects.softening if effects.softening and effects.softening.leg == leg else None
         self._warming = None
         if effects.warming:
-            n_elements = foot.response.n_elements
-            self._warming = WarmingFoot(effects.warming, np.random.default_rng(drift), n_elements)
+            self._warming = WarmingFoot(effects.warming, np.random.default_rng(drift))
 
     def _undamaged_capacitance_pf(self, t_ns: int) -> list[float]:
         """Return each element's capacitance at a time [ns], without damage and without the scene's `stray_pf` [pF]."""

@@ -32,7 +32,7 @@ from foxglove.messages import (
 )
 
 from footsense import __version__
-from footsense.frames import ELEMENTS, State, Vector
+from footsense.frames import State, Vector
 from footsense.leg_words import LegPhase, phase_of, word_of
 from footsense.recording.container import event_messages, messages
 from footsense.view.live import LiveSource, ViewedCycle
@@ -159,7 +159,7 @@ class FoxgloveFeed:
             messages.EVENT: events,
         }
         topics = []
-        for topic, definition in messages.topic_schemas(legs, ELEMENTS).items():
+        for topic, definition in messages.topic_schemas(legs).items():
             schema = Schema(name=f"footsense.{topic[1:]}", encoding="jsonschema", data=definition)
             channel = Channel(topic, message_encoding="json", schema=schema, context=self._context)
             topics.append(_Topic(channel, encoders[topic]))

@@ -9,7 +9,7 @@ import msgspec
 
 from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion
 from footsense.errors import FootsenseError
-from footsense.frames import ELEMENTS, CanStatistics, Cycle
+from footsense.frames import CanStatistics, Cycle
 from footsense.ports import Clock
 from footsense.recording.shared_cycles import CycleReader
 from footsense.view.closures import ClosureConverter
@@ -50,7 +50,6 @@ class LiveSource:
         service: Number of the service that is followed; 0 before the first, one more with each restart.
         header: Header of its cycles; empty before the first.
         legs: Names of its legs.
-        n_elements: Elements of each foot.
         cycles: The last cycles, oldest first.
         events: Its last events, oldest first, each with its number since this process began.
         n_missed: Cycles that were overwritten before they were read.
@@ -68,7 +67,6 @@ class LiveSource:
         self.service = 0
         self.header: dict[str, str] = {}
         self.legs: tuple[str, ...] = ()
-        self.n_elements = ELEMENTS
         self.cycles: deque[ViewedCycle] = deque(maxlen=_MAX_KEPT_CYCLES)
         self.events: deque[tuple[int, Event]] = deque(maxlen=_MAX_KEPT_EVENTS)
         self.n_missed = 0
@@ -128,7 +126,6 @@ class LiveSource:
         self._table = SignalTableBuilder(len(reader.legs))
         self._log = EventDetector(len(reader.legs))
         self.header, self.legs = reader.header, reader.legs
-        self.n_elements = reader.shape.n_elements
         self.cycles.clear()
         self.events.clear()
         self._first_ns, self.n_missed, self.problem = 0, 0, ""

@@ -5,7 +5,6 @@ server -> page   hello, status, events, progress    JSON objects with `type`
 page -> server   drawn, chunk                       JSON objects with `type`
 """
 
-import math
 import struct
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -15,7 +14,7 @@ import numpy as np
 
 from footsense import __version__
 from footsense.view.events import Event
-from footsense.view.signals import Table, signals
+from footsense.view.signals import SIGNALS, Table
 from footsense.view.words import code_texts
 
 _CYCLES_HEADER_STRUCT = struct.Struct("<IIII")
@@ -50,7 +49,6 @@ def hello_message(
     mode: Literal["live", "replay"],
     title: str,
     legs: Sequence[str],
-    n_elements: int,
     *,
     simulated: bool,
 ) -> str:
@@ -60,7 +58,6 @@ def hello_message(
         mode: Whether a service or a recording is shown.
         title: Its name.
         legs: Names of its legs.
-        n_elements: Elements of each foot.
         simulated: Whether its feet are simulated.
     """
     values = {
@@ -68,9 +65,8 @@ def hello_message(
         "mode": mode,
         "title": title,
         "legs": list(legs),
-        "rows": math.isqrt(n_elements),
         "simulated": simulated,
-        "signals": [signal._asdict() for signal in signals(n_elements)],
+        "signals": [signal._asdict() for signal in SIGNALS],
         "words": code_texts(),
     }
     return message("hello", values)

@@ -141,16 +141,14 @@ class RecordingPageSession:
 def recording_hello(recorded: RecordingSource) -> str:
     """Return the first message to a page that shows a recording."""
     is_simulated = bool(recorded.header.get("scene"))
-    return hello_message(
-        "replay", recorded.path.name, recorded.legs, recorded.n_elements, simulated=is_simulated
-    )
+    return hello_message("replay", recorded.path.name, recorded.legs, simulated=is_simulated)
 
 
 def live_hello(live: LiveSource) -> str:
     """Return the first message to a page that shows a running service."""
     scene = msgspec.json.decode(live.header.get("scene") or "{}")
     title = scene.get("description", "") if scene else "on the robot" if live.legs else "no service"
-    return hello_message("live", title, live.legs, live.n_elements, simulated=bool(scene))
+    return hello_message("live", title, live.legs, simulated=bool(scene))
 
 
 class WakeUpSignal:

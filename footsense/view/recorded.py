@@ -21,7 +21,7 @@ from footsense.daemon.recording_header import (
     recorded_config,
 )
 from footsense.errors import FootsenseError, RecordingError
-from footsense.frames import Cycle
+from footsense.frames import ELEMENTS, Cycle
 from footsense.recording.cycle_records import LostCycles
 from footsense.recording.replay import Replay
 from footsense.view.closures import ClosureConverter, ReconstructedBaselines
@@ -43,7 +43,6 @@ class RecordingSource:
         path: The recording.
         header: Entries of its header.
         legs: Names of its legs.
-        n_elements: Elements of each foot.
         total_s: Length by its index [s]; 0 without an index.
         end_s: Length of the part that has been read [s].
         done: Whether all of it has been read.
@@ -58,7 +57,6 @@ class RecordingSource:
         self._replay = Replay(path)
         self.path = path
         self.header, self.legs = self._replay.header, self._replay.legs
-        self.n_elements = self._replay.n_elements
         config = recorded_config(self._replay)
         self.damage = ""
         self._closures = ClosureConverter(self._closure_conversion(config))
@@ -87,7 +85,7 @@ class RecordingSource:
             return closure_conversion(load_models(config))
         except FootsenseError as error:
             self.damage = f"the closures of the gaps are unknown: {error}"
-            unknown = np.full((len(self.legs), self.n_elements), np.nan)
+            unknown = np.full((len(self.legs), ELEMENTS), np.nan)
             return ClosureConversion(np.zeros_like(unknown).tolist(), unknown.tolist())
 
     def read(self, on_progress: Callable[[float], None] = lambda _: None) -> None:

@@ -1,6 +1,5 @@
 """Signals of a cycle as one numeric table (legs by signals), which the page draws and plots."""
 
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -28,7 +27,7 @@ class Signal(NamedTuple):
 
 
 #: The columns of the table in their order, before those of the elements' closures.
-_SIGNALS = (
+_FOOT_SIGNALS = (
     *(Signal("fx", "N"), Signal("fy", "N"), Signal("fz", "N")),
     *(Signal("sigma_x", "N"), Signal("sigma_y", "N"), Signal("sigma_z", "N")),
     Signal("age", "ms"),
@@ -45,11 +44,13 @@ _SIGNALS = (
     *(Signal("slip", ""), Signal("all_in_air", "")),
     Signal("closure_middle", ""),
 )
-_COLUMN_OF_SIGNAL = {signal.name: column for column, signal in enumerate(_SIGNALS)}
+#: The columns of the signal table, in order; the closures of the elements come last.
+SIGNALS = (*_FOOT_SIGNALS, *(Signal(f"closure_{element}", "") for element in range(ELEMENTS)))
+_COLUMN_OF_SIGNAL = {signal.name: column for column, signal in enumerate(SIGNALS)}
 _FORCE_SLICE = slice(_COLUMN_OF_SIGNAL["fx"], _COLUMN_OF_SIGNAL["fx"] + 3)
 _SIGMA_SLICE = slice(_COLUMN_OF_SIGNAL["sigma_x"], _COLUMN_OF_SIGNAL["sigma_x"] + 3)
 #: The columns of the closures.
-CLOSURE_COLUMNS = slice(len(_SIGNALS), None)
+CLOSURE_COLUMNS = slice(len(_FOOT_SIGNALS), None)
 _NORMAL_SLICE = slice(_COLUMN_OF_SIGNAL["normal_x"], _COLUMN_OF_SIGNAL["normal_x"] + 3)
 
 _CONTACT_FRAME_COLUMNS: tuple[tuple[int, Callable[[Any], Any]], ...] = (
@@ -73,30 +74,6 @@ _GAIT_COLUMNS = {
     _COLUMN_OF_SIGNAL["slip"]: "slip",
     _COLUMN_OF_SIGNAL["all_in_air"]: "all_in_air",
 }
-
-
-def signals(n_elements: int = ELEMENTS) -> tuple[Signal, ...]:
-    """Return the columns of the signal table, in order; the closures of the elements come last."""
-    return (*_SIGNALS, *(Signal(f"closure_{element}", "") for element in range(n_elements)))
-
-
-def middle_closure_rel(closure_rel: Vector) -> Vector:
-    """Return each foot's closure in the middle [1]: of the middle element, or mean of the middle four.
-
-    Args:
-        closure_rel: Closure of each gap over the gap [1], shape (legs, elements), in rows and columns of equal number.
-
-    Returns:
-        The closure [1], shape (legs,); NaN where one of the elements is.
-
-    Example:
-        >>> middle_closure_rel(np.arange(16.0)[None])  # 5, 6, 9 and 10
-        array([7.5])
-    """
-    rows = math.isqrt(closure_rel.shape[1])
-    middle = slice((rows - 1) // 2, rows // 2 + 1)
-    middle_rel: Vector = closure_rel.reshape(-1, rows, rows)[:, middle, middle].mean(axis=(1, 2))
-    return middle_rel
 
 
 class SignalTableBuilder:
@@ -123,10 +100,10 @@ class SignalTableBuilder:
             self._gait = forces.gait
         if cycle.temperature_c is not None:
             self._temperature_c = cycle.temperature_c
-        table = np.full((self._n_legs, len(_SIGNALS) + closure_rel.shape[1]), np.nan, np.float32)
+        table = np.full((self._n_legs, len(SIGNALS)), np.nan, np.float32)
         table[:, _FORCE_SLICE] = forces.force_n
         table[:, _SIGMA_SLICE] = forces.sigma_n
-        table[:, _COLUMN_OF_SIGNAL["closure_middle"]] = middle_closure_rel(closure_rel)
+        table[:, _COLUMN_OF_SIGNAL["closure_middle"]] = closure_rel[:, ELEMENTS // 2]
         table[:, CLOSURE_COLUMNS] = closure_rel
         for column, value in _CONTACT_FRAME_COLUMNS:
             table[:, column] = value(forces)

@@ -44,7 +44,6 @@ class _Limits(ctypes.Structure):
         ("max_delta", ctypes.c_uint8),
         ("min_good", ctypes.c_uint8),
         ("accept_degraded", ctypes.c_bool),
-        ("n_elements", ctypes.c_uint8),
     )
 
 
@@ -91,7 +90,7 @@ def library() -> ctypes.CDLL:
 class CLink:
     """`footsense.client.Link`, in C."""
 
-    def __init__(self, limits: LinkLimits, n_elements: int = 0) -> None:
+    def __init__(self, limits: LinkLimits) -> None:
         self._library = library()
         self._link = ctypes.create_string_buffer(_LINK_BYTES)
         given = _Limits(
@@ -100,7 +99,6 @@ class CLink:
             limits.max_delta,
             limits.min_good,
             limits.accept_degraded,
-            n_elements,
         )
         self._library.footsense_link_init(self._link, ctypes.byref(given))
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense.acquisition.scan_plan import CONVERSION_ORDERS, scan_plan
+from firmware_interface.conversion_order import CONVERSION_ORDERS
+from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction

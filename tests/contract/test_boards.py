@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from footsense.acquisition.scan_plan import CONVERSION_ORDERS, scan_plan
+from firmware_interface.conversion_order import CONVERSION_ORDERS
+from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import I2cError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction

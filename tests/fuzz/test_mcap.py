@@ -154,21 +154,6 @@ def test_forged_headers(file: Path, header: dict[str, str]) -> None:
     assert said is None or "legs" in said
 
 
-@pytest.mark.parametrize("n_elements", ["10", "", "-4", "9 ", "\u0664"])
-def test_a_number_of_elements_that_no_foot_has(file: Path, n_elements: str) -> None:
-    """One line that names the right ones."""
-    said = refusal(lambda: Replay(forged(file, [], {**HEADER, "n_elements": n_elements})))
-    assert said is not None
-    assert said.endswith(f"is of feet with {n_elements!r} elements, not 4, 9 or 16")
-
-
-def test_cycles_of_another_array_than_the_header_names(file: Path) -> None:
-    """Nine readings of a leg are none of sixteen elements."""
-    scan = messages.encode_scan(CYCLES[0].scan, LEGS)
-    replay = Replay(forged(file, [("/scan", scan)], {**HEADER, "n_elements": "16"}))
-    assert "cut short or damaged" in str(refusal(lambda: list(replay)))
-
-
 def test_a_chunk_that_unpacks_to_gigabytes(file: Path, whole: bytes) -> None:
     """Refused by its sizes, under a limit of memory, whichever of them lies."""
     packer = zstandard.ZstdCompressor(level=1).compressobj(size=1 << 31)

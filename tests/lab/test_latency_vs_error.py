@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
-from footsense.acquisition.scan_plan import CONVERSION_ORDERS
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.benchmarks.latency_vs_error.chain import (
     SimulatedReadings,
     conversion_timing,

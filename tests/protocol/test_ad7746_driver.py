@@ -164,7 +164,7 @@ def test_a_temperature_has_all_its_24_bits(answer: bytes, expected_c: float) -> 
 
 def test_the_temperature_is_given_its_own_time() -> None:
     """20.1 ms and the clock's tolerance, not the 11 ms of a capacitance, which is not converted meanwhile."""
-    thermometer = ad7746.board().thermometer
+    thermometer = ad7746.BOARD.thermometer
     assert thermometer is not None
     assert thermometer.start == (Transaction(0x48, b"\x07\x00\x81"), START)
     assert thermometer.read == Transaction(0x48, b"\x00", 7)

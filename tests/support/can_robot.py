@@ -75,7 +75,6 @@ class Robot:
         every: int = 1,
         *,
         fd: bool = False,
-        n_elements: int = 9,
     ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
@@ -86,7 +85,7 @@ class Robot:
             fd=fd,
             connect=None if wire is None else lambda: wire.open(self.clock.t_ns),
         )
-        self.sink = CanSink(settings, legs, self.clock, every=every, n_elements=n_elements)
+        self.sink = CanSink(settings, legs, self.clock, every=every)
         self.legs = legs
         self.heard()
 

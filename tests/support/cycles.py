@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from footsense.errors import RecordingError
 from footsense.frames import (
     ALL_LEGS,
+    ELEMENTS,
     BaselineDrift,
     BaselineStatus,
     CapFrame,
@@ -30,7 +31,6 @@ from footsense.frames import (
 from footsense.recording.compare import first_difference
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.cycle_records import NumberedCycle
-from footsense.recording.frame_shape import n_elements_header_entry
 from footsense.recording.replay import Replay
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
@@ -45,7 +45,6 @@ def cycle(
     *,
     outcomes: tuple[CommandResult, ...] = (),
     n_legs: int = 6,
-    n_elements: int = 9,
     n_samples: int | None = None,
     warm: bool = False,
 ) -> Cycle:
@@ -58,9 +57,9 @@ def cycle(
 
     scan = CapFrame(
         number,
-        rng.integers(0, 2**63, (n_legs, n_elements)),
-        floats(n_legs, n_elements),
-        rng.choice([int(r) for r in Reading], (n_legs, n_elements)).astype(np.uint8),
+        rng.integers(0, 2**63, (n_legs, ELEMENTS)),
+        floats(n_legs, ELEMENTS),
+        rng.choice([int(r) for r in Reading], (n_legs, ELEMENTS)).astype(np.uint8),
     )
     forces = ContactFrame(
         number,
@@ -69,7 +68,7 @@ def cycle(
         floats(n_legs, 3),
         floats(n_legs, 3),
         rng.choice([int(s) for s in State], n_legs).astype(np.uint8),
-        rng.integers(0, 1 << n_elements, n_legs).astype(np.uint16),
+        rng.integers(0, 1 << ELEMENTS, n_legs).astype(np.uint16),
         rng.choice([int(f) for f in Flag], n_legs).astype(np.uint8),
         rng.choice([int(c) for c in Cause], n_legs).astype(np.uint8),
         BaselineDrift(
@@ -161,12 +160,10 @@ def _same_reference(a: ReferenceSamples | None, b: ReferenceSamples | None) -> b
     return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in zip(a, b, strict=True))
 
 
-def write(path: Path, cycles: list[Cycle], every: int = 10, n_elements: int = 9) -> Path:
+def write(path: Path, cycles: list[Cycle], every: int = 10) -> Path:
     """Write a finished recording in this process, a chunk for every so many cycles."""
     with path.open("wb") as file:
-        recording = McapFile(
-            file.fileno(), {"legs": ",".join(LEGS), "scene": "test", **n_elements_header_entry(n_elements)}
-        )
+        recording = McapFile(file.fileno(), {"legs": ",".join(LEGS), "scene": "test"})
         for number, one in enumerate(cycles):
             recording.add_entry(NumberedCycle(number, one))
             if number % every == every - 1:

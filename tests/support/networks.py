@@ -10,7 +10,7 @@ import onnx
 from onnx import TensorProto, helper
 
 from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import FORMAT, INPUTS, METADATA_KEY, OUTPUTS, input_signals
+from footsense.foot.files.network_card import FORMAT, INPUTS, METADATA_KEY, OUTPUTS
 from footsense.frames import Vector
 
 FLOAT, DOUBLE = TensorProto.FLOAT, TensorProto.DOUBLE
@@ -18,27 +18,22 @@ FLOAT, DOUBLE = TensorProto.FLOAT, TensorProto.DOUBLE
 MOMENTS = np.eye(9) + 0.5
 
 
-def card_of(rows: int) -> dict[str, Any]:
-    """Return a card that fits a foot with so many rows of elements and columns."""
-    n_elements = rows**2
-    return {
-        "format": FORMAT,
-        "foot_type": "aoyagi-3x3",
-        "inputs": [msgspec.structs.asdict(signal) for signal in input_signals(rows)],
-        "outputs": [msgspec.structs.asdict(signal) for signal in OUTPUTS],
-        "gap_um": 20.0,
-        "film_um": 17.0,
-        "film_eps_r": 2.7,
-        "electrode_area_mm2": 16.0,
-        "closure_rel_min": [-0.05] * n_elements,
-        "closure_rel_max": [0.8] * n_elements,
-        "moments": (np.eye(n_elements) + 0.5).tolist(),
-        "response_sha256": "f" * 64,
-    }
+#: A card that fits.
+CARD: dict[str, Any] = {
+    "format": FORMAT,
+    "foot_type": "aoyagi-3x3",
+    "inputs": [msgspec.structs.asdict(signal) for signal in INPUTS],
+    "outputs": [msgspec.structs.asdict(signal) for signal in OUTPUTS],
+    "gap_um": 20.0,
+    "film_um": 17.0,
+    "film_eps_r": 2.7,
+    "electrode_area_mm2": 16.0,
+    "closure_rel_min": [-0.05] * 9,
+    "closure_rel_max": [0.8] * 9,
+    "moments": MOMENTS.tolist(),
+    "response_sha256": "f" * 64,
+}
 
-
-#: A card of the paper's foot that fits.
-CARD = card_of(3)
 
 #: Name, width and type of each input or output.
 Values = list[tuple[str, int, int]]

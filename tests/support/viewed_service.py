@@ -22,7 +22,6 @@ from footsense.frames import (
     State,
     Vector,
 )
-from footsense.recording.frame_shape import n_elements_from_header, n_elements_header_entry
 from footsense.recording.shared_cycles import SharedCycleWriter
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
@@ -31,18 +30,13 @@ PERIOD_NS = 2_700_000
 UNLOADED_PF, DISTANCE_PF = 5.387, 7.083
 
 
-def header_of(n_elements: int) -> dict[str, str]:
-    """Return the header of feet with so many elements."""
-    shape = 6, n_elements
-    conversion = ClosureConversion(np.zeros(shape).tolist(), np.full(shape, DISTANCE_PF).tolist())
-    return {
-        "scene": '{"description": "six feet under a thumb"}',
-        CLOSURE_CONVERSION_KEY: msgspec.json.encode(conversion).decode(),
-        **n_elements_header_entry(n_elements),
-    }
-
-
-HEADER = header_of(9)
+_SHAPE = 6, 9
+HEADER = {
+    "scene": '{"description": "six feet under a thumb"}',
+    CLOSURE_CONVERSION_KEY: msgspec.json.encode(
+        ClosureConversion(np.zeros(_SHAPE).tolist(), np.full(_SHAPE, DISTANCE_PF).tolist())
+    ).decode(),
+}
 
 
 def closed_pf(closure_rel: Vector) -> Vector:
@@ -61,8 +55,7 @@ class ViewedService:
     """
 
     def __init__(self, path: Path, header: dict[str, str] = HEADER) -> None:
-        self._shape = 6, n_elements_from_header(header)
-        self._baseline_pf = np.full(self._shape, UNLOADED_PF)
+        self._baseline_pf = np.full(_SHAPE, UNLOADED_PF)
         self._shared = SharedCycleWriter(path, LEGS, header, lambda: self._baseline_pf, CanStatistics())
         self._n = 0
         self.force_n = np.zeros((6, 3))
@@ -81,11 +74,11 @@ class ViewedService:
         t_ns = 1_000_000_000 + number * PERIOD_NS
         force_n = np.where(np.isin(self.state, [State.VALID, State.DEGRADED])[:, None], self.force_n, np.nan)
         load_n = np.nan_to_num(force_n[:, 2])
-        closure_rel = np.clip(load_n[:, None] * np.linspace(0.2, 0.7, self._shape[1]), 0.0, 0.95)
+        closure_rel = np.clip(load_n[:, None] * np.linspace(0.2, 0.7, 9), 0.0, 0.95)
         capacitance_pf = closed_pf(closure_rel)
         capacitance_pf[self.state == State.ABSENT] = np.nan
-        stamps = np.full(self._shape, t_ns - 3_000_000)
-        scan = CapFrame(number, stamps, capacitance_pf, np.full(self._shape, Reading.OK, np.uint8))
+        stamps = np.full(_SHAPE, t_ns - 3_000_000)
+        scan = CapFrame(number, stamps, capacitance_pf, np.full(_SHAPE, Reading.OK, np.uint8))
         contact = load_n > 0.03
         baseline = BaselineDrift(
             np.where(contact, BaselineStatus.HELD, BaselineStatus.TRACKING).astype(np.uint8),

@@ -9,8 +9,6 @@ that 20 steps make.
 Register layout: `firmware_interface/chips/ad7746.py`, with the tables of data sheet rev. 0.
 """
 
-from functools import partial
-
 from firmware_interface import schedule
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips import adg715
@@ -24,7 +22,7 @@ from footsense.acquisition.boards.board import (
     require_identity,
 )
 from footsense.errors import HardwareError, NackError
-from footsense.frames import Reading
+from footsense.frames import ROWS, Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
 #: Steps of the CAPDAC: 6.6 pF nominal, so that 2.5 to 10.7 pF are in range. With the largest steps of a chip the range
@@ -81,20 +79,19 @@ def _wait_ns(conversion_ns: int) -> int:
     return round(conversion_ns * (1 + chip.CLOCK_TOLERANCE_REL))
 
 
-def step(element: int, rate_sps: int, rows: int = 3) -> ConversionStep:
+def step(element: int, rate_sps: int) -> ConversionStep:
     """Return the transactions of one element's conversion: line selection, trigger, read-out.
 
     Args:
         element: Flat index.
         rate_sps: Conversions per second, a key of `firmware_interface.chips.ad7746.RATES`.
-        rows: Rows of the foot, and as many columns.
     """
-    row, column = divmod(element, rows)
+    row, column = divmod(element, ROWS)
     return ConversionStep(
         element=element,
         select=(
-            Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row, rows),))),
-            Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.line_switch_byte(1 << column, rows),))),
+            Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row),))),
+            Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.line_switch_byte(1 << column),))),
         ),
         trigger=_trigger_transaction(rate_sps),
         done=None,
@@ -209,30 +206,28 @@ def decode_temperature(answer: bytes, again: bytes) -> float:
     return chip.temperature_c(code)
 
 
-def board(rows: int = 3) -> Board:
-    """Return the board `ad7746` for a foot with `rows` rows and columns."""
-    return Board(
-        conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
-        step=partial(step, rows=rows),
-        check_identity=reset_and_check_identity,
-        configure_and_get_capdac_pf=configure_and_measure_capdac,
-        decode_result=decode_result,
-        make_ready=(_write_settings(SCAN_CAPDAC), READ_RESULT),
-        # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
-        setting_check=ReadBackCheck(
-            read_registers(Register.CAPDAC_A, 4),
-            bytes((chip.capdac(SCAN_CAPDAC), 0)) + chip.RESET_VALUES[-2:],
+#: The board `ad7746`.
+BOARD = Board(
+    conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
+    step=step,
+    check_identity=reset_and_check_identity,
+    configure_and_get_capdac_pf=configure_and_measure_capdac,
+    decode_result=decode_result,
+    make_ready=(_write_settings(SCAN_CAPDAC), READ_RESULT),
+    # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
+    setting_check=ReadBackCheck(
+        read_registers(Register.CAPDAC_A, 4),
+        bytes((chip.capdac(SCAN_CAPDAC), 0)) + chip.RESET_VALUES[-2:],
+    ),
+    range_end_pf=SCAN_CAPDAC * chip.CAPDAC_STEP_PF * (1 - _CAPDAC_STEP_TOLERANCE_REL) + chip.FULL_SCALE_PF,
+    thermometer=Thermometer(
+        start=(
+            write_registers(Register.CAP_SETUP, 0, chip.TEMPERATURE_ENABLE),
+            write_registers(Register.CONFIGURATION, chip.configuration(chip.MODE_SINGLE)),
         ),
-        range_end_pf=SCAN_CAPDAC * chip.CAPDAC_STEP_PF * (1 - _CAPDAC_STEP_TOLERANCE_REL)
-        + chip.FULL_SCALE_PF,
-        thermometer=Thermometer(
-            start=(
-                write_registers(Register.CAP_SETUP, 0, chip.TEMPERATURE_ENABLE),
-                write_registers(Register.CONFIGURATION, chip.configuration(chip.MODE_SINGLE)),
-            ),
-            wait_ns=_wait_ns(chip.VT_CONVERSION_NS[0]),
-            read=read_registers(Register.STATUS, 7),
-            decode=decode_temperature,
-        ),
-        traffic=schedule.AD7746_TRAFFIC,
-    )
+        wait_ns=_wait_ns(chip.VT_CONVERSION_NS[0]),
+        read=read_registers(Register.STATUS, 7),
+        decode=decode_temperature,
+    ),
+    traffic=schedule.AD7746_TRAFFIC,
+)

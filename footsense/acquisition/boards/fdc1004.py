@@ -17,7 +17,7 @@ from footsense.acquisition.boards.board import (
     require_identity,
 )
 from footsense.errors import HardwareError, NackError
-from footsense.frames import Reading
+from footsense.frames import ROWS, Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
 #: Bits of FDC_CONF that read as zero without REPEAT, which is never used here (section 8.6.1.3).
@@ -45,18 +45,17 @@ READ_CONF = read_register(chip.Register.FDC_CONF)
 _RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
 
 
-def step(element: int, rate_sps: int, rows: int = 3) -> ConversionStep:
+def step(element: int, rate_sps: int) -> ConversionStep:
     """Return the transactions of one element's conversion; measurement slot n converts CIN n, the pin of column n.
 
     Args:
         element: Flat index.
         rate_sps: Conversions per second: 100, 200 or 400.
-        rows: Rows of the foot, and as many columns: at most the four channels of the chip.
     """
-    row, column = divmod(element, rows)
+    row, column = divmod(element, ROWS)
     return ConversionStep(
         element=element,
-        select=(Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row, rows),))),),
+        select=(Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row),))),),
         trigger=write_register(chip.Register.FDC_CONF, chip.trigger_config(rate_sps, column)),
         done=DonePoll(
             READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))
@@ -88,13 +87,12 @@ def check_identity(bus: I2cBus, clock: Clock) -> None:
     require_identity(b"".join(answers), "an FDC1004", identity, chip.ADDRESS, "a 24Cxx EEPROM")
 
 
-def configure_and_get_capdac_pf(bus: I2cBus, clock: Clock, columns: int = 3) -> tuple[Reading, float]:
+def configure_and_get_capdac_pf(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
     """Reset the chip, and configure measurement n as CIN n to ground without CAPDAC; return the outcome.
 
     Args:
         bus: Its bus.
         clock: Not used: the chip needs no wait.
-        columns: Columns of the foot.
 
     Returns:
         OK, and 0 pF for the CAPDAC.
@@ -104,7 +102,7 @@ def configure_and_get_capdac_pf(bus: I2cBus, clock: Clock, columns: int = 3) -> 
     """
     del clock
     bus.transfer(_RESET)
-    for slot in range(columns):  # section 8.6.1.2
+    for slot in range(ROWS):  # section 8.6.1.2
         bus.transfer(write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot)))
     return Reading.OK, 0.0
 
@@ -152,21 +150,20 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
     return Reading.OK, int.from_bytes(upper + lower[:1], "big", signed=True) / chip.CODES_PER_PF
 
 
-def board(rows: int = 3) -> Board:
-    """Return the board `fdc1004` for a foot with `rows` rows and columns."""
-    return Board(
-        conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
-        step=partial(step, rows=rows),
-        check_identity=check_identity,
-        configure_and_get_capdac_pf=partial(configure_and_get_capdac_pf, columns=rows),
-        decode_result=decode_result,
-        # Reads that clear every DONE bit.
-        make_ready=tuple(read_register(chip.result_register(slot)) for slot in range(rows)),
-        # The second column's configuration: after a reset it reads as the first column's.
-        setting_check=ReadBackCheck(
-            read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
-        ),
-        range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
-        thermometer=None,
-        traffic=schedule.FDC1004_TRAFFIC,
-    )
+#: The board `fdc1004`.
+BOARD = Board(
+    conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
+    step=step,
+    check_identity=check_identity,
+    configure_and_get_capdac_pf=configure_and_get_capdac_pf,
+    decode_result=decode_result,
+    # Reads that clear every DONE bit.
+    make_ready=tuple(read_register(chip.result_register(slot)) for slot in range(ROWS)),
+    # The second column's configuration: after a reset it reads as the first column's.
+    setting_check=ReadBackCheck(
+        read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
+    ),
+    range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
+    thermometer=None,
+    traffic=schedule.FDC1004_TRAFFIC,
+)

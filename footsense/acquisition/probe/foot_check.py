@@ -4,13 +4,12 @@ For a person who has just connected it, not for the loop: each fault names the p
 readings are those of the estimation (`estimation/faults`).
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL, floating_row_crosstalk_pf
-from footsense.frames import Cause, Codes, Mask, Reading, State, Vector
+from footsense.frames import ELEMENTS, ROWS, Cause, Codes, Mask, Reading, State, Vector
 from footsense.leg_words import CAUSE_WORDS, STATE_AND_CAUSE_OF_READING, words_of_reading
 
 
@@ -145,11 +144,10 @@ def foot_faults(
 def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
     """Return the faults of over-range elements: a whole column means that its line is shorted to ground."""
     faults = []
-    rows = math.isqrt(len(over))
-    for column in range(rows):
-        of_column = np.arange(len(over)) % rows == column
+    for column in range(ROWS):
+        of_column = np.arange(ELEMENTS) % ROWS == column
         elements = _indices(over & of_column)
-        if len(elements) == rows:
+        if len(elements) == ROWS:
             observation = f"the line of column {column} is shorted to ground"
             advice = "the plug, then the trace of that column"
             faults.append(FootFault(Cause.ELEMENT_SHORTED, elements, observation, advice))
@@ -160,7 +158,7 @@ def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
                 observation = (
                     f"element {element} is shorted; with it the rest of column {column} cannot be read"
                 )
-                advice = f"whether the electrodes of row {element // rows}, column {column} touch"
+                advice = f"whether the electrodes of row {element // ROWS}, column {column} touch"
                 faults.append(FootFault(Cause.ELEMENT_SHORTED, (element,), observation, advice))
             else:
                 observation = f"element {element} is over the converter's range: its gap is closed"
@@ -174,17 +172,16 @@ def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
     if opened.all():
         observation, advice = "none of its elements is connected", "whether the foot is plugged in"
         return [FootFault(Cause.ELEMENT_OPEN, _indices(opened), observation, advice)]
-    rows = math.isqrt(len(opened))
-    row_of, column_of = np.divmod(np.arange(len(opened)), rows)
+    row_of, column_of = np.divmod(np.arange(ELEMENTS), ROWS)
     # A shorted element makes the others of its column read as open.
-    taken = [bool((opened | over)[column::rows].all() and over[column::rows].any()) for column in range(rows)]
+    taken = [bool((opened | over)[column::ROWS].all() and over[column::ROWS].any()) for column in range(ROWS)]
     left = opened & ~np.array(taken)[column_of]
     faults = []
     for name, cause, number_of, end in (
         ("row", Cause.ROW_OPEN, row_of, "the row switch"),
         ("column", Cause.COLUMN_OPEN, column_of, "the converter's pin"),
     ):
-        for line in range(rows):
+        for line in range(ROWS):
             elements = number_of == line
             if left[elements].all():
                 left = left & ~elements
@@ -192,7 +189,7 @@ def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
                 advice = f"the wire between {end} and the foot, and its plug"
                 faults.append(FootFault(cause, _indices(elements), observation, advice))
     for element in _indices(left):
-        advice = f"the electrode of row {element // rows}, column {element % rows} and its trace"
+        advice = f"the electrode of row {element // ROWS}, column {element % ROWS} and its trace"
         faults.append(FootFault(Cause.ELEMENT_OPEN, (element,), f"element {element} is open", advice))
     return faults
 

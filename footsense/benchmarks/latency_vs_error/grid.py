@@ -7,8 +7,8 @@ from functools import partial
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
-from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.benchmarks.latency_vs_error.chain import FootLoad, conversion_timing, simulate_conversions
 from footsense.benchmarks.latency_vs_error.latency_and_errors import (
     LatencyAndErrors,

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from firmware_interface.wire_timing import LONGEST_FRAME_BITS
-from footsense.acquisition.scan_plan import CONVERSION_ORDERS
 from footsense.benchmarks.latency_vs_error.chain import (
     BUS_HZ,
     HOST_COST_NS,

@@ -43,7 +43,7 @@ def conversion_windows(readings: SimulatedReadings) -> Window:
     One row for each conversion and foot, the foot fast; no element is missing.
     """
     n_feet = len(readings.unloaded_plate_distance_rel)
-    kept = ReadingWindow((n_feet, ELEMENTS), ELEMENTS * int(readings.t_ns[1] - readings.t_ns[0]))
+    kept = ReadingWindow(n_feet, ELEMENTS * int(readings.t_ns[1] - readings.t_ns[0]))
     closure_rel, age_s = [], []
     for plate_distance_rel, t_ns, now_ns in zip(
         *readings.latest_by_element(), readings.sent_ns[ELEMENTS - 1 :], strict=True

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.acquisition.scan_plan import CONVERSION_ORDERS
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.benchmarks.latency_vs_error.chain import (
     conversion_timing,
     latest_conversion_indices,

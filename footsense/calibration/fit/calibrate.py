@@ -14,7 +14,7 @@ import numpy as np
 from footsense.calibration.evaluation import DesignModels, Estimates
 from footsense.calibration.fit.correction import fit_correction
 from footsense.calibration.fit.parameter_fit import ParameterFit, fit_parameters
-from footsense.calibration.fit.parameter_vector import MOUNT, REFERENCE, STIFFNESS
+from footsense.calibration.fit.parameter_vector import GAIN, MOUNT, REFERENCE, STIFFNESS, STRAY
 from footsense.calibration.fit.predicted_uncertainty import (
     PredictedUncertainty,
     predict_uncertainty,
@@ -154,10 +154,10 @@ def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResul
     fit = fit_parameters(twin, loads)
     predicted_uncertainty = predict_uncertainty(twin, fit)
     electrodes = FootParameters(
-        stray_pf=fit.parameters[twin.element_slices.stray],
+        stray_pf=fit.parameters[STRAY],
         unloaded_pf=loads.median_baseline_pf,
         gap_um=twin.gap_um(fit.parameters),
-        gain_rel=1.0 + fit.parameters[twin.element_slices.gain],
+        gain_rel=1.0 + fit.parameters[GAIN],
     )
     designed = _estimate_loads(models, loads, electrodes)
     read = designed.has_force

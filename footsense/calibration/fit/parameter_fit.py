@@ -14,26 +14,21 @@ Source:
     for why this is not scipy.
 """
 
-from collections.abc import Sequence
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_vector import (
-    FOOT_PARAMETER_COUNTS,
-    n_parameters,
-)
+from footsense.calibration.fit.parameter_vector import GAIN, GAP, N_PARAMETERS, PARAMETER_COUNTS, STRAY
 from footsense.calibration.fit.twin import FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.foot.directions import normalized
 from footsense.foot.specimen import ContactLoads
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, Vector
 
-#: Prior standard deviation of each parameter: stray of the wiring [pF], electrodes by shadow mask [1], spun spacers
-#: [um], rubber of uncertain cure [1], a foot mounted by hand [rad], a sheet laid by hand, half a millimetre of 10 [1],
-#: and a reference with the paper's linearity, 1.5 % of a range that is hardly used [1].
-_PRIOR_SIGMA_OF_KIND = (0.5, 0.02, 3.0, 0.4, np.radians(5.0), 0.05, 0.02)
+#: Prior standard deviation of each parameter, shape (36,): stray of wiring [pF], electrodes by shadow mask [1], spun
+#: spacers [um], rubber of uncertain cure [1], a foot mounted by hand [rad], a sheet laid by hand, half a millimetre of
+#: 10 [1], and a reference with the paper's linearity, 1.5 % of a range that is hardly used [1].
+PRIOR_SIGMA: Vector = np.repeat((0.5, 0.02, 3.0, 0.4, np.radians(5.0), 0.05, 0.02), PARAMETER_COUNTS)
 
 #: Errors of a test stand: lean of the stick [deg], share of a force that creep makes uncertain [1], share of a change
 #: of capacitance that no model explains [1], noise of a mean reading [pF].
@@ -42,11 +37,11 @@ _STICK_LEAN_DEG, _CREEP_UNCERTAINTY_REL, _MODEL_ERROR_REL, _READING_NOISE_PF = 1
 _MIN_SIGMA_N = 0.003
 
 #: Steps of the finite differences, by parameter, by normal [rad] and by force [1].
-_DIFFERENCE_STEP_OF_KIND = (0.01, 1e-3, 0.02, 0.005, 2e-3, 2e-3, 1e-3)
+_DIFFERENCE_STEPS: Vector = np.repeat((0.01, 1e-3, 0.02, 0.005, 2e-3, 2e-3, 1e-3), PARAMETER_COUNTS)
 _NORMAL_STEP, _FORCE_STEP_REL = 2e-3, 1e-3
-#: Mahalanobis distance of the readings above which a load counts less, by their number: 99th percentile of chi with as
-#: many degrees of freedom.
-_HUBER_DISTANCE = {4: 3.64, 9: 4.65, 16: 5.66}
+#: Mahalanobis distance of the nine readings above which a load counts less: 99th percentile of chi with nine degrees of
+#: freedom.
+_HUBER_DISTANCE = 4.65
 _MAX_ITERATIONS, _MAX_DAMPING = 25, 1e8
 #: Gain of the cost below which a fit ends, and one that is only the start of another.
 _TOLERANCE_REL, _ROUGH_TOLERANCE_REL = 1e-5, 1e-3
@@ -54,19 +49,6 @@ _TOLERANCE_REL, _ROUGH_TOLERANCE_REL = 1e-5, 1e-3
 _REWHITEN_AT_ITERATION = 3
 #: Light loads needed for a first fit, and how many of them are used.
 _MIN_LIGHT_LOADS, _MAX_LIGHT_LOADS = 15, 40
-
-
-def _expanded_to_parameters(of_kind: Sequence[float], n_elements: int) -> Vector:
-    """Return one value per kind of parameter, expanded to one value per parameter, shape (parameters,)."""
-    return np.repeat(of_kind, [n_elements, n_elements, n_elements, *FOOT_PARAMETER_COUNTS])
-
-
-@cache
-def prior_sigma(n_elements: int) -> Vector:
-    """Return the prior standard deviation of each parameter, shape (parameters,); read-only."""
-    sigma = _expanded_to_parameters(_PRIOR_SIGMA_OF_KIND, n_elements)
-    sigma.flags.writeable = False
-    return sigma
 
 
 class ParameterFit(NamedTuple):
@@ -85,9 +67,7 @@ class ParameterFit(NamedTuple):
     @property
     def contraction(self) -> Vector:
         """1 minus posterior over prior standard deviation, per parameter: 0 unidentified, 1 known exactly."""
-        contraction: Vector = 1.0 - np.sqrt(np.diag(self.covariance)) / prior_sigma(
-            (len(self.parameters) - 9) // 3
-        )
+        contraction: Vector = 1.0 - np.sqrt(np.diag(self.covariance)) / PRIOR_SIGMA
         return contraction
 
 
@@ -100,7 +80,7 @@ def fit_parameters(twin: FootTwin, loads: LoadSet) -> ParameterFit:
         twin: Model of the foot, at its unloaded readings.
         loads: At least one.
     """
-    start = np.zeros(n_parameters(twin.n_elements))
+    start = np.zeros(N_PARAMETERS)
     magnitude_n = np.linalg.norm(loads.force_n, axis=1)
     light = loads.subset(magnitude_n <= np.median(magnitude_n))
     if len(light) >= _MIN_LIGHT_LOADS:
@@ -162,16 +142,13 @@ class _FitState:
         self._twin, self._loads, self._whitening_matrices = twin, loads, whitening
         self._contact = ContactLoads.centred(loads.force_n)
         self.parameters = parameters
-        self._steps = _expanded_to_parameters(_DIFFERENCE_STEP_OF_KIND, twin.n_elements)
         self._cells_um = twin.cell_closures_um(parameters, self._contact)
         self._model_pf = twin.reading_pf(parameters, self._cells_um)
         white = np.einsum("nij,nj->ni", whitening, self._model_pf - loads.drift_corrected_pf)
         self.mahalanobis_distance = np.linalg.norm(white, axis=1)
-        huber = _HUBER_DISTANCE[twin.n_elements]
-        within = np.minimum(self.mahalanobis_distance, huber)
-        self._weight = np.sqrt(huber / np.maximum(self.mahalanobis_distance, huber))
-        self._prior_sigma = prior_sigma(twin.n_elements)
-        prior = parameters / self._prior_sigma
+        within = np.minimum(self.mahalanobis_distance, _HUBER_DISTANCE)
+        self._weight = np.sqrt(_HUBER_DISTANCE / np.maximum(self.mahalanobis_distance, _HUBER_DISTANCE))
+        prior = parameters / PRIOR_SIGMA
         self.residual = np.concatenate([(self._weight[:, None] * white).ravel(), prior])
         self.cost = float((within * (2.0 * self.mahalanobis_distance - within)).sum() + (prior**2).sum())
 
@@ -187,32 +164,31 @@ class _FitState:
             shared_gap: Whether the slope of each gap is that of all gaps together on its own element, which does not
                 vanish as soon as one closes nearby; else its own on all elements, which vanishes unless it closes.
         """
-        stray, gain, gap = self._twin.element_slices
         size = len(self.parameters)
         slopes_pf = np.zeros((*self._model_pf.shape, size))
-        diagonal = np.arange(self._twin.n_elements)
-        for kind in (stray, gain):
+        diagonal = np.arange(ELEMENTS)
+        for kind in (STRAY, GAIN):
             slope_pf = self._reading_derivative_pf(kind, self._cells_um)
             slopes_pf[:, diagonal, kind.start + diagonal] = slope_pf
-        moved = [slice(number, number + 1) for number in range(gap.stop, size)]
-        moved += [gap] if shared_gap else [slice(number, number + 1) for number in range(gap.start, gap.stop)]
+        moved = [slice(number, number + 1) for number in range(GAP.stop, size)]
+        moved += [GAP] if shared_gap else [slice(number, number + 1) for number in range(GAP.start, GAP.stop)]
         closed = self._twin.closed_cells(self.parameters, self._cells_um)
         nearby_um = self._twin.cell_closures_for_closed_cells_um(
             [(self._shifted_parameters(one), self._contact) for one in moved], closed
         )
         for which, cells_um in zip(moved, nearby_um, strict=True):
             slope_pf = self._reading_derivative_pf(which, cells_um)
-            if which == gap:
-                slopes_pf[:, diagonal, gap.start + diagonal] = slope_pf
+            if which == GAP:
+                slopes_pf[:, diagonal, GAP.start + diagonal] = slope_pf
             else:
                 slopes_pf[..., which.start] = slope_pf
         white = self._weight[:, None, None] * (self._whitening_matrices @ slopes_pf)
-        return np.concatenate([white.reshape(-1, size), np.diag(1.0 / self._prior_sigma)])
+        return np.concatenate([white.reshape(-1, size), np.diag(1.0 / PRIOR_SIGMA)])
 
     def _shifted_parameters(self, which: slice) -> Vector:
         """Return the parameters with those of a slice shifted by their difference step."""
         moved = self.parameters.copy()
-        moved[which] += self._steps[which]
+        moved[which] += _DIFFERENCE_STEPS[which]
         return moved
 
     def _reading_derivative_pf(self, which: slice, cells_um: Vector) -> Vector:
@@ -223,7 +199,7 @@ class _FitState:
             cells_um: Closures of the cells with them moved by a step [um], shape (n, cells).
         """
         moved_pf = self._twin.reading_pf(self._shifted_parameters(which), cells_um)
-        slope_pf: Vector = (moved_pf - self._model_pf) / self._steps[which]
+        slope_pf: Vector = (moved_pf - self._model_pf) / _DIFFERENCE_STEPS[which]
         return slope_pf
 
 
@@ -248,6 +224,6 @@ def _whitening_matrices(twin: FootTwin, parameters: Vector, loads: LoadSet) -> V
     creep = np.einsum("nij,nj->ni", slope_pf, contact.force_n)[:, :, None] * _CREEP_UNCERTAINTY_REL
     reading = _READING_NOISE_PF**2 + (_MODEL_ERROR_REL * (model_pf - loads.median_baseline_pf)) ** 2
     covariance = sum(part @ part.transpose(0, 2, 1) for part in (lean, force, creep))
-    covariance = covariance + reading[:, :, None] * np.eye(twin.n_elements)
+    covariance = covariance + reading[:, :, None] * np.eye(ELEMENTS)
     whitening: Vector = np.linalg.inv(np.linalg.cholesky(covariance))
     return whitening

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_fit import ParameterFit, prior_sigma
-from footsense.calibration.fit.parameter_vector import REFERENCE, parameter_names, slice_of_kind
+from footsense.calibration.fit.parameter_fit import PRIOR_SIGMA, ParameterFit
+from footsense.calibration.fit.parameter_vector import PARAMETER_NAMES, REFERENCE, SLICE_OF_KIND
 from footsense.calibration.fit.twin import FootTwin
 from footsense.errors import CalibrationError
 from footsense.foot.direction_sets import direction_grid
@@ -67,7 +67,7 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
         for axis in np.eye(3)
     ]
     force_per_pf = np.linalg.pinv(np.stack(by_force, axis=2))
-    rng, prior = np.random.default_rng(_SEED), prior_sigma(twin.n_elements)
+    rng = np.random.default_rng(_SEED)
 
     def median_errors_if_uncertain(which: slice, n_draws: int) -> tuple[float, float]:
         """Return median angle [deg] and relative magnitude error [1] if only these parameters are uncertain."""
@@ -76,7 +76,7 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
         for _ in range(n_draws):
             drawn = fitted.copy()
             deviation = root @ rng.normal(size=len(root))
-            drawn[which] += np.clip(deviation, -2.0 * prior[which], 2.0 * prior[which])
+            drawn[which] += np.clip(deviation, -2.0 * PRIOR_SIGMA[which], 2.0 * PRIOR_SIGMA[which])
             drawn[REFERENCE] = 0.0
             change_pf = twin.capacitance_pf(np.clip(drawn, *twin.parameter_bounds()), loads) - at_pf
             estimate_n = force_n + np.einsum("nij,nj->ni", force_per_pf, change_pf)
@@ -85,9 +85,10 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
         return float(np.median(angles_deg)), float(np.median(magnitudes_rel))
 
     direction_deg, magnitude_rel = median_errors_if_uncertain(slice(None), _DRAWS)
-    kinds = slice_of_kind(twin.n_elements)
-    by_kind = {kind: median_errors_if_uncertain(which, _DRAWS_OF_KIND)[0] for kind, which in kinds.items()}
-    contractions = zip(parameter_names(twin.n_elements), fit.contraction, strict=True)
+    by_kind = {
+        kind: median_errors_if_uncertain(which, _DRAWS_OF_KIND)[0] for kind, which in SLICE_OF_KIND.items()
+    }
+    contractions = zip(PARAMETER_NAMES, fit.contraction, strict=True)
     not_identified = tuple(name for name, value in contractions if value < IDENTIFIED_CONTRACTION)
     dominant_parameter = max(by_kind, key=by_kind.__getitem__)
     return PredictedUncertainty(direction_deg, magnitude_rel, dominant_parameter, not_identified)

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_vector import n_parameters
+from footsense.calibration.fit.parameter_vector import N_PARAMETERS
 from footsense.calibration.fit.twin import FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
@@ -27,7 +27,7 @@ from footsense.foot.directions import normalized
 from footsense.foot.gap_contact import element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, Vector
 
 #: Weight of the newest press in the mean of the last ones [1]: creep of ten seconds, presses of one.
 _NEWEST_PRESS_WEIGHT = 0.1
@@ -66,7 +66,7 @@ def correct_baselines_for_creep(response: FootResponse, loads: LoadSet) -> LoadS
     before_um = np.concatenate([np.zeros_like(after_um[:1]), after_um[:-1]])
     memory_um = np.concatenate([before_um, after_um], axis=2)
     distance_um = response.design.plate_distance_um(loads.baseline_pf)
-    n, n_elements = distance_um.shape
+    n = len(distance_um)
     steady = np.linalg.qr(np.column_stack([np.ones(n), np.linspace(-1.0, 1.0, n)]))[0]
 
     def detrended(values: Vector) -> Vector:
@@ -75,10 +75,10 @@ def correct_baselines_for_creep(response: FootResponse, loads: LoadSet) -> LoadS
         detrended_values: Vector = flat - steady @ (steady.T @ flat)
         return detrended_values
 
-    slopes = detrended(memory_um).reshape(n, n_elements, -1)
-    moved_um, scale = -detrended(distance_um), np.ones((n_elements, 1))
+    slopes = detrended(memory_um).reshape(n, ELEMENTS, -1)
+    moved_um, scale = -detrended(distance_um), np.ones((ELEMENTS, 1))
     for _ in range(_FIT_ROUNDS):
-        scaled = (scale * slopes).reshape(n * n_elements, -1)
+        scaled = (scale * slopes).reshape(n * ELEMENTS, -1)
         curvature = scaled.T @ scaled + _RIDGE * np.eye(scaled.shape[1])
         staying = np.linalg.solve(curvature, scaled.T @ moved_um.ravel())
         unscaled_um = slopes @ staying
@@ -95,7 +95,7 @@ def _residual_closures_um(twin: FootTwin, force_n: Vector) -> Vector:
         mean_n = mean_n + _NEWEST_PRESS_WEIGHT * (one_n - mean_n)
         means_n.append(mean_n)
     normal = normalized(force_n)
-    designed = np.zeros(n_parameters(twin.n_elements))
+    designed = np.zeros(N_PARAMETERS)
     unit_um = [
         element_means(
             twin.cell_closures_um(

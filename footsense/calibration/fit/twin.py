@@ -15,12 +15,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.calibration.fit.parameter_vector import (
+    GAIN,
+    GAP,
     MOUNT,
+    N_PARAMETERS,
     OFFSET,
     REFERENCE,
     STIFFNESS,
-    element_slices,
-    n_parameters,
+    STRAY,
 )
 from footsense.foot import gap_contact
 from footsense.foot.cavity.pressures import CavityPressures
@@ -54,29 +56,19 @@ class FootTwin:
     Args:
         response: Response table of its foot type.
         unloaded_pf: Unloaded reading of each element, stray included [pF], shape (elements,).
-
-    Attributes:
-        n_elements: Elements of the foot.
-        element_slices: Slices of the parameters of its elements.
     """
 
     def __init__(self, response: FootResponse, unloaded_pf: Vector) -> None:
         self._response = response
         self._unloaded_pf = unloaded_pf
-        self.n_elements = len(unloaded_pf)
-        self.element_slices = element_slices(self.n_elements)
         self._min_sine = np.sin(np.radians(response.min_elevation_deg))
 
     def parameter_bounds(self) -> tuple[Vector, Vector]:
         """Return the lower and the upper bound of each parameter, shape (parameters,) each."""
-        lower, upper = (
-            np.full(n_parameters(self.n_elements), -np.inf),
-            np.full(n_parameters(self.n_elements), np.inf),
-        )
-        stray, gain, gap = self.element_slices
-        upper[stray] = 0.5 * self._unloaded_pf
-        lower[gain], upper[gain] = -0.5, 1.0
-        lower[gap] = -0.9 * self._response.design.gap_um
+        lower, upper = np.full(N_PARAMETERS, -np.inf), np.full(N_PARAMETERS, np.inf)
+        upper[STRAY] = 0.5 * self._unloaded_pf
+        lower[GAIN], upper[GAIN] = -0.5, 1.0
+        lower[GAP] = -0.9 * self._response.design.gap_um
         lower[STIFFNESS], upper[STIFFNESS] = -0.9, 20.0
         lower[OFFSET], upper[OFFSET] = -0.3, 0.3
         lower[REFERENCE], upper[REFERENCE] = -0.1, 0.1
@@ -84,7 +76,7 @@ class FootTwin:
 
     def gap_um(self, parameters: Vector) -> Vector:
         """Return the unloaded gap of each element [um], shape (elements,)."""
-        gap_um: Vector = self._response.design.gap_um + parameters[self.element_slices.gap]
+        gap_um: Vector = self._response.design.gap_um + parameters[GAP]
         return gap_um
 
     def cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
@@ -95,7 +87,7 @@ class FootTwin:
             compliance = _compliance_factor(parameters) * response.compliance_um_per_n
             air = CavityPressures(self.gap_um(parameters), compliance, response.design.electrode_area_mm2)
             unloaded_um = air.sustained_closures_um(
-                np.zeros((1, response.n_cells)), response.cavity, contact=True
+                np.zeros((1, gap_contact.N_CELLS)), response.cavity, contact=True
             )
             return air.sustained_closures_um(free_um, response.cavity, contact=True) - unloaded_um
         if not (free_um > gap_um).any():  # scaling the compliance would take longer than the rest
@@ -159,7 +151,7 @@ class FootTwin:
         """
         if self._response.cavity.kind == "vented":
             return stiffness_rel
-        designed = np.zeros(n_parameters(self.n_elements))
+        designed = np.zeros(N_PARAMETERS)
         parameters = designed.copy()
         parameters[STIFFNESS] = stiffness_rel
         up = ContactLoads.centred(np.array([[0.0, 0.0, _SMALL_FORCE_N]]))
@@ -169,11 +161,9 @@ class FootTwin:
 
     def reading_pf(self, parameters: Vector, cell_closures_um: Vector) -> Vector:
         """Return the reading of each element [pF], shape (n, elements), from cell closures [um], shape (n, cells)."""
-        design, stray_pf = self._response.design, parameters[self.element_slices.stray]
+        design, stray_pf = self._response.design, parameters[STRAY]
         unloaded_um = design.plate_distance_um(self._unloaded_pf - stray_pf)
-        closure_um = cell_closures_um * np.repeat(
-            1.0 + parameters[self.element_slices.gain], gap_contact.CELLS_PER_ELEMENT
-        )
+        closure_um = cell_closures_um * np.repeat(1.0 + parameters[GAIN], gap_contact.CELLS_PER_ELEMENT)
         distance_um = np.maximum(
             np.repeat(unloaded_um, gap_contact.CELLS_PER_ELEMENT) - closure_um, _MIN_DISTANCE_UM
         )

@@ -31,8 +31,7 @@ class LoadSet:
     @classmethod
     def from_loads(cls, loads: Sequence[CalibrationLoad]) -> Self:
         """Return a list of calibration loads in array form."""
-        n_elements = len(loads[0].capacitance_pf) if loads else ELEMENTS
-        widths = {"force_n": 3, "sigma_n": 3, "capacitance_pf": n_elements, "baseline_pf": n_elements}
+        widths = {"force_n": 3, "sigma_n": 3, "capacitance_pf": ELEMENTS, "baseline_pf": ELEMENTS}
         return cls(
             **{
                 name: np.array([getattr(load, name) for load in loads]).reshape(-1, width)

@@ -1,4 +1,4 @@
-"""Options (interface, channel, force unit, element rows) of the commands that receive from CAN."""
+"""Options (interface, channel, force unit) of the commands that receive from CAN."""
 
 from collections.abc import Callable
 from ipaddress import AddressValueError, IPv4Address
@@ -51,17 +51,6 @@ _force_step_option = click.option(
     help="What a bit of a force stands for, as `footsense check-config` names it: 1 for feet of up to 32 N.",
 )
 
-#: The frames do not tell the number of elements; those of more than nine have wider masks.
-_rows_option = click.option(
-    "--rows",
-    "n_elements",
-    type=click.Choice(["2", "3", "4"]),
-    default="3",
-    show_default=True,
-    callback=lambda _ctx, _param, value: int(value) ** 2,
-    help="Rows, and columns, of the array of each foot.",
-)
-
 
 def channel_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options `--interface` and `--channel`."""
@@ -69,8 +58,8 @@ def channel_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def can_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options `--interface`, `--channel`, `--force-step-mn` and `--rows` (as `n_elements`)."""
-    return channel_options(_force_step_option(_rows_option(command)))
+    """Give a command the options `--interface`, `--channel` and `--force-step-mn`."""
+    return channel_options(_force_step_option(command))
 
 
 def _is_multicast(name: str) -> bool:

@@ -34,7 +34,6 @@ def ros2(
     interface: str,
     channel: str,
     force_step_mn: int,
-    n_elements: int,
     domain: int,
     tf: Path | None,
     duration_s: float,
@@ -54,7 +53,7 @@ def ros2(
     start_ns = clock.now_ns()
     n_published = 0
     limits = LinkLimits(accept_degraded=True)
-    with closing(open_listener(interface, channel, clock, limits, force_step_mn, n_elements)) as listener:
+    with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
         click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
             listener.listen(now_ns + _PUBLISH_PERIOD_NS)

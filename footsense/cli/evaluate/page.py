@@ -1,7 +1,6 @@
 """Result page of `footsense evaluate --out`: error table and the paper's Figs. 17 to 19; needs matplotlib."""
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N, magnitude_errors_gf
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, ROWS, Vector
 from footsense.lab.studies.ball import elevation_circle_map_radius, map_circle, map_position
 from footsense.lab.template import render
 
@@ -117,17 +116,15 @@ def closure_patterns_figure(closures_um: Mapping[str, Mapping[str, Vector]]) -> 
     panels = np.atleast_1d(figure.subplots(len(closures_um), 1))
     for axes, (title, by_source) in zip(panels, closures_um.items(), strict=True):
         width = 0.8 / len(by_source)
-        n_elements = len(next(iter(by_source.values())))
-        rows = math.isqrt(n_elements)
         for number, (name, closure_um) in enumerate(by_source.items()):
-            axes.bar(np.arange(n_elements) - 0.4 + (number + 0.5) * width, closure_um, width, label=name)
+            axes.bar(np.arange(ELEMENTS) - 0.4 + (number + 0.5) * width, closure_um, width, label=name)
         axes.set_title(title, fontsize=10)
         axes.set_ylabel("closure [um]")
-        axes.set_xticks(np.arange(n_elements), [f"{i} {j}" for i in range(rows) for j in range(rows)])
-        for edge in np.arange(rows, n_elements, rows) - 0.5:
+        axes.set_xticks(np.arange(ELEMENTS), [f"{i} {j}" for i in range(ROWS) for j in range(ROWS)])
+        for edge in np.arange(ROWS, ELEMENTS, ROWS) - 0.5:
             axes.axvline(edge, color="0.8", lw=0.8)
         axes.grid(axis="y", alpha=0.3)
-    axes.set_xlabel(f"row and column: 0 0 is the front left, {rows - 1} {rows - 1} the rear right")
+    axes.set_xlabel("row and column: 0 0 is the front left, 2 2 the rear right")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=8)
     return figure
 

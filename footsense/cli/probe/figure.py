@@ -1,6 +1,5 @@
 """Figure of the probed feet's elements; needs matplotlib."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from footsense.cli.probe.picture import element_marks
 from footsense.daemon.probe.report import ProbeResult
 from footsense.errors import FootsenseError
+from footsense.frames import ROWS
 
 _FEET_PER_ROW = 3
 
@@ -39,11 +39,10 @@ def draw_probed_feet(result: ProbeResult, title: str, file: Path) -> None:
         marks = element_marks(report)
         sound = np.array([not wrong for _, wrong in marks])
         middle_pf = np.median(mean_pf[sound]) if sound.any() else np.nan
-        rows = math.isqrt(len(marks))
         off_rel = np.where(sound, mean_pf / middle_pf - 1.0, np.nan)
-        ax.imshow(off_rel.reshape(rows, rows), cmap="coolwarm", vmin=-0.05, vmax=0.05)
+        ax.imshow(off_rel.reshape(ROWS, ROWS), cmap="coolwarm", vmin=-0.05, vmax=0.05)
         for element, (mark, wrong) in enumerate(marks):
-            row, column = divmod(element, rows)
+            row, column = divmod(element, ROWS)
             ax.text(column, row, mark, ha="center", va="center", color="tab:red" if wrong else "black")
     try:
         figure.savefig(file, dpi=150)

@@ -15,7 +15,7 @@ from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.foot_check import FootScans
 from footsense.cli.tables import EMPTY_CELL, Column, styled, table
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
-from footsense.frames import Cause, Reading, Vector
+from footsense.frames import ELEMENTS, ROWS, Cause, Reading, Vector
 from footsense.leg_words import CAUSE_WORDS, word_of
 
 _CHIP_NAMES = {
@@ -41,7 +41,7 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
             Text("every foot from above, forwards up: pF of each element", "dim"),
             Columns(
                 [_foot_marks(report) for report in scanned],
-                width=_ELEMENT_WIDTH * max(map(_n_rows, scanned)) + _FOOT_SPACING_CELLS,
+                width=_ELEMENT_WIDTH * ROWS + _FOOT_SPACING_CELLS,
             ),
         ]
     if (bound_ns := result.scan_period_bound_ns) is not None:
@@ -100,7 +100,6 @@ def unloaded_yaml(result: ProbeResult) -> str:
 def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
     """Return for each element of a scanned foot its text, and whether it is faulty."""
     assert report.scans is not None
-    rows = _n_rows(report)
     marks = [
         (f"{pf:.3f}" if math.isfinite(pf) else word_of(Reading(code)), bool(code))
         for pf, code in zip(report.scans.mean_pf.tolist(), report.scans.worst_reading.tolist(), strict=True)
@@ -109,7 +108,7 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
         for element in fault.elements:
             marks[element] = (CAUSE_WORDS[fault.cause].mark or marks[element][0], True)
             if fault.cause is Cause.ELEMENT_SHORTED:
-                for other in set(range(element % rows, rows**2, rows)) - set(fault.elements):
+                for other in set(range(element % ROWS, ELEMENTS, ROWS)) - set(fault.elements):
                     marks[other] = ("lost", True)
     return marks
 
@@ -201,16 +200,9 @@ def _foot_result_cell(leg: ProbedLeg) -> str:
 
 def _foot_marks(report: ProbedLeg) -> Text:
     """Return a foot's elements in rows and columns as text, faulty ones marked."""
-    rows = _n_rows(report)
     cells = [
         Text(f"{mark:>{_ELEMENT_WIDTH}.{_ELEMENT_WIDTH}}", "bold red" if faulty else "")
         for mark, faulty in element_marks(report)
     ]
-    lines = [Text.assemble(*cells[first : first + rows]) for first in range(0, rows**2, rows)]
+    lines = [Text.assemble(*cells[first : first + ROWS]) for first in range(0, ELEMENTS, ROWS)]
     return Text("\n").join([Text(report.leg, "bold"), *lines, Text()])
-
-
-def _n_rows(report: ProbedLeg) -> int:
-    """Return the rows of elements of a scanned foot."""
-    assert report.scans is not None
-    return math.isqrt(len(report.scans.mean_pf))

@@ -24,6 +24,7 @@ from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, P
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
 from footsense.estimation.faults.causes import SILENT_READINGS
+from footsense.frames import ELEMENTS
 from footsense.sim.scene import Scene
 
 #: Scans for the noise: they give its standard deviation to a sixth.
@@ -77,7 +78,7 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
         plan = scan_plan_for(config)
         buses = tuple(_probe_buses(config, scene, plan))
         diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]
-        conversions_ns = config.n_elements * plan.conversion_ns
+        conversions_ns = ELEMENTS * plan.conversion_ns
     feet, timings = None, None
     if all(report.scan.mux_answers for report in buses):
         try:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.faults.missing_sets import trained_missing_sets
+from footsense.estimation.faults.missing_sets import COLUMN_SETS, ROW_SETS
 from footsense.frames import BaselineDrift, Cause, Codes, Mask, Reading, State
 from footsense.leg_words import STATE_AND_CAUSE_OF_READING
 
@@ -79,8 +79,7 @@ def leg_causes(reading: Codes, state: Codes, faults: ElementFaults, drift_cause:
         cause[faults.drifting.any(axis=1)] = Cause.ELEMENT_DRIFTS
         cause[faults.stuck.any(axis=1)] = Cause.ELEMENT_STUCK
         cause[faults.opened.any(axis=1)] = Cause.ELEMENT_OPEN
-        sets = trained_missing_sets(reading.shape[1])
-        for lines, broken in ((sets.column_sets, Cause.COLUMN_OPEN), (sets.row_sets, Cause.ROW_OPEN)):
+        for lines, broken in ((COLUMN_SETS, Cause.COLUMN_OPEN), (ROW_SETS, Cause.ROW_OPEN)):
             for line in lines:
                 cause[faults.opened[:, line].all(axis=1)] = broken
         cause[faults.shorted.any(axis=1)] = Cause.ELEMENT_SHORTED

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import trained_missing_sets
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.frames import Mask, Vector
 
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
@@ -82,7 +82,7 @@ class ConsistencyTest:
         self._matrices: dict[bytes, Vector] = {}
         n = len(moments)
         shape = (n_legs, n)
-        self._sets = trained_missing_sets(n).sets
+        self._sets = MISSING_SETS
         self._n_kept = (~self._sets).sum(axis=1)
         self._single_and_lines = slice(1, 1 + n), slice(1 + n, None)
         # The second limit over the root of the sum of squares.

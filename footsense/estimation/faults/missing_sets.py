@@ -1,55 +1,28 @@
 """Sets of missing elements for which the network is trained: none, any single one, any row or column."""
 
-import math
-from functools import cache
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS, Mask
+from footsense.frames import ELEMENTS, ROWS, Mask
 
+_ELEMENT = np.arange(ELEMENTS)
+#: The elements of each row, and of each column, shape (3, 9) each.
+ROW_SETS: Mask = np.arange(ROWS)[:, None] == _ELEMENT // ROWS
+COLUMN_SETS: Mask = np.arange(ROWS)[:, None] == _ELEMENT % ROWS
+#: Every set, the empty one first, then the single elements, rows, and columns, shape (16, 9).
+MISSING_SETS: Mask = np.concatenate(
+    [np.zeros((1, ELEMENTS), bool), np.eye(ELEMENTS, dtype=bool), ROW_SETS, COLUMN_SETS]
+)
 
-class MissingSets(NamedTuple):
-    """Trained sets of missing elements of a foot, as masks of its elements.
-
-    Attributes:
-        sets: Every set, the empty one first, then the single elements, rows, and columns, shape (1 + n + 2 r, n).
-        row_sets: The elements of each row, shape (r, n).
-        column_sets: The elements of each column, shape (r, n).
-        bit_of_element: Bit of each element in a pattern of elements, shape (n,).
-        set_index_of_pattern: Index in `sets` of each of the 2^n patterns; 0 also where it is no set.
-        smallest_superset: Smallest set that contains each pattern; the empty one where no set does, shape (2^n, n).
-    """
-
-    sets: Mask
-    row_sets: Mask
-    column_sets: Mask
-    bit_of_element: NDArray[np.uint16]
-    set_index_of_pattern: NDArray[np.intp]
-    smallest_superset: Mask
-
-
-@cache
-def trained_missing_sets(n_elements: int) -> MissingSets:
-    """Return the trained sets of missing elements for a foot with this number of elements (at most 16)."""
-    element, n_rows = np.arange(n_elements), math.isqrt(n_elements)
-    rows, columns = (np.array([n == line for n in range(n_rows)]) for line in divmod(element, n_rows))
-    none = np.zeros((1, n_elements), bool)
-    sets: Mask = np.concatenate([none, np.eye(n_elements, dtype=bool), rows, columns])
-    bits = (1 << element).astype(np.uint16)
-    set_index_of_pattern = np.zeros(1 << n_elements, np.intp)
-    set_index_of_pattern[sets @ bits] = np.arange(len(sets))
-    patterns = (np.arange(1 << n_elements)[:, None] & bits) > 0
-    # Set by set, the smaller ones last: all pairs at once would take a gigabyte of 16 elements.
-    smallest = np.zeros(1 << n_elements, np.intp)
-    for number in range(len(sets))[::-1]:
-        smallest[~(patterns & ~sets[number]).any(axis=1)] = number
-    return MissingSets(sets, rows, columns, bits, set_index_of_pattern, sets[smallest])
-
-
-#: Every set of the paper's foot, shape (16, 9).
-MISSING_SETS: Mask = trained_missing_sets(ELEMENTS).sets
+# Bit of each element in a pattern of elements.
+_BITS = (1 << _ELEMENT).astype(np.uint16)
+_PATTERNS = (np.arange(1 << ELEMENTS)[:, None] & _BITS) > 0
+# Index of the set of each pattern; 0 also where it is no set.
+_SET_INDEX = np.zeros(1 << ELEMENTS, np.intp)
+_SET_INDEX[MISSING_SETS @ _BITS] = np.arange(len(MISSING_SETS))
+# Smallest set that contains each pattern, the first of those; the empty one where no set does.
+_CONTAINS = ~(_PATTERNS[:, None] & ~MISSING_SETS).any(axis=2)
+_SMALLEST_SUPERSET: Mask = MISSING_SETS[_CONTAINS.argmax(axis=1)]
 
 
 def missing_set_index(missing: Mask) -> NDArray[np.intp]:
@@ -59,8 +32,7 @@ def missing_set_index(missing: Mask) -> NDArray[np.intp]:
         >>> MISSING_SETS[missing_set_index(np.array([[1, 1, 1, 0, 0, 0, 0, 0, 0]], bool))[0]].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    known = trained_missing_sets(missing.shape[1])
-    index: NDArray[np.intp] = known.set_index_of_pattern[missing @ known.bit_of_element]
+    index: NDArray[np.intp] = _SET_INDEX[missing @ _BITS]
     return index
 
 
@@ -75,8 +47,7 @@ def missing_sets_containing(faulty: Mask) -> Mask:
         >>> missing_sets_containing(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    known = trained_missing_sets(faulty.shape[1])
-    missing: Mask = known.smallest_superset[faulty @ known.bit_of_element]
+    missing: Mask = _SMALLEST_SUPERSET[faulty @ _BITS]
     return missing
 
 
@@ -89,5 +60,5 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
         >>> bin(int(fault_mask(unusable)[0]))
         '0b100000001'
     """
-    masks: NDArray[np.uint16] = unusable @ trained_missing_sets(unusable.shape[1]).bit_of_element
+    masks: NDArray[np.uint16] = unusable @ _BITS
     return masks

@@ -3,11 +3,9 @@
 Pressing only adds capacitance, so an element that has lost half of its unloaded capacitance is an open line.
 """
 
-import math
-
 import numpy as np
 
-from footsense.frames import Mask, Vector
+from footsense.frames import ROWS, Mask, Vector
 
 #: Capacitance below which an element is open, over its unloaded capacitance [1].
 OPEN_ELEMENT_THRESHOLD_REL = 0.5
@@ -24,9 +22,8 @@ def floating_row_crosstalk_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
         capacitance_pf: Readings, stray included [pF], shape (legs, elements), NaN under the range.
         opened: Open elements, shape (legs, elements).
     """
-    rows = math.isqrt(opened.shape[1])
-    floating = opened.reshape(-1, rows, rows).all(axis=2, keepdims=True)
-    readings_pf = capacitance_pf.reshape(-1, rows, rows)
+    floating = opened.reshape(-1, ROWS, ROWS).all(axis=2, keepdims=True)
+    readings_pf = capacitance_pf.reshape(-1, ROWS, ROWS)
     per_column_pf = np.where(floating & ~np.isnan(readings_pf), readings_pf, 0.0).sum(axis=1, keepdims=True)
     added_pf: Vector = np.where(floating, 0.0, per_column_pf).reshape(opened.shape)
     return added_pf

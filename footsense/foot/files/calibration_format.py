@@ -21,7 +21,7 @@ from msgspec import Meta
 from footsense.foot.correction_terms import N_CORRECTION_TERMS
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.temperature import COLDEST_C, WARMEST_C
-from footsense.frames import ELEMENT_COUNTS
+from footsense.frames import ELEMENTS
 
 FORMAT = 2
 
@@ -31,7 +31,7 @@ HASHED_FILES = (PARAMETERS, NETWORK, CARD)
 
 FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$", description="such as foot-0007")]
 Sha256 = Annotated[str, Meta(pattern=r"^[0-9a-f]{64}$")]
-PerElement = Annotated[list[float], Meta(min_length=min(ELEMENT_COUNTS), max_length=max(ELEMENT_COUNTS))]
+PerElement = Annotated[list[float], Meta(min_length=ELEMENTS, max_length=ELEMENTS)]
 Three = Annotated[list[float], Meta(min_length=3, max_length=3)]
 CorrectionRow = Annotated[list[float], Meta(min_length=N_CORRECTION_TERMS, max_length=N_CORRECTION_TERMS)]
 

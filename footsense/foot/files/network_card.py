@@ -1,6 +1,5 @@
 """Metadata card in a network's ONNX file: capacitor design, signals and units, training range."""
 
-import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -10,7 +9,7 @@ from msgspec import Meta
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL, CapacitorDesign
-from footsense.frames import ELEMENT_COUNTS, Vector
+from footsense.frames import ELEMENTS, Vector
 
 #: Key of the card in the file's metadata.
 METADATA_KEY = "footsense_card"
@@ -35,19 +34,15 @@ class Signal(msgspec.Struct, frozen=True):
     order: str
 
 
-def input_signals(rows: int) -> tuple[Signal, ...]:
-    """Return name, width, unit and order of each input of the network of a foot with rows x rows elements."""
-    elements = f"flat index {rows} * row + column, row 0 most forward, column 0 leftmost"
-    readings = f"newest, the one before, the one before that, each by {elements}"
-    return (
-        Signal("closure_rel", 3 * rows**2, "1", readings),
-        Signal("age_s", 3 * rows**2, "s", readings),
-        Signal("missing", rows**2, "1", elements),
-    )
+_ELEMENT_ORDER_TEXT = "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
+_READINGS_ORDER_TEXT = f"newest, the one before, the one before that, each by {_ELEMENT_ORDER_TEXT}"
 
-
-#: Inputs of the paper's foot, and outputs, as `footsense lab build` writes them; a network with others is refused.
-INPUTS = input_signals(3)
+#: Inputs and outputs, as `footsense lab build` writes them; a network with others is refused.
+INPUTS = (
+    Signal("closure_rel", 3 * ELEMENTS, "1", _READINGS_ORDER_TEXT),
+    Signal("age_s", 3 * ELEMENTS, "s", _READINGS_ORDER_TEXT),
+    Signal("missing", ELEMENTS, "1", _ELEMENT_ORDER_TEXT),
+)
 OUTPUTS = (
     Signal("force_n", 3, "N", "x y z, foot frame"),
     Signal("sigma_n", 3, "N", "x y z, foot frame"),
@@ -55,7 +50,8 @@ OUTPUTS = (
     Signal("contact_sigma", 4, "1", _CONTACT_ORDER_TEXT),
 )
 
-PerElement = Annotated[list[float], Meta(min_length=min(ELEMENT_COUNTS), max_length=max(ELEMENT_COUNTS))]
+_OfElements = Meta(min_length=ELEMENTS, max_length=ELEMENTS)
+PerElement = Annotated[list[float], _OfElements]
 Positive = Annotated[float, Meta(gt=0.0)]
 
 
@@ -124,14 +120,9 @@ class Card(msgspec.Struct, frozen=True):
     electrode_area_mm2: Positive
     closure_rel_min: PerElement
     closure_rel_max: PerElement
-    moments: list[PerElement]
+    moments: Annotated[list[PerElement], _OfElements]
     response_sha256: str
     training: _Training = _Training()
-
-    @property
-    def rows(self) -> int:
-        """Number of rows (and of columns) of elements of the foot."""
-        return math.isqrt(len(self.closure_rel_min))
 
     @property
     def max_trained_force_n(self) -> float:
@@ -172,8 +163,7 @@ def read_card(text: str | None, where: str) -> Card:
         raise ModelError(f"{where}: the card does not fit: {error}") from error
     if card is None:
         raise ModelError(f"{where}: card format {found}, this version reads format {FORMAT}")
-    _check_sizes(where, card)
-    _check_signals(where, "inputs", card.inputs, input_signals(card.rows))
+    _check_signals(where, "inputs", card.inputs, INPUTS)
     _check_signals(where, "outputs", card.outputs, OUTPUTS)
     for element, (low, high) in enumerate(zip(card.closure_rel_min, card.closure_rel_max, strict=True)):
         if not low < high:
@@ -185,27 +175,6 @@ def read_card(text: str | None, where: str) -> Card:
     if not (np.array_equal(moments, moments.T) and np.linalg.eigvalsh(moments)[0] > 0.0):
         raise ModelError(f"{where}: the card's moments have to be a symmetric, positive definite matrix")
     return card
-
-
-def _check_sizes(where: str, card: Card) -> None:
-    """Raise an error unless all per-element entries of a card have the same number of elements.
-
-    Raises:
-        ModelError: It is of another, or no foot has so many.
-    """
-    n_elements = len(card.closure_rel_min)
-    if n_elements not in ELEMENT_COUNTS:
-        counts = ", ".join(map(str, ELEMENT_COUNTS))
-        raise ModelError(
-            f"{where}: closure_rel_min has {n_elements} numbers; a foot has one of {counts} elements"
-        )
-    sizes = {"closure_rel_max": len(card.closure_rel_max), "moments": len(card.moments)}
-    sizes |= {f"moments[{row}]": len(moments) for row, moments in enumerate(card.moments)}
-    for name, size in sizes.items():
-        if size != n_elements:
-            raise ModelError(
-                f"{where}: {name} has {size} entries, closure_rel_min {n_elements}; one for each element"
-            )
 
 
 def _check_signals(where: str, kind: str, found: tuple[Signal, ...], needed: tuple[Signal, ...]) -> None:

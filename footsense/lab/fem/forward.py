@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import ngsolve as ng
 import numpy as np
 
-from footsense.foot.symmetry import flat_of_grid
+from footsense.foot.symmetry import FLAT_OF_GRID
 from footsense.frames import Vector
 from footsense.lab.fem.elasticity import hertz_pressure_shape
 from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells, quarter_grid
@@ -125,5 +125,5 @@ class DirectSolveFoot:
         parts[Parity(-1, 1)] = self._classes[Parity(1, -1)].class_cell_closures_um(swapped).T
         whole = np.sum([parity.unfold_z_component(part) for parity, part in parts.items()], axis=0)
         flat = np.empty(whole.size)
-        flat[flat_of_grid(len(whole))] = whole
+        flat[FLAT_OF_GRID] = whole
         return flat

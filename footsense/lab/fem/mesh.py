@@ -15,7 +15,8 @@ from netgen.meshing import MeshingParameters
 
 from footsense.errors import ModelError
 from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.frames import Vector
+from footsense.foot.symmetry import GRID_SIDE
+from footsense.frames import ROWS, Vector
 from footsense.lab.fem.solids import EQUAL_WITHIN_MM, bodies, curved_mesh, lies_in_coordinate_plane, square
 from footsense.lab.geometry import FootDesign
 
@@ -116,9 +117,9 @@ def quarter_cells(design: FootDesign) -> list[CavityCell]:
 
 def quarter_grid(per_cell: Vector, design: FootDesign, axis: int) -> Vector:
     """Return per-cell values of the quarter (in the order of `quarter_cells`) as a square grid in place of `axis`."""
-    order = np.empty((design.rows * CELLS_PER_SIDE // 2,) * 2, np.intp)
+    order = np.empty((GRID_SIDE // 2,) * 2, np.intp)
     for number, cell in enumerate(quarter_cells(design)):
-        row, column = divmod(cell.element, design.rows)
+        row, column = divmod(cell.element, ROWS)
         order[
             row * CELLS_PER_SIDE + cell.row_in_element, column * CELLS_PER_SIDE + cell.column_in_element
         ] = number

@@ -18,9 +18,9 @@ from netgen.meshing import MeshingParameters
 
 from footsense.errors import ModelError
 from footsense.foot.directions import normalized
-from footsense.foot.gap_contact import CELLS_PER_ELEMENT, CELLS_PER_SIDE
+from footsense.foot.gap_contact import CELLS_PER_SIDE, N_CELLS
 from footsense.foot.response_table import FootResponse, series_basis
-from footsense.foot.symmetry import flat_of_grid
+from footsense.foot.symmetry import FLAT_OF_GRID, GRID_SIDE
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import SURFACE_QUADRATURE_ORDER
 from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy_density, strain_energy_density
@@ -161,7 +161,7 @@ def solve_whole_foot(
         form.Assemble()
         inverse = form.mat.Inverse(space.FreeDofs(), "sparsecholesky")
         functionals = []
-        for cell in range(design.rows**2 * CELLS_PER_ELEMENT):
+        for cell in range(N_CELLS):
             functional = ng.LinearForm(space)
             functional += (v_ground[2] - v_leg[2]) / design.cavity_cell_area_mm2 * ng.ds(f"cell{cell}")
             functionals.append(functional.Assemble())
@@ -192,8 +192,6 @@ def with_added_response(
         series: Change of the series of G0 [um/N], shape (products, 324, 3).
         compliance: Change of the compliance [um/N], shape (324, 324).
     """
-    side = response.quarter_compliance.shape[-1]
-    grid = flat_of_grid(side)
     flat = series.reshape(len(series), -1)
     normal, patch_mm = (
         spherical_cap_normals(MIN_TABLE_ELEVATION_DEG),
@@ -205,11 +203,11 @@ def with_added_response(
     whole = response.closure_coefficients.reshape(2, len(series), 3, -1).transpose(0, 1, 3, 2) + np.stack(
         [series, patch]
     )
-    order = grid.ravel()
+    order = FLAT_OF_GRID.ravel()
     stiff = (response.compliance_um_per_n + compliance)[np.ix_(order, order)]
     return replace(
         response,
-        quarter_series=whole[:, :, grid],
-        quarter_compliance=stiff.reshape(side, side, side, side),
+        quarter_series=whole[:, :, FLAT_OF_GRID],
+        quarter_compliance=stiff.reshape((GRID_SIDE,) * 4),
         sha256="",
     )

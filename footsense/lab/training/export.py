@@ -22,8 +22,8 @@ from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
 from footsense.estimation.steady_windows import steady_windows
-from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, input_signals
-from footsense.frames import Vector
+from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
+from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.symmetric_layers import (
     N_SYMMETRIES,
     PATTERN_SOFTENING_REL,
@@ -50,23 +50,23 @@ IR_VERSION, OPSET = 8, 17
 
 def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
     """Return the ONNX initialisers: weights, and the indices that expand them into full matrices."""
-    c, elements, basis = weights.channels, weights.rows**2, linear_basis(weights.rows)
+    c, basis = weights.channels, linear_basis()
     n_inputs = weights.w1.shape[1]
     turns = output_symmetries().transpose(0, 2, 1)  # a row vector times this is the turned vector
     named = {name: np.asarray(part, np.float64) for name, part in weights._asdict().items()}
-    one, none = np.eye(elements), np.zeros((elements, elements))
+    one, none = np.eye(ELEMENTS), np.zeros((ELEMENTS, ELEMENTS))
     level, slope = np.hsplit(np.eye(2 * len(basis)), 2)
     return {
         **named,
         "sigma_axes": SIGMA_ROW_OF_OUTPUT,
-        "seen_at": element_input_index(weights.rows).ravel(),
+        "seen_at": element_input_index().ravel(),
         "relative_at": relative_symmetry_index().ravel(),
         "turns": turns,
         "sizes": np.abs(turns),
         "linear_basis": basis.reshape(len(basis), -1),
         "level_of": level.T,
         "slope_of": slope.T,
-        "linear_as": np.array([elements, 3]),
+        "linear_as": np.array([ELEMENTS, 3]),
         "eight": np.array([N_SYMMETRIES]),
         "w1_as": np.array([c, N_SYMMETRIES, n_inputs]),
         "w1_flat": np.array([n_inputs, N_SYMMETRIES * c]),
@@ -76,11 +76,11 @@ def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]
         "out_flat": np.array([N_SYMMETRIES * c, N_OUTPUTS]),
         # Newest minus the one before, and that minus the oldest.
         "changes_of": np.block([[one, none], [-one, one], [none, -one]]),
-        "each_nine": np.array([elements, elements]),
-        "all_three": np.full(READINGS_PER_ELEMENT, elements),
-        "mean_of_first": np.concatenate([np.full((elements, 1), 1.0 / elements), np.zeros((elements, 1))]),
-        "mean": np.full((elements, 1), 1.0 / elements),
-        "both_means": np.full((2 * elements, 1), 0.5 / elements),
+        "each_nine": np.array([ELEMENTS, ELEMENTS]),
+        "all_three": np.full(READINGS_PER_ELEMENT, ELEMENTS),
+        "mean_of_first": np.concatenate([np.full((ELEMENTS, 1), 1.0 / ELEMENTS), np.zeros((ELEMENTS, 1))]),
+        "mean": np.full((ELEMENTS, 1), 1.0 / ELEMENTS),
+        "both_means": np.full((2 * ELEMENTS, 1), 0.5 / ELEMENTS),
         "least_s": np.array(-MIN_READING_INTERVAL_S),
         "per_period": np.array([1.0 / ZERO_FEATURE_SCAN_PERIOD_S]),
         "soft": np.array([PATTERN_SOFTENING_REL**2]),
@@ -125,7 +125,7 @@ def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) 
     graph = helper.make_graph(
         _graph_nodes(),
         "footsense",
-        tensor_infos(input_signals(weights.rows)),
+        tensor_infos(INPUTS),
         tensor_infos(OUTPUTS),
         [numpy_helper.from_array(value, name) for name, value in constants.items()],
     )

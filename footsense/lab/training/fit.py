@@ -14,7 +14,6 @@ Source:
     2022, for the tempering.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
@@ -91,7 +90,7 @@ def fit_linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: flo
         min_force_n: Force below which errors count absolutely [N].
     """
     weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + min_force_n**2)
-    basis = linear_basis(math.isqrt(inputs[0].shape[1]))
+    basis = linear_basis()
     columns = [np.einsum("ne,beo->nob", part * weight, basis) for part in inputs]
     flat = np.concatenate(columns, axis=2).reshape(-1, len(basis) * len(columns))
     solution = np.linalg.lstsq(flat, (force_n * weight).ravel(), rcond=None)

@@ -12,18 +12,16 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from firmware_interface.conversion_order import conversion_order
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Foot
-from footsense.frames import Mask, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.progress import progress_bar
 from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.viscoelastic import ViscoelasticRubber
 from footsense.sim.loads.random_gait import RandomGait
 
-#: Orders of the conversions that a window may come from; almost all robots use the first.
-CONVERSION_ORDERS = ("lo_shu", "raster")
 #: Share of the gaits that are read in the second order, of those read at another pace, and of those sent later.
 _RASTER_SHARE, _PACED_SHARE, _LATE_SHARE = 0.1, 0.2, 0.15
 #: Share of the gaits on rubber that creeps and lags, and the most of it over that of the simulated rubber [1].
@@ -43,7 +41,6 @@ class GaitReadings:
     """Simulated readings and true loads of m gaits of n conversions each.
 
     Attributes:
-        rows: Rows of elements of the foot, and as many columns.
         conversion_order_index: Index into `CONVERSION_ORDERS` of each gait, shape (m,).
         step_s: Time of a conversion of each gait [s], shape (m,).
         send_delay_s: Time from the middle of each conversion to sending [s], shape (m, n).
@@ -54,7 +51,6 @@ class GaitReadings:
         true_normal_at_sending: True normal of the contact at sending, shape (m, n, 3); up in the air.
     """
 
-    rows: int
     conversion_order_index: NDArray[np.intp]
     step_s: Vector
     send_delay_s: Vector
@@ -65,12 +61,12 @@ class GaitReadings:
 
 
 #: The arrays of gaits, each with a row for each gait.
-_ARRAYS = [field.name for field in fields(GaitReadings) if field.name != "rows"]
+_ARRAYS = [field.name for field in fields(GaitReadings)]
 
 
-def conversion_elements(order: int, n: int, rows: int = 3) -> NDArray[np.intp]:
+def conversion_elements(order: int, n: int) -> NDArray[np.intp]:
     """Return the element index of each of n successive conversions, shape (n,)."""
-    return np.resize(np.array(conversion_order(CONVERSION_ORDERS[order], rows), np.intp), n)
+    return np.resize(np.array(list(CONVERSION_ORDERS.values())[order], np.intp), n)
 
 
 def _equivalent_elastic_load(
@@ -92,7 +88,7 @@ def _gait_closures_um(foot: Foot, t_s: Vector, normal: Vector, force_n: Vector) 
         loads = zip((t_s * 1e9).astype(np.int64).tolist(), normal, force_n, strict=True)
         capacitance_pf = np.array([air.next_capacitance_pf(*load) for load in loads])
         return foot.response.design.closure_um(capacitance_pf, foot.unloaded_pf)
-    closure_um = np.zeros((len(t_s), foot.response.n_elements))
+    closure_um = np.zeros((len(t_s), ELEMENTS))
     loaded = force_n.any(axis=1)
     if loaded.any():
         closure_um[loaded] = sensed_closure_um(foot, normal[loaded], force_n[loaded])
@@ -146,14 +142,13 @@ def simulate_gait_readings(
         _equivalent_elastic_load(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
     )
     closure_um = _gait_closures_um(Foot(response), t_s, normal, force_n)
-    element = conversion_elements(conditions.conversion_order_index, n, response.rows)
+    element = conversion_elements(conditions.conversion_order_index, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)
     off_pf = float(np.hypot(BASELINE_NOISE_PF, conditions.baseline_drift_rms_pf))
-    baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=response.n_elements)
+    baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=ELEMENTS)
     closure_rel = design.closure_um(measured_pf, baseline_pf[element]) / design.gap_um
     return GaitReadings(
-        rows=response.rows,
         conversion_order_index=np.array([conditions.conversion_order_index]),
         step_s=np.array([conditions.step_s]),
         send_delay_s=send_delay_s[None],

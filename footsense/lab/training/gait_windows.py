@@ -5,26 +5,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import Vector
-from footsense.lab.training.gait_readings import CONVERSION_ORDERS, GaitReadings, conversion_elements
+from firmware_interface.conversion_order import CONVERSION_ORDERS
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
 from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
 
 #: Conversions before the first window of a gait, beyond those of the window.
 _EXTRA_WARM_UP_CONVERSIONS = 3
 
 
-def age_in_conversions_table(rows: int) -> NDArray[np.intp]:
-    """Return the age of each element's newest reading in conversions, by order and last conversion, (orders, n, n).
-
-    Args:
-        rows: Rows of elements of the foot, and as many columns.
-    """
-    n = rows**2
+def age_in_conversions_table() -> NDArray[np.intp]:
+    """Return the age of each element's newest reading in conversions, by order and last conversion, (orders, 9, 9)."""
     place = np.argsort(
-        [conversion_elements(order, n, rows) for order in range(len(CONVERSION_ORDERS))], axis=1
+        [conversion_elements(order, ELEMENTS) for order in range(len(CONVERSION_ORDERS))], axis=1
     )
-    phases = np.arange(n)
-    ages: NDArray[np.intp] = (phases[None, :, None] - place[:, None, :]) % n
+    ages: NDArray[np.intp] = (np.arange(ELEMENTS)[None, :, None] - place[:, None, :]) % ELEMENTS
     return ages
 
 
@@ -39,11 +34,10 @@ def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, V
 
 def complete_window_ends(gaits: GaitReadings) -> NDArray[np.bool_]:
     """Return the mask of conversions that end a complete window, its newest readings in range, shape (m, n)."""
-    n_elements = gaits.rows**2
-    warm_up = READINGS_PER_ELEMENT * n_elements + _EXTRA_WARM_UP_CONVERSIONS
+    warm_up = READINGS_PER_ELEMENT * ELEMENTS + _EXTRA_WARM_UP_CONVERSIONS
     beyond = (~gaits.in_range).cumsum(axis=1)
     whole = np.zeros(beyond.shape, bool)
-    whole[:, warm_up:] = beyond[:, warm_up:] == beyond[:, warm_up - n_elements : -n_elements]
+    whole[:, warm_up:] = beyond[:, warm_up:] == beyond[:, warm_up - ELEMENTS : -ELEMENTS]
     return whole
 
 
@@ -68,12 +62,8 @@ class GaitWindows(NamedTuple):
 def windows_of(gaits: GaitReadings) -> GaitWindows:
     """Return all complete windows of simulated gaits, ordered by gait and time."""
     gait, time = np.nonzero(complete_window_ends(gaits))
-    n_elements = gaits.rows**2
-    oldest = n_elements * np.arange(READINGS_PER_ELEMENT)[:, None]
-    since = (
-        age_in_conversions_table(gaits.rows)[gaits.conversion_order_index[gait], time % n_elements][:, None]
-        + oldest
-    )
+    oldest = ELEMENTS * np.arange(READINGS_PER_ELEMENT)[:, None]
+    since = age_in_conversions_table()[gaits.conversion_order_index[gait], time % ELEMENTS][:, None] + oldest
     age_s = since * gaits.step_s[gait][:, None, None] + gaits.send_delay_s[gait, time][:, None, None]
     return GaitWindows(
         gait,

@@ -6,7 +6,6 @@ from the force by friction and uneven ground, which turn the pattern of closures
 force does. The network has to tell the two apart, so its training needs both.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,10 +51,10 @@ class Cases:
 
     def with_symmetric_copies(self) -> "Cases":
         """Return the cases with their seven images under the square's symmetries, shape (8 n, ...)."""
-        closures, rows = [], math.isqrt(self.closure_um.shape[1])
+        closures = []
         for symmetry in SYMMETRIES:
             image = np.empty_like(self.closure_um)
-            image[:, element_permutation(symmetry, rows)] = self.closure_um
+            image[:, element_permutation(symmetry)] = self.closure_um
             closures.append(image)
         return Cases(np.concatenate([self.force_n @ g.T for g in SYMMETRIES]), np.concatenate(closures))
 

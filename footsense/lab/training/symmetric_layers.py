@@ -7,13 +7,13 @@ Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
 """
 
-import math
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.frames import ELEMENTS
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
@@ -55,22 +55,17 @@ class SharedWeights(NamedTuple):
         """Number of channels in a hidden layer."""
         return int(self.b1.size)
 
-    def array_rows(self, n_planes: int, n_scalars: int) -> int:
-        """Return the number of element rows of the foot, equal to that of columns; features as `hidden_input_index`."""
-        return math.isqrt((self.w1.shape[1] - n_scalars) // n_planes)
 
-
-def hidden_input_index(n_planes: int, n_scalars: int, rows: int = 3) -> NDArray[np.intp]:
+def hidden_input_index(n_planes: int, n_scalars: int) -> NDArray[np.intp]:
     """Return for each unit and input the index of the shared weight, shape (8, inputs).
 
     Args:
         n_planes: Features of each element; the inputs begin with as many of each as there are elements.
         n_scalars: Features of the foot, which follow.
-        rows: Rows of elements, and as many columns.
     """
-    inverse = np.argsort(np.stack([element_permutation(g, rows) for g in SYMMETRIES]), axis=1)
-    planes = [rows**2 * plane + inverse for plane in range(n_planes)]
-    scalars = np.tile(rows**2 * n_planes + np.arange(n_scalars), (N_SYMMETRIES, 1))
+    inverse = np.argsort(np.stack([element_permutation(g) for g in SYMMETRIES]), axis=1)
+    planes = [ELEMENTS * plane + inverse for plane in range(n_planes)]
+    scalars = np.tile(ELEMENTS * n_planes + np.arange(n_scalars), (N_SYMMETRIES, 1))
     return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
 
 
@@ -83,21 +78,17 @@ def relative_symmetry_index() -> NDArray[np.intp]:
     return symmetry_index
 
 
-def linear_basis(rows: int = 3) -> NDArray[np.float64]:
+def linear_basis() -> NDArray[np.float64]:
     """Return the basis of linear maps from closures to force with the square's symmetry, (maps, elements, 3).
 
     Elements that the symmetries exchange share their weights. First come the maps to fz, one for each group of such
-    elements, then those to fx and fy: none of the central element, one of a group on the axes or diagonals, and two of
-    any other. Arrays of 2, 3 and 4 rows have 2, 5 and 7 maps.
-
-    Args:
-        rows: Rows of elements, and as many columns.
+    elements, then those to fx and fy: none of the central element, one of each other group.
     """
-    images = np.stack([element_permutation(g, rows) for g in SYMMETRIES])
+    images = np.stack([element_permutation(g) for g in SYMMETRIES])
     fz_maps: list[NDArray[np.float64]] = []
     fxy_maps: list[NDArray[np.float64]] = []
     for first in np.unique(images.min(axis=0)):
-        basis = np.zeros((3, rows**2, 3))
+        basis = np.zeros((3, ELEMENTS, 3))
         basis[2, images[:, first], 2] = 1.0
         fz_maps.append(basis[2])
         for g, image in zip(
@@ -109,17 +100,16 @@ def linear_basis(rows: int = 3) -> NDArray[np.float64]:
     return np.stack([*fz_maps, *(part for part in fxy_maps if part.any())])
 
 
-def expand_hidden(weights: SharedWeights, n_planes: int, n_scalars: int, rows: int = 3) -> dict[str, Any]:
+def expand_hidden(weights: SharedWeights, n_planes: int, n_scalars: int) -> dict[str, Any]:
     """Return the matrices and offsets of both hidden layers by name: unit g * c + i is channel i under symmetry g.
 
     Args:
         weights: Weights of c channels.
         n_planes: As for `hidden_input_index`.
         n_scalars: As for `hidden_input_index`.
-        rows: As for `hidden_input_index`.
     """
     c = weights.channels
-    w1 = weights.w1[:, hidden_input_index(n_planes, n_scalars, rows)]  # (c, 8, inputs)
+    w1 = weights.w1[:, hidden_input_index(n_planes, n_scalars)]  # (c, 8, inputs)
     w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_symmetry_index()]  # (c of unit, g, h, c of input)
     return {
         "w1": jnp.transpose(w1, (2, 1, 0)).reshape(w1.shape[-1], -1),

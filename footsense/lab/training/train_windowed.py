@@ -12,9 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import trained_missing_sets
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
+from footsense.frames import ELEMENTS
 from footsense.lab.training.fit import (
     TrainingSettings,
     fit,
@@ -22,13 +24,7 @@ from footsense.lab.training.fit import (
     force_likelihood_loss,
     whitening_transform,
 )
-from footsense.lab.training.gait_readings import (
-    CONVERSION_ORDERS,
-    PACE_REL,
-    STEP_S,
-    GaitReadings,
-    nominal_send_delay_s,
-)
+from footsense.lab.training.gait_readings import PACE_REL, STEP_S, GaitReadings, nominal_send_delay_s
 from footsense.lab.training.gait_windows import (
     age_in_conversions_table,
     complete_window_ends,
@@ -121,14 +117,13 @@ def _training_constants(
     )
     steady_contact, _ = contact_and_normal_force(steady_loads.force_n, steady_loads.normal)
     rng = np.random.default_rng(1)
-    carries, window = pressing_n > 0.0, READINGS_PER_ELEMENT * gaits.rows**2
+    carries, window = pressing_n > 0.0, READINGS_PER_ELEMENT * ELEMENTS
     load = np.concatenate([np.zeros((len(carries), window), int), carries.cumsum(axis=1)], axis=1)
     lately = load[:, window:] > load[:, :-window]
     drawn = rng.random(carries.shape)
     share = np.where(carries, 1.0, np.where(lately, _JUST_LIFTED_SHARE, _AIR_SHARE))
     where = np.flatnonzero((complete_window_ends(gaits) & (drawn < share)).ravel())
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
-    masks = trained_missing_sets(gaits.rows**2).sets
     single = jnp.float32
     return _TrainingConstants(
         closure_rel=jnp.asarray(gaits.closure_rel.ravel(), single),
@@ -139,15 +134,15 @@ def _training_constants(
         step_s=jnp.asarray(gaits.step_s, single),
         conversion_order_index=jnp.asarray(gaits.conversion_order_index),
         window_indices=jnp.asarray(where),
-        ages_in_conversions=jnp.asarray(age_in_conversions_table(gaits.rows)),
+        ages_in_conversions=jnp.asarray(age_in_conversions_table()),
         steady_closure_rel=jnp.asarray(steady_loads.closure_um / design.gap_um, single),
         steady_force_n=jnp.asarray(steady_loads.force_n, single),
         steady_contact_point_and_friction=jnp.asarray(steady_contact, single),
         steady_friction_indices=jnp.asarray(
             np.flatnonzero(np.linalg.norm(steady_contact[:, 2:], axis=1) > _FRICTION_REL)
         ),
-        imputation_matrices=jnp.asarray(np.stack([imputation.matrix(mask) for mask in masks]), single),
-        missing_masks=jnp.asarray(masks, single),
+        imputation_matrices=jnp.asarray(np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), single),
+        missing_masks=jnp.asarray(MISSING_SETS, single),
         noise_rel=jnp.asarray([s * design.gap_um / plates_um for s in (NOISE_PF, BASELINE_NOISE_PF)], single),
         film_thickness_rel=jnp.asarray(design.film_equivalent_um / design.gap_um, single),
     )
@@ -155,12 +150,11 @@ def _training_constants(
 
 def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array, n: int) -> tuple[Any, ...]:
     """Return closures and ages, (n, 3, elements), and true loads of random windows from gaits."""
-    n_elements = data.missing_masks.shape[1]
     at = data.window_indices[jax.random.randint(key, (n,), 0, len(data.window_indices))]
     gait, time = at // times_per_gait, at % times_per_gait
     since = (
-        data.ages_in_conversions[data.conversion_order_index[gait], time % n_elements][:, None]
-        + n_elements * jnp.arange(READINGS_PER_ELEMENT)[:, None]
+        data.ages_in_conversions[data.conversion_order_index[gait], time % ELEMENTS][:, None]
+        + ELEMENTS * jnp.arange(READINGS_PER_ELEMENT)[:, None]
     )
     closure_rel = data.closure_rel[at[:, None, None] - since]
     age_s = since * data.step_s[gait][:, None, None] + data.send_delay_s[at][:, None, None]
@@ -170,7 +164,6 @@ def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array,
 def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[Any, ...]:
     """Return random windows of steady loads, with true loads."""
     k1, k2, k3, k4, k5, k6, k7 = jax.random.split(key, 7)
-    n_elements = data.missing_masks.shape[1]
     n_rough, n_paced = round(_FRICTION_SHARE * n), round(_PACED_SHARE * n)
     rough = data.steady_friction_indices[
         jax.random.randint(k1, (n_rough,), 0, len(data.steady_friction_indices))
@@ -178,17 +171,16 @@ def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[A
     at = jnp.concatenate([rough, jax.random.randint(k5, (n - n_rough,), 0, len(data.steady_closure_rel))])
     exact = data.steady_closure_rel[at][:, None]
     steep = (1.0 + data.film_thickness_rel - exact) ** 2
-    noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS_PER_ELEMENT, n_elements))
-    offset = data.noise_rel[1] * jax.random.normal(k3, (n, 1, n_elements))
-    phase = jax.random.randint(k4, (n,), 0, n_elements)
+    noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS_PER_ELEMENT, ELEMENTS))
+    offset = data.noise_rel[1] * jax.random.normal(k3, (n, 1, ELEMENTS))
+    phase = jax.random.randint(k4, (n,), 0, ELEMENTS)
     paced = jax.random.permutation(k6, n) < n_paced
     low, high = np.log(PACE_REL)
     drawn = jax.random.uniform(k7, (2, n))
     step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
     order = jnp.where(paced, (drawn[1] * len(CONVERSION_ORDERS)).astype(int), 0)
     since = (
-        data.ages_in_conversions[order, phase][:, None]
-        + n_elements * jnp.arange(READINGS_PER_ELEMENT)[:, None]
+        data.ages_in_conversions[order, phase][:, None] + ELEMENTS * jnp.arange(READINGS_PER_ELEMENT)[:, None]
     )
     closure_rel = exact + steep * noise + (1.0 + data.film_thickness_rel) ** 2 * offset
     return (
@@ -214,12 +206,12 @@ def _random_windows_batch(data: _TrainingConstants, times_per_gait: int, n: int,
     return Batch(features(closure_rel, age_s, data.missing_masks[which]), force_n, contact, loaded)
 
 
-def _random_weights(key: jax.Array, c: int, rows: int) -> Weights:
+def _random_weights(key: jax.Array, c: int) -> Weights:
     """Return random initial weights; the linear path starts at zero, as a correction to least squares."""
-    n_inputs = FEATURES_PER_ELEMENT * rows**2 + FEATURES_PER_FOOT
+    n_inputs = FEATURES_PER_ELEMENT * ELEMENTS + FEATURES_PER_FOOT
     k1, k2, k3, k4 = jax.random.split(key, 4)
     return Weights(
-        linear=jnp.zeros(2 * len(linear_basis(rows))),
+        linear=jnp.zeros(2 * len(linear_basis())),
         w1=jax.random.normal(k1, (c, n_inputs)) / np.sqrt(12.0),
         b1=0.5 * jax.random.normal(k2, (c,)),
         w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
@@ -259,10 +251,10 @@ def train_windowed(
         data, times_per_gait, 60_000, jax.random.PRNGKey(0)
     )
     carries = np.asarray(first.loaded[:, 0] > 0.0)
-    element_inputs, n_elements = np.asarray(first.features.hidden_inputs, np.float64)[carries], gaits.rows**2
-    unmasked, masked = (n * n_elements for n in (FEATURES_PER_ELEMENT - 1, FEATURES_PER_ELEMENT))
+    element_inputs = np.asarray(first.features.hidden_inputs, np.float64)[carries]
+    unmasked, masked = (n * ELEMENTS for n in (FEATURES_PER_ELEMENT - 1, FEATURES_PER_ELEMENT))
     place = np.r_[0:unmasked, masked : masked + FEATURES_PER_FOOT]
-    whiten, mean = whitening_transform(element_inputs, element_input_index(gaits.rows), place, 3e-8)
+    whiten, mean = whitening_transform(element_inputs, element_input_index(), place, 3e-8)
     now, newest, force_n = (
         np.asarray(part, np.float64)
         for part in (
@@ -299,7 +291,7 @@ def train_windowed(
 
     def first_weights(key: jax.Array, c: int) -> Weights:
         """Return random or given initial weights."""
-        return _random_weights(key, c, gaits.rows) if start is None else unfold_whitening(start)
+        return _random_weights(key, c) if start is None else unfold_whitening(start)
 
     free = fit(first_weights, loss, random_batch, data, settings, _STEPS_PER_CALL, report)
     return fold_whitening(free)

@@ -64,11 +64,6 @@ class Weights(SharedWeights):
 
     __slots__ = ()
 
-    @property
-    def rows(self) -> int:
-        """Number of element rows of the foot, equal to that of columns."""
-        return self.array_rows(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
-
 
 class LayerMatrices(NamedTuple):
     """Full weight matrices of the network, expanded from the shared weights: a layer is x @ w + b."""
@@ -100,9 +95,9 @@ class Features(NamedTuple):
     closure_rms_rel: Any
 
 
-def element_input_index(rows: int = 3) -> NDArray[np.intp]:
+def element_input_index() -> NDArray[np.intp]:
     """Return for each unit and input the index of the shared weight, shape (8, inputs)."""
-    return hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, rows)
+    return hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
 
 
 def output_symmetries() -> NDArray[np.float64]:
@@ -116,11 +111,11 @@ def output_symmetries() -> NDArray[np.float64]:
 
 def expand_over_symmetries(weights: Weights) -> LayerMatrices:
     """Return the full weight matrices of the shared weights: unit g * c + i is channel i under symmetry g."""
-    turns, basis = output_symmetries(), linear_basis(weights.rows)
+    turns, basis = output_symmetries(), linear_basis()
     return LayerMatrices(
         closure_to_force=jnp.tensordot(weights.linear[: len(basis)], basis, 1),
         closure_change_to_force=jnp.tensordot(weights.linear[len(basis) :], basis, 1),
-        **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, weights.rows),
+        **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT),
         out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS),
         sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS),
         sigma_offset=weights.sigma_offset[SIGMA_ROW_OF_OUTPUT],

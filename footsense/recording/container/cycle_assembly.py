@@ -32,18 +32,16 @@ class CycleAssembly:
 
     Args:
         legs: Name of each row of the frames.
-        n_elements: Elements of each foot.
 
     Attributes:
         n_cycles: Whole cycles so far.
         span_ns: Time from the first to the last of them [ns].
     """
 
-    def __init__(self, legs: tuple[str, ...], n_elements: int) -> None:
+    def __init__(self, legs: tuple[str, ...]) -> None:
         self.n_cycles = 0
         self.span_ns = 0
         self._legs = legs
-        self._n_elements = n_elements
         self._topics: dict[int, str] = {}
         self._expected = 0
         self._parts = _CycleMessages()
@@ -78,11 +76,9 @@ class CycleAssembly:
                 parts.other_messages[topic].append(message.data)
             case messages.SCAN, None:
                 require_valid(parts.scan is None, "forces are missing")
-                parts.scan = messages.decode_scan(message.data, self._legs, self._n_elements)
+                parts.scan = messages.decode_scan(message.data, self._legs)
             case messages.FORCE, None:
-                return self._completed_cycle(
-                    messages.decode_force(message.data, self._legs, self._n_elements)
-                )
+                return self._completed_cycle(messages.decode_force(message.data, self._legs))
         return None
 
     def _completed_cycle(self, forces: ContactFrame) -> NumberedCycle:

@@ -11,7 +11,7 @@ from mcap.stream_reader import StreamReader
 
 from footsense.errors import RecordingError
 from footsense.recording.container.bounded_file import DAMAGE_ERRORS, BoundedFile
-from footsense.recording.frame_shape import frame_shape
+from footsense.recording.cycle_records import legs_in_header
 
 #: Profile of the container, which identifies footsense's files.
 MCAP_PROFILE = "footsense"
@@ -30,13 +30,13 @@ def header_crc(header: Mapping[str, str]) -> str:
 
 
 def read_header(path: Path) -> dict[str, str]:
-    """Return the header entries of a recording file, after checking checksum and frame shape.
+    """Return the header entries of a recording file, after checking checksum and legs.
 
     Args:
         path: The recording.
 
     Returns:
-        The header; its entry `legs` names the rows of the frames, `n_elements` a number of elements beside nine.
+        The header; its entry `legs` names the rows of the frames.
 
     Raises:
         RecordingError: The file is missing, or not a recording, or its header is damaged.
@@ -51,7 +51,7 @@ def read_header(path: Path) -> dict[str, str]:
             header = metadata.metadata if isinstance(metadata, Metadata) else {}
             if header.get(HEADER_CRC_KEY) != header_crc(header) or metadata.name != METADATA_NAME:
                 raise RecordingError(f"{path}: the header of the recording is damaged; nothing can be read")
-            _check_frame_shape(path, header)
+            _check_legs(path, header)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
     except (*DAMAGE_ERRORS, StopIteration):
@@ -59,13 +59,8 @@ def read_header(path: Path) -> dict[str, str]:
     return {key: value for key, value in header.items() if key != HEADER_CRC_KEY}
 
 
-def _check_frame_shape(path: Path, header: Mapping[str, str]) -> None:
-    """Raise an error unless a header names valid legs and a valid number of elements.
-
-    Raises:
-        RecordingError: They are none of a robot's.
-    """
+def _check_legs(path: Path, header: Mapping[str, str]) -> None:
     try:
-        frame_shape(header)
+        legs_in_header(header)
     except ValueError as error:
         raise RecordingError(f"{path}: {error}") from None

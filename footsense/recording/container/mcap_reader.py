@@ -22,14 +22,13 @@ _Record = Any  # the library is not typed
 
 
 def read_entries(
-    path: Path, legs: tuple[str, ...], n_elements: int, on_bytes_read: Callable[[int], None]
+    path: Path, legs: tuple[str, ...], on_bytes_read: Callable[[int], None]
 ) -> Iterator[NumberedCycle | LostCycles]:
     """Yield every complete cycle and every recorded loss of cycles, in file order.
 
     Args:
         path: The recording.
         legs: Name of each row of the frames.
-        n_elements: Elements of each foot.
         on_bytes_read: Receives the number of bytes read so far, after each chunk.
 
     Yields:
@@ -40,7 +39,7 @@ def read_entries(
     """
     with path.open("rb") as file:
         bounded = BoundedFile(file)
-        assembly = CycleAssembly(legs, n_elements)
+        assembly = CycleAssembly(legs)
         good = 0
         try:
             for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:

@@ -22,7 +22,6 @@ from footsense.recording.container.event_messages import (
 )
 from footsense.recording.container.mcap_header import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
 from footsense.recording.cycle_records import LostCycles, NumberedCycle
-from footsense.recording.frame_shape import n_elements_from_header
 
 #: Chunk size before compression [bytes]: about half a second of six legs.
 CHUNK_BYTES = 65_536
@@ -57,8 +56,7 @@ class McapFile:
 
     Args:
         fd: Descriptor of the empty file.
-        recording_header: Entries of the recording's header; `legs` names the rows of the frames, `n_elements` a number
-            of elements beside nine.
+        recording_header: Entries of the recording's header; `legs` names the rows of the frames.
     """
 
     def __init__(self, fd: int, recording_header: Mapping[str, str]) -> None:
@@ -72,9 +70,7 @@ class McapFile:
             METADATA_NAME, {**recording_header, HEADER_CRC_KEY: header_crc(recording_header)}
         )
         self._channels: dict[str, int] = {}
-        for topic, schema in messages.topic_schemas(
-            self._legs, n_elements_from_header(recording_header)
-        ).items():
+        for topic, schema in messages.topic_schemas(self._legs).items():
             self._register_topic(topic, schema)
         self.flush()
 

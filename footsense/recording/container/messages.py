@@ -35,7 +35,6 @@ from footsense.recording.cycle_fields import (
     GAIT_FIELDS,
     CycleField,
     NonNegativeInt64,
-    cycle_fields,
     forces_from_arrays,
     scan_from_arrays,
 )
@@ -76,32 +75,24 @@ _CODE_OF_NAME[BaselineStatus] |= {
 }
 
 
-@cache
-def _scan_fields(n_elements: int = ELEMENTS) -> dict[str, CycleField]:
-    return {path: field for path, field in cycle_fields(n_elements).items() if path.startswith("scan.")}
-
-
-@cache
-def _force_fields(n_elements: int = ELEMENTS) -> dict[str, CycleField]:
-    return {path: field for path, field in cycle_fields(n_elements).items() if path.startswith("forces.")}
-
-
+_SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("scan.")}
+_FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
 _FORCE_FIELDS_OF_OLD_RECORDINGS = {
     path: field
-    for path, field in _force_fields().items()
+    for path, field in _FORCE_FIELDS.items()
     if field.json_keys[0] not in _DEFAULTS_OF_OLD_RECORDINGS
 }
 
 
 def encode_scan(scan: CapFrame, legs: Sequence[str]) -> bytes:
     """Return a capacitance frame as a JSON message with one entry per leg."""
-    return encode_json({"sequence": scan.sequence, **leg_objects(scan, legs, _scan_fields())})
+    return encode_json({"sequence": scan.sequence, **leg_objects(scan, legs, _SCAN_FIELDS)})
 
 
 def encode_force(forces: ContactFrame, legs: Sequence[str]) -> bytes:
     """Return a force frame as a JSON message with one entry per leg."""
     is_old = (forces.cause == CAUSE_NOT_RECORDED).all()
-    rows = leg_objects(forces, legs, _FORCE_FIELDS_OF_OLD_RECORDINGS if is_old else _force_fields())
+    rows = leg_objects(forces, legs, _FORCE_FIELDS_OF_OLD_RECORDINGS if is_old else _FORCE_FIELDS)
     return encode_json({"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
 
 
@@ -122,19 +113,19 @@ def leg_objects(
     return objects
 
 
-def decode_scan(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) -> CapFrame:
+def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
     """Return the capacitance frame decoded from its JSON message."""
     message = json.loads(data)
     rows = [message[leg] for leg in legs]
-    arrays = {path: field_array(field, rows) for path, field in _scan_fields(n_elements).items()}
+    arrays = {path: field_array(field, rows) for path, field in _SCAN_FIELDS.items()}
     return scan_from_arrays(msgspec.convert(message["sequence"], NonNegativeInt64), arrays)
 
 
-def decode_force(data: bytes, legs: Sequence[str], n_elements: int = ELEMENTS) -> ContactFrame:
+def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
     """Return the force frame decoded from its JSON message."""
     message = json.loads(data)
     rows = [{**_DEFAULTS_OF_OLD_RECORDINGS, **_with_current_names(message[leg])} for leg in legs]
-    arrays = {path: field_array(field, rows) for path, field in _force_fields(n_elements).items()}
+    arrays = {path: field_array(field, rows) for path, field in _FORCE_FIELDS.items()}
     sequence, t_sent_ns = (
         msgspec.convert(message[key], NonNegativeInt64) for key in ("sequence", "t_sent_ns")
     )
@@ -189,8 +180,8 @@ def encode_json(message: dict[str, Any]) -> bytes:
     )
 
 
-def topic_schemas(legs: Sequence[str], n_elements: int = ELEMENTS) -> dict[str, bytes]:
-    """Return the JSON schema of each MCAP topic, for feet with `n_elements` elements."""
+def topic_schemas(legs: Sequence[str]) -> dict[str, bytes]:
+    """Return the JSON schema of each MCAP topic."""
     number, whole, text = {"type": ["number", "null"]}, {"type": "integer"}, {"type": "string"}
 
     def leg_schema(fields: Mapping[str, CycleField]) -> dict[str, Any]:
@@ -198,7 +189,7 @@ def topic_schemas(legs: Sequence[str], n_elements: int = ELEMENTS) -> dict[str, 
         for field in fields.values():
             value: dict[str, Any] = text if field.code_enum else number if field.dtype == "<f8" else whole
             if field.row_shape and len(field.json_keys) == 1:
-                value = {"type": "array", "items": value, "minItems": n_elements, "maxItems": n_elements}
+                value = {"type": "array", "items": value, "minItems": ELEMENTS, "maxItems": ELEMENTS}
             properties |= dict.fromkeys(field.json_keys, value)
         return object_schema(**properties)
 
@@ -206,9 +197,9 @@ def topic_schemas(legs: Sequence[str], n_elements: int = ELEMENTS) -> dict[str, 
         return {"type": "object", "properties": properties}
 
     topics = {
-        SCAN: object_schema(sequence=whole, **dict.fromkeys(legs, leg_schema(_scan_fields(n_elements)))),
+        SCAN: object_schema(sequence=whole, **dict.fromkeys(legs, leg_schema(_SCAN_FIELDS))),
         FORCE: object_schema(
-            sequence=whole, t_sent_ns=whole, **dict.fromkeys(legs, leg_schema(_force_fields(n_elements)))
+            sequence=whole, t_sent_ns=whole, **dict.fromkeys(legs, leg_schema(_FORCE_FIELDS))
         ),
         GAIT: object_schema(
             t_ns=whole,

@@ -3,6 +3,7 @@
 import numpy as np
 
 from firmware_interface.chips import adg715
+from footsense.frames import ROWS
 from footsense.sim.chips.ad7746 import (
     CAPDAC_GAIN_RANGE_REL,
     MAX_TEMPERATURE_ERROR_K,
@@ -35,13 +36,13 @@ def leg_electronics(
     random = np.random.default_rng(seed)
     noise = random if effects.converter_noise else None
     clock_error_rel = effects.converter_clock_rel * random.uniform(-1, 1)
-    rows = SimulatedLineSwitch(adg715.ADDRESS, foot.rows)
+    rows = SimulatedLineSwitch(adg715.ADDRESS)
     if board == "fdc1004":
         pins = _column_pin_capacitance(foot, rows, effects.stray_pf)
         chip = SimulatedFdc1004(pins, noise, clock_error_rel)
         chip.trigger_clears_done = effects.trigger_clears_done
         return chip, (rows,)
-    columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS, foot.rows)
+    columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
     error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * MAX_TEMPERATURE_ERROR_K
     warming = effects.warming
     converter = SimulatedAd7746(
@@ -64,7 +65,7 @@ def _column_pin_capacitance(
     def pin_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
         # The load is that of the middle of the conversion; the rows are weighted by their share of it.
         t_ns = (t_start_ns + t_end_ns) // 2
-        column_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)[cin :: foot.rows]]
+        column_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)[cin::ROWS]]
         total_pf = 0.0
         for share, states in rows.states_between(t_start_ns, t_end_ns):
             total_pf += share * foot.pin_pf(cin, column_pf, states, t_ns)

@@ -31,16 +31,14 @@ class SimulatedLineSwitch(LegChip):
 
     Args:
         address: Its address on the bus.
-        n_lines: Lines of the foot that it switches.
 
     Attributes:
         ignores_writes_ns: Spans in which it acknowledges its settings and ignores them [ns].
         stuck_closed: Bits that are set whatever is written.
     """
 
-    def __init__(self, address: int = adg715.ADDRESS, n_lines: int = adg715.N_LINES) -> None:
+    def __init__(self, address: int = adg715.ADDRESS) -> None:
         super().__init__(address)
-        self._n_lines = n_lines
         self.ignores_writes_ns: list[Span] = []
         self.stuck_closed = 0
         self._switches = 0
@@ -58,8 +56,8 @@ class SimulatedLineSwitch(LegChip):
 
     def _set_switches(self, switches: int, t_ns: int) -> None:
         self._switches = switches
-        selected = adg715.selected_lines(switches, self._n_lines)
-        self._history.append(LineStates(t_ns, selected, adg715.unselected_lines(switches, self._n_lines)))
+        selected = adg715.selected_lines(switches)
+        self._history.append(LineStates(t_ns, selected, adg715.unselected_lines(switches)))
 
     def read(self, n: int, t_ns: int) -> bytes:
         """Return the byte of the switch states, one bit per switch, `n` times."""

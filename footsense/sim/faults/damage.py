@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from footsense.foot.specimen import Foot
+from footsense.frames import ROWS
 from footsense.sim.chips.line_switch import LineStates
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.line_capacitance import mutual_capacitance_pf, pin_capacitance_pf
@@ -24,9 +25,6 @@ class WiredFoot:
         undamaged_pf: Returns the capacitance of each element without damage at a time [ns], stray not included [pF].
         faults: Faults on this foot.
         foot: The foot.
-
-    Attributes:
-        rows: Rows of its elements, and as many columns.
     """
 
     def __init__(
@@ -48,7 +46,6 @@ class WiredFoot:
             for fault in faults
             if not isinstance(fault, _ROW_OR_COLUMN_FAULT_TYPES)
         )
-        self.rows = foot.response.rows
         design = foot.response.design
         self._closed_pf = float(design.capacitance_pf(np.full(1, design.gap_um))[0])
         self._held_pf: dict[scene_faults.ElementStuck, float] = {}
@@ -80,7 +77,7 @@ class WiredFoot:
         broken_rows, broken_columns, shorted = self._line_damage(t_ns)
         if broken_columns >> cin & 1:
             return OPEN_ELEMENT_PF
-        shorted_rows = sum({1 << element // self.rows for element in shorted if element % self.rows == cin})
+        shorted_rows = sum({1 << element // ROWS for element in shorted if element % ROWS == cin})
         return pin_capacitance_pf(column_pf, states, broken_rows, shorted_rows)
 
     def mutual_pf(

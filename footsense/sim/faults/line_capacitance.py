@@ -12,9 +12,9 @@ exceeds any range; with the row selected it shorts the excitation; with the colu
 reads zero. Not simulated: coupling through two floating lines at once.
 """
 
-import math
 from collections.abc import Sequence
 
+from footsense.frames import ROWS
 from footsense.sim.chips.line_switch import FLOATING_ROW_PF, LineStates
 
 #: A capacitance to ground beyond any converter's range [pF].
@@ -74,15 +74,14 @@ def mutual_capacitance_pf(
     excited, earthed = rows.selected_mask & ~broken_rows, rows.unselected_mask & ~broken_rows
     sensed, idle = columns.selected_mask & ~broken_columns, columns.unselected_mask & ~broken_columns
     total_pf, to_ground, over = 0.0, False, False
-    n_columns = math.isqrt(len(element_pf))
     for element in shorted:
-        row, column = divmod(element, n_columns)
+        row, column = divmod(element, ROWS)
         over |= bool(excited >> row & sensed >> column & 1)
         to_ground |= bool(excited >> row & idle >> column & 1)
         if earthed >> row & sensed >> column & 1:
             return 0.0, to_ground
     for element, pf in enumerate(element_pf):
-        row, column = divmod(element, n_columns)
+        row, column = divmod(element, ROWS)
         if excited >> row & sensed >> column & 1:
             total_pf += pf
     return (SHORTED_ELEMENT_PF if over else total_pf), to_ground

@@ -18,9 +18,8 @@ from footsense.sim.faults.schedule import Span
 _NS_PER_S = 1_000_000_000
 
 Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
-#: ElementIndex, row or column of the largest array; a foot may have fewer.
-ElementIndex = Annotated[int, Meta(ge=0, le=15)]
-LineIndex = Annotated[int, Meta(ge=0, le=3)]
+ElementIndex = Annotated[int, Meta(ge=0, le=8)]
+LineIndex = Annotated[int, Meta(ge=0, le=2)]
 Probability = Annotated[float, Meta(gt=0.0, le=1.0)]
 #: Index of one of the robot's buses, in the order of its configuration.
 BusIndex = Annotated[int, Meta(ge=0, le=5)]

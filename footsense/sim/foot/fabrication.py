@@ -10,7 +10,7 @@ import numpy as np
 from footsense.foot.directions import rotation
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, Vector
 
 #: Smallest drawn gap, film and stiffness, relative to the designed one [1]; a smaller draw is repeated.
 MIN_DRAWN_OVER_DESIGN = 0.25
@@ -59,7 +59,7 @@ def draw_deviations(response: FootResponse, tolerances: FootTolerances, seed: in
     gap, film, stray, stiffness, mount = (
         np.random.default_rng(stream) for stream in np.random.SeedSequence((seed, foot)).spawn(5)
     )
-    design, n, min_deviation_rel = response.design, response.n_elements, MIN_DRAWN_OVER_DESIGN - 1.0
+    design, n, min_deviation_rel = response.design, ELEMENTS, MIN_DRAWN_OVER_DESIGN - 1.0
     return Deviations(
         gap_um=_draw_at_least(gap, tolerances.gap_um, n, min_deviation_rel * design.gap_um),
         film_um=_draw_at_least(film, tolerances.film_um, n, min_deviation_rel * design.film_um),

@@ -7,6 +7,7 @@ plates of the released foot pull a fully closed element open with some 13 to 30 
 
 import numpy as np
 
+from footsense.foot.gap_contact import N_CELLS
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 
@@ -22,7 +23,7 @@ class StickingGaps:
     def __init__(self, foot: Foot, stiction_kpa: float) -> None:
         self._foot = foot
         self._stiction_kpa = stiction_kpa
-        self._stuck = np.zeros(foot.response.n_cells, bool)
+        self._stuck = np.zeros(N_CELLS, bool)
 
     def next_capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the capacitance of each element under the next load [pF], shape (elements,); updates which stick.

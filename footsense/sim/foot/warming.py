@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from footsense.frames import ELEMENTS
 from footsense.sim.scene import Warming
 
 #: Thermal expansion of the spacer, 310 ppm/K, on an element of 5 pF [pF/K].
@@ -27,12 +28,11 @@ class WarmingFoot:
     Args:
         warming: The change.
         rng: Source of the differences between its elements.
-        n_elements: Elements of the foot.
     """
 
-    def __init__(self, warming: Warming, rng: np.random.Generator, n_elements: int) -> None:
+    def __init__(self, warming: Warming, rng: np.random.Generator) -> None:
         self._warming = warming
-        spread_rel = DRIFT_SPREAD_REL * rng.standard_normal(n_elements)
+        spread_rel = DRIFT_SPREAD_REL * rng.standard_normal(ELEMENTS)
         self._pf_per_k: list[float] = (DRIFT_PF_PER_K * (1.0 + spread_rel)).tolist()
 
     def temperature_change_k(self, t_ns: int) -> float:

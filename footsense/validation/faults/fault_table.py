@@ -125,7 +125,6 @@ def simulate_leg_faults(
     *,
     quick: bool = False,
     foot_type: str = DEFAULT.foot_type,
-    rows: int = DEFAULT.rows,
     load: Tripod = LOAD,
 ) -> dict[str, FaultFigures]:
     """Simulate a walk without faults and one per fault of legs, buses and feet; return the effects by description.
@@ -134,29 +133,20 @@ def simulate_leg_faults(
         report: Called with the words of each row as it is complete.
         quick: Whether only every sixth fault is walked.
         foot_type: The feet, as in a configuration.
-        rows: Rows of their elements, likewise.
         load: The walk.
 
     Raises:
         ModelError: The feet's network or response table is missing.
     """
-    whole = simulate_walk(config=msgspec.structs.replace(DEFAULT, foot_type=foot_type, rows=rows), load=load)
+    whole = simulate_walk(config=msgspec.structs.replace(DEFAULT, foot_type=foot_type), load=load)
     found = {"nothing": _fault_free_figures(whole)}
     for trial in islice(LEG_FAULT_TRIALS, None, None, _QUICK_EVERY_NTH_TRIAL if quick else 1):
         effects = msgspec.structs.replace(WALK_SCENE.effects, adapter_timeout_ms=trial.adapter_timeout_ms)
-        config = msgspec.structs.replace(trial.config, foot_type=foot_type, rows=rows)
-        script = [_fault_limited_to_array(fault, rows) for fault in trial.script]
-        broken = simulate_walk(*script, config=config, effects=effects, load=load)
+        config = msgspec.structs.replace(trial.config, foot_type=foot_type)
+        broken = simulate_walk(*trial.script, config=config, effects=effects, load=load)
         found[trial.description] = fault_figures(broken, whole, BREAKS_AT_S, trial.fault_end_s)
         report(trial.description)
     return found
-
-
-def _fault_limited_to_array(fault: Fault, rows: int) -> Fault:
-    """Return the fault with its element, row and column index limited to a foot of so many rows."""
-    ends = {"element": rows**2, "row": rows, "column": rows}
-    places = {name: min(getattr(fault, name), end - 1) for name, end in ends.items() if hasattr(fault, name)}
-    return msgspec.structs.replace(fault, **places)
 
 
 def _fault_free_figures(whole: PublishedWalk) -> FaultFigures:

@@ -2,7 +2,6 @@
 
 import { css, element, number } from "./format.js";
 
-// The middle gap of an even number of rows is the mean of the four around the middle.
 const OFFERED = [
   ["fz", "fz", "N"], ["fx", "fx", "N"], ["fy", "fy", "N"], ["sigma_z", "σz", "N"], ["closure_middle", "middle gap", ""],
   ["probability", "contact", ""], ["load_share", "share", ""], ["tangential_over_normal", "tangential / normal", ""], ["age", "age", "ms"],

@@ -5,7 +5,7 @@ import { FLAG, css, number, setText, svg } from "./format.js";
 const PLACES = {
   lf: [112, 112], lm: [112, 306], lr: [112, 500], rf: [408, 112], rm: [408, 306], rr: [408, 500], l4: [112, 694], r4: [408, 694],
 };
-const GAP = 3, HALF = 54; // between the cells of a foot, and half its side
+const ROWS = 3, GAP = 3, HALF = 54; // of the cells of a foot: rows, room between, and half the side
 const FULL_LOAD_N = 1.5; // of the bar; it grows with the largest load
 const REACH_PX = 74; // of the longest arrow, or the widest cone
 const STEPS = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
@@ -24,7 +24,7 @@ export class Robot {
     const front = svg("text", { x: 260, y: 96, "text-anchor": "middle", class: "small" });
     front.textContent = "front";
     root.append(front);
-    this.feet = hello.legs.map((leg) => new Foot(root, leg, hello.rows));
+    this.feet = hello.legs.map((leg) => new Foot(root, leg));
     const legend = svg("g", { transform: `translate(0 ${longer})` });
     root.append(legend);
     this.#legend(legend);
@@ -77,17 +77,17 @@ export class Robot {
 }
 
 class Foot {
-  constructor(root, leg, rows) {
+  constructor(root, leg) {
     const [x, y] = PLACES[leg];
     const left = x < 260, out = left ? -1 : 1;
-    Object.assign(this, { x, y, shown: new Array(rows * rows).fill(-1) });
+    Object.assign(this, { x, y, shown: new Array(ROWS * ROWS).fill(-1) });
     this.group = svg("g", { class: "foot", "data-leg": leg });
     root.append(svg("line", { class: "limb", x1: left ? 216 : 304, x2: x - out * (HALF + 8), y1: y, y2: y }), this.group);
     this.cells = [];
     this.dead = [];
-    const cell = (2 * HALF + GAP) / rows - GAP, edge = (cell - 16) / 2;
-    for (let e = 0; e < rows * rows; e++) {
-      const cx = x - HALF + (e % rows) * (cell + GAP), cy = y - HALF + Math.floor(e / rows) * (cell + GAP);
+    const cell = (2 * HALF + GAP) / ROWS - GAP, edge = (cell - 16) / 2;
+    for (let e = 0; e < ROWS * ROWS; e++) {
+      const cx = x - HALF + (e % ROWS) * (cell + GAP), cy = y - HALF + Math.floor(e / ROWS) * (cell + GAP);
       this.cells.push(svg("rect", { class: "cell", x: cx, y: cy, width: cell, height: cell, rx: 3 }));
       this.dead.push(svg("path", { class: "dead", d: `M${cx + edge} ${cy + edge} l16 16 m0 -16 l-16 16` }));
     }

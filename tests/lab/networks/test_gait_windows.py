@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from footsense.lab.training.gait_readings import CONVERSION_ORDERS, GaitReadings, conversion_elements
+from firmware_interface.conversion_order import CONVERSION_ORDERS
+from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
 from footsense.lab.training.gait_windows import windows_of
 
 pytestmark = pytest.mark.lab
@@ -11,13 +12,12 @@ pytestmark = pytest.mark.lab
 STEP_S, NOMINAL_SEND_DELAY_S, N, BEYOND = 3e-3, 4e-3, 90, 50
 
 
-def numbered(order: int, rows: int) -> GaitReadings:
+def numbered(order: int) -> GaitReadings:
     """Return one gait whose readings and hundredths of newtons are the numbers of the conversions, one beyond range."""
     numbers = np.arange(N)
     force_n = np.zeros((1, N, 3), np.float32)
     force_n[0, :, 2] = numbers / 100
     return GaitReadings(
-        rows=rows,
         conversion_order_index=np.array([order]),
         step_s=np.array([STEP_S]),
         send_delay_s=np.full((1, N), NOMINAL_SEND_DELAY_S),
@@ -28,25 +28,23 @@ def numbered(order: int, rows: int) -> GaitReadings:
     )
 
 
-@pytest.mark.parametrize("rows", [2, 3, 4])
 @pytest.mark.parametrize("order", range(len(CONVERSION_ORDERS)))
-def test_a_window_holds_the_last_three_readings_of_every_element(order: int, rows: int) -> None:
+def test_a_window_holds_the_last_three_readings_of_every_element(order: int) -> None:
     """The newest first, each as old as the conversions since; the force is that of the asked time."""
-    window = windows_of(numbered(order, rows))
+    window = windows_of(numbered(order))
     now = window.closure_rel.max(axis=(1, 2))
     np.testing.assert_allclose(window.force_n[:, 2], now / 100, rtol=1e-6)
     np.testing.assert_allclose(
         window.age_s, (now[:, None, None] - window.closure_rel) * STEP_S + NOMINAL_SEND_DELAY_S, rtol=1e-6
     )
-    assert (np.diff(window.closure_rel, axis=1) == -(rows**2)).all()
+    assert (np.diff(window.closure_rel, axis=1) == -9).all()
     numbers = window.closure_rel.astype(int)
     np.testing.assert_array_equal(
-        conversion_elements(order, N, rows)[numbers], np.broadcast_to(np.arange(rows**2), numbers.shape)
+        conversion_elements(order, N)[numbers], np.broadcast_to(np.arange(9), numbers.shape)
     )
 
 
-@pytest.mark.parametrize(("rows", "first"), [(2, 15), (3, 30), (4, 51)])
-def test_only_whole_windows_count(rows: int, first: int) -> None:
+def test_only_whole_windows_count() -> None:
     """None with a newest reading beyond the range, and none of the first scans."""
-    now = windows_of(numbered(0, rows)).closure_rel.max(axis=(1, 2))
-    np.testing.assert_array_equal(now, [*range(first, BEYOND), *range(max(BEYOND + rows**2, first), N)])
+    now = windows_of(numbered(0)).closure_rel.max(axis=(1, 2))
+    np.testing.assert_array_equal(now, [*range(30, BEYOND), *range(BEYOND + 9, N)])

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.faults.imputation import Imputation
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.training.gait_readings import (
-    CONVERSION_ORDERS,
     NOMINAL_SEND_DELAY_S,
     STEP_S,
     GaitReadings,

@@ -28,7 +28,7 @@ from footsense.lab.training.windowed_network import (
     predict,
 )
 from footsense.ports import LoadEstimate, Window
-from tests.lab.networks.windows import STEP_S, assert_symmetric, some_windows, turned, windows_of_array
+from tests.lab.networks.windows import STEP_S, assert_symmetric, some_windows, turned
 from tests.support.networks import CARD
 
 pytestmark = pytest.mark.lab
@@ -36,11 +36,11 @@ pytestmark = pytest.mark.lab
 Vector = NDArray[np.float64]
 
 
-def some_weights(channels: int = 3, seed: int = 0, size: float = 0.5, rows: int = 3) -> Weights:
+def some_weights(channels: int = 3, seed: int = 0, size: float = 0.5) -> Weights:
     """Return weights that nobody trained."""
     rng = np.random.default_rng(seed)
     c = channels
-    n_linear, n_inputs = 2 * len(linear_basis(rows)), FEATURES_PER_ELEMENT * rows**2 + FEATURES_PER_FOOT
+    n_linear, n_inputs = 2 * len(linear_basis()), FEATURES_PER_ELEMENT * 9 + FEATURES_PER_FOOT
     shapes = [(n_linear,), (c, n_inputs), (c,), (c, 8 * c), (c,), (c, 7), (c, 7), (4,)]
     return Weights(*(rng.normal(0.0, size, shape).astype(np.float32) for shape in shapes))
 
@@ -105,28 +105,12 @@ def test_the_network_has_the_squares_symmetry_whatever_its_weights(tmp_path: Pat
     assert_symmetric(in_file(tmp_path, weights).estimate, atol=2e-4)
 
 
-@pytest.mark.parametrize("rows", [2, 4])
-def test_a_network_of_another_array_has_the_squares_symmetry(tmp_path: Path, rows: int) -> None:
-    """Whatever its weights, as that of nine elements."""
-    weights = some_weights(rows=rows)
-    assert weights.rows == rows
-    assert_symmetric(lambda window: predict(weights, window), 2e-4, rows)
-    window = windows_of_array(rows)
-    for found, known in zip(
-        in_file(tmp_path, weights).estimate(window), predict(weights, window), strict=True
-    ):
-        np.testing.assert_allclose(found, known, rtol=3e-4, atol=2e-4)
-
-
-@pytest.mark.parametrize("rows", [2, 3, 4])
-def test_the_linear_paths_are_all_maps_with_the_squares_symmetry(rows: int) -> None:
+def test_the_linear_paths_are_all_maps_with_the_squares_symmetry() -> None:
     """Each turns with the foot, and they are as many as the characters of the group say."""
-    basis, images = linear_basis(rows), [element_permutation(g, rows) for g in SYMMETRIES]
+    basis, images = linear_basis(), [element_permutation(g) for g in SYMMETRIES]
     for g, image in zip(SYMMETRIES, images, strict=True):
         np.testing.assert_array_equal(basis[:, image], basis @ g.T)
-    kept = [
-        (image == np.arange(rows**2)).sum() * np.trace(g) for g, image in zip(SYMMETRIES, images, strict=True)
-    ]
+    kept = [(image == np.arange(9)).sum() * np.trace(g) for g, image in zip(SYMMETRIES, images, strict=True)]
     assert np.linalg.matrix_rank(basis.reshape(len(basis), -1)) == len(basis) == sum(kept) / 8
 
 

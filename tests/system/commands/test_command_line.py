@@ -210,15 +210,6 @@ def test_a_gap_is_replayed_and_not_compared_across(gapped: Path) -> None:
     assert replayed.stdout == f"{n_cycles} cycles replayed\n"
 
 
-def test_readings_of_another_array_are_not_replayed(walk: Path, tmp_path: Path) -> None:
-    """One line, with the numbers of elements then and now."""
-    path = tmp_path / "sixteen.mcap"
-    with path.open("wb") as file:
-        McapFile(file.fileno(), {**Replay(walk).header, "n_elements": "16"}).finish()
-    line = one_line_error(footsense("replay", path), 74)
-    assert line == f"{path}: holds feet of 16 elements, but a configuration of 9"
-
-
 def test_recover_says_what_is_lost_in_one_line(walk: Path, tmp_path: Path) -> None:
     """The new file is whole, so it is no failure; what the old one lacked is told as everything else is."""
     cut = tmp_path / "walk.mcap.partial"

@@ -9,12 +9,13 @@ import pytest
 
 from firmware_interface import schedule
 from firmware_interface.chips.fdc1004 import Register
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.acquisition.bus_scanner import BusScanner
 from footsense.acquisition.leg_group import BusReadings
 from footsense.acquisition.robot_scanner import RobotScanner
-from footsense.acquisition.scan_plan import CONVERSION_ORDERS, scan_plan
+from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.clock import MonotonicClock
 from footsense.errors import HardwareError, I2cTimeoutError, NackError

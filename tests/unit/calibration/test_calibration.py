@@ -10,11 +10,12 @@ from footsense.calibration.fit.calibrate import calibrate
 from footsense.calibration.fit.correction import fit_correction
 from footsense.calibration.fit.parameter_fit import fit_parameters
 from footsense.calibration.fit.parameter_vector import (
+    GAP,
     MOUNT,
+    N_PARAMETERS,
     OFFSET,
     STIFFNESS,
-    element_slices,
-    n_parameters,
+    STRAY,
 )
 from footsense.calibration.fit.twin import FootTwin, reference_gains
 from footsense.calibration.loads.load_set import LoadSet
@@ -27,16 +28,13 @@ from footsense.foot.directions import angles_between_deg, normalized, rotation
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import ContactLoads, Deviations, Foot
-from footsense.sim.foot.fabrication import draw_deviations
 from footsense.sim.test_stand.press_sequence import paper_presses
-from tests.support.arrays import response
-from tests.support.test_stand_loads import MADE, design, load_set, made
+from tests.support.test_stand_loads import design, load_set, made
 
 Vector = NDArray[np.float64]
 
 _TRAINING, _JUDGED = paper_presses("training"), paper_presses("verification")[::4]
 _LIGHT = 0.3 * _TRAINING[::12]
-STRAY, _, GAP = element_slices(9)
 
 
 def _read(loads: LoadSet, foot: FootParameters | None) -> Vector:
@@ -55,7 +53,7 @@ def test_the_twin_reads_what_the_simulated_foot_reads(number: int) -> None:
     own = made(number)
     force_n = np.concatenate([_TRAINING[::40], 2.0 * _TRAINING[5::60]])
     foot = Foot(design().response, own)
-    parameters = np.zeros(n_parameters(9))
+    parameters = np.zeros(N_PARAMETERS)
     parameters[STRAY], parameters[GAP] = own.stray_pf, own.gap_um
     parameters[STIFFNESS] = own.stiffness_rel
     load = ContactLoads.centred(force_n)
@@ -80,19 +78,6 @@ def test_exact_loads_identify_the_foot() -> None:
     np.testing.assert_allclose(found[STRAY], own.stray_pf, atol=0.02)
     np.testing.assert_allclose(found[STIFFNESS], own.stiffness_rel, atol=0.01)
     np.testing.assert_allclose(rotation(found[MOUNT]), own.mount, atol=0.005)
-
-
-@pytest.mark.parametrize("rows", [2, 4])
-def test_feet_of_other_arrays_are_identified_as_well(rows: int) -> None:
-    """As many strays as elements, and the same stiffness and mount for all; drawn by the simulator's fabrication."""
-    table = response(rows)
-    own = draw_deviations(table, MADE, 7, 1)
-    loads = load_set(own, _TRAINING[::6], response=table)
-    fit = fit_parameters(FootTwin(table, loads.median_baseline_pf), loads)
-    np.testing.assert_allclose(fit.parameters[element_slices(rows**2).stray], own.stray_pf, atol=0.05)
-    np.testing.assert_allclose(fit.parameters[STIFFNESS], own.stiffness_rel, atol=0.03)
-    np.testing.assert_allclose(rotation(fit.parameters[MOUNT]), own.mount, atol=0.01)
-    assert (fit.contraction[STIFFNESS] > 0.9).all()
 
 
 def test_errors_as_large_as_supposed_lie_as_far_as_supposed() -> None:
@@ -242,7 +227,7 @@ def test_the_twin_of_a_foot_that_holds_its_air(cavity: Cavity) -> None:
     response, force_n = replace(design().response, cavity=cavity), _TRAINING[::6]
     own = replace(made(1), mount=np.eye(3))
     foot = Foot(response, own)
-    parameters = np.zeros(n_parameters(9))
+    parameters = np.zeros(N_PARAMETERS)
     parameters[STRAY], parameters[GAP], parameters[STIFFNESS] = own.stray_pf, own.gap_um, own.stiffness_rel
     load = ContactLoads.centred(force_n)
     reading_pf = foot.capacitance_pf(load.normal, load.force_n)

@@ -24,7 +24,6 @@ from footsense.daemon.probe.bus_probe import probe
 from footsense.daemon.probe.diagnosis import bus_diagnoses
 from footsense.daemon.probe.report import ProbedBus, ProbeResult
 from footsense.errors import FootsenseError, I2cError, I2cTimeoutError, NackError
-from footsense.foot.files.network_card import input_signals
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
@@ -39,9 +38,7 @@ from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.scene import Effects
 from footsense.sim.scene_files import load_scene
 from footsense.sim.scene_loads import Constant
-from tests.support.arrays import response
 from tests.support.feet import DESIGN
-from tests.support.networks import FLOAT, card_of, network_file
 
 HANGING = load_scene("hanging")
 CHANNELS = {"lf": 0, "lm": 1}
@@ -161,32 +158,20 @@ def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | 
     assert "see below" in shown(found)
 
 
-@pytest.mark.parametrize("rows", [2, 4])
-def test_feet_of_another_array(rows: int, tmp_path: Path) -> None:
-    """Every element in its place, one shorted to its whole column, and readings for the configuration."""
-    foot, n_elements = response(rows), rows**2
-    folder = tmp_path / foot.foot_type
-    folder.mkdir()
-    foot.save(folder / "response.npz")
-    network_file(
-        folder,
-        msgspec.json.encode({**card_of(rows), "foot_type": foot.foot_type}).decode(),
-        inputs=[(signal.name, signal.width, FLOAT) for signal in input_signals(rows)],
-    )
-    config = msgspec.structs.replace(DEFAULT, foot_type=str(folder), rows=rows)
-    found = probed(scene_faults.ElementShorted(at_s=0, leg="lm", element=n_elements - 1), config=config)
+def test_readings_for_the_configuration(tmp_path: Path) -> None:
+    """One element shorted, with it its whole column lost; the other feet's readings make a configuration."""
+    found = probed(scene_faults.ElementShorted(at_s=0, leg="lm", element=8))
     (diagnosis,) = found.diagnoses
-    assert f"element {n_elements - 1} is shorted" in diagnosis.observation
-    marks = [mark for mark, faulty in element_marks(found.legs[1]) if faulty]
-    assert marks == ["lost"] * (rows - 1) + ["short"]
+    assert "element 8 is shorted" in diagnosis.observation
+    assert [mark for mark, faulty in element_marks(found.legs[1]) if faulty] == ["lost", "lost", "short"]
     text = shown(found)
     assert max(map(len, text.splitlines())) <= 80
     pasted, legs = tmp_path / "robot.yaml", {leg.leg: leg.channel_or_adapter for leg in found.legs}
     pasted.write_text(
-        f"buses: [{{device: sim, legs: {legs}}}]\ncan: {{interface: virtual}}\nfoot_type: {folder}\n"
-        f"rows: {rows}\n{unloaded_yaml(found)}\n".replace("'", "")
+        f"buses: [{{device: sim, legs: {legs}}}]\ncan: {{interface: virtual}}\n"
+        f"{unloaded_yaml(found)}\n".replace("'", "")
     )
-    assert [len(values) for values in load_config(pasted).unloaded_pf.values()] == [n_elements] * 5
+    assert [len(values) for values in load_config(pasted).unloaded_pf.values()] == [9] * 5
     draw_probed_feet(found, "test", tmp_path / "feet.png")
 
 

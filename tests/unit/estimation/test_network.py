@@ -1,6 +1,5 @@
 """A network of other inputs and outputs is refused, whichever of them differs; one that fits gets what it is given."""
 
-import json
 import os
 import subprocess
 import sys
@@ -14,7 +13,7 @@ from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.estimation.steady_windows import STEADY_AGES_S, steady_windows
 from footsense.ports import Window
-from tests.support.networks import ALL_IN, ALL_OUT, DOUBLE, FLOAT, N_IN, N_OUT, card, card_of, network_file
+from tests.support.networks import ALL_IN, ALL_OUT, DOUBLE, FLOAT, N_IN, N_OUT, card, network_file
 
 TYPES = {FLOAT: "tensor(float)", DOUBLE: "tensor(double)"}
 
@@ -85,13 +84,6 @@ def test_another_input_or_output_is_refused_with_what_there_is(
     found = ", ".join(f"{name} [n, {width}] {TYPES[each]}" for name, width, each in values)
     wanted = ", ".join(f"{name} [n, {width}]" for name, width, _ in needed)
     assert str(caught.value) == f"{path}: its {kind}s are {found}; the daemon needs float32 {wanted}"
-
-
-def test_a_card_of_another_array_than_the_graph_is_refused(tmp_path: Path) -> None:
-    """Each fits by itself; together they are of no foot."""
-    path = network_file(tmp_path, json.dumps(card_of(4)))
-    with pytest.raises(ModelError, match=r"network.onnx: its card is of 16 elements, its graph of 9"):
-        Network(path, 6)
 
 
 def test_the_former_kind_of_network_is_refused_by_its_inputs(tmp_path: Path) -> None:

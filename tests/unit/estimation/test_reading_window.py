@@ -18,7 +18,7 @@ class Leg:
     """One leg whose readings go into a window."""
 
     def __init__(self) -> None:
-        self._window = ReadingWindow((1, 9), SCAN_NS)
+        self._window = ReadingWindow(1, SCAN_NS)
         self.t_ns = np.zeros((1, ELEMENTS), np.int64)
         self.plate_distance_rel = np.full((1, ELEMENTS), np.nan)
 
@@ -159,7 +159,7 @@ def test_an_element_without_order_does_not_age_the_leg() -> None:
 
 def test_legs_do_not_mix() -> None:
     """Each row has its own readings."""
-    window = ReadingWindow((2, 9), SCAN_NS)
+    window = ReadingWindow(2, SCAN_NS)
     for n in range(3):
         t_ns = np.repeat([[n + 1], [0]], ELEMENTS, axis=1) * SCAN_NS
         readings = window.add(np.where(t_ns > 0, float(n), np.nan), t_ns)
@@ -172,7 +172,7 @@ def test_legs_do_not_mix() -> None:
 @pytest.mark.parametrize("spike", [0.5, -0.5])
 def test_one_wrong_reading_is_replaced_by_those_beside_it(spike: float, *, beside: bool) -> None:
     """From the reading after it on, in every place of the window, and also while another leg is silent."""
-    window = ReadingWindow((2, 9), SCAN_NS)
+    window = ReadingWindow(2, SCAN_NS)
     seen = []
     for n in range(7):
         plate_distance_rel = np.full((2, ELEMENTS), 1.0 - 0.01 * n)
@@ -215,7 +215,7 @@ def test_a_window_is_the_last_readings_whatever_comes(
     told: list[tuple[float, set[int], set[int]]],
 ) -> None:
     """Against lists: an element is whole if its last two readings are numbers and at most 1.75 scans apart."""
-    window, t_now_ns = ReadingWindow((1, 9), SCAN_NS), 10 * SCAN_NS
+    window, t_now_ns = ReadingWindow(1, SCAN_NS), 10 * SCAN_NS
     plate_distance_rel, t_ns = np.full((1, ELEMENTS), np.nan), np.zeros((1, ELEMENTS), np.int64)
     lists: list[list[tuple[float, int]]] = [[(np.nan, 0)] * 3 for _ in range(ELEMENTS)]
     for number, (scans, read, holed) in enumerate(told):

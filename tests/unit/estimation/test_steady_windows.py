@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footsense.acquisition.scan_plan import CONVERSION_ORDERS
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.steady_windows import STEADY_AGES_S, steady_windows
 
 

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from pyarrow import parquet
 
 from footsense.cli import main
-from footsense.export.table import column_names
+from footsense.export.table import COLUMN_NAMES
 from footsense.frames import USABLE, Cycle, GaitEventKind, State
 from footsense.recording.replay import Replay
 
@@ -35,7 +35,7 @@ def test_csv_has_every_value(folder: Path, cycles: list[Cycle]) -> None:
     """Floats come back bit for bit; an empty cell is a value that is not known."""
     with (folder / "walk.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert tuple(rows[0]) == column_names(9)
+    assert tuple(rows[0]) == COLUMN_NAMES
     for at, leg in ((0, "lf"), (4, "rm")):
         of_leg = rows[at::6]
         assert {row["leg"] for row in of_leg} == {leg}
@@ -62,8 +62,8 @@ def test_parquet_is_the_same_table(folder: Path) -> None:
     table = parquet.read_table(folder / "walk.parquet")
     with (folder / "walk.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert tuple(table.column_names) == column_names(9)
-    for name in column_names(9):
+    assert tuple(table.column_names) == COLUMN_NAMES
+    for name in COLUMN_NAMES:
         told = ["" if value is None else str(value) for value in table[name].to_pylist()]
         assert told == [row[name] for row in rows], name
 

@@ -124,7 +124,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         ),
         (
             lambda folder: set_parameter(folder, gap_um=[1.0] * 8),
-            "parameters.json: gap_um: (9,) finite numbers are",
+            "parameters.json: does not fit: Expected `array` of length >= 9",
         ),
         (lambda folder: set_parameter(folder, gap_um=[1.0] * 17), "parameters.json: does not fit: "),
         (lambda folder: set_parameter(folder, temperature_c=126.0), "parameters.json: does not fit: "),

@@ -9,7 +9,6 @@ import pytest
 
 from footsense.errors import FootsenseError
 from footsense.frames import ALL_LEGS, CanStatistics, CommandResult, Result, Vector
-from footsense.recording.frame_shape import n_elements_header_entry
 from footsense.recording.shared_cycles import N_SLOTS, CycleReader, SharedCycleWriter
 from tests.support.cycles import LEGS, TARE, cycle, same
 
@@ -17,11 +16,10 @@ from tests.support.cycles import LEGS, TARE, cycle, same
 class Service:
     """A writer whose baselines can be moved."""
 
-    def __init__(self, path: Path, legs: Sequence[str] = LEGS, n_elements: int = 9) -> None:
-        self.baseline_pf: Vector = np.full((len(legs), n_elements), np.nan)
+    def __init__(self, path: Path, legs: Sequence[str] = LEGS) -> None:
+        self.baseline_pf: Vector = np.full((len(legs), 9), np.nan)
         self.can = CanStatistics()
-        header = {"scene": "flat", **n_elements_header_entry(n_elements)}
-        self.shared = SharedCycleWriter(path, legs, header, lambda: self.baseline_pf, self.can)
+        self.shared = SharedCycleWriter(path, legs, {"scene": "flat"}, lambda: self.baseline_pf, self.can)
 
 
 @pytest.fixture
@@ -54,18 +52,14 @@ def test_a_reader_gets_every_cycle_bit_for_bit(service: Service, path: Path) -> 
     reader.close()
 
 
-@pytest.mark.parametrize("n_elements", [4, 16])
-def test_eight_legs_of_another_array(path: Path, n_elements: int) -> None:
+def test_eight_legs(path: Path) -> None:
     """The largest cycle fits its slot: gait, temperatures, and a long result for every leg."""
-    service = Service(path, ALL_LEGS, n_elements)
+    service = Service(path, ALL_LEGS)
     reader = CycleReader(path)
-    assert (reader.legs, reader.shape) == (ALL_LEGS, (8, n_elements))
+    assert reader.legs == ALL_LEGS
     results = tuple(CommandResult(TARE._replace(leg=leg), Result.LOADED, "x" * 200) for leg in range(8))
-    shown = [
-        cycle(number, outcomes=results, n_legs=8, n_elements=n_elements, n_samples=3, warm=True)
-        for number in range(4)
-    ]
-    service.baseline_pf = np.arange(8.0 * n_elements).reshape(8, n_elements)
+    shown = [cycle(number, outcomes=results, n_legs=8, n_samples=3, warm=True) for number in range(4)]
+    service.baseline_pf = np.arange(72.0).reshape(8, 9)
     for one in shown:
         service.shared.observe(one)
     new = reader.read()

@@ -184,7 +184,7 @@ def test_a_pin_sees_its_column_through_its_row_lines(
 
 def test_warmth_takes_every_zero_along_a_little_differently_and_stiffens_the_foot() -> None:
     """20 K are some 30 fF on each element, and 9 % of stiffness; nothing before and no more after."""
-    foot = WarmingFoot(Warming(from_s=1.0, over_s=10.0, kelvin=20.0), np.random.default_rng(1), 9)
+    foot = WarmingFoot(Warming(from_s=1.0, over_s=10.0, kelvin=20.0), np.random.default_rng(1))
     assert not any(foot.drift_pf(1 * S_NS))
     assert foot.relative_compliance(1 * S_NS) == 1.0
     half_pf, drift_pf = np.array([foot.drift_pf(6 * S_NS), foot.drift_pf(11 * S_NS)])

@@ -111,7 +111,7 @@ def test_a_program_gets_every_topic(name: str, tmp_path: Path) -> None:
     forces = decode_force(json.dumps(values).encode(), LEGS)
     assert forces.t_sent_ns == t_ns
     assert forces.force_n[3] == pytest.approx([0.3, 0.0, 0.4])
-    scan = decode_scan(json.dumps(client.received["/scan"][-1][1]).encode(), LEGS, 9)
+    scan = decode_scan(json.dumps(client.received["/scan"][-1][1]).encode(), LEGS)
     assert scan.capacitance_pf.shape == (6, 9)
     (entity,) = [entity for entity in client.received["/feet"][-1][1].entities if entity.id == "rf"]
     (arrow,) = entity.arrows

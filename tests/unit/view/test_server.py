@@ -2,13 +2,12 @@
 
 import asyncio
 import json
-import math
 import socket
 import struct
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 from urllib.request import urlopen
 
 import numpy as np
@@ -22,11 +21,11 @@ from footsense.view.access import MAX_CLIENTS
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import PAGE_PROTOCOL, ViewServer
-from footsense.view.signals import signals
-from tests.support.viewed_service import LEGS, ViewedService, header_of
+from footsense.view.signals import SIGNALS
+from tests.support.viewed_service import LEGS, ViewedService
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
-COLUMN = {signal.name: column for column, signal in enumerate(signals())}
+COLUMN = {signal.name: column for column, signal in enumerate(SIGNALS)}
 TIMEOUT_S = 20
 
 
@@ -96,28 +95,6 @@ def test_the_page_shows_forces_and_closures(tmp_path: Path) -> None:
                 assert closures == pytest.approx(np.linspace(0.2, 0.7, 9), abs=1e-5)
                 assert last[COLUMN["closure_middle"]] == last[COLUMN["closure_4"]]
                 assert tables[-1, :, COLUMN["friction"]] == pytest.approx(0.4)
-
-    run(test)
-
-
-@pytest.mark.parametrize(("n_elements", "middle"), [(4, [0, 1, 2, 3]), (16, [5, 6, 9, 10])])
-def test_the_page_of_another_array(n_elements: int, middle: list[int], tmp_path: Path) -> None:
-    """Rows, a signal for each element, and the mean of the four around the middle."""
-
-    async def test() -> None:
-        with ViewedService(tmp_path / "cycles", header_of(n_elements)) as service:
-            service.force_n[2] = 0.1, -0.2, 1.0
-            service.publish()
-            async with served(tmp_path / "cycles") as host, page(host) as browser:
-                hello = await text_of(browser, "hello")
-                assert hello["rows"] == math.isqrt(n_elements)
-                names = [signal["name"] for signal in cast("list[dict[str, str]]", hello["signals"])]
-                assert names[-n_elements:] == [f"closure_{element}" for element in range(n_elements)]
-                _, tables = await cycles_of(browser)
-                last = dict(zip(names, tables[-1, 2].tolist(), strict=True))
-                closures = np.linspace(0.2, 0.7, n_elements)
-                assert [last[name] for name in names[-n_elements:]] == pytest.approx(closures, abs=1e-5)
-                assert last["closure_middle"] == pytest.approx(closures[middle].mean(), abs=1e-5)
 
     run(test)
 

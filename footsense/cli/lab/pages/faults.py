@@ -19,7 +19,6 @@ class FaultResults:
     Attributes:
         foot_type: Name of the feet.
         peak_vertical_force_n: Largest vertical force on a foot [N]: half of that of its training.
-        n_elements: Elements of a foot.
         leg_faults: `FaultFigures` of each fault of legs, buses and feet.
         can_faults: `CanFigures` of each fault of CAN; empty for other feet than the paper's, as they do not matter
             there.
@@ -29,7 +28,6 @@ class FaultResults:
     peak_vertical_force_n: float
     leg_faults: dict[str, dict[str, Any]]
     can_faults: dict[str, dict[str, Any]]
-    n_elements: int = ELEMENTS
 
 
 def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
@@ -38,9 +36,7 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     own = foot.foot_type != DEFAULT.foot_type
     load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
     foot_type = str(context.models.resolve()) if own else DEFAULT.foot_type
-    rows = simulate_leg_faults(
-        context.report_progress, quick=context.quick, foot_type=foot_type, rows=foot.rows, load=load
-    )
+    rows = simulate_leg_faults(context.report_progress, quick=context.quick, foot_type=foot_type, load=load)
     legs = {
         words: f._asdict() | {"state": f.state.name.lower(), "cause": f.cause.name.lower()}
         for words, f in rows.items()
@@ -49,16 +45,15 @@ def compute(context: StudyContext) -> tuple[FaultResults, Plots]:
     return FaultResults(
         foot_type=foot.foot_type,
         peak_vertical_force_n=load.peak_force_n,
-        n_elements=foot.rows**2,
         leg_faults=legs,
         can_faults={words: f._asdict() for words, f in can.items()},
     ), {}
 
 
-def _element_numbers_text(mask: int, n_elements: int) -> str:
+def _element_numbers_text(mask: int) -> str:
     """Return the element numbers of a mask as text."""
-    named = [str(element) for element in range(n_elements) if mask >> element & 1]
-    return "all" if len(named) == n_elements else " ".join(named) or "-"
+    named = [str(element) for element in range(ELEMENTS) if mask >> element & 1]
+    return "all" if len(named) == ELEMENTS else " ".join(named) or "-"
 
 
 def _milliseconds_text(time_s: float | None) -> str:

@@ -20,7 +20,6 @@ from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.prediction.shapes import (
     AMPLITUDE_INDEX_OF_ELEMENT,
-    CELLS_PER_SHEET_SIDE,
     RADIUS_MM,
     RUBBER_POISSON,
     YOUNGS_MPA,
@@ -98,9 +97,7 @@ class ClosureModel:
         """Create the model: evaluate the solved shapes at the loads."""
         self._library, self.loads = library, loads
         self._across = np.stack(tangent_frame(loads.normal), axis=1)
-        whole = [
-            [whole_series(part, _DEGREE, CELLS_PER_SHEET_SIDE) for part in shape] for shape in library.series
-        ]
+        whole = [[whole_series(part, _DEGREE) for part in shape] for shape in library.series]
         # shapes, point or patch, products, xyz, elements
         series = element_means(np.moveaxis(np.array(whole), -1, -2))
         basis = self._basis()

@@ -19,6 +19,7 @@ from footsense.foot.direction_sets import direction_grid, random_directions
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.gap_contact import N_CELLS
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Mask, Vector
@@ -92,7 +93,7 @@ def _force_limits_n(foot: Foot, max_n: float) -> dict[str, Vector]:
     reached = {name: np.full(len(direction), 2.0 * max_n) for name in ("contact", "closed", "saturated")}
     for force_n in np.arange(_FORCE_STEP_N, 2.0 * max_n, _FORCE_STEP_N)[::-1]:
         loads_n = force_n * direction
-        free_um = foot.response.free_closure_um(direction, loads_n).reshape(-1, foot.response.n_cells)
+        free_um = foot.response.free_closure_um(direction, loads_n).reshape(-1, N_CELLS)
         pf = foot.capacitance_pf(direction, loads_n)
         closure_um = design.closure_um(pf, foot.unloaded_pf).max(axis=1)
         for name, beyond in (

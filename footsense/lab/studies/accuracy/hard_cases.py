@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from footsense.errors import ConfigError, ModelError
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.gap_contact import kkt_residual, solve_contact_lcp
+from footsense.foot.gap_contact import N_CELLS, kkt_residual, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.fem.centred import solve_centred_closures
@@ -64,15 +64,14 @@ def _gap_closing_cases(response: FootResponse) -> Iterator[Case]:
     steady = float(np.diff(cell_closures_um, axis=0).min())
     yield Case("first cell closes, upright", "above 1 N", f"{first_n:g} N", first_n > 1.0)
     yield Case("closures from 0 to 200 N", "never fall", f"least step {steady:.1e} um", steady > -1e-9)
-    n_cells = response.n_cells
-    everything = bool(shut[-1] == n_cells)
-    all_n = loads_n[np.argmax(shut == n_cells)]
+    everything = bool(shut[-1] == N_CELLS)
+    all_n = loads_n[np.argmax(shut == N_CELLS)]
     radius_mm = float(response.patch_radius_mm(_UPWARD[0], all_n * _UPWARD[0]))
-    some = f"{shut[-1]} of {n_cells} cells at 200 N"
+    some = f"{shut[-1]} of {N_CELLS} cells at 200 N"
     found = f"{all_n:g} N, patch {radius_mm:.1f} mm" if everything else some
     yield Case("all nine gaps closed", "an end, every cell at its gap", found, everything)
     worst = 0.0
-    compliance, gaps_um = response.compliance_um_per_n, np.full(n_cells, gap_um)
+    compliance, gaps_um = response.compliance_um_per_n, np.full(N_CELLS, gap_um)
     for load_n in (2.0, 5.0, 20.0, 100.0):
         free_um = response.free_closure_um(_UPWARD[0], load_n * _UPWARD[0])
         rest = kkt_residual(solve_contact_lcp(free_um, gaps_um, compliance), free_um, gaps_um, compliance)

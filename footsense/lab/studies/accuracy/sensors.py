@@ -1,4 +1,4 @@
-"""Study `sensors`, first part: direction error by number and size of the elements, on the paper's block.
+"""Study `sensors`: direction error by number and size of the elements, on the paper's block.
 
 Source:
     Aoyagi et al., sections III B to III E, Figs. 5, 6 and 8, Table I.
@@ -24,9 +24,9 @@ from footsense.lab.fem.other_sensors.block import (
 )
 from footsense.lab.fem.symmetry_classes import single_cell_series, transposed_series
 from footsense.lab.geometry import FootDesign
-from footsense.lab.monte_carlo.statistics import MeanDifference, MeanStd
+from footsense.lab.monte_carlo.statistics import SIGNIFICANT_STANDARD_ERRORS, MeanDifference, MeanStd
 from footsense.lab.response import SERIES_DEGREE, fit_series, mean_over_patch
-from footsense.lab.studies.page import Plots, StudyContext
+from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.paper.mlp import network_outputs, stack, train, unstack
 from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, start_weights_by_seed
@@ -170,7 +170,7 @@ def network_direction_errors(
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Results of the study's first part: direction errors [deg] of all sensor arrays on the block.
+    """Results of the study: direction errors [deg] of all sensor arrays on the block.
 
     Attributes:
         block_side_mm: Side of the block [mm].
@@ -255,3 +255,21 @@ def noise_error_factors(results: Results) -> dict[str, float]:
         name: results.noisy_error_deg[name].mean / clean.mean
         for name, clean in results.noiseless_error_deg.items()
     }
+
+
+STUDY = Study(
+    name="sensors",
+    title="How many elements, and how large",
+    compute=compute,
+    template_names={
+        "CONTACT_PATCH_FORCE_GF": CONTACT_PATCH_FORCE_GF,
+        "HIDDEN_NEURONS": HIDDEN_NEURONS,
+        "NOISE_REL": NOISE_REL,
+        "PAPER_SENSOR_ARRAYS": PAPER_SENSOR_ARRAYS,
+        "SATURATION_MAX_IMPROVEMENT_REL": SATURATION_MAX_IMPROVEMENT_REL,
+        "SIGNIFICANT_STANDARD_ERRORS": SIGNIFICANT_STANDARD_ERRORS,
+        "error_reductions_by_larger_elements": error_reductions_by_larger_elements,
+        "noise_error_factors": noise_error_factors,
+    },
+    uses_network=False,
+)

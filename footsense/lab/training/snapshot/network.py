@@ -44,11 +44,6 @@ class Weights(SharedWeights):
 
     __slots__ = ()
 
-    @property
-    def rows(self) -> int:
-        """Number of element rows of the foot, equal to that of columns."""
-        return self.array_rows(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
-
 
 class LayerMatrices(NamedTuple):
     """Full weight matrices of the network, expanded from the shared weights: a layer is x @ w + b."""
@@ -69,8 +64,8 @@ def expand_over_symmetries(weights: Weights) -> LayerMatrices:
     force = jnp.einsum("gab,cb->gca", turns, weights.out)
     sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma)
     return LayerMatrices(
-        linear=jnp.tensordot(weights.linear, linear_basis(weights.rows), 1),
-        **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, weights.rows),
+        linear=jnp.tensordot(weights.linear, linear_basis(), 1),
+        **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT),
         force=force.reshape(-1, 3),
         sigma=sigma.reshape(-1, 3),
         sigma_offset=weights.sigma_offset[np.array([0, 0, 1])],

@@ -1,6 +1,5 @@
 """Training of the snapshot network on steady load cases."""
 
-import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import trained_missing_sets
+from footsense.estimation.faults.missing_sets import MISSING_SETS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, Vector
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.fit import (
     TrainingSettings,
@@ -59,20 +58,19 @@ class SnapshotTrainingSettings(TrainingSettings):
 
 def mean_closure_product_matrix(closure_rel: Vector) -> Vector:
     """Return second moments of closures over their rms, averaged over symmetries, shape (elements, elements)."""
-    n_elements = closure_rel.shape[1]
-    pattern = hidden_layer_input(closure_rel)[:, :n_elements]
+    pattern = hidden_layer_input(closure_rel)[:, :ELEMENTS]
     plain = pattern.T @ pattern / len(pattern)
-    maps = [element_permutation(g, math.isqrt(n_elements)) for g in SYMMETRIES]
-    even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(n_elements)
+    maps = [element_permutation(g) for g in SYMMETRIES]
+    even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(ELEMENTS)
     return even
 
 
-def _random_weights(key: jax.Array, c: int, rows: int) -> Weights:
+def _random_weights(key: jax.Array, c: int) -> Weights:
     """Return random initial weights; the linear path starts at zero, as a correction to least squares."""
     k1, k2, k3, k4 = jax.random.split(key, 4)
-    n_inputs = FEATURES_PER_ELEMENT * rows**2 + FEATURES_PER_FOOT
+    n_inputs = FEATURES_PER_ELEMENT * ELEMENTS + FEATURES_PER_FOOT
     return Weights(
-        linear=jnp.zeros(len(linear_basis(rows))),
+        linear=jnp.zeros(len(linear_basis())),
         w1=jax.random.normal(k1, (c, n_inputs)) / np.sqrt(10.0),
         b1=0.5 * jax.random.normal(k2, (c,)),
         w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
@@ -99,13 +97,14 @@ def _training_constants(
 ) -> _TrainingConstants:
     """Return load cases, noise and missing-element masks as JAX arrays."""
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
-    masks = trained_missing_sets(cases.closure_um.shape[1]).sets
     noise_pf = np.hypot(NOISE_PF, BASELINE_NOISE_PF) * settings.noise_rel
     return _TrainingConstants(
         closure_rel=jnp.asarray(cases.closure_um / design.gap_um, jnp.float32),
         force_n=jnp.asarray(cases.force_n, jnp.float32),
-        imputation_matrices=jnp.asarray(np.stack([imputation.matrix(mask) for mask in masks]), jnp.float32),
-        missing_masks=jnp.asarray(masks, jnp.float32),
+        imputation_matrices=jnp.asarray(
+            np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), jnp.float32
+        ),
+        missing_masks=jnp.asarray(MISSING_SETS, jnp.float32),
         # A noise of the capacitance is one of the distance by distance^2 / (eps0 A); all over the gap.
         closure_noise_rel=float(noise_pf * design.gap_um / plates_um),
         film_thickness_rel=design.film_equivalent_um / design.gap_um,
@@ -153,10 +152,8 @@ def train(
     closure_rel = cases.closure_um / design.gap_um
     imputation = imputation or Imputation(mean_closure_product_matrix(closure_rel))
     task = _training_constants(cases, design, settings, imputation)
-    n_elements = closure_rel.shape[1]
-    rows = math.isqrt(n_elements)
-    place = np.r_[0:n_elements, FEATURES_PER_ELEMENT * n_elements]
-    index = hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT, rows)
+    place = np.r_[0:ELEMENTS, FEATURES_PER_ELEMENT * ELEMENTS]
+    index = hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
     whiten, mean = whitening_transform(hidden_layer_input(closure_rel), index, place, 1e-8)
     linear = fit_linear_start((closure_rel,), cases.force_n, settings.min_force_n)
 
@@ -177,7 +174,7 @@ def train(
 
     def first_weights(key: jax.Array, c: int) -> Weights:
         """Return random initial weights."""
-        return _random_weights(key, c, rows)
+        return _random_weights(key, c)
 
     return fold_whitening(fit(first_weights, loss, random_batch, task, settings, _STEPS_PER_CALL))
 

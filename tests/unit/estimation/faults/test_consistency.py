@@ -282,7 +282,7 @@ def test_a_sound_foot_in_motion_is_never_blamed(
     order: tuple[int, ...], rise_s: float, size: float, tilt: tuple[float, float]
 ) -> None:
     """Nine elements read one after the other while a load comes, stays and goes: none is excluded, however fast."""
-    window, consistency = ReadingWindow((1, 9), SCAN_NS), ConsistencyTest(1, MOMENTS, SETTLED_NS)
+    window, consistency = ReadingWindow(1, SCAN_NS), ConsistencyTest(1, MOMENTS, SETTLED_NS)
     plate_distance_rel, t_ns = np.ones((1, 9)), np.zeros((1, 9), np.int64)
     none = np.zeros((1, 9), bool)
     for n in range(round(9 * (2 * rise_s + 0.5) / (SCAN_NS * 1e-9))):
