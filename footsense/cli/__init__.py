@@ -36,7 +36,7 @@ _COMMANDS = {
     "record": ("record.command", "Record presses of a foot on the test stand beside a force sensor."),
     "calibrate": ("calibrate", "Calibrate a foot from its recordings on a test stand."),
     "evaluate": ("evaluate.command", "Compare a foot's forces with the reference of a test stand."),
-    "probe": ("probe.command", "Check buses and feet, and name what to check."),
+    "probe": ("probe", "Check buses and feet, and name what to check."),
     "benchmark": ("benchmark", "Measure scan, cycle, latency, start and memory."),
     "soak": ("soak", "Walk for a virtual day with random faults, and count violated invariants."),
     "lab": ("lab.group", "From rubber to network (needs footsense[lab])."),

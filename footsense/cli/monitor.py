@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator
 from contextlib import closing
-from enum import IntEnum
 
 import click
 from rich.console import Console, Group
@@ -27,7 +26,7 @@ from footsense.cli.tables import (
 from footsense.client import LinkLimits, LinkStatus
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, ROWS
 from footsense.leg_words import phase_of, word_of
 
 _NS_PER_S = 1_000_000_000
@@ -137,11 +136,6 @@ def _state_cell(leg: LegSnapshot) -> str:
     return state_cell(leg.force.state) if leg.is_current else EMPTY_CELL
 
 
-def _link_cell(leg: LegSnapshot) -> str:
-    status = leg.force.status
-    return styled(status.name.lower(), _LINK_STYLES.get(status, "bold red"))
-
-
 def _contact(leg: LegSnapshot) -> bool | None:
     return bool(leg.force.flags & Flag.CONTACT) if leg.force.usable else None
 
@@ -172,11 +166,8 @@ def _cause_cell(leg: LegSnapshot) -> str:
 
 
 def _elements_out(leg: LegSnapshot) -> list[int] | None:
-    return (
-        [element for element in range(ELEMENTS) if leg.force.fault_mask >> element & 1]
-        if leg.is_current
-        else None
-    )
+    mask = leg.force.fault_mask
+    return [element for element in range(ELEMENTS) if mask >> element & 1] if leg.is_current else None
 
 
 def _elements_cell(leg: LegSnapshot) -> str:
@@ -184,10 +175,8 @@ def _elements_cell(leg: LegSnapshot) -> str:
     out = _elements_out(leg)
     if out is None:
         return EMPTY_CELL
-    grid = " ".join(
-        "".join("x" if row + j in out else "." for j in range(3)) for row in range(0, ELEMENTS, 3)
-    )
-    return styled(grid, "yellow" if out else "dim")
+    rows = ("".join("x" if row + j in out else "." for j in range(ROWS)) for row in range(0, ELEMENTS, ROWS))
+    return styled(" ".join(rows), "yellow" if out else "dim")
 
 
 def _node_cell(leg: LegSnapshot) -> str:
@@ -195,20 +184,27 @@ def _node_cell(leg: LegSnapshot) -> str:
     return styled("silent", "bold red") if state is None else _NODE_STATE_WORDS[state]
 
 
-def _name(code: IntEnum | None) -> str | None:
-    return None if code is None else code.name.lower()
-
-
 def _scaled(value: int | None, scale: float) -> float | None:
     return None if value is None else value * scale
 
 
+def _reported(name: str, form: str = "", *titles: str) -> Column[LegSnapshot]:
+    """Return the column of an entry of a leg's reports, such as "gait.slip"."""
+    part, _, entry = name.partition(".")
+    return Column(name, lambda leg: getattr(getattr(leg.report, part), entry, None), form, titles)
+
+
 _LEG_COLUMN: Column[LegSnapshot] = Column("leg", lambda leg: leg.leg, "<3")
 _FORCE_COLUMNS: list[Column[LegSnapshot]] = [
-    Column("link", lambda leg: leg.force.status.name.lower(), "<8", cell=_link_cell),
+    Column("state", lambda leg: leg.force.state if leg.is_current else None, "<15", cell=_state_cell),
+    Column(
+        "link",
+        lambda leg: leg.force.status,
+        "<8",
+        cell=lambda leg: styled(word_of(leg.force.status), _LINK_STYLES.get(leg.force.status, "bold red")),
+    ),
     Column("forces", lambda leg: leg.n_force_frames),
-    Column("phase", lambda leg: phase_of(leg.force.state).name.lower() if leg.is_current else None),
-    Column("state", lambda leg: _name(leg.force.state) if leg.is_current else None, "<15", cell=_state_cell),
+    Column("phase", lambda leg: phase_of(leg.force.state) if leg.is_current else None),
     Column("usable", lambda leg: leg.force.usable),
     force_column("force_n", lambda leg: leg.force.force_n),
     Column(
@@ -223,39 +219,16 @@ _FORCE_COLUMNS: list[Column[LegSnapshot]] = [
     Column("simulated", lambda leg: bool(leg.force.flags & Flag.SIMULATED) if leg.is_current else None),
 ]
 _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
-    Column("gait.contact", lambda leg: leg.report.gait and leg.report.gait.contact),
-    Column("gait.contact_raw", lambda leg: leg.report.gait and leg.report.gait.contact_raw),
-    Column(
-        "gait.probability", lambda leg: leg.report.gait and leg.report.gait.probability, ">7.1%", ("contact",)
-    ),
-    Column(
-        "gait.load_share", lambda leg: leg.report.gait and leg.report.gait.load_share, ">5.0%", ("share",)
-    ),
-    Column(
-        "gait.slip", lambda leg: leg.report.gait and leg.report.gait.slip.name.lower(), "<6", cell=_slip_cell
-    ),
-    Column("gait.all_in_air", lambda leg: leg.report.gait and leg.report.gait.all_in_air),
-    Column(
-        "ground.tangential_over_normal",
-        lambda leg: leg.report.ground and leg.report.ground.tangential_over_normal,
-        ">8.2f",
-        ("friction",),
-    ),
-    Column(
-        "ground.tangential_over_normal_sigma",
-        lambda leg: leg.report.ground and leg.report.ground.tangential_over_normal_sigma,
-        ">4.2f",
-        ("+-",),
-    ),
-    Column(
-        "ground.friction", lambda leg: leg.report.ground and leg.report.ground.friction, ">4.2f", ("cone",)
-    ),
-    Column(
-        "ground.normal",
-        lambda leg: leg.report.ground and leg.report.ground.normal,
-        ">+8.2f",
-        ("normal x", "y"),
-    ),
+    _reported("gait.contact"),
+    _reported("gait.contact_raw"),
+    _reported("gait.probability", ">7.1%", "contact"),
+    _reported("gait.load_share", ">5.0%", "share"),
+    Column("gait.slip", lambda leg: leg.report.gait and leg.report.gait.slip, "<6", cell=_slip_cell),
+    _reported("gait.all_in_air"),
+    _reported("ground.tangential_over_normal", ">8.2f", "friction"),
+    _reported("ground.tangential_over_normal_sigma", ">4.2f", "+-"),
+    _reported("ground.friction", ">4.2f", "cone"),
+    _reported("ground.normal", ">+8.2f", "normal x", "y"),
     Column(
         "ground.normal_sigma_deg",
         lambda leg: leg.report.ground and math.degrees(leg.report.ground.normal_sigma_rad),
@@ -266,7 +239,7 @@ _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
 _REPORT_COLUMNS: list[Column[LegSnapshot]] = [
     Column("cause", _cause, "<15", cell=_cause_cell),
     Column("elements_out", _elements_out, "<11", ("elements",), _elements_cell),
-    Column("baseline.status", lambda leg: _name(leg.report.baseline), "<9", ("baseline",)),
+    Column("baseline.status", lambda leg: leg.report.baseline, "<9", ("baseline",)),
     Column("baseline.mean_ff", lambda leg: leg.report.baseline_mean_offset_pf * 1e3, ">+7.1f", ("mean fF",)),
     Column("baseline.worst_ff", lambda leg: leg.report.baseline_worst_offset_pf * 1e3, ">+7.1f", ("worst",)),
     Column(
@@ -275,9 +248,9 @@ _REPORT_COLUMNS: list[Column[LegSnapshot]] = [
         ">7.1f",
         ("ago [s]",),
     ),
-    Column("heartbeat", lambda leg: _name(leg.report.node_state), "<7", ("node",), _node_cell),
+    Column("heartbeat", lambda leg: leg.report.node_state, "<7", ("node",), _node_cell),
     Column("degraded_timing", lambda leg: leg.report.degraded_timing),
-    Column("last_event.kind", lambda leg: leg.event and leg.event.kind.name.lower()),
+    Column("last_event.kind", lambda leg: leg.event and leg.event.kind),
     Column("last_event.ago_ms", lambda leg: _scaled(leg.event_ago_ns, 1e-6)),
     Column("last_event.sigma_ms", lambda leg: leg.event and leg.event.sigma_s * 1e3),
 ]

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from operator import methodcaller
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -109,12 +110,12 @@ def table(columns: Iterable[Column[Row]], rows: Iterable[Row]) -> "Table":
 
 
 def json_row(columns: Iterable[Column[Row]], row: Row) -> dict[str, Any]:
-    """Return the values of a row by their names, numbers to six digits; a group of unknown values is None."""
+    """Return the values of a row by their names, numbers to six digits, codes by name; an unknown group is None."""
     values: dict[str, Any] = {}
     groups: dict[str, dict[str, Any]] = {}
     for column in columns:
         group, _, name = column.name.rpartition(".")
-        value = _to_six_digits(column.value(row)) if name else None
+        value = _plain(column.value(row)) if name else None
         if group:
             groups.setdefault(group, {})[name] = value
             values[group] = (
@@ -169,15 +170,17 @@ def heading(name: str) -> str:
 
 
 def value_text(value: object, form: str) -> str:
-    """Return a value as a cell: a number in its format, codes as words, a dash for what is not known.
+    """Return a value as a cell: a number in its format, a code in words, a dash for what is not known.
 
     Example:
-        >>> value_text(-0.0004, ">+z7.3f"), value_text("no_answer", "<9"), value_text(float("nan"), ">7.3f")
-        (' +0.000', 'no answer', '[dim]-[/]')
+        >>> value_text(-0.0004, ">+z7.3f"), value_text(State.NO_BASELINE, "<9"), value_text(float("nan"), ">7.3f")
+        (' +0.000', 'no baseline', '[dim]-[/]')
     """
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return EMPTY_CELL
-    return escaped(value.replace("_", " ")) if isinstance(value, str) else format(value, form)
+    if isinstance(value, IntEnum):
+        return word_of(value)
+    return escaped(value) if isinstance(value, str) else format(value, form)
 
 
 def styled(text: str, style: str) -> str:
@@ -200,10 +203,12 @@ def force_column(name: str, force_n: Callable[[Row], Sequence[float]]) -> Column
     return Column(name, force_n, ">+z7.3f", ("fx [N]", "fy [N]", "fz [N]"))
 
 
-def _to_six_digits(value: Any) -> Any:  # noqa: ANN401 - whatever JSON has
+def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever JSON has
+    if isinstance(value, IntEnum):
+        return value.name.lower()
     if isinstance(value, float):
-        return float(f"{value:.6g}") + 0.0
-    return [_to_six_digits(part) for part in value] if isinstance(value, tuple | list) else value
+        return None if math.isnan(value) else float(f"{value:.6g}") + 0.0
+    return [_plain(part) for part in value] if isinstance(value, tuple | list) else value
 
 
 def _figure_text(value: object) -> str:

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from msgspec.structs import replace
 
 from footsense.cli.lab.group import lab
-from footsense.cli.probe.command import probe
+from footsense.cli.probe import probe
 from footsense.errors import ConfigError, FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot

@@ -1,0 +1,276 @@
+"""Command `footsense probe`: check I2C buses, chips and unloaded feet before the robot walks."""
+
+import logging
+import math
+import sys
+import textwrap
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.columns import Columns
+from rich.console import Console, Group, RenderableType
+from rich.padding import Padding
+from rich.text import Text
+
+from firmware_interface.chips import ad7746, adg715, fdc1004
+from footsense.acquisition.probe.address_scan import AddressProbe
+from footsense.acquisition.probe.foot_check import FootScans
+from footsense.cli.options import config_option, json_option
+from footsense.cli.tables import EMPTY_CELL, Column, echo_json, figures_table, json_row, styled, table
+from footsense.config import DEFAULT, load_config
+from footsense.daemon.probe.bus_probe import probe as probe_robot
+from footsense.daemon.probe.bus_probe import probe_adapters
+from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
+from footsense.daemon.simulation import is_simulated
+from footsense.frames import ELEMENTS, ROWS, Cause, Reading, Vector
+from footsense.leg_words import CAUSE_WORDS, word_of
+from footsense.sim.scene_files import load_scene
+
+#: Exit code if there is a fault.
+_EXIT_CODE_FAULTY = 1
+_DEFAULT_SCENE = "hanging"
+_CHIP_NAMES = {
+    fdc1004.ADDRESS: "FDC1004",
+    ad7746.ADDRESS: "AD7746",
+    adg715.ADDRESS: "ADG715",
+    adg715.COLUMN_ADDRESS: "ADG715",
+}
+#: Width of one element's text, and space between two feet beside each other [characters].
+_ELEMENT_WIDTH = 7
+_FOOT_SPACING_CELLS = 3
+
+
+@click.command()
+@config_option("none, scan only the addresses on this computer's adapters")
+@click.option(
+    "--scene",
+    "scene_name",
+    help="Simulate this scene: a name or a YAML file. Its feet should hang free, as in `hanging`.",
+)
+@json_option
+def probe(config_file: Path | None, scene_name: str | None, *, as_json: bool) -> None:
+    """Scan the buses, measure their timing, and read every element of the free feet.
+
+    Unknown addresses are only asked for an acknowledge, as `i2cdetect` does. Exit code 1 if there is a fault.
+    """
+    console = Console(highlight=False)
+    if config_file is None and scene_name is None:
+        adapters = [_adapter_figures(adapter) for adapter in probe_adapters()]
+        if as_json:
+            echo_json({"adapters": adapters})
+            return
+        for adapter in adapters:
+            console.print(_shortened(adapter))
+        console.print(
+            "Feet are behind a mux (TCA9548A, 0x70 to 0x77): name it and the legs with --config FILE."
+        )
+        return
+    config = load_config(config_file) if config_file else DEFAULT
+    if scene_name is None and is_simulated(config):
+        scene_name = _DEFAULT_SCENE
+    # The diagnoses replace the scanner's own warnings about legs.
+    logging.getLogger("footsense.acquisition").setLevel(logging.ERROR)
+    result = probe_robot(config, load_scene(scene_name) if scene_name else None)
+    if as_json:
+        echo_json(probe_json(result))
+    else:
+        console.print(
+            probe_picture(result, f"scene {scene_name}, simulated" if scene_name else str(config_file))
+        )
+    if result.diagnoses:
+        sys.exit(_EXIT_CODE_FAULTY)
+
+
+def probe_json(result: ProbeResult) -> dict[str, Any]:
+    """Return buses, legs, shortest scan and diagnoses as plain values."""
+    return {
+        "buses": [_bus_figures(report) for report in result.buses],
+        "legs": {leg.leg: json_row(_LEG_COLUMNS, leg) for leg in result.legs},
+        **_scan_figures(result),
+        "diagnoses": [diagnosis._asdict() for diagnosis in result.diagnoses],
+    }
+
+
+def probe_picture(result: ProbeResult, title: str) -> Group:
+    """Return the whole output of a probe for a terminal of 80 columns."""
+    parts: list[RenderableType] = [Text.assemble(("footsense probe  ", "bold"), title), Text()]
+    for report in result.buses:
+        parts += [_shortened(_bus_figures(report)), Text()]
+    parts += [table(_LEG_COLUMNS, result.legs), Text()]
+    if scanned := [leg for leg in result.legs if leg.scans is not None]:
+        parts += [
+            Text("every foot from above, forwards up: pF of each element", "dim"),
+            Columns([_foot_marks(leg) for leg in scanned], width=_ELEMENT_WIDTH * ROWS + _FOOT_SPACING_CELLS),
+        ]
+    parts += [figures_table(_scan_figures(result)), Text()]
+    if not result.diagnoses:
+        parts.append(Text("No faults.", "green"))
+    else:
+        parts.append(Text(f"{len(result.diagnoses)} wrong:", "bold red"))
+    for location, observation, advice in result.diagnoses:
+        parts.append(Padding(Text.assemble((location, "bold"), f": {observation}"), (0, 0, 0, 2)))
+        parts.append(Padding(Text(f"check {advice}", "dim"), (0, 0, 0, 6)))
+    if yaml := unloaded_yaml(result):
+        parts += [Text(), Text("For the configuration, if these feet hang free:", "dim"), Text(yaml)]
+    return Group(*parts)
+
+
+def unloaded_yaml(result: ProbeResult) -> str:
+    """Return the readings of all fault-free feet as YAML for `unloaded_pf`; empty without any."""
+    readings = [(report.leg, report.unloaded_pf) for report in result.legs]
+    lines = [f"  {leg}: [{', '.join(f'{pf:.3f}' for pf in values)}]" for leg, values in readings if values]
+    folded = [textwrap.fill(line, 79, subsequent_indent=" " * 7) for line in lines]
+    return "\n".join(["unloaded_pf:", *folded]) if folded else ""
+
+
+def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
+    """Return for each element of a scanned foot its text, and whether it is faulty."""
+    assert report.scans is not None
+    marks = [
+        (f"{pf:.3f}" if math.isfinite(pf) else word_of(Reading(code)), bool(code))
+        for pf, code in zip(report.scans.mean_pf.tolist(), report.scans.worst_reading.tolist(), strict=True)
+    ]
+    for fault in report.faults:
+        for element in fault.elements:
+            marks[element] = (CAUSE_WORDS[fault.cause].mark or marks[element][0], True)
+            if fault.cause is Cause.ELEMENT_SHORTED:
+                for other in set(range(element % ROWS, ELEMENTS, ROWS)) - set(fault.elements):
+                    marks[other] = ("lost", True)
+    return marks
+
+
+def _scan_figures(result: ProbeResult) -> dict[str, float | None]:
+    scan_ns = result.scan_period_bound_ns
+    return {
+        "scan_ms": scan_ns and round(scan_ns * 1e-6, 3),
+        "scan_over_conversions": scan_ns and round(scan_ns / result.scan_conversion_time_ns, 3),
+        "frames_hz": scan_ns and round(1e9 / scan_ns, 2),
+    }
+
+
+def _bus_figures(report: ProbedBus) -> dict[str, Any]:
+    """Return the result of one bus as plain values: chips found, addresses, timing; None for what is not known."""
+    bus, scan, drivers = report
+    names = {device.address: device.name for device in bus.other_devices} | {bus.mux.address: "mux"}
+    costs, limits = (
+        (None, None) if scan.bus_timing is None else (scan.bus_timing.costs, scan.bus_timing.lower_bounds)
+    )
+    return {
+        "device": bus.device,
+        "mux": None if bus.adapters else {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers},
+        **_scanned_addresses("upstream", scan.upstream, drivers, names),
+        "channels": {
+            str(number): _addresses(chips.answering, _CHIP_NAMES) for number, chips in scan.channels.items()
+        },
+        "configured_rate_hz": bus.rate_hz,
+        "rate_hz": costs and round(costs.bus_hz),
+        "host_cost_us": costs and round(costs.host_ns_per_transaction * 1e-3, 1),
+        "conversion_limit_ms": limits and round(limits.conversion_bound_ns * 1e-6, 3),
+        "readout_limit_ms": limits and round(limits.readout_bound_ns * 1e-6, 3),
+        "limit": limits and limits.limiting_factor,
+    }
+
+
+def _adapter_figures(report: ProbedAdapter) -> dict[str, Any]:
+    return {
+        "device": report.device,
+        **_scanned_addresses("answering", report.addresses, report.kernel_drivers, {}),
+        "error": report.error or None,
+    }
+
+
+def _scanned_addresses(
+    name: str, scan: AddressProbe | None, drivers: Mapping[int, str], names: Mapping[int, str]
+) -> dict[str, Any]:
+    """Return the addresses that answer, under `name`, those not scanned, and those that the kernel holds."""
+    return {
+        name: scan and _addresses(scan.answering, names),
+        "not_scanned": scan and [f"{address:#04x}" for address in scan.unprobeable],
+        "kernel_drivers": _addresses(sorted(drivers), drivers),
+    }
+
+
+def _addresses(addresses: Iterable[int], names: Mapping[int, str]) -> dict[str, str]:
+    """Return the names of I2C addresses by their hexadecimal text; "?" for an unknown one."""
+    return {f"{address:#04x}": names.get(address, "?") for address in addresses}
+
+
+def _shortened(figures: dict[str, Any]) -> RenderableType:
+    """Return figures of a bus as text: the legs' table has the channels; addresses not scanned are counted."""
+    n_left_out = len(figures["not_scanned"] or ())
+    note = f"{n_left_out} addresses: this adapter does not support empty writes" if n_left_out else None
+    return figures_table(figures | {"channels": None, "not_scanned": note})
+
+
+def _chips_cell(leg: ProbedLeg) -> str:
+    if leg.chips is None:
+        return EMPTY_CELL
+    names = _CHIP_NAMES if leg.chips.outcome is Reading.OK else {}
+    answering = (names.get(address, f"{address:#04x} ?") for address in leg.chips.answering)
+    return styled(", ".join(answering) or "nobody", "" if names else "bold red")
+
+
+def _range_cell(values: Callable[[FootScans], Vector], form: str) -> Callable[[ProbedLeg], str]:
+    """Return a function from a leg to the smallest and largest value of its sound elements."""
+
+    def cell(leg: ProbedLeg) -> str:
+        if leg.scans is None:
+            return EMPTY_CELL
+        sound = values(leg.scans)[[not faulty for _, faulty in element_marks(leg)]]
+        return form.format(sound.min(), sound.max()) if sound.size else EMPTY_CELL
+
+    return cell
+
+
+def _foot_cell(leg: ProbedLeg) -> str:
+    if leg.scans is None:
+        return styled("not scanned", "bold red")
+    return styled("see below", "bold red") if leg.faults else styled("sound", "green")
+
+
+def _foot_marks(leg: ProbedLeg) -> Text:
+    """Return a foot's elements in rows and columns as text, faulty ones marked."""
+    cells = [
+        Text(f"{mark:>{_ELEMENT_WIDTH}.{_ELEMENT_WIDTH}}", "bold red" if faulty else "")
+        for mark, faulty in element_marks(leg)
+    ]
+    lines = [Text.assemble(*cells[first : first + ROWS]) for first in range(0, ELEMENTS, ROWS)]
+    return Text("\n").join([Text(leg.leg, "bold"), *lines, Text()])
+
+
+_LEG_COLUMNS: list[Column[ProbedLeg]] = [
+    Column("leg", lambda leg: leg.leg, "<1"),
+    Column("bus", lambda leg: leg.device, "<1"),
+    Column("channel", lambda leg: leg.channel_or_adapter, "<1", ("at",)),
+    Column(
+        "answering",
+        lambda leg: leg.chips and _addresses(leg.chips.answering, _CHIP_NAMES),
+        "<1",
+        cell=_chips_cell,
+    ),
+    Column("chips", lambda leg: leg.chips and leg.chips.outcome),
+    Column("slowness_rel", lambda leg: leg.timing and leg.timing.wait_factor),
+    Column("keeps_done", lambda leg: leg.timing and leg.timing.keeps_done_bit),
+    Column(
+        "mean_pf",
+        lambda leg: leg.scans and leg.scans.mean_pf.tolist(),
+        ">1",
+        ("C0 [pF]",),
+        _range_cell(lambda scans: scans.mean_pf, "{0:.2f}..{1:.2f}"),
+    ),
+    Column(
+        "noise_ff",
+        lambda leg: leg.scans and leg.scans.noise_ff.tolist(),
+        ">1",
+        cell=_range_cell(lambda scans: scans.noise_ff, "{1:.2f}"),
+    ),
+    Column("reading", lambda leg: leg.scans and [Reading(code) for code in leg.scans.worst_reading]),
+    Column(
+        "faults",
+        lambda leg: [{"cause": fault.cause.name.lower(), "elements": fault.elements} for fault in leg.faults],
+    ),
+    Column("foot", lambda leg: not leg.faults if leg.scans else None, "<1", cell=_foot_cell),
+    Column("unloaded_pf", lambda leg: leg.unloaded_pf),
+]

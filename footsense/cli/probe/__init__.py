@@ -1,1 +1,0 @@
-"""Command `footsense probe`: find the chips on the buses, and diagnose faults."""
