@@ -1,8 +1,8 @@
 """Forces as ROS 2 messages, without an installation of ROS; needs the extra `ros2`.
 
-    recording ──┐                                        ┌──bag──▶ folder that `ros2 bag play` takes
-                ├──▶ LegSample ──topics──▶ CDR messages ─┤
-    CAN ────────┘              (messages)                └──live──▶ DDS, for running ROS 2 nodes
+    recording ──┐                                     ┌──bag──▶ folder that `ros2 bag play` takes
+                ├──▶ LegSample ──messages──▶ CDR ─────┤
+    CAN ────────┘                                     └──live──▶ DDS, for running ROS 2 nodes
 
 rosbags has the types of ROS, their definitions and their bytes; Cyclone DDS sends these bytes.
 """

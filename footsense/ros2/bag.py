@@ -5,7 +5,6 @@ Version 8 of the metadata: Humble reads it, as later distributions do; in versio
 
 import shutil
 from collections.abc import Iterator
-from datetime import datetime
 from pathlib import Path
 from typing import Final
 
@@ -16,12 +15,22 @@ from footsense.errors import RecordingError
 from footsense.frames import USABLE, BaselineStatus, Cause, ContactFrame, Slip, State
 from footsense.recording.cycle_fields import CAUSE_NOT_RECORDED
 from footsense.recording.replay import Replay
-from footsense.ros2.messages import STORE, FootFrame, LegSample
-from footsense.ros2.topics import TF_STATIC, LegTopics
+from footsense.ros2.messages import STORE, TF_STATIC, FootFrame, LegSample, LegTopics
 
 _METADATA_VERSION: Final = 8
-_INFINITE_DURATION = QosTime(9223372036, 854775807)
-_NS_PER_S = 1_000_000_000
+_INFINITE = QosTime(9223372036, 854775807)
+_QOS = Qos(
+    history=QosHistory.KEEP_LAST,
+    depth=10,
+    reliability=QosReliability.RELIABLE,
+    durability=QosDurability.VOLATILE,
+    deadline=_INFINITE,
+    lifespan=_INFINITE,
+    liveliness=QosLiveliness.AUTOMATIC,
+    liveliness_lease_duration=_INFINITE,
+    avoid_ros_namespace_conventions=False,
+)
+_STATIC_QOS = _QOS._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
 
 
 def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None = None) -> int:
@@ -51,14 +60,17 @@ def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None 
             topics = LegTopics(replay.legs, frames)
             connections = {
                 topic: bag.add_connection(
-                    topic, kind, typestore=STORE, offered_qos_profiles=[_qos(is_static=topic == TF_STATIC)]
+                    topic,
+                    kind,
+                    typestore=STORE,
+                    offered_qos_profiles=[_STATIC_QOS if topic == TF_STATIC else _QOS],
                 )
                 for topic, kind in topics.types.items()
             }
             try:
                 for t_ns, samples in _recorded_samples(replay):
-                    for message in topics.due_messages(samples, t_ns):
-                        bag.write(connections[message.topic], t_ns, message.cdr)
+                    for topic, cdr in topics.due_messages(samples, t_ns):
+                        bag.write(connections[topic], t_ns, cdr)
                     n_cycles += 1
             except RecordingError as error:
                 damage = error
@@ -72,33 +84,17 @@ def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None 
     return n_cycles
 
 
-def _qos(*, is_static: bool) -> Qos:
-    return Qos(
-        QosHistory.KEEP_LAST,
-        1 if is_static else 10,
-        QosReliability.RELIABLE,
-        QosDurability.TRANSIENT_LOCAL if is_static else QosDurability.VOLATILE,
-        _INFINITE_DURATION,
-        _INFINITE_DURATION,
-        QosLiveliness.AUTOMATIC,
-        _INFINITE_DURATION,
-        avoid_ros_namespace_conventions=False,
-    )
-
-
 def _recorded_samples(replay: Replay) -> Iterator[tuple[int, list[LegSample]]]:
     """Yield the time of sending of each cycle, since 1970 [ns], and the samples of its legs.
 
     Raises:
         RecordingError: The rest of the file is cut off or damaged.
     """
-    offset_ns: int | None = None
+    offset_ns = _wall_offset_ns(replay)
     feet = dict(pair.split("=", 1) for pair in replay.header.get("feet", "").split(",") if "=" in pair)
     measured_ns = dict.fromkeys(replay.legs, -1)
     for cycle in replay:
         forces = cycle.forces
-        if offset_ns is None:
-            offset_ns = _wall_offset_ns(replay, forces.t_sent_ns)
         samples = []
         for row, leg in enumerate(replay.legs):
             sample = _leg_sample(forces, row, leg, offset_ns)
@@ -108,19 +104,18 @@ def _recorded_samples(replay: Replay) -> Iterator[tuple[int, list[LegSample]]]:
         yield forces.t_sent_ns + offset_ns, samples
 
 
-def _wall_offset_ns(replay: Replay, t_first_ns: int) -> int:
-    """Return wall-clock time minus recorded time [ns], from the header's start time and the first cycle.
+def _wall_offset_ns(replay: Replay) -> int:
+    """Return wall-clock time minus recorded time [ns].
 
     Raises:
-        RecordingError: The header's times are not times.
+        RecordingError: The header does not have it.
     """
     try:
-        if (text := replay.header.get("wall_offset_ns")) is not None:
-            return int(text)
-        started = datetime.fromisoformat(replay.header.get("started", "1970-01-01T00:00:00Z"))
-        return int(started.timestamp()) * _NS_PER_S - t_first_ns
-    except ValueError as error:
-        raise RecordingError(f"{replay.path}: the header's time of start: {error}") from None
+        return int(replay.header["wall_offset_ns"])
+    except (KeyError, ValueError):
+        raise RecordingError(
+            f"{replay.path}: its header has no wall_offset_ns, the time of the wall clock"
+        ) from None
 
 
 def _leg_sample(forces: ContactFrame, row: int, leg: str, offset_ns: int) -> LegSample:

@@ -23,8 +23,7 @@ from rosbags.interfaces import Nodetype
 
 from footsense.daemon.can_listener import LegSnapshot
 from footsense.errors import FootsenseError
-from footsense.ros2.messages import STORE, LegSample
-from footsense.ros2.topics import TF_STATIC, TopicMessage
+from footsense.ros2.messages import STORE, TF_STATIC, LegSample
 
 if TYPE_CHECKING:
     from footsense.client import LegEvent
@@ -116,20 +115,20 @@ class Participant:
         )
         return DataWriter(self._participant, Topic(self._participant, f"rt{topic}", _dds_type(kind)), qos=qos)
 
-    def publish(self, message: TopicMessage) -> None:
-        """Publish a ROS 2 message on its topic.
+    def publish(self, topic: str, cdr: bytes) -> None:
+        """Publish a ROS 2 message, given as CDR bytes with their header, on a topic.
 
         Raises:
             FootsenseError: It cannot be sent.
         """
-        writer = self._writers[message.topic]
+        writer = self._writers[topic]
         # The library asks a value of its type for its bytes; ours are there already.
         value = object.__new__(writer.data_type)
-        value.serialize = lambda **_: message.cdr
+        value.serialize = lambda **_: cdr
         try:
             writer.write(value)
         except DDSException as error:
-            raise FootsenseError(f"{message.topic}: not published: {error}") from None
+            raise FootsenseError(f"{topic}: not published: {error}") from None
 
 
 @cache

@@ -1,4 +1,4 @@
-"""ROS 2 messages of the legs as CDR bytes: wrench, contact state, diagnostics, poses of the feet.
+"""ROS 2 messages of the legs as CDR bytes, with their topics: wrench, contact state, diagnostics, poses of the feet.
 
 A value that is not known is never a plausible number. A leg without a usable force sends no wrench, as a filter that
 received NaN would not recover: its last stamp ages. Its contact state has the status unknown and NaN for the force.
@@ -11,14 +11,16 @@ Source:
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from footsense.frames import USABLE, BaselineStatus, Cause, Slip, State
-from footsense.leg_words import word_of
+from footsense import strict_yaml
+from footsense.frames import ALL_LEGS, USABLE, BaselineStatus, Cause, Slip, State
+from footsense.leg_words import LegPhase, phase_of, word_of
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 CONTACT = "whole_body_state_msgs/msg/ContactState"
@@ -40,19 +42,15 @@ float64 friction_coefficient
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 STORE.register(get_types_from_msg(_CONTACT_DEFINITION, CONTACT))
 
+TF_STATIC = "/tf_static"
+_DIAGNOSTICS_TOPIC = "/diagnostics"
+_DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 _NAN_VECTOR = (math.nan, math.nan, math.nan)
 _CONTACT_TYPE_LOCOMOTION = 0
 _UNKNOWN, _INACTIVE, _ACTIVE, _SLIPPING = range(4)
 _OK, _WARN, _ERROR, _STALE = range(4)
-#: States that end by themselves or were commanded.
-_WARNING_STATES = {
-    State.DEGRADED,
-    State.STARTING,
-    State.NO_BASELINE,
-    State.TARING,
-    State.STOPPED,
-    State.OUT_OF_RANGE,
-}
+#: Phases that end by themselves or were commanded.
+_WARNING_PHASES = {LegPhase.DEGRADED, LegPhase.STARTING, LegPhase.TARING, LegPhase.STOPPED}
 
 
 _Metres = Annotated[float, msgspec.Meta(ge=-100, le=100, description="-100 to 100 m")]
@@ -117,7 +115,74 @@ class LegSample(NamedTuple):
     friction_coefficient: float = math.nan
 
 
-def encode_wrench(sample: LegSample, frame: str) -> bytes | None:
+class LegTopics:
+    """Decides which ROS 2 messages of a robot's legs are due, and builds them.
+
+    Args:
+        legs: Names of the legs.
+        frames: Frames of the feet that are not named `<leg>_foot`.
+
+    Attributes:
+        types: Type of the messages of each topic.
+    """
+
+    def __init__(self, legs: Sequence[str], frames: dict[str, FootFrame] | None = None) -> None:
+        self._frames = {leg: FootFrame(f"{leg}_foot") for leg in legs} | (frames or {})
+        self._fixed = [frame for frame in self._frames.values() if frame.parent is not None]
+        self._states: list[object] = []
+        self._diagnosed_ns: int | None = None
+        self.types: dict[str, str] = {}
+        for leg in legs:
+            self.types |= {f"/footsense/{leg}/wrench": WRENCH, f"/footsense/{leg}/contact": CONTACT}
+        self.types[_DIAGNOSTICS_TOPIC] = DIAGNOSTICS
+        if self._fixed:
+            self.types[TF_STATIC] = TRANSFORMS
+
+    def due_messages(self, samples: Sequence[LegSample], t_ns: int) -> Iterator[tuple[str, bytes]]:
+        """Yield the messages that are due: forces and contacts that are new, diagnostics that changed or once a second.
+
+        Args:
+            samples: The legs.
+            t_ns: The present time, since 1970 [ns].
+
+        Yields:
+            Topic, and CDR bytes with their header; the poses of the feet before the others, once.
+        """
+        if self._diagnosed_ns is None and self._fixed:
+            yield TF_STATIC, _encode_transforms(self._fixed, t_ns)
+        for sample in samples:
+            leg, frame = sample.leg, self._frames[sample.leg].frame
+            if sample.is_new_force and (wrench := _encode_wrench(sample, frame)):
+                yield f"/footsense/{leg}/wrench", wrench
+            if sample.is_new_contact:
+                yield f"/footsense/{leg}/contact", _encode_contact(sample, frame)
+        states = [(sample.state, sample.cause) for sample in samples]
+        last_ns = self._diagnosed_ns
+        if last_ns is None or states != self._states or not 0 <= t_ns - last_ns < _DIAGNOSTICS_PERIOD_NS:
+            self._states, self._diagnosed_ns = list(states), t_ns
+            yield _DIAGNOSTICS_TOPIC, _encode_diagnostics(samples, t_ns)
+
+
+def load_foot_frames(path: Path) -> dict[str, FootFrame]:
+    """Return the coordinate frames of the feet from a YAML file, by leg.
+
+    Raises:
+        ConfigError: The file is missing or wrong; the message names the line.
+    """
+    return strict_yaml.load(path, dict[str, FootFrame], check=_first_frame_problem)
+
+
+def _first_frame_problem(frames: dict[str, FootFrame]) -> strict_yaml.Problem | None:
+    for leg, foot in frames.items():
+        if leg not in ALL_LEGS:
+            return strict_yaml.Problem(leg, f"is no leg; there are {', '.join(ALL_LEGS)}")
+        length = sum(part * part for part in foot.quaternion_xyzw) ** 0.5
+        if abs(length - 1) > 1e-3:
+            return strict_yaml.Problem(f"{leg}.quaternion_xyzw", f"has the length {length:.3f}, not 1")
+    return None
+
+
+def _encode_wrench(sample: LegSample, frame: str) -> bytes | None:
     """Return a leg's force as a message, stamped with its newest reading's time; None without a usable force.
 
     Args:
@@ -126,85 +191,68 @@ def encode_wrench(sample: LegSample, frame: str) -> bytes | None:
     """
     if sample.t_wall_ns is None:
         return None
-    return _encode(_new(WRENCH, _header(sample.t_wall_ns, frame), _wrench(sample)))
+    return _encode(_geometry("WrenchStamped", _header(sample.t_wall_ns, frame), _wrench(sample)))
 
 
-def encode_contact(sample: LegSample, frame: str) -> bytes:
-    """Return a leg's contact as a message; arguments as of `encode_wrench`."""
-    unknown = _vector(_NAN_VECTOR)
-    pose = _new(
-        "geometry_msgs/msg/Pose",
-        _new("geometry_msgs/msg/Point", *_NAN_VECTOR),
-        _new("geometry_msgs/msg/Quaternion", *_NAN_VECTOR, math.nan),
+def _encode_contact(sample: LegSample, frame: str) -> bytes:
+    """Return a leg's contact as a message; arguments as of `_encode_wrench`."""
+    place = _geometry("Point", *_NAN_VECTOR), _geometry("Quaternion", *_NAN_VECTOR, math.nan)
+    speed = _geometry("Vector3", *_NAN_VECTOR), _geometry("Vector3", *_NAN_VECTOR)
+    contact = STORE.types[CONTACT](
+        name=frame,
+        type=_CONTACT_TYPE_LOCOMOTION,
+        status=_contact_status(sample),
+        pose=_geometry("Pose", *place),
+        velocity=_geometry("Twist", *speed),
+        wrench=_wrench(sample),
+        surface_normal=_geometry("Vector3", *sample.ground_normal),
+        friction_coefficient=sample.friction_coefficient,
     )
-    return _encode(
-        _new(
-            CONTACT,
-            frame,
-            _CONTACT_TYPE_LOCOMOTION,
-            _contact_status(sample),
-            pose,
-            _new("geometry_msgs/msg/Twist", unknown, unknown),
-            _wrench(sample),
-            _vector(sample.ground_normal),
-            sample.friction_coefficient,
-        )
-    )
+    return _encode(contact)
 
 
-def encode_diagnostics(samples: Iterable[LegSample], t_ns: int) -> bytes:
+def _encode_diagnostics(samples: Iterable[LegSample], t_ns: int) -> bytes:
     """Return the states of all legs as a message.
 
     Args:
         samples: The legs.
         t_ns: The present time, since 1970 [ns].
     """
-    return _encode(_new(DIAGNOSTICS, _header(t_ns, ""), [_diagnostic_status(sample) for sample in samples]))
+    states = [_diagnostic_status(sample) for sample in samples]
+    return _encode(STORE.types[DIAGNOSTICS](_header(t_ns, ""), states))
 
 
-def encode_transforms(frames: Iterable[FootFrame], t_ns: int) -> bytes:
+def _encode_transforms(frames: Iterable[FootFrame], t_ns: int) -> bytes:
     """Return the poses of feet that are fixed to a parent as a message.
 
     Args:
         frames: Their frames.
         t_ns: The present time, since 1970 [ns].
     """
-    transforms = [
-        _new(
-            "geometry_msgs/msg/TransformStamped",
-            _header(t_ns, foot.parent),
-            foot.frame,
-            _new(
-                "geometry_msgs/msg/Transform",
-                _vector(foot.xyz_m),
-                _new("geometry_msgs/msg/Quaternion", *foot.quaternion_xyzw),
-            ),
-        )
-        for foot in frames
-    ]
-    return _encode(_new(TRANSFORMS, transforms))
+    transforms = []
+    for foot in frames:
+        place = _geometry("Vector3", *foot.xyz_m), _geometry("Quaternion", *foot.quaternion_xyzw)
+        header, transform = _header(t_ns, foot.parent or ""), _geometry("Transform", *place)
+        transforms.append(_geometry("TransformStamped", header, foot.frame, transform))
+    return _encode(STORE.types[TRANSFORMS](transforms))
 
 
-def _new(kind: str, *values: Any) -> Any:  # noqa: ANN401 - classes that rosbags makes of the definitions
-    return STORE.types[kind](*values)
+def _geometry(kind: str, *values: Any) -> Any:  # noqa: ANN401 - classes that rosbags makes of the definitions
+    return STORE.types[f"geometry_msgs/msg/{kind}"](*values)
 
 
 def _encode(message: Any) -> bytes:  # noqa: ANN401 - as above
     return bytes(STORE.serialize_cdr(message, message.__msgtype__, little_endian=True))
 
 
-def _header(t_ns: int, frame: str | None) -> Any:  # noqa: ANN401 - as above
-    stamp = _new("builtin_interfaces/msg/Time", *divmod(t_ns, 1_000_000_000))
-    return _new("std_msgs/msg/Header", stamp, frame)
-
-
-def _vector(xyz: Sequence[float]) -> Any:  # noqa: ANN401 - as above
-    return _new("geometry_msgs/msg/Vector3", *xyz)
+def _header(t_ns: int, frame: str) -> Any:  # noqa: ANN401 - as above
+    stamp = STORE.types["builtin_interfaces/msg/Time"](*divmod(t_ns, 1_000_000_000))
+    return STORE.types["std_msgs/msg/Header"](stamp, frame)
 
 
 def _wrench(sample: LegSample) -> Any:  # noqa: ANN401 - as above
     torque = _NAN_VECTOR if sample.t_wall_ns is None else (0.0, 0.0, 0.0)
-    return _new("geometry_msgs/msg/Wrench", _vector(sample.force_n), _vector(torque))
+    return _geometry("Wrench", _geometry("Vector3", *sample.force_n), _geometry("Vector3", *torque))
 
 
 def _contact_status(sample: LegSample) -> int:
@@ -229,13 +277,9 @@ def _diagnostic_status(sample: LegSample) -> Any:  # noqa: ANN401 - as above
         "sigma_n": " ".join(f"{sigma:.4f}" for sigma in sample.sigma_n),
         "baseline": "unknown" if sample.baseline_status is None else sample.baseline_status.name,
     }
-    return _new(
-        "diagnostic_msgs/msg/DiagnosticStatus",
-        _diagnostic_level(state),
-        f"footsense: {sample.leg}",
-        words,
-        sample.foot_id,
-        [_new("diagnostic_msgs/msg/KeyValue", *item) for item in values.items()],
+    pairs = [STORE.types["diagnostic_msgs/msg/KeyValue"](*item) for item in values.items()]
+    return STORE.types["diagnostic_msgs/msg/DiagnosticStatus"](
+        _diagnostic_level(state), f"footsense: {sample.leg}", words, sample.foot_id, pairs
     )
 
 
@@ -244,4 +288,5 @@ def _diagnostic_level(state: State | None) -> int:
         return _STALE
     if state is State.VALID:
         return _OK
-    return _WARN if state in _WARNING_STATES else _ERROR
+    is_warning = state is State.OUT_OF_RANGE or phase_of(state) in _WARNING_PHASES
+    return _WARN if is_warning else _ERROR

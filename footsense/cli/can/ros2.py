@@ -45,7 +45,7 @@ def ros2(
     for package in ("rosbags", "cyclonedds"):
         require(package, "footsense ros2")
     from footsense.ros2.live import LiveSamples, Participant
-    from footsense.ros2.topics import LegTopics, load_foot_frames
+    from footsense.ros2.messages import LegTopics, load_foot_frames
 
     topics = LegTopics(ALL_LEGS, None if tf is None else load_foot_frames(tf))
     participant, live = Participant(domain, topics.types), LiveSamples()
@@ -59,7 +59,7 @@ def ros2(
             listener.listen(now_ns + _PUBLISH_PERIOD_NS)
             wall_ns = wall_time_ns()
             samples = live.samples(listener.snapshot(), wall_ns, clock.now_ns())
-            for message in topics.due_messages(samples, wall_ns):
-                participant.publish(message)
+            for topic, cdr in topics.due_messages(samples, wall_ns):
+                participant.publish(topic, cdr)
                 n_published += 1
     click.echo(f"{n_published} messages published")

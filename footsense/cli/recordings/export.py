@@ -46,7 +46,7 @@ def export(
     if ros2 is not None:
         require("rosbags", "--ros2")
         from footsense.ros2.bag import write_bag
-        from footsense.ros2.topics import load_foot_frames
+        from footsense.ros2.messages import load_foot_frames
 
         frames = None if tf is None else load_foot_frames(tf)
         forms.append((ros2, lambda replay, folder: write_bag(replay, folder, frames)))

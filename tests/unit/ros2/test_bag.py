@@ -16,8 +16,7 @@ from footsense.frames import USABLE, Cycle, State
 from footsense.recording.replay import Replay
 from footsense.ros2 import require
 from footsense.ros2.bag import write_bag
-from footsense.ros2.messages import CONTACT, STORE, FootFrame
-from footsense.ros2.topics import load_foot_frames
+from footsense.ros2.messages import CONTACT, STORE, FootFrame, load_foot_frames
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "measured_walk.mcap"
 

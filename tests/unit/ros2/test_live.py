@@ -14,8 +14,7 @@ from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventK
 from firmware_interface.can.gait import Gait, Ground
 from footsense.client import LegEvent, LegForce, LegReport, LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
-from footsense.ros2.messages import STORE
-from footsense.ros2.topics import LegTopics
+from footsense.ros2.messages import STORE, LegTopics
 
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this processor or Python: docs/ros2.md")
 from footsense.ros2.live import LiveSamples, Participant
@@ -80,7 +79,7 @@ def test_each_force_is_published_once_and_each_change_at_once() -> None:
     def due(t_ms: int, n_frames: int, force: LegForce = _FORCE, event: LegEvent | None = None) -> list[str]:
         snapshot, t_ns = LegSnapshot("lf", force, _REPORT, n_frames, event), t_ms * 1_000_000
         samples = live.samples([snapshot], WALL_NS + t_ns, t_ns)
-        return [message.topic.rpartition("/")[2] for message in topics.due_messages(samples, WALL_NS + t_ns)]
+        return [topic.rpartition("/")[2] for topic, _ in topics.due_messages(samples, WALL_NS + t_ns)]
 
     assert due(0, 1) == ["wrench", "contact", "diagnostics"]
     assert due(5, 1) == []
@@ -107,8 +106,8 @@ def test_a_second_participant_reads_what_was_published(monkeypatch: pytest.Monke
         [sys.executable, str(script), str(domain)], stdout=subprocess.PIPE, text=True
     ) as reader:
         while reader.poll() is None:  # whatever the discovery of each other takes
-            for message in messages:
-                publisher.publish(message)
+            for topic, cdr in messages:
+                publisher.publish(topic, cdr)
             try:
                 reader.wait(0.05)
             except subprocess.TimeoutExpired:
